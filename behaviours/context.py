@@ -263,9 +263,9 @@ class SkillContext:
         ``posture``: of the robot, in which the arm will be; the base alone where the robot has none of this name. By
         default the arm is where it is now.
         """
-        from bestman_bt.control.wheeled import footprint_of
+        from bestman_bt.navigation.global_planning import Footprint
 
-        base, positions = footprint_of(self.base.description), self.joints.positions()
+        base, positions = Footprint.of(self.base.model), self.joints.positions()
         if not self.has("arm"):
             return base
         if posture is not None:

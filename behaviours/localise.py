@@ -83,7 +83,7 @@ class Relocalise(Skill):
         self.set_output("pose", skills.world.base.pose)
 
     def _check_room(self, seen: OdometryScan) -> None:
-        corners = np.array(self.skills.base.description.footprint)
+        corners = np.array(self.skills.base.model.footprint)
         radius = float(np.linalg.norm(corners, axis=1).max())
         away = np.linalg.norm(self.skills.base.lidar.base_from_lidar.apply(seen.scan.points()), axis=1)
         if away.size and away.min() < radius + ROOM_TO_TURN:

@@ -138,7 +138,7 @@ class FindStandPose(OnArm, Skill):
         from bestman_bt.manipulation.kinematics import rank_stand_poses, stands_along
 
         skills = self.skills
-        corners = np.array(skills.base.description.footprint)
+        corners = np.array(skills.base.model.footprint)
         costmap = skills.seen_costmap(DRIVEN)
         candidates = [
             stand

@@ -139,7 +139,7 @@ def drive(model: RobotModel, planner: str, seed: int, boxes: int, monitored: boo
         follower = PLANNERS[planner]()
         base_part = robot.part("base", MobileBase)
         lidar = LidarSensor(robot.part("lidar", Lidar), ForwardKinematics(model))
-        monitor = CollisionMonitor(base_part.description, (), CollisionMonitorParameters(enabled=monitored))
+        monitor = CollisionMonitor(base_part.model, (), CollisionMonitorParameters(enabled=monitored))
         localizer = ScanToMap(belief.map)
         base = BaseController(base_part, robot.clock, lidar, localizer, follower, belief, monitor=monitor)
         base.start()

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
 
-from bestman_bt.robot_model import ArmModel, BaseModel, GripperModel
+from bestman_bt.robot_model import ArmModel, BasePart, GripperModel, WheeledBaseModel
 
 
 def arm_model(
@@ -22,24 +22,22 @@ def arm_model(
     return ArmModel(tuple(joints), base_frame, tool_frame, **arrays)
 
 
-def base_model(**changes: Any) -> BaseModel:
-    """A differential base."""
+def base_model(footprint: Iterable[Sequence[float]] = (), **changes: Any) -> WheeledBaseModel:
+    """A differential base; ``changes``: of its part."""
     usual = {
-        "kind": "differential",
-        "frame": "base",
+        "kind": "base",
+        "drive": "differential",
         "wheel_joints": (),
         "wheel_radius": 0.1,
         "track": 0.4,
         "wheel_torque": 1.0,
-        "caster_links": (),
-        "max_vx": 1.0,
-        "max_vy": 0.0,
-        "max_wz": 1.0,
-        "max_acceleration": 1.0,
-        "max_angular_acceleration": 1.0,
-        "footprint": (),
+        "max_vx": 0.6,
+        "max_wz": 1.2,
+        "max_acceleration": 0.6,
+        "max_angular_acceleration": 2.0,
     }
-    return BaseModel(**{**usual, **changes})
+    corners = tuple((float(x), float(y)) for x, y in footprint)
+    return WheeledBaseModel(BasePart(**{**usual, **changes}), "base", corners)
 
 
 def gripper_model(**changes: Any) -> GripperModel:

@@ -17,7 +17,7 @@ class SlippingWheels:
     """Odometry of two wheels that each turn further than they drive, by a share that changes all the time."""
 
     def __init__(self, base: MobileBase, now: Callable[[], float], mean_slip: float, seed: int) -> None:
-        corners = np.array(base.description.footprint)
+        corners = np.array(base.model.footprint)
         self._track = float(np.ptp(corners[:, 1]))
         self._counted, self._now, self._mean = base.odometry, now, mean_slip
         self._rng = np.random.default_rng([seed, 7])

@@ -9,9 +9,12 @@ from bestman_bt.robot_model.model import (
     BaseModel,
     GripperModel,
     JointGroupModel,
+    LeggedBaseModel,
     LegModel,
     RobotModel,
+    WheeledBaseModel,
 )
+from bestman_bt.robot_model.part_config import BasePart, LeggedBasePart, MobilePart
 from bestman_bt.robot_model.part_fields import EncodersConfig
 from bestman_bt.robot_model.payload import Payload, payload
 from bestman_bt.robot_model.sensor_parts import (
@@ -28,6 +31,7 @@ from bestman_bt.robot_model.sensor_parts import (
 __all__ = [
     "ArmModel",
     "BaseModel",
+    "BasePart",
     "BatteryPart",
     "CameraPart",
     "EncodersConfig",
@@ -36,13 +40,17 @@ __all__ = [
     "ImuPart",
     "JointGroupModel",
     "LegModel",
+    "LeggedBaseModel",
+    "LeggedBasePart",
     "LidarPart",
     "MimicJoint",
+    "MobilePart",
     "MountedBumper",
     "MountedForceTorque",
     "Payload",
     "RobotModel",
     "TactilePart",
+    "WheeledBaseModel",
     "arm_of",
     "combine",
     "compose_robot",

@@ -10,9 +10,18 @@ from numpy.typing import NDArray
 
 from bestman_bt.messages import Pose
 from bestman_bt.robot_model.bumper_ring import mounted_bumper
-from bestman_bt.robot_model.describe_legs import legged_base_model
+from bestman_bt.robot_model.describe_legs import legs
 from bestman_bt.robot_model.footprint import footprint, origin_pose
-from bestman_bt.robot_model.model import ArmModel, BaseModel, GripperModel, JointGroupModel, Part, RobotModel
+from bestman_bt.robot_model.model import (
+    ArmModel,
+    BaseModel,
+    GripperModel,
+    JointGroupModel,
+    LeggedBaseModel,
+    Part,
+    RobotModel,
+    WheeledBaseModel,
+)
 from bestman_bt.robot_model.part_config import (
     PART_KINDS,
     AnyPart,
@@ -80,9 +89,10 @@ def _resolve(
     """The part with what the URDF adds to it; None for a structure. ``hand``: on an arm; ``before``: bases at least."""
     match part.config:
         case BasePart() as base:
-            return _base(base, urdf, base_frame, part, placed)
+            outline = _footprint(urdf, base_frame, part, placed)
+            return WheeledBaseModel(base, part.root, outline, _wheel_places(base, urdf, base_frame))
         case LeggedBasePart() as walker:
-            return legged_base_model(walker, part.root, _footprint(urdf, base_frame, part, placed), urdf)
+            return LeggedBaseModel(walker, part.root, _footprint(urdf, base_frame, part, placed), legs(walker, urdf))
         case ArmPart() as arm:
             return ArmModel(
                 joint_names=arm.joints,
@@ -179,37 +189,11 @@ def _limits(limits: JointLimitsConfig) -> dict[str, NDArray[np.float64]]:
     return arrays
 
 
-def _base(
-    base: BasePart, urdf: ET.Element, base_frame: str, part: PlacedPart, placed: Mapping[str, PlacedPart]
-) -> BaseModel:
+def _wheel_places(base: BasePart, urdf: ET.Element, base_frame: str) -> tuple[tuple[float, float], ...]:
     parents = _joint_parents(urdf)
     wheel_of = {joint.get("name", ""): child for child, (_, joint) in parents.items()}
     wheels = [_pose(wheel_of[joint], base_frame, parents).position for joint in base.wheel_joints]
-    return BaseModel(
-        kind=base.drive,
-        frame=part.root,
-        wheel_joints=base.wheel_joints,
-        wheel_radius=base.wheel_radius,
-        track=base.track,
-        wheel_torque=base.wheel_torque,
-        caster_links=base.caster_links,
-        max_vx=base.max_vx,
-        max_vy=base.max_vy,
-        max_wz=base.max_wz,
-        max_acceleration=base.max_acceleration,
-        max_angular_acceleration=base.max_angular_acceleration,
-        footprint=_footprint(urdf, base_frame, part, placed),
-        wheel_places=tuple((round(float(x), 6), round(float(y), 6)) for x, y, _ in wheels),
-        turning_slip=base.turning_slip,
-        turning_drift=base.turning_drift,
-        wheel_friction=base.wheel_friction,
-        steering_joints=base.steering_joints,
-        steering_torque=base.steering_torque,
-        steering_speed=base.steering_speed,
-        encoders=base.encoders,
-        max_jerk=base.max_jerk,
-        max_angular_jerk=base.max_angular_jerk,
-    )
+    return tuple((round(float(x), 6), round(float(y), 6)) for x, y, _ in wheels)
 
 
 def _gripper(gripper: GripperPart, part: PlacedPart) -> GripperModel:

@@ -148,9 +148,11 @@ def _within(safety: SafetyConfig, part: Part) -> Part:
     if isinstance(part, BaseModel):
         speed = math.inf if safety.base_speed is None else safety.base_speed
         turn = math.inf if safety.base_turn is None else safety.base_turn
-        return dataclasses.replace(
-            part, max_vx=min(part.max_vx, speed), max_vy=min(part.max_vy, speed), max_wz=min(part.max_wz, turn)
+        base = part.part
+        slower = dataclasses.replace(
+            base, max_vx=min(base.max_vx, speed), max_vy=min(base.max_vy, speed), max_wz=min(base.max_wz, turn)
         )
+        return dataclasses.replace(part, part=slower)
     if isinstance(part, GripperModel):
         force = math.inf if safety.gripper_force is None else safety.gripper_force
         return dataclasses.replace(part, max_force=min(part.max_force, force))

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from bestman_bt.robot_model.connection_config import ConnectionConfig, SafetyConfig
 from bestman_bt.robot_model.finger_linkage import MimicJoint, all_positions
+from bestman_bt.robot_model.part_config import BasePart, LeggedBasePart, MobilePart
 from bestman_bt.robot_model.part_fields import EncodersConfig
 from bestman_bt.robot_model.sensor_parts import (
     BatteryPart,
@@ -138,52 +139,30 @@ class LegModel:
 
 @dataclass(frozen=True)
 class BaseModel:
-    """A base on wheels or legs; metres, m/s, rad/s, m/s², m/s³, N m.
+    """A base of any kind: its ``part``, with its outline from the URDF.
 
-    ``kind``: ``differential``, ``skid``, ``steered`` or ``legged``: that one has no wheels but ``legs`` (front right,
-    front left, rear right, rear left), and its ``trunk_link`` is ``stand_height`` above the floor when it stands.
-
-    ``wheel_joints``: left and right in turns, or, steered, as ``steering_joints``; ``wheel_places``: (x, y) of each in
-    the base frame. ``turning_slip``: how much wider than ``track`` it behaves when it turns. ``footprint``: corners
-    (x, y) in the base frame, counter-clockwise. ``wheel_friction``: of the tyres, None for the floor's own choice.
+    ``frame``: on the floor, x forward. ``footprint``: corners (x, y) in the base frame, metres, counter-clockwise.
     """
 
-    kind: str
+    part: MobilePart
     frame: str
-    wheel_joints: tuple[str, ...]
-    wheel_radius: float
-    track: float
-    wheel_torque: float
-    caster_links: tuple[str, ...]
-    max_vx: float
-    max_vy: float
-    max_wz: float
-    max_acceleration: float
-    max_angular_acceleration: float
     footprint: tuple[tuple[float, float], ...]
+
+
+@dataclass(frozen=True)
+class WheeledBaseModel(BaseModel):
+    """``wheel_places``: (x, y) of each of ``part.wheel_joints`` in the base frame, metres."""
+
+    part: BasePart
     wheel_places: tuple[tuple[float, float], ...] = ()
-    turning_slip: float = 1.0
-    wheel_friction: float | None = None
-    steering_joints: tuple[str, ...] = ()
-    steering_torque: float = 0.0
-    steering_speed: float = 0.0
+
+
+@dataclass(frozen=True)
+class LeggedBaseModel(BaseModel):
+    """``legs``: front right, front left, rear right, rear left."""
+
+    part: LeggedBasePart
     legs: tuple[LegModel, ...] = ()
-    trunk_link: str = ""
-    stand_height: float = 0.0
-    encoders: EncodersConfig = field(default_factory=EncodersConfig)
-    max_jerk: float = 2.0
-    max_angular_jerk: float = 10.0
-    turning_drift: float = 0.0
-
-    @property
-    def drags_wheels(self) -> bool:
-        """Whether it turns by dragging wheels over the floor, so that their odometry of turns is worth little."""
-        return self.turning_slip != 1.0
-
-    @property
-    def joint_names(self) -> tuple[str, ...]:
-        """All driven joints: wheels, then steering, or those of the legs."""
-        return self.wheel_joints + self.steering_joints + tuple(joint for leg in self.legs for joint in leg.joint_names)
 
 
 @dataclass(frozen=True, eq=False)

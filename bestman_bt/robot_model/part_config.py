@@ -37,17 +37,41 @@ from bestman_bt.robot_model.sensor_parts import (
 
 
 @dataclass(frozen=True, kw_only=True)
-class BasePart(PartConfig):
+class MobilePart(PartConfig):
+    """What all bases share: limits, 0 for a ``max_vy`` of one that cannot go sideways.
+
+    ``max_jerk``, ``max_angular_jerk``: m/s³ and rad/s³ that local planners keep to; drivers do not check them.
+    ``payload``: what it may carry by its maker's word. ``turning_drift``: metres that the base frame may wander while
+    it turns on the spot.
+    """
+
+    payload: Mass | None = None
+    turning_drift: Length = 0.0
+    max_vx: Speed
+    max_vy: Speed = 0.0
+    max_wz: AngularSpeed
+    max_acceleration: Acceleration
+    max_angular_acceleration: AngularAcceleration
+    max_jerk: Jerk = 2.0
+    max_angular_jerk: AngularJerk = 10.0
+
+    @property
+    def driven_joints(self) -> tuple[str, ...]:
+        """All joints that its motors move."""
+        return ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class BasePart(MobilePart):
     """A wheeled base.
 
     ``drive``: ``differential`` and ``skid`` have wheels that cannot be steered, left and right in turns; a skid drive
     drags some of them over the floor when it turns: ``turning_slip`` is how much wider its track then seems (Mandow
     2007). ``turning_centre``: metres ahead of the URDF's root, about which it turns on the spot with its load; the root
-    is moved there, and so is the base frame. ``turning_drift``: metres that it may wander in such a turn.
+    is moved there, and so is the base frame.
     ``steered``: each wheel has a joint of ``steering_joints`` above it, and the base moves any way at once.
     ``rotor_inertia``: of the drives, as it is felt at the wheels behind the reduction. ``deck``: where a column for an
-    arm stands on it. ``payload``: what it may carry by its maker's word. ``max_jerk``, ``max_angular_jerk``: m/s³ and
-    rad/s³ that local planners keep to.
+    arm stands on it.
     """
 
     kind: Literal["base"]
@@ -57,7 +81,6 @@ class BasePart(PartConfig):
     track: PositiveLength
     turning_slip: Factor = 1.0
     turning_centre: Length = 0.0
-    turning_drift: Length = 0.0
     wheel_torque: Torque
     wheel_friction: Friction | None = None
     rotor_inertia: Inertia = 0.0
@@ -66,25 +89,21 @@ class BasePart(PartConfig):
     steering_torque: Torque = 0.0
     steering_speed: AngularSpeed = 0.0
     deck: FrameConfig | None = None
-    payload: Mass | None = None
     encoders: EncodersConfig = field(default_factory=EncodersConfig)
-    max_vx: Speed
-    max_vy: Speed = 0.0
-    max_wz: AngularSpeed
-    max_acceleration: Acceleration
-    max_angular_acceleration: AngularAcceleration
-    max_jerk: Jerk = 2.0
-    max_angular_jerk: AngularJerk = 10.0
+
+    @property
+    def driven_joints(self) -> tuple[str, ...]:
+        """Wheels, then steering."""
+        return self.wheel_joints + self.steering_joints
 
 
 @dataclass(frozen=True, kw_only=True)
-class LeggedBasePart(PartConfig):
+class LeggedBasePart(MobilePart):
     """A base on four legs: a trunk, the link ``root``, with legs of three joints: hip, thigh, knee.
 
     ``joints``: of the front right, front left, rear right and rear left leg in turns; ``feet``: the link at the end of
     each, a ball of ``foot_radius``. ``stand_height``: of the trunk's frame above the floor: below it the composer adds
-    the link ``base_footprint``. ``limits``, ``states``, ``rotor_inertia``: as of a joint group. ``payload``: what it
-    may carry by its maker's word.
+    the link ``base_footprint``. ``limits``, ``states``, ``rotor_inertia``: as of a joint group.
     """
 
     kind: Literal["legged_base"]
@@ -96,14 +115,11 @@ class LeggedBasePart(PartConfig):
     limits: JointLimitsConfig
     rotor_inertia: Inertia = 0.0
     states: Mapping[str, tuple[JointPosition, ...]] = field(default_factory=dict)
-    payload: Mass | None = None
-    max_vx: Speed
-    max_vy: Speed
-    max_wz: AngularSpeed
-    max_acceleration: Acceleration
-    max_angular_acceleration: AngularAcceleration
-    max_jerk: Jerk = 2.0
-    max_angular_jerk: AngularJerk = 10.0
+
+    @property
+    def driven_joints(self) -> tuple[str, ...]:
+        """Those of the legs."""
+        return self.joints
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -41,7 +41,7 @@ from bestman_bt.perception.segmentation import Segmentation, SupportSurfaces
 from bestman_bt.perception.tracking import Tracker
 from bestman_bt.perception.view_planning import ViewPlanner
 from bestman_bt.registry import ALGORITHMS, UnknownNameError, suggestion
-from bestman_bt.robot_model import ArmModel, BaseModel, ImuPart, RobotModel
+from bestman_bt.robot_model import ArmModel, BaseModel, ImuPart, RobotModel, WheeledBaseModel
 from bestman_bt.runtime.tree_checks import literals
 from bestman_bt.world_model import SemanticMap
 
@@ -112,7 +112,7 @@ def _made(config: RunConfig, model: RobotModel, semantic_map: SemanticMap | None
             return TimedMotionPlanner(make(slot), make("trajectory"))
         case "localization":
             localizer: Localizer = make(slot, semantic_map)
-            if any(base.drags_wheels for base in model.of(BaseModel).values()):
+            if any(base.part.turning_slip != 1.0 for base in model.of(WheeledBaseModel).values()):
                 localizer.expect_dragged_wheels()
             return localizer
     return make(slot)

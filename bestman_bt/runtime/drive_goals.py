@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.configuration.task import DriveConfig
-from bestman_bt.control.wheeled import footprint_of
 from bestman_bt.messages import PlacedShape, Pose2D
 from bestman_bt.navigation.global_planning import Costmap, CostmapParameters, Footprint, areas_of_disc
 from bestman_bt.robot_model import BaseModel, RobotModel
@@ -31,7 +30,7 @@ _EXACT = CostmapParameters(clearance=0.0, furniture_position_error=0.0, furnitur
 
 def base_footprint(robot: RobotModel) -> Footprint:
     """The outline of the robot's first base."""
-    return footprint_of(next(iter(robot.of(BaseModel).values())))
+    return Footprint.of(next(iter(robot.of(BaseModel).values())))
 
 
 def true_costmap(world: World, robot: RobotModel) -> Costmap:

@@ -15,7 +15,9 @@ from bestman_bt.robot_model import (
     BaseModel,
     GripperModel,
     JointGroupModel,
+    LeggedBaseModel,
     RobotModel,
+    WheeledBaseModel,
     combine,
     load_robot_model,
     payload,
@@ -42,12 +44,12 @@ def robot_facts(model: RobotModel) -> dict[str, Any]:
         "mass_kg": round(payload(model, model.base_frame).mass, 3),
         "bases": {
             name: {
-                "drive": base.kind,
-                "wheels": len(base.wheel_joints),
-                "legs": len(base.legs),
-                "max_vx": base.max_vx,
-                "max_vy": base.max_vy,
-                "max_wz": base.max_wz,
+                "drive": base.part.drive if isinstance(base, WheeledBaseModel) else "legged",
+                "wheels": len(base.part.wheel_joints) if isinstance(base, WheeledBaseModel) else 0,
+                "legs": len(base.legs) if isinstance(base, LeggedBaseModel) else 0,
+                "max_vx": base.part.max_vx,
+                "max_vy": base.part.max_vy,
+                "max_wz": base.part.max_wz,
                 "footprint_m": np.ptp(np.array(base.footprint), axis=0).round(3).tolist(),
             }
             for name, base in model.of(BaseModel).items()

@@ -78,7 +78,7 @@ class RobotParts:
             self.algorithms.local_planning,
             self.world,
             odometry=FusedOdometry(base, self.robot.clock, self.algorithms.odometry, gyro),
-            monitor=CollisionMonitor(base.description, self.all(Bumper)),
+            monitor=CollisionMonitor(base.model, self.all(Bumper)),
         )
 
     @cached_property

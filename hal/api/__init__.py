@@ -13,7 +13,7 @@ from hal.api.gripper import Gripper, GripperDescription, GripperState
 from hal.api.imu import Imu, ImuReading
 from hal.api.joint_group import JointGroup
 from hal.api.lidar import Lidar
-from hal.api.mobile_base import BaseDescription, MobileBase
+from hal.api.mobile_base import MobileBase
 from hal.api.motion import Motion, MotionStatus
 from hal.api.part import JointLimits, Part, Sensor
 from hal.api.robot import Robot
@@ -21,7 +21,6 @@ from hal.api.tactile import Tactile, TactileReading
 
 __all__ = [
     "Arm",
-    "BaseDescription",
     "Battery",
     "BatteryReading",
     "Bumper",

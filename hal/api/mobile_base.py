@@ -3,35 +3,14 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from dataclasses import dataclass
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 from bestman_bt.messages import Pose2D, Twist2D
 from hal.api.motion import Motion
 from hal.api.part import Part
 
-
-@dataclass(frozen=True)
-class BaseDescription:
-    """Limits of a base: m/s, rad/s, m/s², rad/s²; ``max_vy`` is 0 for a base that cannot move sideways.
-
-    ``max_jerk``, ``max_angular_jerk``: m/s³ and rad/s³ that whoever plans motions should keep; drivers do not check it.
-
-    ``command_timeout``: seconds after which ``set_velocity`` lapses (dead-man). ``footprint``: corners (x, y) in
-    metres in the base frame, counter-clockwise. ``turning_drift``: metres that the base frame may wander while it turns
-    on the spot; more than nothing where wheels are dragged over the floor.
-    """
-
-    max_vx: float
-    max_vy: float
-    max_wz: float
-    max_acceleration: float
-    max_angular_acceleration: float
-    command_timeout: float
-    footprint: tuple[tuple[float, float], ...]
-    max_jerk: float = 2.0
-    max_angular_jerk: float = 10.0
-    turning_drift: float = 0.0
+if TYPE_CHECKING:
+    from bestman_bt.robot_model import BaseModel
 
 
 class MobileBase(Part):
@@ -41,8 +20,13 @@ class MobileBase(Part):
 
     @property
     @abstractmethod
-    def description(self) -> BaseDescription:
-        """Limits and footprint; readable before connecting."""
+    def model(self) -> BaseModel:
+        """Limits (``model.part``) and footprint; readable before connecting."""
+
+    @property
+    def command_timeout(self) -> float:
+        """Seconds after which ``set_velocity`` lapses (dead-man)."""
+        return 0.25
 
     @abstractmethod
     def odometry(self) -> Pose2D:

@@ -16,12 +16,12 @@ DRIVE_TIME = 1.0
 @each(MobileBase)
 def velocities_of_a_base_lapse(robot: Robot, base: MobileBase) -> None:
     """The dead-man: without a new command the base stops by itself, and not before."""
-    description = base.description
+    description = base.model.part
     speed = description.max_vx / 2
     base.set_velocity(speed, 0.0, 0.0)
-    robot.clock.sleep(0.8 * description.command_timeout)
+    robot.clock.sleep(0.8 * base.command_timeout)
     require(base.velocity().vx > 0.02, f"within its timeout the base drives at {base.velocity().vx:.3f} m/s")
-    robot.clock.sleep(0.2 * description.command_timeout + speed / description.max_acceleration + 0.3)
+    robot.clock.sleep(0.2 * base.command_timeout + speed / description.max_acceleration + 0.3)
     require_rest(robot, "the dead-man timeout")
 
 
@@ -31,7 +31,7 @@ def a_base_moves_in_its_own_frame(robot: Robot, base: MobileBase) -> None:
 
     It goes on as long as the command is repeated, and in the base frame wherever that points to in ``odom``.
     """
-    limits = base.description
+    limits = base.model.part
     asked = [(min(0.15, limits.max_vx / 2), 0.0, 0.0), (0.0, 0.0, min(0.5, limits.max_wz / 2))]
     if limits.max_vy > 0.0:
         asked.append((0.0, min(0.15, limits.max_vy / 2), 0.0))
@@ -87,7 +87,7 @@ def a_motion_of_a_base_can_be_cancelled(robot: Robot, base: MobileBase) -> None:
 
 def _drive(robot: Robot, base: MobileBase, velocity: tuple[float, float, float], duration: float) -> None:
     """Repeat a velocity for a while, often enough for the dead-man."""
-    every = min(REFRESH, base.description.command_timeout / 4)
+    every = min(REFRESH, base.command_timeout / 4)
     for _ in range(math.ceil(duration / every)):
         base.set_velocity(*velocity)
         robot.clock.sleep(every)

@@ -102,7 +102,7 @@ def a_robot_that_connects_again_stands_still(robot: Robot) -> None:
     """Whatever it did when the connection ended."""
     with robot:
         for base in parts_of(robot, MobileBase):
-            base.set_velocity(base.description.max_vx / 4, 0.0, 0.0)
+            base.set_velocity(base.model.part.max_vx / 4, 0.0, 0.0)
         robot.clock.sleep(0.2)
     with robot:
         require_rest(robot, "connecting again")

@@ -58,13 +58,13 @@ def joints_have_the_limits_of_the_model(robot: Robot) -> None:
 def a_base_is_as_the_model_says(robot: Robot) -> None:
     """Speeds in m/s and rad/s, a footprint in metres, and a dead-man timeout."""
     for base in parts_of(robot, MobileBase):
-        described, model = base.description, robot.model.of(BaseModel).get(base.name)
+        described, model = base.model, robot.model.of(BaseModel).get(base.name)
         require(model is not None, f"the model has no base called {base.name!r}")
         for what in ("max_vx", "max_vy", "max_wz", "max_acceleration", "max_angular_acceleration"):
-            value, limit = getattr(described, what), getattr(model, what)
+            value, limit = getattr(described.part, what), getattr(model.part, what)
             require(0.0 <= value <= limit + 1e-9, f"{base.name} says {what} = {value}, its model {limit}")
-        require(described.max_vx > 0.0, f"{base.name} should be able to drive")
-        require(0.0 < described.command_timeout <= 1.0, f"{base.name} lapses after {described.command_timeout} s")
+        require(described.part.max_vx > 0.0, f"{base.name} should be able to drive")
+        require(0.0 < base.command_timeout <= 1.0, f"{base.name} lapses after {base.command_timeout} s")
         same = np.shape(described.footprint) == np.shape(model.footprint)
         require(same and np.allclose(described.footprint, model.footprint), f"{base.name} has another footprint")
 

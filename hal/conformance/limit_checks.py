@@ -95,7 +95,7 @@ def servo_refuses_jumps(robot: Robot, arm: Arm) -> None:
 @each(MobileBase)
 def base_commands_beyond_limits_are_refused(robot: Robot, base: MobileBase) -> None:
     """Speeds above the description's, not finite ones, distances that are not above 0."""
-    limits = base.description
+    limits = base.model.part
     commands = {
         "vx": lambda: base.set_velocity(limits.max_vx * 1.1, 0.0, 0.0),
         "vy": lambda: base.set_velocity(0.0, limits.max_vy + 0.1, 0.0),

@@ -89,7 +89,7 @@ def nothing_moves_when_the_stop_is_cleared(robot: Robot) -> None:
 def _drive_away(robot: Robot) -> None:
     set_moving(robot)
     for base in parts_of(robot, MobileBase):
-        base.set_velocity(base.description.max_vx / 2, 0.0, 0.0)
+        base.set_velocity(base.model.part.max_vx / 2, 0.0, 0.0)
     robot.clock.sleep(0.1)
 
 
@@ -124,7 +124,7 @@ def stop_works_from_another_thread(robot: Robot) -> None:
 def a_part_can_be_stopped_by_itself(robot: Robot) -> None:
     """It comes to rest, and takes the next command."""
     base = parts_of(robot, MobileBase)[0]
-    base.set_velocity(base.description.max_vx / 2, 0.0, 0.0)
+    base.set_velocity(base.model.part.max_vx / 2, 0.0, 0.0)
     robot.clock.sleep(0.2)
     base.stop()
     require(not robot.stopped, "stopping a part should not latch the robot")

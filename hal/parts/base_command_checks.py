@@ -6,38 +6,22 @@ import math
 
 from bestman_bt.messages import Twist2D
 from bestman_bt.robot_model import BaseModel
-from hal.api import BaseDescription, CommandRefusedError
+from hal.api import CommandRefusedError
 
 
 class BaseCommandChecks:
-    """The limits of a base, and the checks of its commands; faults raise CommandRefusedError."""
+    """The checks of a base's commands; faults raise CommandRefusedError."""
 
     def __init__(self, part_name: str, model: BaseModel) -> None:
-        self._part_name, self._model = part_name, model
-
-    def description(self, command_timeout: float) -> BaseDescription:
-        """Limits and footprint; ``command_timeout``: seconds after which velocities lapse."""
-        model = self._model
-        return BaseDescription(
-            max_vx=model.max_vx,
-            max_vy=model.max_vy,
-            max_wz=model.max_wz,
-            max_acceleration=model.max_acceleration,
-            max_angular_acceleration=model.max_angular_acceleration,
-            command_timeout=command_timeout,
-            footprint=model.footprint,
-            max_jerk=model.max_jerk,
-            max_angular_jerk=model.max_angular_jerk,
-            turning_drift=model.turning_drift,
-        )
+        self._part_name, self._limits = part_name, model.part
 
     def velocity(self, vx: float, vy: float, wz: float) -> Twist2D:
         """A velocity within the limits."""
-        model = self._model
+        limits = self._limits
         for what, value, limit, unit in (
-            ("vx", vx, model.max_vx, "m/s"),
-            ("vy", vy, model.max_vy, "m/s"),
-            ("wz", wz, model.max_wz, "rad/s"),
+            ("vx", vx, limits.max_vx, "m/s"),
+            ("vy", vy, limits.max_vy, "m/s"),
+            ("wz", wz, limits.max_wz, "rad/s"),
         ):
             if not (math.isfinite(value) and abs(value) <= limit + 1e-9):
                 raise self._refuse("set_velocity", f"{what} = {value} {unit}, its limit is {limit} {unit}")

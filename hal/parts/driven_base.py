@@ -6,8 +6,8 @@ import math
 from dataclasses import dataclass
 
 from bestman_bt.messages import Pose2D, Twist2D, wrap_angle
-from bestman_bt.robot_model import BaseModel
-from hal.api import BaseDescription, Failure, MobileBase, Motion, MotionErrorCode, MotionStatus, NoDataError
+from bestman_bt.robot_model import BaseModel, BasePart, MobilePart
+from hal.api import Failure, MobileBase, Motion, MotionErrorCode, MotionStatus, NoDataError
 from hal.parts.base_command_checks import BaseCommandChecks
 from hal.parts.channels import BaseChannel
 from hal.parts.controlled_part import ControlledPart
@@ -70,9 +70,14 @@ class DrivenBase(ControlledPart, MobileBase):
         self._silent_after = 0
 
     @property
-    def description(self) -> BaseDescription:
+    def model(self) -> BaseModel:
         """Limits and footprint."""
-        return self._checks.description(self._parameters.command_timeout)
+        return self._model
+
+    @property
+    def command_timeout(self) -> float:
+        """Seconds after which ``set_velocity`` lapses."""
+        return self._parameters.command_timeout
 
     # Measurements
 
@@ -176,7 +181,7 @@ class DrivenBase(ControlledPart, MobileBase):
 
     def _start(self, *, distance: float = 0.0, turn: float = 0.0) -> Motion:
         start, parameters = self._channel.read().odometry, self._parameters.profile
-        profile = MotionProfile(self._model, start, parameters, distance=distance, turn=turn)
+        profile = MotionProfile(self._model.part, start, parameters, distance=distance, turn=turn)
         motion = PartMotion(self)
         self._connection.begin(motion)
         self._profile, self._braking = profile, False
@@ -210,13 +215,13 @@ class DrivenBase(ControlledPart, MobileBase):
 
     def _approached(self, elapsed: float) -> Twist2D:
         """The velocity next to the last one on the way to the wanted one, within the acceleration limits."""
-        model, sent, wanted = self._model, self._sent, self._wanted
-        linear, angular = model.max_acceleration, model.max_angular_acceleration
+        limits, sent, wanted = self._model.part, self._sent, self._wanted
+        linear, angular = limits.max_acceleration, limits.max_angular_acceleration
         if self._braking:
-            linear = max(linear, model.max_vx / self._parameters.stop_time)
-            angular = max(angular, model.max_wz / self._parameters.stop_time)
+            linear = max(linear, limits.max_vx / self._parameters.stop_time)
+            angular = max(angular, limits.max_wz / self._parameters.stop_time)
         dx, dy, dw = wanted.vx - sent.vx, wanted.vy - sent.vy, wanted.wz - sent.wz
-        if model.steering_joints:  # in one stride, so that the wheels keep pointing one way
+        if isinstance(limits, BasePart) and limits.steering_joints:  # in one stride: the wheels keep pointing one way
             step, turn = linear * elapsed, angular * elapsed
             share = min(1.0, step / max(math.hypot(dx, dy), 1e-9), turn / max(abs(dw), 1e-9))
             if share == 1.0:
@@ -238,7 +243,7 @@ class MotionProfile:
 
     def __init__(
         self,
-        model: BaseModel,
+        limits: MobilePart,
         start: Pose2D,
         parameters: MotionProfileParameters,
         *,
@@ -246,13 +251,13 @@ class MotionProfile:
         turn: float = 0.0,
     ) -> None:
         self._parameters = parameters
-        self._model, self._start, self._distance, self._turn = model, start, distance, turn
+        self._limits, self._start, self._distance, self._turn = limits, start, distance, turn
         self._heading, self._turned = start.theta, 0.0
         self._remaining = turn or distance
         if turn:
-            limit, acceleration = model.max_wz, model.max_angular_acceleration
+            limit, acceleration = limits.max_wz, limits.max_angular_acceleration
         else:
-            limit, acceleration = model.max_vx, model.max_acceleration
+            limit, acceleration = limits.max_vx, limits.max_acceleration
         self._limit, self._acceleration = limit, acceleration
         self._time_left = 2.0 * (abs(self._remaining) / limit + limit / acceleration) + 3.0
         self._near_for = 0.0
@@ -284,5 +289,5 @@ class MotionProfile:
         )
         if self._turn:
             return Twist2D(0.0, 0.0, speed)
-        steer = max(-self._model.max_wz, min(self._model.max_wz, -HEADING_GAIN * self._turned))
+        steer = max(-self._limits.max_wz, min(self._limits.max_wz, -HEADING_GAIN * self._turned))
         return Twist2D(speed, 0.0, steer)

@@ -29,7 +29,7 @@ def interface_of(part: type[Part]) -> Interface:
     commands: list[str] = []
     for name in dir(kind):
         found = inspect.getattr_static(kind, name)
-        if name.startswith("_") or name in COMPOSED or name in ("name", "stop"):
+        if name.startswith("_") or name in COMPOSED or name in ("name", "model", "stop"):
             continue
         if isinstance(found, property):
             properties.append(name)

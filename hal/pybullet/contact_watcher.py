@@ -6,11 +6,12 @@ from collections import defaultdict
 from collections.abc import Collection, Iterable
 from dataclasses import replace
 
-from bestman_bt.robot_model import BaseModel, GripperModel
+from bestman_bt.robot_model import BaseModel, GripperModel, LeggedBaseModel, WheeledBaseModel
 from hal.pybullet.approach_watcher import ApproachWatcher
 from hal.pybullet.audit_record import Body, ContactIncident, Penetration
 from hal.pybullet.observation import Observation
 from hal.pybullet.simulation import Simulation
+from hal.pybullet.world_builder import BuiltWorld
 
 FORCE_THRESHOLD = 1.0
 GAP = 0.25
@@ -39,13 +40,7 @@ class ContactWatcher:
             built.links[link] for hand in model.of(GripperModel).values() for link in hand.finger_links
         )
         self._rolling = frozenset(
-            index
-            for base in model.of(BaseModel).values()
-            for index in (
-                *(built.links[link] for link in base.caster_links),
-                *(built.joints[joint] for joint in base.wheel_joints),
-                *(built.links[leg.foot_link] for leg in base.legs),
-            )
+            index for base in model.of(BaseModel).values() for index in _on_the_floor(base, built)
         )
         self._walkers = frozenset(body for body, _ in built.walkers.values()) | simulation.moving_doors.bodies
         self._approach = ApproachWatcher(built.robot)
@@ -154,3 +149,11 @@ class ContactWatcher:
         if body == self._robot:
             return self._link_names[link]
         return self._names.get(body, f"body {body}")
+
+
+def _on_the_floor(base: BaseModel, built: BuiltWorld) -> list[int]:
+    """Links that roll or step: casters, wheels, feet."""
+    if isinstance(base, WheeledBaseModel):
+        casters, wheels = base.part.caster_links, base.part.wheel_joints
+        return [*(built.links[link] for link in casters), *(built.joints[joint] for joint in wheels)]
+    return [built.links[foot] for foot in base.part.feet] if isinstance(base, LeggedBaseModel) else []

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.messages import Pose2D, wrap_angle
-from bestman_bt.robot_model import BaseModel
+from bestman_bt.robot_model import WheeledBaseModel
 
 Array = NDArray[np.float64]
 Velocity = tuple[float, float, float]
@@ -125,17 +125,18 @@ class Odometry:
         self.travelled += forward
 
 
-def make_drives(model: BaseModel, calibration: float, rng: np.random.Generator) -> tuple[Drive, Drive]:
+def make_drives(model: WheeledBaseModel, calibration: float, rng: np.random.Generator) -> tuple[Drive, Drive]:
     """The drive of a base, and what its odometry believes of it.
 
     ``calibration``: standard deviation of the relative errors of the believed wheel radii and track.
     """
-    if model.kind == "steered":
-        places, radii = np.array(model.wheel_places), np.full(len(model.wheel_joints), model.wheel_radius)
+    base = model.part
+    if base.drive == "steered":
+        places, radii = np.array(model.wheel_places), np.full(len(base.wheel_joints), base.wheel_radius)
         errors = 1.0 + calibration * rng.normal(size=len(radii))
         return SteeredDrive(places, radii), SteeredDrive(places, radii * errors)
     left, right, track = (1.0 + calibration * float(error) for error in rng.normal(size=3))
-    radius, width, wheels = model.wheel_radius, model.track * model.turning_slip, len(model.wheel_joints)
+    radius, width, wheels = base.wheel_radius, base.track * base.turning_slip, len(base.wheel_joints)
     return (
         SideDrive(radius, radius, width, wheels),
         SideDrive(radius * left, radius * right, width * track, wheels),

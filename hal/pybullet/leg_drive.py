@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.messages import Twist2D
-from bestman_bt.robot_model import BaseModel, Payload
+from bestman_bt.robot_model import LeggedBaseModel, Payload
 from hal.api import Imu, NoDataError
 from hal.parts import BaseChannel, BaseReading
 from hal.parts.legged import Walker, WalkerParameters
@@ -27,7 +27,7 @@ LEGS_CANNOT = {
 class LegDrive(SimulatedChannel, BaseChannel):
     """A base that trots. It knows its joints and its inertial unit, nothing else. ``body``: of the whole robot."""
 
-    def __init__(self, model: BaseModel, parameters: PhysicsParameters, imu: Imu, body: Payload) -> None:
+    def __init__(self, model: LeggedBaseModel, parameters: PhysicsParameters, imu: Imu, body: Payload) -> None:
         self._model, self._parameters, self._imu, self._body = model, parameters, imu, body
         self._slots: NDArray[np.intp] = np.zeros(0, np.intp)
         self._indices: list[int] = []
@@ -37,8 +37,8 @@ class LegDrive(SimulatedChannel, BaseChannel):
     def attach(self, simulation: Simulation) -> None:
         """Stand, with odometry at zero."""
         super().attach(simulation)
-        self._slots = simulation.slots(self._model.joint_names)
-        self._indices = simulation.indices(self._model.joint_names)
+        self._slots = simulation.slots(self._model.part.joints)
+        self._indices = simulation.indices(self._model.part.joints)
         self._walker, self._velocity = self._new_walker(), np.zeros(3)
         # Bullet's own motors would work against the torques.
         simulation.client.setJointMotorControlArray(
@@ -76,4 +76,4 @@ class LegDrive(SimulatedChannel, BaseChannel):
 
     def _new_walker(self) -> Walker:
         legs = self._model.legs
-        return Walker(legs, self._model.stand_height - legs[0].foot_radius, self._body, WalkerParameters())
+        return Walker(legs, self._model.part.stand_height - legs[0].foot_radius, self._body, WalkerParameters())

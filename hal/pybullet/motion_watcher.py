@@ -8,7 +8,7 @@ from collections.abc import Collection, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from bestman_bt.robot_model import ArmModel, BaseModel, GripperModel, JointGroupModel
+from bestman_bt.robot_model import ArmModel, GripperModel, JointGroupModel, LeggedBaseModel
 from hal.pybullet.audit_record import Finding
 from hal.pybullet.client import Reader
 from hal.pybullet.observation import BodyState, Observation
@@ -53,7 +53,7 @@ class MotionWatcher:
         for group in groups:
             slots = simulation.slots(group.joint_names)
             lower[slots], upper[slots], speed[slots] = group.lower, group.upper, group.velocity
-        for leg in (leg for base in model.of(BaseModel).values() for leg in base.legs):
+        for leg in (leg for base in model.of(LeggedBaseModel).values() for leg in base.legs):
             slots = simulation.slots(leg.joint_names)
             lower[slots], upper[slots], speed[slots] = leg.lower, leg.upper, leg.velocity
         for gripper in model.of(GripperModel).values():

@@ -19,11 +19,13 @@ from bestman_bt.robot_model import (
     GripperModel,
     ImuPart,
     JointGroupModel,
+    LeggedBaseModel,
     LidarPart,
     MountedBumper,
     MountedForceTorque,
     RobotModel,
     TactilePart,
+    WheeledBaseModel,
     payload,
 )
 from bestman_bt.scene import World
@@ -159,7 +161,7 @@ class PyBulletRobot(Robot):
     @property
     def unsupported(self) -> Mapping[str, str]:
         """Legs cannot do all that wheels can."""
-        return LEGS_CANNOT if any(base.legs for base in self._model.of(BaseModel).values()) else {}
+        return LEGS_CANNOT if self._model.of(LeggedBaseModel) else {}
 
     def audit_record(self) -> AuditRecord:
         """What the monitor has seen since the scene was built; NotConnectedError without a connection."""
@@ -290,7 +292,9 @@ class PyBulletRobot(Robot):
             match part:
                 case BaseModel():
                     drive = self._channels[name] = self._base_channel(name, part)
-                    self._actuators[name] = DrivenBase(name, part, drive, latch, LEGS if part.legs else None)
+                    self._actuators[name] = DrivenBase(
+                        name, part, drive, latch, LEGS if isinstance(drive, LegDrive) else None
+                    )
                 case ArmModel():
                     motors = self._channels[name] = JointMotors(name, part, self._parameters, self._generator(name))
                     tool = ToolLimits(model, name, model.safety)
@@ -306,8 +310,9 @@ class PyBulletRobot(Robot):
                     self._actuators[name] = StreamedJointGroup(name, part, motors, latch, period, JOINTS)
 
     def _base_channel(self, name: str, base: BaseModel) -> LegDrive | WheelDrive:
-        if not base.legs:
+        if isinstance(base, WheeledBaseModel):
             return WheelDrive(name, base, self._parameters, self._generator(name))
+        assert isinstance(base, LeggedBaseModel)
         imu = next(sensor for sensor in self._sensors.values() if isinstance(sensor, SimulatedImu))
-        body = payload(self._model, base.trunk_link, self._model.postures.get("home"))
+        body = payload(self._model, base.part.root or "", self._model.postures.get("home"))
         return LegDrive(base, self._parameters, imu, body)

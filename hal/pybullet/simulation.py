@@ -48,12 +48,9 @@ class Simulation:
         self.moving_doors = MovingDoors(client, world, self.built.articulations, self.built.robot)
         if self.moving_doors:
             self.controls.append(lambda: self.moving_doors.update(self.steps * parameters.time_step))
-        movable = [
-            joint
-            for group in (model.of(BaseModel), model.of(ArmModel), model.of(GripperModel), model.of(JointGroupModel))
-            for part in group.values()
-            for joint in part.joint_names
-        ]
+        movable = [joint for base in model.of(BaseModel).values() for joint in base.part.driven_joints]
+        jointed = (ArmModel, GripperModel, JointGroupModel)
+        movable += [joint for part in model.parts.values() if isinstance(part, jointed) for joint in part.joint_names]
         missing = [joint for joint in movable if joint not in self.built.joints]
         if missing:
             raise SimulationError(f"the URDF of robot {model.name!r} has no joints {', '.join(missing)}")

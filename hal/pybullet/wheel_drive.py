@@ -8,7 +8,7 @@ import math
 import numpy as np
 
 from bestman_bt.messages import Twist2D
-from bestman_bt.robot_model import BaseModel
+from bestman_bt.robot_model import WheeledBaseModel
 from hal.api import NoDataError, NotConnectedError
 from hal.parts import BaseChannel, BaseReading
 from hal.pybullet.drive import Odometry, make_drives
@@ -27,11 +27,13 @@ STILL = Twist2D(0.0, 0.0, 0.0)
 class WheelDrive(SimulatedChannel, BaseChannel):
     """Wheels turn at a speed; sent to stand, and once still, they are held in position."""
 
-    def __init__(self, name: str, model: BaseModel, parameters: PhysicsParameters, rng: np.random.Generator) -> None:
+    def __init__(
+        self, name: str, model: WheeledBaseModel, parameters: PhysicsParameters, rng: np.random.Generator
+    ) -> None:
         self._model, self._parameters = model, parameters
         self._drive, self._believed = make_drives(model, parameters.odometry_calibration, rng)
-        self.encoders = Encoders(name, model.encoders, parameters.step_rate, rng)
-        self._wheels = len(model.wheel_joints)
+        self.encoders = Encoders(name, model.part.encoders, parameters.step_rate, rng)
+        self._wheels = len(model.part.wheel_joints)
         self._odometry = Odometry(self._believed, np.zeros(self._wheels))
         self._attached_motors: WheelMotors | None = None
         self._sent = STILL
@@ -40,7 +42,7 @@ class WheelDrive(SimulatedChannel, BaseChannel):
     def attach(self, simulation: Simulation) -> None:
         """Stand, with odometry at zero."""
         super().attach(simulation)
-        motors = self._attached_motors = WheelMotors(simulation, self._model, self._parameters)
+        motors = self._attached_motors = WheelMotors(simulation, self._model.part, self._parameters)
         self.encoders.attach(
             simulation, lambda: EncoderReading(np.concatenate([motors.angles, motors.steering]), motors.speeds)
         )
@@ -91,7 +93,7 @@ class WheelDrive(SimulatedChannel, BaseChannel):
             self.read()
         if self._parked or self._sent != STILL:
             return
-        still = float(np.abs(motors.speeds).max()) * self._model.wheel_radius < 0.01
+        still = float(np.abs(motors.speeds).max()) * self._model.part.wheel_radius < 0.01
         self._still_for = self._still_for + self._parameters.control_period if still else 0.0
         if self._still_for >= PARK_AFTER:
             motors.park()

@@ -7,7 +7,7 @@ from collections import deque
 import numpy as np
 from numpy.typing import NDArray
 
-from bestman_bt.robot_model import BaseModel
+from bestman_bt.robot_model import BasePart
 from hal.pybullet.package import pybullet
 from hal.pybullet.parameters import PhysicsParameters
 from hal.pybullet.simulation import Simulation
@@ -20,12 +20,12 @@ SPEED_WINDOW = 1.0 / 60.0
 class WheelMotors:
     """Wheels (n,) turn at a speed or are held; steering joints (k,) follow angles at their own limited speed."""
 
-    def __init__(self, simulation: Simulation, model: BaseModel, parameters: PhysicsParameters) -> None:
-        self._simulation, self._model, self._parameters = simulation, model, parameters
-        self._wheels = simulation.slots(model.wheel_joints)
-        self._steering = simulation.slots(model.steering_joints)
-        self._wheel_indices = simulation.indices(model.wheel_joints)
-        self._steering_indices = simulation.indices(model.steering_joints)
+    def __init__(self, simulation: Simulation, base: BasePart, parameters: PhysicsParameters) -> None:
+        self._simulation, self._base, self._parameters = simulation, base, parameters
+        self._wheels = simulation.slots(base.wheel_joints)
+        self._steering = simulation.slots(base.steering_joints)
+        self._wheel_indices = simulation.indices(base.wheel_joints)
+        self._steering_indices = simulation.indices(base.steering_joints)
         self._steered_to = self.steering
         periods = max(1, round(SPEED_WINDOW / parameters.control_period))
         self._counts = deque([self.angles.copy()], maxlen=periods + 1)
@@ -60,9 +60,9 @@ class WheelMotors:
         """Turn the steering joints towards ``angles`` (k,); how far the farthest of them is away, radians."""
         if not len(angles):
             return 0.0
-        step = self._model.steering_speed * self._parameters.control_period
+        step = self._base.steering_speed * self._parameters.control_period
         self._steered_to = self._steered_to + np.clip(angles - self._steered_to, -step, step)
-        self._hold(self._steering_indices, self._steered_to, self._model.steering_torque, gain=0.3)
+        self._hold(self._steering_indices, self._steered_to, self._base.steering_torque, gain=0.3)
         return float(np.abs(angles - self.steering).max())
 
     def drive(self, speeds: Array) -> None:
@@ -72,12 +72,12 @@ class WheelMotors:
             self._wheel_indices,
             pybullet.VELOCITY_CONTROL,
             targetVelocities=speeds.tolist(),
-            forces=[self._model.wheel_torque] * len(self._wheel_indices),
+            forces=[self._base.wheel_torque] * len(self._wheel_indices),
         )
 
     def park(self) -> None:
         """Hold wheels and steering where they are: a velocity motor at zero gives way under the arm."""
-        self._hold(self._wheel_indices, self.angles, self._model.wheel_torque, self._parameters.wheel_hold_gain)
+        self._hold(self._wheel_indices, self.angles, self._base.wheel_torque, self._parameters.wheel_hold_gain)
         self._steered_to = self.steering
         self.steer(self._steered_to)
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from bestman_bt.messages import Box, PlacedShape, Pose
-from bestman_bt.robot_model import BaseModel, GripperModel, MimicJoint, RobotModel
+from bestman_bt.robot_model import BaseModel, GripperModel, LeggedBaseModel, MimicJoint, RobotModel, WheeledBaseModel
 from bestman_bt.robot_model.bare_frames import without_bare_frames
 from bestman_bt.scene import PlacedFurniture, PlacedObject, Walker, World, wall_box
 from hal.pybullet.body_urdf import Color, body_urdf
@@ -204,7 +204,8 @@ def _set_up_robot(
     links: dict[str, int],
 ) -> int:
     """Frictions, the start posture and the finger gears; returns how many constraints there are now."""
-    for base in model.of(BaseModel).values():
+    for wheeled in model.of(WheeledBaseModel).values():
+        base = wheeled.part
         for link in base.caster_links:
             client.changeDynamics(robot, links[link], lateralFriction=parameters.caster_friction)
         for joint in base.wheel_joints:
@@ -212,8 +213,9 @@ def _set_up_robot(
             client.changeDynamics(robot, joints[joint], lateralFriction=friction)
             # Without the anchor a locked wheel creeps: a swing of the arm moves the base by 7 mm and 1.8 degrees.
             client.changeDynamics(robot, joints[joint], frictionAnchor=1)
-        for leg in base.legs:
-            client.changeDynamics(robot, links[leg.foot_link], lateralFriction=base.wheel_friction)
+    for legged in model.of(LeggedBaseModel).values():
+        for foot in legged.part.feet:
+            client.changeDynamics(robot, links[foot], lateralFriction=legged.part.foot_friction)
     posture = next((model.postures[name] for name in parameters.initial_postures if name in model.postures), {})
     for joint, position in posture.items():
         client.resetJointState(robot, joints[joint], position)

@@ -152,7 +152,7 @@ class RecordedRobot(Robot):
         members: dict[str, Any] = {name: described(name) for name in interface.properties}
         members |= {name: reading(name) for name in interface.readings}
         members |= {name: command(name) for name in interface.commands}
-        members["stop"] = lambda seen: part.stop()
+        members |= {"stop": lambda seen: part.stop(), "model": described("model")}
         seen: Part = type(f"Recorded{interface.kind.__name__}", (interface.kind,), members)(part.name)
         return seen
 

@@ -157,6 +157,7 @@ class ReplayRobot(Robot):
         members: dict[str, Any] = {what: described(what) for what in interface.properties}
         members |= {what: reading(what) for what in interface.readings}
         members |= {what: command(what) for what in interface.commands}
+        members["model"] = property(lambda part: self.model.parts[name])
         members["stop"] = lambda part: self._end_motion(name, MotionStatus.CANCELED, MotionErrorCode.STOPPED, "stopped")
         part: Part = type(f"Replayed{interface.kind.__name__}", (interface.kind,), members)(name)
         return part

@@ -36,7 +36,7 @@ class TwinBase:
         asked = [float(twist["linear"]["x"]), float(twist["linear"]["y"]), float(twist["angular"]["z"])]
         if not np.all(np.isfinite(asked)):
             raise ValueError(f"a velocity should be finite but is {asked}")
-        limits = self.base.description
+        limits = self.base.model.part
         most = np.array([limits.max_vx, limits.max_vy, limits.max_wz])
         velocity = (np.clip(asked, -most, most) * (not self.stuck)).tolist()
         self._world.post(lambda: self.base.set_velocity(*velocity))

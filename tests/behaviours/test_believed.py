@@ -163,7 +163,7 @@ def test_it_looks_and_turns_until_one_place_is_certain_enough(
 ) -> None:
     answers, scans, believed = iter(found), [], []
     corners = ((0.3, 0.2), (0.3, -0.2), (-0.3, -0.2), (-0.3, 0.2))
-    skills.base.description = SimpleNamespace(footprint=corners)
+    skills.base.model = SimpleNamespace(footprint=corners)
     skills.base.lidar = SimpleNamespace(base_from_lidar=Pose2D())
     skills.base.scan = lambda: SimpleNamespace(scan=SimpleNamespace(points=lambda: np.array([[2.0, 0.0]])))
     skills.base.believe = lambda *told: believed.append(told)
@@ -184,7 +184,7 @@ def test_it_looks_and_turns_until_one_place_is_certain_enough(
 @pytest.mark.parametrize(("away", "status"), [(0.38, FAILURE), (0.40, SUCCESS)])
 def test_it_turns_only_where_its_corners_have_room(skills: Any, away: float, status: int) -> None:
     """The corners are 36 cm from the middle, and 3 cm must be free beyond; the lidar stands 20 cm ahead of it."""
-    skills.base.description = SimpleNamespace(footprint=((0.3, 0.2), (-0.3, -0.2)))
+    skills.base.model = SimpleNamespace(footprint=((0.3, 0.2), (-0.3, -0.2)))
     skills.base.lidar = SimpleNamespace(base_from_lidar=Pose2D(0.2, 0.0, math.pi / 2))
     behind = np.array([[0.0, away + 0.2]])  # to the left of a lidar that is turned to the left
     skills.base.scan = lambda: SimpleNamespace(scan=SimpleNamespace(points=lambda: behind))

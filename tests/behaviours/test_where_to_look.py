@@ -14,7 +14,6 @@ from bestman_bt.engine import FAILURE, SUCCESS
 from bestman_bt.messages import Pose, Pose2D
 from bestman_bt.perception.occupancy import VoxelRegion
 from bestman_bt.robot_model import BaseModel
-from hal.parts import BaseCommandChecks
 from tests.behaviours.scripted import codes, load, run, scripted_skills
 
 TURNED = Pose2D(1.3, 0.4, 2.5)
@@ -133,7 +132,7 @@ def test_a_scan_of_no_surface_turns_the_head_about_what_is_ahead(
 
 def test_a_door_that_is_seen_to_stand_open_is_looked_at_from_before_its_front_again() -> None:
     skills, door = scripted_skills("close_fridge"), "fridge/upper_door"
-    skills.base.description = BaseCommandChecks("base", skills.robot.of(BaseModel)["base"]).description(0.25)
+    skills.base.model = skills.robot.of(BaseModel)["base"]
     tree = load(skills, f'<FindLookStand articulation="{door}" stand="{{stand}}" front="{{front}}"/>')
 
     def beside_the_front() -> float:

@@ -10,9 +10,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from bestman_bt.messages import JointTrajectory, LaserScan, Pose2D, Twist2D
 from bestman_bt.navigation.localization import cast_rays
+from bestman_bt.robot_model import BaseModel
 from hal.api import (
     Arm,
-    BaseDescription,
     CommandRefusedError,
     Failure,
     Gripper,
@@ -26,9 +26,10 @@ from hal.api import (
     MotionStatus,
 )
 from hal.parts import SimulatedClock
+from tests.robot_models import base_model
 
 CORNERS = ((0.28, -0.26), (0.28, 0.26), (-0.28, 0.26), (-0.28, -0.26))
-BASE = BaseDescription(0.6, 0.0, 1.2, 0.6, 2.0, 0.5, CORNERS)
+BASE = base_model(CORNERS)
 
 
 def stepped_clock(step: Callable[[], None] = lambda: None, time_step: float = 0.0125) -> SimulatedClock:
@@ -69,9 +70,9 @@ class ScriptedBase(MobileBase):
     ``refuses``: by commands alone. ``held``: it is told what it likes and does not move.
     """
 
-    def __init__(self, true_pose: Pose2D, odometry_start: Pose2D, description: BaseDescription = BASE) -> None:
+    def __init__(self, true_pose: Pose2D, odometry_start: Pose2D, model: BaseModel = BASE) -> None:
         super().__init__("base")
-        self._description = description
+        self._model = model
         self.clock = stepped_clock(self._step)
         self.true_pose, self._odometry = true_pose, odometry_start
         self.speed = np.zeros(3)
@@ -82,8 +83,12 @@ class ScriptedBase(MobileBase):
         self.refuses = self.held = False
 
     @property
-    def description(self) -> BaseDescription:
-        return self._description
+    def model(self) -> BaseModel:
+        return self._model
+
+    @property
+    def command_timeout(self) -> float:
+        return 0.5
 
     def odometry(self) -> Pose2D:
         self._check()
@@ -98,7 +103,7 @@ class ScriptedBase(MobileBase):
         if self.refuses:
             raise CommandRefusedError("the robot is stopped")
         self.told.append(Twist2D(vx, vy, wz))
-        self._wanted, self._lapses = np.array([vx, vy, wz]), self.clock.now() + self._description.command_timeout
+        self._wanted, self._lapses = np.array([vx, vy, wz]), self.clock.now() + self.command_timeout
 
     def stop(self) -> None:
         self.stops += 1
@@ -119,7 +124,7 @@ class ScriptedBase(MobileBase):
             raise self.error
 
     def _step(self) -> None:
-        dt, d = self.clock.time_step, self._description
+        dt, d = self.clock.time_step, self._model.part
         wanted = self._wanted if self.clock.now() < self._lapses else np.zeros(3)
         most = 2.0 * dt * np.array([d.max_acceleration, d.max_acceleration, d.max_angular_acceleration])
         self.speed = self.speed + np.clip(wanted - self.speed, -most, most)

@@ -19,7 +19,6 @@ from bestman_bt.evaluation.result import Outcome
 from bestman_bt.manipulation.motion_planning import PlanningError
 from bestman_bt.messages import Box, Path2D, PlacedShape, Pose, Pose2D, Twist2D
 from bestman_bt.navigation.global_planning import Costmap, Footprint, PlanningFailure
-from bestman_bt.navigation.local_planning import MotionLimits
 from bestman_bt.perception.grasp_pose import GraspTarget
 from bestman_bt.registry import ALGORITHMS, BUILDERS, PLANNERS, PREDICATES
 from bestman_bt.robot_model import GripperModel
@@ -29,6 +28,7 @@ from bestman_bt.task_planning.predicates import Beliefs
 from bestman_bt.task_planning.symbolic import Fact, Operator, Problem, Unsolvable, parse_literals
 from bestman_bt.world_model import SemanticMap
 from tests.manipulation.motion_planning.joint_worlds import TWO, JointWorld
+from tests.robot_models import base_model
 
 PAGE = Path(__file__).parents[2] / "docs" / "own_parts.md"
 EXAMPLES = dict(re.findall(r"^```python\n# (\w+\.py)\n(.*?)^```", PAGE.read_text(), re.MULTILINE | re.DOTALL))
@@ -97,7 +97,7 @@ def test_the_global_planner_drives_straight_or_says_that_it_cannot(algorithms: A
 
 def test_the_follower_ends_in_the_goal(setup: Setup, costmap: Costmap) -> None:
     follower, dt = make_algorithms(setup.config, setup.robot_model).local_planning, 0.05
-    follower.configure(MotionLimits(0.5, 0.0, 1.0, 0.5, 2.0, 5.0, 10.0, costmap.footprint))
+    follower.configure(base_model(costmap.footprint.corners, max_vx=0.5, max_wz=1.0, max_acceleration=0.5))
     goal = Pose2D(2.0, 1.0, math.pi / 2)
     follower.reset(Path2D(np.array([[0.0, 0.0], [1.0, 0.0], [2.0, 1.0]]), goal))
     pose, twist = Pose2D(0.0, 0.0, 0.5), Twist2D()

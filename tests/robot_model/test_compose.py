@@ -63,7 +63,7 @@ def test_an_override_changes_one_field_of_a_part() -> None:
 
 def test_units_are_converted(tmp_path: Path) -> None:
     text = "base_frame: base_link\nparts:\n  base: {part: differential_base, set: {max_wz: 90 deg/s, track: 480 mm}}\n"
-    base = load_robot_model(robot_file(tmp_path, text)).of(BaseModel)["base"]
+    base = load_robot_model(robot_file(tmp_path, text)).of(BaseModel)["base"].part
     assert (base.max_wz, base.track) == pytest.approx((np.pi / 2, 0.48))
 
 

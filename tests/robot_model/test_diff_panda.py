@@ -85,11 +85,11 @@ def test_every_name_in_the_model_is_in_the_urdf(robot: RobotModel) -> None:
     joints = {joint.get("name") for joint in urdf.findall("joint")}
     base, arm, gripper = robot.of(BaseModel)["base"], robot.of(ArmModel)["arm"], robot.of(GripperModel)["gripper"]
     assert {robot.base_frame, base.frame, arm.base_frame, arm.tool_frame, gripper.hand_link} <= links
-    assert {*gripper.finger_links, *base.caster_links} <= links
+    assert {*gripper.finger_links, *base.part.caster_links} <= links
     frames = {camera.optical_frame for camera in robot.of(CameraPart).values()} | {robot.of(LidarPart)["lidar"].frame}
     assert frames <= links
     assert {
-        *base.wheel_joints,
+        *base.part.wheel_joints,
         *arm.joint_names,
         *gripper.joint_names,
         *robot.of(JointGroupModel)["head"].joint_names,

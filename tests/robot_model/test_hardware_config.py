@@ -47,8 +47,8 @@ def test_safety_makes_arms_slower_and_grippers_weaker_in_the_model() -> None:
     assert safe.of(ArmModel)["arm"].velocity == pytest.approx(plain.of(ArmModel)["arm"].velocity / 2)
     assert np.all(safe.of(ArmModel)["arm"].acceleration == plain.of(ArmModel)["arm"].acceleration)
     assert safe.of(GripperModel)["gripper"].max_force == 15.0
-    assert safe.of(BaseModel)["base"].max_vx == 0.2
-    assert safe.of(BaseModel)["base"].max_wz == plain.of(BaseModel)["base"].max_wz
+    assert safe.of(BaseModel)["base"].part.max_vx == 0.2
+    assert safe.of(BaseModel)["base"].part.max_wz == plain.of(BaseModel)["base"].part.max_wz
 
 
 def test_safety_holds_for_every_arm_base_and_hand_and_makes_none_faster() -> None:
@@ -65,15 +65,15 @@ def test_safety_holds_for_every_arm_base_and_hand_and_makes_none_faster() -> Non
             safe.of(ArmModel)[name].velocity[0] = 9.0
         assert np.all(safe.of(ArmModel)[name].upper == arm.upper)
     assert [hand.max_force for hand in safe.of(GripperModel).values()] == [12.0, 12.0]
-    base = safe.of(BaseModel)["base"]
+    base = safe.of(BaseModel)["base"].part
     assert (base.max_vx, base.max_vy, base.max_wz) == (0.1, 0.1, 0.3)
     assert (safe.safety.joint_speed, safe.safety.base_speed) == (0.25, 0.1)
     fast = robot(parts=parts, safety={"gripper_force": 1000, "base_speed": 9, "base_turn": 9})
-    assert fast.of(BaseModel)["base"].max_vx == plain.of(BaseModel)["base"].max_vx == 0.6
-    assert (fast.of(BaseModel)["base"].max_vy, fast.of(BaseModel)["base"].max_wz) == (0.6, 1.2)
+    assert fast.of(BaseModel)["base"].part.max_vx == plain.of(BaseModel)["base"].part.max_vx == 0.6
+    assert (fast.of(BaseModel)["base"].part.max_vy, fast.of(BaseModel)["base"].part.max_wz) == (0.6, 1.2)
     for name, hand in plain.of(GripperModel).items():
         assert fast.of(GripperModel)[name].max_force == hand.max_force
-    still = robot(safety={"base_speed": 0, "base_turn": 0}).of(BaseModel)["base"]
+    still = robot(safety={"base_speed": 0, "base_turn": 0}).of(BaseModel)["base"].part
     assert (still.max_vx, still.max_wz) == (0.0, 0.0)
 
 

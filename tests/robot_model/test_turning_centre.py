@@ -29,8 +29,8 @@ def test_the_base_frame_moves_and_all_that_is_on_the_base_stays() -> None:
 
 def test_who_wanders_in_turns_needs_more_room_for_them() -> None:
     model = husky("0 cm").of(BaseModel)["base"]
-    assert model.turning_drift == pytest.approx(0.12)
-    footprint = Footprint(np.array(model.footprint), model.turning_drift)
+    assert model.part.turning_drift == pytest.approx(0.12)
+    footprint = Footprint.of(model)
     assert footprint.turning_radius == pytest.approx(footprint.circumscribed_radius + 0.12)
 
 

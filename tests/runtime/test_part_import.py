@@ -65,8 +65,8 @@ def test_an_imported_hand_has_the_widths_of_the_one_that_was_described_by_hand()
 def test_four_wheels_that_turn_without_end_are_a_skid_base() -> None:
     part, fields = imported(shipped("pybullet_data:husky/husky.urdf"), cut=("imu_link",))
     ours = load_robot_model("husky_panda").of(BaseModel)["base"]
-    assert fields["wheel_joints"] == list(ours.wheel_joints)
-    assert (fields["wheel_radius"], fields["track"]) == pytest.approx((ours.wheel_radius, ours.track))
+    assert fields["wheel_joints"] == list(ours.part.wheel_joints)
+    assert (fields["wheel_radius"], fields["track"]) == pytest.approx((ours.part.wheel_radius, ours.part.track))
     places, told = np.array(part.robot.of(BaseModel)["small"].wheel_places), np.array(ours.wheel_places)
     # Ours are told from the centre that the loaded base turns about.
     np.testing.assert_allclose(places - places.mean(axis=0), told - told.mean(axis=0), atol=1e-6)

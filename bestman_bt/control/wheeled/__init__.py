@@ -7,7 +7,6 @@ from bestman_bt.control.wheeled.collision_monitor import (
     MonitorAction,
     MonitoredCommand,
 )
-from bestman_bt.control.wheeled.motion_limits import footprint_of
 from bestman_bt.control.wheeled.turning_slip import TurningSlip, TurningSlipParameters, measure_turning_slip
 
 __all__ = [
@@ -19,6 +18,5 @@ __all__ = [
     "MonitoredCommand",
     "TurningSlip",
     "TurningSlipParameters",
-    "footprint_of",
     "measure_turning_slip",
 ]

@@ -21,10 +21,9 @@ from bestman_bt.control.wheeled.localisation_cycle import (
     LocalisationCycleParameters,
     PlacedScan,
 )
-from bestman_bt.control.wheeled.motion_limits import footprint_of, motion_limits
 from bestman_bt.control.wheeled.velocity_gate import VelocityGate
 from bestman_bt.messages import MotionErrorCode, Path2D, Pose2D, Twist2D, wrap_angle
-from bestman_bt.navigation.global_planning import Costmap
+from bestman_bt.navigation.global_planning import Costmap, Footprint
 from bestman_bt.navigation.local_planning import (
     MovingObstacle,
     ObstacleLayer,
@@ -34,7 +33,7 @@ from bestman_bt.navigation.local_planning import (
 )
 from bestman_bt.navigation.localization import Localizer, OdometryScan, WheelOdometry
 from bestman_bt.world_model import BasePose, WorldModel
-from hal.api import BaseDescription, Clock, CommandRefusedError, MobileBase, Timer
+from hal.api import Clock, CommandRefusedError, MobileBase, Timer
 
 
 @dataclass(frozen=True)
@@ -93,6 +92,7 @@ class BaseController:
     A new action supersedes the one under way. Every handle's result is the believed pose at the end. ``odometry``: of
     wheels and gyroscope together; by default that of the wheels. ``monitor``: has the last word on each velocity; by
     default one without a bumper. ``layer``: what the lidar sees and the map lacks. ``localisation``: where the base is.
+    ``model``: limits and footprint.
     ``speed_limit``: m/s, for all actions until it is set to something else; None: as fast as the base may. At 0 it
     stands. ``last_scan``: what the localisation saw last, for whoever shows it.
     """
@@ -114,8 +114,8 @@ class BaseController:
         self._parameters = p = parameters or BaseControllerParameters()
         self._base, self._clock, self._follower, self._world = base, clock, follower, world
         self._rotation = rotation or RotateToHeading()
-        self._gate = VelocityGate(base, monitor or CollisionMonitor(base.description))
-        self.lidar, self.layer = lidar, layer or ObstacleLayer()
+        self._gate = VelocityGate(base, monitor or CollisionMonitor(base.model))
+        self.model, self.lidar, self.layer = base.model, lidar, layer or ObstacleLayer()
         odometer = odometry or FusedOdometry(base, clock, WheelOdometry())
         self.localisation = LocalisationCycle(clock, lidar, localizer, odometer, world, p.localisation, self._observe)
         self._period = 1.0 / p.localisation.rate
@@ -126,12 +126,7 @@ class BaseController:
         self._action: _Action | None = None
         self._gave_up = False
         self._lock = threading.RLock()  # held by each tick, and by whoever changes what a tick uses
-        follower.configure(motion_limits(base.description))
-
-    @property
-    def description(self) -> BaseDescription:
-        """Limits and footprint of the base."""
-        return self._base.description
+        follower.configure(base.model)
 
     @property
     def path(self) -> Path2D | None:
@@ -175,7 +170,7 @@ class BaseController:
         """Begin to localise, from the believed ``world.base``; idempotent."""
         if self._timer is None:
             self.localisation.begin()
-            self.layer.use_costmap(Costmap.from_map(self._world.map, footprint_of(self.description)))
+            self.layer.use_costmap(Costmap.from_map(self._world.map, Footprint.of(self.model)))
             self._timer = self._clock.every(self._period, self._tick)
 
     def close(self) -> None:
@@ -213,7 +208,7 @@ class BaseController:
             self._follow_by(follower or self._own_follower)
             if costmap is not None:
                 self.layer.use_costmap(costmap)
-            self._gate.use_footprint(footprint_of(self.description) if costmap is None else costmap.footprint)
+            self._gate.use_footprint(Footprint.of(self.model) if costmap is None else costmap.footprint)
             self._follower.reset(path, costmap)
             driven = _DrivenPath(path, SweptPath(path), costmap is not None)
             return self._begin(self._follower, path.goal, driven=driven)
@@ -262,7 +257,7 @@ class BaseController:
 
     def _follow_by(self, follower: PathFollower) -> None:
         if follower is not self._follower:
-            follower.configure(motion_limits(self.description))
+            follower.configure(self.model)
             self._follower = follower
 
     def _observe(self, seen: PlacedScan) -> None:

@@ -15,11 +15,11 @@ from enum import Enum
 import numpy as np
 from numpy.typing import NDArray
 
-from bestman_bt.control.wheeled.motion_limits import footprint_of
 from bestman_bt.messages import LaserScan, Pose2D, Twist2D
 from bestman_bt.navigation.global_planning import Footprint
 from bestman_bt.navigation.local_planning import FootprintMotion, braking_time, safe_share
-from hal.api import BaseDescription, Bumper
+from bestman_bt.robot_model import BaseModel
+from hal.api import Bumper
 
 STANDING = 0.02
 """m/s and rad/s below which a base has nothing to brake."""
@@ -81,13 +81,13 @@ class CollisionMonitor:
 
     def __init__(
         self,
-        description: BaseDescription,
+        base: BaseModel,
         bumpers: Sequence[Bumper] = (),
         parameters: CollisionMonitorParameters | None = None,
     ) -> None:
         self._parameters = p = parameters or CollisionMonitorParameters()
-        self._description, self._bumpers = description, bumpers
-        footprint = footprint_of(description)
+        self._limits, self._bumpers = base.part, bumpers
+        footprint = Footprint.of(base)
         self._motion = self._above = FootprintMotion(footprint, p.margin)
         self._wide = FootprintMotion(footprint, p.slowdown_margin)
         self._points = NearPoints(p.same_surface)
@@ -162,7 +162,7 @@ class CollisionMonitor:
         return time, index, safe_share(time, reaction, braking)
 
     def _braking(self, twist: Twist2D) -> float:
-        limits = self._description
+        limits = self._limits
         return braking_time(twist, limits.max_acceleration, limits.max_angular_acceleration)
 
     def _pressed(self, odometry: Pose2D) -> NDArray[np.float64] | None:

@@ -67,14 +67,14 @@ def _turn(
     clock.sleep(p.rest)
     gyro.level()
     heading, counted = base.odometry().theta, 0.0
-    speed = math.copysign(p.speed * base.description.max_wz, angle)
-    brake = speed**2 / (2.0 * base.description.max_angular_acceleration)
+    speed = math.copysign(p.speed * base.model.part.max_wz, angle)
+    brake = speed**2 / (2.0 * base.model.part.max_angular_acceleration)
     while abs(counted) < abs(angle) - brake:
         base.set_velocity(0.0, 0.0, speed)
         clock.sleep(0.05)
         counted, heading = counted + wrap_angle(base.odometry().theta - heading), base.odometry().theta
     base.set_velocity(0.0, 0.0, 0.0)
-    clock.sleep(abs(speed) / base.description.max_angular_acceleration + 1.0)
+    clock.sleep(abs(speed) / base.model.part.max_angular_acceleration + 1.0)
     counted += wrap_angle(base.odometry().theta - heading)
     turned = gyro.heading
     gyro.end()

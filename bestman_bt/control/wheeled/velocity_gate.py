@@ -8,7 +8,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from bestman_bt.control.wheeled.collision_monitor import CollisionMonitor, MonitoredCommand
-from bestman_bt.control.wheeled.motion_limits import footprint_of
 from bestman_bt.messages import LaserScan, Pose2D, Twist2D
 from bestman_bt.navigation.global_planning import Footprint
 from bestman_bt.navigation.local_planning import FootprintMotion, GiveWay, MovingObstacle
@@ -30,7 +29,7 @@ class VelocityGate:
 
     def __init__(self, base: MobileBase, monitor: CollisionMonitor) -> None:
         self._base, self._monitor = base, monitor
-        self.use_footprint(footprint_of(base.description))
+        self.use_footprint(Footprint.of(base.model))
         self._share = 1.0
         self.waits = False
         self.held_by = ""
@@ -61,7 +60,7 @@ class VelocityGate:
         ``most``: m/s, None for the base's own. ``velocity``: measured, in the base frame. ``pose``: in the frame of
         ``people``, who walk and are given way, and of all who are ``tall``: they are kept from the arm, too.
         """
-        limits = self._base.description
+        limits = self._base.model.part
         speed = limits.max_vx if most is None else min(limits.max_vx, most)
         # All are scaled alike, so that the curvature stays.
         share = (

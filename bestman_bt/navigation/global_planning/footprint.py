@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.messages.frozen_array import frozen_array
+from bestman_bt.robot_model import BaseModel
 
 _ROUNDED = 2e-3
 """Metres by which corners of the outline above may be cut off; its margin is far more."""
@@ -54,6 +55,11 @@ class Footprint:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "corners", _outline(self.corners, "Footprint corners"))
+
+    @classmethod
+    def of(cls, base: BaseModel) -> Footprint:
+        """The outline of a base."""
+        return cls(np.array(base.footprint), base.part.turning_drift)
 
     def carrying(self, bodies: Iterable[NDArray[np.float64]], margin: float) -> Footprint:
         """The same base with ``bodies`` above it, each the convex hull of points (N, 3), metres in the base frame.

@@ -1,6 +1,6 @@
 """Local planning: path followers."""
 
-from bestman_bt.navigation.local_planning.base import FollowerCommand, MotionLimits, PathFollower
+from bestman_bt.navigation.local_planning.base import FollowerCommand, PathFollower
 from bestman_bt.navigation.local_planning.braking import braking_time, safe_share
 from bestman_bt.navigation.local_planning.dwa import DWA, DWAParameters
 from bestman_bt.navigation.local_planning.footprint_motion import FootprintMotion
@@ -24,7 +24,6 @@ __all__ = [
     "LocalObstacles",
     "LocalObstaclesParameters",
     "MPPIParameters",
-    "MotionLimits",
     "MovingObstacle",
     "MovingObstacles",
     "ObstacleLayer",

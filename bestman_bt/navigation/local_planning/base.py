@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from bestman_bt.messages import LaserScan, Path2D, Pose2D, Twist2D
 from bestman_bt.navigation.global_planning.costmap import Costmap
-from bestman_bt.navigation.global_planning.footprint import Footprint
+from bestman_bt.robot_model import BaseModel
 
 
 @dataclass(frozen=True)
@@ -23,20 +23,6 @@ class FollowerCommand:
     remaining: float
 
 
-@dataclass(frozen=True)
-class MotionLimits:
-    """What a base can do: m/s, rad/s, and their first and second derivatives; ``vy`` is 0 if it cannot go sideways."""
-
-    vx: float
-    vy: float
-    wz: float
-    acceleration: float
-    angular_acceleration: float
-    jerk: float
-    angular_jerk: float
-    footprint: Footprint
-
-
 class PathFollower(ABC):
     """Follows one path at a time; holds the progress along it and nothing else.
 
@@ -44,7 +30,7 @@ class PathFollower(ABC):
     it (``observe``). The others leave both as they are here.
     """
 
-    def configure(self, limits: MotionLimits) -> None:
+    def configure(self, base: BaseModel) -> None:
         """The base that will be driven; once, before the first ``reset``."""
         return
 

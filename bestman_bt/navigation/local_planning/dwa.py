@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from bestman_bt.messages import Pose2D, Twist2D, wrap_angle
 from bestman_bt.messages.bounds import Count, NonNegative, Positive, check_order
-from bestman_bt.navigation.local_planning.base import MotionLimits
 from bestman_bt.navigation.local_planning.critics import Critics, Drives, Surroundings
 from bestman_bt.navigation.local_planning.obstacle_aware import ObstacleAwareFollower, ObstacleAwareParameters
+from bestman_bt.robot_model import MobilePart
 
 Floats = NDArray[np.float32]
 
@@ -50,7 +50,7 @@ class DWA(ObstacleAwareFollower):
         super().__init__(self._parameters)
         self._oscillation: _Oscillation | None = None
 
-    def _begin(self, limits: MotionLimits, critics: Critics) -> None:
+    def _begin(self, limits: MobilePart, critics: Critics) -> None:
         self._base, self._critics = limits, critics
 
     def _restart(self) -> None:
@@ -66,7 +66,7 @@ class DWA(ObstacleAwareFollower):
         drives = _simulated(pose, vx, vy, wz, round(p.horizon / p.step), p.step)
         costs, contact = self._critics.judge(drives, around)
         # Fox's admissible velocities: those from which the base can stop before it touches anything.
-        braking = np.maximum(np.hypot(vx, vy) / base.acceleration, np.abs(wz) / base.angular_acceleration)
+        braking = np.maximum(np.hypot(vx, vy) / base.max_acceleration, np.abs(wz) / base.max_angular_acceleration)
         admissible = contact * p.step > p.reaction + braking / 2.0
         if not admissible.any():
             return Twist2D()
@@ -78,13 +78,13 @@ class DWA(ObstacleAwareFollower):
     def _window(self, twist: Twist2D) -> tuple[Floats, Floats, Floats]:
         """Velocities that can be reached within the window, (B,) each; standing still and going straight among them."""
         p, base = self._parameters, self._base
-        change, turn = base.acceleration * p.window, base.angular_acceleration * p.window
-        forward = _samples(twist.vx, change, -p.reverse, base.vx, p.forward_samples)
-        turning = _samples(twist.wz, turn, -base.wz, base.wz, p.turn_samples)
-        count = p.sideways_samples if base.vy else 1
-        sideways = _samples(twist.vy, change, -base.vy, base.vy, count)
+        change, turn = base.max_acceleration * p.window, base.max_angular_acceleration * p.window
+        forward = _samples(twist.vx, change, -p.reverse, base.max_vx, p.forward_samples)
+        turning = _samples(twist.wz, turn, -base.max_wz, base.max_wz, p.turn_samples)
+        count = p.sideways_samples if base.max_vy else 1
+        sideways = _samples(twist.vy, change, -base.max_vy, base.max_vy, count)
         vx, vy, wz = (grid.ravel().astype(np.float32) for grid in np.meshgrid(forward, sideways, turning))
-        possible = np.hypot(vx, vy) <= base.vx + 1e-6
+        possible = np.hypot(vx, vy) <= base.max_vx + 1e-6
         return vx[possible], vy[possible], wz[possible]
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from bestman_bt.messages import Twist2D
-from bestman_bt.navigation.local_planning.base import MotionLimits
+from bestman_bt.robot_model import MobilePart
 
 
 class JerkLimit:
@@ -14,11 +14,11 @@ class JerkLimit:
     The acceleration falls to zero in time before the wanted velocity is reached, so that it is not overshot.
     """
 
-    def __init__(self, limits: MotionLimits) -> None:
+    def __init__(self, limits: MobilePart) -> None:
         self._bounds = (
-            (limits.acceleration, limits.jerk),
-            (limits.acceleration, limits.jerk),
-            (limits.angular_acceleration, limits.angular_jerk),
+            (limits.max_acceleration, limits.max_jerk),
+            (limits.max_acceleration, limits.max_jerk),
+            (limits.max_angular_acceleration, limits.max_angular_jerk),
         )
         self._velocity = [0.0, 0.0, 0.0]
         self._acceleration = [0.0, 0.0, 0.0]

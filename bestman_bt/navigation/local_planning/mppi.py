@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from bestman_bt.messages import Pose2D, Twist2D
 from bestman_bt.messages.bounds import Count, NonNegative, Positive, Several, Share, WholeNumber, check_order
-from bestman_bt.navigation.local_planning.base import MotionLimits
 from bestman_bt.navigation.local_planning.critics import Critics, Drives, Surroundings
 from bestman_bt.navigation.local_planning.obstacle_aware import ObstacleAwareFollower, ObstacleAwareParameters
+from bestman_bt.robot_model import MobilePart
 
 Floats = NDArray[np.float32]
 
@@ -59,14 +59,14 @@ class MPPI(ObstacleAwareFollower):
         self._spread = np.maximum(0.0, 1.0 - np.abs(at[None, :] - np.arange(p.knots)[:, None])).astype(np.float32)
         self._restart()
 
-    def _begin(self, limits: MotionLimits, critics: Critics) -> None:
+    def _begin(self, limits: MobilePart, critics: Critics) -> None:
         p = self._parameters
         self._base, self._critics = limits, critics
-        self._axes = (0, 1, 2) if limits.vy else (0, 2)
+        self._axes = (0, 1, 2) if limits.max_vy else (0, 2)
         self._std = np.array([p.forward_std, p.sideways_std, p.turn_std], dtype=np.float32)
-        self._low = np.array([-p.reverse, -limits.vy, -limits.wz], dtype=np.float32)
-        self._high = np.array([limits.vx, limits.vy, limits.wz], dtype=np.float32)
-        change = np.array([limits.acceleration, limits.acceleration, limits.angular_acceleration])
+        self._low = np.array([-p.reverse, -limits.max_vy, -limits.max_wz], dtype=np.float32)
+        self._high = np.array([limits.max_vx, limits.max_vy, limits.max_wz], dtype=np.float32)
+        change = np.array([limits.max_acceleration, limits.max_acceleration, limits.max_angular_acceleration])
         self._change = (change * p.step).astype(np.float32)
 
     def _restart(self) -> None:
@@ -119,7 +119,7 @@ class MPPI(ObstacleAwareFollower):
         theta += np.float32(pose.theta)
         middle = theta - np.float32(0.5) * dt * wz
         cos, sin = np.cos(middle), np.sin(middle)
-        if self._base.vy:
+        if self._base.max_vy:
             dx, dy = vx * cos - vy * sin, vx * sin + vy * cos
         else:
             dx, dy = vx * cos, vx * sin

@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 from bestman_bt.messages import LaserScan, Path2D, Pose2D, Twist2D, wrap_angle
 from bestman_bt.messages.bounds import Count, NonNegative, Positive, check_order
 from bestman_bt.navigation.global_planning.costmap import Costmap
-from bestman_bt.navigation.local_planning.base import FollowerCommand, MotionLimits, PathFollower
+from bestman_bt.navigation.global_planning.footprint import Footprint
+from bestman_bt.navigation.local_planning.base import FollowerCommand, PathFollower
 from bestman_bt.navigation.local_planning.braking import braking_time, safe_share
 from bestman_bt.navigation.local_planning.cost_to_go import CostToGo, cost_to_go
 from bestman_bt.navigation.local_planning.critics import CriticParameters, Critics, Surroundings
@@ -29,6 +30,7 @@ from bestman_bt.navigation.local_planning.local_obstacles import LocalObstacles,
 from bestman_bt.navigation.local_planning.path_progress import PathProgress, densified
 from bestman_bt.navigation.local_planning.pure_pursuit import PurePursuit, PurePursuitParameters
 from bestman_bt.navigation.local_planning.rotate_to_heading import RotateToHeading, RotateToHeadingParameters
+from bestman_bt.robot_model import BaseModel, MobilePart
 
 STILL = 0.02
 TURN_ENDS = 0.25
@@ -76,7 +78,7 @@ class ObstacleAwareFollower(PathFollower):
 
     def __init__(self, parameters: ObstacleAwareParameters) -> None:
         self._common = parameters
-        self._limits: MotionLimits | None = None
+        self._limits: MobilePart | None = None
         self._obstacles = LocalObstacles(parameters.obstacles)
         self._exact = PurePursuit(parameters.ends)
         self._turn = RotateToHeading(parameters.turning)
@@ -87,7 +89,7 @@ class ObstacleAwareFollower(PathFollower):
         self._since_field = 0
 
     @abstractmethod
-    def _begin(self, limits: MotionLimits, critics: Critics) -> None:
+    def _begin(self, limits: MobilePart, critics: Critics) -> None:
         """A base to drive, and how its drives are judged."""
 
     @abstractmethod
@@ -98,22 +100,23 @@ class ObstacleAwareFollower(PathFollower):
     def _choose(self, pose: Pose2D, twist: Twist2D, around: Surroundings, dt: float) -> Twist2D:
         """The velocity to head for, from the present pose and commanded ``twist``; zero where nothing is free."""
 
-    def configure(self, limits: MotionLimits) -> None:
+    def configure(self, base: BaseModel) -> None:
         """See ``PathFollower.configure``."""
-        p = self._common
+        p, limits = self._common, base.part
         self._limits = limits = replace(
             limits,
-            vx=min(p.max_speed, limits.vx),
-            vy=min(p.max_speed, limits.vy),
-            wz=min(p.max_turn_rate, limits.wz),
+            max_vx=min(p.max_speed, limits.max_vx),
+            max_vy=min(p.max_speed, limits.max_vy),
+            max_wz=min(p.max_turn_rate, limits.max_wz),
         )
         self._smooth = JerkLimit(limits)
-        self._use_outlines(limits)
+        self._use_footprint(limits, Footprint.of(base))
 
-    def _use_outlines(self, limits: MotionLimits) -> None:
-        self._motion = FootprintMotion(limits.footprint, self._common.margin)
-        self._check = FootprintCheck(limits.footprint)
-        self._begin(limits, Critics(self._common.critics, limits.footprint, limits.vy > 0.0))
+    def _use_footprint(self, limits: MobilePart, footprint: Footprint) -> None:
+        self._footprint = footprint
+        self._motion = FootprintMotion(footprint, self._common.margin)
+        self._check = FootprintCheck(footprint)
+        self._begin(limits, Critics(self._common.critics, footprint, limits.max_vy > 0.0))
 
     def observe(self, scan: LaserScan, map_from_lidar: Pose2D) -> None:
         """See ``PathFollower.observe``."""
@@ -127,9 +130,8 @@ class ObstacleAwareFollower(PathFollower):
         if len(path.points) == 0:
             raise ValueError(f"{type(self).__name__} path should have at least one point but has none")
         overhang = None if costmap is None else costmap.footprint.overhang
-        if overhang is not self._limits.footprint.overhang:
-            self._limits = replace(self._limits, footprint=replace(self._limits.footprint, overhang=overhang))
-            self._use_outlines(self._limits)
+        if overhang is not self._footprint.overhang:
+            self._use_footprint(self._limits, replace(self._footprint, overhang=overhang))
         self._obstacles.use_costmap(costmap)
         self._path = path
         self._backwards = int(np.argmin(np.append(path.reverse, False)))  # segments at the start
@@ -188,7 +190,7 @@ class ObstacleAwareFollower(PathFollower):
             return Twist2D()
         bearing = math.atan2(to_go.carrot[1] - pose.y, to_go.carrot[0] - pose.x)
         off = abs(wrap_angle(bearing - pose.theta))
-        if self._limits.vy == 0.0 and not self._turning and off > p.turn_first:
+        if self._limits.max_vy == 0.0 and not self._turning and off > p.turn_first:
             self._turning = True
             self._turn.turn_to(bearing)
         if self._turning and off > TURN_ENDS:
@@ -215,7 +217,7 @@ class ObstacleAwareFollower(PathFollower):
         if self._to_go is None or self._since_field > self._common.field_every:
             self._since_field = 0
             ahead, left = self._progress.ahead
-            footprint, free = self._limits.footprint, self._obstacles.distance
+            footprint, free = self._footprint, self._obstacles.distance
             inscribed = footprint.inscribed_radius
             if free.tall is not None:
                 more = np.float32(footprint.above.inscribed_radius - inscribed)
@@ -245,7 +247,7 @@ class ObstacleAwareFollower(PathFollower):
         assert self._progress is not None
         before = max(0.0, self._progress.remaining - self._common.hand_over)
         speed = math.hypot(wanted.vx, wanted.vy)
-        most = 0.12 + math.sqrt(self._limits.acceleration * before)
+        most = 0.12 + math.sqrt(self._limits.max_acceleration * before)
         return self._scaled(wanted, min(1.0, most / speed)) if speed else wanted
 
     def _final_path(self, pose: Pose2D) -> Path2D:
@@ -278,7 +280,7 @@ class ObstacleAwareFollower(PathFollower):
     def _braking(self, twist: Twist2D) -> tuple[float, float, NDArray[np.float64]]:
         assert self._limits is not None
         reaction = self._common.reaction
-        braking = braking_time(twist, self._limits.acceleration, self._limits.angular_acceleration)
+        braking = braking_time(twist, self._limits.max_acceleration, self._limits.max_angular_acceleration)
         return reaction, braking, np.linspace(0.0, reaction + braking / 2.0 + 0.1, 16)
 
     def _seen(self, pose: Pose2D) -> NDArray[np.float64]:

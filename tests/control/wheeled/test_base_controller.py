@@ -22,7 +22,7 @@ def stand_pose(simulated, furniture: str) -> Pose2D:
 
 
 def drive_to(simulated, goal: Pose2D, each=None):
-    costmap = Costmap.from_map(simulated.world.map, Footprint(np.array(simulated.base.description.footprint)))
+    costmap = Costmap.from_map(simulated.world.map, Footprint(np.array(simulated.base.model.footprint)))
     path = GridAStar().plan(simulated.world.base.pose, goal, costmap)
     return simulated.wait(simulated.base.follow(path), each=each)
 

@@ -13,10 +13,11 @@ from bestman_bt.control.wheeled.velocity_gate import VelocityGate
 from bestman_bt.messages import LaserScan, Pose2D, Twist2D
 from bestman_bt.navigation.global_planning import Footprint
 from bestman_bt.navigation.local_planning import FootprintMotion, MovingObstacle
-from hal.api import BaseDescription, Bumper, BumperReading, BumperZone
+from hal.api import Bumper, BumperReading, BumperZone
+from tests.robot_models import base_model
 
 CORNERS = ((0.28, -0.26), (0.28, 0.26), (-0.28, 0.26), (-0.28, -0.26))
-BASE = BaseDescription(0.6, 0.6, 1.2, 0.6, 2.0, 0.5, CORNERS)
+BASE = base_model(CORNERS, max_vy=0.6)
 OUTLINE = FootprintMotion(Footprint(np.array(CORNERS)), 0.0)
 DT, BEAMS = 0.025, 360
 MIDDLE = Pose2D()
@@ -138,7 +139,7 @@ def test_what_is_too_close_to_be_seen_is_remembered_until_it_would_be_seen_again
 class RecordingBase:
     """Remembers what its wheels are told."""
 
-    description = BASE
+    model = BASE
 
     def set_velocity(self, vx: float, vy: float, wz: float) -> None:
         self.told = Twist2D(vx, vy, wz)

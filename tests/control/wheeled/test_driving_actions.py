@@ -103,7 +103,7 @@ def driven(
         follower or PurePursuit(),
         world,
         rotation=rotation,
-        monitor=CollisionMonitor(base.description, bumpers),
+        monitor=CollisionMonitor(base.model, bumpers),
         layer=layer,
     )
     controller.start()

@@ -32,7 +32,7 @@ def husky(turning_slip: float) -> RobotModel:
 def measure(model: RobotModel, seed: int, parameters: TurningSlipParameters | None = None) -> TurningSlip:
     with PyBulletRobot(model, FLOOR, seed=seed) as robot:
         gyro = GyroHeading(robot.part("imu", Imu), robot.clock)
-        present = model.of(BaseModel)["base"].turning_slip
+        present = model.of(BaseModel)["base"].part.turning_slip
         return measure_turning_slip(robot.part("base", MobileBase), gyro, robot.clock, present, parameters)
 
 

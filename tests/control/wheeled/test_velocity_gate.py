@@ -11,17 +11,18 @@ from bestman_bt.control.wheeled import CollisionMonitor
 from bestman_bt.control.wheeled.velocity_gate import VelocityGate
 from bestman_bt.messages import LaserScan, Pose2D, Twist2D
 from bestman_bt.navigation.local_planning import MovingObstacle
-from hal.api import BaseDescription
+from bestman_bt.robot_model import BaseModel
 from tests.control.scripted_parts import BASE, CORNERS, ScriptedBase
+from tests.robot_models import base_model
 
-OMNI = BaseDescription(0.6, 0.6, 1.2, 0.6, 2.0, 0.5, CORNERS)
+OMNI = base_model(CORNERS, max_vy=0.6)
 POSE, ODOMETRY = Pose2D(2.0, -1.0, 2.2), Pose2D(-4.0, 3.0, -0.7)
 AT_REST, DT = Twist2D(), 0.025
 
 
-def gate_of(description: BaseDescription = BASE) -> tuple[VelocityGate, ScriptedBase]:
-    base = ScriptedBase(POSE, ODOMETRY, description)
-    return VelocityGate(base, CollisionMonitor(description)), base
+def gate_of(model: BaseModel = BASE) -> tuple[VelocityGate, ScriptedBase]:
+    base = ScriptedBase(POSE, ODOMETRY, model)
+    return VelocityGate(base, CollisionMonitor(model)), base
 
 
 def command(gate, twist, most=None, velocity=AT_REST, people=(), tall=(), period=DT):

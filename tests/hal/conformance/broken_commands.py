@@ -104,7 +104,7 @@ def forgiving_servo(robot: Any) -> None:
 
 
 def forgiving_base(robot: Any) -> None:
-    limit = robot.parts["base"].description.max_vx
+    limit = robot.parts["base"].model.part.max_vx
     wrapped(robot.parts["base"], "set_velocity", lambda do, vx, vy, wz: do(np.clip(vx, -limit, limit), vy, wz))
 
 

@@ -95,7 +95,7 @@ BROKEN: list[tuple[str, Break]] = [
     ),
     (
         "a base is as the model says",
-        telling("base", "description", lambda d: replace(d, footprint=tuple((100 * x, y) for x, y in d.footprint))),
+        telling("base", "model", lambda d: replace(d, footprint=tuple((100 * x, y) for x, y in d.footprint))),
     ),
     (
         "a gripper is as the model says",

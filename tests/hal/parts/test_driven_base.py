@@ -92,7 +92,7 @@ def test_a_base_turns_by_an_angle_also_more_than_once(
 
 
 def test_no_velocity_or_acceleration_beyond_the_limits_is_sent(base: DrivenBase, channel: Unicycle, run: Run) -> None:
-    limits = base.description
+    limits = base.model.part
     base.move_forward(2.0)
     run(6.0)
     speeds = [twist.vx for twist in channel.sent]
@@ -103,7 +103,7 @@ def test_no_velocity_or_acceleration_beyond_the_limits_is_sent(base: DrivenBase,
 
 def test_a_velocity_lapses_without_a_new_command(base: DrivenBase, channel: Unicycle, run: Run) -> None:
     base.set_velocity(0.3, 0.0, 0.0)
-    run(base.description.command_timeout)
+    run(base.command_timeout)
     assert channel.twist.vx > 0.0
     run(1.5)
     assert channel.twist == Twist2D(0.0, 0.0, 0.0)
@@ -200,7 +200,7 @@ def accelerations(channel: Unicycle) -> list[float]:
 def test_a_stop_is_harder_than_a_cancel_and_neither_outlasts_itself(
     base: DrivenBase, channel: Unicycle, run: Run, robot_model: RobotModel
 ) -> None:
-    limits = base.description
+    limits = base.model.part
     hard = max(limits.max_acceleration, limits.max_vx / 0.3)
     assert hard > limits.max_acceleration  # of this robot
     for end, deceleration in (("cancel", limits.max_acceleration), ("stop", hard), ("fail", hard), ("detach", hard)):
@@ -279,8 +279,9 @@ def test_a_base_that_is_pushed_aside_steers_back_to_its_heading(base: DrivenBase
 def test_along_aside_and_about_it_keeps_the_limits_of_each(
     robot_model: RobotModel, channel: Unicycle, latch: StopLatch, sign: float
 ) -> None:
-    model = replace(robot_model.of(BaseModel)["base"], max_vy=0.4, max_acceleration=0.5, max_angular_acceleration=2.0)
-    base = DrivenBase("base", model, channel, latch)
+    model = robot_model.of(BaseModel)["base"]
+    part = replace(model.part, max_vy=0.4, max_acceleration=0.5, max_angular_acceleration=2.0)
+    base = DrivenBase("base", replace(model, part=part), channel, latch)
     base.attach()
     base.set_velocity(sign * 0.2, sign * 0.3, sign * 0.8)
     base.cycle(PERIOD)
@@ -289,7 +290,7 @@ def test_along_aside_and_about_it_keeps_the_limits_of_each(
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_a_motion_profile_brakes_by_the_acceleration_of_what_it_does(robot_model: RobotModel, sign: float) -> None:
-    base = robot_model.of(BaseModel)["base"]
+    base = robot_model.of(BaseModel)["base"].part
     model = replace(base, max_vx=1.0, max_wz=1.5, max_acceleration=0.5, max_angular_acceleration=2.0)
     start = Pose2D(1.0, 2.0, 3.0)
     turning = MotionProfile(model, start, MotionProfileParameters(), turn=sign * 1.0).velocity(
@@ -340,11 +341,12 @@ def test_a_velocity_that_is_not_taken_yet_is_due_again_and_not_counted_as_driven
 def test_steered_wheels_change_their_velocity_along_one_direction(
     robot_model: RobotModel, channel: Unicycle, latch: StopLatch
 ) -> None:
-    model = replace(robot_model.of(BaseModel)["base"], max_vy=0.5, steering_joints=("steer",))
-    base = DrivenBase("base", model, channel, latch)
+    model = robot_model.of(BaseModel)["base"]
+    part = replace(model.part, max_vy=0.5, steering_joints=("steer",))
+    base = DrivenBase("base", replace(model, part=part), channel, latch)
     base.attach()
     base.set_velocity(0.3, 0.1, 0.0)
     base.cycle(PERIOD)
     first = channel.sent[-1]
     assert first.vy / first.vx == pytest.approx(1.0 / 3.0)
-    assert math.hypot(first.vx, first.vy) == pytest.approx(model.max_acceleration * PERIOD)
+    assert math.hypot(first.vx, first.vy) == pytest.approx(part.max_acceleration * PERIOD)

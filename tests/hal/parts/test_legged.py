@@ -27,7 +27,7 @@ def test_inverse_kinematics_undoes_forward_kinematics(kinematics: LegKinematics)
 
 def test_the_feet_stand_around_the_centre_of_mass_in_the_home_posture_of_a1(kinematics: LegKinematics) -> None:
     model = load_robot_model("a1")
-    home = model.posture("home", model.of(BaseModel)["base"].joint_names).reshape(4, 3)
+    home = model.posture("home", model.of(BaseModel)["base"].part.joints).reshape(4, 3)
     below = kinematics.below_hips(HEIGHT)
     below[:, :2] += payload(model, "trunk", model.postures["home"]).centre[:2]
     assert kinematics.feet(home) == pytest.approx(below, abs=1e-3)

@@ -63,7 +63,7 @@ def test_a_standing_base_does_not_creep(robot_model, empty_world, operator) -> N
 
 def test_the_commanded_velocity_changes_within_the_acceleration_limits(standing_robot) -> None:
     base = standing_robot.part("base", type(standing_robot.parts["base"]))
-    limit = base.description.max_acceleration
+    limit = base.model.part.max_acceleration
     for _ in range(2):  # also after a stop, which brakes harder
         speeds = []
         for _ in range(12):
@@ -92,7 +92,7 @@ def test_a_velocity_lapses_after_the_dead_mans_time(standing_robot) -> None:
         for _ in range(60):
             standing_robot.clock.sleep(1 / 60)
             speeds.append(base.velocity().vx)
-        timeout = base.description.command_timeout
+        timeout = base.command_timeout
         fastest = int(np.argmax(speeds)) / 60
         assert timeout - 0.03 < fastest < timeout + 0.05
         assert abs(speeds[-1]) < 0.005

@@ -55,7 +55,7 @@ def test_it_drives_straight_and_its_odometry_agrees(robot) -> None:
 def test_only_steered_wheels_go_sideways(robot) -> None:
     base = robot.part("base", MobileBase)
     start = robot.truth.base_pose()
-    if base.description.max_vy == 0.0:
+    if base.model.part.max_vy == 0.0:
         with pytest.raises(Exception, match="vy = 0.3 m/s, its limit is 0"):
             base.set_velocity(0.0, 0.3, 0.0)
         return
@@ -72,7 +72,7 @@ def test_it_turns_on_the_spot_skidding_where_it_has_to(robot) -> None:
     moved = start.inverse() @ robot.truth.base_pose()
     turned = robot.part("base", MobileBase).odometry().theta - before
     # A skidding base with an arm turns farther than its wheels tell.
-    factor, spread = (1.12, 0.06) if robot.model.of(BaseModel)["base"].kind == "skid" else (1.0, 0.01)
+    factor, spread = (1.12, 0.06) if robot.model.of(BaseModel)["base"].part.drive == "skid" else (1.0, 0.01)
     assert turned == pytest.approx(1.2, abs=0.07)  # steered wheels turn into place first
     assert moved.yaw == pytest.approx(factor * turned, abs=spread)
 

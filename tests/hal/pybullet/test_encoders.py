@@ -145,7 +145,8 @@ def test_what_needs_encoders_fails_with_a_code(empty_world: World) -> None:
         assert handle.error is not None
         assert handle.error.code is MotionErrorCode.DISCONNECTED
         robot.clock.sleep(1.0)
-        assert np.abs(truth(robot, robot.model.of(BaseModel)["base"].wheel_joints)[1]).max() < 0.05  # it has braked
+        wheels = robot.model.of(BaseModel)["base"].part.wheel_joints
+        assert np.abs(truth(robot, wheels)[1]).max() < 0.05  # it has braked
 
 
 @pytest.mark.parametrize(("field", "value"), [("noise", "2 kg"), ("latency", "-1 s"), ("rate", "0 Hz"), ("jitter", 1)])

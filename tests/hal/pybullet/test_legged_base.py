@@ -87,7 +87,7 @@ def test_it_follows_velocities_in_all_directions(walk: Walk) -> None:
 
 def test_without_new_commands_it_stands_on_its_feet_again(walk: Walk) -> None:
     walk.drive(0.3, 0.0, 0.0, 1.0)
-    walk.robot.clock.sleep(walk.base.description.command_timeout + 1.0)
+    walk.robot.clock.sleep(walk.base.command_timeout + 1.0)
     start = walk.truth.base_pose()
     walk.robot.clock.sleep(0.5)
     assert walk.truth.base_pose().position == pytest.approx(start.position, abs=0.002)

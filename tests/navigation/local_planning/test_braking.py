@@ -11,12 +11,14 @@ from hypothesis import strategies as st
 
 from bestman_bt.messages import LaserScan, Path2D, Pose2D, Twist2D
 from bestman_bt.navigation.global_planning import Costmap
-from bestman_bt.navigation.local_planning import MotionLimits, braking_time, safe_share
+from bestman_bt.navigation.local_planning import braking_time, safe_share
 from bestman_bt.navigation.local_planning.critics import Critics, Surroundings
 from bestman_bt.navigation.local_planning.jerk_limit import JerkLimit
 from bestman_bt.navigation.local_planning.obstacle_aware import ObstacleAwareFollower, ObstacleAwareParameters
 from bestman_bt.navigation.localization.ray_casting import cast_rays
+from bestman_bt.robot_model import BaseModel, MobilePart
 from bestman_bt.world_model import SemanticMap
+from tests.robot_models import base_model
 
 DT, BEAMS = 0.025, 360
 ANGLES = np.linspace(-math.pi, math.pi, BEAMS, endpoint=False)
@@ -33,7 +35,7 @@ class Straight(ObstacleAwareFollower):
         self.chosen = AHEAD
         self.moving: list = []
 
-    def _begin(self, limits: MotionLimits, critics: Critics) -> None:
+    def _begin(self, limits: MobilePart, critics: Critics) -> None:
         return
 
     def _restart(self) -> None:
@@ -51,8 +53,8 @@ def disc(x: float, y: float, radius: float = 0.2) -> np.ndarray:
     return np.hstack([ring[:-1], ring[1:]])
 
 
-def limits(footprint) -> MotionLimits:
-    return MotionLimits(0.6, 0.0, 1.2, 0.6, 2.0, 2.0, 10.0, footprint)
+def limits(footprint) -> BaseModel:
+    return base_model(footprint.corners)
 
 
 def first_command(footprint, places, velocity: Twist2D = AHEAD, chosen: Twist2D = AHEAD) -> Twist2D:
@@ -112,7 +114,7 @@ def test_braking_takes_as_long_as_the_slower_of_driving_and_turning():
 
 
 def test_braking_for_safety_is_as_hard_as_the_acceleration_allows_and_jerk_counts_again_after_it(footprint):
-    smooth = JerkLimit(limits(footprint))
+    smooth = JerkLimit(limits(footprint).part)
     smooth.reset(Twist2D(0.5, 0.0, -1.0))
     first, second = smooth.brake(Twist2D(), DT), smooth.brake(Twist2D(), DT)
     assert [first.vx, first.wz] == pytest.approx([0.5 - 0.6 * DT, -1.0 + 2.0 * DT])
@@ -127,7 +129,7 @@ def test_braking_for_safety_is_as_hard_as_the_acceleration_allows_and_jerk_count
 
 
 def test_a_new_path_begins_without_the_acceleration_of_the_one_before(footprint):
-    smooth = JerkLimit(limits(footprint))
+    smooth = JerkLimit(limits(footprint).part)
     for _ in range(10):
         smooth.towards(Twist2D(0.6, 0.0, -1.0), DT)
     smooth.reset(Twist2D(0.2))

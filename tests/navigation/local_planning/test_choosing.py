@@ -8,11 +8,13 @@ import numpy as np
 import pytest
 
 from bestman_bt.messages import Pose2D, Twist2D
-from bestman_bt.navigation.local_planning import DWA, MPPI, DWAParameters, MotionLimits, MovingObstacle
+from bestman_bt.navigation.local_planning import DWA, MPPI, DWAParameters, MovingObstacle
 from bestman_bt.navigation.local_planning.cost_to_go import CostToGo, cost_to_go
 from bestman_bt.navigation.local_planning.critics import CriticParameters, Critics, Drives, Surroundings
 from bestman_bt.navigation.local_planning.distance_grid import DistanceGrid
 from bestman_bt.navigation.local_planning.path_progress import PathProgress
+from bestman_bt.robot_model import BaseModel
+from tests.robot_models import base_model
 
 DT, SIZE, RESOLUTION = 0.025, 240, 0.025
 CENTRES = (np.arange(SIZE) + 0.5) * RESOLUTION - 3.0
@@ -24,8 +26,8 @@ def grid(values: np.ndarray) -> DistanceGrid:
     return DistanceGrid(np.asarray(values, dtype=np.float32), (-3.0, -3.0), RESOLUTION)
 
 
-def limits(footprint, sideways: float = 0.0) -> MotionLimits:
-    return MotionLimits(0.6, sideways, 1.2, 0.6, 2.0, 2.0, 10.0, footprint)
+def limits(footprint, sideways: float = 0.0) -> BaseModel:
+    return base_model(footprint.corners, max_vy=sideways)
 
 
 def towards(place: np.ndarray, wall: np.ndarray | None = None, moving=()) -> Surroundings:

@@ -7,10 +7,11 @@ import pytest
 
 from bestman_bt.messages import LaserScan, Pose2D, Twist2D
 from bestman_bt.navigation.global_planning import Costmap, Footprint
-from bestman_bt.navigation.local_planning import FootprintMotion, LocalObstacles, MotionLimits, safe_share
+from bestman_bt.navigation.local_planning import FootprintMotion, LocalObstacles, safe_share
 from bestman_bt.navigation.local_planning.footprint_check import FootprintCheck
 from bestman_bt.navigation.local_planning.jerk_limit import JerkLimit
 from bestman_bt.navigation.localization.ray_casting import cast_rays
+from tests.robot_models import base_model
 
 ANGLES = np.linspace(-math.pi, math.pi, 360, endpoint=False)
 SQUARE = Footprint(np.array([[-0.3, -0.3], [0.3, -0.3], [0.3, 0.3], [-0.3, 0.3]]))
@@ -115,7 +116,7 @@ def test_the_safe_share_is_that_which_stops_in_time():
 
 
 def test_the_jerk_limit_reaches_a_velocity_without_passing_it_and_within_its_bounds():
-    smooth, dt = JerkLimit(MotionLimits(0.6, 0.0, 1.2, 0.6, 2.0, 2.0, 10.0, SQUARE)), 0.025
+    smooth, dt = JerkLimit(base_model().part), 0.025
     twists = [smooth.towards(Twist2D(0.6, 0.0, -1.0), dt) for _ in range(80)]
     twists += [smooth.towards(Twist2D(), dt) for _ in range(80)]
     v, w = np.array([t.vx for t in twists]), np.array([t.wz for t in twists])

@@ -9,9 +9,10 @@ import pytest
 
 from bestman_bt.messages import LaserScan, Path2D, Pose2D, Twist2D, wrap_angle
 from bestman_bt.navigation.global_planning import Costmap, GridAStar
-from bestman_bt.navigation.local_planning import DWA, MPPI, FootprintMotion, MotionLimits
+from bestman_bt.navigation.local_planning import DWA, MPPI, FootprintMotion
 from bestman_bt.navigation.localization.ray_casting import cast_rays
 from bestman_bt.world_model import SemanticMap
+from tests.robot_models import base_model
 
 DT, BEAMS = 0.025, 180
 ANGLES = np.linspace(-math.pi, math.pi, BEAMS, endpoint=False)
@@ -19,7 +20,7 @@ START, GOAL = Pose2D(0.0, 0.0, 0.3), Pose2D(3.0 - 0.28 - 0.06, -0.9, 0.0)
 
 
 def limits(footprint, sideways=False):
-    return MotionLimits(0.6, 0.6 if sideways else 0.0, 1.2, 0.6, 2.0, 2.0, 10.0, footprint)
+    return base_model(footprint.corners, max_vy=0.6 if sideways else 0.0)
 
 
 def box(x, y, width, depth):
