@@ -65,7 +65,7 @@ class PolylinePlanner(GlobalPlanner):
 
     def _plan(self, start: Pose2D, goal: Pose2D, costmap: Costmap) -> Path2D | PlanningFailure:
         turning_distance = costmap.footprint.turning_radius + self._parameters.turning_clearance
-        ends = StraightEnds(costmap, self._parameters, turning_distance).between(start, goal)
+        ends = StraightEnds(costmap, self._parameters, turning_distance, self._parameters.slack).between(start, goal)
         if isinstance(ends, PlanningFailure):
             return ends
         exit_point, backwards, approach = ends

@@ -47,13 +47,14 @@ class Ends(NamedTuple):
 class StraightEnds:
     """Leaves starts straight, and enters goals straight along their heading.
 
-    ``turning_distance``: metres from obstacles where the straight piece may end, for bases that turn there; None: it
-    may end wherever the footprint has ``clearance`` metres of room.
+    ``turning_distance``: metres from obstacles where the straight piece may end, for bases that turn there, less
+    ``slack`` where there is no more; None: it may end wherever the footprint has ``clearance`` metres of room.
     """
 
     costmap: Costmap
     parameters: StraightEndsParameters
     turning_distance: float | None = None
+    slack: float = 0.0
     clearance: float = 0.0
 
     def between(self, start: Pose2D, goal: Pose2D) -> Ends | PlanningFailure:
@@ -124,10 +125,13 @@ class StraightEnds:
         self, poses: NDArray[np.float64], clearance: NDArray[np.float64], passable: NDArray[np.bool_]
     ) -> int | None:
         """At which of the poses (N, 3) along a straight piece to end it; 0 if none is needed."""
-        suits = clearance > self.clearance
+        reached = np.logical_and.accumulate(passable)
+        suits = reached & (clearance > self.clearance)
         if self.turning_distance is not None:
-            suits = self.costmap.for_turning.distance_at(poses[:, :2]) >= self.turning_distance
-        suits &= np.logical_and.accumulate(passable)
+            room = self.costmap.for_turning.distance_at(poses[:, :2])
+            suits = reached & (room >= self.turning_distance)
+            if not suits.any():
+                suits = reached & (room >= self.turning_distance - self.slack)
         if not suits.any():
             return None
         first = int(np.argmax(suits))
