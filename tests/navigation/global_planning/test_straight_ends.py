@@ -1,0 +1,38 @@
+"""Where a straight piece before or behind furniture may end for a base that has to turn there."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from bestman_bt.messages import Pose2D
+from bestman_bt.navigation.global_planning import Costmap, Footprint, PlanningFailure, PlanningFailureReason
+from bestman_bt.navigation.global_planning.straight_ends import Ends, StraightEnds, StraightEndsParameters
+from bestman_bt.world_model import SemanticMap
+
+LANE = SemanticMap(np.array([(0.0, y, 6.0, y) for y in (-0.6, 0.6)] + [(x, -0.6, x, 0.6) for x in (0.0, 6.0)]), {})
+BASE = Footprint(np.array([[-0.4, -0.2], [0.4, -0.2], [0.4, 0.2], [-0.4, 0.2]]))
+
+
+@pytest.mark.parametrize(("slack", "there"), [(0.0, False), (0.004, False), (0.006, True)])
+def test_where_there_is_a_little_less_room_to_turn_than_wanted_the_slack_is_taken(slack: float, there: bool) -> None:
+    costmap = Costmap.from_map(LANE, BASE)
+    most = float(costmap.for_turning.distance_at([(x, 0.0) for x in np.arange(1.0, 5.0, 0.02)]).max())
+    ends = StraightEnds(costmap, StraightEndsParameters(), turning_distance=most + 0.005, slack=slack)
+    found = ends.between(Pose2D(1.0, 0.0, 0.0), Pose2D(5.0, 0.0, 0.0))
+    if there:
+        assert isinstance(found, Ends)
+    else:
+        assert isinstance(found, PlanningFailure)
+        assert found.reason is PlanningFailureReason.START_BLOCKED
+
+
+def test_where_there_is_all_the_room_that_is_wanted_it_is_preferred_to_the_slack() -> None:
+    costmap = Costmap.from_map(LANE, BASE)
+    room = costmap.for_turning
+    wanted = float(room.distance_at([3.0, 0.0]))
+    found = StraightEnds(costmap, StraightEndsParameters(), turning_distance=wanted, slack=0.3).between(
+        Pose2D(3.0, 0.0, 0.0), Pose2D(5.4, 0.0, 0.0)
+    )
+    assert isinstance(found, Ends)
+    assert float(room.distance_at(found.approach)) >= wanted
