@@ -83,11 +83,14 @@ class Session:
         nodes need are made now.
         """
         loaded = load_for(self.setup, tree, context=self.skills, clock=self.robot.clock)
-        entries = self._entries_for(tree)
+        setup = self._setup_for(tree)
+        entries = self.entries if setup is self.setup else setup.entries
         self.check(loaded, entries)
         needed = {kind for node in loaded.nodes if isinstance(node, OnRobot) for kind in (*node.REQUIRES, *node.USES)}
         for arm in self.skills.robot.arm_names or ("",):
             self.skills.for_arm(arm).make(needed)
+        if setup is not self.setup:
+            self.skills.world.told.update(setup.told)
         return self._filled(loaded, entries)
 
     def executor(self, tree: Tree, after_tick: Callable[[], None] | None = None) -> Executor:
@@ -128,14 +131,11 @@ class Session:
         for problem in unfilled_entries(tree, entries, self.setup.config.name if self.entries else None):
             _LOG.warning("%s", dataclasses.replace(problem, severity="warning"))
 
-    def _entries_for(self, tree: str | Path | Behaviour | None) -> dict[str, Any]:
+    def _setup_for(self, tree: str | Path | Behaviour | None) -> Setup:
+        """That of the session; for a shipped tree in a session without a task, with its shipped task."""
         shipped = isinstance(tree, (str, Path)) and not self.setup.config.task.tree
         task = task_of_tree(str(tree)) if shipped else None
-        if task is None:
-            return self.entries
-        setup = self.setup.with_task(task)
-        self.skills.world.told.update(setup.told)
-        return setup.entries
+        return self.setup if task is None else self.setup.with_task(task)
 
     def _filled(self, tree: Tree, entries: Mapping[str, Any]) -> Tree:
         for key, value in entries.items():

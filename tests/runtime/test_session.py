@@ -51,6 +51,13 @@ def test_without_a_task_a_shipped_tree_brings_the_goal_of_its_own() -> None:
         assert "object" not in opened.load(HEAD).blackboard
 
 
+def test_a_shipped_tree_that_is_refused_leaves_no_facts_behind() -> None:
+    with session(robot="turtle", scene="kitchen", seed=3) as opened:
+        with pytest.raises(TreeLoadError, match="arm"):
+            opened.load("fetch_cup")
+        assert opened.skills.world.told == {}
+
+
 def test_a_task_brings_its_own_scene_and_robot() -> None:
     with session(task="navigate_kitchen", seed=3) as opened:
         task = opened.setup.config.task
