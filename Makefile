@@ -4,6 +4,8 @@ BIN := .venv/bin
 JOBS ?= 2
 
 PAGE := bestman_bt/monitor/page
+# Tests against real-time clocks lie here (tests/conftest.py sees to it).
+REAL_TIME := tests/hal tests/monitor
 
 # Where it is set, each of the many processes that tests start compiles every module that it imports.
 unexport PYTHONDONTWRITEBYTECODE
@@ -36,12 +38,12 @@ demo: install
 # Tests against real-time clocks run after the others; those that take the whole machine run one after the other.
 test: lint page-packages
 	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile -m "not slow and not real_time"
-	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile -m "not slow and real_time"
+	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile -m "not slow and real_time" $(REAL_TIME)
 
 test-all: install page-packages
 	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile -m "not real_time"
-	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile -m "real_time and not alone"
-	$(BIN)/python -m pytest -m alone
+	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile -m "real_time and not alone" $(REAL_TIME)
+	$(BIN)/python -m pytest -m alone $(REAL_TIME)
 
 mutants: install
 	$(BIN)/python scripts/mutants.py --jobs $(JOBS)

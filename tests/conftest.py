@@ -9,6 +9,17 @@ from collections.abc import Iterator
 import pytest
 
 
+REAL_TIME_FOLDERS = ("tests/hal/", "tests/monitor/")
+"""Where the Makefile looks for tests against real-time clocks: to collect all others costs seconds in each process."""
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Refuses tests against real-time clocks that ``make test`` would not find."""
+    for item in items:
+        if item.get_closest_marker("real_time") and not item.nodeid.startswith(REAL_TIME_FOLDERS):
+            raise pytest.UsageError(f"{item.nodeid}: real_time tests belong to {' or '.join(REAL_TIME_FOLDERS)}")
+
+
 @pytest.fixture(autouse=True, scope="session")
 def own_runtime_folder() -> Iterator[None]:
     """Sockets and locks lie in a folder of this process, with a short path: `stop` reaches no other robot."""

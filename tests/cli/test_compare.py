@@ -35,6 +35,15 @@ def test_two_entries_of_an_evaluation_are_compared_seed_by_seed(bestman_bt: Comm
     assert document["comparisons"][0]["success"]["both"] == 6
 
 
+@pytest.fixture(scope="module")
+def evaluations(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with two evaluations, ``mine`` and ``later``, that share no seed."""
+    folder = tmp_path_factory.mktemp("evaluations")
+    finished_evaluation(folder / "mine", {"bit": BIT})
+    finished_evaluation(folder / "later", {"bit": BIT}, first_seed=500)
+    return folder
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
@@ -44,9 +53,10 @@ def test_two_entries_of_an_evaluation_are_compared_seed_by_seed(bestman_bt: Comm
         (["mine:bit", "later:bit"], "no seed is in both"),
     ],
 )
-def test_what_cannot_be_compared_is_told(bestman_bt: Command, folder: Path, arguments: list[str], words: str) -> None:
-    finished_evaluation(folder / "mine", {"bit": BIT})
-    finished_evaluation(folder / "later", {"bit": BIT}, first_seed=500)
+def test_what_cannot_be_compared_is_told(
+    bestman_bt: Command, evaluations: Path, monkeypatch: pytest.MonkeyPatch, arguments: list[str], words: str
+) -> None:
+    monkeypatch.chdir(evaluations)
 
     answer = bestman_bt("compare", *arguments)
 
