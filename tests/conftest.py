@@ -8,7 +8,6 @@ from collections.abc import Iterator
 
 import pytest
 
-
 REAL_TIME_FOLDERS = ("tests/hal/", "tests/monitor/")
 """Where the Makefile looks for tests against real-time clocks: to collect all others costs seconds in each process."""
 
