@@ -12,7 +12,7 @@ from bestman_bt.configuration import ConfigurationError, find_data, shipped_tree
 from bestman_bt.engine import load_tree
 from bestman_bt.engine.validation import validate_file
 from bestman_bt.runtime.plugins import node_registry
-from bestman_bt.runtime.tree_checks import ALWAYS_FILLED, TASK_ENTRIES, lacking_parts
+from bestman_bt.runtime.tree_checks import ALWAYS_FILLED, TASK_ENTRIES, arm_problems, lacking_parts
 
 
 def command(
@@ -40,7 +40,7 @@ def command(
         problems = validate_file(path, registry, search_path=shipped_trees(), given=(*TASK_ENTRIES, *ALWAYS_FILLED))
         if model is not None and not any(problem.severity == "error" for problem in problems):
             tree = load_tree(path, registry, search_path=shipped_trees())
-            problems = [*problems, *lacking_parts(tree, model, model.parts)]
+            problems = [*problems, *lacking_parts(tree, model, model.parts), *arm_problems(tree, model)]
         for problem in problems:
             print(problem, file=sys.stderr)
         faulty = sum(problem.severity != "warning" for problem in problems)

@@ -40,14 +40,7 @@ from bestman_bt.runtime.policies import policy_problems
 from bestman_bt.runtime.renamed_codes import renamed_codes
 from bestman_bt.runtime.task_goals import TaskGoal, reach_goal, task_goals, told_places
 from bestman_bt.runtime.task_problems import task_problems
-from bestman_bt.runtime.tree_checks import (
-    known_names,
-    lacking_grippers,
-    lacking_parts,
-    unfilled_entries,
-    unknown_names,
-    unnamed_arms,
-)
+from bestman_bt.runtime.tree_checks import arm_problems, known_names, lacking_parts, unfilled_entries, unknown_names
 from bestman_bt.scene import SceneConfig, World, draw_world, load_scene, semantic_map
 from bestman_bt.task_planning.symbolic import Literal
 from bestman_bt.world_model import BasePose, WorldModel
@@ -143,7 +136,7 @@ class Setup:
         if self.config.task.algorithm("detection")[0] not in NAMES_MODELS_ALONE:
             del names["object"]
         if not self.robot_model.of(ArmModel):
-            del names["posture"], names["arm"]  # who asks for one needs an arm
+            del names["posture"]  # who asks for one needs an arm
         return names
 
     @cached_property
@@ -160,8 +153,7 @@ class Setup:
         """
         found = [
             *lacking_parts(tree, self.robot_model, self.usable_parts),
-            *unnamed_arms(tree, self.robot_model),
-            *lacking_grippers(tree, self.robot_model),
+            *arm_problems(tree, self.robot_model),
             *unknown_names(tree, self.names),
             *renamed_codes(tree),
             *policy_problems(tree),

@@ -44,7 +44,6 @@ def known_names(world: WorldModel, robot: RobotModel, absent: Iterable[str] = ()
         "surface": [*pieces, *(f"{name}/{one.name}" for name, piece in pieces.items() for one in piece.surfaces)],
         "articulation": [f"{name}/{leaf.name}" for name, piece in pieces.items() for leaf in piece.leaves],
         "posture": list(robot.postures),
-        "arm": list(robot.arm_names),
     }
 
 
@@ -68,36 +67,34 @@ def lacking_parts(tree: Tree, robot: RobotModel, there: Collection[str]) -> list
     return problems
 
 
-def unnamed_arms(tree: Tree, robot: RobotModel) -> list[Problem]:
-    """Nodes that work with an arm and name none, where the robot has several of them and no default one."""
-    if len(robot.arm_names) < 2 or robot.default_arm is not None:
-        return []
+def arm_problems(tree: Tree, robot: RobotModel) -> list[Problem]:
+    """Nodes that name an arm which the robot lacks or whose hand is missing; or none, where there are several arms.
+
+    Robots without an arm are the business of ``lacking_parts``.
+    """
+    arms = robot.arm_names
+    problems = unknown_names(tree, {"arm": arms}) if arms else []
+    if len(arms) < 2:
+        return problems
     written = {id(use.slot) for use in entry_uses(tree) if use.writes}
-    problems = []
     for node in tree.nodes:
         if not isinstance(node, OnArm):
             continue
-        value = node.attributes.get("arm", "")
+        value: str = node.attributes.get("arm", "")
         key = key_of(value, "arm")
-        slot = None if key is None else node.board.slot(key)
-        if value and (slot is None or slot.value or id(slot) in written):
-            continue
-        named = " or ".join(f'arm="{arm}"' for arm in robot.arm_names)
-        message = f"{node.path} names no arm, and robot {robot.name} has several and no default_arm"
-        problems.append(problem_at(node, "arm", message, f"give {named}"))
+        if key is not None:
+            slot = node.board.slot(key)
+            if id(slot) in written:
+                continue
+            value = slot.value or ""
+        arm = value or robot.default_arm
+        if arm is None:
+            message = f"{node.path} names no arm; robot {robot.name} has {', '.join(arms)} and no default_arm"
+            problems.append(problem_at(node, "arm", message, f'give arm="{arms[0]}"'))
+        elif arm in arms and "gripper" in node.REQUIRES and robot.gripper_of(arm) is None:
+            message = f"{node.path} needs a gripper, and the arm {arm} of robot {robot.name} carries none"
+            problems.append(problem_at(node, "arm", message, ""))
     return problems
-
-
-def lacking_grippers(tree: Tree, robot: RobotModel) -> list[Problem]:
-    """Nodes that require a gripper and name an arm, of several, that carries none."""
-    bare = [arm for arm in robot.arm_names if len(robot.arm_names) > 1 and robot.gripper_of(arm) is None]
-    return [
-        problem_at(node, "arm", f"{node.path} needs a gripper, and arm {arm} of robot {robot.name} carries none", "")
-        for node in tree.nodes
-        if isinstance(node, OnArm) and "gripper" in node.REQUIRES
-        for arm in [str(node.attributes.get("arm", "")) or robot.default_arm]
-        if arm in bare
-    ]
 
 
 def unknown_names(tree: Tree, names: Mapping[str, Collection[str]]) -> list[Problem]:

@@ -1,16 +1,18 @@
-"""Robots that are no mobile manipulators: a base with a lidar drives, an arm on a stand picks and places."""
+"""Robots of other parts: a base with a lidar drives, an arm on a stand picks and places, two arms bring two things."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from bestman_bt.configuration import find_data, load_run
+from bestman_bt.engine import Tree
 from bestman_bt.evaluation.episode import run_episode
 from bestman_bt.messages import Pose
-from bestman_bt.runtime import session
+from bestman_bt.runtime import Session, session
 
 WITHOUT_A_LOOK = """
 <root BTCPP_format="4"><BehaviorTree ID="Main"><Sequence>
@@ -35,6 +37,21 @@ def test_an_arm_on_a_stand_moves_a_thing_on_its_table() -> None:
     result = run_episode(load_run("pick_bench", seed=32000))
     assert result.success
     assert result.metrics["place_error_mm"] < 20
+
+
+@pytest.mark.slow
+def test_two_arms_bring_two_things_in_one_drive() -> None:
+    seen: set[tuple[str, ...]] = set()
+
+    def watch(opened: Session, tree: Tree) -> Callable[[], None]:
+        hands = opened.skills.world.hands
+        return lambda: seen.add(tuple(f"{arm} {held.name}" for arm, held in sorted(hands.items())))
+
+    result = run_episode(load_run("bring_two", seed=1), watch=watch)
+    assert result.success
+    assert result.audit["findings"] == []
+    assert result.audit["collisions"] == 0
+    assert ("left cup", "right can") in seen
 
 
 @pytest.mark.slow

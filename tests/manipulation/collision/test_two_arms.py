@@ -122,6 +122,21 @@ def _fingers(side: str) -> tuple[str, str]:
 
 
 @pytest.mark.parametrize("side", SIDES)
+def test_what_the_other_hand_holds_is_an_obstacle_where_that_arm_is(model, robot, side):
+    """The bar of the other hand ends before this arm's palm; it goes where the other arm goes."""
+    q, other = home(robot, side), OTHER[side]
+    held = bar(robot, other)
+    apart = model.world(scene(robot, carried=(held,)), side).distance(q)
+    assert 0.02 < apart < 0.2
+    for padding, free in ((apart - 0.001, True), (apart + 0.001, False)):
+        world = model.world(scene(robot, carried=(held,), padding=padding, self_padding=0.0), side)
+        assert world.is_free(q) is free
+        assert all("bar" in pair for pair in world.colliding_pairs(q))
+    away = {**robot.postures["home"], f"{other}_pan": np.pi / 2 if other == "left" else -np.pi / 2}
+    assert model.world(PlanningScene(away, carried=(held,)), side).distance(q) > apart + 0.05
+
+
+@pytest.mark.parametrize("side", SIDES)
 def test_the_padding_of_what_is_held_is_kept_from_obstacles_as_well(model, robot, side):
     q = home(robot, side)
     end = pose_of(robot, side, "tool", q) @ bar(robot, side).shapes[0].pose @ Pose(np.array([0.05, 0.0, 0.0]))
@@ -146,6 +161,9 @@ def test_only_the_hand_that_holds_may_touch_what_is_held(robot, side):
         assert attached.touch_links == {f"{side}_{part}" for part in HAND}
         assert attached.tool_frame == f"{side}_tool"
         assert np.array_equal(attached.tool_from_object.position, [0.0, 0.01, 0.02])
+    others = planning_scene_from_world_model(held, robot, robot.postures["home"], OTHER[side])
+    assert others.attached is None
+    assert [carried.tool_frame for carried in others.carried] == [f"{side}_tool"]
     assert finger_contacts(robot, "cup", side) == tuple((link, "cup") for link in _fingers(side))
 
 
