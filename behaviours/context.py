@@ -121,6 +121,7 @@ class SkillContext:
     sensor. ``make_part``: from the name of one of these attributes, and of an arm, to what it is.
     ``arm_name``: the arm whose ``arm``, ``gripper``, sensors of the hand, kinematics and held object these are; empty
     without an arm. ``for_arm`` gives the context of another one.
+    ``sensors``: all of the robot by name, as its driver gives them; for kinds of your own.
     ``observations``: what was seen of objects lately, by identity, in the map frame.
     ``contacts``: those that skills declare now. ``handled``: the object that the fingers have touched last.
     ``costs``: what a computation takes on the robot's computer, seconds by name. ``failures``: what leaves told,
@@ -143,6 +144,7 @@ class SkillContext:
     followers: Callable[[str, tuple[Path, ...]], PathFollower]
     policies: Callable[[str, tuple[Path, ...]], Policy]
     arm_name: str = ""
+    sensors: Mapping[str, Any] = field(default_factory=dict)
     failures: list[NodeFailure] = field(default_factory=list)
     contacts: list[Contact] = field(default_factory=list)
     handled: str | None = None

@@ -115,6 +115,43 @@ CONNECTIONS = Registry(
 )
 """Classes that speak to one vendor's controller, by the ``driver`` of a connection in a robot's YAML."""
 
+PARTS = Registry(
+    "bestman_bt.parts",
+    "kind",
+    {
+        "arm": "bestman_bt.robot_model.part_config:ArmPart",
+        "base": "bestman_bt.robot_model.part_config:BasePart",
+        "battery": "bestman_bt.robot_model.sensor_parts:BatteryPart",
+        "bumper": "bestman_bt.robot_model.sensor_parts:BumperPart",
+        "camera": "bestman_bt.robot_model.sensor_parts:CameraPart",
+        "force_torque": "bestman_bt.robot_model.sensor_parts:ForceTorquePart",
+        "gripper": "bestman_bt.robot_model.part_config:GripperPart",
+        "imu": "bestman_bt.robot_model.sensor_parts:ImuPart",
+        "joint_group": "bestman_bt.robot_model.part_config:JointGroupPart",
+        "legged_base": "bestman_bt.robot_model.part_config:LeggedBasePart",
+        "lidar": "bestman_bt.robot_model.sensor_parts:LidarPart",
+        "structure": "bestman_bt.robot_model.part_config:StructurePart",
+        "suction": "bestman_bt.robot_model.part_config:SuctionPart",
+        "tactile": "bestman_bt.robot_model.sensor_parts:TactilePart",
+    },
+)
+"""Kinds of parts of robots: ``kind`` in a part's YAML → the dataclass of its fields, a subclass of ``PartConfig``."""
+
+SIMULATED_SENSORS = Registry(
+    "bestman_bt.simulated_sensors",
+    "simulated sensor",
+    {
+        "battery": "hal.pybullet.battery:SimulatedBattery",
+        "bumper": "hal.pybullet.bumper:SimulatedBumper",
+        "camera": "hal.pybullet.camera:SimulatedCamera",
+        "force_torque": "hal.pybullet.force_torque:SimulatedForceTorque",
+        "imu": "hal.pybullet.imu:SimulatedImu",
+        "lidar": "hal.pybullet.lidar:SimulatedLidar",
+        "tactile": "hal.pybullet.tactile:SimulatedTactile",
+    },
+)
+"""Kind of part → its sensor in PyBullet, made of name, part and a generator for its noise."""
+
 ALGORITHMS = Registry(
     "bestman_bt.algorithms",
     "algorithm",
@@ -321,6 +358,21 @@ BUILDERS = Registry(
 def algorithm(name: str) -> Callable[[T], T]:
     """``@algorithm("slot/name")`` before a class: an algorithm that configurations may choose."""
     return ALGORITHMS.adding(name)
+
+
+def part(kind: str) -> Callable[[T], T]:
+    """``@part("kind")`` before a frozen dataclass that derives from ``PartConfig``: a kind of part for robot files."""
+    return PARTS.adding(kind)
+
+
+def simulated_sensor(kind: str) -> Callable[[T], T]:
+    """``@simulated_sensor("kind")`` before a subclass of ``hal.pybullet.SimulatedSensor``: that part in simulation."""
+    return SIMULATED_SENSORS.adding(kind)
+
+
+def connection(driver: str) -> Callable[[T], T]:
+    """``@connection("driver")`` before a subclass of ``hal.hardware.Connection``: a vendor's controller."""
+    return CONNECTIONS.adding(driver)
 
 
 def task_planner(name: str) -> Callable[[T], T]:

@@ -23,12 +23,12 @@ def command(
     plugins: Plugins = None,
 ) -> None:
     """Check tree files without running them."""
+    registry = node_registry([str(plugin) for plugin in plugins or ()])
     model = None
     if robot is not None:
         from bestman_bt.robot_model import load_robot_model
 
-        model = load_robot_model(robot)
-    registry = node_registry([str(plugin) for plugin in plugins or ()])
+        model = load_robot_model(robot)  # after the plug-ins, which may bring kinds of parts
     errors = 0
     for file in files:
         try:

@@ -15,7 +15,7 @@ from bestman_bt.robot_model.model import (
     WheeledBaseModel,
 )
 from bestman_bt.robot_model.part_config import BasePart, LeggedBasePart, MobilePart
-from bestman_bt.robot_model.part_fields import EncodersConfig
+from bestman_bt.robot_model.part_fields import EncodersConfig, PartConfig
 from bestman_bt.robot_model.payload import Payload, payload
 from bestman_bt.robot_model.sensor_parts import (
     BatteryPart,
@@ -47,6 +47,7 @@ __all__ = [
     "MobilePart",
     "MountedBumper",
     "MountedForceTorque",
+    "PartConfig",
     "Payload",
     "RobotModel",
     "TactilePart",

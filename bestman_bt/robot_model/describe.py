@@ -23,8 +23,6 @@ from bestman_bt.robot_model.model import (
     WheeledBaseModel,
 )
 from bestman_bt.robot_model.part_config import (
-    PART_KINDS,
-    AnyPart,
     ArmPart,
     BasePart,
     GripperPart,
@@ -33,7 +31,7 @@ from bestman_bt.robot_model.part_config import (
     StructurePart,
     SuctionPart,
 )
-from bestman_bt.robot_model.part_fields import JointLimitsConfig
+from bestman_bt.robot_model.part_fields import JointLimitsConfig, PartConfig
 from bestman_bt.robot_model.placed_part import PlacedPart
 from bestman_bt.robot_model.self_pairs import allowed_self_pairs
 from bestman_bt.robot_model.sensor_parts import (
@@ -42,7 +40,11 @@ from bestman_bt.robot_model.sensor_parts import (
     MountedForceTorque,
 )
 
-_KINDS = tuple(PART_KINDS)
+_ORDER = (
+    *("base", "legged_base", "structure", "arm", "gripper", "suction", "joint_group"),
+    *("camera", "lidar", "force_torque", "imu", "tactile", "bumper", "battery"),
+)
+"""Kinds in the order of ``RobotModel.parts``; those of plug-ins come last."""
 
 
 def describe(
@@ -63,7 +65,8 @@ def describe(
         for joint in (*part.config.wheel_joints, *part.config.steering_joints)
     )
     parts: dict[str, Part] = {}
-    for part_name, part in sorted(placed.items(), key=lambda item: _KINDS.index(item[1].config.kind)):
+    order = {kind: index for index, kind in enumerate(_ORDER)}
+    for part_name, part in sorted(placed.items(), key=lambda item: order.get(item[1].config.kind, len(order))):
         resolved = _resolve(part, urdf, base_frame, placed, tools.get(part_name), parts)
         if resolved is not None:
             parts[part_name] = resolved
@@ -83,7 +86,7 @@ def _resolve(
     urdf: ET.Element,
     base_frame: str,
     placed: Mapping[str, PlacedPart],
-    hand: AnyPart | None,
+    hand: PartConfig | None,
     before: Mapping[str, Part],
 ) -> Part | None:
     """The part with what the URDF adds to it; None for a structure. ``hand``: on an arm; ``before``: bases at least."""

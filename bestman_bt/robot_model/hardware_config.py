@@ -16,7 +16,8 @@ from bestman_bt.configuration import ConfigurationError, Document, Problem, chec
 from bestman_bt.registry import CONNECTIONS, UnknownNameError, suggestion
 from bestman_bt.robot_model.connection_config import ConnectionConfig, SafetyConfig
 from bestman_bt.robot_model.model import ArmModel, BaseModel, GripperModel, Part, RobotModel
-from bestman_bt.robot_model.part_config import AnyPart, ArmPart
+from bestman_bt.robot_model.part_config import ArmPart
+from bestman_bt.robot_model.part_fields import PartConfig
 from bestman_bt.robot_model.robot_config import RobotConfig
 
 _VARIABLE = re.compile(r"\$\{(\w+)\}")
@@ -35,7 +36,7 @@ def with_hardware(model: RobotModel, connections: Mapping[str, ConnectionConfig]
 
 
 def read_connections(
-    config: RobotConfig, document: Document, parts: Mapping[str, AnyPart | None]
+    config: RobotConfig, document: Document, parts: Mapping[str, PartConfig | None]
 ) -> tuple[dict[str, ConnectionConfig], list[Problem]]:
     """The connections with their options as the driver's own dataclass, and all that is wrong with them and ``safety``.
 
@@ -91,7 +92,7 @@ def _kind_problems(
     connection: ConnectionConfig,
     serves: Mapping[str, tuple[int, int]],
     document: Document,
-    parts: Mapping[str, AnyPart | None],
+    parts: Mapping[str, PartConfig | None],
 ) -> Iterator[Problem]:
     """Whether the driver can serve the parts that are behind its controller."""
     kinds = [_kind(parts.get(part)) for part in connection.parts]
@@ -111,14 +112,14 @@ def _kind_problems(
             yield document.problem(field, f"should name {number} of the kind {kind}, names {count}; {owed}")
 
 
-def _kind(part: AnyPart | None) -> str | None:
+def _kind(part: PartConfig | None) -> str | None:
     if part is None:
         return None
     return "gripper" if part.kind in _AS_A_GRIPPER else part.kind
 
 
 def _payload_problems(
-    name: str, connection: ConnectionConfig, options: Any, document: Document, parts: Mapping[str, AnyPart | None]
+    name: str, connection: ConnectionConfig, options: Any, document: Document, parts: Mapping[str, PartConfig | None]
 ) -> Iterator[Problem]:
     load = getattr(options, "payload", None)
     for part in connection.parts:

@@ -13,16 +13,8 @@ from numpy.typing import ArrayLike, NDArray
 from bestman_bt.robot_model.connection_config import ConnectionConfig, SafetyConfig
 from bestman_bt.robot_model.finger_linkage import MimicJoint, all_positions
 from bestman_bt.robot_model.part_config import BasePart, LeggedBasePart, MobilePart
-from bestman_bt.robot_model.part_fields import EncodersConfig
-from bestman_bt.robot_model.sensor_parts import (
-    BatteryPart,
-    CameraPart,
-    ImuPart,
-    LidarPart,
-    MountedBumper,
-    MountedForceTorque,
-    TactilePart,
-)
+from bestman_bt.robot_model.part_fields import EncodersConfig, PartConfig
+from bestman_bt.robot_model.sensor_parts import MountedBumper, MountedForceTorque
 
 
 @dataclass(frozen=True, eq=False)
@@ -178,19 +170,8 @@ class JointGroupModel:
     encoders: EncodersConfig = field(default_factory=EncodersConfig)
 
 
-Part = (
-    BaseModel
-    | ArmModel
-    | GripperModel
-    | JointGroupModel
-    | CameraPart
-    | LidarPart
-    | MountedForceTorque
-    | ImuPart
-    | TactilePart
-    | MountedBumper
-    | BatteryPart
-)
+Part = BaseModel | ArmModel | GripperModel | JointGroupModel | MountedForceTorque | MountedBumper | PartConfig
+"""What a robot model holds: sensors, and kinds of plug-ins, as they are in the YAML."""
 Kind = TypeVar("Kind", bound=Part)
 
 

@@ -25,15 +25,6 @@ from bestman_bt.configuration.quantity import (
     Torque,
 )
 from bestman_bt.robot_model.part_fields import EncodersConfig, FrameConfig, JointLimitsConfig, PartConfig
-from bestman_bt.robot_model.sensor_parts import (
-    BatteryPart,
-    BumperPart,
-    CameraPart,
-    ForceTorquePart,
-    ImuPart,
-    LidarPart,
-    TactilePart,
-)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -210,37 +201,3 @@ class JointGroupPart(PartConfig):
 
 JointedPart: TypeAlias = ArmPart | JointGroupPart | LeggedBasePart
 """Parts whose description gives limits and states of their ``joints``."""
-
-AnyPart: TypeAlias = (
-    BasePart
-    | LeggedBasePart
-    | StructurePart
-    | ArmPart
-    | GripperPart
-    | SuctionPart
-    | JointGroupPart
-    | CameraPart
-    | LidarPart
-    | ForceTorquePart
-    | ImuPart
-    | TactilePart
-    | BumperPart
-    | BatteryPart
-)
-
-PART_KINDS: dict[str, type[AnyPart]] = {
-    "base": BasePart,
-    "legged_base": LeggedBasePart,
-    "structure": StructurePart,
-    "arm": ArmPart,
-    "gripper": GripperPart,
-    "suction": SuctionPart,
-    "joint_group": JointGroupPart,
-    "camera": CameraPart,
-    "lidar": LidarPart,
-    "force_torque": ForceTorquePart,
-    "imu": ImuPart,
-    "tactile": TactilePart,
-    "bumper": BumperPart,
-    "battery": BatteryPart,
-}

@@ -13,20 +13,18 @@ import numpy as np
 
 from bestman_bt.configuration import ConfigurationError, Document, Problem, check, find_data, read_document
 from bestman_bt.messages import Box
-from bestman_bt.registry import suggestion
+from bestman_bt.registry import PARTS, UnknownNameError, suggestion
 from bestman_bt.robot_model.finger_linkage import MimicJoint, opening_table
 from bestman_bt.robot_model.generators import GENERATORS
 from bestman_bt.robot_model.missing_inertia import add_rotor_inertia, complete_inertial
 from bestman_bt.robot_model.part_config import (
-    PART_KINDS,
-    AnyPart,
     BasePart,
     GripperPart,
     JointedPart,
     JointGroupPart,
     LeggedBasePart,
 )
-from bestman_bt.robot_model.part_fields import ContactConfig, PadConfig
+from bestman_bt.robot_model.part_fields import ContactConfig, PadConfig, PartConfig
 from bestman_bt.robot_model.urdf_elements import child_of, fixed_joint, link, move_origin, shape
 from bestman_bt.robot_model.urdf_source import Subtree, UrdfError, locate_urdf, read_subtree
 
@@ -59,7 +57,7 @@ class PlacedPart:
     """
 
     name: str
-    config: AnyPart
+    config: PartConfig
     elements: list[ET.Element]
     root: str
     mimics: tuple[MimicJoint, ...] = ()
@@ -86,10 +84,11 @@ def read_part(name: str, description: str, changes: Document, asked_by: Problem,
     path = find_data("part", description, asked_by)
     document = _with_name(read_document(path), name).merged(changes)
     kind = document.data.get("kind")
-    if not isinstance(kind, str) or kind not in PART_KINDS:
-        message = f"unknown kind {kind!r}; {suggestion(str(kind), list(PART_KINDS))}" if kind else "is missing"
-        raise ConfigurationError([document.problem(("kind",), message)])
-    config: AnyPart = check(document, PART_KINDS[kind])
+    try:
+        part_type: type[PartConfig] = PARTS.resolve(str(kind or ""))
+    except UnknownNameError as error:
+        raise ConfigurationError([document.problem(("kind",), str(error) if kind else "is missing")]) from error
+    config = check(document, part_type)
     subtree = _elements(name, config, document, path.parent)
     elements, root, mimics = subtree.elements, subtree.root, subtree.mimics
     if isinstance(config, LeggedBasePart):
@@ -119,7 +118,7 @@ def read_part(name: str, description: str, changes: Document, asked_by: Problem,
 
 
 def _opening(
-    config: AnyPart, document: Document, elements: list[ET.Element], mimics: tuple[MimicJoint, ...]
+    config: PartConfig, document: Document, elements: list[ET.Element], mimics: tuple[MimicJoint, ...]
 ) -> tuple[tuple[float, float], ...]:
     if not isinstance(config, GripperPart) or (config.open_at is None and config.closed_at is None):
         return ()
@@ -138,7 +137,7 @@ def _opening(
     return table
 
 
-def _add_rotors(config: AnyPart, elements: list[ET.Element], mimics: tuple[MimicJoint, ...]) -> None:
+def _add_rotors(config: PartConfig, elements: list[ET.Element], mimics: tuple[MimicJoint, ...]) -> None:
     if not isinstance(config, GripperPart | BasePart | JointGroupPart | LeggedBasePart) or config.rotor_inertia == 0.0:
         return
     joints = config.wheel_joints if isinstance(config, BasePart) else config.joints
@@ -149,7 +148,7 @@ def _add_rotors(config: AnyPart, elements: list[ET.Element], mimics: tuple[Mimic
             add_rotor_inertia(element, config.rotor_inertia)
 
 
-def _added_frames(config: AnyPart) -> list[ET.Element]:
+def _added_frames(config: PartConfig) -> list[ET.Element]:
     added = []
     for name, frame in config.frames.items():
         added += [link(name), fixed_joint(f"{name}_joint", frame.link, name, frame.xyz, frame.rpy)]
@@ -171,7 +170,7 @@ def _with_name(document: Document, name: str) -> Document:
     return Document(fill(document.data), document.origins)
 
 
-def _elements(name: str, config: AnyPart, document: Document, folder: Path) -> Subtree:
+def _elements(name: str, config: PartConfig, document: Document, folder: Path) -> Subtree:
     if (config.urdf is None) == (config.generated is None):
         raise ConfigurationError([document.problem((), "one of 'urdf' and 'generated' should be given")])
     if config.urdf is not None:
@@ -202,7 +201,7 @@ def _elements(name: str, config: AnyPart, document: Document, folder: Path) -> S
     return Subtree(generated_part, generated_part[0].get("name", ""))
 
 
-def _check_names(config: AnyPart, document: Document, names: set[str]) -> None:
+def _check_names(config: PartConfig, document: Document, names: set[str]) -> None:
     problems = []
     for field in (*_NAME_FIELDS, "collision", "contact", "mass"):
         for named in _flat(getattr(config, field, None)):
@@ -233,7 +232,7 @@ def _flat(value: Any) -> list[str]:
     return [text for item in value for text in _flat(item)]
 
 
-def _dress(dressed: ET.Element, config: AnyPart) -> None:
+def _dress(dressed: ET.Element, config: PartConfig) -> None:
     """Give a link the collision shape, the contact and the mass that its part's description says."""
     name = dressed.get("name", "")
     pads: tuple[PadConfig, ...] | None = config.collision.get(name)
@@ -258,7 +257,7 @@ def _rename(elements: list[ET.Element], renamed: dict[str, str]) -> None:
             end.set("link", renamed[end.get("link", "")])
 
 
-def _renamed_config(config: AnyPart, renamed: dict[str, str]) -> AnyPart:
+def _renamed_config(config: PartConfig, renamed: dict[str, str]) -> PartConfig:
     def rename(value: Any) -> Any:
         if isinstance(value, str):
             return renamed[value]

@@ -33,7 +33,7 @@ from bestman_bt.runtime.run_facts import describe_run
 from bestman_bt.runtime.setup import Setup, load_for, prepare
 from bestman_bt.runtime.telemetry import Telemetry
 from bestman_bt.runtime.tree_checks import unfilled_entries
-from hal.api import Robot
+from hal.api import Robot, Sensor
 
 _LOG = logging.getLogger(__name__)
 
@@ -216,6 +216,7 @@ def _skills(setup: Setup, robot: Robot) -> SkillContext:
         kinds=parts.kinds,
         make_part=parts.made,
         arm_name=parts.default_arm,
+        sensors={name: part for name, part in robot.parts.items() if isinstance(part, Sensor)},
         world=world,
         stop=RobotStop(robot),
         algorithms=algorithms,

@@ -20,7 +20,7 @@ from bestman_bt.scene import World
 from hal.api import Failure, Motion, MotionErrorCode, MotionStatus, NotConnectedError, Part, Robot
 from hal.hardware.clock import RealTimeClock
 from hal.hardware.robot import HardwareRobot
-from hal.hardware.robot_process import ROBOT, Call, MotionNumber, MotionReport, Setup
+from hal.hardware.robot_process import ROBOT, Call, MotionNumber, MotionReport, Setup, plug_ins
 
 END_TIME = 5.0
 PROGRAM = "from hal.hardware.robot_process import main; main()"
@@ -142,7 +142,7 @@ class _Line:
         """Start the process; it is ready when this returns."""
         pairs = [multiprocessing.Pipe() for _ in range(2)]  # which block whatever a vendor's SDK makes of all sockets
         theirs = [their.fileno() for _, their in pairs]
-        command = [sys.executable, "-c", PROGRAM, *map(str, theirs)]
+        command = [sys.executable, "-c", PROGRAM, *map(str, theirs), *plug_ins(setup.model)]
         path = os.pathsep.join(filter(None, sys.path))
         self._process = subprocess.Popen(
             command, pass_fds=theirs, env={**os.environ, "PYTHONPATH": path}, stdin=subprocess.DEVNULL

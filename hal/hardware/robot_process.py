@@ -6,6 +6,7 @@ after the other; over the second one stops, which wait for nothing.
 
 from __future__ import annotations
 
+import importlib.util
 import itertools
 import os
 import signal
@@ -14,8 +15,10 @@ import threading
 from collections import OrderedDict
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
+from pathlib import Path
 from typing import Any
 
+from bestman_bt.registry import CONNECTIONS
 from bestman_bt.robot_model import RobotModel
 from hal.api import Failure, Motion, MotionStatus, RobotError
 from hal.hardware.clock import RealTimeClock
@@ -24,6 +27,8 @@ from hal.hardware.robot import HardwareRobot
 
 ROBOT = ""
 """The name of the robot itself among its parts."""
+OURS = ("bestman_bt", "hal")
+"""Packages that each process has."""
 REMEMBERED_MOTIONS = 200
 REST_TIME = 0.6
 SERVING_PRIORITY = 2
@@ -115,10 +120,30 @@ class RobotServer:
         return MotionNumber(number)
 
 
+def plug_ins(model: RobotModel) -> list[str]:
+    """``module=file`` of all Python files of users that bring a kind of part or a vendor's driver of this robot."""
+    classes = [type(part) for part in model.parts.values()]
+    classes += [CONNECTIONS.resolve(settings.driver) for settings in model.connections.values()]
+    own = dict.fromkeys(cls.__module__ for cls in classes if cls.__module__.partition(".")[0] not in OURS)
+    return [f"{name}={sys.modules[name].__file__}" for name in own]
+
+
+def _load(name: str, file: str) -> None:
+    """Run a user's file under the name that it has in the process that plans; it may import what lies beside it."""
+    specification = importlib.util.spec_from_file_location(name, file)
+    if specification is None or specification.loader is None:
+        raise ImportError(f"{file} should be a Python file (.py)")
+    sys.path.insert(0, str(Path(file).parent))
+    sys.modules[name] = module = importlib.util.module_from_spec(specification)
+    specification.loader.exec_module(module)
+
+
 def main() -> None:
     """Serve both wires."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the program that plans; it ends the wires
     calls, stops = (Connection(int(descriptor)) for descriptor in sys.argv[1:3])
+    for plug_in in sys.argv[3:]:
+        _load(*plug_in.split("=", 1))
     take_real_time_priority(SERVING_PRIORITY)  # and all threads from here on
     os.dup2(2, 1)  # what SDKs print is no output of the program
     server = RobotServer(calls.recv())

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.robot_model import BatteryPart
 from hal.api import Battery, BatteryReading
-from hal.pybullet.sensor_pipeline import SensorPipeline
+from hal.pybullet.sensor_pipeline import SimulatedSensor
 from hal.pybullet.simulation import Simulation
 
 
-class SimulatedBattery(Battery):
+class SimulatedBattery(SimulatedSensor[BatteryReading], Battery):
     """Loses what idle electronics and motors draw in every step; nothing is won back from braking motors.
 
     A motor draws its mechanical power, by the drives' efficiency, and the heat of its windings, which grows with the
@@ -22,18 +23,13 @@ class SimulatedBattery(Battery):
     """
 
     def __init__(self, name: str, model: BatteryPart, rng: np.random.Generator) -> None:
-        super().__init__(name)
+        super().__init__(name, model.rate, model.latency)
         self._model, self._rng = model, rng
         self._energy = model.charge * model.capacity
         self._drawn = self._drawn_for = 0.0  # since the last reading, joules and seconds
         self._most: NDArray[np.float64] = np.zeros(0)
-        self.line: SensorPipeline[BatteryReading] = SensorPipeline(name, model.rate, model.latency)
 
-    def read(self) -> BatteryReading:
-        """The latest reading."""
-        return self.line.read()
-
-    def attach(self, simulation: Simulation) -> None:
+    def begin(self, simulation: Simulation) -> Callable[[], BatteryReading]:
         """Begin with the charge of the description."""
         self._energy = self._model.charge * self._model.capacity
         self._drawn = self._drawn_for = 0.0
@@ -41,11 +37,7 @@ class SimulatedBattery(Battery):
         efforts = [client.getJointInfo(built.robot, built.joints[joint])[10] for joint in simulation.joint_names]
         self._most = np.array([effort if effort > 0.0 else math.inf for effort in efforts])
         simulation.step_observers.append(lambda: self._draw(simulation))
-        self.line.attach(simulation, lambda: self._measure(simulation))
-
-    def detach(self) -> None:
-        """Let go."""
-        self.line.detach()
+        return lambda: self._measure(simulation)
 
     def _draw(self, simulation: Simulation) -> None:
         model = self._model

@@ -2,50 +2,43 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.robot_model import MountedBumper
 from hal.api import Bumper, BumperReading, BumperZone
 from hal.pybullet.client import Reader, ReadPurpose
-from hal.pybullet.sensor_pipeline import SensorPipeline
+from hal.pybullet.sensor_pipeline import SimulatedSensor
 from hal.pybullet.simulation import Simulation
 
 
-class SimulatedBumper(Bumper):
+class SimulatedBumper(SimulatedSensor[BumperReading], Bumper):
     """A strip is pressed by ``threshold`` newtons in all, pushed inwards, at most ``height`` above the floor.
 
     ``line.fault`` makes it fail.
     """
 
-    def __init__(self, name: str, model: MountedBumper) -> None:
-        super().__init__(name)
+    def __init__(self, name: str, model: MountedBumper, _: np.random.Generator | None = None) -> None:
+        super().__init__(name, model.part.rate, model.part.latency)
         self._mounted, self._model = model, model.part
         self._zones = tuple(BumperZone(start, end) for start, end in model.zones)
         self._middles = np.array([zone.middle for zone in self._zones])
         self._halves = np.array([(np.array(zone.end) - np.array(zone.start)) / 2 for zone in self._zones])
-        self.line: SensorPipeline[BumperReading] = SensorPipeline(name, model.part.rate, model.part.latency)
 
     @property
     def zones(self) -> tuple[BumperZone, ...]:
         """The strips."""
         return self._zones
 
-    def read(self) -> BumperReading:
-        """The latest reading."""
-        return self.line.read()
-
-    def attach(self, simulation: Simulation) -> None:
-        """Feel in this simulation."""
+    def begin(self, simulation: Simulation) -> Callable[[], BumperReading]:
+        """Which strips are pressed."""
         reader = simulation.client.reader(ReadPurpose.SENSOR)
         built = simulation.built
         holder, _ = built.frames.get(self._model.frame, (self._model.frame, None))
         links = {built.links[holder]} | {built.joints[joint] for joint in self._mounted.joints}
-        self.line.attach(simulation, lambda: self._measure(simulation, reader, frozenset(links)))
-
-    def detach(self) -> None:
-        """Let go."""
-        self.line.detach()
+        return lambda: self._measure(simulation, reader, frozenset(links))
 
     def _measure(self, simulation: Simulation, reader: Reader, links: frozenset[int]) -> BumperReading:
         robot, floor = simulation.built.robot, simulation.built.floor

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -9,47 +11,38 @@ from bestman_bt.robot_model import ImuPart
 from hal.api import Imu, ImuReading
 from hal.pybullet.client import ReadPurpose
 from hal.pybullet.link_motion import FrameTracker
-from hal.pybullet.sensor_pipeline import SensorPipeline
+from hal.pybullet.sensor_pipeline import SimulatedSensor
 from hal.pybullet.simulation import Simulation
 
 GRAVITY = np.array([0.0, 0.0, -9.81])
 
 
-class SimulatedImu(Imu):
+class SimulatedImu(SimulatedSensor[ImuReading], Imu):
     """Measures at its rate: angular velocity and specific force, both as means since the reading before.
 
     Each axis has a bias of its own, drawn once, and normal noise. ``line.fault`` makes it fail.
     """
 
     def __init__(self, name: str, model: ImuPart, rng: np.random.Generator) -> None:
-        super().__init__(name)
+        super().__init__(name, model.rate, model.latency)
         self._model, self._rng = model, rng
         self._deviations = np.repeat([model.noise_angular_velocity, model.noise_acceleration], 3)
         self._most = np.repeat([model.max_angular_velocity, model.max_acceleration], 3)
         bias = np.repeat([model.bias_angular_velocity, model.bias_acceleration], 3)
         self._bias = bias * rng.standard_normal(6)
         self._before: tuple[float, NDArray[np.float64]] | None = None
-        self.line: SensorPipeline[ImuReading] = SensorPipeline(name, model.rate, model.latency)
 
     @property
     def frame(self) -> str:
         """The frame of the readings."""
         return self._model.frame
 
-    def read(self) -> ImuReading:
-        """The latest reading."""
-        return self.line.read()
-
-    def attach(self, simulation: Simulation) -> None:
-        """Measure in this simulation, which is at rest now."""
+    def begin(self, simulation: Simulation) -> Callable[[], ImuReading]:
+        """The mean motion since the reading before."""
         reader = simulation.client.reader(ReadPurpose.SENSOR)
         tracker = FrameTracker(simulation, reader, self._model.frame)
         self._before = None
-        self.line.attach(simulation, lambda: self._measure(tracker, simulation.now))
-
-    def detach(self) -> None:
-        """Let go."""
-        self.line.detach()
+        return lambda: self._measure(tracker, simulation.now)
 
     def _measure(self, tracker: FrameTracker, now: float) -> ImuReading:
         motion = tracker.look()

@@ -11,20 +11,17 @@ from zlib import crc32
 
 import numpy as np
 
+from bestman_bt.registry import SIMULATED_SENSORS
 from bestman_bt.robot_model import (
     ArmModel,
     BaseModel,
-    BatteryPart,
-    CameraPart,
     GripperModel,
-    ImuPart,
     JointGroupModel,
     LeggedBaseModel,
-    LidarPart,
     MountedBumper,
     MountedForceTorque,
+    PartConfig,
     RobotModel,
-    TactilePart,
     WheeledBaseModel,
     payload,
 )
@@ -43,8 +40,6 @@ from hal.parts import (
     ToolLimits,
 )
 from hal.pybullet.audit_record import AuditRecord
-from hal.pybullet.battery import SimulatedBattery
-from hal.pybullet.bumper import SimulatedBumper
 from hal.pybullet.camera import SimulatedCamera
 from hal.pybullet.client import PhysicsClient
 from hal.pybullet.disturbance_log import DisturbanceLog
@@ -58,31 +53,13 @@ from hal.pybullet.lidar import SimulatedLidar
 from hal.pybullet.monitor import AuditMonitor
 from hal.pybullet.parameters import PhysicsParameters
 from hal.pybullet.raw_call_guard import RawCallGuard
+from hal.pybullet.sensor_pipeline import SimulatedSensor
 from hal.pybullet.simulation import Simulation
 from hal.pybullet.suction import SuctionPump
-from hal.pybullet.tactile import SimulatedTactile
 from hal.pybullet.wheel_drive import WheelDrive
 
+AnySensor = SimulatedCamera | SimulatedForceTorque | SimulatedLidar | SimulatedSensor[Any]
 Channel = FingerMotors | JointMotors | LegDrive | SuctionPump | WheelDrive
-SimulatedSensor = (
-    SimulatedBattery
-    | SimulatedBumper
-    | SimulatedCamera
-    | SimulatedForceTorque
-    | SimulatedImu
-    | SimulatedLidar
-    | SimulatedTactile
-)
-SENSORS: Mapping[type, Callable[[str, Any, np.random.Generator], SimulatedSensor]] = {
-    CameraPart: SimulatedCamera,
-    LidarPart: SimulatedLidar,
-    MountedForceTorque: SimulatedForceTorque,
-    ImuPart: SimulatedImu,
-    TactilePart: SimulatedTactile,
-    MountedBumper: lambda name, part, _: SimulatedBumper(name, part),
-    BatteryPart: SimulatedBattery,
-}
-"""The kind of a part → its sensor, made of name, part and the source of its noise."""
 JOINTS = StreamingParameters(latency=0.0)
 """A reading shows the set-point of the control period before: nothing lies between, as a vendor's controller does."""
 LEGS = DrivingParameters(stop_time=0.08, profile=MotionProfileParameters(arrived=0.005))
@@ -115,7 +92,7 @@ class PyBulletRobot(Robot):
         self._lock = threading.RLock()
         self._channels: dict[str, Channel] = {}
         self._actuators: dict[str, CommandedGripper | DrivenBase | StreamedJointGroup] = {}
-        self._sensors: dict[str, SimulatedSensor] = {}
+        self._sensors: dict[str, AnySensor] = {}
         self._make_sensors()
         self._make_actuators()
         self._parts = MappingProxyType({**self._actuators, **self._sensors})
@@ -282,9 +259,12 @@ class PyBulletRobot(Robot):
         return np.random.default_rng([self._seed, crc32(part.encode())])
 
     def _make_sensors(self) -> None:
+        sensors = SIMULATED_SENSORS.names()
         for name, part in self._model.parts.items():
-            if type(part) in SENSORS:
-                self._sensors[name] = SENSORS[type(part)](name, part, self._generator(name))
+            described = part.part if isinstance(part, MountedForceTorque | MountedBumper) else part
+            if isinstance(described, PartConfig) and described.kind in sensors:
+                make: Callable[..., AnySensor] = SIMULATED_SENSORS.resolve(described.kind)
+                self._sensors[name] = make(name, part, self._generator(name))
 
     def _make_actuators(self) -> None:
         model, latch, period = self._model, self._latch, self._parameters.control_period

@@ -1,14 +1,15 @@
-"""Between a simulated sensor and those who read it: rate, latency, and how it can fail."""
+"""Simulated sensors: rate, latency, and how they can fail."""
 
 from __future__ import annotations
 
 import math
+from abc import abstractmethod
 from collections import deque
 from collections.abc import Callable
 from enum import Enum
 from typing import Generic, TypeVar
 
-from hal.api import NoDataError, NotConnectedError
+from hal.api import NoDataError, NotConnectedError, Sensor
 from hal.pybullet.simulation import Simulation
 
 Reading = TypeVar("Reading")
@@ -83,3 +84,27 @@ class SensorPipeline(Generic[Reading]):
 
     def _periods(self, now: float) -> int:
         return math.floor(now * self._rate + 1e-6)
+
+
+class SimulatedSensor(Sensor, Generic[Reading]):
+    """A sensor of the simulation; a subclass says in ``begin`` what it measures. ``line.fault`` makes it fail."""
+
+    def __init__(self, name: str, rate: float, latency: float = 0.0, on_demand: bool = False) -> None:
+        super().__init__(name)
+        self.line: SensorPipeline[Reading] = SensorPipeline(name, rate, latency, on_demand)
+
+    @abstractmethod
+    def begin(self, simulation: Simulation) -> Callable[[], Reading]:
+        """Called when the world has been built and is at rest; what it returns is called to measure."""
+
+    def read(self) -> Reading:
+        """The latest reading."""
+        return self.line.read()
+
+    def attach(self, simulation: Simulation) -> None:
+        """Measure in this simulation."""
+        self.line.attach(simulation, self.begin(simulation))
+
+    def detach(self) -> None:
+        """Let go."""
+        self.line.detach()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -9,7 +11,7 @@ from bestman_bt.robot_model import TactilePart
 from hal.api import Tactile, TactileReading
 from hal.pybullet.client import Reader, ReadPurpose
 from hal.pybullet.link_motion import FrameMotion, FrameTracker, body_velocity_at
-from hal.pybullet.sensor_pipeline import SensorPipeline
+from hal.pybullet.sensor_pipeline import SimulatedSensor
 from hal.pybullet.simulation import Contact, Simulation
 
 FACING = 0.7
@@ -19,7 +21,7 @@ from behind is not on its pad."""
 Array = NDArray[np.float64]
 
 
-class SimulatedTactile(Tactile):
+class SimulatedTactile(SimulatedSensor[TactileReading], Tactile):
     """Contacts of the link that carries the pad, where they lie on the pad and press on it.
 
     The skin spreads each of them over the taxels (a normal distribution cut off at the pad's edge), so that the sum of
@@ -28,33 +30,24 @@ class SimulatedTactile(Tactile):
     """
 
     def __init__(self, name: str, model: TactilePart, rng: np.random.Generator) -> None:
-        super().__init__(name)
+        super().__init__(name, model.rate, model.latency)
         self._model, self._rng = model, rng
         width, height = model.size
         self._x = (np.arange(model.columns) + 0.5) / model.columns * width - width / 2
         self._y = (np.arange(model.rows) + 0.5) / model.rows * height - height / 2
-        self.line: SensorPipeline[TactileReading] = SensorPipeline(name, model.rate, model.latency)
 
     @property
     def frame(self) -> str:
         """The middle of the pad, z out of it."""
         return self._model.frame
 
-    def read(self) -> TactileReading:
-        """The latest reading."""
-        return self.line.read()
-
-    def attach(self, simulation: Simulation) -> None:
-        """Feel in this simulation."""
+    def begin(self, simulation: Simulation) -> Callable[[], TactileReading]:
+        """What presses on the pad."""
         reader = simulation.client.reader(ReadPurpose.SENSOR)
         holder, _ = simulation.built.frames.get(self._model.frame, (self._model.frame, None))
         link = simulation.built.links[holder]
         tracker = FrameTracker(simulation, reader, self._model.frame)
-        self.line.attach(simulation, lambda: self._measure(simulation, reader, link, tracker.look()))
-
-    def detach(self) -> None:
-        """Let go."""
-        self.line.detach()
+        return lambda: self._measure(simulation, reader, link, tracker.look())
 
     def _measure(self, simulation: Simulation, reader: Reader, link: int, motion: FrameMotion) -> TactileReading:
         model = self._model

@@ -1,0 +1,84 @@
+"""The files of the page "Add a part" do what it says, as they are written there."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from bestman_bt.configuration import ConfigurationError, load_run
+from bestman_bt.manipulation.kinematics import ForwardKinematics
+from bestman_bt.registry import CONNECTIONS, PARTS, SIMULATED_SENSORS
+from bestman_bt.robot_model import load_robot_model
+from bestman_bt.runtime import prepare, session
+
+PAGE = (Path(__file__).parents[2] / "docs" / "add_a_part.md").read_text()
+BLOCKS = re.findall(r"^```(?:python|yaml|xml)\n((?:#|<!--) ([\w.]+)(?: -->)?\n.*?)^```", PAGE, re.MULTILINE | re.DOTALL)
+FILES = {name: text for text, name in BLOCKS}
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """The page's files in a folder, which is the present one; what they register is forgotten afterwards."""
+    registries = (PARTS, SIMULATED_SENSORS, CONNECTIONS)
+    before = [dict(registry._entries) for registry in registries]
+    for name, text in FILES.items():
+        (tmp_path / name).write_text(text)
+    monkeypatch.chdir(tmp_path)
+    yield tmp_path
+    for registry, entries in zip(registries, before, strict=True):
+        registry._entries.clear()
+        registry._entries.update(entries)
+
+
+def script(name: str) -> str:
+    """What a script of the page prints."""
+    ran = subprocess.run([sys.executable, name], capture_output=True, text=True, timeout=60)
+    assert ran.returncode == 0, ran.stderr
+    return ran.stdout
+
+
+def test_a_sensor_takes_four_files_and_a_vendor_three() -> None:
+    assert sorted(FILES) == [
+        *("acme.py", "acme_robot.yaml", "is_it_warm.xml", "show_limits.py"),
+        *("thermometer.py", "thermometer.yaml", "try_acme.py", "warm_robot.yaml"),
+    ]
+
+
+def test_limits_are_read_where_the_page_says(folder: Path) -> None:
+    assert script("show_limits.py").startswith("base: 0.6 m/s; ")
+
+
+def test_a_skill_reads_the_sensor_in_simulation_and_fails_where_it_is_too_warm(folder: Path) -> None:
+    with session("warm_robot.yaml", "kitchen", seed=3, plugins=["thermometer.py"]) as opened:
+        execution = opened.run("is_it_warm.xml")
+        assert execution.succeeded
+        height = ForwardKinematics(opened.skills.robot).pose("thermometer_link", {}).position[2]
+        warm = opened.skills.sensors["thermometer"].read()
+        assert warm == pytest.approx(20.0 + 3.0 * height, abs=0.3)
+        limit = f'most="{warm - 1.0}"'
+        execution = opened.run((folder / "is_it_warm.xml").read_text().replace('most="30"', limit))
+        assert not execution.succeeded
+        assert [failure.error_code for failure in opened.skills.failures] == ["too_warm"]
+        assert opened.robot.audit_record().truth_reads == 0
+
+
+def test_a_mistake_in_the_new_kind_is_told_with_file_line_and_field(folder: Path) -> None:
+    text = FILES["thermometer.yaml"].replace("10 Hz", "-1 Hz")
+    (folder / "thermometer.yaml").write_text(text)
+    config = load_run(None, scene="kitchen", robot="warm_robot.yaml", seed=1, plugins=["thermometer.py"])
+    with pytest.raises(ConfigurationError, match=r"thermometer.yaml:6: rate: should be greater than 0, got '-1 Hz'"):
+        prepare(config)
+
+
+def test_a_kind_that_nobody_has_registered_is_refused_with_those_there_are(folder: Path) -> None:
+    with pytest.raises(ConfigurationError, match="unknown kind 'thermometer'; "):
+        load_robot_model("warm_robot.yaml")
+
+
+def test_the_law_holds_for_a_gripper_of_a_vendor_that_a_plug_in_brings(folder: Path) -> None:
+    assert script("try_acme.py") == "succeeded True 40 mm\n"
