@@ -34,10 +34,15 @@ for _file in _hiding_files():
     logging.getLogger(__name__).warning(_told(_file))
 
 
+def refuse_hidden_packages() -> None:
+    """Raise ImportError where a file beside the script hides a package of ours."""
+    for file in _hiding_files():
+        raise ImportError(_told(file), path=file)
+
+
 def __getattr__(name: str) -> Any:
     """Import what is used when it is used: the engine alone should not load the simulator."""
     if name in _HOMES:
-        for file in _hiding_files():
-            raise ImportError(_told(file), path=file)
+        refuse_hidden_packages()
         return getattr(import_module(_HOMES[name]), name)
     raise AttributeError(f"module 'bestman_bt' has no attribute {name!r}")

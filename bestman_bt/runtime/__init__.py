@@ -8,6 +8,8 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from bestman_bt import refuse_hidden_packages
+
 if TYPE_CHECKING:
     from bestman_bt.runtime.control_channel import ControlChannel
     from bestman_bt.runtime.executor import Ending, Execution, Executor
@@ -50,4 +52,5 @@ __all__ = [
 def __getattr__(name: str) -> Any:
     if name not in _HOMES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    refuse_hidden_packages()
     return getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)
