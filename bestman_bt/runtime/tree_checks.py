@@ -78,7 +78,7 @@ def arm_problems(tree: Tree, robot: RobotModel) -> list[Problem]:
         return problems
     written = {id(use.slot) for use in entry_uses(tree) if use.writes}
     for node in tree.nodes:
-        if not isinstance(node, OnArm):
+        if not isinstance(node, OnArm) and "arm" not in getattr(node, "REQUIRES", ()):
             continue
         value: str = node.attributes.get("arm", "")
         key = key_of(value, "arm")
@@ -90,8 +90,9 @@ def arm_problems(tree: Tree, robot: RobotModel) -> list[Problem]:
         arm = value or robot.default_arm
         if arm is None:
             message = f"{node.path} names no arm; robot {robot.name} has {', '.join(arms)} and no default_arm"
-            problems.append(problem_at(node, "arm", message, f'give arm="{arms[0]}"'))
-        elif arm in arms and "gripper" in node.REQUIRES and robot.gripper_of(arm) is None:
+            hint = f'give arm="{arms[0]}"' if isinstance(node, OnArm) else f"give the robot a default_arm: {arms[0]}"
+            problems.append(problem_at(node, "arm", message, hint))
+        elif arm in arms and "gripper" in getattr(node, "REQUIRES", ()) and robot.gripper_of(arm) is None:
             message = f"{node.path} needs a gripper, and the arm {arm} of robot {robot.name} carries none"
             problems.append(problem_at(node, "arm", message, ""))
     return problems

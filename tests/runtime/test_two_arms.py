@@ -92,6 +92,18 @@ def test_an_arm_without_a_hand_cannot_grasp(tmp_path: Path) -> None:
     assert "Grasp::2 needs a gripper, and the arm left of robot one_hand carries none" in problem
 
 
+def test_a_leaf_of_ones_own_without_the_port_needs_a_default_arm(tmp_path: Path) -> None:
+    (tmp_path / "own.py").write_text(
+        "from behaviours.skill import Skill\n\n\nclass Wave(Skill):\n    REQUIRES = ('arm',)\n"
+    )
+    plain = tmp_path / "plain.xml"
+    plain.write_text(TREE.format("<Wave/>"))
+    robot, own = without_default(tmp_path), [str(tmp_path / "own.py")]
+    config = load_run(None, scene="kitchen", robot=robot, settings=[f"tree={plain}"], plugins=own)
+    with pytest.raises(TreeLoadError, match=r"Wave::2 names no arm.*give the robot a default_arm: left"):
+        prepare(config)
+
+
 @pytest.fixture(scope="module")
 def opened() -> Iterator[Session]:
     with session(scene="two_things", robot="two_arms", seed=1) as opened:
