@@ -178,7 +178,7 @@ class Close(OnArm, Skill):
         if left > self.get_input("opening"):
             self.set_output("left", left)
             code = "jammed" if resisted else error_code(motion.end)
-            raise SkillFailure(code, f"{leaf.articulation} is still open by {left:.2f}: {failure}")
+            raise SkillFailure(code, f"{leaf.articulation} is still open by {left:.2f}: {failure}", failure.failure)
         return left
 
     def _uncertainty(self, push: Push) -> float:

@@ -146,5 +146,6 @@ class Open(OnArm, Skill):
             why = f"{leaf.articulation} is open by {opened:.2f} of {opening.asked:.2f} only"
             if failure is None and share < 1.0:
                 raise SkillFailure("out_of_reach", f"{why}: the arm gets no farther from here")
-            raise SkillFailure(error_code(motion.end, reached="not_open"), f"{why}: {failure}" if failure else why)
+            code = error_code(motion.end, reached="not_open")
+            raise SkillFailure(code, f"{why}: {failure}" if failure else why, failure.failure if failure else None)
         return opened

@@ -67,7 +67,7 @@ class GripperController:
     def open(self, width: float | None = None, speed: float | None = None) -> ControlHandle[GripperOutcome]:
         """Open to ``width`` (fully by default) at ``speed`` m/s of the width (the gripper's own by default)."""
         target = self.description.max_width if width is None else width
-        return start_motion(lambda: self._gripper.move(target, speed=speed), self._outcome)
+        return start_motion(self.name, lambda: self._gripper.move(target, speed=speed), self._outcome)
 
     def close(self, force: float | None = None, speed: float | None = None) -> ControlHandle[GripperOutcome]:
         """Close until something blocks or the fingers meet; both are success, and the outcome tells which it was.
@@ -77,7 +77,7 @@ class GripperController:
         if speed is None:
             speed = min(self._parameters.closing_speed, self.description.max_speed)
         return start_motion(
-            lambda: self._gripper.move(self.description.min_width, force=force, speed=speed), self._outcome
+            self.name, lambda: self._gripper.move(self.description.min_width, force=force, speed=speed), self._outcome
         )
 
     def release(self) -> ControlHandle[GripperOutcome]:

@@ -99,7 +99,7 @@ class HandSynergy:
         self._torque = np.minimum(torque, self._limits)
         self._closure = min(1.0, max(0.0, self.closure())) if self._timer is None else self._closure
         self._target, self._still_for, self._running_for = closure, 0.0, 0.0
-        self._handle = ControlHandle(self.stop)
+        self._handle = ControlHandle(self._hand.name, self.stop)
         if self._timer is None:
             self._timer = self._clock.every(self._parameters.period, self._tick)
         self._tick()

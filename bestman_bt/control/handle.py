@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from enum import Enum
 from typing import Generic, TypeVar
 
@@ -25,10 +26,12 @@ class ControlHandle(Generic[Result]):
     """An action that goes on by itself while the clock runs; a final status never changes again.
 
     ``status``, ``error``, ``result`` and ``cancel`` are for the one who asked; ``succeed``, ``fail`` and ``abort``
-    are for the controller. ``on_cancel`` brings the part to rest; it is called at most once.
+    are for the controller. ``part``: the one that acts, which failures name. ``on_cancel`` brings it to rest; it is
+    called at most once.
     """
 
-    def __init__(self, on_cancel: Callable[[], None] | None = None) -> None:
+    def __init__(self, part: str = "", on_cancel: Callable[[], None] | None = None) -> None:
+        self._part = part
         self._status = ControlStatus.RUNNING
         self._error: Failure | None = None
         self._result: Result | None = None
@@ -71,21 +74,21 @@ class ControlHandle(Generic[Result]):
         """End as failed; ``result``: what was found out nevertheless."""
         if not self.done:
             self._result = result
-            self._error = Failure(code, text)
+            self._error = Failure(code, text, self._part)
             self._status = ControlStatus.FAILED
 
     def abort(self, code: MotionErrorCode, text: str) -> None:
         """End as cancelled: by request, a stop or a newer command."""
         if not self.done:
-            self._error = Failure(code, text)
+            self._error = Failure(code, text, self._part)
             self._status = ControlStatus.CANCELED
 
 
 class MotionHandle(ControlHandle[Result]):
     """Ends as its motion does; ``result`` is read once, when the motion has succeeded."""
 
-    def __init__(self, motion: Motion, result: Callable[[], Result] | None = None) -> None:
-        super().__init__(motion.cancel)
+    def __init__(self, part: str, motion: Motion, result: Callable[[], Result] | None = None) -> None:
+        super().__init__(part, motion.cancel)
         self._motion = motion
         self._read_result = result
 
@@ -115,17 +118,20 @@ class MotionHandle(ControlHandle[Result]):
             self._result = self._read_result() if self._read_result is not None else None
             self._status = ControlStatus.SUCCEEDED
         elif status is not MotionStatus.RUNNING:
-            self._error = self._motion.error or Failure(MotionErrorCode.FAULT, "the part gave no reason")
+            error = self._motion.error or Failure(MotionErrorCode.FAULT, "the part gave no reason")
+            self._error = error if error.part else replace(error, part=self._part)
             failed = status is MotionStatus.FAILED
             self._status = ControlStatus.FAILED if failed else ControlStatus.CANCELED
 
 
-def start_motion(command: Callable[[], Motion], result: Callable[[], Result] | None = None) -> ControlHandle[Result]:
-    """Give a command and wrap its motion; a command that is refused becomes a handle that has failed."""
+def start_motion(
+    part: str, command: Callable[[], Motion], result: Callable[[], Result] | None = None
+) -> ControlHandle[Result]:
+    """Give a command to a part and wrap its motion; a command that is refused becomes a handle that has failed."""
     try:
-        return MotionHandle(command(), result)
+        return MotionHandle(part, command(), result)
     except (CommandRefusedError, *READING_ERRORS) as error:
-        refused: ControlHandle[Result] = ControlHandle()
+        refused: ControlHandle[Result] = ControlHandle(part)
         read = isinstance(error, READING_ERRORS)
         refused.fail(MotionErrorCode.DISCONNECTED if read else MotionErrorCode.REFUSED, str(error))
         return refused

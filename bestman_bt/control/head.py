@@ -45,7 +45,7 @@ class HeadController:
         target = np.asarray(point, dtype=float)
         positions, miss = self._solve(target)
         if miss > self._tolerance:
-            handle: ControlHandle[None] = ControlHandle()
+            handle: ControlHandle[None] = ControlHandle(self.name)
             place = ", ".join(f"{value:.2f}" for value in target)
             handle.fail(
                 MotionErrorCode.UNREACHABLE,
@@ -56,7 +56,7 @@ class HeadController:
 
     def move_to(self, positions: ArrayLike, speed_scale: float = 1.0) -> ControlHandle[None]:
         """Move the joints to ``positions`` (n,), radians; succeeds when they rest there."""
-        return start_motion(lambda: self._group.move_to(positions, speed_scale))
+        return start_motion(self.name, lambda: self._group.move_to(positions, speed_scale))
 
     def stop(self) -> None:
         """Bring the head to rest at once."""

@@ -39,5 +39,6 @@ class Failure:
 
     def __str__(self) -> str:
         """In words: ``arm: the joints are held (C31)``."""
-        words = f"{self.part}: {self.text}" if self.part else self.text
+        named = not self.part or self.text.startswith(self.part)
+        words = self.text if named else f"{self.part}: {self.text}"
         return f"{words} ({self.vendor_code})" if self.vendor_code else words

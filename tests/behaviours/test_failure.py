@@ -29,7 +29,7 @@ class MoveStruckArm(Skill):
     def execute(self) -> Steps:
         motion = PartMotion(Owner())
         motion.end(MotionStatus.FAILED, STRUCK)
-        yield start_motion(lambda: motion)
+        yield start_motion("arm", lambda: motion)
 
 
 @pytest.fixture

@@ -14,7 +14,7 @@ def test_a_final_status_never_changes():
 
 def test_cancelling_brings_the_part_to_rest_once():
     calls = []
-    handle: ControlHandle[None] = ControlHandle(lambda: calls.append("stop"))
+    handle: ControlHandle[None] = ControlHandle("arm", lambda: calls.append("stop"))
     handle.cancel()
     handle.cancel()
     assert calls == ["stop"]

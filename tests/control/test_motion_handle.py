@@ -18,7 +18,7 @@ from tests.control.scripted_parts import ScriptedMotion
 @pytest.mark.parametrize("code", MotionErrorCode)
 def test_a_motion_that_does_not_succeed_tells_its_code_and_words(status, expected, code):
     motion = ScriptedMotion()
-    handle = MotionHandle(motion, lambda: 1)
+    handle = MotionHandle("arm", motion, lambda: 1)
     assert not handle.done
     motion.end(status, code, "because")
     assert handle.error.code.value == code.value
@@ -27,7 +27,7 @@ def test_a_motion_that_does_not_succeed_tells_its_code_and_words(status, expecte
 
 def test_the_result_is_read_once_when_the_motion_has_succeeded():
     motion, reads = ScriptedMotion(), []
-    handle = MotionHandle(motion, lambda: reads.append("read") or len(reads))
+    handle = MotionHandle("arm", motion, lambda: reads.append("read") or len(reads))
     assert (handle.status, handle.result, reads) == (ControlStatus.RUNNING, None, [])
     motion.end(MotionStatus.SUCCEEDED)
     assert handle.result == 1
@@ -37,13 +37,13 @@ def test_the_result_is_read_once_when_the_motion_has_succeeded():
 
 def test_a_cancel_reaches_the_motion_once_and_one_that_has_ended_not_at_all():
     motion = ScriptedMotion()
-    handle = MotionHandle(motion)
+    handle = MotionHandle("arm", motion)
     handle.cancel()
     handle.cancel()
     assert motion.cancels == 1
     assert (handle.status, handle.error.code) == (ControlStatus.CANCELED, MotionErrorCode.CANCELED)
     ended = ScriptedMotion()
-    handle = MotionHandle(ended)
+    handle = MotionHandle("arm", ended)
     ended.end(MotionStatus.SUCCEEDED)
     handle.cancel()
     assert (ended.cancels, handle.status) == (0, ControlStatus.SUCCEEDED)
@@ -51,14 +51,14 @@ def test_a_cancel_reaches_the_motion_once_and_one_that_has_ended_not_at_all():
 
 def test_a_motion_that_fails_without_a_word_is_a_fault():
     motion = ScriptedMotion()
-    handle = MotionHandle(motion)
+    handle = MotionHandle("arm", motion)
     motion.end(MotionStatus.FAILED)
     assert (handle.status, handle.error.code) == (ControlStatus.FAILED, MotionErrorCode.FAULT)
 
 
 def test_a_guard_s_verdict_stays_although_the_motion_is_then_stopped():
     motion = ScriptedMotion()
-    handle = MotionHandle(motion)
+    handle = MotionHandle("arm", motion)
     handle.fail(MotionErrorCode.GUARDED, "it slipped")
     motion.end(MotionStatus.CANCELED, MotionErrorCode.STOPPED, "stopped")
     assert (handle.status, handle.error.code) == (ControlStatus.FAILED, MotionErrorCode.GUARDED)
@@ -78,5 +78,5 @@ def test_a_command_that_cannot_be_given_is_a_handle_that_has_failed(error, code)
     def command():
         raise error
 
-    handle = start_motion(command)
+    handle = start_motion("arm", command)
     assert (handle.status, handle.error.code, handle.error.text) == (ControlStatus.FAILED, code, "no")

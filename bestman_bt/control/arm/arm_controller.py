@@ -90,7 +90,7 @@ class ArmController:
         ``free``: nothing is to be touched on the way; a contact ends it as COLLISION.
         """
         self._end_stream(MotionErrorCode.SUPERSEDED, "a newer command took over")
-        handle: ControlHandle[None] = start_motion(lambda: self._arm.follow(trajectory))
+        handle: ControlHandle[None] = start_motion(self._arm.name, lambda: self._arm.follow(trajectory))
         return self._watched(handle, guard, trajectory if free else None)
 
     def move_to(
@@ -98,7 +98,9 @@ class ArmController:
     ) -> ControlHandle[None]:
         """Move point to point to ``positions`` (n,) within a share of the limits; no collision check."""
         self._end_stream(MotionErrorCode.SUPERSEDED, "a newer command took over")
-        return self._watched(start_motion(lambda: self._arm.move_to(positions, speed_scale)), guard, None)
+        return self._watched(
+            start_motion(self._arm.name, lambda: self._arm.move_to(positions, speed_scale)), guard, None
+        )
 
     def move_until(
         self, direction: ArrayLike, speed: float, max_distance: float, stop_force: float
@@ -112,7 +114,7 @@ class ArmController:
         axis = _unit(direction)
         _check_positive(speed=speed, max_distance=max_distance, stop_force=stop_force)
         kinematics, wrist = self._feeling("move_until")
-        handle: ControlHandle[GuardedOutcome] = ControlHandle(self._cancel_stream)
+        handle: ControlHandle[GuardedOutcome] = ControlHandle(self._arm.name, self._cancel_stream)
         stream = ToolStream(self._arm, kinematics, self._streaming)
         self._run(
             GuardedMove(stream, wrist, axis, speed, max_distance, stop_force, handle, self._guarded), handle, stream
@@ -151,7 +153,7 @@ class ArmController:
         if math.isinf(distance) and math.isinf(angle):
             raise ValueError("follow_constraint needs a distance or an angle to end at")
         kinematics, wrist = self._feeling("follow_constraint")
-        handle: ControlHandle[FollowedMotion] = ControlHandle(self._cancel_stream)
+        handle: ControlHandle[FollowedMotion] = ControlHandle(self._arm.name, self._cancel_stream)
         stream = ToolStream(self._arm, kinematics, self._streaming)
         goal = FollowGoal(speed, distance, angle, max_pull, max_side, turn, guide, axis, learns)
         following = ConstraintFollowing(stream, wrist, start, goal, handle, grip, hint, self._following)

@@ -79,7 +79,7 @@ class ImpedanceController:
         self._end(MotionErrorCode.SUPERSEDED, "a newer command took over")
         self._posture = self._arm.positions()
         self._target = base_from_tool or self._kinematics.tool_pose(self._posture)
-        self._handle = ControlHandle(self._release)
+        self._handle = ControlHandle(self._arm.name, self._release)
         self._timer = self._clock.every(self._parameters.period, self._tick)
         self._tick()
         return self._handle

@@ -282,7 +282,7 @@ class BaseController:
         with self._lock:
             p = self._parameters
             tolerance = p.position_tolerance if position_tolerance is None else position_tolerance
-            handle: ControlHandle[BasePose] = ControlHandle(self._base.stop)
+            handle: ControlHandle[BasePose] = ControlHandle(self._base.name, self._base.stop)
             watch = ProgressWatch(p.stall_distance, p.stall_angle, p.stall_time)
             self._replace(_Action(handle, follower, goal, tolerance, watch, by_odometry, speed, driven))
             # One that is lost gets another chance; else one that is sent on again and again would never find out.
