@@ -53,6 +53,14 @@ def test_a_second_client_is_refused_until_the_first_one_is_gone() -> None:
     second.release()
 
 
+def test_a_controller_is_the_same_one_however_its_name_is_written() -> None:
+    first, second = client(address="Arm-1.lab.local"), client(address=" arm-1.LAB.local")
+    first.take()
+    with pytest.raises(ConnectionFailedError, match=f"process {os.getpid()} on this machine"):
+        second.take()
+    first.release()
+
+
 def test_other_controllers_are_others() -> None:
     clients = [client(), client(driver="other"), client(address="192.168.77.204")]
     for each in clients:

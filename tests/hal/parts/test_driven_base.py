@@ -231,6 +231,21 @@ def test_a_stop_is_harder_than_a_cancel_and_neither_outlasts_itself(
         run(1.0)
 
 
+def test_a_stop_brakes_turning_by_the_limits_of_turning(base: DrivenBase, channel: Unicycle, run: Run) -> None:
+    limits = base.model.part
+    hard = limits.max_wz / 0.3
+    assert hard > max(limits.max_angular_acceleration, limits.max_vx / 0.3)  # of this robot
+    for end, deceleration in (("cancel", limits.max_angular_acceleration), ("stop", hard)):
+        motion = base.rotate(9.0)
+        run(2.0)
+        channel.sent.clear()
+        motion.cancel() if end == "cancel" else base.stop()
+        run(1.0)
+        changes = [(b.wz - a.wz) / PERIOD for a, b in pairwise(channel.sent)]
+        assert min(changes) == pytest.approx(-deceleration, rel=0.01)
+        assert channel.twist == Twist2D(0.0, 0.0, 0.0)
+
+
 def test_a_velocity_replaces_a_motion_and_lapses_when_it_should(base: DrivenBase, channel: Unicycle, run: Run) -> None:
     motion = base.rotate(3.0)
     run(0.5)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -33,6 +35,19 @@ def test_the_tool_is_where_the_arm_holds_it(robot_model: RobotModel, home: np.nd
     assert tool[:2] == pytest.approx([0.15 + 0.307, 0.0], abs=1e-3)  # as the Panda's maker draws this posture
     assert np.linalg.norm(turned[:2] - foot) == pytest.approx(np.linalg.norm(tool[:2] - foot), abs=1e-6)
     assert turned[2] == pytest.approx(tool[2])
+
+
+def test_a_lift_below_the_arm_is_where_home_has_it(robot_model: RobotModel, home: np.ndarray) -> None:
+    fixed = '<joint name="arm_mount_joint" type="fixed">'
+    lift = (
+        '<joint name="lift" type="prismatic"><axis xyz="0 0 1"/>'
+        '<limit lower="0" upper="0.5" velocity="0.1" effort="900"/>'
+    )
+    assert robot_model.urdf.count(fixed) == 1
+    postures = {**robot_model.postures, "home": {**robot_model.postures["home"], "lift": 0.3}}
+    lifted = replace(robot_model, urdf=robot_model.urdf.replace(fixed, lift), postures=postures)
+    raised = limits(lifted).tool(home) - limits(robot_model).tool(home)
+    assert raised == pytest.approx([0.0, 0.0, 0.3], abs=1e-9)
 
 
 def test_a_target_outside_the_workspace_is_told_with_axis_and_limits(robot_model: RobotModel, home: np.ndarray) -> None:

@@ -81,6 +81,19 @@ def test_messages_that_come_late_for_a_while_are_late(stream: Stream[int], clock
             assert (late is not None) is (step > 36)
 
 
+def test_a_new_connection_is_not_late_for_what_the_one_before_it_was(stream: Stream[int], clock: Clock) -> None:
+    stream.take(message(7.0), 100.0)
+    for step in range(21):
+        clock.time = 100.5 + 0.01 * step
+        stream.take(message(7.2 + 0.01 * step), clock.time)
+        late = stream.late(0.1)
+    assert late == pytest.approx(0.3, abs=1e-3)
+    stream.forget()
+    assert stream.late(0.1) is None
+    stream.take(message(7.5), 100.8)
+    assert stream.late(0.1) is None  # late, but not for a while
+
+
 def test_a_single_late_message_is_none_and_counting_begins_anew() -> None:
     watch = LatencyMonitor()
     for start in (10.0, 20.0):
