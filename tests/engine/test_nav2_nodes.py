@@ -51,6 +51,15 @@ def test_round_robin_fails_when_all_children_failed_in_turn() -> None:
     assert ticks(tree, 2) == [FAILURE, FAILURE]
 
 
+def test_a_halted_round_robin_begins_with_the_first_child_and_forgets_which_have_failed() -> None:
+    a, b = Again("a", plan="F"), Plan("b", plan="R")
+    tree = build_tree(RoundRobin([a, b]))
+    for begun in (1, 2, 3):
+        assert tree.tick_exactly_once() == RUNNING
+        assert (a.ticks, b.ticks) == (begun, begun)
+        tree.halt()
+
+
 def test_a_success_of_a_round_robin_forgets_the_failures_before_it() -> None:
     tree = build_tree(RoundRobin([AlwaysFailure("a"), Again("b", plan="S"), AlwaysFailure("c")]))
     assert ticks(tree, 3) == [SUCCESS, SUCCESS, SUCCESS]

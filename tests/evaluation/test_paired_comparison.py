@@ -129,6 +129,16 @@ def test_p_values_of_several_metrics_are_corrected() -> None:
     assert drive.adjusted_p == time.adjusted_p == 1.0
 
 
+def test_no_corrected_p_value_is_below_one_of_a_smaller_p_value() -> None:
+    first = [run(seed, a=0.0, b=0.0) for seed in range(10)]
+    second = [run(seed, a=5.0 + seed, b=5.0 + seed) for seed in range(10)]
+
+    a, b, *_ = compare_runs(first, second).metrics
+
+    assert a.p_value == b.p_value < 0.01
+    assert a.adjusted_p == b.adjusted_p == pytest.approx(4 * a.p_value)
+
+
 def test_one_sentence_says_whether_a_difference_is_shown_and_how_many_pairs_would_decide() -> None:
     undecided = compare_successes(5 * [(False, True)] + [(True, False)] + 14 * [(True, True)])
     assert success_sentence(undecided, "rrt", "bit") == (

@@ -12,6 +12,7 @@ import pytest
 from bestman_bt.monitor.comparison import compare
 from bestman_bt.monitor.events import (
     BlackboardEvent,
+    EndEvent,
     Event,
     EventError,
     ImageEvent,
@@ -237,6 +238,17 @@ def test_a_run_that_was_cut_off_parts_where_it_ends() -> None:
     parted = compare(a, b)["parted"]
     assert (parted["time_a"], parted["time_b"], parted["path"], parted["state_a"]) == (1.0, 3.0, "main/grasp", None)
     assert compare(history_of(), history_of())["words"].startswith("no leaf")
+
+
+def test_a_run_that_ends_while_it_is_paused_is_not_paused_any_more() -> None:
+    history = history_of((1.0, LOOK, RUNNING))
+    history.take(PausedEvent(3.0, "asked"))
+    updates = Updates(SimpleNamespace(id="run", history=history, is_live=True))
+    updates.messages(0.0)
+    history.take(EndEvent(4.0, "cancelled", "RUNNING"))
+    assert history.paused is None
+    (delta,) = [message for message in updates.messages(0.1) if message["type"] == "delta"]
+    assert delta["paused"] is None
 
 
 def test_who_looks_at_an_earlier_time_is_not_told_that_the_run_is_paused_now() -> None:

@@ -140,6 +140,18 @@ def test_only_a_beam_that_goes_on_behind_it_clears_a_mark(measured, cleared):
     assert gone == cleared
 
 
+@pytest.mark.parametrize("off", [-0.3, 0.3])
+def test_where_its_beams_meet_a_lidar_that_sees_all_round_clears_as_elsewhere(off):
+    """The mark lies straight behind, ``off`` of an increment beside the first beam; all others hit something nearer."""
+    layer = ObstacleLayer()
+    layer.update(beams({180: 1.5}, 0.0), Pose2D(0.0125, 0.0125, 0.0))
+    assert layer.points == pytest.approx(np.array([[-1.4875, 0.0125]]))
+    others = {number: 1.0 for number in range(360) if number != 180}
+    for number in range(1, 4):
+        layer.update(beams(others, 0.1 * number), Pose2D(0.0125, 0.0125, off * STEP))
+    assert np.linalg.norm(layer.points - [-1.4875, 0.0125], axis=1).min() > 0.1
+
+
 def test_a_lidar_that_looks_ahead_clears_nothing_behind_it():
     layer, pose = ObstacleLayer(), Pose2D(0.0125, 0.0125, 0.0)
     layer.update(beams({180: 1.5}, 0.0), pose)
