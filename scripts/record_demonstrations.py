@@ -95,7 +95,7 @@ def main() -> None:
         if recorder is None:
             robot = prepare_episode(config).robot_model
             cameras = {"head": (480, 640), "wrist": (480, 640)} if options.cameras else {}
-            frames = DemonstrationFormat(FPS, robot.arms["arm"].joint_names, True, 7, cameras, robot.name)
+            frames = DemonstrationFormat(FPS, robot.of(ArmModel)["arm"].joint_names, True, 7, cameras, robot.name)
             try:
                 recorder = DemonstrationRecorder(options.folder, frames)
             except PolicyError as error:  # told before the first episode is simulated

@@ -43,6 +43,7 @@ from bestman_bt.configuration import (
     find_data,
     load_run,
     read_run,
+    shipped_trees,
     task_of_tree,
 )
 from bestman_bt.engine import Tree
@@ -107,7 +108,8 @@ def command(
             _ask_judge(judge, config.driver)
         setup = prepare_episode(config, faults)
         filled = (*setup.entries, *ALWAYS_FILLED)
-        for warning in validate_file(find_data("tree", setup.config.task.tree), setup.registry, given=filled):
+        file = find_data("tree", setup.config.task.tree)
+        for warning in validate_file(file, setup.registry, search_path=shipped_trees(), given=filled):
             print(warning, file=sys.stderr)
         if monitor:
             show_in_monitor(monitor_port)

@@ -145,7 +145,7 @@ def test_a_hand_that_does_not_let_go_says_so_and_keeps_the_object(table, monkeyp
     session, _ = table
     skills = session.skills
     held = HeldObject("can", skills.world.objects["cup"].model, Pose(), skills.gripper.width())
-    monkeypatch.setattr(skills.world, "held", held)
+    monkeypatch.setitem(skills.world.hands, skills.arm_name, held)
     monkeypatch.setattr(skills.gripper, "release", lambda: skills.gripper.open(skills.gripper.width()))
     assert run(session, '<Release object="can"/>')[0] == FAILURE
     assert failures_of(session)[0][0] == "not_released"

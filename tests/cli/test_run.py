@@ -52,6 +52,16 @@ def only_folder(parent: Path) -> Path:
     return found
 
 
+def test_nothing_odd_is_said_of_a_tree_that_includes_shipped_subtrees(bestman_bt: Command, folder: Path) -> None:
+    body = '<Fallback><AlwaysSuccess/><SubTree ID="Pick" object="cup" surface="table"/></Fallback>'
+    (folder / "mine.xml").write_text(
+        '<root BTCPP_format="4" main_tree_to_execute="Mine"><include path="subtrees/pick_and_place.xml"/>'
+        f'<BehaviorTree ID="Mine">{body}</BehaviorTree></root>'
+    )
+    answer = bestman_bt("run", "mine.xml", "--seed", "3", "--json")
+    assert (answer.code, "include" in answer.err, "SubTree" in answer.err) == (0, False, False), answer.err
+
+
 def test_what_is_odd_about_a_tree_is_printed_before_it_runs_and_does_not_stop_it(
     bestman_bt: Command, folder: Path
 ) -> None:
