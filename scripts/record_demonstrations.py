@@ -29,6 +29,7 @@ from bestman_bt.manipulation.policy import (
     pose_vector,
 )
 from bestman_bt.messages import Pose
+from bestman_bt.robot_model import ArmModel
 from bestman_bt.runtime import Session
 from bestman_bt.runtime.policy_experts import picking_expert
 
