@@ -34,7 +34,7 @@ def task_problems(
         yield from _opening_problems(config, task.opening, world)
     if task.tidy is not None:
         for index, name in enumerate(task.tidy.objects):
-            yield from _unknown(config, ("tidy", "objects", index), name, known.models, "the robot knows no object")
+            yield from _unknown_object(config, ("tidy", "objects", index), name, known)
         for field in ("source", "surface"):
             name = getattr(task.tidy, field)
             yield from _unknown(config, ("tidy", field), name, _surfaces(known), "the map has no surface")
@@ -46,7 +46,7 @@ def task_problems(
     if task.reach is not None:
         yield from _unknown(config, ("reach", "goal"), task.reach.goal, world.goals, "the scene has no goal")
     if task.lift is not None:
-        yield from _unknown(config, ("lift", "object"), task.lift.object, known.models, "the robot knows no object")
+        yield from _unknown_object(config, ("lift", "object"), task.lift.object, known)
         yield from _unknown(config, ("lift", "source"), task.lift.source, _surfaces(known), "the map has no surface")
     for index, disturbance in enumerate(task.disturbances):
         yield from _disturbance_problems(config, ("disturbances", index), disturbance, known, absent)
@@ -83,15 +83,14 @@ def _goal_problems(
 ) -> Iterator[Problem]:
     yield from _unknown(config, (*path, "name"), goal.name, world.goals, "the scene has no goal")
     if isinstance(goal.object, str):
-        yield from _unknown(config, (*path, "object"), goal.object, known.models, "the robot knows no object")
+        yield from _unknown_object(config, (*path, "object"), goal.object, known)
     else:
         if not goal.object:
             yield config.problem((*path, "object"), "should name at least one object")
         elif set(goal.object) <= set(absent):
             yield config.problem((*path, "object"), "the scene leaves out all of these objects")
-        there = [*known.models, *absent]
         for index, name in enumerate(goal.object):
-            yield from _unknown(config, (*path, "object", index), name, there, "the robot knows no object")
+            yield from _unknown_object(config, (*path, "object", index), name, known, absent)
     for field in ("source", "surface"):
         yield from _unknown(config, (*path, field), getattr(goal, field), _surfaces(known), "the map has no surface")
 
@@ -109,6 +108,22 @@ def _disturbance_problems(
     if asked.surface is not None:
         what = "the map has no surface outside doors and drawers called"
         yield from _unknown(config, (*path, "surface"), asked.surface, _surfaces(known, inside=False), what)
+
+
+def _unknown_object(
+    config: RunConfig, path: FieldPath, name: str, known: WorldModel, absent: Collection[str] = ()
+) -> Iterator[Problem]:
+    """An object that the robot does not know, or not by this name: of several things of one model it gets to see, the
+    first bears the model's name.
+    """
+    yield from _unknown(config, path, name, [*known.models, *absent], "the robot knows no object")
+    model = known.models[name].name if name in known.models else name
+    if model != name:
+        yield config.problem(
+            path,
+            f"the scene has several things of the model {model!r}, which the robot cannot tell from each other: "
+            f"write {model!r}, not {name!r}, or give the thing a model of its own",
+        )
 
 
 def _unknown(config: RunConfig, path: FieldPath, value: str, names: Iterable[str], what: str) -> Iterator[Problem]:

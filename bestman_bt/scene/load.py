@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -148,6 +149,9 @@ def _resolved(name: str, file: SceneFile, document: Document, problems: list[Pro
             problems += error.problems
     if file.generator is not None:
         furniture |= {name: read_furniture(name) for name in NEEDED}
+    # The robot tells things by the names of their models: the only thing of a model gives it its name.
+    of_model = Counter(placement.model for placement in file.objects.values())
+    own_name = {model for model, count in of_model.items() if count == 1}
     named_otherwise = {placement.model for key, placement in file.objects.items() if key != Path(placement.model).stem}
     # goals first: an object of the scene that bears the name of a goal's model decides what it means
     for kind, key, model in [
@@ -160,6 +164,8 @@ def _resolved(name: str, file: SceneFile, document: Document, problems: list[Pro
                 goal_models[key] = found
                 if model in named_otherwise:
                     continue  # two equal models of one thing could not be told apart
+            if kind == "objects" and model in own_name:
+                found = replace(found, name=key)
             models[found.name if kind == "goals" else key] = found
         except ConfigurationError as error:
             problems += error.problems

@@ -198,6 +198,7 @@ def test_names_and_options_that_are_wrong_are_refused(refused, arguments: list[s
         ("goal.surface=conter", "goal.surface: the map has no surface 'conter'; did you mean 'counter'?"),
         ("goal.source=tabel", "goal.source: the map has no surface 'tabel'; did you mean 'table'?"),
         ("goal.object=cub", "goal.object: the robot knows no object 'cub'; did you mean 'cup'?"),
+        ("goal.object=counter_can", "several things of the model 'can', which the robot cannot tell from each other"),
         ("goal.name=plase", "goal.name: the scene has no goal 'plase'; did you mean 'place'?"),
         ("predicate=plced", "predicate: unknown predicate 'plced'; did you mean 'placed'?"),
         ("goal=null", "goal: is missing: the predicate 'placed' needs a goal"),

@@ -45,6 +45,13 @@ def test_an_override_reaches_into_a_placement() -> None:
         assert table.actual.inverse().apply(cup.pose.position[:2])[0] == pytest.approx(-0.2)
 
 
+def test_the_only_thing_of_a_model_is_known_by_its_key_and_several_by_their_model(tmp_path: Path) -> None:
+    scene = load_scene(variant(tmp_path, "objects: {pot: {model: mug, surface: table/top, at: [0, 50 cm, 0]}}\n"))
+    assert {key: model.name for key, model in scene.models.items()} == {
+        "cup": "cup", "pot": "pot", "can": "can", "counter_can": "can", "box": "box", "counter_box": "box"
+    }  # fmt: skip
+
+
 def test_a_scene_may_be_without_objects(tmp_path: Path) -> None:
     path = tmp_path / "room.yaml"
     path.write_text(
