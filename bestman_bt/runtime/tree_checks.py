@@ -54,6 +54,9 @@ def lacking_parts(tree: Tree, robot: RobotModel, there: Collection[str]) -> list
     """
     has = parts_by_kind(robot, there)
     problems = []
+    if robot.parts and not there:
+        message = f"robot {robot.name} has no `connections`, so no part of it is there: see docs/hardware.md"
+        return [problem_at(tree.root, "", message, "")]
     for node in tree.nodes:
         lacking = [kind for kind in getattr(node, "REQUIRES", ()) if kind not in has]
         if lacking:

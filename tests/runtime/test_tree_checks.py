@@ -8,12 +8,13 @@ from pathlib import Path
 import pytest
 
 from bestman_bt.configuration import load_run
-from bestman_bt.engine import TreeLoadError
+from bestman_bt.engine import TreeLoadError, load_tree
 from bestman_bt.evaluation.episode import prepare_episode
-from bestman_bt.runtime import Session, Setup, load_for, prepare, session
+from bestman_bt.robot_model import LidarPart, load_robot_model
+from bestman_bt.runtime import Session, Setup, load_for, node_registry, prepare, session
 from bestman_bt.runtime.algorithms import algorithm_by_name
 from bestman_bt.runtime.policies import policy_problems
-from bestman_bt.runtime.tree_checks import unfilled_entries, unknown_names
+from bestman_bt.runtime.tree_checks import lacking_parts, unfilled_entries, unknown_names
 
 TAKE = (
     '<BehaviorTree ID="Take"><Sequence><FindStandPose surface="{surface}" object="{object}" stand="{stand}"/>'
@@ -258,3 +259,14 @@ def test_loading_in_a_session_warns_of_keys_that_nobody_fills(caplog: pytest.Log
     with session() as opened, caplog.at_level(logging.WARNING):
         opened.load(text_of('<CheckHeld object="{objct}"/>'))
     assert "reads '{objct}', which nothing in the tree writes" in caplog.text
+
+
+def test_parts_behind_no_connection_are_told_as_such_with_the_node_that_needs_them() -> None:
+    robot = load_robot_model("diff_panda")
+    text = '<root BTCPP_format="4"><BehaviorTree ID="Main"><NavigateTo goal="1;0;0"/></BehaviorTree></root>'
+    tree = load_tree(text, node_registry())
+    (problem,) = lacking_parts(tree, robot, robot.parts.keys() - robot.of(LidarPart).keys())
+    assert "NavigateTo" in problem.message and problem.message.endswith("and its lidar behind no connection")
+    assert not lacking_parts(tree, robot, robot.parts)
+    (nothing,) = lacking_parts(tree, robot, ())
+    assert "has no `connections`" in nothing.message
