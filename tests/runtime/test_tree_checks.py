@@ -266,7 +266,8 @@ def test_parts_behind_no_connection_are_told_as_such_with_the_node_that_needs_th
     text = '<root BTCPP_format="4"><BehaviorTree ID="Main"><NavigateTo goal="1;0;0"/></BehaviorTree></root>'
     tree = load_tree(text, node_registry())
     (problem,) = lacking_parts(tree, robot, robot.parts.keys() - robot.of(LidarPart).keys())
-    assert "NavigateTo" in problem.message and problem.message.endswith("and its lidar behind no connection")
+    assert "NavigateTo" in problem.message
+    assert problem.message.endswith("and its lidar behind no connection")
     assert not lacking_parts(tree, robot, robot.parts)
     (nothing,) = lacking_parts(tree, robot, ())
     assert "has no `connections`" in nothing.message
