@@ -175,6 +175,7 @@ class CoalCollisionWorld(CollisionWorld):
         moving = [i for i in links if self._geometry.geometryObjects[i].parentJoint != base.parentJoint]
         held: list[int] = []
         taken = set(self._owners)
+        apart = scene.held_padding if len(robot.arm_names) > 1 else 0.0
         if scene.attached is not None:
             attached = scene.attached
             tool = model.frames[frame_index(model, attached.tool_frame)]
@@ -187,8 +188,9 @@ class CoalCollisionWorld(CollisionWorld):
                     self._owners[i] in attached.touch_links or frozenset((attached.name, self._owners[i])) in allowed
                 )
                 if not touch and self._geometry.geometryObjects[i].parentJoint != tool.parentJoint:
+                    kept = scene.self_padding if i in moving else max(scene.self_padding, apart)
                     for j in held:
-                        self._pair(i, j, scene.self_padding + attached.padding)
+                        self._pair(i, j, kept + attached.padding)
         surroundings = [(o.name, _placed(o.shapes, o.name), o.padding) for o in scene.obstacles]
         surroundings += [
             (v.name, [(octree(v), to_se3(v.base_from_grid))], v.padding) for v in scene.voxels if len(v.indices)
@@ -197,7 +199,7 @@ class CoalCollisionWorld(CollisionWorld):
             base_from_tool = base.placement.actInv(model.frames[frame_index(model, other.tool_frame)].placement)
             base_from_object = base_from_tool * to_se3(other.tool_from_object)
             placed = [(shape, base_from_object * pose) for shape, pose in _placed(other.shapes, other.name)]
-            surroundings.append((other.name, placed, other.padding))
+            surroundings.append((other.name, placed, max(other.padding, apart - scene.padding)))
         for name, placed, padding in surroundings:
             bodies = self._add_bodies(name, placed, base.parentJoint, base.placement, taken)
             margin = scene.padding + padding

@@ -54,6 +54,8 @@ class PlanningScene:
     ``positions``: joint name → radians or metres; joints that are missing stand at zero. The moving arm's own entries
     are ignored. ``allowed_pairs``: names of links, obstacles or the attached object that may touch.
     ``padding``: metres kept between the arm (or what it holds) and obstacles; ``self_padding``: between links.
+    ``held_padding``: metres kept, on a robot of several arms, between what a hand holds and the other arms: how it lies
+    in the hand is known less well than where links are.
     ``voxels``: seen space that nothing else explains; where the robot stands now, or what it holds, they do not count.
     """
 
@@ -64,6 +66,7 @@ class PlanningScene:
     allowed_pairs: frozenset[frozenset[str]] = frozenset()
     padding: float = 0.002
     self_padding: float = 0.002
+    held_padding: float = 0.01
     voxels: tuple[VoxelObstacle, ...] = ()
 
     def allowing(self, *pairs: tuple[str, str]) -> PlanningScene:

@@ -137,6 +137,20 @@ def test_what_the_other_hand_holds_is_an_obstacle_where_that_arm_is(model, robot
 
 
 @pytest.mark.parametrize("side", SIDES)
+def test_more_is_kept_between_what_a_hand_holds_and_the_other_arm(model, robot, side):
+    q, other = home(robot, side), OTHER[side]
+    holding = scene(robot, carried=(bar(robot, other),), padding=0.0, self_padding=0.0)
+    apart = model.world(holding, side).distance(q)
+    for padding, free in ((apart - 0.001, True), (apart + 0.001, False)):
+        assert model.world(replace(holding, held_padding=padding), side).is_free(q) is free
+    held = scene(robot, padding=0.0, self_padding=0.0, held_padding=0.0).holding(bar(robot, side))
+    assert model.world(held, side).is_free(q)
+    touched = model.world(replace(held, held_padding=0.5), side).colliding_pairs(q)
+    assert touched
+    assert all("bar" in pair and not any(one.startswith(f"{side}_") for one in pair) for pair in touched), touched
+
+
+@pytest.mark.parametrize("side", SIDES)
 def test_the_padding_of_what_is_held_is_kept_from_obstacles_as_well(model, robot, side):
     q = home(robot, side)
     end = pose_of(robot, side, "tool", q) @ bar(robot, side).shapes[0].pose @ Pose(np.array([0.05, 0.0, 0.0]))
