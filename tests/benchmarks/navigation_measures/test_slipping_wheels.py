@@ -13,7 +13,7 @@ from bestman_bt.messages import Pose2D
 class DrivingStraight:
     """Stands in for a base: each look at it comes 5 cm and a tenth of a second later."""
 
-    description = SimpleNamespace(footprint=[(-0.3, -0.25), (0.3, -0.25), (0.3, 0.25), (-0.3, 0.25)])
+    model = SimpleNamespace(footprint=[(-0.3, -0.25), (0.3, -0.25), (0.3, 0.25), (-0.3, 0.25)])
 
     def __init__(self) -> None:
         self.steps = 0

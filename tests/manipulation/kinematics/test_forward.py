@@ -25,7 +25,7 @@ def test_a_camera_on_a_tilting_head_looks_down(diff_panda):
 
 
 def test_wheels_that_turn_without_end_have_an_angle_as_any_joint(diff_panda):
-    wheel = diff_panda.of(BaseModel)["base"].wheel_joints[0]
+    wheel = diff_panda.of(BaseModel)["base"].part.wheel_joints[0]
     link = wheel.removesuffix("_joint")
     forward = ForwardKinematics(diff_panda)
     start, turned = forward.pose(link, {}), forward.pose(link, {wheel: 7.0})
