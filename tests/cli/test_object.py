@@ -59,7 +59,7 @@ def test_an_added_object_stands_in_scenes_and_is_found_there(bestman_bt: Command
         rendered = render_table([TrueObject(model, true, True)], table, (0.8, 1.2), np.random.default_rng(seed))
         rival = read_object("box")
         found = ModelRegistration().detect(rendered.view, rendered.region, (model, rival), np.random.default_rng(0))
-        assert [detection.name for detection in found.detections] == ["step"]
+        assert [detection.name for detection in found.detections] == ["cup"]  # as its key in the scene
         pose = found.detections[0].pose
         assert np.linalg.norm(pose.position - true.position) < 0.004
         assert abs(math.remainder(pose.yaw - yaw, 2 * math.pi)) < math.radians(4.0)
