@@ -92,6 +92,8 @@ def command(
         raise _wrong_input(
             "--run", "a model's reading of a text is run when you agree, and nobody can be asked here; give --yes"
         )
+    if ":" in planner:
+        raise _wrong_input("--planner", "one of your own is brought by --plugin FILE.py and named by its decorator")
     allowed = _limits(limits)
     if run:
         refuse_unwritable_folder(runs, "--runs")
