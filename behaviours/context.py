@@ -169,9 +169,9 @@ class SkillContext:
 
         Base, head, cameras, beliefs and algorithms are the same for all. KeyError names the arms that there are.
         """
-        if name == self.arm_name and (name or len(self.robot.arm_names) < 2):
+        if self.arm_name and name in ("", self.arm_name):
             return self
-        if not name and self.arm_name:
+        if not name and len(self.robot.arm_names) < 2:
             return self
         arm = self.robot.arm_named(name)
         if arm not in self._for_arms:

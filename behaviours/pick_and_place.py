@@ -87,18 +87,16 @@ def place() -> Node:
             FindStandPose(surface="{surface}", goal="{goal}", stand="{stand}", arm="{arm}"),
             MoveArm(posture="carry", arm="{arm}"),
             carry(),
-            SubTree(
-                put_down,
-                tree_id="PutDown",
-                name="put_down",
-                object="{object}",
-                surface="{surface}",
-                goal="{goal}",
-                arm="{arm}",
-            ),
+            putting_down(),
         ],
     )
     return RetryUntilSuccessful("try_stands", [from_one_stand], num_attempts=2)
+
+
+def putting_down() -> Node:
+    """The subtree ``put_down`` with the entries that have its names here."""
+    same = {key: f"{{{key}}}" for key in ("object", "surface", "goal", "arm")}
+    return SubTree(put_down, tree_id="PutDown", name="put_down", **same)
 
 
 def put_down() -> Node:
@@ -138,15 +136,7 @@ def put_aside() -> Node:
             carry(),
             LookAt(surface="{surface}"),
             FindFreePlace(object="{object}", surface="{surface}", goal="{goal}"),
-            SubTree(
-                put_down,
-                tree_id="PutDown",
-                name="put_down",
-                object="{object}",
-                surface="{surface}",
-                goal="{goal}",
-                arm="{arm}",
-            ),
+            putting_down(),
         ],
     )
     try_places = RetryUntilSuccessful("try_places", [at_a_free_place], num_attempts=3)

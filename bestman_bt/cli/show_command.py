@@ -10,7 +10,7 @@ import typer
 
 from bestman_bt.cli.options import Plugins
 from bestman_bt.configuration import ConfigurationError, Problem, find_data, shipped_trees
-from bestman_bt.engine import TreeLoadError, load_tree, render_dot, render_ports, render_svg, render_text
+from bestman_bt.engine import NoMainTree, TreeLoadError, load_tree, render_dot, render_ports, render_svg, render_text
 from bestman_bt.runtime.plugins import node_registry
 
 
@@ -30,9 +30,10 @@ def command(
     try:
         loaded = load_tree(path, registry, main_tree=tree_id, search_path=shipped_trees())
     except TreeLoadError as error:
-        one_of_several = tree_id is None and error.problems[0].message.startswith("it is missing, and")
-        choose = [replace(error.problems[0], suggestion="choose one by --tree ID")]
-        raise TreeLoadError([*choose, *error.problems[1:]] if one_of_several else error.problems) from None
+        choose = "choose one by --tree ID"
+        raise TreeLoadError(
+            [replace(one, suggestion=choose) if isinstance(one, NoMainTree) else one for one in error.problems]
+        ) from None
     if svg is not None:
         svg.write_text(render_svg(loaded), encoding="utf-8")
         print(svg)

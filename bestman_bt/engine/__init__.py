@@ -84,7 +84,7 @@ from bestman_bt.engine.leaves.script import Script, ScriptCondition
 from bestman_bt.engine.leaves.sleep import Sleep
 from bestman_bt.engine.leaves.test_node import TestNode, TestNodeConfig
 from bestman_bt.engine.leaves.threaded import ThreadedAction
-from bestman_bt.engine.loading import load_tree
+from bestman_bt.engine.loading import NoMainTree, load_tree
 from bestman_bt.engine.node import Node
 from bestman_bt.engine.ports import Port
 from bestman_bt.engine.registry import NodeInfo, NodeRegistry, RegistryError
@@ -147,6 +147,7 @@ __all__ = [
     "LoopString",
     "ManualClock",
     "ManualSelector",
+    "NoMainTree",
     "Node",
     "NodeError",
     "NodeInfo",

@@ -146,6 +146,10 @@ def check_documents(
     return checker.wrong
 
 
+class NoMainTree(Problem):
+    """The file holds several trees, and neither it nor anybody else says which is to run."""
+
+
 def main_tree_of(documents: Documents, wanted: str | None) -> str | None:
     """Return the ID of the tree to run; None, and a problem, where it cannot be told."""
     trees = documents.trees
@@ -163,11 +167,12 @@ def main_tree_of(documents: Documents, wanted: str | None) -> str | None:
         return next(iter(trees))
     if not trees and documents.problems:
         return None
-    message, suggestion = "the file holds no <BehaviorTree>", ""
-    if trees:
-        message = f"it is missing, and the file holds {len(trees)} trees: {', '.join(trees)}"
-        suggestion = f'write main_tree_to_execute="{next(iter(trees))}"'
-    documents.problems.append(Problem(documents.file, 1, "root", field if trees else "", message, suggestion))
+    if not trees:
+        documents.problems.append(Problem(documents.file, 1, "root", "", "the file holds no <BehaviorTree>"))
+        return None
+    message = f"it is missing, and the file holds {len(trees)} trees: {', '.join(trees)}"
+    suggestion = f'write main_tree_to_execute="{next(iter(trees))}"'
+    documents.problems.append(NoMainTree(documents.file, 1, "root", field, message, suggestion))
     return None
 
 

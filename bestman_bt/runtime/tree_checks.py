@@ -52,11 +52,11 @@ def lacking_parts(tree: Tree, robot: RobotModel, there: Collection[str]) -> list
 
     ``there``: names of the parts that are there; a real robot's others are behind no connection.
     """
-    has = parts_by_kind(robot, there)
-    problems = []
     if robot.parts and not there:
         message = f"robot {robot.name} has no `connections`, so no part of it is there: see docs/hardware.md"
         return [problem_at(tree.root, "", message, "")]
+    has = parts_by_kind(robot, there)
+    problems = []
     for node in tree.nodes:
         lacking = [kind for kind in getattr(node, "REQUIRES", ()) if kind not in has]
         if lacking:
