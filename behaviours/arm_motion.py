@@ -72,12 +72,12 @@ def _planned(skill: Skill, goals: Sequence[NDArray[np.float64]], world: Collisio
     start = skills.arm_positions()
     constraint, speed = None, FREE_SPEED
     if skills.held is not None:
-        upright = Upright(skills.algorithms.kinematics, skills.held.tool_from_object, MAX_HELD_TILT)
+        upright = Upright(skills.kinematics, skills.held.tool_from_object, MAX_HELD_TILT)
         constraint = upright if upright.satisfied(start) else None
         speed = CARRYING_SPEED
     return skill.compute(
         "motion_planning",
-        skills.algorithms.motion_planning.plan,
+        skills.motion_planning.plan,
         start,
         goals,
         world,
@@ -93,7 +93,7 @@ def _escape(skill: Skill, world: CollisionWorld) -> Steps:
     skills = skill.skills
     trajectory = yield skill.compute(
         "motion_planning",
-        skills.algorithms.motion_planning.escape,
+        skills.motion_planning.escape,
         skills.arm_positions(),
         world,
         skills.arm_model,
@@ -117,6 +117,6 @@ def timed_path(
     waypoints = np.vstack([skills.arm_positions(), path[1:]])
     scale = SpeedScale(FREE_SPEED.velocity * speed, FREE_SPEED.acceleration * speed)
     trajectory: JointTrajectory = yield skill.compute(
-        "trajectory", skills.algorithms.motion_planning.follow_path, waypoints, world, skills.arm_model, scale
+        "trajectory", skills.motion_planning.follow_path, waypoints, world, skills.arm_model, scale
     )
     return trajectory

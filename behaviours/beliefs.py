@@ -46,7 +46,7 @@ def believe_objects(
     clusters = [*(found.cluster for found in scene.detections), *things]
     sightings = [_sighting(view, found, surface) for found in scene.detections]
     sightings += [_thing(view, cluster, surface) for cluster in things]
-    tracked = skills.algorithms.tracking.update(
+    tracked = skills.tracking.update(
         world.objects,
         sightings,
         view.in_map,

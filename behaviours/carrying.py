@@ -70,7 +70,7 @@ def postures_beside(
             base_from_object = Pose.from_xyz_rpy(place, (0.0, 0.0, yaw_ahead + turn))
             base_from_tool = base_from_object @ held.tool_from_object.inverse()
             for reference in (now, posture):
-                result = skills.algorithms.kinematics.solve(
+                result = skills.kinematics.solve(
                     base_from_tool, reference, skills.rng, count=2, is_valid=world.is_free, attempts=4
                 )
                 for positions in result.solutions:

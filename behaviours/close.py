@@ -107,7 +107,7 @@ class Close(OnArm, Skill):
         from bestman_bt.manipulation.motion_planning import approaches
 
         skills = self.skills
-        kinematics, base_from_map = skills.algorithms.kinematics, skills.map_from_base.inverse()
+        kinematics, base_from_map = skills.kinematics, skills.map_from_base.inverse()
         plans: list[_Plan] = []
         for push in pushes(skills, leaf):
             positions = push.positions()

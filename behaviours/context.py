@@ -1,9 +1,9 @@
-"""What skills work with: controllers, sensors, algorithms and beliefs of one robot, each made on first use."""
+"""What skills work with: controllers, sensors, algorithms and beliefs of one robot."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -50,75 +50,19 @@ SWAY = 0.01
 """Metres that an arm and what it holds may be beside where its encoders say while the base drives."""
 DRIVEN = "carry"
 """The posture in which trees have the arm driven to a stand, for whoever chooses one before."""
-MADE_ON_FIRST_USE = frozenset(
-    ("base", "arm", "gripper", "head", "camera", "wrist_camera", "tactile", "joints", "wrist_wrench")
-)
-"""Attributes of a context that are controllers and sensors."""
-
-
-class Algorithms:
-    """The algorithms that the configuration chose, one per slot; each is made when it is first asked for.
-
-    ``make``: slot and arm → the algorithm, as ``bestman_bt.runtime.algorithms`` makes it; only ``kinematics`` is of one
-    arm. ``arm``: its name, empty for the one that skills use which name none.
-    """
-
-    detection: Detector
-    multi_view: MultiView
-    tracking: Tracker
-    view_planning: ViewPlanner
-    surfaces: SupportSurfaces
-    affordance: HandleDetector
-    occupancy: OccupancyMapper
-    grasp_pose: GraspPlanner
-    unknown_grasp_pose: GraspPlanner
-    handle_grasp_pose: GraspPlanner
-    kinematics: InverseKinematics
-    collision: CollisionModel
-    motion_planning: TimedMotionPlanner
-    costmap: LayeredCostmap
-    global_planning: GlobalPlanner
-    local_planning: PathFollower
-    localization: Localizer
-    odometry: OdometryFilter
-    slam: Slam
-    exploration: FrontierExplorer
-    global_localization: GlobalLocalizer
-
-    def __init__(self, make: Callable[[str, str], Any], arm: str = "") -> None:
-        self._make, self._arm = make, arm
-        self._for_arms = {arm: self}
-
-    def for_arm(self, arm: str) -> Algorithms:
-        """The same algorithms, with the kinematics of another arm."""
-
-        def make(slot: str, arm: str) -> Any:
-            return self._make(slot, arm) if slot == "kinematics" else getattr(self, slot)
-
-        if arm not in self._for_arms:
-            self._for_arms[arm] = Algorithms(make, arm)
-        return self._for_arms[arm]
-
-    if not TYPE_CHECKING:
-
-        def __getattr__(self, slot: str) -> Any:
-            if slot not in Algorithms.__annotations__:
-                raise AttributeError(f"there is no slot {slot!r}; there are {', '.join(Algorithms.__annotations__)}")
-            made = self._make(slot, self._arm)
-            setattr(self, slot, made)
-            return made
 
 
 @dataclass(eq=False, repr=False)
 class SkillContext:
-    """Everything that a skill may use; controllers and sensors are made when they are first asked for.
+    """Everything that a skill may use; controllers, sensors and algorithms are made when they are first asked for.
 
     ``kinds``: what the robot has, kind → names of its parts. ``base``, ``arm``, ``gripper``, ``head`` and ``camera``
     raise MissingPartError where it has none: skills declare in ``REQUIRES`` which of them they use.
     ``stop``: the one over all parts, for leaves that go on after it.
     ``camera``: the first that no arm carries, else the one on the hand. ``wrist_camera``: on the hand, where there is
     one; ``tactile``: pads of the fingers, which may be none. ``wrist_wrench``: what touches the hand, where there is a
-    sensor. ``make_part``: from the name of one of these attributes, and of an arm, to what it is.
+    sensor. ``detection`` and what follows it are the algorithms that the configuration chose, by their slots.
+    ``make_accessor``: from the name of one of these attributes, and of an arm, to what it is; the same each time.
     ``arm_name``: the arm whose ``arm``, ``gripper``, sensors of the hand, kinematics and held object these are; empty
     without an arm. ``for_arm`` gives the context of another one.
     ``sensors``: all of the robot by name, as its driver gives them; for kinds of your own.
@@ -133,10 +77,9 @@ class SkillContext:
     clock: TimeSource
     robot: RobotModel
     kinds: Mapping[PartKind, tuple[str, ...]]
-    make_part: Callable[[str, str], Any]
+    make_accessor: Callable[[str, str], Any]
     world: WorldModel
     stop: RobotStop
-    algorithms: Algorithms
     computation: Computation
     costs: Mapping[str, float]
     rng: np.random.Generator
@@ -161,6 +104,28 @@ class SkillContext:
     joints: JointStateSensor = field(init=False)
     wrist_wrench: WristWrench | None = field(init=False)
 
+    detection: Detector = field(init=False)
+    multi_view: MultiView = field(init=False)
+    tracking: Tracker = field(init=False)
+    view_planning: ViewPlanner = field(init=False)
+    surfaces: SupportSurfaces = field(init=False)
+    affordance: HandleDetector = field(init=False)
+    occupancy: OccupancyMapper = field(init=False)
+    grasp_pose: GraspPlanner = field(init=False)
+    unknown_grasp_pose: GraspPlanner = field(init=False)
+    handle_grasp_pose: GraspPlanner = field(init=False)
+    kinematics: InverseKinematics = field(init=False)
+    collision: CollisionModel = field(init=False)
+    motion_planning: TimedMotionPlanner = field(init=False)
+    costmap: LayeredCostmap = field(init=False)
+    global_planning: GlobalPlanner = field(init=False)
+    local_planning: PathFollower = field(init=False)
+    localization: Localizer = field(init=False)
+    odometry: OdometryFilter = field(init=False)
+    slam: Slam = field(init=False)
+    exploration: FrontierExplorer = field(init=False)
+    global_localization: GlobalLocalizer = field(init=False)
+
     def __post_init__(self) -> None:
         self._for_arms[self.arm_name] = self
 
@@ -175,7 +140,7 @@ class SkillContext:
             return self
         arm = self.robot.arm_named(name)
         if arm not in self._for_arms:
-            replace(self, arm_name=arm, algorithms=self.algorithms.for_arm(arm), handled=None)
+            replace(self, arm_name=arm, handled=None)
         return self._for_arms[arm]
 
     def has(self, kind: PartKind) -> bool:
@@ -194,9 +159,9 @@ class SkillContext:
     if not TYPE_CHECKING:
 
         def __getattr__(self, name: str) -> Any:
-            if name not in MADE_ON_FIRST_USE:
+            if not any(one.name == name and not one.init for one in fields(self)):
                 raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
-            made = self.make_part(name, self.arm_name)
+            made = self.make_accessor(name, self.arm_name)
             setattr(self, name, made)
             return made
 
@@ -247,7 +212,7 @@ class SkillContext:
 
     def base_from_tool(self) -> Pose:
         """Where the tool is, by encoders."""
-        return self.algorithms.kinematics.tool_pose(self.arm_positions())
+        return self.kinematics.tool_pose(self.arm_positions())
 
     def planning_scene(
         self, ignore: Iterable[str] = (), allowed_pairs: Iterable[tuple[str, str]] = ()
@@ -281,17 +246,17 @@ class SkillContext:
         ]
         return base.carrying(bodies, SWAY)
 
-    def costmap(self, posture: str | None = None) -> Costmap:
+    def known_costmap(self, posture: str | None = None) -> Costmap:
         """What the base must keep clear of: walls, furniture, and doors and drawers that are believed to stand open.
 
         ``posture``: as of ``footprint``.
         """
-        return self.algorithms.costmap.of_world(self.world, self.footprint(posture))
+        return self.costmap.of_world(self.world, self.footprint(posture))
 
     def seen_costmap(self, posture: str | None = None) -> Costmap:
-        """``costmap`` and what the lidar sees that the map does not know."""
-        costmap = self.costmap(posture)
-        return self.base.layer.on(costmap) if self.algorithms.costmap.parameters.obstacle else costmap
+        """``known_costmap`` and what the lidar sees that the map does not know."""
+        costmap = self.known_costmap(posture)
+        return self.base.layer.on(costmap) if self.costmap.parameters.obstacle else costmap
 
     @cached_property
     def _arm_bodies(self) -> dict[str, ArmBodies]:
@@ -301,4 +266,4 @@ class SkillContext:
 
     def arm_world(self, scene: PlanningScene) -> CollisionWorld:
         """The collision world of the arm in ``scene``."""
-        return self.algorithms.collision.world(scene, self.arm.name)
+        return self.collision.world(scene, self.arm.name)

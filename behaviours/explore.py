@@ -70,7 +70,7 @@ class ExploreAndMap(Skill):
         from bestman_bt.navigation.slam import SlamLocalizer
 
         skills = self.skills
-        slam, told = skills.algorithms.slam, skills.world.base
+        slam, told = skills.slam, skills.world.base
         before = skills.base.localise_by(SlamLocalizer(slam))
         try:
             finished = yield from self._explore()
@@ -106,7 +106,7 @@ class ExploreAndMap(Skill):
 
         skills = self.skills
         end = skills.clock.now() + self.get_input("max_time")
-        slam, explorer = skills.algorithms.slam, skills.algorithms.exploration
+        slam, explorer = skills.slam, skills.exploration
         if skills.has("head"):
             yield skills.head.look_at(AHEAD)
         yield skills.base.park()
@@ -146,7 +146,7 @@ class ExploreAndMap(Skill):
 
     def _drive(self, path: Path2D, view: FrontierView, overhangs: Overhangs, end: float) -> StepsTo[bool]:
         """Drive until there is nothing more to see from the goal; whether that is so, on the way or there."""
-        skills, explorer = self.skills, self.skills.algorithms.exploration
+        skills, explorer = self.skills, self.skills.exploration
         handle = skills.base.follow(path)
         while True:
             yield Until(handle, skills.clock.now, skills.clock.now() + LOOK_PERIOD)
@@ -176,10 +176,10 @@ class ExploreAndMap(Skill):
             except READING_ERRORS as error:
                 raise SkillFailure("no_image", f"what hangs over the floor cannot be seen: {error}") from error
             overhangs.add(view.cloud().points[::EVERY_POINT], view.viewpoint)
-        grid = skills.algorithms.slam.grid
+        grid = skills.slam.grid
         if not grid.data.size:
             raise SkillFailure("start_blocked", "the lidar has seen nothing yet that a map could be drawn of")
-        return grid, skills.algorithms.costmap.of_grid(overhangs.drawn_on(grid), self._outline)
+        return grid, skills.costmap.of_grid(overhangs.drawn_on(grid), self._outline)
 
     def _picture_due(self) -> bool:
         pictured, pose = self._pictured, self._pose
@@ -192,7 +192,7 @@ class ExploreAndMap(Skill):
         return self.skills.world.base.pose
 
     def _plan(self, goal: Pose2D, costmap: Costmap) -> Path2D | PlanningFailure:
-        return self.skills.algorithms.global_planning.plan(self._pose, goal, costmap)
+        return self.skills.global_planning.plan(self._pose, goal, costmap)
 
     def _is_free(self, path: Path2D, costmap: Costmap) -> bool:
         """Whether the next metres of the path are."""

@@ -88,7 +88,7 @@ class PlanGrasp(OnArm, Skill):
         for ranked in rank_grasps(grasp_candidates(skills, belief), self._reachability):
             candidate = ranked.candidate
             for approach in approaches(
-                skills.algorithms.kinematics,
+                skills.kinematics,
                 candidate.pre_grasp,
                 candidate.grasp,
                 candidate.lift,
@@ -108,7 +108,7 @@ class PlanGrasp(OnArm, Skill):
     def _reachability(self, base_from_tool: Pose) -> float:
         """1 where inverse kinematics finds a posture, whatever stands in the way; else 0."""
         skills = self.skills
-        found = skills.algorithms.kinematics.solve(base_from_tool, skills.arm_positions(), skills.rng, attempts=5).found
+        found = skills.kinematics.solve(base_from_tool, skills.arm_positions(), skills.rng, attempts=5).found
         return 1.0 if found else 0.0
 
 
@@ -284,7 +284,7 @@ class Reachable(OnArm, SkillCondition):
         reference = skills.arm_positions()
         candidates = grasp_candidates(skills, belief)
         for candidate in candidates[:12]:
-            if skills.algorithms.kinematics.solve(candidate.grasp, reference, skills.rng, attempts=5).found:
+            if skills.kinematics.solve(candidate.grasp, reference, skills.rng, attempts=5).found:
                 return None
         distance = float(np.linalg.norm((skills.map_from_base.inverse() @ belief.pose).position[:2]))
         return "out_of_reach", f"the {name} is out of reach, {distance:.2f} m from the base"

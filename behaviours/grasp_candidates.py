@@ -32,7 +32,7 @@ def grasp_candidates(skills: SkillContext, belief: ObjectBelief) -> tuple[GraspC
     support_height = float(base_from_object.position[2] + belief.model.bounds()[0, 2])
     if belief.recognised:
         target = GraspTarget.of_model(belief.model, base_from_object)
-        candidates = skills.algorithms.grasp_pose.plan(target, skills.gripper_model, support_height)
+        candidates = skills.grasp_pose.plan(target, skills.gripper_model, support_height)
         return _from_the_open_side(skills, belief, candidates)
     box = belief.model.collision[0]
     target = GraspTarget(
@@ -41,7 +41,7 @@ def grasp_candidates(skills: SkillContext, belief: ObjectBelief) -> tuple[GraspC
         viewpoints=None if belief.viewpoint is None else base_from_map.apply(belief.viewpoint[None]),
         surroundings=_surroundings(skills, belief, base_from_map),
     )
-    return skills.algorithms.unknown_grasp_pose.plan(target, skills.gripper_model, support_height)
+    return skills.unknown_grasp_pose.plan(target, skills.gripper_model, support_height)
 
 
 def _from_the_open_side(
@@ -75,7 +75,7 @@ def handle_grasp_candidates(skills: SkillContext, belief: HandleBelief) -> tuple
     handle = belief.handle.seen_from(skills.map_from_base.inverse())
     size = (handle.length, 2 * handle.radius, 2 * handle.radius)
     target = GraspTarget(PlacedShape(Box(size), handle.pose), handle=handle)
-    return skills.algorithms.handle_grasp_pose.plan(target, skills.gripper_model, support_height=0.0)
+    return skills.handle_grasp_pose.plan(target, skills.gripper_model, support_height=0.0)
 
 
 def _surroundings(skills: SkillContext, belief: ObjectBelief, base_from_map: Pose) -> NDArray[np.float64]:

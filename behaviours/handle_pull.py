@@ -74,7 +74,7 @@ def plan_pull(skills: SkillContext, opening: Opening, belief: HandleBelief) -> H
             if len(arc.path) < 2 or not free.is_free(stand.arc.path[0]):
                 continue
             around = base_from_map @ way[1][arc.options[0]]
-            into = cartesian_path(skills.algorithms.kinematics, stand.arc.path[0], around, contact.is_free)
+            into = cartesian_path(skills.kinematics, stand.arc.path[0], around, contact.is_free)
             if into.complete and float(np.abs(into.path[-1] - arc.path[0]).max()) < SAME_BRANCH:
                 along = guide(opening, grasp, arc, tilts)
                 score = candidate.quality + np.sqrt(arc.margin)

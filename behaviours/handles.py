@@ -65,9 +65,7 @@ class DetectHandle(Skill):
         skills = self.skills
         furniture = self._furniture()
         view = skills.camera.capture()
-        scene: HandleScene = yield self.compute(
-            "handle_detection", skills.algorithms.affordance.detect, view.in_base, skills.rng
-        )
+        scene: HandleScene = yield self.compute("handle_detection", skills.affordance.detect, view.in_base, skills.rng)
         seen = [handle.seen_from(view.map_from_base) for handle in scene.handles]
         articulation: str = self.get_input("articulation") or ""
         if articulation:

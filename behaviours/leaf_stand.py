@@ -40,7 +40,7 @@ def room_beside(skills: SkillContext, leaf: Leaf, positions: Sequence[float]) ->
     low = float(front.pose.position[2]) - height / 2
     body = body_between(skills.robot, skills.joints.positions(), skills.arm.name, low - BASE_GAP, low + height)
     swept = swept_by(leaf, positions)
-    clearance = skills.costmap(DRIVEN).clearance_at
+    clearance = skills.known_costmap(DRIVEN).clearance_at
 
     def is_free(stand: Pose2D) -> bool:
         if clearance(stand) <= 0.0:
@@ -83,7 +83,7 @@ def find_stands(skills: SkillContext, leaf: Leaf, ways: Iterable[LeafWay]) -> li
     """
     from bestman_bt.manipulation.kinematics import StandAlongParameters, promising_stands
 
-    kinematics, current = skills.algorithms.kinematics, skills.world.base.pose
+    kinematics, current = skills.kinematics, skills.world.base.pose
     reachability = _reachability(skills)
     found: list[StandAlong] = []
     promising: list[LeafWay] = []
@@ -121,7 +121,7 @@ def stands_along_leaf(
     return rank_stand_poses_along(
         way.stands,
         way.stations,
-        skills.algorithms.kinematics,
+        skills.kinematics,
         skills.arm_model,
         skills.arm_positions(),
         skills.rng,
@@ -136,5 +136,5 @@ def _reachability(skills: SkillContext) -> ReachabilityMap | None:
     """The arm's map, from the disk; None where the kinematics in use has none."""
     from bestman_bt.manipulation.kinematics import DampedLeastSquares, reachability_map
 
-    kinematics = skills.algorithms.kinematics
+    kinematics = skills.kinematics
     return reachability_map(kinematics) if isinstance(kinematics, DampedLeastSquares) else None

@@ -65,7 +65,7 @@ class Relocalise(Skill):
             scans.append(skills.base.scan())
             places: tuple[Place, ...] = yield self.compute(
                 "global_localization",
-                skills.algorithms.global_localization.locate,
+                skills.global_localization.locate,
                 skills.world.map,
                 scans,
                 skills.base.lidar.base_from_lidar,

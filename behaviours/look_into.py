@@ -63,7 +63,7 @@ class LookInto(OnArm, Skill):
         reference = skills.arm_positions()
         found: list[NDArray[np.float64]] = []
         for base_from_camera in self._views():
-            result = skills.algorithms.kinematics.solve(
+            result = skills.kinematics.solve(
                 base_from_camera @ camera_from_tool, reference, skills.rng, 1, world.is_free, 8
             )
             found += result.solutions

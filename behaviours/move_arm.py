@@ -100,7 +100,7 @@ class Retreat(OnArm, Skill):
 
         skills = self.skills
         back = skills.base_from_tool() @ Pose(np.array([0.0, 0.0, -distance]))
-        line = cartesian_path(skills.algorithms.kinematics, skills.arm_positions(), back, world.is_free)
+        line = cartesian_path(skills.kinematics, skills.arm_positions(), back, world.is_free)
         if len(line.path) > 1:
             yield from follow_path(self, line.path, world, speed=0.5)
 
@@ -137,7 +137,7 @@ def _postures(skill: Skill, name: str, sight: NDArray[np.float64] | None = None)
         return [[posture]]
     scene = skills.planning_scene()
     world, roomy = skills.arm_world(scene), skills.arm_world(_with_room(scene))
-    upright = Upright(skills.algorithms.kinematics, held.tool_from_object, MAX_HELD_TILT)
+    upright = Upright(skills.kinematics, held.tool_from_object, MAX_HELD_TILT)
     past = None if sight is None else out_of_sight(skills, sight)
     tilted = not upright.satisfied(skills.arm_positions())
 
@@ -178,5 +178,5 @@ def _turned(skill: Skill, posture: NDArray[np.float64]) -> list[NDArray[np.float
 
 def _reach(skill: Skill, positions: NDArray[np.float64], held: HeldObject) -> float:
     """Metres from the middle of the base to the middle of what the hand holds, horizontally."""
-    base_from_object = skill.skills.algorithms.kinematics.tool_pose(positions) @ held.tool_from_object
+    base_from_object = skill.skills.kinematics.tool_pose(positions) @ held.tool_from_object
     return float(np.linalg.norm(base_from_object.position[:2]))

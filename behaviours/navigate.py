@@ -96,7 +96,7 @@ class NavigateTo(Skill):
 
     def _drive(self, goal: Pose2D) -> Steps:
         """One attempt: along a path, and along another one where that is no longer free."""
-        base, known = self.skills.base, self.skills.costmap()
+        base, known = self.skills.base, self.skills.known_costmap()
         path = yield from self._wait_for_path(goal, known, math.inf)
         while True:
             other: Path2D | None = None
@@ -164,7 +164,7 @@ class NavigateTo(Skill):
 
     def _plan(self, goal: Pose2D, costmap: Costmap) -> StepsTo[Path2D | PlanningFailure]:
         skills = self.skills
-        start, plan = skills.world.base.pose, skills.algorithms.global_planning.plan
+        start, plan = skills.world.base.pose, skills.global_planning.plan
         path: Path2D | PlanningFailure = yield self.compute("global_planning", plan, start, goal, costmap)
         return path
 

@@ -66,7 +66,7 @@ class FindLookStand(Skill):
             self._asked, self._position = 0, position
         front = leaf.front(position)
         facing = math.atan2(-float(front.rotation[1, 0]), -float(front.rotation[0, 0]))
-        clearance = yield self.compute("stand_planning", lambda: self.skills.costmap(DRIVEN).clearance_at)
+        clearance = yield self.compute("stand_planning", lambda: self.skills.known_costmap(DRIVEN).clearance_at)
         first = self._asked % len(LOOK_BEARINGS)
         self._asked += 1
         for bearing in (*LOOK_BEARINGS[first:], *LOOK_BEARINGS[:first]):

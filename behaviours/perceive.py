@@ -98,7 +98,7 @@ def _look(leaf: DetectObject | DetectObjects) -> StepsTo[tuple[RGBDView, Detecte
     view = camera_called(skills, leaf.get_input("camera")).capture()
     region = surface_region(skills, leaf.get_input("surface"), view)
     models = list(skills.world.models.values())
-    detect = skills.algorithms.detection.detect
+    detect = skills.detection.detect
     scene: DetectedScene = yield leaf.compute("detection", detect, view.in_base, region, models, skills.rng)
     return view, scene
 
@@ -136,7 +136,7 @@ class EstimatePose(Skill):
         view = camera_called(skills, self.get_input("camera")).capture()
         base_from_object = view.map_from_base.inverse() @ belief.pose
         region = self._region(belief, base_from_object, view)
-        detect = skills.algorithms.detection.detect
+        detect = skills.detection.detect
         scene: DetectedScene = yield self.compute(
             "pose_estimation", detect, view.in_base, region, list(skills.world.models.values()), skills.rng
         )

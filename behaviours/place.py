@@ -92,7 +92,7 @@ class FindPlacePose(Skill):
         region = surface_region(skills, surface, view)
         models = list(skills.world.models.values())
         scene: DetectedScene = yield self.compute(
-            "detection", skills.algorithms.detection.detect, view.in_base, region, models, skills.rng
+            "detection", skills.detection.detect, view.in_base, region, models, skills.rng
         )
         believe_surface(skills, surface, view, scene)
         base_from_goal = view.map_from_base.inverse() @ goal
@@ -165,7 +165,7 @@ class PlaceOn(OnArm, Skill):
         skills = self.skills
         free = skills.arm_world(skills.planning_scene())
         lowering, arm_alone = self._lowering_world(held), self._lowering_world(held, hand=True)
-        kinematics, reference = skills.algorithms.kinematics, skills.arm_positions()
+        kinematics, reference = skills.kinematics, skills.arm_positions()
         found: list[Approach] = []
         lift = DROP if skills.wrist_wrench is None else HOVER
         for above, down in place_tool_poses(held, base_from_object, self._above(held), lift):
@@ -186,7 +186,7 @@ class PlaceOn(OnArm, Skill):
         from bestman_bt.manipulation.kinematics import cartesian_path
 
         lowest = Pose(down.position - np.array([0.0, 0.0, lift + SEARCH]), down.quaternion)
-        kinematics = self.skills.algorithms.kinematics
+        kinematics = self.skills.kinematics
         return cartesian_path(kinematics, approach.into[-1], lowest, world.is_free).complete
 
     def _above(self, held: HeldObject) -> float:

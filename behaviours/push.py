@@ -153,7 +153,7 @@ class Push(OnArm, Skill):
         from bestman_bt.manipulation.kinematics import cartesian_path
 
         skills = self.skills
-        kinematics, reference = skills.algorithms.kinematics, skills.arm_positions()
+        kinematics, reference = skills.kinematics, skills.arm_positions()
         base_from_map = skills.map_from_base.inverse()
         base_from_object = base_from_map @ belief.pose
         scene = self._untouched(belief)
@@ -186,7 +186,7 @@ class Push(OnArm, Skill):
     ) -> bool:
         """Whether the fingers, and nothing else, touch the object next: a little further on, to be sure."""
         onward = Pose(base_from_tool.position + CLEAR * direction, base_from_tool.quaternion)
-        following = self.skills.algorithms.kinematics.track(onward, positions)
+        following = self.skills.kinematics.track(onward, positions)
         if following is None:
             return False
         fingers = self.skills.gripper_model.finger_links
@@ -234,7 +234,7 @@ class Push(OnArm, Skill):
         here = skills.base_from_tool()
         world = skills.arm_world(skills.planning_scene(ignore=[name]))
         back = Pose(here.position - STANDOFF * plan.direction, here.quaternion)
-        line = cartesian_path(skills.algorithms.kinematics, skills.arm_positions(), back, world.is_free)
+        line = cartesian_path(skills.kinematics, skills.arm_positions(), back, world.is_free)
         if len(line.path) < 2:
             raise SkillFailure("not_withdrawn", f"the hand cannot go back from the {name}: {line.failure}")
         yield from follow_path(self, line.path, world, speed=0.5)

@@ -128,7 +128,7 @@ class RunPolicy(OnArm, Skill):
                 raise SkillFailure("timeout", f"not there in time{self._distance(goal)}")
             seen, (start, velocities) = clock.now(), motion.asked()
             chunk = yield self.compute("policy", policy.act, self._observation(spec, goal, velocities))
-            path = chunk_path(chunk, start, self.skills.algorithms.kinematics, self.skills.arm_model)
+            path = chunk_path(chunk, start, self.skills.kinematics, self.skills.arm_model)
             moves = bool(np.abs(path - start).max() > STILL) or motion.stream.moving(seen)
             if moves:
                 begin = clock.now() + LEAD if motion.stream.moving(seen) else clock.now()
@@ -251,7 +251,7 @@ class RunPolicy(OnArm, Skill):
         from bestman_bt.manipulation.trajectory import first_touch
 
         skills = self.skills
-        kinematics = skills.algorithms.kinematics
+        kinematics = skills.kinematics
         outside = motion.box.first_outside(path, kinematics)
         if outside is None:
             spliced = motion.stream.splice(path, dt, seen, begin)

@@ -82,7 +82,7 @@ class ScanScene(Skill):
         if len(problems) == count:
             raise problems[0]
         skills.world.occupancy = yield self.compute(
-            "depth_fusion", skills.algorithms.occupancy.fuse, [view.in_map for view in views], self._mapped()
+            "depth_fusion", skills.occupancy.fuse, [view.in_map for view in views], self._mapped()
         )
         names = [name for name in dict.fromkeys(seen) if name in skills.world.objects]
         for name in names:
@@ -115,7 +115,7 @@ class ScanScene(Skill):
             scene = yield from self._detected(view, surface_region(skills, name, view))
             return believe_surface(skills, name, view, scene)
         planes: Sequence[SupportPlane] = yield self.compute(
-            "segmentation", skills.algorithms.surfaces.find, view.in_base, skills.rng
+            "segmentation", skills.surfaces.find, view.in_base, skills.rng
         )
         names: list[str] = []
         for plane, region in zip(planes, surface_regions(planes), strict=True):
@@ -127,7 +127,7 @@ class ScanScene(Skill):
         skills = self.skills
         models = list(skills.world.models.values())
         scene: DetectedScene = yield self.compute(
-            "detection", skills.algorithms.detection.detect, view.in_base, region, models, skills.rng
+            "detection", skills.detection.detect, view.in_base, region, models, skills.rng
         )
         return scene
 
@@ -162,7 +162,7 @@ class ScanScene(Skill):
         if not belief.recognised or len(observations) < 2:
             return
         joined: tuple[PoseHypothesis, ...] = yield self.compute(
-            "pose_estimation", skills.algorithms.multi_view.estimate, observations, [belief.model]
+            "pose_estimation", skills.multi_view.estimate, observations, [belief.model]
         )
         if joined and joined[0].confidence >= belief.confidence:
             best = joined[0]

@@ -85,7 +85,7 @@ class SecondLook(OnArm, Skill):
         """Joint positions (n,) of views that can be taken, the most telling first."""
         skills = self.skills
         (hypothesis,) = self._joined(belief, skills.observations[belief.name])
-        planner = skills.algorithms.view_planning
+        planner = skills.view_planning
         candidates = planner.candidates(hypothesis, camera.intrinsics)
         ranked = planner.rank(hypothesis, candidates, camera.intrinsics, self._others(belief))
         world = skills.arm_world(skills.planning_scene())
@@ -94,7 +94,7 @@ class SecondLook(OnArm, Skill):
         postures = []
         for view in ranked[:TRIED_VIEWS]:
             for base_from_tool in self._tool_poses(view, camera_from_tool):
-                found = skills.algorithms.kinematics.solve(base_from_tool, reference, skills.rng, attempts=4)
+                found = skills.kinematics.solve(base_from_tool, reference, skills.rng, attempts=4)
                 postures += [positions for positions in found.solutions if world.is_free(positions)][:1]
             if len(postures) >= GOALS:
                 break
@@ -133,7 +133,7 @@ class SecondLook(OnArm, Skill):
         region = region_around(base_from_object, float(belief.model.size[2]))
         scene: DetectedScene = yield self.compute(
             "pose_estimation",
-            skills.algorithms.detection.detect,
+            skills.detection.detect,
             view.in_base,
             region,
             list(skills.world.models.values()),
@@ -158,4 +158,4 @@ class SecondLook(OnArm, Skill):
         )
 
     def _joined(self, belief: ObjectBelief, observations: Sequence[Observation]) -> tuple[PoseHypothesis, ...]:
-        return self.skills.algorithms.multi_view.estimate(observations, [belief.model])
+        return self.skills.multi_view.estimate(observations, [belief.model])

@@ -148,7 +148,7 @@ class FindStandPose(OnArm, Skill):
         return rank_stand_poses(
             candidates,
             target.tool_poses,
-            skills.algorithms.kinematics,
+            skills.kinematics,
             skills.arm_model,
             skills.arm_positions(),
             skills.rng,

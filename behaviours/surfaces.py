@@ -74,7 +74,7 @@ def surface_region(skills: SkillContext, name: str, view: RGBDView) -> Region:
     if room is None:
         return Region(base_from_surface, (surface.size[0] + 2 * MARGIN, surface.size[1] + 2 * MARGIN))
     try:
-        planes = skills.algorithms.surfaces.find(view.in_base, skills.rng)
+        planes = skills.surfaces.find(view.in_base, skills.rng)
     except NoSurfaceError:
         planes = ()
     regions = surface_regions(planes, height=room - BOARD, margin=-RIM)

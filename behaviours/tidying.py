@@ -148,7 +148,7 @@ class FindFreePlace(Skill):
         region = surface_region(skills, surface, view)
         models = list(skills.world.models.values())
         scene: DetectedScene = yield self.compute(
-            "detection", skills.algorithms.detection.detect, view.in_base, region, models, skills.rng
+            "detection", skills.detection.detect, view.in_base, region, models, skills.rng
         )
         believe_surface(skills, surface, view, scene)
         radius = float(np.linalg.norm(model.size[:2])) / 2 + self.get_input("clearance")

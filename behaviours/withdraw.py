@@ -40,7 +40,7 @@ def withdraw(skill: Skill, leaf: Leaf, posture: str, felt: Obstacle | None = Non
         if world.is_free(skills.arm_positions()):
             break
     back = skills.base_from_tool() @ Pose(np.array([0.0, 0.0, -BACK_OFF]))
-    line = cartesian_path(skills.algorithms.kinematics, skills.arm_positions(), back, world.is_free)
+    line = cartesian_path(skills.kinematics, skills.arm_positions(), back, world.is_free)
     if len(line.path) > 1:
         yield from follow_path(skill, line.path, world, speed=0.5)
     around = _around(skills, leaf, position, felt)

@@ -48,7 +48,7 @@ class _ComputePath(Skill):
 
         skills = self.skills
         name = self.get_input("planner_id")
-        planner = skills.planners(name, self.folders) if name else skills.algorithms.global_planning
+        planner = skills.planners(name, self.folders) if name else skills.global_planning
         begin = skills.world.base.pose if start is None else start
         legs: list[Path2D]
         legs, failure = yield self.compute("global_planning", _legs, planner, begin, goals, skills.seen_costmap())

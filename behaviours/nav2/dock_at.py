@@ -98,11 +98,11 @@ class DockAt(Skill):
         if abs(back.y) < STAGED and abs(wrap_angle(back.theta)) < STAGED_HEADING and back.x > STAGED:
             yield skills.base.drive(-back.x)
         elif math.hypot(back.x, back.y) > STAGED or abs(wrap_angle(back.theta)) > STAGED_HEADING:
-            planner = skills.algorithms.global_planning
+            planner = skills.global_planning
             path = yield self.compute("global_planning", planner.plan, pose, staging, skills.seen_costmap())
             if isinstance(path, PlanningFailure):
                 raise SkillFailure(path.reason.value, path.text)
-            yield skills.base.follow(path, skills.costmap())
+            yield skills.base.follow(path, skills.known_costmap())
 
     def _seen(self, piece: MapFurniture, goal: Pose2D) -> StepsTo[Pose2D]:
         """The goal by where the front of ``piece`` is seen."""

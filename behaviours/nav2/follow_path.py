@@ -64,7 +64,7 @@ class FollowPath(Skill):
         self._path, self._controller = path, controller
         self.feedback_message = f"driving {path.length:.1f} m"
         follower = skills.followers(controller, self.folders) if controller else None
-        return skills.base.follow(path, skills.costmap(), follower)
+        return skills.base.follow(path, skills.known_costmap(), follower)
 
     def _is_new(self, path: Path2D) -> bool:
         """Whether a path, or who is to follow it, is not what it was."""

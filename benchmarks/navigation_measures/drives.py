@@ -17,7 +17,7 @@ from bestman_bt.evaluation.interval import wilson_interval
 from bestman_bt.messages import Pose2D, wrap_angle
 from bestman_bt.navigation.global_planning import shortest_length
 from bestman_bt.runtime import prepare
-from bestman_bt.runtime.algorithms import make_algorithms
+from bestman_bt.runtime.algorithms import Algorithms
 from bestman_bt.runtime.drive_goals import drive_goal, true_costmap
 
 POSITION_TOLERANCE, YAW_TOLERANCE = 0.05, math.radians(3.0)
@@ -83,7 +83,7 @@ def drive_in_one_world(task: str, seed: int, goals: int, settings: list[str], dr
     """``goals`` drives in the world of a seed, each from where the last one ended."""
     own = [f"scene.generator.apartment.seed={seed}"] if "apartment" in task else []
     setup = prepare(load_run(task, seed=seed, settings=[*own, *settings]))
-    algorithms = make_algorithms(setup.config, setup.robot_model)
+    algorithms = Algorithms(setup.config, setup.robot_model)
     follower, planner = type(algorithms.local_planning), type(algorithms.global_planning)
     with (
         judged_session(setup) as judged,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -99,8 +99,8 @@ def explore(setup: Setup, mean_slip: float) -> Exploration:
     with judged_session(setup, lambda robot: let_slip(robot, mean_slip, seed)) as judged:
         slam.true_pose = lambda: judged.true_pose
         skills, robot = judged.session.skills, judged.robot
-        planner = RecordedPlanner(skills.algorithms.global_planning)
-        skills.algorithms = replace(skills.algorithms, slam=slam, global_planning=planner)
+        planner = RecordedPlanner(skills.global_planning)
+        skills.slam, skills.global_planning = slam, planner
         told = skills.world.base.pose
         tree = judged.session.load(ExploreAndMap(max_time=TIME_LIMIT))
         told_at = begin = robot.clock.now()

@@ -10,7 +10,6 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from behaviours.context import Algorithms
 from behaviours.nav2.ports import AlgorithmName
 from bestman_bt.configuration import (
     ConfigurationError,
@@ -45,7 +44,7 @@ from bestman_bt.robot_model import ArmModel, BaseModel, ImuPart, RobotModel, Whe
 from bestman_bt.runtime.tree_checks import literals
 from bestman_bt.world_model import SemanticMap
 
-_SLOTS: dict[str, tuple[type[Any], str]] = {
+SLOTS: dict[str, tuple[type[Any], str]] = {
     "segmentation": (Segmentation, "segmentation"),
     "surfaces": (SupportSurfaces, "segmentation"),
     "pose_estimation": (PoseEstimator, "pose_estimation"),
@@ -74,48 +73,61 @@ _SLOTS: dict[str, tuple[type[Any], str]] = {
 """Slot → what it holds, and the kind under which that is registered."""
 
 
-def make_algorithms(config: RunConfig, model: RobotModel, semantic_map: SemanticMap | None = None) -> Algorithms:
-    """The algorithms that skills ask, each made on first use; a user's own ones are made now, to see whether they can.
+class Algorithms:
+    """The algorithms that a configuration chose, one per slot, each made when it is first asked for: ``detection``.
 
-    ``semantic_map``: what the base is localised on; only a localizer needs it. ConfigurationError lists what is wrong
-    in any slot.
+    ``semantic_map``: what the base is localised on; only a localizer needs it. A user's own ones are made at once, to
+    see whether they can. ConfigurationError lists what is wrong in any slot.
     """
-    faults, own = ProblemCollector(), []
-    for slot in _SLOTS:
-        with faults.step():
-            algorithm, _ = _choose(config, slot)
-            if not algorithm.__module__.startswith("bestman_bt."):
-                own.append(slot)
-    lacking = {
-        *(() if model.of(ArmModel) else ("kinematics", "collision")),
-        *(() if semantic_map else ("localization",)),
-    }
-    for slot in own:
-        with faults.step():
-            if slot not in lacking:
-                _made(config, model, semantic_map, slot)
-    faults.raise_if_any()
-    return Algorithms(partial(_made, config, model, semantic_map))
 
+    def __init__(self, config: RunConfig, model: RobotModel, semantic_map: SemanticMap | None = None) -> None:
+        self._config, self._model, self._map = config, model, semantic_map
+        self._of_arms: dict[tuple[str, str], Any] = {}
+        faults, own = ProblemCollector(), []
+        for slot in SLOTS:
+            with faults.step():
+                algorithm, _ = _choose(config, slot)
+                if not algorithm.__module__.startswith("bestman_bt."):
+                    own.append(slot)
+        lacking = {
+            *(() if model.of(ArmModel) else ("kinematics", "collision")),
+            *(() if semantic_map else ("localization",)),
+        }
+        for slot in own:
+            with faults.step():
+                if slot not in lacking:
+                    self.of_arm(slot, "")
+        faults.raise_if_any()
 
-def _made(config: RunConfig, model: RobotModel, semantic_map: SemanticMap | None, slot: str, arm: str = "") -> Any:
-    """The algorithm in a slot, with what it stands on; ``arm``: whose kinematics, by default the default arm's."""
-    make = partial(make_algorithm, config)
-    match slot:
-        case "detection":
-            return make(slot, segmentation=make("segmentation"), pose_estimator=make("pose_estimation"))
-        case "kinematics":
-            return make(slot, model, arm=arm or model.arm_named())
-        case "collision":
-            return make(slot, model)
-        case "motion_planning":
-            return TimedMotionPlanner(make(slot), make("trajectory"))
-        case "localization":
-            localizer: Localizer = make(slot, semantic_map)
-            if any(base.part.turning_slip != 1.0 for base in model.of(WheeledBaseModel).values()):
-                localizer.expect_dragged_wheels()
-            return localizer
-    return make(slot)
+    def __getattr__(self, slot: str) -> Any:
+        if slot not in SLOTS:
+            raise AttributeError(f"there is no slot {slot!r}; there are {', '.join(SLOTS)}")
+        return self.of_arm(slot, "")
+
+    def of_arm(self, slot: str, arm: str) -> Any:
+        """The algorithm in a slot; ``arm``: whose kinematics, by default the default arm's. All else is of no arm."""
+        key = (slot, (arm or self._model.arm_named()) if slot == "kinematics" else "")
+        if key not in self._of_arms:
+            self._of_arms[key] = self._made(*key)
+        return self._of_arms[key]
+
+    def _made(self, slot: str, arm: str) -> Any:
+        make, model = partial(make_algorithm, self._config), self._model
+        match slot:
+            case "detection":
+                return make(slot, segmentation=make("segmentation"), pose_estimator=make("pose_estimation"))
+            case "kinematics":
+                return make(slot, model, arm=arm)
+            case "collision":
+                return make(slot, model)
+            case "motion_planning":
+                return TimedMotionPlanner(make(slot), make("trajectory"))
+            case "localization":
+                localizer: Localizer = make(slot, self._map)
+                if any(base.part.turning_slip != 1.0 for base in model.of(WheeledBaseModel).values()):
+                    localizer.expect_dragged_wheels()
+                return localizer
+        return make(slot)
 
 
 def check_odometry(config: RunConfig, model: RobotModel) -> None:
@@ -187,7 +199,7 @@ def _choose(config: RunConfig, slot: str, name: str = "", folders: tuple[Path, .
         values = {}
     name = name or configured
     algorithms = _in_slot(slot)
-    name = name.removeprefix(f"{_SLOTS[slot][1]}/")
+    name = name.removeprefix(f"{SLOTS[slot][1]}/")
     if ":" in name:
         algorithms = {name: _class_at(config, slot, name, folders)}
     if name not in algorithms:
@@ -213,14 +225,14 @@ def _choose(config: RunConfig, slot: str, name: str = "", folders: tuple[Path, .
 
 def algorithms_by_slot() -> dict[str, dict[str, type[Any]]]:
     """Slot → the registered algorithms that it may hold, by name."""
-    return {slot: _in_slot(slot) for slot in _SLOTS}
+    return {slot: _in_slot(slot) for slot in SLOTS}
 
 
 def _in_slot(slot: str) -> dict[str, type[Any]]:
     """The registered algorithms that a slot may hold, by name."""
-    base, kind = _SLOTS[slot]
+    base, kind = SLOTS[slot]
     named = {name: ALGORITHMS.resolve(name) for name in ALGORITHMS if name.startswith(f"{kind}/")}
-    bases = {other for other, of_kind in _SLOTS.values() if of_kind == kind}
+    bases = {other for other, of_kind in SLOTS.values() if of_kind == kind}
     # What is of another slot of its kind is not offered; what is of none is, to be told that it is none.
     return {
         name.removeprefix(f"{kind}/"): cls
@@ -265,7 +277,7 @@ def _module_at(name: str, folders: tuple[Path, ...]) -> ModuleType:
 
 def _refuse_unfinished(config: RunConfig, slot: str, algorithm: type[Any]) -> None:
     """A class that is not what the slot holds, or lacks methods of it."""
-    base = _SLOTS[slot][0]
+    base = SLOTS[slot][0]
     missing = sorted(getattr(algorithm, "__abstractmethods__", ()))
     if issubclass(algorithm, base) and not missing:
         return

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from functools import cached_property
 from typing import Any, TypeVar
 
-from behaviours.context import Algorithms
 from behaviours.parts import MissingPartError, PartKind, parts_by_kind
 from bestman_bt.control.arm import ArmController
 from bestman_bt.control.force_torque import WristWrench
@@ -20,6 +19,7 @@ from bestman_bt.control.tactile import TactileSensor
 from bestman_bt.control.wheeled import BaseController, CollisionMonitor
 from bestman_bt.manipulation.kinematics import ForwardKinematics
 from bestman_bt.robot_model import RobotModel, arm_of
+from bestman_bt.runtime.algorithms import SLOTS, Algorithms
 from bestman_bt.world_model import WorldModel
 from hal.api import (
     Arm,
@@ -55,7 +55,9 @@ class RobotParts:
         self._of_arms: dict[str, _ArmParts] = {}
 
     def made(self, attribute: str, arm: str) -> Any:
-        """What a ``SkillContext`` has under a name, made at the first request; ``arm``: whose hand and sensors."""
+        """What a ``SkillContext`` has under a name, made at the first request; ``arm``: whose, if it is of an arm."""
+        if attribute in SLOTS:
+            return self.algorithms.of_arm(attribute, arm)
         if attribute not in OF_AN_ARM:
             return getattr(self, attribute)
         if arm not in self._of_arms:
@@ -144,9 +146,9 @@ class _ArmParts:
     def arm(self) -> ArmController:
         """Moves the arm."""
         parts = self._parts
-        algorithms = parts.algorithms if self._arm == parts.default_arm else parts.algorithms.for_arm(self._arm)
         arm = parts.first("arm", Arm, self._arm)
-        return ArmController(arm, parts.robot.clock, kinematics=algorithms.kinematics, wrist=self.wrist_wrench)
+        kinematics = parts.algorithms.of_arm("kinematics", self._arm)
+        return ArmController(arm, parts.robot.clock, kinematics=kinematics, wrist=self.wrist_wrench)
 
     @cached_property
     def gripper(self) -> GripperController:

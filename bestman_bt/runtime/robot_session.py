@@ -22,7 +22,7 @@ from bestman_bt.configuration import RunConfig, load_run, task_of_tree
 from bestman_bt.control.robot_stop import RobotStop
 from bestman_bt.engine import Tree, TreeLoadError
 from bestman_bt.registry import DRIVERS
-from bestman_bt.runtime.algorithms import algorithm_by_name, make_algorithms
+from bestman_bt.runtime.algorithms import Algorithms, algorithm_by_name
 from bestman_bt.runtime.control_channel import ControlChannel
 from bestman_bt.runtime.executor import Execution, Executor
 from bestman_bt.runtime.picture_source import PictureSource
@@ -208,18 +208,16 @@ def session(
 
 def _skills(setup: Setup, robot: Robot) -> SkillContext:
     config, model, world = setup.config, setup.robot_model, setup.world_model.as_at_the_start()
-    algorithms = make_algorithms(config, model, world.map)
-    parts = RobotParts(robot, model, world, algorithms)
+    parts = RobotParts(robot, model, world, Algorithms(config, model, world.map))
     return SkillContext(
         clock=robot.clock,
         robot=model,
         kinds=parts.kinds,
-        make_part=parts.made,
+        make_accessor=parts.made,
         arm_name=parts.default_arm,
         sensors={name: part for name, part in robot.parts.items() if isinstance(part, Sensor)},
         world=world,
         stop=RobotStop(robot),
-        algorithms=algorithms,
         computation=InlineComputation(robot.clock),
         costs=COMPUTATION_COSTS,
         rng=np.random.default_rng([config.seed, 2]),

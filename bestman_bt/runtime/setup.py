@@ -29,9 +29,9 @@ from bestman_bt.perception import PerceptionError
 from bestman_bt.registry import CONNECTIONS, DRIVERS, UnknownNameError
 from bestman_bt.robot_model import ArmModel, BaseModel, CameraPart, RobotModel, load_robot_model
 from bestman_bt.runtime.algorithms import (
+    Algorithms,
     algorithm_problems,
     check_odometry,
-    make_algorithms,
 )
 from bestman_bt.runtime.drive_goals import drive_goal
 from bestman_bt.runtime.plan_goals import plan_goal, plan_problems, told_of_plan
@@ -216,7 +216,7 @@ def prepare(config: RunConfig, all_entries: bool = False, known_faults: Iterable
     )
     faults.problems += task_problems(config, world, world_model, robot_model, scene.absent)
     with faults.step():
-        make_algorithms(config, robot_model, world_model.map)  # the localizer, too
+        Algorithms(config, robot_model, world_model.map)  # the localizer, too
     with faults.step():
         check_odometry(config, robot_model)
     if registry is None:
@@ -259,7 +259,7 @@ def _check_tree(setup: Setup, all_entries: bool) -> None:
 
 
 def _prepare_algorithms(config: RunConfig, robot_model: RobotModel) -> None:
-    algorithms = make_algorithms(config, robot_model)
+    algorithms = Algorithms(config, robot_model)
     if not robot_model.of(CameraPart):
         return
     try:

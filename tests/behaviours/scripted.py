@@ -11,14 +11,14 @@ from typing import Any
 import numpy as np
 
 from behaviours.computation import InlineComputation
-from behaviours.context import Algorithms, SkillContext
+from behaviours.context import SkillContext
 from behaviours.parts import parts_by_kind
 from bestman_bt.configuration import load_run
 from bestman_bt.control import ControlHandle
 from bestman_bt.engine import RUNNING, ManualClock, Node, Tree, load_tree
 from bestman_bt.messages import MotionErrorCode, Pose, Pose2D
 from bestman_bt.robot_model import ArmModel, GripperModel
-from bestman_bt.runtime.algorithms import make_algorithms
+from bestman_bt.runtime.algorithms import Algorithms
 from bestman_bt.runtime.setup import Setup, prepare
 from bestman_bt.world_model import BasePose
 from tests.behaviours.at_the_table import PERIOD, tree_of
@@ -69,7 +69,7 @@ class ScriptedController:
 def _prepared(task: str, seed: int, settings: tuple[str, ...]) -> tuple[Setup, Algorithms]:
     """What tests leave as it is."""
     setup = prepare(load_run(task, seed=seed, settings=settings))
-    return setup, make_algorithms(setup.config, setup.robot_model, setup.world_model.map)
+    return setup, Algorithms(setup.config, setup.robot_model, setup.world_model.map)
 
 
 def scripted_skills(task: str = "fetch_cup", base: Pose2D = ASKEW, *settings: str, seed: int = 3) -> Any:
@@ -77,7 +77,7 @@ def scripted_skills(task: str = "fetch_cup", base: Pose2D = ASKEW, *settings: st
     setup, algorithms = _prepared(task, seed, settings)
     skills: Any = SkillContext.__new__(SkillContext)
     skills.kinds = parts_by_kind(setup.robot_model, setup.robot_model.parts)
-    skills.setup, skills.robot, skills.algorithms = setup, setup.robot_model, algorithms
+    skills.setup, skills.robot, skills.make_accessor = setup, setup.robot_model, algorithms.of_arm
     skills.clock, skills.world = ManualClock(50.0), setup.world_model.as_at_the_start()
     skills.world.base = BasePose(base, 0.01, 0.01, 50.0)
     skills.failures, skills.observations, skills.costs = [], {}, defaultdict(float)

@@ -172,7 +172,7 @@ def test_it_looks_and_turns_until_one_place_is_certain_enough(
         scans.append(len(seen))
         return next(answers)
 
-    skills.algorithms = SimpleNamespace(global_localization=SimpleNamespace(locate=locate))
+    skills.global_localization = SimpleNamespace(locate=locate)
     body = '<Relocalise looks="3" turn="0.6" certainty="0.95"/>'
     assert run(skills, load(skills, body)) == (FAILURE if code else SUCCESS)
     assert scans == list(range(1, turns + 2))
@@ -190,6 +190,6 @@ def test_it_turns_only_where_its_corners_have_room(skills: Any, away: float, sta
     skills.base.scan = lambda: SimpleNamespace(scan=SimpleNamespace(points=lambda: behind))
     skills.base.believe = lambda *_: None
     answers = iter([(), places(0.99)])
-    skills.algorithms = SimpleNamespace(global_localization=SimpleNamespace(locate=lambda *_: next(answers)))
+    skills.global_localization = SimpleNamespace(locate=lambda *_: next(answers))
     assert run(skills, load(skills, '<Relocalise looks="2"/>')) == status
     assert codes(skills) == ([] if status == SUCCESS else ["no_room"])

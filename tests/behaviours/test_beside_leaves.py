@@ -56,7 +56,7 @@ def test_a_base_stands_where_its_body_is_clear_of_where_the_leaf_passes(
     skills, leaf, _ = standing_at(*DRAWER)
     passed = np.array([[0.4, -0.3]])
     monkeypatch.setattr("behaviours.leaf_stand.swept_by", lambda *_: passed)
-    skills.costmap = lambda _: SimpleNamespace(clearance_at=lambda stand: 1.0)
+    skills.known_costmap = lambda _: SimpleNamespace(clearance_at=lambda stand: 1.0)
     front = leaf.leaf.shapes[0]
     low = float(front.pose.position[2]) - front.shape.size[2] / 2
     body = body_between(

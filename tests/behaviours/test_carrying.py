@@ -35,7 +35,7 @@ def test_a_cup_in_a_level_hand_is_carried_upright_out_of_view_and_over_the_base(
     back, front, side = ROOM_TO_TURN
     for positions in found:
         assert view.colliding_pairs(positions) == ()
-        base_from_object = skills.algorithms.kinematics.tool_pose(positions) @ held.tool_from_object
+        base_from_object = skills.kinematics.tool_pose(positions) @ held.tool_from_object
         assert base_from_object.tilt < math.radians(0.5)
         joints = {**scene.positions, **dict(zip(skills.arm_model.joint_names, positions, strict=True))}
         for link in ("panda_link4", "panda_link5", "panda_link6", "panda_hand"):

@@ -52,8 +52,8 @@ def skills() -> Any:
         skills.planned_on.append(costmap)
         return skills.plans.pop(0) if skills.plans else path_of(2.0)
 
-    skills.algorithms = SimpleNamespace(global_planning=SimpleNamespace(plan=plan))
-    skills.costmap, skills.seen_costmap = lambda: KNOWN, lambda: Behind(9.0)
+    skills.global_planning = SimpleNamespace(plan=plan)
+    skills.known_costmap, skills.seen_costmap = lambda: KNOWN, lambda: Behind(9.0)
     skills.base.layer = SimpleNamespace(
         on=lambda costmap: SEEN if costmap == KNOWN else costmap, moving=(), clear=lambda: skills.cleared.append(1)
     )

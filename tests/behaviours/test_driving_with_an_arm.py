@@ -33,9 +33,9 @@ def test_the_outline_is_that_of_the_posture_of_the_arm_and_of_what_it_holds(byst
 
 def test_every_costmap_of_the_skills_has_the_arm_in_it(bystander) -> None:
     skills = bystander.skills
-    for costmap in (skills.costmap(), skills.seen_costmap()):
+    for costmap in (skills.known_costmap(), skills.seen_costmap()):
         assert (costmap.tall is None) == (skills.footprint().overhang is None)
-    assert skills.costmap("home").tall is not None
+    assert skills.known_costmap("home").tall is not None
 
 
 @pytest.mark.slow
@@ -45,7 +45,7 @@ def test_a_goal_that_the_arm_is_in_the_way_of_is_refused_and_reached_with_the_ar
     assert succeeds(session, '<MoveArm posture="home"/>')
     wall = float(skills.world.map.walls[:, [0, 2]].min())
     facing = Pose2D(wall + 0.28 + 0.1, 0.0, math.pi)
-    assert skills.costmap(DRIVEN).clearance_at(facing) > 0.0
+    assert skills.known_costmap(DRIVEN).clearance_at(facing) > 0.0
     goal = f"{facing.x};{facing.y};{facing.theta}"
     before = truth.base_pose().to_pose2d()
     code, why = why_not(session, to(goal))

@@ -95,7 +95,7 @@ def test_it_turns_until_there_is_one_place_and_gives_up_after_the_last_look(anyw
             looks.append(len(scans))
             return Place(Pose2D(), 0.5, 0.01, 0.01, 0.9), Place(Pose2D(1.0, 0.0, 0.0), 0.5, 0.01, 0.01, 0.9)
 
-    monkeypatch.setattr(session.skills.algorithms, "global_localization", Undecided())
+    monkeypatch.setattr(session.skills, "global_localization", Undecided())
     before = truth.base_pose().to_pose2d()
     code, words = why_not(session, '<Relocalise looks="3" turn="0.5"/>')
     turned = wrap_angle(truth.base_pose().to_pose2d().theta - before.theta)

@@ -38,7 +38,7 @@ def skills(monkeypatch: pytest.MonkeyPatch) -> Any:
 
     view = SimpleNamespace(map_from_base=ASKEW.to_pose(), in_base=None, stamp=skills.clock.now())
     skills.camera = SimpleNamespace(capture=lambda: view)
-    skills.algorithms = SimpleNamespace(detection=SimpleNamespace(detect=lambda *_: SCENE))
+    skills.detection = SimpleNamespace(detect=lambda *_: SCENE)
     monkeypatch.setattr("behaviours.perceive.surface_region", lambda *_: None)
     monkeypatch.setattr("behaviours.perceive.believe_surface", believe)
     monkeypatch.setattr("behaviours.perceive.believe_objects", believe)
@@ -92,7 +92,7 @@ def test_views_that_fit_together_less_surely_than_is_asked_change_no_belief(
     skills.wrist_camera = SimpleNamespace(capture=lambda: view)
     skills.observations["cup"] = ["an earlier view"]
     joined = SimpleNamespace(pose=Pose(), confidence=confidence, position_std=0.001, yaw_set=YawSet(((0.0, 0.1),)))
-    skills.algorithms.multi_view = SimpleNamespace(estimate=lambda *_: (joined,))
+    skills.multi_view = SimpleNamespace(estimate=lambda *_: (joined,))
     monkeypatch.setattr("behaviours.second_look.SecondLook._postures", lambda *_: [np.zeros(7)])
     monkeypatch.setattr("behaviours.second_look.move_free", lambda *_: ())
     monkeypatch.setattr("behaviours.second_look.remember_view", lambda *_: None)

@@ -148,7 +148,7 @@ def test_room_at_a_goal_is_seen_free_and_hardly_taken(
     scene = SimpleNamespace(plane=plane, scene=None)
     view = SimpleNamespace(map_from_base=ASKEW.to_pose(), in_base=None)
     skills.camera = SimpleNamespace(capture=lambda: view)
-    skills.algorithms = SimpleNamespace(detection=SimpleNamespace(detect=lambda *_: scene))
+    skills.detection = SimpleNamespace(detect=lambda *_: scene)
     monkeypatch.setattr("behaviours.place.surface_region", lambda *_: None)
     monkeypatch.setattr("behaviours.place.believe_surface", lambda *_: ())
     monkeypatch.setattr(segmentation, "surface_coverage", lambda *_: coverage)

@@ -153,7 +153,7 @@ def test_a_straight_way_at_a_share_of_the_usual_speed_takes_that_share_of_the_ac
     skills = SimpleNamespace(
         arm_positions=lambda: np.full(7, 0.1),
         arm_model=None,
-        algorithms=SimpleNamespace(motion_planning=SimpleNamespace(follow_path=None)),
+        motion_planning=SimpleNamespace(follow_path=None),
     )
     skill: Any = SimpleNamespace(skills=skills, compute=lambda *arguments: asked.extend(arguments))
     next(timed_path(skill, np.zeros((3, 7)), cast(Any, None), speed=0.35))

@@ -24,7 +24,7 @@ TAKE = """<Sequence>
 def test_it_lets_go_and_leaves_as_it_came(tmp_path, monkeypatch: pytest.MonkeyPatch) -> None:
     with known_world(table_with(tmp_path, heading=-120.0, cup=("cup", -0.2, 0.0, 0.0))) as (session, truth):
         skills = session.skills
-        planner = skills.algorithms.motion_planning
+        planner = skills.motion_planning
         follow, asked = planner.follow_path, []
 
         def refuse_the_lift(*arguments: Any) -> Any:

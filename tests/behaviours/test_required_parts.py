@@ -30,14 +30,14 @@ STANDS_FOR: dict[str, set[str]] = {
     "planning_scene": {"arm"},
     "gripper_model": {"gripper"},
     "footprint": {"base", "lidar"},
-    "costmap": {"base", "lidar"},
+    "known_costmap": {"base", "lidar"},
     "seen_costmap": {"base", "lidar"},
     "kinematics": {"arm"},
     "collision": {"arm"},
     "motion_planning": {"arm"},
 }
-"""Attribute of a context, or of its algorithms → the kinds of parts behind it, where it is not called as its kind."""
-HOLDERS = {"skills", "_skills", "context", "algorithms"}
+"""Attribute of a context → the kinds of parts behind it, where it is not called as its kind."""
+HOLDERS = {"skills", "_skills", "context"}
 SKILLS = [info.cls for info in node_registry([]).manifest() if not info.builtin and issubclass(info.cls, OnRobot)]
 
 

@@ -39,7 +39,7 @@ def views() -> Callable[..., list[Pose]]:
             poses.append(skills.map_from_base @ base_from_tool)
             return SimpleNamespace(solutions=[])
 
-        skills.algorithms = SimpleNamespace(kinematics=SimpleNamespace(solve=solve))
+        skills.kinematics = SimpleNamespace(solve=solve)
         skills.planning_scene, skills.arm_world = lambda: None, lambda _: SimpleNamespace(is_free=None)
         skills.base_from_tool = Pose  # the camera is where the tool is
         skills.wrist_camera = SimpleNamespace(base_from_camera=Pose)
@@ -90,11 +90,9 @@ def scanned(monkeypatch: pytest.MonkeyPatch) -> Callable[..., tuple[np.ndarray, 
         monkeypatch.setattr("behaviours.scan.surface_region", lambda *_: None)
         monkeypatch.setattr("behaviours.scan.believe_surface", lambda *_: ())
         skills.camera = SimpleNamespace(capture=lambda: SimpleNamespace(in_base=None, in_map=None))
-        skills.algorithms = SimpleNamespace(
-            detection=SimpleNamespace(detect=lambda *_: scene),
-            surfaces=SimpleNamespace(find=lambda *_: ()),
-            occupancy=SimpleNamespace(fuse=lambda views, region: regions.append(region)),
-        )
+        skills.detection = SimpleNamespace(detect=lambda *_: scene)
+        skills.surfaces = SimpleNamespace(find=lambda *_: ())
+        skills.occupancy = SimpleNamespace(fuse=lambda views, region: regions.append(region))
         assert run(skills, load(skills, f"<ScanScene {ports}/>")) == SUCCESS
         points = np.array([point for _, point in skills.head.asked])
         return skills.map_from_base.apply(points), regions[0]

@@ -30,7 +30,7 @@ class Bump(Skill):
         furniture, surface = find_surface(skills, "table")
         top = (furniture.pose.to_pose() @ surface.pose).position[2]
         inside = Pose.from_xyz_rpy((0.5, 0.0, top - 0.05), (math.pi, 0.0, 0.0))
-        found = skills.algorithms.kinematics.solve(inside, skills.arm_positions(), skills.rng, attempts=20).solutions
+        found = skills.kinematics.solve(inside, skills.arm_positions(), skills.rng, attempts=20).solutions
         everything = [kind(name, 1e9) for kind in (grasp, push, handle) for name in ("table", "table/top", "thing")]
         everything += [support(name, "table", 1e9) for name in ("panda_hand", "panda_leftfinger", "fingers", "robot")]
         with self.touching(*everything):

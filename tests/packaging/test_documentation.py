@@ -18,7 +18,7 @@ from bestman_bt.engine import TreeLoadError, load_tree
 from bestman_bt.messages import Pose
 from bestman_bt.robot_model import load_robot_model
 from bestman_bt.runtime import prepare, session
-from bestman_bt.runtime.algorithms import make_algorithms
+from bestman_bt.runtime.algorithms import Algorithms
 from bestman_bt.runtime.plugins import node_registry
 from bestman_bt.world_model import ObjectBelief
 
@@ -63,7 +63,7 @@ def test_the_choices_of_algorithms_are_accepted(text: str, tmp_path: Path) -> No
     task.write_text("tree: navigate\nscene: kitchen\nrobot: diff_panda\n" + text)
     config, model = load_run(task), load_robot_model("diff_panda")
     asked = yaml.safe_load(text)["algorithms"]
-    made = make_algorithms(config, model)
+    made = Algorithms(config, model)
     assert asked
     for slot, choice in asked.items():
         name, parameters = config.task.algorithm(slot)
@@ -219,4 +219,4 @@ def test_the_set_paths_of_the_page_of_parameters_are_accepted(path: str) -> None
     setting = path.partition("=")[0]
     assert f"`{setting}=`" in (DOCS / "parameters.md").read_text()
     config = load_run("fetch_cup", settings=[path])
-    make_algorithms(config, load_robot_model(config.task.robot))
+    Algorithms(config, load_robot_model(config.task.robot))

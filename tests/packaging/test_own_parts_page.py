@@ -23,7 +23,7 @@ from bestman_bt.perception.grasp_pose import GraspTarget
 from bestman_bt.registry import ALGORITHMS, BUILDERS, PLANNERS, PREDICATES
 from bestman_bt.robot_model import GripperModel
 from bestman_bt.runtime import Setup, prepare
-from bestman_bt.runtime.algorithms import make_algorithms
+from bestman_bt.runtime.algorithms import Algorithms
 from bestman_bt.task_planning.predicates import Beliefs
 from bestman_bt.task_planning.symbolic import Fact, Operator, Problem, Unsolvable, parse_literals
 from bestman_bt.world_model import SemanticMap
@@ -66,7 +66,7 @@ def setup(folder: Path) -> Setup:
 
 @pytest.fixture(scope="module")
 def algorithms(setup: Setup) -> Any:
-    return make_algorithms(setup.config, setup.robot_model)
+    return Algorithms(setup.config, setup.robot_model)
 
 
 @pytest.fixture(scope="module")
@@ -96,7 +96,7 @@ def test_the_global_planner_drives_straight_or_says_that_it_cannot(algorithms: A
 
 
 def test_the_follower_ends_in_the_goal(setup: Setup, costmap: Costmap) -> None:
-    follower, dt = make_algorithms(setup.config, setup.robot_model).local_planning, 0.05
+    follower, dt = Algorithms(setup.config, setup.robot_model).local_planning, 0.05
     follower.configure(base_model(costmap.footprint.corners, max_vx=0.5, max_wz=1.0, max_acceleration=0.5))
     goal = Pose2D(2.0, 1.0, math.pi / 2)
     follower.reset(Path2D(np.array([[0.0, 0.0], [1.0, 0.0], [2.0, 1.0]]), goal))

@@ -11,7 +11,7 @@ from bestman_bt.navigation.global_planning.grid_astar import GridAStar
 from bestman_bt.navigation.global_planning.theta_star import ThetaStar
 from bestman_bt.registry import ALGORITHMS, UnknownNameError
 from bestman_bt.robot_model import load_robot_model
-from bestman_bt.runtime.algorithms import algorithm_by_name, make_algorithms
+from bestman_bt.runtime.algorithms import Algorithms, algorithm_by_name
 
 WITHOUT_PARAMETERS = ("collision/coal_world", "localization/wheel_odometry")
 
@@ -19,7 +19,7 @@ WITHOUT_PARAMETERS = ("collision/coal_world", "localization/wheel_odometry")
 def faults(*settings: str) -> list[str]:
     model = load_robot_model("diff_panda")
     with pytest.raises(ConfigurationError) as error:
-        make_algorithms(load_run("navigate_kitchen", settings=[f"algorithms.{s}" for s in settings]), model)
+        Algorithms(load_run("navigate_kitchen", settings=[f"algorithms.{s}" for s in settings]), model)
     return [f"{problem.field.removeprefix('algorithms.')}: {problem.message}" for problem in error.value.problems]
 
 

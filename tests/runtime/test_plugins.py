@@ -12,7 +12,7 @@ import pytest
 from bestman_bt.configuration import ConfigurationError, dump_run, load_run, read_run
 from bestman_bt.registry import ALGORITHMS, BUILDERS, DRIVERS, PLANNERS, PREDICATES
 from bestman_bt.runtime import node_registry, prepare, session
-from bestman_bt.runtime.algorithms import make_algorithm, make_algorithms
+from bestman_bt.runtime.algorithms import Algorithms, make_algorithm
 from bestman_bt.task_planning.planners import made_planner
 from bestman_bt.task_planning.state import known_predicates
 
@@ -96,7 +96,7 @@ def test_a_configuration_chooses_an_algorithm_of_a_plug_in_with_its_parameters(p
         "algorithms.global_planning.points=7",
     )
     with session(seed=3, settings=settings, plugins=[plugin]) as opened:
-        planner = opened.skills.algorithms.global_planning
+        planner = opened.skills.global_planning
         assert type(planner).__name__ == "StraightLine"
         assert planner.parameters.points == 7
         pose = opened.skills.world.base.pose
@@ -247,7 +247,7 @@ def test_decorators_of_a_plug_in_name_its_algorithms_planners_and_builders(decor
     settings = ["algorithms.global_planning.algorithm=mine", "algorithms.global_planning.step=0.25"]
     config = load_run("fetch_cup", settings=settings, plugins=[str(decorated)])
     setup = prepare(config)
-    planner = make_algorithms(config, setup.robot_model).global_planning
+    planner = Algorithms(config, setup.robot_model).global_planning
     assert (type(planner).__name__, planner.parameters.step) == ("Mine", 0.25)
     assert type(made_planner("nothing_to_do")).__name__ == "Nothing"
     assert BUILDERS.resolve("in_a_row").__name__ == "InARow"
@@ -261,13 +261,13 @@ def test_an_algorithm_may_be_named_by_its_file_and_class(
     monkeypatch.chdir(decorated.parent)
     named = named.format(folder=decorated.parent)
     config = load_run("fetch_cup", settings=[f"algorithms.global_planning.algorithm={named}"])
-    assert type(make_algorithms(config, prepare(config).robot_model).global_planning).__name__ == "Mine"
+    assert type(Algorithms(config, prepare(config).robot_model).global_planning).__name__ == "Mine"
 
 
 def test_an_algorithm_may_be_named_by_module_and_class_or_with_its_slot() -> None:
     for named in ("bestman_bt.navigation.global_planning:ThetaStar", "global_planning/theta_star"):
         config = load_run("fetch_cup", settings=[f"algorithms.global_planning.algorithm={named}"])
-        assert type(make_algorithms(config, prepare(config).robot_model).global_planning).__name__ == "ThetaStar"
+        assert type(Algorithms(config, prepare(config).robot_model).global_planning).__name__ == "ThetaStar"
 
 
 def test_a_tasks_algorithm_file_is_counted_from_the_tasks_folder(decorated: Path) -> None:

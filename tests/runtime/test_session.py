@@ -174,7 +174,7 @@ def test_a_session_makes_the_controllers_that_its_trees_need_and_no_others() -> 
         opened.load(arm)
         assert "arm" in vars(skills)
         assert not {"gripper", "head", "wrist_camera"} & vars(skills).keys()
-        assert "grasp_pose" not in vars(skills.algorithms)
+        assert "grasp_pose" not in vars(skills)
 
 
 def test_a_robot_of_base_and_lidar_is_localised_and_says_what_it_lacks() -> None:

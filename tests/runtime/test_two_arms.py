@@ -128,7 +128,7 @@ def test_each_arm_has_its_own_hand_sensors_and_kinematics_and_the_rest_is_shared
     assert left.wrist_wrench.frame != right.wrist_wrench.frame
     assert left.base_from_tool().position[1] == pytest.approx(-right.base_from_tool().position[1], abs=0.01)
     assert left.base is right.base
-    assert left.algorithms.detection is right.algorithms.detection
+    assert left.detection is right.detection
 
 
 def test_what_one_hand_holds_stays_there_and_is_in_the_way_of_the_other_arm(
@@ -140,7 +140,7 @@ def test_what_one_hand_holds_stays_there_and_is_in_the_way_of_the_other_arm(
     scene = right.planning_scene()
     assert scene.attached is None
     assert [carried.name for carried in scene.carried] == ["cup"]
-    at_the_cup = right.algorithms.kinematics.solve(
+    at_the_cup = right.kinematics.solve(
         left.base_from_tool() @ Pose(np.array([0.0, 0.04, 0.0])), right.arm_positions(), right.rng, attempts=60
     )
     assert at_the_cup.found

@@ -19,7 +19,7 @@ from tests.behaviours.scripted import UNDER_WAY, codes, load, run, scripted_skil
 @pytest.fixture
 def skills() -> Any:
     skills = scripted_skills("navigate_kitchen")
-    skills.costmap = skills.seen_costmap = lambda: None
+    skills.known_costmap = skills.seen_costmap = lambda: None
     return skills
 
 
@@ -171,7 +171,7 @@ def test_a_base_that_stays_beside_its_goal_tries_as_often_as_it_may_and_tells_ho
     skills.world.base = BasePose(GOAL @ Pose2D(-0.5, 0.0, 0.0), 0.01, 0.01, 0.0)
     skills.base.ends["follow"] = [MotionErrorCode.TOLERANCE] * 9
     plan = path_to(1.0)
-    skills.algorithms = SimpleNamespace(global_planning=SimpleNamespace(plan=lambda *_: plan))
+    skills.global_planning = SimpleNamespace(plan=lambda *_: plan)
     assert run(skills, load(skills, '<DockAt goal="{goal}" attempts="2"/>', goal=GOAL)) == FAILURE
     assert codes(skills) == ["not_docked"]
     assert "after 2 approaches" in skills.failures[-1].why
