@@ -192,6 +192,8 @@ def _written(document: Document, path: FieldPath, converted: Any) -> Any:
 
 
 def _unknown_fields(data: Any, annotation: Any, path: FieldPath) -> list[tuple[FieldPath, str]]:
+    if not isinstance(data, (Mapping, list, tuple)):
+        return []
     annotation = _bare(annotation)
     if dataclasses.is_dataclass(annotation) and isinstance(data, Mapping):
         known = _field_types(annotation)
@@ -205,14 +207,12 @@ def _unknown_fields(data: Any, annotation: Any, path: FieldPath) -> list[tuple[F
     if isinstance(data, Mapping):
         item = _value_type(annotation)
         return [fault for key, value in data.items() for fault in _unknown_fields(value, item, (*path, key))]
-    if isinstance(data, (list, tuple)):
-        items = _item_types(annotation, len(data))
-        return [
-            fault
-            for index, (value, item) in enumerate(zip(data, items, strict=True))
-            for fault in _unknown_fields(value, item, (*path, index))
-        ]
-    return []
+    items = _item_types(annotation, len(data))
+    return [
+        fault
+        for index, (value, item) in enumerate(zip(data, items, strict=True))
+        for fault in _unknown_fields(value, item, (*path, index))
+    ]
 
 
 def _unknown_key(data: Any, annotation: Any, path: tuple[str, ...]) -> str | None:

@@ -52,10 +52,12 @@ def overlap_depth(a: Points, b: Points) -> float:
     for polygon in (a, b):
         edges = np.roll(polygon, -1, axis=0) - polygon
         normals = np.column_stack([edges[:, 1], -edges[:, 0]]) / np.linalg.norm(edges, axis=1, keepdims=True)
-        for normal in normals:
-            along_a, along_b = a @ normal, b @ normal
-            depth = min(depth, along_a.max() - along_b.min(), along_b.max() - along_a.min())
-    return float(max(depth, 0.0))
+        along_a, along_b = a @ normals.T, b @ normals.T
+        over = np.minimum(along_a.max(axis=0) - along_b.min(axis=0), along_b.max(axis=0) - along_a.min(axis=0))
+        depth = min(depth, float(over.min()))
+        if depth <= 0.0:
+            return 0.0
+    return depth
 
 
 def polygons_overlap(a: Points, b: Points) -> bool:

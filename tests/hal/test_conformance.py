@@ -73,7 +73,16 @@ def omnidirectional() -> Iterator[Robot]:
         yield robot
 
 
-@pytest.mark.parametrize("check", [*BASE_CHECKS, *STOP_CHECKS], ids=lambda check: check.name)
+QUICK = ("a base moves in its own frame", "velocities of a base lapse", "nothing moves when the stop is cleared")
+
+
+@pytest.mark.parametrize(
+    "check",
+    [
+        pytest.param(check, id=check.name, marks=() if check.name in QUICK else pytest.mark.slow)
+        for check in (*BASE_CHECKS, *STOP_CHECKS)
+    ],
+)
 def test_a_simulated_robot_whose_base_drives_sideways_keeps_its_promises(check: Check, omnidirectional: Robot) -> None:
     assert check.why_not(omnidirectional) is None
     try:

@@ -76,6 +76,7 @@ def test_equal_seeds_end_at_the_same_pose_to_the_last_bit(simulate):
     assert ends[0] == ends[1]
 
 
+@pytest.mark.slow
 def test_the_base_turns_to_a_heading_and_drives_back(simulate):
     simulated = simulate(1)
     turned = simulated.wait(simulated.base.rotate_to(2.0))
@@ -89,6 +90,7 @@ def test_the_base_turns_to_a_heading_and_drives_back(simulate):
     assert abs(moved.y) < 0.01
 
 
+@pytest.mark.slow
 def test_parking_ends_at_rest_with_the_believed_pose_as_result(simulate):
     simulated = simulate(1)
     driving = simulated.base.drive(1.0)
@@ -102,6 +104,7 @@ def test_parking_ends_at_rest_with_the_believed_pose_as_result(simulate):
     assert difference(before, simulated.true_pose)[0] < 1e-4
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("how", ["cancel", "stop"])
 def test_an_action_that_is_cancelled_or_stopped_leaves_the_base_at_rest_within_half_a_second(simulate, how):
     simulated = simulate(1)
@@ -119,6 +122,7 @@ def test_an_action_that_is_cancelled_or_stopped_leaves_the_base_at_rest_within_h
     assert difference(before, simulated.true_pose)[0] < 0.002
 
 
+@pytest.mark.slow
 def test_a_stop_of_the_robot_cancels_the_action(simulate):
     simulated = simulate(1)
     handle = simulated.base.drive(1.5)
@@ -144,6 +148,7 @@ def test_a_base_whose_lidar_falls_silent_is_stopped_at_once_and_drives_again_whe
     assert simulated.wait(simulated.base.drive(-0.2)).status is ControlStatus.SUCCEEDED
 
 
+@pytest.mark.slow
 def test_a_wall_in_the_way_is_reported_as_blocked(simulate):
     world = draw_world(load_scene("kitchen"), 1)
     simulated = simulate(1, replace(world, robot_start=Pose2D(-2.9, 0.0, math.pi)))
@@ -167,6 +172,7 @@ def test_the_base_stops_before_what_nobody_knows_of_and_says_where_it_is(simulat
     assert simulated.true_pose.distance_to(before) > 0.5
 
 
+@pytest.mark.slow
 def test_a_base_whose_scans_do_not_fit_the_map_says_that_it_is_lost(simulate):
     world = draw_world(load_scene("kitchen"), 1)
     elsewhere = SemanticMap(semantic_map(world).walls @ np.diag([0.7, 1.6, 0.7, 1.6]), {})
@@ -176,6 +182,7 @@ def test_a_base_whose_scans_do_not_fit_the_map_says_that_it_is_lost(simulate):
     assert handle.error.code is MotionErrorCode.LOST
 
 
+@pytest.mark.slow
 def test_a_base_that_is_sent_on_again_and_again_finds_out_that_it_is_lost(simulate):
     world = draw_world(load_scene("kitchen"), 1)
     elsewhere = SemanticMap(semantic_map(world).walls @ np.diag([0.7, 1.6, 0.7, 1.6]), {})
@@ -188,6 +195,7 @@ def test_a_base_that_is_sent_on_again_and_again_finds_out_that_it_is_lost(simula
     assert handle.error.code is MotionErrorCode.LOST
 
 
+@pytest.mark.slow
 def test_a_lost_base_does_not_drive_until_a_scan_fits_again(simulate):
     simulated = simulate(1)
     localizer, base = simulated.base.localisation.localizer, simulated.robot.part("base", MobileBase)

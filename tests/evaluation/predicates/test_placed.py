@@ -56,15 +56,15 @@ def test_of_several_objects_the_seed_chooses_one_that_is_there(tmp_path: Path) -
         f"tree: {tmp_path}/nothing.xml\nrobot: diff_panda\nscene: pick_place_table\ngoal: {goal}\npredicate: placed\n"
     )
     chosen = []
-    for seed in range(12):
+    for seed in range(8):
         setup = prepare(load_run(tmp_path / "task.yaml", seed=seed))
         (goal_of_seed,) = setup.goals
         chosen.append(goal_of_seed.object)
         assert goal_of_seed.object in {thing.name for thing in setup.world.objects}
         model = setup.world_model.models[goal_of_seed.object]
         assert goal_of_seed.pose.position[2] == pytest.approx(0.75 + float(model.size[2]) / 2)
-        again = prepare(load_run(tmp_path / "task.yaml", seed=seed)).goals[0]
-        assert again.object == goal_of_seed.object
+    again = prepare(load_run(tmp_path / "task.yaml", seed=7)).goals[0]
+    assert again.object == chosen[7]
     assert len(set(chosen)) >= 3
 
 
