@@ -113,7 +113,7 @@ def test_a_guarded_move_sends_no_arm_further_than_asked_however_late_its_encoder
 
 
 def test_a_guarded_move_stops_at_the_force_that_opposes_it_beyond_what_was_felt_at_the_start():
-    weight, wall = np.array([0.0, 3.0, -7.0]), spring(START[:3] + 0.05 * ALONG, -ALONG, 4000.0)
+    weight, wall = np.array([0.0, 3.0, -7.0]) - 6.0 * ALONG, spring(START[:3] + 0.05 * ALONG, -ALONG, 4000.0)
     it = AtWork(lambda pose: weight + wall(pose))
     handle = it.wait(it.controller.move_until(ALONG, 0.03, 0.3, 8.0))
     assert handle.result.touched

@@ -90,11 +90,12 @@ def driven(
     rotation: RotateToHeading | None = None,
     bumpers: Sequence[Bumper] = (),
     layer: ObstacleLayer | None = None,
+    start: Pose2D = START,
 ) -> Driven:
-    base = ScriptedBase(START, ODOMETRY)
+    base = ScriptedBase(start, ODOMETRY)
     lidar = RoomLidar(base, BASE_FROM_LIDAR, segments)
     localizer = Told()
-    world = WorldModel(SemanticMap(ROOM, {}), base=BasePose(START, 0.01, 0.01, 0.0))
+    world = WorldModel(SemanticMap(ROOM, {}), base=BasePose(start, 0.01, 0.01, 0.0))
     controller = BaseController(
         base,
         base.clock,
@@ -303,6 +304,15 @@ def test_a_heading_is_corrected_twice_and_then_judged_more_mildly(degrees, turns
         handle = it.wait(it.controller.follow(here_to(goal)))
         assert rotation.wanted == [goal.theta] * turns
         assert (handle.status is ControlStatus.SUCCEEDED) == reached
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_a_goal_on_the_other_side_of_half_a_turn_is_as_near_as_any(side):
+    rotation = Turns()
+    it = driven(follower=Ends(), rotation=rotation, start=Pose2D(START.x, START.y, side * (math.pi - 0.002)))
+    handle = it.wait(it.controller.follow(here_to(Pose2D(START.x, START.y, -side * (math.pi - 0.002)))))
+    assert handle.status is ControlStatus.SUCCEEDED, handle.error
+    assert rotation.wanted == []
 
 
 def test_a_turn_on_the_spot_is_not_judged_by_where_the_base_has_gone():

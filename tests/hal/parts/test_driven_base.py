@@ -159,6 +159,9 @@ def test_a_stopped_robot_says_why_it_refuses(base: DrivenBase, latch: StopLatch)
         base.move_forward(1.0)
     latch.clear()
     base.move_forward(1.0)
+    latch.set()
+    with pytest.raises(CommandRefusedError, match="is stopped; clear_stop"):
+        base.move_forward(1.0)
 
 
 def test_nothing_works_before_it_is_attached(robot_model: RobotModel, latch: StopLatch) -> None:

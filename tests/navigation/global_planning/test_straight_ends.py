@@ -36,3 +36,17 @@ def test_where_there_is_all_the_room_that_is_wanted_it_is_preferred_to_the_slack
     )
     assert isinstance(found, Ends)
     assert float(room.distance_at(found.approach)) >= wanted
+
+
+@pytest.mark.parametrize(("x", "backwards"), [(2.7, True), (3.3, False)])
+def test_a_base_leaves_a_narrow_place_by_its_nearer_end(x: float, backwards: bool) -> None:
+    """Two wide rooms with a passage between them, from x = 2 m to x = 4 m."""
+    outline = [(0.0, -1.5), (2.0, -1.5), (2.0, -0.5), (4.0, -0.5), (4.0, -1.5), (6.0, -1.5)]
+    outline += [(x, -y) for x, y in reversed(outline)]
+    walls = np.array([(*a, *b) for a, b in zip(outline, outline[1:] + outline[:1], strict=True)])
+    costmap = Costmap.from_map(SemanticMap(walls, {}), BASE)
+    ends = StraightEnds(costmap, StraightEndsParameters(max_straight=2.5), turning_distance=0.6)
+    found = ends.between(Pose2D(x, 0.0, 0.0), Pose2D(5.0, 0.0, 0.0))
+    assert isinstance(found, Ends)
+    assert found.backwards == backwards
+    assert abs(found.leave[0] - 3.0) > 1.0

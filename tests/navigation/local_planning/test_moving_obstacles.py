@@ -62,6 +62,15 @@ def test_what_shakes_on_the_spot_or_is_too_large_does_not_walk():
     assert len(standing) == 23
 
 
+@pytest.mark.parametrize(("speed", "moves"), [(0.09, True), (0.04, False)])
+def test_who_slows_down_moves_on_to_half_the_speed_from_which_somebody_moves(speed, moves):
+    tracks = MovingObstacles()
+    now, _ = walk(tracks, (0.0, 0.3))
+    walk(tracks, (0.0, speed), (2.0, -0.4), 4.0, begin=now)
+    assert bool(tracks.moving) == moves
+    assert len(tracks.walkers) == 1
+
+
 def test_who_comes_to_stand_is_a_walker_that_does_not_move_and_walks_on():
     tracks = MovingObstacles()
     now, _ = walk(tracks, (0.0, 0.5))

@@ -111,3 +111,16 @@ def test_a_turn_of_the_wheels_that_the_gyroscope_did_not_feel_is_slip():
         pose = ekf.update(Pose2D(0.0, 0.0, 0.3 * step), 0.0, DT)
     assert abs(pose.theta) < 0.01
     assert abs(ekf.bias) < 0.002
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_a_quarter_of_a_circle_in_long_steps_ends_on_the_circle_and_a_reset_forgets_the_doubts_of_the_way(side):
+    ekf, start, turn = OdometryEkf(), Pose2D(1.0, -2.0, 2.5), side * math.pi / 32
+    ekf.reset(start)
+    for step in range(1, 17):
+        angle = step * abs(turn)
+        arc = Pose2D(math.sin(angle), side * (1.0 - math.cos(angle)), step * turn)
+        fused = ekf.update(start @ arc, turn, 0.1)
+    assert fused.distance_to(start @ Pose2D(1.0, side, 0.0)) < 0.01
+    ekf.reset(fused)
+    assert np.array_equal(ekf.covariance, OdometryEkf().covariance)

@@ -91,6 +91,14 @@ def test_an_object_is_removed_where_the_camera_looks_through_its_place(empty_tab
     assert tracked.objects == {}
 
 
+def test_what_a_hand_holds_is_neither_missed_where_it_stood_nor_recognised_in_another_one(empty_table) -> None:
+    held = sighted(CAN, 0.5, 0.1)
+    assert update([held], [], empty_table, taken=["can"]).changes == ()
+    another = update([held], [sighted(CAN, 0.5, 0.1)], empty_table, taken=["can"])
+    assert list(another.objects) == ["can_2"]
+    assert [change.kind for change in another.changes] == ["added"]
+
+
 def test_an_object_behind_another_one_is_kept() -> None:
     tall = ObjectModel("tall", (0.2, 0.7, 0.2), 1.0, 0.6, (PlacedShape(Box((0.05, 0.3, 0.4)), Pose()),))
     hidden = table_with((tall, standing(tall, 0.4, 0.0)))

@@ -214,6 +214,12 @@ def test_a_plan_that_undoes_its_own_goal_is_refused() -> None:
         kernels(steps_one_by_one(plan_of(problem, "OpenContainer(drawer_1)", "CloseContainer(drawer_1)")), problem.goal)
 
 
+def test_a_step_cannot_come_before_what_needs_the_contrary_of_its_own_condition() -> None:
+    (step,) = steps_one_by_one(plan_of(kitchen("open(drawer_1)"), "OpenContainer(drawer_1)"))
+    with pytest.raises(PlanningError, match="not hand_empty and the contrary would have to hold"):
+        kernels([step], parse_literals("open(drawer_1) and not hand_empty"))
+
+
 def test_back_chaining_stays_small_where_each_object_needs_a_drawer_of_its_own() -> None:
     """Expanded afresh wherever something needs it, this plan of 24 actions would have millions of nodes."""
     problem, actions = many_drawers(8)
