@@ -57,11 +57,11 @@ def test_what_a_user_gave_wrongly_is_an_input_error(kind: type[Error]) -> None:
 
 
 def test_input_errors_end_with_exit_code_2_and_others_pass(capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit) as ended, input_errors():
+    with pytest.raises(SystemExit) as ended, input_errors(starts=True):
         raise InputError("size: should be above 0, got -1")
     assert ended.value.code == 2
     assert capsys.readouterr().err == "bestman-bt: nothing was started: size: should be above 0, got -1\n"
-    with pytest.raises(AlgorithmError), input_errors():
+    with pytest.raises(AlgorithmError), input_errors(starts=True):
         raise AlgorithmError("no way")
 
 

@@ -71,6 +71,12 @@ def name_of(path: Path, status: dict[str, Any]) -> str:
     return f"{status['task']} (process {status['pid']}{folder})"
 
 
+def waits_at(status: dict[str, Any]) -> str:
+    """``, before fetch/pick``, where a run waits at a breakpoint; empty elsewhere."""
+    held_at = status["held_at"]
+    return f", {held_at['when']} {held_at['node']}" if held_at is not None and held_at["node"] is not None else ""
+
+
 def _names(path: Path, status: dict[str, Any]) -> set[str]:
     names = {path.name, path.stem, str(status["pid"]), status["task"]}
     if status.get("folder"):

@@ -10,17 +10,20 @@ from bestman_bt.errors import InputError
 
 
 @contextmanager
-def input_errors() -> Iterator[None]:
-    """Turn the errors that wrong input raises into a message and exit code 2."""
+def input_errors(starts: bool) -> Iterator[None]:
+    """Turn the errors that wrong input raises into a message and exit code 2.
+
+    ``starts``: whether the verb would have started something, which the message then denies.
+    """
     try:
         yield
     except InputError as error:
-        print(f"bestman-bt: {_headline(error)}", file=sys.stderr)
+        print(f"bestman-bt: {_told(error, starts)}", file=sys.stderr)
         sys.exit(2)
 
 
-def _headline(error: InputError) -> str:
-    text = str(error)
-    problems = getattr(error, "problems", None)
-    count = 1 if problems is None else len(problems)
-    return f"{count} errors, nothing was started:\n{text}" if count > 1 else f"nothing was started: {text}"
+def _told(error: InputError, starts: bool) -> str:
+    count = len(getattr(error, "problems", (error,)))
+    headline = [f"{count} errors"] if count > 1 else []
+    headline += ["nothing was started"] if starts else []
+    return f"{', '.join(headline)}:{chr(10) if count > 1 else ' '}{error}" if headline else str(error)

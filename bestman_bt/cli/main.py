@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import sys
 from importlib import import_module
 from typing import Any
 
@@ -40,6 +41,9 @@ VERBS = {
     "stop": "stop the robots of one or all running executors",
     "version": "print the versions of this package and of what it stands on",
 }
+
+STARTING = ("demo", "run", "plan", "eval", "look", "twin", "monitor", "render", "replay", "robot", "calibrate")
+"""Verbs that start something: where their input is wrong, they say that nothing was started."""
 
 
 class Verbs(TyperGroup):
@@ -89,7 +93,8 @@ def main() -> None:
     os.environ.setdefault("OMP_NUM_THREADS", "1")
     from bestman_bt.cli.input_errors import input_errors
 
-    with input_errors():
+    verb = next((argument for argument in sys.argv[1:] if argument in VERBS), "")
+    with input_errors(starts=verb in STARTING):
         app(prog_name="bestman-bt")
 
 

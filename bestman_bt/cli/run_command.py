@@ -48,7 +48,7 @@ from bestman_bt.configuration import (
 )
 from bestman_bt.engine import Tree
 from bestman_bt.engine.validation import validate_file
-from bestman_bt.evaluation.episode import Watcher, prepare_episode, run_episode
+from bestman_bt.evaluation.episode import RECORDING_OVER, Watcher, prepare_episode, run_episode
 from bestman_bt.evaluation.result import Outcome, RunResult
 from bestman_bt.evaluation.run_folder import make_run_folder
 from bestman_bt.extras import require_extra
@@ -200,7 +200,9 @@ def _ask_judge(judge: Path, driver: str) -> None:
 
 
 def exit_code(result: RunResult) -> int:
-    """0 success, 1 not, 130 cancelled."""
+    """0 success, 1 not, 3 a replay whose recording was over before its tree, 130 cancelled."""
+    if result.failure is not None and result.failure.error_code == RECORDING_OVER:
+        return 3
     if result.outcome is Outcome.CANCELLED:
         return 130
     return 0 if result.success else 1

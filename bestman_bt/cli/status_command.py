@@ -6,7 +6,7 @@ import json
 import sys
 from typing import Any
 
-from bestman_bt.cli.chosen_run import Run, chosen, name_of, running_statuses
+from bestman_bt.cli.chosen_run import Run, chosen, name_of, running_statuses, waits_at
 from bestman_bt.cli.options import Json
 
 
@@ -25,7 +25,8 @@ def command(run: Run = None, as_json: Json = False) -> None:
 
 def _words(status: dict[str, Any]) -> str:
     """Several lines."""
-    lines = [f"{'paused' if status['paused'] else 'running'}, tick {status['ticks']}, {status['time']:.2f} s"]
+    state = f"paused{waits_at(status)}" if status["paused"] else "running"
+    lines = [f"{state}, tick {status['ticks']}, {status['time']:.2f} s"]
     lines += [f"  active: {path}" for path in status["active"]]
     parts = ", ".join(f"{name} {state}" for name, state in status["parts"].items())
     lines += [f"  parts: {parts}"] if parts else []

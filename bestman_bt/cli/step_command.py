@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from bestman_bt.cli.chosen_run import Run, ask, chosen
+from bestman_bt.cli.chosen_run import Run, ask, chosen, waits_at
 
 
 def command(run: Run = None) -> None:
     """Let a paused execution do one tick, up to its end or to a breakpoint."""
     path, status = chosen(run)
     answer = ask(path, {"do": "step"})
-    print(f"stepped {status['task']} to tick {answer['ticks']}, {answer['time']:.2f} s, {answer['root']}")
+    told = f"tick {answer['ticks']}, {answer['time']:.2f} s, {answer['root']}{waits_at(answer)}"
+    print(f"stepped {status['task']} to {told}")

@@ -20,7 +20,7 @@ from bestman_bt.configuration.data import (
     shipped_trees,
     user_folders,
 )
-from bestman_bt.configuration.errors import ConfigurationError, Problem, ProblemCollector
+from bestman_bt.configuration.errors import ConfigurationError, Problem, ProblemCollector, told_to_programs
 
 if TYPE_CHECKING:
     from bestman_bt.configuration.checked import check, override, salvage
@@ -100,6 +100,7 @@ __all__ = [
     "salvage",
     "shipped_trees",
     "task_of_tree",
+    "told_to_programs",
     "user_folders",
 ]
 

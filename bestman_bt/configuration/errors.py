@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 from bestman_bt.errors import InputError
 
@@ -39,6 +41,42 @@ class ConfigurationError(InputError, ValueError):
         return ConfigurationError(
             replace(problem, field=f"{outer}.{problem.field}" if problem.field else outer) for problem in self.problems
         )
+
+
+_PARAMETERS = {"set": "settings", "plugin": "plugins"}
+_OPTION = r"--(robot|scene|seed|task|world|set|plugin)\b"
+_GIVEN = re.compile(rf"{_OPTION} (.*)", re.DOTALL)
+_NAMED = re.compile(rf"{_OPTION}(?: ([^\s;,)]*[^\s:;,)]))?")
+
+
+@contextmanager
+def told_to_programs() -> Iterator[None]:
+    """Where faults that the body raises name options of the command line, name the parameters of Python functions."""
+    try:
+        yield
+    except InputError as error:
+        problems = getattr(error, "problems", None)
+        if problems is None:
+            raise
+        raise type(error)([_in_python(problem) for problem in problems]) from error
+
+
+def _in_python(problem: Any) -> Any:
+    """A Problem of a configuration, or of a tree."""
+    texts = {name: getattr(problem, name) for name in ("source", "message", "suggestion") if hasattr(problem, name)}
+    told = {
+        name: (_GIVEN if _GIVEN.fullmatch(text) else _NAMED).sub(_as_parameter, text) for name, text in texts.items()
+    }
+    return replace(problem, **told)
+
+
+def _as_parameter(option: re.Match[str]) -> str:
+    name, value = _PARAMETERS.get(option[1], option[1]), option[2]
+    if value is None:
+        return name
+    if name != option[1]:
+        return f"{name}=[{value!r}]"
+    return f"{name}={value if name == 'seed' else repr(value)}"
 
 
 @dataclass

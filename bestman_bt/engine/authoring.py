@@ -12,7 +12,9 @@ Ports are keyword arguments: a literal as a Python value, or ``"{key}"``. Script
 from __future__ import annotations
 
 import sys
+from functools import cache
 from pathlib import Path
+from types import FunctionType
 from typing import TYPE_CHECKING, Any
 
 from py_trees.behaviour import Behaviour
@@ -22,7 +24,7 @@ from bestman_bt.engine.clock import Clock
 from bestman_bt.engine.decorators.subtree import SubTree
 from bestman_bt.engine.errors import Problem, TreeLoadError
 from bestman_bt.engine.leaves.native import PyTreesBehaviour, adapted, is_taken, take_over
-from bestman_bt.engine.loading import MAX_NODES, Builder, check_documents, main_tree_of, raise_if_any
+from bestman_bt.engine.loading import MAX_NODES, Builder, check_documents, main_tree_of, raise_if_any, words_of
 from bestman_bt.engine.node import Node
 from bestman_bt.engine.own_files import described, importable, load_file
 from bestman_bt.engine.place import Place
@@ -51,8 +53,11 @@ def build_tree(
     substitutions: SubstitutionRules | None = None,
     tree_id: str = "MainTree",
     file: str = "<python>",
+    faults: list[Problem] | None = None,
 ) -> Tree:
     """Make a tree of nodes that were made in Python; native py_trees behaviours among them get nodes of their own.
+
+    ``faults``: as of ``load_tree``.
 
     Raises:
         TreeLoadError: with everything that is wrong in ``problems``.
@@ -67,6 +72,9 @@ def build_tree(
         board.share()
     adopter = _Adopter(tree, [], None, substitutions)
     node = adopter.adopt(root, Place(tree, board, "", (tree_id,), file))
+    if faults is not None:
+        faults += adopter.problems
+        adopter.problems.clear()
     native = [found.behaviour for found in tree.nodes if isinstance(found, PyTreesBehaviour)]
     adopter.finish(node, SharedEntries(board, native) if has_native else None)
     node.parent = None
@@ -105,18 +113,36 @@ def load_python_tree(path: Path) -> Behaviour:
     if isinstance(root, Tree):
         return root.as_subtree()
     if not isinstance(root, Behaviour):
-        raise fail(f"its build() returned {root!r}; a node is expected")
+        line = build.__code__.co_firstlineno if isinstance(build, FunctionType) else 0
+        raise fail(f"its build() returned {root!r}; a node is expected", line)
     return root
+
+
+@cache
+def named_from(tree_file: str, file: str) -> str:
+    """What messages about a tree call a file: beside the tree's own file, as that is called."""
+    own, found = Path(tree_file), Path(file).resolve()
+    if found == own.resolve():
+        return tree_file
+    folder = own.resolve().parent
+    beside = not tree_file.startswith("<") and found.is_relative_to(folder)
+    return str(own.parent / found.relative_to(folder)) if beside else file
 
 
 class _Adopter(Builder):
     """Takes nodes that exist already into the tree."""
 
+    def __init__(self, *arguments: Any) -> None:
+        super().__init__(*arguments)
+        self._places: dict[tuple[Place, str], Place] = {}
+
     def adopt(self, behaviour: Behaviour, place: Place, depth: int = 1, parent: Node | None = None) -> Node:
         made = behaviour if isinstance(behaviour, Node) else adapted(behaviour)
         if made.place is not None or (made is not behaviour and is_taken(behaviour)):
             self._report(made, f"'{made.name}' is part of a tree already; make a new node")
-            raise TreeLoadError(self.problems)
+            return made
+        place = self._where_made(made, place)
+        made.place = place
         info = self.tree.registry.info_of_class(type(made))
         made.attributes = {_port_name(key): value for key, value in made.attributes.items()}
         failed = len(self.problems)
@@ -138,7 +164,16 @@ class _Adopter(Builder):
             node.children = [self.adopt(child, inner, depth + 1, node) for child in behaviour.children]
         if len(self.problems) == failed:
             self._load(node)
+        else:
+            self._leave_out(node, self.problems[failed:])
         return node
+
+    def _leave_out(self, node: Node, wrong: list[Problem]) -> None:
+        """Take the ports that are wrong from the node, so that the rest can be checked further."""
+        self.tree.left_out |= words_of(node.attributes)
+        for problem in wrong:
+            if problem.line == node.line:
+                node.attributes.pop(problem.field, None)
 
     def _read(self, node: SubTree, loaded: Tree | Path, place: Place, depth: int) -> Node:
         """Make what a SubTree's XML says, with the values that its loaded tree's entries were given."""
@@ -169,7 +204,8 @@ class _Adopter(Builder):
 
     def _check(self, node: Node, info: NodeInfo) -> None:
         def report(field: str, message: str, suggestion: str) -> None:
-            self.problems.append(Problem(self.tree.file, 0, node.name, field, message, suggestion))
+            assert node.place is not None
+            self.problems.append(Problem(node.place.file, node.line, node.type_id, field, message, suggestion))
 
         count = len(node.children)
         if not isinstance(node, PyTreesBehaviour) and (
@@ -178,6 +214,16 @@ class _Adopter(Builder):
             wanted = f"at least {info.min_children}" if info.max_children is None else f"{info.max_children}"
             report("", f"it has {count} children but needs {wanted}", "")
         check_values(info, node.attributes, self.tree.registry, self.tree.compiler, report)
+
+    def _where_made(self, node: Node, place: Place) -> Place:
+        """The place, with the file that has made the node; native behaviours do not tell theirs."""
+        if isinstance(node, PyTreesBehaviour):
+            node.line = 0
+            return place
+        file = named_from(self.tree.file, node.made_in)
+        if file == place.file:
+            return place
+        return self._places.setdefault((place, file), Place(place.tree, place.board, place.path, place.ancestors, file))
 
     def _enter(self, node: SubTree, place: Place, file: str) -> Place:
         if node.tree_id in place.ancestors:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import gc
-from collections.abc import Iterable, Iterator
+import re
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -59,7 +60,7 @@ def load_tree(
         blackboard: the root blackboard; a new one by default. Give it a parent to add entries above, for ``@key``.
         search_path: folders that ``<include>`` may reach beside the file's own.
         substitutions: nodes to be replaced by others, for tests.
-        faults: errors of XML are added here, and what is wrong is left out of the tree, so that the rest can be checked
+        faults: errors of the tree are added here, and what is wrong is left out of it, so that the rest can be checked
             further. A tree that has some is not to be ticked.
 
     Raises:
@@ -72,7 +73,7 @@ def load_tree(
 
             return build_tree(
                 load_python_tree(path), registry=registry, context=context, clock=clock, blackboard=blackboard,
-                substitutions=substitutions, tree_id=path.stem, file=str(path),
+                substitutions=substitutions, tree_id=path.stem, file=str(path), faults=faults,
             )  # fmt: skip
     registry = registry or NodeRegistry()
     with _without_garbage_collection():
@@ -96,18 +97,20 @@ def _load_xml(
     compiler = ScriptCompiler(registry.enums)
     main = main_tree_of(documents, main_tree)
     wrong = check_documents(documents, registry, compiler, main)
+    left_out: set[str] = set()
     if faults is None or main is None or any(len(t.element.children) != 1 for t in documents.trees.values()):
         raise_if_any(documents.problems)
     else:
         faults += [problem for problem in documents.problems if problem.severity == "error"]
         documents.problems.clear()
-        _leave_out(wrong, registry)
+        left_out = _leave_out(wrong, registry)
     assert main is not None
     board = blackboard or Blackboard(main, converters=registry.converters)
     tree = Tree(registry=registry, compiler=compiler, blackboard=board, tree_id=main, context=context, clock=clock)
     tree.file = documents.file
     tree.source = documents.source
     tree.origin = (source, search_path)
+    tree.left_out = left_out
     builder = Builder(tree, documents.problems, documents, substitutions)
     definition = documents.trees[main]
     root = builder.build(definition.element.children[0], Place(tree, board, "", (main,), definition.file))
@@ -119,15 +122,28 @@ def _load_xml(
     return tree
 
 
-def _leave_out(wrong: list[tuple[Element, str]], registry: NodeRegistry) -> None:
-    """Take wrong attributes out of their elements; in place of a wrong element stand its children, or nothing."""
+def _leave_out(wrong: list[tuple[Element, str]], registry: NodeRegistry) -> set[str]:
+    """Take wrong attributes out of their elements; in place of a wrong element stand its children, or nothing.
+
+    Returns the entries, and other words, that they name.
+    """
+    named: set[str] = set()
     for element, attribute in wrong:
+        gone = element.attributes if attribute in ("", "ID", "name") else {attribute: element.attributes.get(attribute)}
+        named |= words_of(gone)
         if attribute and attribute not in ("ID", "name"):
             element.attributes.pop(attribute, None)
             element.entries = [entry for entry in element.entries or () if entry[0] != attribute] or None
         else:
             element.tag = "Sequence" if element.children else "AlwaysSuccess"
             element.info, element.attributes, element.entries = registry.info(element.tag), {}, None
+    return named
+
+
+def words_of(attributes: Mapping[str, Any]) -> set[str]:
+    """The entries that attributes may name, in ports, scripts or as names of entries."""
+    keys = {key for port, value in attributes.items() if (key := key_of(value, port)) is not None}
+    return keys.union(*(re.findall(r"\w+", str(value)) for value in attributes.values()))
 
 
 def check_documents(

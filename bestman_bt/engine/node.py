@@ -29,7 +29,7 @@ from bestman_bt.engine.around_tick import (
     with_visits,
 )
 from bestman_bt.engine.errors import NodeError
-from bestman_bt.engine.node_arguments import split_arguments
+from bestman_bt.engine.node_arguments import line_that_makes, split_arguments
 from bestman_bt.engine.node_errors import describe_bad_status, wrapped
 from bestman_bt.engine.ports import make_reader, make_writer
 from bestman_bt.engine.py_trees_face import PyTreesFace
@@ -61,6 +61,7 @@ class Node(PyTreesFace):
         "info",
         "line",
         "log",
+        "made_in",
         "name",
         "only",
         "pairs",
@@ -94,6 +95,8 @@ class Node(PyTreesFace):
     place: Place | None
     info: NodeInfo | None
     line: int
+    made_in: str
+    """The Python file that has made the node; set, with ``line``, of nodes that are not made from XML."""
     attributes: dict[str, Any]
     hooks: Hooks | None
     _readers: dict[str, Callable[[], Any]] | None
@@ -114,7 +117,8 @@ class Node(PyTreesFace):
         self.children = children
         self.conditions = self.hooks = self._readers = self._writers = None
         self.parent = self.place = self.info = None
-        self.uid = self.line = 0
+        self.uid = 0
+        self.made_in, self.line = line_that_makes(self)
         for child in children:
             child.parent = self
 

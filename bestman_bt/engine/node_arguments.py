@@ -2,12 +2,26 @@
 
 from __future__ import annotations
 
+import sys
+from types import FrameType
 from typing import TYPE_CHECKING, Any
 
 from py_trees.behaviour import Behaviour
 
 if TYPE_CHECKING:
     from bestman_bt.engine.node import Node
+
+
+def line_that_makes(node: Node) -> tuple[str, int]:
+    """File and line of the call that makes a node, outside of its own ``__init__``."""
+    frame = sys._getframe(1)
+    while frame.f_back is not None and frame.f_code.co_name in ("_set_up", "__init__") and _is_of(frame, node):
+        frame = frame.f_back
+    return frame.f_code.co_filename, frame.f_lineno
+
+
+def _is_of(frame: FrameType, node: Node) -> bool:
+    return frame.f_code.co_argcount > 0 and frame.f_locals.get(frame.f_code.co_varnames[0]) is node
 
 
 def split_arguments(

@@ -70,6 +70,7 @@ class Tree:
 
     ``shared``: what keeps its top blackboard and py_trees' one; None where no native behaviour is in the tree.
     ``origin``: the file or text that it was loaded from, and where its includes may lie; None for one made in Python.
+    ``left_out``: entries, and other words, that what is wrong with the tree names, where it was loaded all the same.
     """
 
     def __init__(
@@ -94,6 +95,7 @@ class Tree:
         self.file = ""
         self.source = ""
         self.origin: tuple[str | Path, tuple[Path, ...]] | None = None
+        self.left_out: set[str] = set()
         self.shared: SharedEntries | None = None
         self.status = IDLE
         self._root: Node | None = None

@@ -90,6 +90,19 @@ def unwritten_reads(tree: Tree, given: Iterable[str] = ()) -> Iterator[Unwritten
             yield UnwrittenRead(node, port, key, fails, later, hint)
 
 
+def entries_of(tree: Tree) -> tuple[dict[str, bool], list[str]]:
+    """What a tree takes and leaves as a SubTree: its root entries that only others write, with whether an empty one is
+    an error, and those that it writes itself.
+    """
+    uses = [use for use in entry_uses(tree) if tree.blackboard.slot(use.slot.key) is use.slot]
+    written = dict.fromkeys(use.slot.key for use in uses if use.writes)
+    taken: dict[str, bool] = {}
+    for use in uses:
+        if use.slot.key not in written:
+            taken[use.slot.key] = taken.get(use.slot.key, False) or _fails(tree, use)
+    return taken, list(written)
+
+
 def named_at(tree: Tree, use: EntryUse) -> tuple[Node, str, str]:
     """Return node, port and key where an entry is named outermost: the SubTree that hands it in, else its user."""
     subtrees = {node.subtree_path: node for node in tree.nodes if isinstance(node, decorators.SubTree)}

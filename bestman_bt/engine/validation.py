@@ -42,21 +42,26 @@ def validate_file(
         given: root entries that somebody sets before the tree runs.
     """
     registry = registry or NodeRegistry()
-    warnings: list[Problem] = []
+    found: list[Problem] = []
+    wrong: list[Problem] = []
     try:
         if Path(path).suffix != ".py":
             documents = read_documents(path, search_path)
             main = main_tree_of(documents, None)
             check_documents(documents, registry, ScriptCompiler(registry.enums), main)
-            if main is None or any(problem.severity != "warning" for problem in documents.problems):
-                return _sorted(documents.problems)
-            warnings.extend(documents.problems)
-            warnings.extend(_unused_trees(documents, main))
-        tree = load_tree(path, registry, search_path=search_path)
+            found.extend(documents.problems)
+            if main is not None:
+                found.extend(_unused_trees(documents, main))
+        tree = load_tree(path, registry, search_path=search_path, faults=wrong)
     except TreeLoadError as error:
-        return _sorted(error.problems)
-    warnings.extend(tree_warnings(tree, given))
-    return _sorted(warnings)
+        return _sorted([*found, *error.problems])
+    found.extend(wrong)
+    if any(problem.severity != "warning" for problem in found):
+        reads = unwritten_reads(tree, given)
+        found += [read.problem("warning") for read in reads if read.key not in tree.left_out]
+    else:
+        found.extend(tree_warnings(tree, given))
+    return _sorted(found)
 
 
 def tree_warnings(tree: Tree, given: Iterable[str] = ()) -> list[Problem]:

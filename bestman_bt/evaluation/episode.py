@@ -11,7 +11,7 @@ from pathlib import Path
 
 from behaviours.failure import NodeFailure
 from bestman_bt.configuration import Problem, ProblemCollector, RunConfig
-from bestman_bt.engine import FAILURE, Node, StateChanges, Tree
+from bestman_bt.engine import FAILURE, RUNNING, Node, StateChanges, Tree
 from bestman_bt.evaluation.audit import Audit, audit
 from bestman_bt.evaluation.declared_contacts import ContactLog
 from bestman_bt.evaluation.disturbances import Disturbances
@@ -31,11 +31,18 @@ from bestman_bt.runtime.world_file import WORLD_NAME, write_world
 from bestman_bt.visualization.rerun import RECORDING_NAME
 from hal.api import Robot
 from hal.pybullet import AuditRecord, DisturbanceEvent, DisturbanceInjector, GroundTruth, PyBulletRobot, SceneRecorder
-from hal.replay import TAPE_NAME, RecordedRobot
+from hal.replay import TAPE_NAME, RecordedRobot, ReplayRobot
 from hal.twins.remote_truth import RemoteTruth
 
 Watcher = Callable[[Session, Tree], Callable[[], None]]
 """Told of the session and its tree before the first tick; gives back what to call after each tick."""
+
+
+RECORDING_OVER = "recording_over"
+"""Failure code of a replay that goes on after its recording."""
+
+AFTER_RECORDING = 1.0
+"""Seconds after the end of a recording in which what replays it may end by itself."""
 
 
 class _Observers:
@@ -117,6 +124,29 @@ class _CancelsAt:
         """Nothing to do."""
 
 
+class _EndsWithRecording:
+    """Cancels an execution that goes on after the recording that it replays; ``why`` then tells when and where."""
+
+    def __init__(self, executor: Executor, robot: ReplayRobot) -> None:
+        self._executor, self._robot = executor, robot
+        self.why = ""
+
+    def after_tick(self) -> None:
+        end = self._robot.tape.end
+        if self._robot.moment() <= end + AFTER_RECORDING:
+            return
+        nodes = self._executor.tree.nodes
+        running = [node.where or node.path for node in nodes if node.state == RUNNING and not node.children]
+        if running:
+            self.why = (
+                f"the recording is over at {end - self._robot.tape.start:.2f} s, and {', '.join(running)} still ran"
+            )
+            self._executor.cancel(self.why)
+
+    def held(self, hold: Hold | None) -> None:
+        """Nothing to do."""
+
+
 def _last_tick_replayed(config: RunConfig) -> float | None:
     """Seconds until the last tick of the cancelled run that is replayed; None where none is, or it ended otherwise.
 
@@ -141,7 +171,7 @@ def prepare_episode(config: RunConfig, known_faults: Iterable[Problem] = ()) -> 
     with faults.step():
         find_judge(config)
     faults.problems += _missing_extras(config)
-    return prepare(config, all_entries=not faults.problems, known_faults=faults.problems)
+    return prepare(config, all_entries=True, known_faults=faults.problems)
 
 
 def _missing_extras(config: RunConfig) -> Iterable[Problem]:
@@ -186,6 +216,9 @@ def run_episode(
             last_tick = _last_tick_replayed(setup.config)
             if last_tick is not None:
                 executor.watchers.append(_CancelsAt(executor, last_tick))
+            recorded = _EndsWithRecording(executor, session.robot) if isinstance(session.robot, ReplayRobot) else None
+            if recorded is not None:
+                executor.watchers.append(recorded)
             telemetry = stack.enter_context(session.telemetry(executor, folder))
             stack.enter_context(session.control_channel(executor, telemetry).serving(folder))
             to_the_end.enter_context(executor.interrupts())
@@ -202,6 +235,8 @@ def run_episode(
             audited = _audit(setup, observers)
             result = _judge(session, execution, verdict, audited, time.perf_counter() - wall_start, failed.node)
             result = replace(result, durations=durations.seconds)
+            if recorded is not None and recorded.why:
+                result = replace(result, outcome=Outcome.ERROR, failure=NodeFailure("", RECORDING_OVER, recorded.why))
             why = result.failure.why if result.failure is not None else result.not_judged
             telemetry.end(str(result.outcome), result.tree_status, why, execution.sim_time_s)
             if folder is not None:

@@ -108,6 +108,7 @@ class ControlChannel:
         ) as error:  # the last two: of converters
             return {"ok": False, "error": str(error)}
         executor = self._executor
+        held_at = executor.held_at
         return {
             "ok": True,
             "task": self._telemetry.run.task,
@@ -115,6 +116,7 @@ class ControlChannel:
             "ticks": executor.ticks,
             "time": self._telemetry.now(),
             "paused": executor.paused,
+            "held_at": None if held_at is None else asdict(held_at),
             "root": status_name(executor.tree.root.state),
             "breakpoints": self._breakpoints.documents(),
             **more,

@@ -103,6 +103,7 @@ class Executor:
         self._interrupted_at: float | None = None  # monotonic seconds
         self._go = threading.Event()
         self._go.set()
+        self._hold: Hold | None = None
         self._step = False
         self._stepping = False  # whether the tick under way is the step that was asked for
         self._stepped = threading.Event()
@@ -139,6 +140,11 @@ class Executor:
     def paused(self) -> bool:
         """Whether the execution waits."""
         return not self._go.is_set()
+
+    @property
+    def held_at(self) -> Hold | None:
+        """Where and why the execution waits now; None while it goes on."""
+        return self._hold
 
     def hold(self, hold: Hold) -> None:
         """Wait here, within a tick, until ``resume`` or ``step``: for what is called in the executor's thread.
@@ -251,6 +257,7 @@ class Executor:
             self._tell(None)
 
     def _tell(self, hold: Hold | None) -> None:
+        self._hold = hold
         for watcher in self.watchers:
             watcher.held(hold)
 

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from bestman_bt.configuration import ConfigurationError, load_run
+from bestman_bt.configuration import ConfigurationError, load_run, told_to_programs
 from bestman_bt.configuration import Problem as WrongInput
 from bestman_bt.engine import Problem as Fault
 from bestman_bt.registry import BUILDERS
@@ -208,7 +208,9 @@ def plan(
         ValueError: limits that are none.
     """
     facts = goal_as_facts(goal)
-    setup, beliefs = planning_state(task, scene, robot, seed, settings, plugins, None if world is None else Path(world))
+    file = None if world is None else Path(world)
+    with told_to_programs():
+        setup, beliefs = planning_state(task, scene, robot, seed, settings, plugins, file)
     question = PlanQuestion(setup, beliefs, builder, PlanLimits.from_string(limits))
     question.give(given)
     problem, found = question.answer(None, facts, planner, Transcript())

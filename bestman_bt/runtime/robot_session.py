@@ -18,7 +18,7 @@ from behaviours.computation import InlineComputation
 from behaviours.context import SkillContext
 from behaviours.localise import KNOWN_POSITION_STD
 from behaviours.skill import OnRobot
-from bestman_bt.configuration import RunConfig, load_run, task_of_tree
+from bestman_bt.configuration import RunConfig, load_run, task_of_tree, told_to_programs
 from bestman_bt.control.robot_stop import RobotStop
 from bestman_bt.engine import Tree, TreeLoadError
 from bestman_bt.registry import DRIVERS
@@ -82,7 +82,8 @@ class Session:
         not have; warns of entries that are read and that nobody has filled yet. Controllers and sensors of what the
         nodes need are made now.
         """
-        loaded = load_for(self.setup, tree, context=self.skills, clock=self.robot.clock)
+        with told_to_programs():
+            loaded = load_for(self.setup, tree, context=self.skills, clock=self.robot.clock)
         setup = self._setup_for(tree)
         entries = self.entries if setup is self.setup else setup.entries
         self.check(loaded, entries)
@@ -201,8 +202,10 @@ def session(
     """
     if task is None:
         scene, robot = scene or "kitchen", robot or "diff_panda"
-    config = load_run(task, scene=scene, robot=robot, seed=seed, settings=settings, plugins=plugins, driver=driver)
-    with open_session(config, gui=gui) as opened:
+    with told_to_programs():
+        config = load_run(task, scene=scene, robot=robot, seed=seed, settings=settings, plugins=plugins, driver=driver)
+        setup = prepare(config)
+    with open_session(setup, gui=gui) as opened:
         yield opened
 
 

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +25,7 @@ from bestman_bt.configuration import (
 from bestman_bt.engine import NodeRegistry, Tree, TreeLoadError, build_tree, load_tree
 from bestman_bt.engine.errors import Problem as TreeProblem
 from bestman_bt.errors import MissingExtraError
+from bestman_bt.extras import install_command
 from bestman_bt.messages import Pose, Pose2D
 from bestman_bt.perception import PerceptionError
 from bestman_bt.registry import CONNECTIONS, DRIVERS, UnknownNameError
@@ -40,7 +42,14 @@ from bestman_bt.runtime.policies import policy_problems
 from bestman_bt.runtime.renamed_codes import renamed_codes
 from bestman_bt.runtime.task_goals import TaskGoal, reach_goal, task_goals, told_places
 from bestman_bt.runtime.task_problems import task_problems
-from bestman_bt.runtime.tree_checks import arm_problems, known_names, lacking_parts, unfilled_entries, unknown_names
+from bestman_bt.runtime.tree_checks import (
+    TASK_ENTRIES,
+    arm_problems,
+    known_names,
+    lacking_parts,
+    unfilled_entries,
+    unknown_names,
+)
 from bestman_bt.scene import SceneConfig, World, draw_world, load_scene, semantic_map
 from bestman_bt.task_planning.symbolic import Literal
 from bestman_bt.world_model import BasePose, WorldModel
@@ -199,12 +208,12 @@ def prepare(config: RunConfig, all_entries: bool = False, known_faults: Iterable
     faults.problems += _driver_problems(config)
     if robot_model is not None:
         if config.driver == "hardware":
-            faults.problems += _address_problems(config, robot_model)
+            faults.problems += _connection_problems(config, robot_model)
         with faults.step():
             _prepare_algorithms(config, robot_model)
     if robot_model is None or scene is None:
         if registry is not None and config.task.tree:
-            faults.problems += _faults_of_tree(config.task.tree, registry)
+            faults.problems += _faults_of_tree(config.task.tree, registry, all_entries)
         faults.raise_if_any()
     assert robot_model is not None
     assert scene is not None
@@ -228,7 +237,7 @@ def prepare(config: RunConfig, all_entries: bool = False, known_faults: Iterable
         world_model.told.update(setup.told)
     try:
         if config.task.tree:
-            _check_tree(setup, all_entries and not faults.problems)
+            _check_tree(setup, all_entries, certain=not faults.problems)
     except TreeLoadError as error:
         if not faults.problems:
             raise
@@ -237,25 +246,34 @@ def prepare(config: RunConfig, all_entries: bool = False, known_faults: Iterable
     return setup
 
 
-def _faults_of_tree(tree: str, registry: NodeRegistry) -> list[Problem]:
+def _faults_of_tree(tree: str, registry: NodeRegistry, all_entries: bool) -> list[Problem]:
     """Of a tree alone, where there is no robot or no scene to check it against."""
+    wrong: list[TreeProblem] = []
     try:
-        load_tree(find_data("tree", tree), registry, search_path=shipped_trees())
+        loaded = load_tree(find_data("tree", tree), registry, search_path=shipped_trees(), faults=wrong)
     except TreeLoadError as error:
         return tree_problems(error)
-    return []
+    if all_entries:
+        wrong += _unfilled(loaded, TASK_ENTRIES, None)
+    return tree_problems(TreeLoadError(wrong))
 
 
-def _check_tree(setup: Setup, all_entries: bool) -> None:
+def _check_tree(setup: Setup, all_entries: bool, certain: bool) -> None:
+    """``certain``: whether the configuration has no fault, so that it is known which entries the task fills."""
     wrong: list[TreeProblem] = []
     tree = load_for(setup, faults=wrong)
-    unread = all_entries and not wrong
     wrong += setup.missing_in(tree)
-    if unread:
+    if all_entries and certain:
         task = setup.config.name if setup.entries or setup.config.task.predicates else None
-        wrong += [one for one in unfilled_entries(tree, setup.entries, task) if one.severity == "error"]
+        wrong += _unfilled(tree, setup.entries, task)
+    elif all_entries:
+        wrong += _unfilled(tree, TASK_ENTRIES, None)
     if wrong:
         raise TreeLoadError(sorted(wrong, key=lambda one: (one.file, one.line)))
+
+
+def _unfilled(tree: Tree, given: Collection[str], task: str | None) -> list[TreeProblem]:
+    return [one for one in unfilled_entries(tree, given, task) if one.severity == "error"]
 
 
 def _prepare_algorithms(config: RunConfig, robot_model: RobotModel) -> None:
@@ -316,13 +334,13 @@ def _driver_problems(config: RunConfig) -> Iterable[Problem]:
     except UnknownNameError as error:
         yield Problem("driver", None, "", str(error))
     if config.driver == "replay" and not config.recording:
-        yield Problem("driver", None, "", "replay needs a recording: give the folder of a run by --recording RUN")
+        yield Problem("driver", None, "", "replay needs a recording: bestman-bt run --driver replay --recording RUN")
     if config.recording and config.driver != "replay":
         yield Problem("driver", None, "", f"{config.driver} has no use for a recording; --driver replay has")
 
 
-def _address_problems(config: RunConfig, model: RobotModel) -> Iterable[Problem]:
-    """Every controller has to have an address before any of them is connected."""
+def _connection_problems(config: RunConfig, model: RobotModel) -> Iterable[Problem]:
+    """Every controller has to have its vendor's package and an address before any of them is connected."""
     for name, connection in model.connections.items():
         driver: Any = CONNECTIONS.resolve(connection.driver)
         if driver.needs_address and not connection.address:
@@ -331,3 +349,13 @@ def _address_problems(config: RunConfig, model: RobotModel) -> Iterable[Problem]
                 f"--set robot.connections.{name}.address=…"
             )
             yield Problem(str(config.task.robot), None, f"connections.{name}.address", message)
+        if driver.package and not _is_there(driver.package):
+            message = f"needs the package {driver.package!r}: {install_command(driver.extra)}"
+            yield Problem(str(config.task.robot), None, f"connections.{name}.driver", message)
+
+
+def _is_there(package: str) -> bool:
+    try:
+        return find_spec(package) is not None
+    except ValueError:  # it is marked as absent
+        return False

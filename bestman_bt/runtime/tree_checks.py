@@ -167,6 +167,8 @@ def unfilled_entries(tree: Tree, given: Collection[str], task: str | None) -> li
     unseen = any(may_write_unseen(node) for node in tree.nodes)
     problems = []
     for read in unwritten_reads(tree, [*given, *ALWAYS_FILLED]):
+        if read.key in tree.left_out:
+            continue
         why = ""
         if read.key in TASK_ENTRIES and read.later is None and not read.suggestion:
             why = "which tasks fill, but no task is given" if task is None else f"which the task {task} does not fill"

@@ -28,9 +28,10 @@ class Connection(ABC):
     controller reports. It makes its parts of the classes in ``hal.hardware`` over channels of its own and loops that
     drive them. Limits, the stop, the dead-man and the watchdog are above it and no concern of its.
 
-    ``options_type``: frozen dataclass of the ``options`` in the robot's YAML. ``extra``: of the package, with the SDK.
-    ``serves``: kind of part → how many of it have to, and may, be behind one controller; empty: any parts. It and
-    ``needs_address`` are checked when the robot's YAML is read, before anything connects.
+    ``options_type``: frozen dataclass of the ``options`` in the robot's YAML. ``package``: the SDK, by the name that it
+    is imported by; ``extra``: of our package, which brings it. ``serves``: kind of part → how many of it have to, and
+    may, be behind one controller; empty: any parts. ``needs_address``: whether it has one. All these are checked when a
+    robot is read, before anything connects.
     ``one_client``: whether its controller follows whoever speaks to it, so that a second client is to be refused here.
     ``unsupported``: what of the Robotics API the controller cannot do, or a check of the conformance suite that it
     cannot pass → why; conformance lists it.
@@ -38,6 +39,7 @@ class Connection(ABC):
 
     driver: ClassVar[str]
     options_type: ClassVar[type]
+    package: ClassVar[str] = ""
     extra: ClassVar[str] = ""
     serves: ClassVar[Mapping[str, tuple[int, int]]] = {}
     needs_address: ClassVar[bool] = True

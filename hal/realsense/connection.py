@@ -32,6 +32,7 @@ class RealSenseConnection(Connection):
     """
 
     driver: ClassVar[str] = "realsense"
+    package: ClassVar[str] = "pyrealsense2"
     extra: ClassVar[str] = "realsense"
     options_type: ClassVar[type] = RealSenseOptions
     serves: ClassVar[Mapping[str, tuple[int, int]]] = {"camera": (1, 1)}

@@ -18,6 +18,7 @@ class RobotiqConnection(Connection):
     """One gripper. It is activated when connected, during which its fingers may close and open."""
 
     driver: ClassVar[str] = "robotiq"
+    package: ClassVar[str] = "pymodbus"
     extra: ClassVar[str] = "ur"
     options_type: ClassVar[type] = RobotiqOptions
     serves: ClassVar[Mapping[str, tuple[int, int]]] = {"gripper": (1, 1)}

@@ -61,6 +61,7 @@ class RosbridgeConnection(Connection):
     """
 
     driver: ClassVar[str] = "rosbridge"
+    package: ClassVar[str] = "roslibpy"
     extra: ClassVar[str] = "rosbridge"
     options_type: ClassVar[type] = RosbridgeOptions
     serves: ClassVar[Mapping[str, tuple[int, int]]] = dict.fromkeys(TOPICS, (0, MANY))

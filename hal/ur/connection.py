@@ -30,6 +30,7 @@ class URConnection(Connection):
     """
 
     driver: ClassVar[str] = "ur"
+    package: ClassVar[str] = "rtde_control"
     extra: ClassVar[str] = "ur"
     options_type: ClassVar[type] = UROptions
     serves: ClassVar[Mapping[str, tuple[int, int]]] = {"arm": (1, 1), "force_torque": (0, 1)}

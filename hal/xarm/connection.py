@@ -25,6 +25,7 @@ class XArmConnection(Connection):
     """
 
     driver: ClassVar[str] = "xarm"
+    package: ClassVar[str] = "xarm"
     extra: ClassVar[str] = "xarm"
     options_type: ClassVar[type] = XArmOptions
     serves: ClassVar[Mapping[str, tuple[int, int]]] = {"arm": (1, 1), "gripper": (0, 1)}

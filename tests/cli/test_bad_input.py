@@ -145,6 +145,35 @@ algorithms:
     ]
 
 
+@pytest.mark.parametrize(
+    ("options", "others"),
+    [((), 0), (("--set", "tick_rat=3"), 1), (("--scene", "kichen"), 1), (("--robot", "dif_panda"), 1)],
+)
+def test_an_entry_that_nothing_writes_is_told_with_all_other_faults(
+    refused, folder: Path, options: tuple[str, ...], others: int
+) -> None:
+    nodes = (
+        '<DetectObject object="cup" surface="table" pse="{pose}"/>\n<LookAt point="{pose}"/>\n'
+        '<Script code="speed := := 2"/>\n<ScriptCondition code="speed &gt; 1"/>\n<NavigateTo goal="{stand}"/>\n'
+    )
+    (folder / "t.xml").write_text(tree(f"<Sequence>\n{nodes}</Sequence>"))
+    told = refused("run", "t.xml", *options).splitlines()
+    assert [line.partition(": ")[0] for line in told[1 + others :]] == ["t.xml:4", "t.xml:6", "t.xml:8"]
+    assert "reads '{stand}', which nothing in the tree writes" in told[-1]
+    if not options:
+        last = refused("validate", "t.xml").splitlines()[-1]
+        assert last == "t.xml:8: warning: <NavigateTo> port 'goal': reads '{stand}', which nothing in the tree writes"
+
+
+def test_faults_of_a_python_tree_and_names_that_nothing_bears_are_told_at_once(refused, folder: Path) -> None:
+    (folder / "t.py").write_text(
+        "from behaviours.move_arm import MoveArm\nfrom bestman_bt.engine import Sequence\n\n\ndef build():\n"
+        "    return Sequence([\n        MoveArm(postur='home'),\n        MoveArm(posture='cary'),\n    ])\n"
+    )
+    told = refused("run", "t.py").splitlines()[1:]
+    assert [line.partition(": ")[0] for line in told] == ["t.py:7", "t.py:7", "t.py:8"]
+
+
 def test_all_errors_of_a_tree_are_told_at_once(refused, folder: Path) -> None:
     (folder / "t.xml").write_text(tree("<Sequence>\n<NavigateTo/>\n<Grap/>\n</Sequence>"))
     told = refused("run", "t.xml").splitlines()

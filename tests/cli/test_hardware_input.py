@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -28,6 +29,17 @@ def test_a_robot_without_connections_is_told_once(bestman_bt: Command, folder: P
     assert answer.err.count("robot diff_panda has no `connections`, so no part of it is there") == 1
     assert "needs" not in answer.err
     assert not list(folder.iterdir())
+
+
+def test_a_vendors_package_that_is_missing_is_told_with_all_other_faults(
+    bestman_bt: Command, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "xarm", None)
+    answer = bestman_bt(*RUN, "--set", "tick_rat=3")
+    assert answer.code == 2
+    assert "unknown key 'tick_rat'" in answer.err
+    assert "diff_xarm6: connections.arm_controller.driver: needs the package 'xarm': pip install" in answer.err
+    assert "connections.platform.address: is missing" in answer.err
 
 
 @pytest.mark.slow

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import os
+import re
 import signal
 from collections.abc import Callable
 from dataclasses import replace
@@ -47,6 +48,15 @@ def test_a_tree_goes_the_same_way_over_its_recording(bestman_bt: Answers, folder
     assert replayed.code == recorded.code
     assert transitions(second) == transitions(first)
     assert len(transitions(first)) > 6
+
+    tree.write_text(TREE.replace("</Sequence>", '<Sleep name="on" msec="600000"/></Sequence>'))
+    longer = bestman_bt("run", tree, "--driver", "replay", "--recording", next(first.iterdir()), "--json")
+    assert (longer.code, longer.document["outcome"]) == (3, "error")
+    failure, end = longer.document["failure"], longer.document["sim_time_s"]
+    assert failure["error_code"] == "recording_over"
+    told = re.fullmatch(r"the recording is over at (\S+) s, and on \(look_around.xml:8\) still ran", failure["why"])
+    assert told is not None
+    assert float(told[1]) + 0.9 < end < float(told[1]) + 1.1
 
 
 def test_the_replay_of_a_run_that_was_cancelled_ends_where_that_did(bestman_bt: Answers, folder: Path) -> None:

@@ -89,7 +89,7 @@ def test_of_several_runs_one_is_named_by_task_or_folder_and_stopped_alone(
 
     refused = bestman_bt("pause")
     assert (refused.code, "several executions run" in refused.err, "/runs/1-tidy" in refused.err) == (2, True, True)
-    assert "no running execution is named 'fetsh'" in bestman_bt("step", "fetsh").err
+    assert bestman_bt("step", "fetsh").err.startswith("bestman-bt: no running execution is named 'fetsh'; name one of")
     assert bestman_bt("pause", "tidy").code == 0
     assert (first.paused, second.paused) == (False, True)
     assert bestman_bt("stop", "1-fetch").out.startswith("stopped fetch")
@@ -131,6 +131,29 @@ def test_a_run_waits_at_a_breakpoint_until_it_is_cleared(bestman_bt: Command, st
     assert bestman_bt("break", "work", "--once").code == 0
     assert bestman_bt("unbreak", "--all", "--run", "fetch").out == "cleared 1 in fetch; left: none\n"
     assert executor.paused
+
+
+def test_status_and_step_tell_the_node_at_which_a_run_waits(
+    bestman_bt: Command, start: Callable[[str], Executor]
+) -> None:
+    executor = start("fetch")
+    assert bestman_bt("pause").code == 0
+    while executor.held_at is None:
+        time.sleep(0.005)
+    asked = {"reason": "asked", "node": None, "when": None}
+    assert bestman_bt("status", "--json").document["runs"][0]["held_at"] == asked
+    assert ": paused, tick " in bestman_bt("status").out
+
+    assert bestman_bt("break", "wait", "--if", "go == 1").code == 0
+    assert bestman_bt("set", "go=1").code == 0
+    assert bestman_bt("step").out.rstrip().endswith(", before wait")
+    held = {"reason": "breakpoint", "node": "wait", "when": "before"}
+    assert bestman_bt("status", "--json").document["runs"][0]["held_at"] == held
+    assert ": paused, before wait, tick " in bestman_bt("status").out
+    assert bestman_bt("resume").code == 0
+    while executor.held_at is not None:
+        time.sleep(0.005)
+    assert bestman_bt("status", "--json").document["runs"][0]["held_at"] is None
 
 
 @pytest.mark.parametrize(

@@ -55,6 +55,19 @@ def test_nodes_of_one_name_lists_that_node_alone(bestman_bt: Command) -> None:
     assert "\n      in Python: from behaviours.navigate import NavigateTo\n" in answer.out
 
 
+def test_nodes_tells_of_a_shipped_subtree_what_it_takes_and_its_file(bestman_bt: Command) -> None:
+    answer = bestman_bt("nodes", "PickAndPlace", "NavigateTo")
+    assert "  NavigateTo: " in answer.out
+    told = answer.out.partition("SubTrees that are shipped")[2]
+    assert "trees/subtrees/pick_and_place.xml:" in told
+    assert '<include path="subtrees/pick_and_place.xml"/>' in told
+    assert "object (input, required)\n      arm (input)\n" in told
+    assert "writes stand, stand_error" in bestman_bt("nodes", "GoTo").out
+    misspelt = bestman_bt("nodes", "PickAndPlac")
+    assert misspelt.code == 2
+    assert misspelt.err == "bestman-bt: unknown node 'PickAndPlac'; did you mean 'PickAndPlace'?\n"
+
+
 def test_validate_accepts_what_is_shipped(bestman_bt: Command) -> None:
     answer = bestman_bt("validate", "fetch_cup", "fetch_cup_python")
     assert (answer.code, answer.err) == (0, "")

@@ -150,7 +150,7 @@ def test_after_an_error_the_children_before_it_show_what_they_returned(
     tree = listened(kind([first, skipped, Broken("broken", result=state), last]), logged=logged)
     assert ticks(tree, 1) == [state]
     for _ in range(2):
-        with pytest.raises(NodeError, match="'broken'.*no arm"):
+        with pytest.raises(NodeError, match="broken.*no arm"):
             tree.tick_exactly_once()
         assert [node.state for node in (first, skipped, last)] == [state, IDLE, IDLE]
     assert (first.ticks, last.ticks) == (3, 1)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import py_trees
@@ -15,11 +16,13 @@ from bestman_bt.engine import (
     Inverter,
     LoopString,
     ManualClock,
+    NodeError,
     NodeRegistry,
     Parallel,
     PortInformation,
     Precondition,
     ReactiveSequence,
+    RecoveryNode,
     RetryUntilSuccessful,
     Script,
     ScriptCondition,
@@ -111,8 +114,8 @@ def trace(tree: Tree) -> list[Any]:
     tree.subscribe(lambda changes: events.append((changes.stamp, list(changes))))
     try:
         events.append(tree.tick_while_running(0.1, max_ticks=100))
-    except Exception as error:  # noqa: BLE001 - errors must be equal too
-        events.append(str(error))
+    except NodeError as error:  # they must be equal too, but for file and line
+        events.append((error.node, error.reason))
     events.append([(path, board.keys()) for path, board in tree.blackboards.items()])
     return events
 
@@ -208,3 +211,69 @@ def test_odd_arguments_are_a_type_error() -> None:
 def test_a_tree_that_contains_itself_is_refused() -> None:
     with pytest.raises(TreeLoadError, match="needs 1|at least 1"):
         build_tree(Sequence([]))
+
+
+def test_faults_of_a_python_tree_name_the_line_that_makes_the_node(tmp_path: Path) -> None:
+    (tmp_path / "parts_beside.py").write_text(
+        "from bestman_bt.engine import AlwaysSuccess, Sequence, Sleep\n\n\n"
+        "class Mine(Sleep):\n"
+        "    def __init__(self, name, **ports):\n        super().__init__(name, **ports)\n\n\n"
+        "def wait():\n    return Sequence('waits', [Mine('own', msec='soon')])\n"
+    )
+    file = tmp_path / "tree.py"
+    file.write_text(
+        "from parts_beside import Mine, wait\nfrom bestman_bt.engine import RetryUntilSuccessful, Sequence\n\n\n"
+        "def build():\n    twice = Mine('good', msec=1)\n"
+        "    return Sequence('main', [\n        RetryUntilSuccessful(\n            wait(), num_attempts='x'),\n"
+        "        Mine('lacking', mesc=5), twice, twice])\n"
+    )
+    with pytest.raises(TreeLoadError) as caught:
+        load_tree(file)
+    assert [str(problem).replace(f"{tmp_path}/", "") for problem in caught.value.problems] == [
+        "parts_beside.py:10: <Mine> port 'msec': 'soon' is not an int",
+        "tree.py:6: <Mine>: 'good' is part of a tree already; make a new node",
+        "tree.py:8: <RetryUntilSuccessful> port 'num_attempts': 'x' is not an int",
+        "tree.py:10: <Mine>: unknown port 'mesc' (did you mean 'msec'?)",
+        "tree.py:10: <Mine> port 'msec': it is required but not given (of type int)",
+    ]
+    (tmp_path / "nothing.py").write_text("\n\ndef build():\n    pass\n")
+    with pytest.raises(TreeLoadError, match=r"nothing\.py:3: its build\(\) returned None"):
+        load_tree(tmp_path / "nothing.py")
+
+
+def test_a_node_made_in_python_is_called_by_its_line(tmp_path: Path) -> None:
+    (tmp_path / "tree.py").write_text(
+        "from bestman_bt.engine import Sleep\n\n\ndef build():\n    return Sleep(msec=1)\n"
+    )
+    assert load_tree(tmp_path / "tree.py").root.where == "Sleep (tree.py:5)"
+
+
+class Explains(StatefulAction):
+    """Fails in its second tick, and says the number of the attempt; forgets that when it begins anew."""
+
+    attempt = 0
+
+    def on_start(self) -> int:
+        self.attempt += 1
+        self.feedback_message = ""
+        return RUNNING
+
+    def on_running(self) -> int:
+        self.feedback_message = f"attempt {self.attempt}"
+        return FAILURE
+
+
+@pytest.mark.parametrize("kind", ["RetryUntilSuccessful", "RecoveryNode"])
+def test_what_a_leaf_says_of_each_attempt_reaches_the_listeners(kind: str) -> None:
+    leaf = Explains()
+    root = (
+        RetryUntilSuccessful(leaf, num_attempts=3)
+        if kind == "RetryUntilSuccessful"
+        else RecoveryNode([leaf, Script(code="a := 1")], number_of_retries=2)
+    )
+    tree = build_tree(root)
+    told: list[str] = []
+    tree.subscribe(lambda changes: told.extend(leaf.feedback_message for change in changes if change == (2, FAILURE)))
+    while tree.tick_once() == RUNNING:
+        pass
+    assert told == ["attempt 1", "attempt 2", "attempt 3"]

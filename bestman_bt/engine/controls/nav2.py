@@ -136,6 +136,7 @@ class RecoveryNode(Control, composites.Selector):
             self.halt_child(recovery)
             self.retries += 1
             self.recovering = False
+            self.owner.publish()  # the action's failure, before the next attempt says something else
 
     def _end(self, status: int) -> int:
         self.reset_children()

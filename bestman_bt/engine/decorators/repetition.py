@@ -26,7 +26,8 @@ class _Counting(Decorator):
     def on_tick(self) -> int:
         """Tick the child until it runs, ends the node, or the count is reached.
 
-        Between two rounds that each took one tick the node returns RUNNING and wakes the loop.
+        Between two rounds that each took one tick the node returns RUNNING and wakes the loop. What a round of several
+        ticks came to is told to the listeners before the next one begins, which changes what the leaves say of it.
         """
         child = self.child
         limit = self.get_input(self.PORT)
@@ -52,6 +53,7 @@ class _Counting(Decorator):
             if was_idle and again:
                 self.wake_up()
                 return RUNNING
+            self.owner.publish()
         self.count = 0
         return self.AGAIN
 
