@@ -81,10 +81,20 @@ def only_nearest(scene: DetectedScene, belief: ObjectBelief, base_from_object: P
 
 def seen_words(scene: DetectedScene) -> str:
     """What was seen, for an error message."""
-    seen = [f"{found.name} ({found.confidence:.2f})" for found in scene.detections]
-    if scene.unknown:
-        seen.append(f"{len(scene.unknown)} unknown thing{'s' if len(scene.unknown) > 1 else ''}")
+    from bestman_bt.perception.detection import LabelledCluster
+
+    seen = [f"{found.name} ({found.confidence:.2f}{score_words(found.score)})" for found in scene.detections]
+    named = [thing for thing in scene.unknown if isinstance(thing, LabelledCluster)]
+    seen += [f"{thing.label} (no pose{score_words(thing.score)})" for thing in named]
+    nameless = len(scene.unknown) - len(named)
+    if nameless:
+        seen.append(f"{nameless} unknown thing{'s' if nameless > 1 else ''}")
     return "seen " + ", ".join(seen) if seen else "it is empty"
+
+
+def score_words(score: float | None) -> str:
+    """``, score 0.80``: a detector's own; empty where it gives none."""
+    return "" if score is None else f", score {score:.2f}"
 
 
 def _part_of_furniture(skills: SkillContext, view: RGBDView, cluster: Cluster, surface: str | None) -> bool:
@@ -117,6 +127,7 @@ def _sighting(view: RGBDView, found: Detection, surface: str | None) -> ObjectBe
         stamp=view.stamp,
         surface=surface,
         yaw_set=hypothesis.yaw_set.turned(view.map_from_base.yaw),
+        score=found.score,
     )
 
 
@@ -125,7 +136,7 @@ def _thing(view: RGBDView, cluster: Cluster, surface: str | None) -> ObjectBelie
     from bestman_bt.perception.detection import LabelledCluster
     from bestman_bt.perception.tracking import THING
 
-    name = cluster.label if isinstance(cluster, LabelledCluster) else THING
+    name, score = (cluster.label, cluster.score) if isinstance(cluster, LabelledCluster) else (THING, None)
     placed = cluster.bounding_box
     assert isinstance(placed.shape, Box)
     red, green, blue = (float(value) for value in cluster.colors.mean(axis=0) / 255.0)
@@ -142,4 +153,5 @@ def _thing(view: RGBDView, cluster: Cluster, surface: str | None) -> ObjectBelie
         recognised=False,
         cloud=PointCloud(view.map_from_base.apply(cluster.points), cluster.colors),
         viewpoint=view.in_map.viewpoint,
+        score=score,
     )

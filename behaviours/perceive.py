@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 from py_trees.ports import PortInformation
 
-from behaviours.beliefs import believe_objects, believe_surface, only_nearest, seen_words
+from behaviours.beliefs import believe_objects, believe_surface, only_nearest, score_words, seen_words
 from behaviours.context import SkillContext
 from behaviours.names import ObjectName, SurfaceName
 from behaviours.skill import Declaration, Skill, SkillFailure, Steps, StepsTo
@@ -46,7 +46,10 @@ class DetectObjects(Skill):
         view, scene = yield from _look(self)
         names = believe_surface(self.skills, self.get_input("surface"), view, scene)
         self.set_output("objects", list(names))
-        self.feedback_message = ", ".join(names) or "nothing"
+        believed = self.skills.world.objects
+        scores = [score_words(believed[name].score if name in believed else None) for name in names]
+        told = (f"{name} ({score[2:]})" if score else name for name, score in zip(names, scores, strict=True))
+        self.feedback_message = ", ".join(told) or "nothing"
 
 
 class DetectObject(Skill):
@@ -63,6 +66,7 @@ class DetectObject(Skill):
     OUTPUT_PORTS: ClassVar = {
         "pose": PortInformation(Pose, required=False, description="where the object is, in the map frame"),
         "yaw_width": PortInformation(float, required=False, description="radians of yaw that the view leaves open"),
+        "score": PortInformation(float, required=False, description="the detector's own, 0 to 1, if it gives one"),
     }
     FAILS: ClassVar = {
         **UNKNOWN_SURFACE,
@@ -89,7 +93,9 @@ class DetectObject(Skill):
             raise SkillFailure("not_found", f"no {name} on the {surface}: {seen_words(scene)}")
         self.set_output("pose", belief.pose)
         self.set_output("yaw_width", belief.yaw_set.width)
-        self.feedback_message = f"{name} with confidence {belief.confidence:.2f}"
+        if belief.score is not None:
+            self.set_output("score", belief.score)
+        self.feedback_message = f"{name} with confidence {belief.confidence:.2f}{score_words(belief.score)}"
 
 
 def _look(leaf: DetectObject | DetectObjects) -> StepsTo[tuple[RGBDView, DetectedScene]]:

@@ -13,7 +13,7 @@ from bestman_bt.cli.json_output import json_output
 from bestman_bt.cli.options import MONITOR_PORT, Groot2Port, Json, Live, Monitor, MonitorPort, Seed
 from bestman_bt.cli.report_command import REPORT_NAME
 from bestman_bt.cli.run_command import execute, exit_code
-from bestman_bt.cli.run_view import CONSOLE
+from bestman_bt.cli.run_view import RESULTS
 from bestman_bt.cli.started_monitor import show_in_monitor
 from bestman_bt.configuration import load_run
 from bestman_bt.evaluation.episode import prepare_episode
@@ -55,6 +55,6 @@ def _what_next(folder: Path, report: Path) -> None:
         "another task": f"{program} run fetch_from_drawer",
         "write your own tree": "docs/writing_a_tree.md",
     }
-    CONSOLE.print("\nWhat to type next", style="bold")
+    RESULTS.print("\nWhat to type next", style="bold")
     for what, how in lines.items():
-        CONSOLE.print(f"  {what:<29}{how}", highlight=False, markup=False, soft_wrap=True)
+        RESULTS.print(f"  {what:<29}{how}", highlight=False, markup=False, soft_wrap=True)

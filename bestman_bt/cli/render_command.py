@@ -35,7 +35,7 @@ def command(
     ] = False,
 ) -> None:
     """Make pictures and a film of a run that has ended."""
-    from bestman_bt.cli.run_view import CONSOLE
+    from bestman_bt.cli.run_view import CONSOLE, RESULTS
     from bestman_bt.evaluation.film.filmed_run import read_filmed_run
     from bestman_bt.evaluation.film.rendering import RenderOptions, render
     from bestman_bt.visualization.blender import install_blender as make_installation
@@ -45,7 +45,7 @@ def command(
     if install_blender:
         with CONSOLE.status("installing Blender") as status:
             python = make_installation(lambda what: status.update(f"installing Blender: {what}"))
-        CONSOLE.print(f"installed: {python}", highlight=False, soft_wrap=True)
+        RESULTS.print(f"installed: {python}", highlight=False, soft_wrap=True)
     if run is None:
         return
     width, height = (int(pixels) for pixels in size.split("x"))

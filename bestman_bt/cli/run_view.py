@@ -1,4 +1,4 @@
-"""A run on the terminal: the live tree while it goes on, the summary at its end; all on standard error."""
+"""A run on the terminal: its live tree on standard error, its summary at the end on standard output."""
 
 from __future__ import annotations
 
@@ -20,6 +20,9 @@ from bestman_bt.visualization.tree_description import NodeTransition
 from hal.parts import SimulatedClock
 
 CONSOLE = Console(stderr=True)
+"""How something comes along."""
+RESULTS = Console()
+"""What came of it; with ``--json``, which has standard output for itself, on standard error, too."""
 
 
 class RunView:
@@ -112,5 +115,5 @@ class RunView:
         table.add_row("files", str(folder))
         for path in sorted(folder.iterdir()):
             table.add_row("", path.name)
-        CONSOLE.print()
-        CONSOLE.print(table, highlight=False)
+        RESULTS.print()
+        RESULTS.print(table, highlight=False)

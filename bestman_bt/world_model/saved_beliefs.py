@@ -73,6 +73,7 @@ class SavedObject:
     position_std: Distance = 0.01
     stamp: Time = 0.0
     since: Time | None = None
+    score: Share | None = None
     yaws: tuple[tuple[Angle, Spread], ...] = ()
 
 
@@ -201,6 +202,7 @@ def restored(beliefs: SavedBeliefs, document: Document, start: WorldModel) -> Wo
             YawSet(one.yaws),
             one.since,
             recognised=one.what.model is not None,
+            score=one.score,
         )
         for name, one in beliefs.objects.items()
     }
@@ -267,6 +269,8 @@ def _saved_object(belief: ObjectBelief, world: WorldModel) -> dict[str, Any]:
         document["surface"] = belief.surface
     if belief.since is not None:
         document["since"] = _number(belief.since)
+    if belief.score is not None:
+        document["score"] = _number(belief.score)
     if belief.yaw_set.arcs:
         document["yaws"] = [[_number(middle), _number(half)] for middle, half in belief.yaw_set.arcs]
     return document

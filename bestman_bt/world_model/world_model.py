@@ -27,7 +27,7 @@ class ObjectBelief:
     model explains. ``position_std``: metres. ``surface``: the name of the surface that it stands on, if any.
     ``yaw_set``: the yaws that it may have. ``since``: seconds, when it came to stand there, as far as was seen.
     ``recognised``: False for a thing whose model is no more than its measured box; ``cloud``: its points in the map
-    frame, and ``viewpoint``: (3,) from where they were measured.
+    frame, and ``viewpoint``: (3,) from where they were measured. ``score``: that of a detector which gives one, 0 to 1.
     """
 
     name: str
@@ -42,6 +42,7 @@ class ObjectBelief:
     recognised: bool = True
     cloud: PointCloud | None = None
     viewpoint: NDArray[np.float64] | None = None
+    score: float | None = None
 
     def moved(self, map_from_before: Pose) -> ObjectBelief:
         """The object as it is after what it stands on has moved, and it with that."""

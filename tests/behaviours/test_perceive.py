@@ -101,3 +101,17 @@ def test_views_that_fit_together_less_surely_than_is_asked_change_no_belief(
     assert run(skills, load(skills, '<SecondLook object="cup" min_confidence="0.6"/>')) == status
     assert (skills.world.objects["cup"] is before) is (status == FAILURE)
     assert codes(skills) == (["object_lost"] if status == FAILURE else [])
+
+
+def test_the_score_of_a_detector_is_told_beside_the_confidence(skills: Any) -> None:
+    detect = DETECT.replace("<DetectObject", '<DetectObject score="{score}"')
+    seen = belief(skills, skills.clock.now())
+    skills.after_view = replace(seen, score=0.8)
+    tree = load(skills, detect)
+    assert run(skills, tree) == SUCCESS
+    assert tree.root.feedback_message == "cup with confidence 0.90, score 0.80"
+    assert tree.blackboard.get("score") == 0.8
+    skills.after_view = seen
+    tree = load(skills, detect)
+    assert run(skills, tree) == SUCCESS
+    assert tree.root.feedback_message == "cup with confidence 0.90"

@@ -39,6 +39,11 @@ class Detection:
         return self.hypothesis.confidence
 
     @property
+    def score(self) -> float | None:
+        """The detector's own, 0 to 1; None of one that gives none: its cluster is no LabelledCluster."""
+        return self.cluster.score if isinstance(self.cluster, LabelledCluster) else None
+
+    @property
     def at_border(self) -> bool:
         """Whether the picture may cut the object off: a part of what was judged was not in view."""
         return self.cluster.at_border
@@ -46,7 +51,7 @@ class Detection:
 
 @dataclass(frozen=True, eq=False)
 class LabelledCluster(Cluster):
-    """A thing that a detector has a name for, but whose pose is not known: no model, or none that fits.
+    """A thing that a detector has a name for; among the unknown its pose is not known: no model, or none that fits.
 
     ``score``: the detector's, 0 to 1.
     """

@@ -63,7 +63,7 @@ def test_named_boxes_become_objects_with_poses_and_the_others_stay_unknown(mask:
     scene = on_table((BOX, -0.1, -0.2, 0.5), (CAN, -0.1, 0.0, 0.0), (TIN, 0.1, 0.2, 1.0))
     painted = Painted(detection_of(scene, 0, "box", mask=mask), detection_of(scene, 1, "can", mask=mask))
     found = detect(scene, FromImage(painted))
-    assert {detection.name for detection in found.detections} == {"box", "can"}
+    assert {(detection.name, detection.score) for detection in found.detections} == {("box", 0.9), ("can", 0.9)}
     for item in scene.objects[:2]:
         assert np.linalg.norm(found.find(item.model.name).pose.position - item.pose.position) < 0.004
     assert len(found.unknown) == 1
