@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+import logging
 import multiprocessing
 import os
 import signal
 import threading
 import time
-from collections.abc import Generator, Sequence
+import warnings
+from collections.abc import Generator, Iterator, Sequence
+from contextlib import contextmanager
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
 
 from behaviours.failure import NodeFailure
 from bestman_bt.configuration import RunConfig
-from bestman_bt.evaluation.episode import run_episode
+from bestman_bt.evaluation.episode import prepare_episode, run_episode
 from bestman_bt.evaluation.result import Outcome, RunResult
 from bestman_bt.evaluation.run_folder import make_run_folder
 from bestman_bt.evaluation.versions import versions
@@ -67,12 +70,26 @@ def run_or_tell(config: RunConfig, folder: Path | None) -> RunResult:
     run_folder = make_run_folder(config, folder) if folder is not None else None
     start = time.perf_counter()
     try:
-        return run_episode(config, run_folder)
+        with _without_warnings():  # who made the suite has prepared it, and was told them then
+            setup = prepare_episode(config)
+        return run_episode(setup, run_folder)
     except Exception as error:  # noqa: BLE001 - one episode that breaks is a failed episode, not the end of the batch
         result = _broken(config, f"{type(error).__name__}: {error}", time.perf_counter() - start)
     if run_folder is not None:
         result.write(run_folder / "result.json")
     return result
+
+
+@contextmanager
+def _without_warnings() -> Iterator[None]:
+    disabled = logging.root.manager.disable
+    logging.disable(logging.WARNING)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            yield
+    finally:
+        logging.disable(disabled)
 
 
 class _Worker:

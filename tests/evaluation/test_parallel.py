@@ -89,3 +89,19 @@ def is_running(pid: str) -> bool:
         return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
     except FileNotFoundError:
         return False
+
+
+def test_what_a_plug_in_warns_of_is_told_once_and_not_by_each_episode(tmp_path: Path) -> None:
+    (tmp_path / "warns.py").write_text(
+        "import logging\nimport warnings\n\nwarnings.warn('mind')\nlogging.getLogger('mine').warning('mind, too')\n"
+    )
+    (tmp_path / "t.xml").write_text(TREE.format(leaf="AlwaysSuccess"))
+    (tmp_path / "t.yaml").write_text("tree: t.xml\nscene: kitchen\nrobot: diff_panda\nplugins: [warns.py]\n")
+    for jobs in ("1", "2"):
+        command = [sys.executable, "-m", "bestman_bt.cli.main", "eval", "t.yaml", "--episodes", "2", "--jobs", jobs]
+        done = subprocess.run(
+            [*command, "--out", f"out{jobs}"], cwd=tmp_path, capture_output=True, text=True, timeout=120, check=False
+        )
+        assert done.returncode == 0, done.stderr
+        assert "t.yaml, seed 1: success" in done.stderr
+        assert [done.stderr.count(words) for words in ("UserWarning: mind", "mind, too", "brings nothing")] == [1, 1, 1]
