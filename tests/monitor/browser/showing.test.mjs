@@ -126,6 +126,21 @@ test("tools, map and legend lie beside the drawing of a tall tree, so that they 
   }
 });
 
+test("a drawing that was in view is in view in a smaller window, too", async () => {
+  const { page } = await open([errand()], { width: 1400, height: 900 });
+  const root = page.locator(".graph-item[data-index='0']");
+  const inView = async () => {
+    const [box, host] = [await root.boundingBox(), await page.locator(".graph-host").boundingBox()];
+    return box !== null && host !== null && box.x >= host.x && box.y >= host.y
+      && box.x + box.width <= host.x + host.width && box.y + box.height <= host.y + host.height;
+  };
+  await eventually(inView, true, "1400 px");
+  for (const width of [900, 400, 1400, 400]) {
+    await page.setViewportSize({ width, height: 700 });
+    await eventually(inView, true, `${width} px`);
+  }
+});
+
 /** The pairs of shown boxes that cover each other, and boxes that leave the window. */
 async function overlaps(page, selectors) {
   const window = page.viewportSize();

@@ -35,6 +35,18 @@ export class Camera {
     this.zoom = zoom;
   }
 
+  /** Takes another size; what was in the middle stays there. */
+  resize(width: number, height: number): void {
+    const [dx, dy] = [(width - this.width) / 2, (height - this.height) / 2];
+    [this.width, this.height] = [width, height];
+    this.x += dx;
+    this.y += dy;
+    for (const view of this.glide === null ? [] : [this.glide.from, this.glide.to]) {
+      view[0] += dx;
+      view[1] += dy;
+    }
+  }
+
   toDrawing(px: number, py: number): [number, number] {
     return [(px - this.x) / this.zoom, (py - this.y) / this.zoom];
   }

@@ -187,11 +187,12 @@ export class GraphView {
   private resize(): void {
     const { clientWidth, clientHeight } = this.host;
     if (clientWidth === 0 || clientHeight === 0) return;
-    this.camera.width = clientWidth;
-    this.camera.height = clientHeight;
+    const wasWhole = this.layout !== null && within(this.layout, this.camera.seen());
+    this.camera.resize(clientWidth, clientHeight);
     this.canvas.width = Math.round(clientWidth * devicePixelRatio);
     this.canvas.height = Math.round(clientHeight * devicePixelRatio);
-    if (!this.fitted || this.besideBefore !== this.beside()) this.open();
+    const lost = this.layout !== null && !(wasWhole ? within : meet)(this.layout, this.camera.seen());
+    if (!this.fitted || this.besideBefore !== this.beside() || lost) this.open();
     this.draw(performance.now());
   }
 
@@ -262,6 +263,14 @@ export class GraphView {
     const index = this.cardAt(event)?.index ?? -1;
     if (index >= 0) this.run.fold(index, !this.run.collapsed.peek().has(index));
   };
+}
+
+function within(inner: Box, outer: Box): boolean {
+  return inner.left >= outer.left && inner.top >= outer.top && inner.right <= outer.right && inner.bottom <= outer.bottom;
+}
+
+function meet(one: Box, other: Box): boolean {
+  return one.left < other.right && other.left < one.right && one.top < other.bottom && other.top < one.bottom;
 }
 
 function boxOf(card: Card): Box {
