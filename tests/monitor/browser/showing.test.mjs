@@ -134,6 +134,7 @@ test("a drawing that was in view is in view in a smaller window, too", async () 
     return box !== null && host !== null && box.x >= host.x && box.y >= host.y
       && box.x + box.width <= host.x + host.width && box.y + box.height <= host.y + host.height;
   };
+  await page.keyboard.press("d");
   await eventually(inView, true, "1400 px");
   for (const width of [900, 400, 1400, 400]) {
     await page.setViewportSize({ width, height: 700 });
