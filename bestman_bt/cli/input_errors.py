@@ -24,6 +24,7 @@ def input_errors(starts: bool) -> Iterator[None]:
 
 def _told(error: InputError, starts: bool) -> str:
     count = len(getattr(error, "problems", (error,)))
-    headline = [f"{count} errors"] if count > 1 else []
-    headline += ["nothing was started"] if starts else []
-    return f"{', '.join(headline)}:{chr(10) if count > 1 else ' '}{error}" if headline else str(error)
+    nothing = "nothing was started" if starts else ""
+    if count > 1:
+        return f"{count} errors{', ' if nothing else ''}{nothing}:\n{error}"
+    return f"{nothing}: {error}" if nothing else str(error)

@@ -57,8 +57,9 @@ def validate_file(
         return _sorted([*found, *error.problems])
     found.extend(wrong)
     if any(problem.severity != "warning" for problem in found):
-        reads = unwritten_reads(tree, given)
-        found += [read.problem("warning") for read in reads if read.key not in tree.left_out]
+        told = {(problem.file, problem.line) for problem in found}
+        reads = [read.problem("warning") for read in unwritten_reads(tree, given) if read.key not in tree.left_out]
+        found += [problem for problem in reads if (problem.file, problem.line) not in told]
     else:
         found.extend(tree_warnings(tree, given))
     return _sorted(found)

@@ -418,4 +418,6 @@ def test_a_planner_that_is_not_installed_is_told_with_what_installs_it(
 
 
 def test_a_replay_without_a_recording_and_a_recording_without_a_replay(refused: Callable[..., str]) -> None:
-    assert "give the folder of a run by --recording RUN" in refused("run", "--task", "fetch_cup", "--driver", "replay")
+    assert "bestman-bt run --driver replay --recording RUN" in refused(
+        "run", "--task", "fetch_cup", "--driver", "replay"
+    )

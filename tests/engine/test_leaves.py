@@ -161,7 +161,10 @@ def test_equals_sign_maps_a_port_to_the_entry_of_its_name() -> None:
 
 def test_a_required_port_without_a_value_names_node_port_and_key() -> None:
     tree = build_tree(drive(target="{stand}"))
-    with pytest.raises(NodeError, match=r"node 'drive' \[Drive\]: port 'target': the entry '\{stand\}' has no value"):
+    with pytest.raises(
+        NodeError,
+        match=r"node drive \(test_leaves.py:\d+\) \[Drive\]: port 'target': the entry '\{stand\}' has no value",
+    ):
         tree.tick_exactly_once()
 
 
@@ -174,7 +177,9 @@ def test_a_port_locks_its_entry_to_its_type() -> None:
 def test_a_value_of_the_wrong_type_in_a_string_entry_is_an_error_that_names_the_type() -> None:
     tree = build_tree(Sequence([drive(target="1;2", label="{n}"), Drive("other", target="1;2", count="{n}")]))
     tree.blackboard.set("n", "many")
-    with pytest.raises(NodeError, match=r"node 'other' \[Drive\]: port 'count' from '\{n\}': 'many' is not an int"):
+    with pytest.raises(
+        NodeError, match=r"node other \(test_leaves.py:\d+\) \[Drive\]: port 'count' from '\{n\}': 'many' is not an int"
+    ):
         tree.tick_exactly_once()
 
 
@@ -205,7 +210,9 @@ def test_an_exception_in_a_leaf_names_the_leaf_and_keeps_its_cause() -> None:
     from bestman_bt.engine import Inverter, ReactiveSequence
 
     tree = build_tree(ReactiveSequence([Sequence([Inverter(Broken("bad"))])]))
-    with pytest.raises(NodeError, match=r"node 'bad' \[Broken\]: ZeroDivisionError: division by zero") as caught:
+    with pytest.raises(
+        NodeError, match=r"node bad \(test_leaves.py:\d+\) \[Broken\]: ZeroDivisionError: division by zero"
+    ) as caught:
         tree.tick_exactly_once()
     assert isinstance(caught.value.__cause__, ZeroDivisionError)
 
@@ -222,7 +229,7 @@ def test_a_tick_that_returns_no_status_is_an_error(returned: Any, logged: bool) 
     tree = build_tree(Fallback([Odd("odd")]))
     if logged:
         tree.subscribe(lambda changes: None)
-    with pytest.raises(NodeError, match="'odd'.*returned"):
+    with pytest.raises(NodeError, match="odd .*returned"):
         tree.tick_exactly_once()
 
 
@@ -359,4 +366,4 @@ def test_a_failing_node_is_named_with_file_and_line(tmp_path: Path) -> None:
         "from bestman_bt.engine import Sequence, Sleep\n"
         "def build():\n    return Sequence('go', [Sleep(msec='{missing}')])\n"
     )
-    assert load_tree(python).nodes[1].where == "Sleep (drive.py)"
+    assert load_tree(python).nodes[1].where == "Sleep (drive.py:3)"

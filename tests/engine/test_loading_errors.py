@@ -174,8 +174,8 @@ def test_errors_inside_python_trees_name_the_node(tmp_path: Path, registry: Node
     with pytest.raises(TreeLoadError) as caught:
         load_tree(path, registry)
     assert [str(p) for p in caught.value.problems] == [
-        f"{path}: <again>: unknown port 'num_cycle' (did you mean 'num_cycles'?)",
-        f"{path}: <again> port 'num_cycles': it is required but not given (of type int)",
+        f"{path}:3: <Repeat>: unknown port 'num_cycle' (did you mean 'num_cycles'?)",
+        f"{path}:3: <Repeat> port 'num_cycles': it is required but not given (of type int)",
     ]
 
 

@@ -258,7 +258,7 @@ def test_a_setup_that_fails_or_hangs_is_an_error_with_the_node_and_nothing_is_ti
             time.sleep(5)
 
     log: list[Any] = []
-    with pytest.raises(NodeError, match=r"'gripper'.*setup\(\) failed: no device at /dev/ttyUSB0"):
+    with pytest.raises(NodeError, match=r"gripper .*setup\(\) failed: no device at /dev/ttyUSB0"):
         build_tree(Sequence([Device("a", log), Broken("gripper", log)])).tick_exactly_once()
     assert [entry[0] for entry in log] == ["setup"]
     with pytest.raises(NodeError, match=r"'slow'.*timed out"):
@@ -282,7 +282,7 @@ def test_all_are_shut_down_though_one_fails() -> None:
     log: list[Any] = []
     tree = build_tree(Sequence([Sticks("a", log), Device("b", log)]))
     tree.tick_exactly_once()
-    with pytest.raises(EngineError, match=r"'a'.*shutdown\(\) failed: port busy"):
+    with pytest.raises(EngineError, match=r"node a .*shutdown\(\) failed: port busy"):
         tree.shutdown()
     assert log[-1] == ("shutdown", "b")
 

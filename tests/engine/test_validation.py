@@ -310,6 +310,7 @@ def test_what_fails_only_once_it_is_ticked_loads_and_is_told(tmp_path: Path, reg
         "tree.xml:6: error once it is ticked: <IfThenElse>: it must have at least 2 children but has 1",
         "tree.xml:7: error once it is ticked: <Script> port 'code': only a blackboard key can be assigned to, "
         "in '3 := a'",
+        "tree.xml:10: warning: <BehaviorTree> 'ID': tree 'Unused' is never used",
         "tree.xml:11: error once it is ticked: <Repeat> port 'num_cycles': 'many' is not an int",
     ]
 

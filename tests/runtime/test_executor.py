@@ -401,7 +401,7 @@ def test_native_behaviours_are_set_up_and_shut_down_whatever_the_end(caplog: pyt
     execution = Executor(tree, tree.clock).run()
     assert (execution.ending, execution.succeeded) == (Ending.FINISHED, True)
     assert HALTED == ["setup", "shutdown"]
-    assert "node 'scale'" in caplog.text
+    assert "node scale " in caplog.text
     assert "port busy" in caplog.text
 
 
@@ -413,7 +413,7 @@ def test_a_setup_that_fails_ends_the_execution_and_says_why() -> None:
     tree = build_tree(Sequence([Broken("scale")]), clock=ManualClock())
     execution = Executor(tree, tree.clock).run()
     assert execution.ending is Ending.ERROR
-    assert "'scale'" in execution.why
+    assert "node scale " in execution.why
     assert "no device at /dev/ttyUSB0" in execution.why
     assert execution.ticks == 0
 

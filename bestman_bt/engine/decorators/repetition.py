@@ -26,8 +26,8 @@ class _Counting(Decorator):
     def on_tick(self) -> int:
         """Tick the child until it runs, ends the node, or the count is reached.
 
-        Between two rounds that each took one tick the node returns RUNNING and wakes the loop. What a round of several
-        ticks came to is told to the listeners before the next one begins, which changes what the leaves say of it.
+        Between two rounds that each took one tick the node returns RUNNING and wakes the loop. A failure after several
+        ticks is told to the listeners before the next round begins, which changes what the leaves say of it.
         """
         child = self.child
         limit = self.get_input(self.PORT)
@@ -53,7 +53,8 @@ class _Counting(Decorator):
             if was_idle and again:
                 self.wake_up()
                 return RUNNING
-            self.owner.publish()
+            if self.AGAIN == FAILURE:
+                self.owner.publish()
         self.count = 0
         return self.AGAIN
 
