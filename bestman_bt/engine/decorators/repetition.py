@@ -53,7 +53,7 @@ class _Counting(Decorator):
             if was_idle and again:
                 self.wake_up()
                 return RUNNING
-            if self.AGAIN == FAILURE:
+            if status == FAILURE:
                 self.owner.publish()
         self.count = 0
         return self.AGAIN
