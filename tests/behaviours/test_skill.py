@@ -8,6 +8,7 @@ from typing import Any, ClassVar
 import pytest
 from py_trees.ports import PortInformation
 
+from behaviours.contacts import Contact
 from behaviours.skill import Skill, SkillCondition, SkillFailure, Steps
 from bestman_bt.engine import FAILURE, RUNNING, SUCCESS, Node, NodeError, Tree, load_tree
 from bestman_bt.manipulation.errors import ManipulationError
@@ -92,8 +93,23 @@ class TryTwice(Skill):
         yield self.skills.head.look_at([1.0, 0.0, 0.7])
 
 
+class Press(Skill):
+    """Says what it touches, moves the head, and ends as the port says; remarks on it the first time only."""
+
+    INPUT_PORTS: ClassVar = {"fails": PortInformation(bool, required=False, default_value=False)}
+    remarked = False
+
+    def execute(self) -> Steps:
+        with self.touching(Contact("handle", "fridge/upper_door", 50.0)):
+            yield self.skills.head.move_to([0.1, 0.1])
+            if self.get_input("fails"):
+                raise SkillFailure("too_hard", "it does not give way")
+        if not self.remarked:
+            self.remarked, self.feedback_message = True, "it gave way"
+
+
 def load(robot: Session, body: str) -> Tree:
-    for leaf in (Think, Feel, Felt, Compared, Tidy, TryTwice):
+    for leaf in (Think, Feel, Felt, Compared, Tidy, TryTwice, Press):
         if leaf.__name__ not in robot.setup.registry:
             robot.setup.registry.register(leaf)
     return robot.load(tree_of(body))
@@ -191,6 +207,25 @@ def test_a_halt_cancels_what_the_skill_waits_for_and_runs_its_finally_clauses(by
     tree.halt()
     assert pending.done
     assert leaf.tidied
+
+
+@pytest.mark.parametrize("end", ["success", "failure", "halt"])
+def test_contacts_are_declared_as_long_as_the_work_lasts_however_it_ends(bystander: Session, end: str) -> None:
+    tree = load(bystander, f'<Press fails="{str(end == "failure").lower()}"/>')
+    assert tick(tree, 1) == RUNNING
+    assert [contact.skill for contact in bystander.skills.contacts] == [leaf_of(tree, Press).path]
+    if end == "halt":
+        tree.halt()
+    else:
+        assert tick(tree, 100) == (SUCCESS if end == "success" else FAILURE)
+    assert bystander.skills.contacts == []
+
+
+def test_what_a_skill_said_the_last_time_is_not_said_again(bystander: Session) -> None:
+    tree = load(bystander, "<Press/>")
+    for told in ("it gave way", ""):
+        assert tick(tree, 100) == SUCCESS
+        assert leaf_of(tree, Press).feedback_message == told
 
 
 def test_a_halted_skill_starts_anew(bystander: Session) -> None:

@@ -254,8 +254,8 @@ def test_who_watches_is_told_where_it_holds_and_the_tick_of_each_step(debugged: 
         debugged.ask("breakpoint", node="work", when="before")
         debugged.ask("resume")
         while (event := next(told)).event != "paused" or event.reason != "breakpoint":
-            pass
-        assert (event.node, event.when) == ("work", "before")
+            tick = event.tick if event.event == "states" else None
+        assert (event.node, event.when, tick) == ("work", "before", debugged.ask("status")["ticks"] + 1)
 
 
 class Scripted:
