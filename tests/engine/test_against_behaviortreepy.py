@@ -232,7 +232,7 @@ def run_cpp(xml: str) -> Trace:
     return trace
 
 
-@settings(max_examples=150, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
+@settings(max_examples=100, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
 @given(xml=trees(), logged=st.booleans())
 def test_random_trees_return_the_same_call_the_same_leaves_and_leave_the_same_blackboard(
     xml: str, logged: bool

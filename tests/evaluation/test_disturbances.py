@@ -104,6 +104,7 @@ def test_an_object_is_put_on_another_surface() -> None:
         assert text.endswith("on counter/top")
 
 
+@pytest.mark.slow
 def test_a_drawer_is_pushed_shut_once_it_was_opened() -> None:
     asked = f"[{{kind: shut, articulation: {DRAWER}, object: cup, after: [0.5, 0.5]}}]"
     with staged("fetch_from_drawer", asked, "scene.furniture.drawer_chest.open={drawer_3: 28 cm}") as stage:

@@ -12,7 +12,8 @@ from tests.behaviours.at_the_table import PERIOD, failures_of, fastest, tick, tr
 from tests.behaviours.truth import succeeds, why_not
 
 
-@pytest.mark.parametrize("angle", [-1.57, pytest.param(4.0, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("angle", [-1.57, 4.0])
 def test_a_spin_turns_by_its_angle_on_the_spot(driver, angle) -> None:
     before = driver.skills.world.base.pose
     assert succeeds(driver, f'<Spin spin_dist="{angle}" time_allowance="30"/>')

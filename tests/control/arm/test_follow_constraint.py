@@ -26,6 +26,7 @@ def resting(scene) -> bool:
     return float(np.abs(scene.robot.parts["arm"].velocities()).max()) < 0.01
 
 
+@pytest.mark.slow
 def test_a_drawer_opens_25_cm_and_is_found_to_slide(stand_before):
     scene = stand_before(*DRAWER, flip=True)
     scene.grasp()
@@ -57,6 +58,7 @@ def test_a_door_opens_an_angle_about_the_hinge_that_is_found(stand_before, door,
     assert motion.angle == pytest.approx(scene.opened, abs=math.radians(5.0))
 
 
+@pytest.mark.slow
 def test_a_locked_door_is_told_within_the_force_limit(stand_before):
     scene = stand_before(*FRIDGE, friction=200.0, flip=True)
     scene.grasp()

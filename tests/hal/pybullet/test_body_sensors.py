@@ -130,13 +130,10 @@ def grip(sensing_model: RobotModel, table_worlds, operator) -> Iterator[Grip]:
         yield grip
 
 
-def test_an_open_hand_feels_nothing_but_noise(grip: Grip) -> None:
+def test_an_open_hand_feels_noise_and_taxels_add_up_to_the_normal_force_on_their_finger(grip: Grip) -> None:
     for pad in PADS:
         assert np.abs(grip.pressure(pad)).max() < 0.05
         assert not TactileSensor(grip.robot.part(pad, Tactile)).pressed()
-
-
-def test_taxels_add_up_to_the_normal_force_on_their_finger(grip: Grip) -> None:
     grip.hand.finish(grip.robot.part("gripper", Gripper).close(10.0))
     grip.robot.clock.sleep(0.3)
     for pad, link in PADS.items():

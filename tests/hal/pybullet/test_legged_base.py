@@ -62,6 +62,7 @@ def test_it_walks_three_metres_straight_and_its_odometry_knows(walk: Walk) -> No
     assert (counted.x, counted.y) == pytest.approx(tuple(came.position[:2]), abs=0.12)
 
 
+@pytest.mark.slow
 def test_it_turns_by_a_quarter(walk: Walk) -> None:
     start = walk.truth.base_pose()
     walk.finish(walk.base.rotate(math.pi / 2))
