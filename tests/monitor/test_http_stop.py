@@ -64,22 +64,22 @@ def assert_stopped(run: Program, made: Path) -> None:
     assert not _gone(made, 3.0), "it went on to its goal"
 
 
-def test_a_simulated_robot_that_drives(folder: Path) -> None:
-    (folder / "drive.xml").write_text(DRIVE)
-    run = Program("run", "drive.xml", "--scene", "kitchen", "--seed", 1, "--real-time", "--json", folder=folder)
-    assert_stopped(run, stopped_while_it_drives(run, folder))
+def test_a_simulated_robot_that_drives(tmp_path: Path) -> None:
+    (tmp_path / "drive.xml").write_text(DRIVE)
+    run = Program("run", "drive.xml", "--scene", "kitchen", "--seed", 1, "--real-time", "--json", folder=tmp_path)
+    assert_stopped(run, stopped_while_it_drives(run, tmp_path))
 
 
-def test_a_robot_that_drives_behind_its_twins(folder: Path) -> None:
+def test_a_robot_that_drives_behind_its_twins(tmp_path: Path) -> None:
     pytest.importorskip("xarm", reason="the extra xarm is not installed")
-    (folder / "drive.xml").write_text(DRIVE)
+    (tmp_path / "drive.xml").write_text(DRIVE)
     with TwinProcess("diff_xarm6", "kitchen", seed=1) as twin:
         truth = RemoteTruth(twin.judge_socket)
         start = truth.base_pose().position
         settings = [word for key, value in twin.settings.items() for word in ("--set", f"robot.{key}={value}")]
         arguments = ("run", "drive.xml", "--robot", "diff_xarm6", "--scene", "kitchen", "--seed", 1)
-        run = Program(*arguments, "--driver", "hardware", *settings, "--json", folder=folder)
-        made = stopped_while_it_drives(run, folder)
+        run = Program(*arguments, "--driver", "hardware", *settings, "--json", folder=tmp_path)
+        made = stopped_while_it_drives(run, tmp_path)
         assert_stopped(run, made)
         stopped = truth.base_pose().position
         assert np.linalg.norm(stopped - start) > 0.2
