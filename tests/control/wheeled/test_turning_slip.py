@@ -59,6 +59,7 @@ def test_a_wrong_factor_is_found_and_the_right_one_mends_the_odometry() -> None:
     assert after < math.radians(5.0)
 
 
+@pytest.mark.slow
 def test_a_base_that_does_not_slip_needs_no_factor() -> None:
     document = read_document(find_data("robot", "diff_panda"))
     model = compose_robot(
