@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from behaviours.computation import Job
 from behaviours.context import SkillContext
 from behaviours.skill import Skill, Steps, StepsTo
 from bestman_bt.manipulation.trajectory import SpeedScale
 from bestman_bt.messages import JointTrajectory
 
 if TYPE_CHECKING:
+    from bestman_bt.control import Motion
     from bestman_bt.manipulation.collision import CollisionWorld
     from bestman_bt.manipulation.motion_planning import TimedPlan
 
@@ -64,7 +64,7 @@ def move_free(skill: Skill, goals: Sequence[NDArray[np.float64]], world: Collisi
     yield skills.arm.follow(timed.trajectory, free=True)
 
 
-def _planned(skill: Skill, goals: Sequence[NDArray[np.float64]], world: CollisionWorld) -> Job[TimedPlan]:
+def _planned(skill: Skill, goals: Sequence[NDArray[np.float64]], world: CollisionWorld) -> Motion[TimedPlan]:
     """A motion from where the arm is."""
     from bestman_bt.manipulation.motion_planning import Upright
 

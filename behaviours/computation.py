@@ -4,34 +4,24 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from typing import Generic, Protocol, TypeVar
+from typing import Protocol, TypeVar
+
+from bestman_bt.control import Motion, MotionStatus
+from bestman_bt.errors import Error
+from bestman_bt.messages import Failure
 
 Result = TypeVar("Result")
-
-
-class Job(ABC, Generic[Result]):
-    """A computation that was submitted."""
-
-    @property
-    @abstractmethod
-    def done(self) -> bool:
-        """Whether the result may be taken."""
-
-    @abstractmethod
-    def result(self) -> Result:
-        """The result, or the exception that the computation raised; only when ``done``."""
-
-    @abstractmethod
-    def cancel(self) -> None:
-        """Drop the result; idempotent."""
 
 
 class Computation(ABC):
     """Runs computations for skills."""
 
     @abstractmethod
-    def submit(self, work: Callable[[], Result], cost: float) -> Job[Result]:
-        """Start ``work``; ``cost``: seconds that it takes on the robot's computer, for simulated time."""
+    def submit(self, work: Callable[[], Result], cost: float) -> Motion[Result]:
+        """Start ``work``; ``cost``: seconds that it takes on the robot's computer, for simulated time.
+
+        The ``result`` of one that has failed raises what ``work`` raised.
+        """
 
 
 class TimeSource(Protocol):
@@ -49,30 +39,34 @@ class InlineComputation(Computation):
     def __init__(self, clock: TimeSource) -> None:
         self._clock = clock
 
-    def submit(self, work: Callable[[], Result], cost: float) -> Job[Result]:
-        """Run ``work`` now; an exception is kept for ``result()``."""
-        return _InlineJob(self._clock, work, cost)
+    def submit(self, work: Callable[[], Result], cost: float) -> Motion[Result]:
+        """Run ``work`` now; an exception is kept for ``result``."""
+        return _Computed(self._clock, work, cost)
 
 
-class _InlineJob(Job[Result]):
+class _Computed(Motion[Result]):
     def __init__(self, clock: TimeSource, work: Callable[[], Result], cost: float) -> None:
+        super().__init__()
         self._clock = clock
         self._due = clock.now() + cost
-        self._result: Result
+        self._found: Result
         self._error: Exception | None = None
         try:
-            self._result = work()
-        except Exception as error:  # noqa: BLE001 - raised again by result(), where the skill handles it
+            self._found = work()
+        except Exception as error:  # noqa: BLE001 - raised again by result, where the skill handles it
             self._error = error
 
     @property
-    def done(self) -> bool:
-        return self._clock.now() >= self._due - 1e-9
-
-    def result(self) -> Result:
-        if self._error is not None:
+    def result(self) -> Result | None:
+        if self.status is MotionStatus.FAILED and self._error is not None:
             raise self._error
-        return self._result
+        return super().result
 
-    def cancel(self) -> None:
-        """Nothing runs any more."""
+    def _look(self) -> None:
+        if self._clock.now() < self._due - 1e-9:
+            return
+        if self._error is None:
+            self.succeed(self._found)
+        else:
+            code = self._error.code if isinstance(self._error, Error) else Error.code
+            self.end(MotionStatus.FAILED, Failure(code, str(self._error)))

@@ -9,8 +9,8 @@ import numpy as np
 from py_trees.ports import PortInformation
 
 from behaviours.skill import Declaration, Skill, SkillFailure, Steps, StepsTo
-from behaviours.waiting import Until
-from bestman_bt.control import READING_ERRORS, ControlStatus
+from behaviours.waiting import Until, passed
+from bestman_bt.control import READING_ERRORS, MotionStatus
 from bestman_bt.engine import BoundedPort
 from bestman_bt.messages import OccupancyGrid, Path2D, Pose2D, wrap_angle
 from bestman_bt.messages.bounds import Positive
@@ -149,11 +149,11 @@ class ExploreAndMap(Skill):
         skills, explorer = self.skills, self.skills.exploration
         handle = skills.base.follow(path)
         while True:
-            yield Until(handle, skills.clock.now, skills.clock.now() + LOOK_PERIOD)
-            if handle.done and handle.status is not ControlStatus.SUCCEEDED:
-                error = handle.error
-                if error is None or error.code not in ("blocked", "tolerance"):
-                    raise SkillFailure.of(error)
+            yield Until(passed(skills.clock, LOOK_PERIOD), handle)
+            if handle.done and handle.status is not MotionStatus.SUCCEEDED:
+                failure = handle.failure
+                if failure is None or failure.code not in ("blocked", "tolerance"):
+                    raise SkillFailure.of(failure)
                 return False
             grid, costmap = self._look(overhangs)
             if explorer.gain(grid, view.pose.xy) < explorer.parameters.min_gain:
@@ -174,7 +174,8 @@ class ExploreAndMap(Skill):
             try:
                 view = skills.camera.capture().in_map
             except READING_ERRORS as error:
-                raise SkillFailure("no_image", f"what hangs over the floor cannot be seen: {error}") from error
+                text = f"what hangs over the floor cannot be seen: {error}"
+                raise SkillFailure("no_image", text, error.failure) from error
             overhangs.add(view.cloud().points[::EVERY_POINT], view.viewpoint)
         grid = skills.slam.grid
         if not grid.data.size:

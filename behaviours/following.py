@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from behaviours.skill import SkillFailure, StepsTo
 
 if TYPE_CHECKING:
-    from bestman_bt.control import ControlHandle
+    from bestman_bt.control import Motion
     from bestman_bt.control.arm import FollowedMotion, FollowEnd
 
 FOLLOWING_FAILS = {
@@ -36,7 +36,7 @@ def error_code(end: FollowEnd, reached: str = "") -> str:
     return codes[end]
 
 
-def followed(following: ControlHandle[FollowedMotion]) -> StepsTo[tuple[FollowedMotion, SkillFailure | None]]:
+def followed(following: Motion[FollowedMotion]) -> StepsTo[tuple[FollowedMotion, SkillFailure | None]]:
     """The motion, and what ended it early; SkillFailure where there was none."""
     failure: SkillFailure | None = None
     try:

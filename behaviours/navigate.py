@@ -10,7 +10,7 @@ import numpy as np
 from py_trees.ports import PortInformation
 
 from behaviours.skill import Declaration, Skill, SkillCondition, SkillFailure, Steps, StepsTo
-from behaviours.waiting import Until
+from behaviours.waiting import Until, passed
 from bestman_bt.control import READING_ERRORS
 from bestman_bt.engine import BoundedPort
 from bestman_bt.messages import Path2D, Pose2D, wrap_angle
@@ -18,7 +18,7 @@ from bestman_bt.messages.bounds import Positive, WholeNumber
 from bestman_bt.world_model import BasePose
 
 if TYPE_CHECKING:
-    from bestman_bt.control import ControlHandle
+    from bestman_bt.control import Motion
     from bestman_bt.navigation.global_planning import Costmap, PlanningFailure
 
 CHECK_PERIOD = 0.2
@@ -112,11 +112,11 @@ class NavigateTo(Skill):
                 return
             path = other
 
-    def _follow(self, handle: ControlHandle[BasePose], goal: Pose2D, known: Costmap) -> StepsTo[Path2D | None]:
+    def _follow(self, handle: Motion[BasePose], goal: Pose2D, known: Costmap) -> StepsTo[Path2D | None]:
         """Until the drive has ended or the path is no longer free: None or another path."""
         skills, base = self.skills, self.skills.base
         while True:
-            yield Until(handle, skills.clock.now, skills.clock.now() + CHECK_PERIOD)
+            yield Until(passed(skills.clock, CHECK_PERIOD), handle)
             self._walked_about |= bool(base.layer.moving)
             if handle.done:
                 yield handle

@@ -36,7 +36,7 @@ class GoalOnSurface(Explained, SyncAction):
         try:
             furniture, surface = find_surface(self.skills, self.get_input("surface"))
         except SkillFailure as failure:
-            return self.explain(failure.code, str(failure))
+            return self.explain_error(failure)
         if surface.leaf is not None:
             opened = self.skills.world.opening_of(furniture, furniture.leaf(surface.leaf))
             frame = furniture.pose.to_pose()

@@ -10,12 +10,13 @@ from numpy.typing import NDArray
 from behaviours.computation import TimeSource
 from behaviours.context import SkillContext
 from behaviours.skill import SkillFailure, Steps, StepsTo
-from bestman_bt.control import ControlStatus
+from behaviours.waiting import Until
+from bestman_bt.control import MotionStatus
 from bestman_bt.manipulation.trajectory import SpeedScale
 from bestman_bt.messages import Pose
 
 if TYPE_CHECKING:
-    from bestman_bt.control import ControlHandle
+    from bestman_bt.control import Motion
     from bestman_bt.control.gripper import GripperOutcome
     from bestman_bt.manipulation.policy import ActionChunk, StreamedMotion, Workspace
 
@@ -38,8 +39,8 @@ class PolicyMotion:
         self._skills, self.box, self.deadline = skills, box, deadline
         self.stream = ChunkStream(skills.arm_model, ChunkStreamParameters(speed=POLICY_SPEED))
         self.closed_at: Pose | None = None
-        self._arm: ControlHandle[None] | None = None
-        self._fingers: ControlHandle[GripperOutcome] | None = None
+        self._arm: Motion[None] | None = None
+        self._fingers: Motion[GripperOutcome] | None = None
         self._width = skills.gripper.width()
         self._chunk: tuple[ActionChunk, float] | None = None
 
@@ -91,16 +92,16 @@ class PolicyMotion:
             acted = self._move_gripper() or acted
             if clock.now() >= time - 1e-9:
                 return acted
-            yield NextTick(clock)
+            yield _next_tick(clock)
 
     def _watch(self) -> None:
         """Raise where arm or gripper has failed."""
         for handle in (self._arm, self._fingers):
-            if handle is not None and handle.done and handle.status is not ControlStatus.SUCCEEDED:
-                error = handle.error
-                if error is not None and error.code == "guarded" and self._skills.clock.now() >= self.deadline:
+            if handle is not None and handle.done and handle.status is not MotionStatus.SUCCEEDED:
+                failure = handle.failure
+                if failure is not None and failure.code == "guarded" and self._skills.clock.now() >= self.deadline:
                     raise SkillFailure("timeout", "stopped in the middle of a chunk: not there in time")
-                raise SkillFailure.of(error)
+                raise SkillFailure.of(failure)
 
     def _objection(self) -> str | None:
         if self._skills.clock.now() >= self.deadline:
@@ -131,16 +132,6 @@ class PolicyMotion:
         return True
 
 
-class NextTick:
-    """Waits until time has passed."""
-
-    def __init__(self, clock: TimeSource) -> None:
-        self._clock, self._since = clock, clock.now()
-
-    @property
-    def done(self) -> bool:
-        """Whether it is later than when the wait began."""
-        return self._clock.now() > self._since
-
-    def cancel(self) -> None:
-        """It ends by itself."""
+def _next_tick(clock: TimeSource) -> Until:
+    now = clock.now()
+    return Until(lambda: clock.now() > now)

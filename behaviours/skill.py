@@ -7,17 +7,16 @@ from abc import ABC, abstractmethod
 from collections.abc import Generator, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, Protocol, TypeAlias, TypeVar
+from typing import Any, ClassVar, TypeAlias, TypeVar
 
 from py_trees.ports import PortInformation
 
-from behaviours.computation import Job
 from behaviours.contacts import Contact
 from behaviours.context import SkillContext
 from behaviours.failure import MOTION_FAILS, READING_FAILS, SEEING_FAILS, NodeFailure
 from behaviours.names import ArmName
 from behaviours.parts import PartKind
-from bestman_bt.control import READING_ERRORS, ControlHandle, ControlStatus
+from bestman_bt.control import READING_ERRORS, Motion, MotionStatus
 from bestman_bt.engine import FAILURE, RUNNING, SUCCESS, Condition, Node, StatefulAction, SyncAction
 from bestman_bt.engine.bounds import BoundedPort
 from bestman_bt.errors import Error, MissingExtraError
@@ -28,18 +27,10 @@ from bestman_bt.perception.errors import PerceptionError
 Result = TypeVar("Result")
 
 
-class Awaitable(Protocol):
-    """What a skill can wait for: a control handle or a computation."""
+Steps: TypeAlias = Generator[Motion[Any], Any, None]
+"""What ``execute`` returns: it yields the motion, or computation, to wait for and receives its result."""
 
-    @property
-    def done(self) -> bool: ...  # noqa: D102
-    def cancel(self) -> None: ...  # noqa: D102
-
-
-Steps: TypeAlias = Generator[Awaitable, Any, None]
-"""What ``execute`` returns: it yields what to wait for and receives its result."""
-
-StepsTo: TypeAlias = Generator[Awaitable, Any, Result]
+StepsTo: TypeAlias = Generator[Motion[Any], Any, Result]
 """A part of a skill that takes time and hands a value back to ``yield from``."""
 
 ALGORITHM_ERRORS = (ManipulationError, PerceptionError, MissingExtraError, *READING_ERRORS)
@@ -166,6 +157,10 @@ class Explained(OnRobot):
         skills.failures.append(NodeFailure(self.path, code, why, self.where, now, part, vendor_code))
         return FAILURE
 
+    def explain_error(self, error: Error) -> int:
+        """The same for an error, with the failure that it carries."""
+        return self.explain(str(error.code), str(error), getattr(error, "failure", None))
+
     def succeed(self, why: str = "") -> int:
         """Clear the error outputs; returns SUCCESS."""
         self.feedback_message = why
@@ -186,13 +181,13 @@ class Skill(Explained, StatefulAction):
     DECLARATION: ClassVar[Declaration] = Declaration()
 
     _steps: Steps | None = None
-    _pending: Awaitable | None = None
+    _pending: Motion[Any] | None = None
 
     def execute(self) -> Steps:
-        """Do the work: ``result = yield handle`` waits; raise SkillFailure to fail."""
+        """Do the work: ``result = yield motion`` waits; raise SkillFailure to fail."""
         raise NotImplementedError(f"{type(self).__name__} does not define execute()")
 
-    def compute(self, what: str, work: Any, *arguments: Any, **options: Any) -> Job[Any]:
+    def compute(self, what: str, work: Any, *arguments: Any, **options: Any) -> Motion[Any]:
         """Submit ``work(*arguments, **options)``; ``what`` names its configured cost."""
         skills = self.skills
         return skills.computation.submit(lambda: work(*arguments, **options), skills.costs[what])
@@ -222,14 +217,17 @@ class Skill(Explained, StatefulAction):
         return self._advance(None, None)
 
     def on_running(self) -> int:
-        """Go on once the awaited action has ended."""
+        """Go on once the awaited motion has ended."""
         pending = self._pending
-        if pending is None or not pending.done:
+        if pending is None:
             return RUNNING
         try:
-            return self._advance(_outcome(pending), None)
+            if not pending.done:
+                return RUNNING
+            value = _outcome(pending)
         except (SkillFailure, *ALGORITHM_ERRORS) as error:
             return self._advance(None, error)
+        return self._advance(value, None)
 
     def on_halted(self) -> None:
         """Stop whatever moves on behalf of this skill."""
@@ -251,12 +249,12 @@ class Skill(Explained, StatefulAction):
                 return self.succeed(self.feedback_message)
             except (SkillFailure, *ALGORITHM_ERRORS) as failure:
                 self._steps = self._pending = None
-                return self.explain(str(failure.code), str(failure), getattr(failure, "failure", None))
+                return self.explain_error(failure)
             self._pending = pending
-            if not pending.done:
-                return RUNNING
             value, error = None, None
             try:
+                if not pending.done:
+                    return RUNNING
                 value = _outcome(pending)
             except (SkillFailure, *ALGORITHM_ERRORS) as failure:
                 error = failure
@@ -276,7 +274,7 @@ class SkillCondition(Explained, Condition):
         try:
             refusal = self.check()
         except (SkillFailure, *READING_ERRORS) as error:
-            refusal = error.code, str(error)
+            return self.explain_error(error)
         return self.succeed() if refusal is None else self.explain(*refusal)
 
 
@@ -294,7 +292,7 @@ class InstantSkill(Explained, SyncAction, ABC):
         try:
             self.act()
         except (SkillFailure, *READING_ERRORS) as error:
-            return self.explain(error.code, str(error))
+            return self.explain_error(error)
         return self.succeed(self.feedback_message)
 
 
@@ -312,11 +310,8 @@ def _numbers(value: Any) -> Iterator[float]:
                 yield from _numbers(entry)
 
 
-def _outcome(pending: Awaitable) -> Any:
-    if isinstance(pending, Job):
-        return pending.result()
-    if isinstance(pending, ControlHandle):
-        if pending.status is not ControlStatus.SUCCEEDED:
-            raise SkillFailure.of(pending.error)
-        return pending.result
-    return None
+def _outcome(pending: Motion[Any]) -> Any:
+    result = pending.result  # a computation that has failed raises here
+    if pending.status is not MotionStatus.SUCCEEDED:
+        raise SkillFailure.of(pending.failure)
+    return result

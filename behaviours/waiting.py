@@ -1,30 +1,35 @@
-"""Waiting for an action, but not for ever."""
+"""Waiting for a condition, also while something moves."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from behaviours.skill import Awaitable
-
-if TYPE_CHECKING:
-    from bestman_bt.control import ControlHandle
+from behaviours.computation import TimeSource
+from bestman_bt.control import Motion
 
 
-@dataclass(frozen=True)
-class Until(Awaitable):
-    """Waits for an action or until ``time`` by the clock ``now``, seconds, whatever comes first."""
+class Until(Motion[None]):
+    """Ends at the first look at which ``condition`` holds; with ``motion``, also when that has ended, however.
 
-    handle: ControlHandle[Any]
-    now: Callable[[], float]
-    time: float
+    The motion goes on where the condition holds first; to cancel the waiting is to cancel it.
+    """
 
-    @property
-    def done(self) -> bool:
-        """Whether either has come."""
-        return self.handle.done or self.now() >= self.time
+    def __init__(self, condition: Callable[[], bool], motion: Motion[Any] | None = None) -> None:
+        super().__init__()
+        self._condition, self._motion = condition, motion
 
     def cancel(self) -> None:
-        """Cancel the action."""
-        self.handle.cancel()
+        """Cancel the motion, if any."""
+        if self._motion is not None:
+            self._motion.cancel()
+
+    def _look(self) -> None:
+        if (self._motion is not None and self._motion.done) or self._condition():
+            self.succeed()
+
+
+def passed(clock: TimeSource, duration: float) -> Callable[[], bool]:
+    """A condition that holds from ``duration`` seconds after now on."""
+    end = clock.now() + duration
+    return lambda: clock.now() >= end

@@ -246,7 +246,7 @@ class GraspRig:
             raise CommandRefusedError(f"the gantry does not reach {map_from_tool}")
         return positions
 
-    def _finish(self, motion: Motion) -> None:
+    def _finish(self, motion: Motion[None]) -> None:
         while motion.status is MotionStatus.RUNNING:
             self._wait(1.0 / 60.0)
 

@@ -21,7 +21,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from benchmarks.navigation_measures.processor_times import timed_ticks
 from benchmarks.navigation_measures.report import median, percentile, print_report, scaled
-from bestman_bt.control import ControlStatus
+from bestman_bt.control import MotionStatus
 from bestman_bt.control.lidar import LidarSensor
 from bestman_bt.control.wheeled import BaseController, CollisionMonitor, CollisionMonitorParameters
 from bestman_bt.manipulation.kinematics import ForwardKinematics
@@ -155,14 +155,14 @@ def drive(model: RobotModel, planner: str, seed: int, boxes: int, monitored: boo
         measured.drives += 1
         measured.contacts += len(contacts)
         measured.times.append(robot.clock.now() - started)
-        if handle.status is ControlStatus.SUCCEEDED:
+        if handle.status is MotionStatus.SUCCEEDED:
             measured.reached += 1
             measured.position_errors.append(places[-1].distance_to(goal))
             measured.believed_errors.append(belief.base.pose.distance_to(goal))
             measured.heading_errors.append(abs(wrap_angle(places[-1].theta - goal.theta)))
             measured.path_ratios.append(sum(a.distance_to(b) for a, b in itertools.pairwise(places)) / path.length)
         else:
-            measured.failures.append(f"seed {seed}: {handle.error.text if handle.error else 'out of time'}")
+            measured.failures.append(f"seed {seed}: {handle.failure.text if handle.failure else 'out of time'}")
         measured.failures += [f"seed {seed}: {c.first} touched {c.second}, {c.peak_force:.0f} N" for c in contacts]
     measured.wall += time.perf_counter() - begin
     measured.processor += time.process_time() - begin_processor

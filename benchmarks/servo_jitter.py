@@ -69,7 +69,7 @@ def swing(robot: HardwareRobot, seconds: float) -> int:
         motion = arm.move_to(postures[count % 2], 0.3)
         while not motion.done:
             robot.clock.sleep(0.05)
-        failed += motion.error is not None
+        failed += motion.failure is not None
         count += 1
     return failed
 

@@ -8,14 +8,14 @@ import numpy as np
 from py_trees.ports import PortInformation
 
 from behaviours.nav2.ports import SERVER, FollowerName, without_meaning
-from behaviours.skill import Awaitable, Skill, SkillFailure, Steps
-from bestman_bt.control import READING_ERRORS
+from behaviours.skill import Skill, SkillFailure, Steps
+from behaviours.waiting import Until
 from bestman_bt.engine import BoundedPort
 from bestman_bt.messages import Path2D
 from bestman_bt.world_model import BasePose
 
 if TYPE_CHECKING:
-    from bestman_bt.control import ControlHandle
+    from bestman_bt.control import Motion
 
 
 class FollowPath(Skill):
@@ -44,45 +44,30 @@ class FollowPath(Skill):
         path: Path2D | None = self.get_input("path")
         if path is None:
             raise SkillFailure("no_path", "there is no path to follow")
-        self._drive = _Drive(self._follow(path))
-        yield self._drive
-        yield self._drive.handle
-
-    def on_running(self) -> int:
-        """Go over to a new path, if there is one."""
+        driving = self._follow(path)
         try:
-            path: Path2D | None = self.get_input("path")
-            if path is not None and not self._drive.done and self._is_new(path):
-                self._drive.handle = self._follow(path)
-        except (SkillFailure, *READING_ERRORS) as failure:
-            self.on_halted()
-            return self.explain(failure.code, str(failure))
-        return super().on_running()
+            while True:
+                yield Until(self._has_new, driving)
+                if driving.done:
+                    yield driving
+                    return
+                driving = self._follow(self.get_input("path"))
+        finally:
+            driving.cancel()
 
-    def _follow(self, path: Path2D) -> ControlHandle[BasePose]:
+    def _follow(self, path: Path2D) -> Motion[BasePose]:
         skills, controller = self.skills, self.get_input("controller_id")
         self._path, self._controller = path, controller
         self.feedback_message = f"driving {path.length:.1f} m"
         follower = skills.followers(controller, self.folders) if controller else None
         return skills.base.follow(path, skills.known_costmap(), follower)
 
-    def _is_new(self, path: Path2D) -> bool:
-        """Whether a path, or who is to follow it, is not what it was."""
+    def _has_new(self) -> bool:
+        """Whether there is a path, and it, or who is to follow it, is not what it was."""
+        path: Path2D | None = self.get_input("path")
+        if path is None:
+            return False
         before = self._path
         if path is before:
             return bool(self.get_input("controller_id") != self._controller)
         return path.goal != before.goal or not np.array_equal(path.points, before.points)
-
-
-class _Drive(Awaitable):
-    """A drive whose handle is another one after each new path."""
-
-    def __init__(self, handle: ControlHandle[BasePose]) -> None:
-        self.handle = handle
-
-    @property
-    def done(self) -> bool:
-        return self.handle.done
-
-    def cancel(self) -> None:
-        self.handle.cancel()

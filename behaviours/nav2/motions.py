@@ -15,7 +15,7 @@ from bestman_bt.messages.bounds import NonNegative
 from bestman_bt.world_model import BasePose
 
 if TYPE_CHECKING:
-    from bestman_bt.control import ControlHandle
+    from bestman_bt.control import Motion
 
 TURN_AT_ONCE = math.pi / 2
 """Radians; a base turns within ±pi, so longer turns are made of several."""
@@ -36,9 +36,9 @@ class _Motion(Skill):
     INPUT_PORTS: ClassVar = {**SERVER, **COLLISION_CHECKS, "time_allowance": TIME_ALLOWANCE}
     FAILS: ClassVar = {"timeout": "again, with more time_allowance"}
 
-    def in_time(self, motion: ControlHandle[BasePose], end: float) -> StepsTo[None]:
+    def in_time(self, motion: Motion[BasePose], end: float) -> StepsTo[None]:
         """Wait for a motion, until ``end`` seconds at most."""
-        yield Until(motion, self.skills.clock.now, end)
+        yield Until(lambda: self.skills.clock.now() >= end, motion)
         if not motion.done:
             motion.cancel()
             raise SkillFailure("timeout", f"not done within {self.get_input('time_allowance'):g} s")

@@ -124,8 +124,8 @@ def _turn_back(twin: TwinProcess, setup: Setup) -> None:
         motion = robot.part("base", MobileBase).rotate(wrap_angle(setup.world.robot_start.theta - heading))
         while not motion.done:
             robot.clock.sleep(0.05)
-        if motion.error is not None:
-            raise RuntimeError(f"the base does not turn back: {motion.error.text}")
+        if motion.failure is not None:
+            raise RuntimeError(f"the base does not turn back: {motion.failure.text}")
 
 
 def _round(start: Pose2D) -> str:

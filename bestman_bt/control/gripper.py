@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from bestman_bt.control.handle import ControlHandle, start_motion
-from hal.api import Gripper, GripperDescription
+from bestman_bt.control.motion import start_motion
+from hal.api import Gripper, GripperDescription, Motion
 
 
 @dataclass(frozen=True)
@@ -64,12 +64,12 @@ class GripperController:
         tolerance = self._parameters.width_tolerance if tolerance is None else tolerance
         return self.pressing() and abs(self.width() - expected_width) <= tolerance
 
-    def open(self, width: float | None = None, speed: float | None = None) -> ControlHandle[GripperOutcome]:
+    def open(self, width: float | None = None, speed: float | None = None) -> Motion[GripperOutcome]:
         """Open to ``width`` (fully by default) at ``speed`` m/s of the width (the gripper's own by default)."""
         target = self.description.max_width if width is None else width
         return start_motion(self.name, lambda: self._gripper.move(target, speed=speed), self._outcome)
 
-    def close(self, force: float | None = None, speed: float | None = None) -> ControlHandle[GripperOutcome]:
+    def close(self, force: float | None = None, speed: float | None = None) -> Motion[GripperOutcome]:
         """Close until something blocks or the fingers meet; both are success, and the outcome tells which it was.
 
         ``force``: newtons, the gripper's own by default; ``speed``: m/s of the width, ``closing_speed`` by default.
@@ -80,7 +80,7 @@ class GripperController:
             self.name, lambda: self._gripper.move(self.description.min_width, force=force, speed=speed), self._outcome
         )
 
-    def release(self) -> ControlHandle[GripperOutcome]:
+    def release(self) -> Motion[GripperOutcome]:
         """Let go: open a little and slowly, so that the object stays where it stands."""
         width = min(self.width() + self._parameters.release_clearance, self.description.max_width)
         return self.open(width, self._parameters.release_speed)

@@ -7,14 +7,13 @@ joints are springs of bounded torque that pull to the synergy's posture.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from bestman_bt.control.handle import ControlHandle
-from bestman_bt.messages import MotionErrorCode
-from hal.api import Clock, CommandRefusedError, JointGroup, NotConnectedError, Timer
+from bestman_bt.messages import Failure, MotionErrorCode
+from hal.api import Clock, CommandRefusedError, JointGroup, Motion, MotionStatus, NotConnectedError, Timer
 
 Array = NDArray[np.float64]
 
@@ -69,22 +68,22 @@ class HandSynergy:
         self._torque: Array = self._limits
         self._still_for = self._running_for = 0.0
         self._timer: Timer | None = None
-        self._handle: ControlHandle[HandOutcome] | None = None
+        self._handle: Motion[HandOutcome] | None = None
 
     def closure(self) -> float:
         """How far the hand is closed by its encoders, 0 to 1: the projection on the way from open to closed."""
         way = self._closed - self._opened
         return float((self._hand.positions() - self._opened) @ way / (way @ way))
 
-    def close(self, force: float | None = None) -> ControlHandle[HandOutcome]:
+    def close(self, force: float | None = None) -> Motion[HandOutcome]:
         """Close until all fingers are blocked or closed; ``force``: newtons that a finger tip may press with."""
         return self.move(1.0, force)
 
-    def open(self) -> ControlHandle[HandOutcome]:
+    def open(self) -> Motion[HandOutcome]:
         """Open fully."""
         return self.move(0.0)
 
-    def move(self, closure: float, force: float | None = None) -> ControlHandle[HandOutcome]:
+    def move(self, closure: float, force: float | None = None) -> Motion[HandOutcome]:
         """Move to a closure; being blocked by an object is success. ValueError for what makes no sense.
 
         The joints go on pressing once the action has ended, until ``stop`` or another command.
@@ -99,7 +98,7 @@ class HandSynergy:
         self._torque = np.minimum(torque, self._limits)
         self._closure = min(1.0, max(0.0, self.closure())) if self._timer is None else self._closure
         self._target, self._still_for, self._running_for = closure, 0.0, 0.0
-        self._handle = ControlHandle(self._hand.name, self.stop)
+        self._handle = Motion(self._hand.name, self.stop)
         if self._timer is None:
             self._timer = self._clock.every(self._parameters.period, self._tick)
         self._tick()
@@ -107,7 +106,7 @@ class HandSynergy:
 
     def stop(self) -> None:
         """Hold where the fingers are."""
-        self._end(MotionErrorCode.STOPPED, f"{self._hand.name} was stopped")
+        self._end(Failure(MotionErrorCode.STOPPED, f"{self._hand.name} was stopped"))
         self._hand.stop()
 
     def _tick(self) -> None:
@@ -120,7 +119,7 @@ class HandSynergy:
             spring = np.clip(p.stiffness * (wanted - positions), -self._torque, self._torque)
             self._hand.command(efforts=np.clip(spring - p.damping * speeds, -self._limits, self._limits))
         except (CommandRefusedError, NotConnectedError) as error:
-            self._end(MotionErrorCode.STOPPED, str(error))
+            self._end(replace(error.failure, code=MotionErrorCode.STOPPED))
             return
         self._watch(wanted, positions, speeds)
 
@@ -137,9 +136,9 @@ class HandSynergy:
         elif self._running_for > p.timeout:
             handle.fail(MotionErrorCode.TIMEOUT, f"the fingers of {self._hand.name} do not come to rest")
 
-    def _end(self, code: MotionErrorCode, text: str) -> None:
+    def _end(self, failure: Failure) -> None:
         if self._timer is not None:
             self._timer.cancel()
             self._timer = None
         if self._handle is not None:
-            self._handle.abort(code, text)
+            self._handle.end(MotionStatus.CANCELED, failure)

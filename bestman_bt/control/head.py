@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import least_squares
 
-from bestman_bt.control.handle import ControlHandle, start_motion
 from bestman_bt.control.joint_state import JointStateSensor
+from bestman_bt.control.motion import start_motion
 from bestman_bt.manipulation.kinematics import ForwardKinematics
 from bestman_bt.messages import MotionErrorCode
-from hal.api import JointGroup
+from hal.api import JointGroup, Motion
 
 
 class HeadController:
@@ -37,7 +37,7 @@ class HeadController:
         """The joint group's name in its robot."""
         return self._group.name
 
-    def look_at(self, point: ArrayLike, speed_scale: float = 1.0) -> ControlHandle[None]:
+    def look_at(self, point: ArrayLike, speed_scale: float = 1.0) -> Motion[None]:
         """Bring ``point`` (3,), metres in the base frame, to the middle of the image; succeeds when the head rests.
 
         Fails as UNREACHABLE, without moving, when the camera cannot come within the tolerance of looking at it.
@@ -45,7 +45,7 @@ class HeadController:
         target = np.asarray(point, dtype=float)
         positions, miss = self._solve(target)
         if miss > self._tolerance:
-            handle: ControlHandle[None] = ControlHandle(self.name)
+            handle: Motion[None] = Motion(self.name)
             place = ", ".join(f"{value:.2f}" for value in target)
             handle.fail(
                 MotionErrorCode.UNREACHABLE,
@@ -54,7 +54,7 @@ class HeadController:
             return handle
         return self.move_to(positions, speed_scale)
 
-    def move_to(self, positions: ArrayLike, speed_scale: float = 1.0) -> ControlHandle[None]:
+    def move_to(self, positions: ArrayLike, speed_scale: float = 1.0) -> Motion[None]:
         """Move the joints to ``positions`` (n,), radians; succeeds when they rest there."""
         return start_motion(self.name, lambda: self._group.move_to(positions, speed_scale))
 

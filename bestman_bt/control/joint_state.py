@@ -7,16 +7,16 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from bestman_bt.perception.errors import PerceptionError
-from hal.api import Gripper, JointGroup, NoDataError, NotConnectedError, Part, RobotError
+from hal.api import Gripper, JointGroup, MotionErrorCode, NoDataError, NotConnectedError, Part, PartError, RobotError
 
 if TYPE_CHECKING:
     from bestman_bt.robot_model import RobotModel
 
 
-class JointStateError(PerceptionError):
+class JointStateError(PartError, PerceptionError):
     """The encoders of a part deliver nothing: its controller is not connected, or no longer."""
 
-    code = "disconnected"
+    code = MotionErrorCode.DISCONNECTED
 
 
 READING_ERRORS = (NotConnectedError, NoDataError, JointStateError)
@@ -37,12 +37,13 @@ class JointStateSensor:
     def positions(self) -> Mapping[str, float]:
         """Joint name → measured position, radians or metres; JointStateError where a part tells none."""
         positions: dict[str, float] = {}
-        try:
-            for name, part in self._parts.items():
+        for name, part in self._parts.items():
+            try:
                 if isinstance(part, JointGroup):
                     positions.update(zip(part.joint_names, part.positions().tolist(), strict=True))
                 elif isinstance(part, Gripper) and name in self._grippers:
                     positions.update(self._grippers[name].joint_positions(part.width()))
-        except RobotError as error:
-            raise JointStateError(str(error)) from error
+            except RobotError as error:
+                vendor_code = error.failure.vendor_code if isinstance(error, PartError) else ""
+                raise JointStateError(str(error), name, vendor_code) from error
         return MappingProxyType(positions)

@@ -41,4 +41,5 @@ class Failure:
         """In words: ``arm: the joints are held (C31)``."""
         named = not self.part or self.text.startswith(self.part)
         words = self.text if named else f"{self.part}: {self.text}"
-        return f"{words} ({self.vendor_code})" if self.vendor_code else words
+        code = f"({self.vendor_code})"
+        return f"{words} {code}" if self.vendor_code and code not in words else words

@@ -102,7 +102,7 @@ class ExecutePlan(_Planning, Explained, StatefulAction):
             self._tree = self._checked(self._built(domain, problem, plan), problem)
             self.owner.announce_inner(self._tree, self)
         except SkillFailure as failure:
-            return self.explain(failure.code, str(failure))
+            return self.explain_error(failure)
         except PlanningError as error:
             return self.explain("bad_plan", str(error))
         return self.on_running()

@@ -7,7 +7,7 @@ from hal.api.battery import Battery, BatteryReading
 from hal.api.bumper import Bumper, BumperReading, BumperZone
 from hal.api.camera import Camera
 from hal.api.clock import Clock, Timer
-from hal.api.errors import CommandRefusedError, NoDataError, NotConnectedError, UnknownPartError
+from hal.api.errors import CommandRefusedError, NoDataError, NotConnectedError, PartError, UnknownPartError
 from hal.api.force_torque import ForceTorque
 from hal.api.gripper import Gripper, GripperDescription, GripperState
 from hal.api.imu import Imu, ImuReading
@@ -46,6 +46,7 @@ __all__ = [
     "NoDataError",
     "NotConnectedError",
     "Part",
+    "PartError",
     "Robot",
     "RobotError",
     "Sensor",

@@ -23,7 +23,7 @@ class Arm(JointGroup):
         return 0.02
 
     @abstractmethod
-    def follow(self, trajectory: JointTrajectory) -> Motion:
+    def follow(self, trajectory: JointTrajectory) -> Motion[None]:
         """Follow a trajectory from its start.
 
         Raises CommandRefusedError if its joints are not this arm's, a sample is beyond a limit, or it does not start

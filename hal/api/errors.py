@@ -3,24 +3,35 @@
 from __future__ import annotations
 
 from bestman_bt.errors import RobotError
+from bestman_bt.messages import Failure, MotionErrorCode
 
 
-class NotConnectedError(RobotError):
+class PartError(RobotError):
+    """A part does not do what was asked; ``failure`` is the record of it, which motions and reports hand on."""
+
+    code: str = MotionErrorCode.FAULT
+
+    def __init__(self, text: str, part: str = "", vendor_code: str = "") -> None:
+        super().__init__(text)
+        self.failure = Failure(self.code, text, part, vendor_code)
+
+
+class NotConnectedError(PartError):
     """A part was used before ``connect()`` or after ``disconnect()``."""
 
-    code = "disconnected"
+    code = MotionErrorCode.DISCONNECTED
 
 
-class NoDataError(RobotError):
+class NoDataError(PartError):
     """A sensor did not deliver: it is switched off, unplugged or silent."""
 
     code = "no_data"
 
 
-class CommandRefusedError(RobotError, ValueError):
+class CommandRefusedError(PartError, ValueError):
     """A command was refused and nothing moves: it is malformed, beyond a limit, or the robot is stopped."""
 
-    code = "refused"
+    code = MotionErrorCode.REFUSED
 
 
 class UnknownPartError(RobotError, LookupError):

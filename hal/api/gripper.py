@@ -53,13 +53,13 @@ class Gripper(Part):
         """The present state."""
 
     @abstractmethod
-    def move(self, width: float, force: float | None = None, speed: float | None = None) -> Motion:
+    def move(self, width: float, force: float | None = None, speed: float | None = None) -> Motion[None]:
         """Open or close to ``width`` metres with at most ``force`` N; being blocked by an object is success."""
 
-    def open(self) -> Motion:
+    def open(self) -> Motion[None]:
         """Open fully."""
         return self.move(self.description.max_width)
 
-    def close(self, force: float | None = None) -> Motion:
+    def close(self, force: float | None = None) -> Motion[None]:
         """Close until something blocks or the fingers meet."""
         return self.move(self.description.min_width, force)

@@ -52,5 +52,5 @@ class JointGroup(Part):
         """
 
     @abstractmethod
-    def move_to(self, positions: ArrayLike, speed_scale: float = 1.0) -> Motion:
+    def move_to(self, positions: ArrayLike, speed_scale: float = 1.0) -> Motion[None]:
         """Move point to point, synchronised, within ``speed_scale`` (0, 1] of the limits; no collision check."""

@@ -44,13 +44,13 @@ class MobileBase(Part):
         """
 
     @abstractmethod
-    def move_forward(self, distance: float) -> Motion:
+    def move_forward(self, distance: float) -> Motion[None]:
         """Drive ``distance`` metres (> 0) straight ahead."""
 
     @abstractmethod
-    def move_backward(self, distance: float) -> Motion:
+    def move_backward(self, distance: float) -> Motion[None]:
         """Drive ``distance`` metres (> 0) straight back."""
 
     @abstractmethod
-    def rotate(self, angle: float) -> Motion:
+    def rotate(self, angle: float) -> Motion[None]:
         """Turn on the spot by ``angle`` radians, counter-clockwise positive."""

@@ -63,7 +63,7 @@ def a_base_drives_and_turns_by_odometry(robot: Robot, base: MobileBase) -> None:
     ):
         motion = command(argument)
         finish(robot, motion)
-        require(motion.status is MotionStatus.SUCCEEDED, f"{command.__name__} ended {motion.status}: {motion.error}")
+        require(motion.status is MotionStatus.SUCCEEDED, f"{command.__name__} ended {motion.status}: {motion.failure}")
         robot.clock.sleep(0.3)
         at = start.inverse() @ base.odometry()
         require(

@@ -114,7 +114,7 @@ def disconnecting_ends_motions(robot: Robot) -> None:
         group = first(robot, JointGroup)
         motion = group.move_to(nearby(robot, group), 0.2)
     motion.cancel()
-    code = motion.error.code if motion.error else None
+    code = motion.failure.code if motion.failure else None
     require(motion.status is MotionStatus.FAILED, f"a motion cut off by disconnect() is {motion.status}, not FAILED")
     require(code is MotionErrorCode.DISCONNECTED, f"its error code is {code}, not DISCONNECTED")
 

@@ -35,7 +35,8 @@ def a_gripper_opens_and_closes(robot: Robot, gripper: Gripper) -> None:
         handle = motion()
         finish(robot, handle)
         state = gripper.state()
-        require(handle.status is MotionStatus.SUCCEEDED, f"the gripper's motion ended {handle.status}: {handle.error}")
+        ended = f"the gripper's motion ended {handle.status}: {handle.failure}"
+        require(handle.status is MotionStatus.SUCCEEDED, ended)
         require(abs(gripper.width() - width) < 0.003, f"the width is {gripper.width():.4f}, asked were {width:.4f}")
         require(state.at_target and not state.moving and not state.object_held, f"unexpected state {state}")
         require(state.empty == empty, f"at width {width} the state is {state}")

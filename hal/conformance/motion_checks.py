@@ -64,12 +64,12 @@ def joints_arrive_within_their_limits(robot: Robot) -> None:
         for scale in (1.0, 0.25):
             target = nearby(robot, group, 0.6)
             motion = group.move_to(target, scale)
-            require(motion.status is MotionStatus.RUNNING and motion.error is None, "a new motion should be RUNNING")
+            require(motion.status is MotionStatus.RUNNING and motion.failure is None, "a new motion should be RUNNING")
             places = []
             while not motion.done:
                 robot.clock.sleep(UNEVEN)
                 places.append((robot.clock.now(), group.positions(), robot.clock.now()))
-            ended = f"{group.name}.move_to() ended {motion.status}: {motion.error}"
+            ended = f"{group.name}.move_to() ended {motion.status}: {motion.failure}"
             require(motion.status is MotionStatus.SUCCEEDED, ended)
             error = float(np.max(np.abs(group.positions() - target)))
             require(error < 0.01, f"{group.name} is {error:.4f} off its target")
@@ -150,11 +150,11 @@ def a_newer_command_takes_over(robot: Robot, group: JointGroup) -> None:
     older = group.move_to(nearby(robot, group), 0.5)
     robot.clock.sleep(0.2)
     newer = group.move_to(start, 0.5)
-    code = older.error.code if older.error else None
+    code = older.failure.code if older.failure else None
     require(older.status is MotionStatus.CANCELED, f"a superseded motion is {older.status}, not CANCELED")
     require(code is MotionErrorCode.SUPERSEDED, f"its error code is {code}, not SUPERSEDED")
     finish(robot, newer)
-    require(newer.status is MotionStatus.SUCCEEDED, f"the newer motion ended {newer.status}: {newer.error}")
+    require(newer.status is MotionStatus.SUCCEEDED, f"the newer motion ended {newer.status}: {newer.failure}")
     error = float(np.max(np.abs(group.positions() - start)))
     require(error < 0.01, f"the newer motion ended {error:.4f} off its target")
     older.cancel()
@@ -168,14 +168,14 @@ def a_part_at_rest_takes_the_next_command_at_once(robot: Robot) -> None:
     Nothing of it is left that the next command would have to wait for. All parts at the same time, to save time.
     """
     turns = [_turns_of(part) for part in robot.parts.values() if isinstance(part, JointGroup | Gripper | MobileBase)]
-    motions: dict[int, Motion | None] = dict.fromkeys(range(len(turns)))
+    motions: dict[int, Motion[None] | None] = dict.fromkeys(range(len(turns)))
     deadline = robot.clock.now() + LONGEST_TURN * COMMANDS_EACH
     while motions:
         for number, motion in tuple(motions.items()):
             if motion is not None and not motion.done:
                 continue
             if motion is not None and motion.status is not MotionStatus.SUCCEEDED:
-                raise ConformanceError(f"a small motion ended {motion.status}: {motion.error}")
+                raise ConformanceError(f"a small motion ended {motion.status}: {motion.failure}")
             try:
                 motions[number] = next(turns[number])
             except StopIteration:
@@ -186,7 +186,7 @@ def a_part_at_rest_takes_the_next_command_at_once(robot: Robot) -> None:
         robot.clock.sleep(AT_ONCE)
 
 
-def _turns_of(part: JointGroup | Gripper | MobileBase) -> Iterator[Motion | None]:
+def _turns_of(part: JointGroup | Gripper | MobileBase) -> Iterator[Motion[None] | None]:
     """Small commands of a part, there and back, each given when the next one is asked for; None: without a motion."""
     if isinstance(part, JointGroup):
         here = part.positions()
@@ -275,7 +275,7 @@ def trajectories_are_followed(robot: Robot, arm: Arm) -> None:
     require(error < 0.02, f"half way the arm is {error:.4f} rad off the trajectory")
     finish(robot, motion)
     took = robot.clock.now() - begin
-    require(motion.status is MotionStatus.SUCCEEDED, f"follow() ended {motion.status}: {motion.error}")
+    require(motion.status is MotionStatus.SUCCEEDED, f"follow() ended {motion.status}: {motion.failure}")
     require(0.9 < took < 2.0, f"a trajectory of 1 s took {took:.2f} s")
 
 

@@ -22,7 +22,7 @@ def stop_brings_everything_to_rest(robot: Robot) -> None:
     require(robot.stopped, "stop() should latch")
     require_rest(robot, "stop()")
     for motion in running:
-        code = motion.error.code if motion.error else None
+        code = motion.failure.code if motion.failure else None
         require(motion.status is MotionStatus.CANCELED, f"a stopped motion is {motion.status}, not CANCELED")
         require(code is MotionErrorCode.STOPPED, f"the error code of a stopped motion is {code}, not STOPPED")
 

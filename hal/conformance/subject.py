@@ -137,7 +137,7 @@ def waits_for_sleeps(clock: Clock) -> bool:
     return clock.now() <= before
 
 
-def finish(robot: Robot, motion: Motion, limit: float = 20.0) -> None:
+def finish(robot: Robot, motion: Motion[None], limit: float = 20.0) -> None:
     """Wait for a motion; it has to end within ``limit`` seconds."""
     deadline = robot.clock.now() + limit
     while not motion.done:
@@ -162,9 +162,9 @@ def nearby(robot: Robot, group: JointGroup, step: float = 0.3) -> NDArray[np.flo
     return np.asarray(present + np.clip(goal - present, -step, step))
 
 
-def set_moving(robot: Robot) -> list[Motion]:
+def set_moving(robot: Robot) -> list[Motion[None]]:
     """Command everything that can move, and let it get under way."""
-    motions: list[Motion] = [group.move_to(nearby(robot, group), 0.5) for group in parts_of(robot, JointGroup)]
+    motions: list[Motion[None]] = [group.move_to(nearby(robot, group), 0.5) for group in parts_of(robot, JointGroup)]
     for gripper in parts_of(robot, Gripper):
         description = gripper.description
         middle = (description.min_width + description.max_width) / 2

@@ -20,7 +20,7 @@ from bestman_bt.scene import World
 from hal.api import Failure, Motion, MotionErrorCode, MotionStatus, NotConnectedError, Part, Robot
 from hal.hardware.clock import RealTimeClock
 from hal.hardware.robot import HardwareRobot
-from hal.hardware.robot_process import ROBOT, Call, MotionNumber, MotionReport, Setup, plug_ins
+from hal.hardware.robot_process import ROBOT, Call, MotionNumber, Setup, plug_ins
 
 END_TIME = 5.0
 PROGRAM = "from hal.hardware.robot_process import main; main()"
@@ -166,7 +166,7 @@ class _Line:
                 self._process.wait()
             self._process = None
         for motion in tuple(self._motions):
-            motion.lose("the robot was disconnected")
+            motion.fail(MotionErrorCode.DISCONNECTED, "the robot was disconnected")
 
     def call(self, call: Call) -> Any:
         """Ask, and wait for the answer; what the other side raised is raised here."""
@@ -181,7 +181,7 @@ class _Line:
             raise NotConnectedError(f"{call.target or 'the robot'} was used while it is not connected; call connect()")
         answer = wire.ask(call)
         if isinstance(answer, MotionNumber):
-            motion = RemoteMotion(answer.number, self)
+            motion = RemoteMotion(answer.number, str(call.target), self)
             self._motions.add(motion)
             return motion
         return answer
@@ -222,39 +222,29 @@ class _Wire:
         self._connection.close()
 
 
-class RemoteMotion(Motion):
+class RemoteMotion(Motion[Any]):
     """A motion in the other process."""
 
-    def __init__(self, number: int, line: _Line) -> None:
+    def __init__(self, number: int, part: str, line: _Line) -> None:
+        super().__init__(part)
         self._number, self._line = number, line
-        self._report = MotionReport(MotionStatus.RUNNING, None)
-
-    @property
-    def status(self) -> MotionStatus:
-        """The present status."""
-        return self._poll("poll").status
-
-    @property
-    def error(self) -> Failure | None:
-        """Why it failed or was cancelled."""
-        return self._poll("poll").error
 
     def cancel(self) -> None:
         """Bring the part to rest."""
-        self._poll("cancel")
+        if not self.done:
+            self._ask("cancel")
 
-    def lose(self, text: str) -> None:
-        """Nothing more will be heard of it."""
-        if self._report.status is MotionStatus.RUNNING:
-            self._report = MotionReport(MotionStatus.FAILED, Failure(MotionErrorCode.DISCONNECTED, text))
+    def _look(self) -> None:
+        self._ask("poll")
 
-    def _poll(self, method: str) -> MotionReport:
-        if self._report.status is MotionStatus.RUNNING:
-            try:
-                self._report = self._line.call(Call(self._number, method))
-            except NotConnectedError as error:
-                self.lose(str(error))
-        return self._report
+    def _ask(self, method: str) -> None:
+        try:
+            report = self._line.call(Call(self._number, method))
+        except NotConnectedError as error:
+            self.end(MotionStatus.FAILED, error.failure)
+            return
+        if report.status is not MotionStatus.RUNNING:
+            self.end(report.status, report.failure, report.result)
 
 
 def _remote(part: Part, line: _Line) -> Part:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from functools import partial
 from types import MappingProxyType
 from typing import cast
@@ -11,7 +12,7 @@ from typing import cast
 from bestman_bt.registry import CONNECTIONS
 from bestman_bt.robot_model import RobotModel
 from bestman_bt.scene import World
-from hal.api import Failure, Part, Robot
+from hal.api import Failure, MotionErrorCode, Part, Robot
 from hal.hardware.clock import RealTimeClock
 from hal.hardware.connection import Connection
 from hal.hardware.control_loop import ControlLoop
@@ -114,7 +115,7 @@ class HardwareRobot(Robot):
 
     def stop(self) -> None:
         """Bring all parts to rest and latch; safe from any thread, at once in effect."""
-        self._stop("")
+        self._stop(None)
 
     def clear_stop(self) -> None:
         """Accept commands again; clears what controllers report and connects again what was lost.
@@ -157,7 +158,7 @@ class HardwareRobot(Robot):
         texts = {
             "implementation": "hardware",
             "connected": "yes" if self._watchdog is not None else "no",
-            "stopped": (f"yes: {self._latch.why}" if self._latch.why else "yes") if self._latch else "no",
+            "stopped": (f"yes: {self._latch.fault}" if self._latch.fault else "yes") if self._latch else "no",
             "time": f"{self._clock.now():.2f} s",
         }
         for name, connection in self._connections.items():
@@ -174,9 +175,9 @@ class HardwareRobot(Robot):
         make = cast(Callable[..., Connection], CONNECTIONS.resolve(settings.driver))
         return make(name, settings, self._model, self._model.safety, self._clock, self._latch)
 
-    def _stop(self, why: str, fail: Callable[[], None] = lambda: None) -> None:
+    def _stop(self, fault: Failure | None, fail: Callable[[], None] = lambda: None) -> None:
         """``fail``: what fails motions. No command is accepted any more when somebody sees that one has ended."""
-        first = self._latch.set(why)
+        first = self._latch.set(fault)
         fail()
         for connection in self._connections.values():
             connection.stop()
@@ -192,13 +193,14 @@ class HardwareRobot(Robot):
                 fault = connection.fault()
                 if fault is not None and name not in self._faults:
                     self._faults[name] = fault
-                    self._stop(f"{name}: {fault}", partial(connection.fail, fault))
+                    self._stop(replace(fault, part=fault.part or name), partial(connection.fail, fault))
             finally:
                 self._lock.release()
 
     def _watchdog_crashed(self, error: Exception) -> None:
         self._watchdog_ended = True
-        self._stop(f"the watchdog stopped working: {type(error).__name__}: {error}")
+        text = f"the watchdog stopped working: {type(error).__name__}: {error}"
+        self._stop(Failure(MotionErrorCode.FAULT, text))
 
     def _disconnect_all(self) -> None:
         for connection in self._connections.values():

@@ -66,7 +66,8 @@ class MotionReport:
     """How a motion stands."""
 
     status: MotionStatus
-    error: Failure | None
+    failure: Failure | None
+    result: Any = None
 
 
 class RobotServer:
@@ -74,7 +75,7 @@ class RobotServer:
 
     def __init__(self, setup: Setup) -> None:
         self._robot = HardwareRobot(setup.model, clock=RealTimeClock(setup.clock_start))
-        self._motions: OrderedDict[int, Motion] = OrderedDict()
+        self._motions: OrderedDict[int, Motion[Any]] = OrderedDict()
         self._numbers = itertools.count(1)
         self._lock = threading.Lock()
 
@@ -109,9 +110,9 @@ class RobotServer:
         motion = self._motions[number]
         if method == "cancel":
             motion.cancel()
-        return MotionReport(motion.status, motion.error)
+        return MotionReport(motion.status, motion.failure, motion.result)
 
-    def _numbered(self, motion: Motion) -> MotionNumber:
+    def _numbered(self, motion: Motion[Any]) -> MotionNumber:
         with self._lock:
             number = next(self._numbers)
             self._motions[number] = motion

@@ -15,7 +15,6 @@ from hal.parts.driven_base import DrivenBase, DrivingParameters, MotionProfile, 
 from hal.parts.gripper import CommandedGripper, GripperParameters
 from hal.parts.gripper_command_checks import GripperCommandChecks
 from hal.parts.interface import Interface, interface_of
-from hal.parts.motion import MotionOwner, PartMotion
 from hal.parts.part_connection import ConnectionFailedError, PartConnection
 from hal.parts.setpoints import Brake, BrakeThenMove, Drift, Follow, Hold, Reach, Setpoints, Stream, Trapezoid
 from hal.parts.simulated_clock import SimulatedClock
@@ -46,11 +45,9 @@ __all__ = [
     "JointChannel",
     "JointCommandChecks",
     "JointReading",
-    "MotionOwner",
     "MotionProfile",
     "MotionProfileParameters",
     "PartConnection",
-    "PartMotion",
     "Reach",
     "Setpoints",
     "SimulatedClock",

@@ -40,4 +40,4 @@ class BaseCommandChecks:
         return float(angle)
 
     def _refuse(self, command: str, why: str) -> CommandRefusedError:
-        return CommandRefusedError(f"{self._part_name} refused {command}: {why}")
+        return CommandRefusedError(f"{self._part_name} refused {command}: {why}", self._part_name)

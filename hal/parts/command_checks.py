@@ -34,7 +34,7 @@ class JointCommandChecks:
 
     def refuse(self, command: str, why: str) -> CommandRefusedError:
         """The error for a command that is malformed or beyond a limit."""
-        return CommandRefusedError(f"{self._part_name} refused {command}: {why}")
+        return CommandRefusedError(f"{self._part_name} refused {command}: {why}", self._part_name)
 
     def positions(self, command: str, values: ArrayLike) -> Array:
         """Positions within the limits."""

@@ -11,7 +11,6 @@ from hal.api import Failure, MobileBase, Motion, MotionErrorCode, MotionStatus, 
 from hal.parts.base_command_checks import BaseCommandChecks
 from hal.parts.channels import BaseChannel
 from hal.parts.controlled_part import ControlledPart
-from hal.parts.motion import PartMotion
 from hal.parts.part_connection import PartConnection
 from hal.parts.stop_latch import StopLatch
 
@@ -103,15 +102,15 @@ class DrivenBase(ControlledPart, MobileBase):
             self._wanted = velocity
             self._lapses_in = self._parameters.command_timeout
 
-    def move_forward(self, distance: float) -> Motion:
+    def move_forward(self, distance: float) -> Motion[None]:
         """Drive straight ahead by odometry."""
         return self._go("move_forward", distance, 1.0)
 
-    def move_backward(self, distance: float) -> Motion:
+    def move_backward(self, distance: float) -> Motion[None]:
         """Drive straight back by odometry."""
         return self._go("move_backward", distance, -1.0)
 
-    def rotate(self, angle: float) -> Motion:
+    def rotate(self, angle: float) -> Motion[None]:
         """Turn on the spot by odometry; more than a full turn is turned in full."""
         with self._connection.lock:
             self._connection.check_command("rotate")
@@ -173,16 +172,16 @@ class DrivenBase(ControlledPart, MobileBase):
 
     # Private
 
-    def _go(self, command: str, distance: float, direction: float) -> Motion:
+    def _go(self, command: str, distance: float, direction: float) -> Motion[None]:
         with self._connection.lock:
             self._connection.check_command(command)
             distance = self._checks.distance(command, distance)
             return self._start(distance=direction * distance)
 
-    def _start(self, *, distance: float = 0.0, turn: float = 0.0) -> Motion:
+    def _start(self, *, distance: float = 0.0, turn: float = 0.0) -> Motion[None]:
         start, parameters = self._channel.read().odometry, self._parameters.profile
         profile = MotionProfile(self._model.part, start, parameters, distance=distance, turn=turn)
-        motion = PartMotion(self)
+        motion: Motion[None] = Motion(self.name, self.brake)
         self._connection.begin(motion)
         self._profile, self._braking = profile, False
         return motion

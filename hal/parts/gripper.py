@@ -20,7 +20,6 @@ from hal.api import (
 from hal.parts.channels import GripperChannel, GripperReading
 from hal.parts.controlled_part import StoppablePart
 from hal.parts.gripper_command_checks import GripperCommandChecks
-from hal.parts.motion import PartMotion
 from hal.parts.stop_latch import StopLatch
 
 SETTLED = 0.05
@@ -89,14 +88,14 @@ class CommandedGripper(StoppablePart, Gripper):
             held = self._blocked and not moving and width > self._target + self._parameters.blocked_margin
             return GripperState(moving, at_target, held, self._closing and at_target and not moving)
 
-    def move(self, width: float, force: float | None = None, speed: float | None = None) -> Motion:
+    def move(self, width: float, force: float | None = None, speed: float | None = None) -> Motion[None]:
         """Open or close to ``width`` at ``speed`` (rate of the width); being blocked by an object is success."""
         model, parameters = self._model, self._parameters
         with self._connection.lock:
             self._connection.check_command("move")
             width, force, speed = self._checks.move(width, force, speed)
             present = self.width()
-            motion = PartMotion(self)
+            motion: Motion[None] = Motion(self.name, self._halt)
             self._connection.begin(motion)
             self._closing, self._blocked, self._halting = width < present, False, False
             self._target = float(np.clip(width, model.min_width, model.max_width))
@@ -106,12 +105,10 @@ class CommandedGripper(StoppablePart, Gripper):
             return motion
 
     def brake(self) -> None:
-        """Halt the fingers; a grasp goes on pressing. Fingers that have not begun to move yet are not blocked."""
-        parameters = self._parameters
+        """Halt the fingers; a grasp goes on pressing."""
         with self._connection.lock:
-            blocked = self._time > self._channel.reaction_time and self._still_for >= parameters.still_time / 3
-            if self._connection.motion is not None and not blocked:
-                self._order, self._halting = None, True
+            if self._connection.motion is not None:
+                self._halt()
 
     def attach(self) -> None:
         """Take the present width for the target."""
@@ -150,6 +147,13 @@ class CommandedGripper(StoppablePart, Gripper):
             if halting:
                 self._target = reading.width
             self._watch(reading, elapsed)
+
+    def _halt(self) -> None:
+        """Unless they press on something; fingers that have not begun to move yet are not blocked."""
+        parameters = self._parameters
+        with self._connection.lock:
+            if self._time <= self._channel.reaction_time or self._still_for < parameters.still_time / 3:
+                self._order, self._halting = None, True
 
     def _watch(self, reading: GripperReading, elapsed: float) -> None:
         parameters, motion = self._parameters, self._connection.motion

@@ -46,5 +46,5 @@ class GripperCommandChecks:
         ):
             if not (math.isfinite(value) and lower <= value <= upper):
                 why = f"{what} = {value} {unit} is not within [{max(lower, 0.0):.4g}, {upper:.4g}] {unit}"
-                raise CommandRefusedError(f"{self._part_name} refused move: {why}")
+                raise CommandRefusedError(f"{self._part_name} refused move: {why}", self._part_name)
         return float(width), float(force), float(speed)

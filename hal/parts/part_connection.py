@@ -5,8 +5,7 @@ from __future__ import annotations
 import threading
 
 from bestman_bt.errors import InputError
-from hal.api import CommandRefusedError, Failure, MotionErrorCode, MotionStatus, NotConnectedError, RobotError
-from hal.parts.motion import PartMotion
+from hal.api import CommandRefusedError, Failure, Motion, MotionErrorCode, MotionStatus, NotConnectedError, RobotError
 from hal.parts.stop_latch import StopLatch
 
 
@@ -23,7 +22,7 @@ class PartConnection:
         self._latch = latch
         self._open = False
         self._lost: Failure | None = None
-        self._motion: PartMotion | None = None
+        self._motion: Motion[None] | None = None
 
     @property
     def connected(self) -> bool:
@@ -31,7 +30,7 @@ class PartConnection:
         return self._open
 
     @property
-    def motion(self) -> PartMotion | None:
+    def motion(self) -> Motion[None] | None:
         """The motion under way."""
         motion = self._motion
         return motion if motion is not None and motion.status is MotionStatus.RUNNING else None
@@ -48,13 +47,16 @@ class PartConnection:
     def check_connected(self) -> None:
         """Raise NotConnectedError without a connection."""
         if not self._open:
-            raise NotConnectedError(f"{self.part_name} was used while the robot is not connected; call connect()")
+            raise NotConnectedError(
+                f"{self.part_name} was used while the robot is not connected; call connect()", self.part_name
+            )
 
     def check_reading(self) -> None:
         """Whether readings are of now; raises NotConnectedError, also after the controller was lost."""
         self.check_connected()
         if self._lost is not None:
-            raise NotConnectedError(f"{self.part_name} delivers nothing: {self._lost}")
+            text = f"{self.part_name} delivers nothing: {self._lost}"
+            raise NotConnectedError(text, self.part_name, self._lost.vendor_code)
 
     def check_command(self, command: str) -> None:
         """Whether a command may act now; raises NotConnectedError or CommandRefusedError."""
@@ -63,9 +65,9 @@ class PartConnection:
 
     def refuse(self, command: str, why: str) -> CommandRefusedError:
         """The error for a command that is malformed or beyond a limit."""
-        return CommandRefusedError(f"{self.part_name} refused {command}: {why}")
+        return CommandRefusedError(f"{self.part_name} refused {command}: {why}", self.part_name)
 
-    def begin(self, motion: PartMotion | None) -> None:
+    def begin(self, motion: Motion[None] | None) -> None:
         """A new command takes over; the older motion, if any, is superseded."""
         self.end_motion(MotionStatus.CANCELED, MotionErrorCode.SUPERSEDED, "a newer command took over")
         self._motion = motion
@@ -77,8 +79,9 @@ class PartConnection:
 
     def stop_motion(self) -> None:
         """The robot or the part was stopped: the motion under way, if any, is cancelled and told why."""
-        why = self._latch.why
-        self.end_motion(MotionStatus.CANCELED, MotionErrorCode.STOPPED, f"stopped because {why}" if why else "stopped")
+        fault = self._latch.fault
+        text, vendor_code = ("stopped", "") if fault is None else (f"stopped because {fault}", fault.vendor_code)
+        self.end_motion(MotionStatus.CANCELED, MotionErrorCode.STOPPED, text, vendor_code)
 
     def fail_motion(self, fault: Failure) -> None:
         """The motion under way, if any, has failed because of a fault; one that cuts the wire cuts readings, too."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 
-from hal.api import CommandRefusedError
+from hal.api import CommandRefusedError, Failure
 
 
 class StopLatch:
@@ -13,7 +13,7 @@ class StopLatch:
     def __init__(self) -> None:
         self._lock = threading.Lock()
         self._set = False
-        self._why = ""
+        self._fault: Failure | None = None
         self._stops = 0
 
     def __bool__(self) -> bool:
@@ -21,33 +21,33 @@ class StopLatch:
         return self._set
 
     @property
-    def why(self) -> str:
-        """The fault that stopped the robot; empty where somebody asked for it."""
-        return self._why
+    def fault(self) -> Failure | None:
+        """The fault that stopped the robot; None where somebody asked for it."""
+        return self._fault
 
     @property
     def stops(self) -> int:
         """How many times it was set."""
         return self._stops
 
-    def set(self, why: str = "") -> bool:
-        """Stop; the first reason is kept. Tells whether it was not set before."""
+    def set(self, fault: Failure | None = None) -> bool:
+        """Stop; the first fault is kept. Tells whether it was not set before."""
         with self._lock:
             first, self._set = not self._set, True
             self._stops += 1
-            self._why = self._why or why
+            self._fault = self._fault or fault
         return first
 
     def clear(self, stops: int | None = None) -> None:
         """Accept commands again, unless it was set again since it had been set ``stops`` times."""
         with self._lock:
             if stops is None or stops == self._stops:
-                self._set, self._why = False, ""
+                self._set, self._fault = False, None
 
     def check(self, part_name: str, command: str) -> None:
         """Raise CommandRefusedError while the robot is stopped."""
         if self._set:
-            reason = f" because {self._why}" if self._why else ""
-            raise CommandRefusedError(
-                f"{part_name} refused {command}: the robot is stopped{reason}; clear_stop() makes it accept commands"
-            )
+            fault = self._fault
+            reason = f" because {fault}" if fault is not None else ""
+            text = f"{part_name} refused {command}: the robot is stopped{reason}; clear_stop() makes it accept commands"
+            raise CommandRefusedError(text, part_name, fault.vendor_code if fault is not None else "")

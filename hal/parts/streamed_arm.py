@@ -12,7 +12,6 @@ from bestman_bt.messages import JointTrajectory
 from bestman_bt.robot_model import ArmModel
 from hal.api import Arm, Motion, MotionErrorCode
 from hal.parts.channels import JointChannel
-from hal.parts.motion import PartMotion
 from hal.parts.setpoints import Drift, Follow, Stream, Trapezoid
 from hal.parts.stop_latch import StopLatch
 from hal.parts.streamed_joints import StreamedJointGroup, StreamingParameters
@@ -54,7 +53,7 @@ class StreamedArm(StreamedJointGroup, Arm):
         """Seconds from a set-point to the reading that shows it."""
         return self._parameters.latency
 
-    def follow(self, trajectory: JointTrajectory) -> Motion:
+    def follow(self, trajectory: JointTrajectory) -> Motion[None]:
         """Follow a trajectory, slower where the tool would be too fast; a start that is a little off fades out."""
         with self._connection.lock:
             self._connection.check_command("follow")
@@ -72,7 +71,7 @@ class StreamedArm(StreamedJointGroup, Arm):
                     trajectory.positions,
                     trajectory.velocities * self._pace,
                 )
-            motion = PartMotion(self)
+            motion: Motion[None] = Motion(self.name, self.brake)
             self._take_over(Follow(trajectory, self._position - trajectory.positions[0], 0.25), motion)
             return motion
 

@@ -12,7 +12,6 @@ from hal.api import Failure, JointGroup, JointLimits, Motion, MotionErrorCode, M
 from hal.parts.channels import JointChannel
 from hal.parts.command_checks import JointCommandChecks
 from hal.parts.controlled_part import StoppablePart
-from hal.parts.motion import PartMotion
 from hal.parts.setpoints import Brake, BrakeThenMove, Drift, Hold, Reach, Setpoints, Trapezoid
 from hal.parts.stop_latch import StopLatch
 
@@ -136,7 +135,7 @@ class StreamedJointGroup(StoppablePart, JointGroup):
                 drift = Drift(self._position, self._velocity, wanted, checks.acceleration, checks.lower, checks.upper)
                 self._take_over(drift, None)
 
-    def move_to(self, positions: ArrayLike, speed_scale: float = 1.0) -> Motion:
+    def move_to(self, positions: ArrayLike, speed_scale: float = 1.0) -> Motion[None]:
         """Move on a straight line in joint space with a trapezoid of speed; brakes first if it is moving."""
         checks = self._checks
         with self._connection.lock:
@@ -148,7 +147,7 @@ class StreamedJointGroup(StoppablePart, JointGroup):
             self._start_from_rest()
             speed, acceleration = checks.speed * scale, checks.acceleration * scale
             share = self._slow_down(Trapezoid(self._position, target, speed, acceleration))
-            motion = PartMotion(self)
+            motion: Motion[None] = Motion(self.name, self.brake)
             # The whole course in 1 / share of the time.
             move = BrakeThenMove(self._braking(), target, speed * share, acceleration * share**2)
             self._take_over(move, motion)
@@ -240,7 +239,7 @@ class StreamedJointGroup(StoppablePart, JointGroup):
         self._setpoints = self._braking()
         self._connection.end_motion(MotionStatus.FAILED, code, text)
 
-    def _watch_settling(self, motion: PartMotion, elapsed: float) -> None:
+    def _watch_settling(self, motion: Motion[None], elapsed: float) -> None:
         """The set-points have arrived: the motion succeeds when the joints have, too."""
         reading, parameters = self._channel.read(), self._parameters
         error = float(np.max(np.abs(self._position - reading.positions)))
@@ -257,7 +256,7 @@ class StreamedJointGroup(StoppablePart, JointGroup):
             text = f"did not settle at the target: {error:.4f} off, speed {speed:.4f}"
             self._connection.end_motion(MotionStatus.FAILED, MotionErrorCode.TIMEOUT, text)
 
-    def _take_over(self, setpoints: Setpoints, motion: PartMotion | None) -> None:
+    def _take_over(self, setpoints: Setpoints, motion: Motion[None] | None) -> None:
         self._connection.begin(motion)
         self._setpoints, self._waiting, self._astray, self._slip = setpoints, 0.0, 0.0, 0.0
 

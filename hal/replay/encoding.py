@@ -12,7 +12,7 @@ import numpy as np
 
 import bestman_bt.messages
 import hal.api
-from hal.api import RobotError
+from hal.api import PartError, RobotError
 
 _MODULES = (bestman_bt.messages, hal.api)
 _TYPES: dict[str, type] = {
@@ -56,11 +56,14 @@ def from_json(document: Any) -> Any:
 
 
 def error_to_json(error: RobotError) -> dict[str, str]:
-    """Its class and words."""
-    return {"error": type(error).__name__, "words": str(error)}
+    """Its class, its words and the vendor's code; the line that it is written to names the part."""
+    code = error.failure.vendor_code if isinstance(error, PartError) else ""
+    return {"error": type(error).__name__, "words": str(error), **({"vendor_code": code} if code else {})}
 
 
 def error_from_json(document: dict[str, str]) -> RobotError:
     """The error again."""
     kind = _TYPES.get(document["error"], RobotError)
+    if issubclass(kind, PartError):
+        return kind(document["words"], document.get("part", ""), document.get("vendor_code", ""))
     return kind(document["words"]) if issubclass(kind, RobotError) else RobotError(document["words"])

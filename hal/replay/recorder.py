@@ -15,13 +15,11 @@ from typing import Any
 
 from hal.api import (
     Clock,
-    Failure,
     ForceTorque,
     Gripper,
     JointGroup,
     MobileBase,
     Motion,
-    MotionStatus,
     Part,
     Robot,
     RobotError,
@@ -210,27 +208,19 @@ class RecordedRobot(Robot):
         self._file.write(json.dumps(line, separators=(",", ":")) + "\n")
 
 
-class RecordedMotion(Motion):
+class RecordedMotion(Motion[Any]):
     """Writes down how ``motion`` ended when somebody first sees that it has."""
 
-    def __init__(self, motion: Motion, note: Callable[..., None]) -> None:
+    def __init__(self, motion: Motion[Any], note: Callable[..., None]) -> None:
+        super().__init__()
         self._motion, self._note = motion, note
-        self._noted = False
-
-    @property
-    def status(self) -> MotionStatus:
-        """The present status."""
-        status = self._motion.status
-        if status is not MotionStatus.RUNNING and not self._noted:
-            self._noted = True
-            self._note(status=to_json(status), why=to_json(self._motion.error))
-        return status
-
-    @property
-    def error(self) -> Failure | None:
-        """Why it failed or was cancelled."""
-        return self._motion.error
 
     def cancel(self) -> None:
         """Bring the part to rest."""
         self._motion.cancel()
+
+    def _look(self) -> None:
+        motion = self._motion
+        if motion.done:
+            self.end(motion.status, motion.failure, motion.result)
+            self._note(status=to_json(motion.status), why=to_json(motion.failure))

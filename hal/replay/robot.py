@@ -166,7 +166,7 @@ class ReplayRobot(Robot):
         self._check_connected(part)
         found = self.tape.readings.get((part, what))
         if found is None:
-            raise NoDataError(f"{part}: nobody has read {what}() in this recording")
+            raise NoDataError(f"{part}: nobody has read {what}() in this recording", part)
         if what == "capture":
             self._go_on_to_image(part, found)
         moment = self.moment()
@@ -174,7 +174,7 @@ class ReplayRobot(Robot):
         if abs(taken - moment) > LONGEST_GAP:
             end = "; its end is missing" if self.tape.cut else ""
             raise NoDataError(
-                f"{part}: the recording has no {what}() near {moment:.2f} s, the nearest is at {taken:.2f} s{end}"
+                f"{part}: the recording has no {what}() near {moment:.2f} s, the nearest is at {taken:.2f} s{end}", part
             )
         if "error" in told:
             raise error_from_json(told)
@@ -194,12 +194,10 @@ class ReplayRobot(Robot):
     def _command(self, part: str, what: str, arguments: tuple[Any, ...], keywords: Mapping[str, Any]) -> Any:
         self._check_connected(part)
         if self._stopped:
-            raise CommandRefusedError(
-                f"{part} refused {what}: the robot is stopped; clear_stop() makes it accept commands"
-            )
+            raise _refusal(part, what, "the robot is stopped; clear_stop() makes it accept commands")
         recorded = self.tape.commands.get((part, what), [])
         if not recorded:
-            raise CommandRefusedError(f"{part} refused {what}: the recording holds no such command")
+            raise _refusal(part, what, "the recording holds no such command")
         if all(command.motion is None and command.refusal is None for command in recorded):
             self._supersede(part)
             self._go_on_with_streams((part, what))
@@ -207,17 +205,17 @@ class ReplayRobot(Robot):
         used = self._used.get((part, what), 0)
         asked = in_words(what, arguments, keywords)
         if used == len(recorded):
-            raise CommandRefusedError(f"{part} refused {asked}: the recording holds no further {what}")
+            raise _refusal(part, asked, f"the recording holds no further {what}")
         command = recorded[used]
         if not same_target(arguments, command.arguments):
             held = in_words(what, command.arguments, command.keywords)
-            raise CommandRefusedError(f"{part} refused {asked}: at {command.time:.2f} s the recording holds {held}")
+            raise _refusal(part, asked, f"at {command.time:.2f} s the recording holds {held}")
         self._used[part, what] = used + 1
         self._offset = command.time - self.clock.now()
         if command.refusal is not None:
             raise error_from_json(command.refusal)
         self._supersede(part)
-        self._motions[part] = motion = ReplayedMotion(self, command)
+        self._motions[part] = motion = ReplayedMotion(part, self, command)
         return motion
 
     def _go_on_with_streams(self, key: tuple[str, str]) -> None:
@@ -234,56 +232,35 @@ class ReplayRobot(Robot):
 
     def _check_connected(self, part: str) -> None:
         if not self._connected:
-            raise NotConnectedError(f"{part} was used while the robot is not connected; call connect()")
+            raise NotConnectedError(f"{part} was used while the robot is not connected; call connect()", part)
 
     def _supersede(self, part: str) -> None:
         self._end_motion(part, MotionStatus.CANCELED, MotionErrorCode.SUPERSEDED, "a newer command took over")
 
     def _end_motion(self, part: str, status: MotionStatus, code: MotionErrorCode, text: str) -> None:
         motion = self._motions.pop(part, None)
-        if motion is not None:
-            motion.end(status, Failure(code, text, part))
+        if motion is not None and not motion.done:
+            motion.end(status, Failure(code, text))
 
     def _end_motions(self, status: MotionStatus, code: MotionErrorCode, text: str) -> None:
         for part in tuple(self._motions):
             self._end_motion(part, status, code, text)
 
 
-class ReplayedMotion(Motion):
+class ReplayedMotion(Motion[None]):
     """Ends as the recorded one did, when that did."""
 
-    def __init__(self, robot: ReplayRobot, command: RecordedCommand) -> None:
+    def __init__(self, part: str, robot: ReplayRobot, command: RecordedCommand) -> None:
+        super().__init__(part)
         self._robot, self._command = robot, command
-        self._ended: tuple[MotionStatus, Failure | None] | None = None
-
-    @property
-    def status(self) -> MotionStatus:
-        """The present status."""
-        self._look()
-        return self._ended[0] if self._ended is not None else MotionStatus.RUNNING
-
-    @property
-    def error(self) -> Failure | None:
-        """Why it failed or was cancelled."""
-        self._look()
-        return self._ended[1] if self._ended is not None else None
-
-    def cancel(self) -> None:
-        """It counts as cancelled; the recording goes on."""
-        self.end(MotionStatus.CANCELED, Failure(MotionErrorCode.CANCELED, "cancelled by its caller"))
-
-    def end(self, status: MotionStatus, error: Failure | None) -> None:
-        """End it; without effect on a motion that has ended."""
-        self._look()
-        if self._ended is None:
-            self._ended = status, error
 
     def _look(self) -> None:
-        if self._ended is not None:
-            return
         moment, end = self._robot.moment(), self._command.end
         if end is not None and moment >= end[0] - SAME_MOMENT:
-            self._ended = end[1], end[2]
+            self.end(end[1], end[2])
         elif moment > self._robot.tape.end:
-            text = "the recording ends before this motion does"
-            self._ended = MotionStatus.FAILED, Failure(MotionErrorCode.DISCONNECTED, text)
+            self.fail(MotionErrorCode.DISCONNECTED, "the recording ends before this motion does")
+
+
+def _refusal(part: str, command: str, why: str) -> CommandRefusedError:
+    return CommandRefusedError(f"{part} refused {command}: {why}", part)

@@ -29,7 +29,7 @@ class RobotiqGripper:
         self._activation, self._fault, self._object = RESET, 0, ARRIVED
         self._active_in = 0.0
         self._jammed = False
-        self._motion: Motion | None = None
+        self._motion: Motion[None] | None = None
         self._position = OPEN
         world.ticks.append(self.tick)
 

@@ -77,7 +77,7 @@ class URProgram:
         self._upper = np.array([limit.upper for limit in arm.limits])
         self._executing = self._acknowledged = False
         self._moves: list[Waypoint] = []
-        self._motion: Motion | None = None
+        self._motion: Motion[None] | None = None
         self._asynchronous = False
         self._drift: Callable[[], Array] | None = None  # joint speeds now
         self._drift_left = np.inf

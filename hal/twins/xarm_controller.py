@@ -62,7 +62,7 @@ class XArmController:
         self._upper = np.array([limit.upper for limit in arm.limits])
         self._speed = np.array([limit.velocity for limit in arm.limits])
         self._follower: ServoFollower | None = None
-        self._motion: Motion | None = None
+        self._motion: Motion[None] | None = None
         self._astray = 0.0
         zero = np.zeros(self.axes)
         self.reading = XArmReading(zero, zero, zero, 0)

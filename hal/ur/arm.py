@@ -10,12 +10,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bestman_bt.robot_model import ArmModel
-from hal.api import CommandRefusedError, Failure, Motion, MotionErrorCode, MotionStatus
+from hal.api import Failure, Motion, MotionErrorCode
 from hal.parts import (
     ConnectionFailedError,
     Hold,
     JointChannel,
-    PartMotion,
     Setpoints,
     StopLatch,
     StreamedArm,
@@ -40,7 +39,7 @@ AT_LEAST = 0.1
 class _OwnMotion:
     """A motion that the controller plans: how to begin and stop it, and when it is over."""
 
-    motion: PartMotion
+    motion: Motion[None]
     begin: Callable[[], object]
     stop_call: str
     over: Callable[[Report, float], bool]  # of the newest report and the seconds since it began
@@ -72,7 +71,7 @@ class URArm(StreamedArm):
 
     # Motions of the controller
 
-    def move_path(self, positions: ArrayLike, speed_scale: float = 1.0, blend: float = 0.0) -> Motion:
+    def move_path(self, positions: ArrayLike, speed_scale: float = 1.0, blend: float = 0.0) -> Motion[None]:
         """Through joint positions (N, 6), with a ``blend`` radius in metres around all but the last."""
         with self._connection.lock:
             self._connection.check_command("move_path")
@@ -96,7 +95,7 @@ class URArm(StreamedArm):
                 rows[-1],
             )
 
-    def speed_joints(self, velocities: ArrayLike, duration: float) -> Motion:
+    def speed_joints(self, velocities: ArrayLike, duration: float) -> Motion[None]:
         """Move the joints at velocities (6,), rad/s, for ``duration`` seconds, then come to rest."""
         with self._connection.lock:
             self._connection.check_command("speed_joints")
@@ -106,7 +105,7 @@ class URArm(StreamedArm):
             arguments = (wanted.tolist(), float(min(self._checks.acceleration)), float(duration))
             return self._begin_speed("speed_joints", arguments)
 
-    def speed_tool(self, twist: ArrayLike, duration: float) -> Motion:
+    def speed_tool(self, twist: ArrayLike, duration: float) -> Motion[None]:
         """Move the tool at (vx, vy, vz, wx, wy, wz), m/s and rad/s in the arm's base frame, for ``duration`` seconds.
 
         The tool is the controller's: the flange, unless another was set at its teach pendant.
@@ -162,7 +161,7 @@ class URArm(StreamedArm):
 
     # Private
 
-    def _begin_speed(self, call: str, arguments: tuple[list[float], float, float]) -> Motion:
+    def _begin_speed(self, call: str, arguments: tuple[list[float], float, float]) -> Motion[None]:
         duration = arguments[2]
         if not (np.isfinite(duration) and duration > 0.0):
             raise self._connection.refuse(call, f"duration = {duration} s is not positive")
@@ -181,10 +180,10 @@ class URArm(StreamedArm):
         stop_call: str,
         over: Callable[[Report, float], bool],
         target: Array | None = None,
-    ) -> Motion:
+    ) -> Motion[None]:
         if not self.resting:
             raise self._connection.refuse(call, "the arm still moves")
-        motion = PartMotion(self)
+        motion: Motion[None] = Motion(self.name, self.brake)
         self._connection.begin(motion)
         self._own = _OwnMotion(motion, begin, stop_call, over, target)
         return motion
@@ -200,7 +199,7 @@ class URArm(StreamedArm):
                 return
             wrong = self._wrong(report) if report is not None else None
             if wrong is not None:
-                own.motion.end(MotionStatus.FAILED, Failure(MotionErrorCode.FAULT, wrong, self.name))
+                own.motion.fail(MotionErrorCode.FAULT, wrong)
             passed = time.monotonic() - own.begun
             over = report is not None and passed > AT_LEAST and own.over(report, passed)
             if not (own.stopping or over or wrong is not None):
@@ -208,7 +207,7 @@ class URArm(StreamedArm):
             if not over or own.stop_call == "stop_speed":
                 self._link.call(own.stop_call, DECELERATION, timeout=STOP_TIME)
         except ConnectionFailedError as error:
-            own.motion.end(MotionStatus.FAILED, Failure(MotionErrorCode.FAULT, str(error), self.name))
+            own.motion.fail(MotionErrorCode.FAULT, str(error))
         self._leave(own)
 
     def _wrong(self, report: Report) -> str | None:
@@ -225,14 +224,12 @@ class URArm(StreamedArm):
             if own.target is None or float(np.max(np.abs(measured - own.target))) < ARRIVED:
                 own.motion.succeed()
             else:
-                own.motion.end(
-                    MotionStatus.FAILED, Failure(MotionErrorCode.FAULT, "the path ended elsewhere", self.name)
-                )
+                own.motion.fail(MotionErrorCode.FAULT, "the path ended elsewhere")
             self._own = None
             self._position = np.clip(measured, self._checks.lower, self._checks.upper)
             self._velocity, self._setpoints = np.zeros_like(measured), Hold(self._position)
 
-    def _take_over(self, setpoints: Setpoints, motion: PartMotion | None) -> None:
+    def _take_over(self, setpoints: Setpoints, motion: Motion[None] | None) -> None:
         if self._own is not None:
-            raise CommandRefusedError(f"{self.name} refused a command: the controller moves it; stop() it first")
+            raise self._connection.refuse("a command", "the controller moves it; stop() it first")
         super()._take_over(setpoints, motion)

@@ -52,7 +52,7 @@ class Lite6GripperWire(GripperChannel):
 class Lite6Gripper(CommandedGripper):
     """Knows no widths between open and closed, nor whether anything is between its fingers."""
 
-    def move(self, width: float, force: float | None = None, speed: float | None = None) -> Motion:
+    def move(self, width: float, force: float | None = None, speed: float | None = None) -> Motion[None]:
         """Open or close fully; CommandRefusedError for widths between."""
         model = self._model
         if model.min_width + AT_END < width < model.max_width - AT_END:

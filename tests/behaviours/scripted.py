@@ -14,7 +14,7 @@ from behaviours.computation import InlineComputation
 from behaviours.context import SkillContext
 from behaviours.parts import parts_by_kind
 from bestman_bt.configuration import load_run
-from bestman_bt.control import ControlHandle
+from bestman_bt.control import Motion
 from bestman_bt.engine import RUNNING, ManualClock, Node, Tree, load_tree
 from bestman_bt.messages import MotionErrorCode, Pose, Pose2D
 from bestman_bt.robot_model import ArmModel, GripperModel
@@ -40,16 +40,16 @@ class ScriptedController:
         self._commands = commands
         self.ends: dict[str, list[Any]] = defaultdict(list)
         self.asked: list[tuple[Any, ...]] = []
-        self.handles: list[ControlHandle[Any]] = []
+        self.handles: list[Motion[Any]] = []
         self.__dict__.update(values)
 
-    def __getattr__(self, name: str) -> Callable[..., ControlHandle[Any]]:
+    def __getattr__(self, name: str) -> Callable[..., Motion[Any]]:
         if name.startswith("_") or name not in self._commands:
             raise AttributeError(name)
         return lambda *arguments, **options: self._begin(name, *arguments, *options.values())
 
-    def _begin(self, name: str, *arguments: Any) -> ControlHandle[Any]:
-        handle: ControlHandle[Any] = ControlHandle()
+    def _begin(self, name: str, *arguments: Any) -> Motion[Any]:
+        handle: Motion[Any] = Motion()
         self.asked.append((name, *arguments))
         self.handles.append(handle)
         end = self.ends[name].pop(0) if self.ends[name] else None
@@ -60,7 +60,7 @@ class ScriptedController:
         return handle
 
     @property
-    def under_way(self) -> list[ControlHandle[Any]]:
+    def under_way(self) -> list[Motion[Any]]:
         """What has not ended."""
         return [handle for handle in self.handles if not handle.done]
 

@@ -2,34 +2,51 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
 from behaviours.skill import Skill, Steps
-from bestman_bt.control.handle import start_motion
+from bestman_bt.control.gripper import GripperController
+from bestman_bt.control.motion import start_motion
 from bestman_bt.engine import FAILURE
 from bestman_bt.evaluation.result import Outcome, RunResult
 from bestman_bt.messages import Failure, MotionErrorCode
-from hal.api import MotionStatus
-from hal.parts import PartMotion
+from bestman_bt.robot_model import GripperModel
+from hal.api import Motion, MotionStatus, NotConnectedError
+from hal.parts import CommandedGripper, GripperReading, StopLatch
 from tests.behaviours.scripted import load, register, run, scripted_skills
 
 STRUCK = Failure(MotionErrorCode.COLLISION, "the current is too high", "arm", "C31")
-
-
-class Owner:
-    def brake(self) -> None:
-        """There is nothing to bring to rest."""
 
 
 class MoveStruckArm(Skill):
     """Commands a motion that the controller's protective stop ends."""
 
     def execute(self) -> Steps:
-        motion = PartMotion(Owner())
+        motion: Motion[None] = Motion()
         motion.end(MotionStatus.FAILED, STRUCK)
         yield start_motion("arm", lambda: motion)
+
+
+class CloseStoppedHand(Skill):
+    """Commands a gripper whose robot was stopped by a fault of the arm's controller."""
+
+    def execute(self) -> Steps:
+        channel: Any = SimpleNamespace(refresh=lambda: None, read=lambda: GripperReading(0.05))
+        latch, model = StopLatch(), self.skills.robot.of(GripperModel)["gripper"]
+        hand = CommandedGripper("hand", model, channel, latch)
+        hand.attach()
+        latch.set(STRUCK)
+        yield GripperController(hand).close()
+
+
+class LetGo(Skill):
+    """Opens the hand a little, which it measures first."""
+
+    def execute(self) -> Steps:
+        yield self.skills.gripper.release()
 
 
 @pytest.fixture
@@ -37,12 +54,34 @@ def skills() -> Any:
     return scripted_skills()
 
 
-def test_the_vendors_number_and_the_part_arrive_in_result_json(skills: Any) -> None:
-    register(skills, MoveStruckArm)
-    assert run(skills, load(skills, "<MoveStruckArm/>")) == FAILURE
+def failure_in_result_json(skills: Any, leaf: type[Skill]) -> dict[str, Any]:
+    register(skills, leaf)
+    assert run(skills, load(skills, f"<{leaf.__name__}/>")) == FAILURE
     (told,) = skills.failures
     result = RunResult("fetch_cup", 0, False, Outcome.FAILURE, "FAILURE", None, told, {}, {}, 1.0, 1.0)
-    failure = result.to_document()["failure"]
+    return result.to_document()["failure"]
+
+
+def test_the_vendors_number_and_the_part_of_a_motion_arrive_in_result_json(skills: Any) -> None:
+    failure = failure_in_result_json(skills, MoveStruckArm)
     assert (failure["error_code"], failure["part"], failure["vendor_code"]) == ("collision", "arm", "C31")
     assert failure["why"] == "arm: the current is too high (C31)"
     assert failure["stamp"] == skills.clock.now()
+
+
+def test_so_do_those_of_a_command_that_is_refused(skills: Any) -> None:
+    failure = failure_in_result_json(skills, CloseStoppedHand)
+    assert (failure["error_code"], failure["part"], failure["vendor_code"]) == ("refused", "hand", "C31")
+    assert failure["why"] == (
+        "hand refused move: the robot is stopped because arm: the current is too high (C31); "
+        "clear_stop() makes it accept commands"
+    )
+
+
+def test_and_those_of_a_reading_that_does_not_come(skills: Any) -> None:
+    def silent() -> None:
+        raise NotConnectedError("hand delivers nothing: nothing was heard of it", "hand", "G9")
+
+    skills.gripper.release = silent
+    failure = failure_in_result_json(skills, LetGo)
+    assert (failure["error_code"], failure["part"], failure["vendor_code"]) == ("disconnected", "hand", "G9")

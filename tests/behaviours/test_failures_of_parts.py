@@ -11,7 +11,7 @@ from behaviours.close import Close
 from behaviours.following import followed
 from behaviours.open import Open
 from behaviours.skill import SkillFailure
-from bestman_bt.control import ControlHandle
+from bestman_bt.control import Motion
 from bestman_bt.control.arm import FollowEnd, JointAxis
 from bestman_bt.messages import Failure, MotionErrorCode, Pose
 
@@ -19,7 +19,7 @@ STRUCK = Failure(MotionErrorCode.COLLISION, "the current is too high", "arm", "C
 
 
 def test_a_following_that_ended_early_hands_on_part_and_vendor_code() -> None:
-    steps = followed(ControlHandle("arm"))
+    steps = followed(Motion("arm"))
     following = next(steps)
     following.fail(MotionErrorCode.BLOCKED, "it does not move", SimpleNamespace(end="locked"))
     with pytest.raises(StopIteration) as stop:
@@ -30,9 +30,9 @@ def test_a_following_that_ended_early_hands_on_part_and_vendor_code() -> None:
 
 
 def test_a_failure_of_a_controller_names_its_part_once() -> None:
-    handle: ControlHandle[None] = ControlHandle("arm")
+    handle: Motion[None] = Motion("arm")
     handle.fail(MotionErrorCode.GUARDED, "the cup has slipped")
-    assert (handle.error.part, str(handle.error)) == ("arm", "arm: the cup has slipped")
+    assert (handle.failure.part, str(handle.failure)) == ("arm", "arm: the cup has slipped")
     assert str(Failure(MotionErrorCode.REFUSED, "arm refused follow: beyond its limits", "arm")) == (
         "arm refused follow: beyond its limits"
     )
@@ -42,7 +42,7 @@ class Hand:
     """As much of a skill's context as going along with a leaf needs; ``following`` is what the arm gives back."""
 
     def __init__(self) -> None:
-        self.following: ControlHandle[SimpleNamespace] = ControlHandle("arm")
+        self.following: Motion[SimpleNamespace] = Motion("arm")
         self.arm = SimpleNamespace(follow_constraint=lambda *_, **__: self.following)
         self.gripper = SimpleNamespace(watch_slip=lambda _: None)
         self.map_from_base = Pose()

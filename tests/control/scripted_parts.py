@@ -14,7 +14,6 @@ from bestman_bt.robot_model import BaseModel
 from hal.api import (
     Arm,
     CommandRefusedError,
-    Failure,
     Gripper,
     GripperDescription,
     GripperState,
@@ -23,7 +22,6 @@ from hal.api import (
     MobileBase,
     Motion,
     MotionErrorCode,
-    MotionStatus,
 )
 from hal.parts import SimulatedClock
 from tests.robot_models import base_model
@@ -39,28 +37,15 @@ def stepped_clock(step: Callable[[], None] = lambda: None, time_step: float = 0.
     return clock
 
 
-class ScriptedMotion(Motion):
-    """Runs until somebody calls ``end``; a cancel ends it, and is counted."""
+class ScriptedMotion(Motion[None]):
+    """Runs until somebody ends it; cancels are counted."""
 
     def __init__(self) -> None:
-        self._status, self._error, self.cancels = MotionStatus.RUNNING, None, 0
+        super().__init__("", self._count)
+        self.cancels = 0
 
-    @property
-    def status(self) -> MotionStatus:
-        return self._status
-
-    @property
-    def error(self) -> Failure | None:
-        return self._error
-
-    def end(self, status: MotionStatus, code: MotionErrorCode | None = None, text: str = "") -> None:
-        if self._status is MotionStatus.RUNNING:
-            self._status = status
-            self._error = None if code is None else Failure(code, text)
-
-    def cancel(self) -> None:
+    def _count(self) -> None:
         self.cancels += 1
-        self.end(MotionStatus.CANCELED, MotionErrorCode.STOPPED, "cancelled")
 
 
 class ScriptedBase(MobileBase):
@@ -215,12 +200,12 @@ class ScriptedArm(Arm):
     def stop(self) -> None:
         self.stops += 1
         if self.motions:
-            self.motions[-1].end(MotionStatus.CANCELED, MotionErrorCode.STOPPED, "the arm was stopped")
+            self.motions[-1].abort(MotionErrorCode.STOPPED, "the arm was stopped")
 
     def _begun(self) -> ScriptedMotion:
         self._check()
         if self.motions:
-            self.motions[-1].end(MotionStatus.CANCELED, MotionErrorCode.SUPERSEDED, "a newer command took over")
+            self.motions[-1].abort(MotionErrorCode.SUPERSEDED, "a newer command took over")
         self.motions.append(ScriptedMotion())
         return self.motions[-1]
 
@@ -257,11 +242,11 @@ class ScriptedGripper(Gripper):
     def move(self, width: float, force: float | None = None, speed: float | None = None) -> Motion:
         if self.error is not None:
             raise self.error
-        self.motion.end(MotionStatus.CANCELED, MotionErrorCode.SUPERSEDED, "a newer command took over")
+        self.motion.abort(MotionErrorCode.SUPERSEDED, "a newer command took over")
         self.moves.append((width, force, speed))
         self.motion = ScriptedMotion()
         return self.motion
 
     def stop(self) -> None:
         self.stops += 1
-        self.motion.end(MotionStatus.CANCELED, MotionErrorCode.STOPPED, "the gripper was stopped")
+        self.motion.abort(MotionErrorCode.STOPPED, "the gripper was stopped")

@@ -113,8 +113,8 @@ def stopped_within(robot: HardwareRobot, motion: Motion, since: float, limit: fl
     assert robot.stopped
     assert robot.stopped_at is not None
     assert robot.stopped_at - since < limit + SLACK
-    assert motion.error is not None
-    return motion.error.code
+    assert motion.failure is not None
+    return motion.failure.code
 
 
 def swing_arm(robot: HardwareRobot, speed_scale: float) -> Motion:
@@ -123,7 +123,7 @@ def swing_arm(robot: HardwareRobot, speed_scale: float) -> Motion:
     here = arm.positions()
     motion = arm.move_to(here + np.array([0.8 if here[0] < 0 else -0.8, 0, 0, 0, 0, 0]), speed_scale)
     wait_for(lambda: motion.done or abs(arm.positions()[0] - here[0]) > 0.02, "the arm sets out")
-    assert not motion.done, motion.error
+    assert not motion.done, motion.failure
     return motion
 
 
@@ -141,7 +141,7 @@ def fails_with_its_number(
     """A controller's fault fails the arm's motion with the vendor's number, and stops the robot for that reason."""
     assert stopped_within(robot, motion, since, 0.1) is code
     assert motion.status is MotionStatus.FAILED
-    assert number in str(motion.error)
+    assert number in str(motion.failure)
     assert robot.faults[connection].vendor_code == number
     assert number in robot.diagnostics()[connection]
     with pytest.raises(CommandRefusedError, match=number):

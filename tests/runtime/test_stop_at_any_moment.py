@@ -16,7 +16,7 @@ from bestman_bt.engine import FAILURE, SUCCESS, NodeRegistry, SyncAction, WallCl
 from bestman_bt.monitor.events import RunEvent
 from bestman_bt.runtime import ControlChannel, Ending, Executor
 from bestman_bt.runtime.telemetry import Telemetry
-from hal.api import CommandRefusedError
+from hal.api import CommandRefusedError, Failure, MotionErrorCode
 from hal.parts import StopLatch
 
 RECOVERING = """<root BTCPP_format="4"><BehaviorTree ID="Main">
@@ -80,7 +80,7 @@ class Trip(OnMachine):
     """The controller stops by itself."""
 
     def act(self, machine: Machine, stop: RobotStop) -> bool:
-        machine.latch.set("a collision")
+        machine.latch.set(Failure(MotionErrorCode.COLLISION, "a collision"))
         return False
 
 

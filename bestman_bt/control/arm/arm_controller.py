@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any, Protocol
 
 import numpy as np
@@ -21,11 +22,11 @@ from bestman_bt.control.arm.guarded_move import GuardedMove, GuardedMoveParamete
 from bestman_bt.control.arm.joint_axis import JointAxis
 from bestman_bt.control.arm.tool_stream import ToolStream, ToolStreamParameters
 from bestman_bt.control.force_torque import WristWrench
-from bestman_bt.control.handle import ControlHandle, start_motion
 from bestman_bt.control.joint_state import READING_ERRORS
+from bestman_bt.control.motion import start_motion
 from bestman_bt.manipulation.kinematics import InverseKinematics
-from bestman_bt.messages import JointKind, JointTrajectory, MotionErrorCode
-from hal.api import Arm, Clock, CommandRefusedError, JointLimits, Timer
+from bestman_bt.messages import Failure, JointKind, JointTrajectory, MotionErrorCode
+from hal.api import Arm, Clock, CommandRefusedError, JointLimits, Motion, MotionStatus, Timer
 
 Guard = Callable[[], str | None]
 
@@ -82,20 +83,16 @@ class ArmController:
         """Measured positions, (n,) radians."""
         return self._arm.positions()
 
-    def follow(
-        self, trajectory: JointTrajectory, guard: Guard | None = None, free: bool = False
-    ) -> ControlHandle[None]:
+    def follow(self, trajectory: JointTrajectory, guard: Guard | None = None, free: bool = False) -> Motion[None]:
         """Follow a trajectory that starts where the arm is; succeeds when the arm rests at its end.
 
         ``free``: nothing is to be touched on the way; a contact ends it as COLLISION.
         """
         self._end_stream(MotionErrorCode.SUPERSEDED, "a newer command took over")
-        handle: ControlHandle[None] = start_motion(self._arm.name, lambda: self._arm.follow(trajectory))
-        return self._watched(handle, guard, trajectory if free else None)
+        motion: Motion[None] = start_motion(self._arm.name, lambda: self._arm.follow(trajectory))
+        return self._watched(motion, guard, trajectory if free else None)
 
-    def move_to(
-        self, positions: ArrayLike, speed_scale: float = 0.3, guard: Guard | None = None
-    ) -> ControlHandle[None]:
+    def move_to(self, positions: ArrayLike, speed_scale: float = 0.3, guard: Guard | None = None) -> Motion[None]:
         """Move point to point to ``positions`` (n,) within a share of the limits; no collision check."""
         self._end_stream(MotionErrorCode.SUPERSEDED, "a newer command took over")
         return self._watched(
@@ -104,7 +101,7 @@ class ArmController:
 
     def move_until(
         self, direction: ArrayLike, speed: float, max_distance: float, stop_force: float
-    ) -> ControlHandle[GuardedOutcome]:
+    ) -> Motion[GuardedOutcome]:
         """Move the tool straight along ``direction`` (3,), base frame, until something resists with ``stop_force`` N.
 
         Both that and ``max_distance`` metres without a touch are success; the outcome tells which it was. The hand
@@ -114,7 +111,7 @@ class ArmController:
         axis = _unit(direction)
         _check_positive(speed=speed, max_distance=max_distance, stop_force=stop_force)
         kinematics, wrist = self._feeling("move_until")
-        handle: ControlHandle[GuardedOutcome] = ControlHandle(self._arm.name, self._cancel_stream)
+        handle: Motion[GuardedOutcome] = Motion(self._arm.name, self._cancel_stream)
         stream = ToolStream(self._arm, kinematics, self._streaming)
         self._run(
             GuardedMove(stream, wrist, axis, speed, max_distance, stop_force, handle, self._guarded), handle, stream
@@ -136,7 +133,7 @@ class ArmController:
         guide: FollowGuide | None = None,
         axis: JointAxis | None = None,
         learns: bool = True,
-    ) -> ControlHandle[FollowedMotion]:
+    ) -> Motion[FollowedMotion]:
         """Go along with a door or drawer whose handle the hand holds, or that it pushes.
 
         ``direction``: (3,) base frame, in which the handle is thought to start to move. ``speed``: m/s. It ends well
@@ -153,7 +150,7 @@ class ArmController:
         if math.isinf(distance) and math.isinf(angle):
             raise ValueError("follow_constraint needs a distance or an angle to end at")
         kinematics, wrist = self._feeling("follow_constraint")
-        handle: ControlHandle[FollowedMotion] = ControlHandle(self._arm.name, self._cancel_stream)
+        handle: Motion[FollowedMotion] = Motion(self._arm.name, self._cancel_stream)
         stream = ToolStream(self._arm, kinematics, self._streaming)
         goal = FollowGoal(speed, distance, angle, max_pull, max_side, turn, guide, axis, learns)
         following = ConstraintFollowing(stream, wrist, start, goal, handle, grip, hint, self._following)
@@ -170,7 +167,7 @@ class ArmController:
             raise ValueError(f"{what} needs an arm controller with kinematics and a wrist force-torque sensor")
         return self._kinematics, self._wrist
 
-    def _run(self, action: _Streaming, handle: ControlHandle[Any], stream: ToolStream) -> None:
+    def _run(self, action: _Streaming, handle: Motion[Any], stream: ToolStream) -> None:
         self._end_stream(MotionErrorCode.SUPERSEDED, "a newer command took over")
         self._arm.stop()  # also ends a motion under way
         self._stream = _Stream(action, handle, self._arm)
@@ -181,12 +178,10 @@ class ArmController:
 
     def _end_stream(self, code: MotionErrorCode, text: str) -> None:
         if self._stream is not None:
-            self._stream.end(code, text)
+            self._stream.end(Failure(code, text))
             self._stream = None
 
-    def _watched(
-        self, handle: ControlHandle[None], guard: Guard | None, free: JointTrajectory | None
-    ) -> ControlHandle[None]:
+    def _watched(self, handle: Motion[None], guard: Guard | None, free: JointTrajectory | None) -> Motion[None]:
         if free is not None and not handle.done:
             monitor = ContactMonitor(self._arm, self._clock, self._wrist, free, self._contact)
             watch = _Watch(handle, monitor.objection, self._arm, MotionErrorCode.COLLISION)
@@ -201,7 +196,7 @@ class _Watch:
 
     def __init__(
         self,
-        handle: ControlHandle[None],
+        handle: Motion[None],
         guard: Guard,
         arm: Arm,
         code: MotionErrorCode = MotionErrorCode.GUARDED,
@@ -213,13 +208,14 @@ class _Watch:
         self._timer = clock.every(period, self._tick)
 
     def _tick(self) -> None:
-        code = self._code
+        failure: Failure | None = None
         try:
-            objection = None if self._handle.done else self._guard()
+            if not self._handle.done and (objection := self._guard()) is not None:
+                failure = Failure(self._code, objection)
         except READING_ERRORS as error:
-            code, objection = MotionErrorCode.DISCONNECTED, str(error)
-        if objection is not None:
-            self._handle.fail(code, objection)
+            failure = replace(error.failure, code=MotionErrorCode.DISCONNECTED)
+        if failure is not None:
+            self._handle.end(MotionStatus.FAILED, failure)
             self._arm.stop()
         if self._handle.done and self._timer is not None:
             self._timer.cancel()
@@ -228,26 +224,26 @@ class _Watch:
 class _Stream:
     """Calls a streaming action every period until it is over, and then stops the arm."""
 
-    def __init__(self, action: _Streaming, handle: ControlHandle[Any], arm: Arm) -> None:
+    def __init__(self, action: _Streaming, handle: Motion[Any], arm: Arm) -> None:
         self._action, self._handle, self._arm = action, handle, arm
         self._timer: Timer | None = None
 
     def start(self, clock: Clock, period: float) -> None:
         self._timer = clock.every(period, self._tick)
 
-    def end(self, code: MotionErrorCode, text: str) -> None:
+    def end(self, failure: Failure) -> None:
         if self._timer is not None:
             self._timer.cancel()
-        self._handle.abort(code, text)
+        self._handle.end(MotionStatus.CANCELED, failure)
 
     def _tick(self) -> None:
         try:
             going = self._action.tick()
         except CommandRefusedError as error:
-            self.end(MotionErrorCode.STOPPED, str(error))
+            self.end(replace(error.failure, code=MotionErrorCode.STOPPED))
             return
         except READING_ERRORS as error:
-            self._handle.fail(MotionErrorCode.DISCONNECTED, str(error))
+            self._handle.end(MotionStatus.FAILED, replace(error.failure, code=MotionErrorCode.DISCONNECTED))
             going = False
         if not going:
             if self._timer is not None:

@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from bestman_bt.control.arm.joint_axis import JointAxis, JointAxisEstimator, JointAxisParameters
 from bestman_bt.control.arm.tool_stream import StreamStep, ToolStream
 from bestman_bt.control.force_torque import WristWrench
-from bestman_bt.control.handle import ControlHandle
 from bestman_bt.messages import JointKind, MotionErrorCode, Pose
+from hal.api import Motion
 
 Array = NDArray[np.float64]
 
@@ -147,7 +147,7 @@ class ConstraintFollowing:
         wrist: WristWrench,
         direction: Array,
         goal: FollowGoal,
-        handle: ControlHandle[FollowedMotion],
+        handle: Motion[FollowedMotion],
         grip: Callable[[], str | None] | None = None,
         hint: JointKind | None = None,
         parameters: ConstraintFollowingParameters | None = None,

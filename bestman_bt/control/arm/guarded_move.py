@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from bestman_bt.control.arm.tool_stream import StreamStep, ToolStream
 from bestman_bt.control.force_torque import WristWrench
-from bestman_bt.control.handle import ControlHandle
 from bestman_bt.messages import MotionErrorCode, Pose
+from hal.api import Motion
 
 Array = NDArray[np.float64]
 
@@ -52,7 +52,7 @@ class GuardedMove:
         speed: float,
         max_distance: float,
         stop_force: float,
-        handle: ControlHandle[GuardedOutcome],
+        handle: Motion[GuardedOutcome],
         parameters: GuardedMoveParameters | None = None,
     ) -> None:
         self._stream, self._wrist, self._handle = stream, wrist, handle

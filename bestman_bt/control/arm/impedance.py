@@ -6,17 +6,16 @@ N. Hogan, "Impedance control", 1985; damping by the inertia that the tool has at
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import sqrtm
 from scipy.spatial.transform import Rotation
 
-from bestman_bt.control.handle import ControlHandle
 from bestman_bt.manipulation.kinematics import ArmDynamics, InverseKinematics
-from bestman_bt.messages import MotionErrorCode, Pose
-from hal.api import Arm, Clock, CommandRefusedError, NotConnectedError, Timer
+from bestman_bt.messages import Failure, MotionErrorCode, Pose
+from hal.api import Arm, Clock, CommandRefusedError, Motion, MotionStatus, NotConnectedError, Timer
 
 Array = NDArray[np.float64]
 
@@ -63,23 +62,23 @@ class ImpedanceController:
         self._target = Pose()
         self._posture: Array = np.zeros(len(self._most))
         self._timer: Timer | None = None
-        self._handle: ControlHandle[None] | None = None
+        self._handle: Motion[None] | None = None
 
     @property
     def target(self) -> Pose:
         """base_from_tool that the spring pulls to."""
         return self._target
 
-    def hold(self, base_from_tool: Pose | None = None) -> ControlHandle[None]:
+    def hold(self, base_from_tool: Pose | None = None) -> Motion[None]:
         """Tie the tool to a pose (where it is, by default) until the handle is cancelled or something else commands.
 
         It goes on as RUNNING; ``move_target`` pulls it elsewhere. It fails as TRACKING where a joint gets too fast, and
         ends as STOPPED with the robot.
         """
-        self._end(MotionErrorCode.SUPERSEDED, "a newer command took over")
+        self._end(Failure(MotionErrorCode.SUPERSEDED, "a newer command took over"))
         self._posture = self._arm.positions()
         self._target = base_from_tool or self._kinematics.tool_pose(self._posture)
-        self._handle = ControlHandle(self._arm.name, self._release)
+        self._handle = Motion(self._arm.name, self._release)
         self._timer = self._clock.every(self._parameters.period, self._tick)
         self._tick()
         return self._handle
@@ -101,7 +100,7 @@ class ImpedanceController:
                 return
             self._arm.command(efforts=self._torques(self._arm.positions(), speeds))
         except (CommandRefusedError, NotConnectedError) as error:
-            self._end(MotionErrorCode.STOPPED, str(error))
+            self._end(replace(error.failure, code=MotionErrorCode.STOPPED))
 
     def _torques(self, positions: Array, speeds: Array) -> Array:
         p = self._parameters
@@ -136,9 +135,9 @@ class ImpedanceController:
             self._timer = None
         self._arm.stop()
 
-    def _end(self, code: MotionErrorCode, text: str) -> None:
+    def _end(self, failure: Failure) -> None:
         if self._timer is not None:
             self._timer.cancel()
             self._timer = None
         if self._handle is not None:
-            self._handle.abort(code, text)
+            self._handle.end(MotionStatus.CANCELED, failure)

@@ -6,12 +6,11 @@ import contextlib
 import math
 import threading
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bestman_bt.control.handle import ControlHandle
 from bestman_bt.control.inertial import FusedOdometry
 from bestman_bt.control.joint_state import READING_ERRORS
 from bestman_bt.control.lidar import LidarSensor
@@ -22,7 +21,7 @@ from bestman_bt.control.wheeled.localisation_cycle import (
     PlacedScan,
 )
 from bestman_bt.control.wheeled.velocity_gate import VelocityGate
-from bestman_bt.messages import MotionErrorCode, Path2D, Pose2D, Twist2D, wrap_angle
+from bestman_bt.messages import Failure, MotionErrorCode, Path2D, Pose2D, Twist2D, wrap_angle
 from bestman_bt.navigation.global_planning import Costmap, Footprint
 from bestman_bt.navigation.local_planning import (
     MovingObstacle,
@@ -33,7 +32,7 @@ from bestman_bt.navigation.local_planning import (
 )
 from bestman_bt.navigation.localization import Localizer, OdometryScan, WheelOdometry
 from bestman_bt.world_model import BasePose, WorldModel
-from hal.api import Clock, CommandRefusedError, MobileBase, Timer
+from hal.api import Clock, CommandRefusedError, MobileBase, Motion, MotionStatus, Timer
 
 
 @dataclass(frozen=True)
@@ -74,7 +73,7 @@ class _Action:
     not.
     """
 
-    handle: ControlHandle[BasePose]
+    handle: Motion[BasePose]
     follower: PathFollower | None
     goal: Pose2D | None
     position_tolerance: float
@@ -198,7 +197,7 @@ class BaseController:
 
     def follow(
         self, path: Path2D, costmap: Costmap | None = None, follower: PathFollower | None = None
-    ) -> ControlHandle[BasePose]:
+    ) -> Motion[BasePose]:
         """Drive along a path in the map frame to its goal pose; ``costmap``: what the map has, without ``layer``.
 
         With one, the base gives way to people who walk, and followers that go around obstacles may leave the path.
@@ -213,13 +212,13 @@ class BaseController:
             driven = _DrivenPath(path, SweptPath(path), costmap is not None)
             return self._begin(self._follower, path.goal, driven=driven)
 
-    def rotate_to(self, heading: float) -> ControlHandle[BasePose]:
+    def rotate_to(self, heading: float) -> Motion[BasePose]:
         """Turn on the spot to ``heading``, radians in the map frame."""
         pose = self._world.base.pose
         self._rotation.turn_to(heading)
         return self._begin(self._rotation, Pose2D(pose.x, pose.y, heading), math.inf)
 
-    def drive(self, distance: float, speed: float | None = None) -> ControlHandle[BasePose]:
+    def drive(self, distance: float, speed: float | None = None) -> Motion[BasePose]:
         """Drive straight, ``distance`` metres ahead, or back where it is negative; nothing is checked but progress.
 
         ``speed``: m/s, no faster than that.
@@ -232,12 +231,12 @@ class BaseController:
             self._follower.reset(Path2D(points, goal, np.array([distance < 0.0])))
             return self._begin(self._follower, goal, speed=speed)
 
-    def turn(self, angle: float) -> ControlHandle[BasePose]:
+    def turn(self, angle: float) -> Motion[BasePose]:
         """Turn on the spot by ``angle``, within ±pi, as the odometry counts it: also where the base is lost."""
         self._rotation.turn_to(wrap_angle(self.localisation.odometry.theta + angle))
         return self._begin(self._rotation, None, by_odometry=True)
 
-    def park(self) -> ControlHandle[BasePose]:
+    def park(self) -> Motion[BasePose]:
         """Come to rest, hold the wheels and let the localisation settle."""
         with self._lock:
             self._base.stop()
@@ -275,14 +274,14 @@ class BaseController:
         by_odometry: bool = False,
         driven: _DrivenPath | None = None,
         speed: float | None = None,
-    ) -> ControlHandle[BasePose]:
+    ) -> Motion[BasePose]:
         """A new action, see ``_Action``; the one under way is superseded."""
         if self._timer is None:
             raise RuntimeError("BaseController was asked to drive before start()")
         with self._lock:
             p = self._parameters
             tolerance = p.position_tolerance if position_tolerance is None else position_tolerance
-            handle: ControlHandle[BasePose] = ControlHandle(self._base.name, self._base.stop)
+            handle: Motion[BasePose] = Motion(self._base.name, self._base.stop)
             watch = ProgressWatch(p.stall_distance, p.stall_angle, p.stall_time)
             self._replace(_Action(handle, follower, goal, tolerance, watch, by_odometry, speed, driven))
             # One that is lost gets another chance; else one that is sent on again and again would never find out.
@@ -308,12 +307,12 @@ class BaseController:
                 if self._action is not None:
                     self._advance(self._action)
             except CommandRefusedError as error:
-                self._end(MotionErrorCode.STOPPED, str(error), aborted=True)
+                self._end(MotionStatus.CANCELED, replace(error.failure, code=MotionErrorCode.STOPPED))
             except READING_ERRORS as error:
                 if self._action is not None:
                     with contextlib.suppress(*READING_ERRORS):  # the base itself may be what is gone
                         self._base.stop()
-                self._end(MotionErrorCode.DISCONNECTED, str(error))
+                self._end(MotionStatus.FAILED, replace(error.failure, code=MotionErrorCode.DISCONNECTED))
 
     def _advance(self, action: _Action) -> None:
         if action.follower is None:
@@ -385,23 +384,19 @@ class BaseController:
                     f"the base came to rest {1e3 * distance:.0f} mm and {math.degrees(turn):.1f}° from its goal; "
                     f"up to {1e3 * accepted:.0f} mm and {math.degrees(accepted_turn):.1f}° are accepted"
                 )
-                self._end(MotionErrorCode.TOLERANCE, text)
+                self._end(MotionStatus.FAILED, Failure(MotionErrorCode.TOLERANCE, text))
                 return
         action.handle.succeed(self._world.base)
         self._action = None
 
     def _halt(self, code: MotionErrorCode, text: str) -> None:
         self._base.stop()
-        self._end(code, text)
+        self._end(MotionStatus.FAILED, Failure(code, text))
 
-    def _end(self, code: MotionErrorCode, text: str, aborted: bool = False) -> None:
+    def _end(self, status: MotionStatus, failure: Failure) -> None:
         if self._action is not None:
-            self._gave_up = code is MotionErrorCode.BLOCKED
-            handle = self._action.handle
-            if aborted:
-                handle.abort(code, text)
-            else:
-                handle.fail(code, text)
+            self._gave_up = failure.code is MotionErrorCode.BLOCKED
+            self._action.handle.end(status, failure)
             self._action = None
 
 

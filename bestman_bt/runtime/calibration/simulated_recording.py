@@ -183,7 +183,7 @@ class _Recorder:
             return False
         return self._finish(self._arm.follow(timed.trajectory))
 
-    def _finish(self, motion: Motion) -> bool:
+    def _finish(self, motion: Motion[None]) -> bool:
         while not motion.done:
             self._robot.clock.sleep(0.05)
         return motion.status is MotionStatus.SUCCEEDED

@@ -98,7 +98,7 @@ def test_another_path_is_gone_over_to_and_a_halt_cancels_the_drive_along_it(skil
     assert run(skills, tree, 3) == RUNNING
     tree.halt()
     assert skills.base.handles[-1].done
-    assert skills.base.handles[-1].error.code is MotionErrorCode.CANCELED
+    assert skills.base.handles[-1].failure.code is MotionErrorCode.CANCELED
 
 
 def test_the_drive_along_the_last_path_decides(skills: Any) -> None:

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from bestman_bt.control import ControlStatus
+from bestman_bt.control import MotionStatus
 from bestman_bt.messages import JointTrajectory, MotionErrorCode
 
 
@@ -21,7 +21,7 @@ def test_a_trajectory_ends_where_it_should(simulate):
     simulated = simulate()
     trajectory = swing(simulated.arm, 0.4)
     handle = simulated.wait(simulated.arm.follow(trajectory))
-    assert handle.status is ControlStatus.SUCCEEDED, handle.error
+    assert handle.status is MotionStatus.SUCCEEDED, handle.failure
     np.testing.assert_allclose(simulated.arm.positions(), trajectory.positions[-1], atol=0.005)
 
 
@@ -29,7 +29,7 @@ def test_moving_point_to_point_ends_where_it_should(simulate):
     simulated = simulate()
     goal = np.add(simulated.arm.positions(), [0.2, 0.1, 0, 0, 0, 0, -0.3])
     handle = simulated.wait(simulated.arm.move_to(goal))
-    assert handle.status is ControlStatus.SUCCEEDED, handle.error
+    assert handle.status is MotionStatus.SUCCEEDED, handle.failure
     np.testing.assert_allclose(simulated.arm.positions(), goal, atol=0.005)
 
 
@@ -42,8 +42,8 @@ def test_a_trajectory_that_starts_elsewhere_fails_without_moving(simulate):
     )
     handle = simulated.arm.follow(shifted)
     simulated.robot.clock.sleep(0.3)
-    assert handle.status is ControlStatus.FAILED
-    assert handle.error.code is MotionErrorCode.REFUSED
+    assert handle.status is MotionStatus.FAILED
+    assert handle.failure.code is MotionErrorCode.REFUSED
     np.testing.assert_allclose(simulated.arm.positions(), before, atol=0.002)
 
 
@@ -54,8 +54,8 @@ def test_a_guard_that_objects_ends_the_motion_with_its_words(simulate):
     handle = simulated.wait(
         simulated.arm.follow(swing(simulated.arm, 0.4), lambda: "it slipped" if clock.now() > deadline else None)
     )
-    assert handle.status is ControlStatus.FAILED
-    assert (handle.error.code, handle.error.text) == (MotionErrorCode.GUARDED, "it slipped")
+    assert handle.status is MotionStatus.FAILED
+    assert (handle.failure.code, handle.failure.text) == (MotionErrorCode.GUARDED, "it slipped")
     clock.sleep(0.5)
     assert np.abs(simulated.robot.parts["arm"].velocities()).max() < 0.01
 
@@ -67,7 +67,7 @@ def test_cancelling_brings_the_arm_to_rest(simulate):
     simulated.robot.clock.sleep(0.4)
     handle.cancel()
     simulated.robot.clock.sleep(0.5)
-    assert handle.status is ControlStatus.CANCELED
+    assert handle.status is MotionStatus.CANCELED
     assert np.abs(simulated.robot.parts["arm"].velocities()).max() < 0.01
     assert abs(simulated.arm.positions()[0] - trajectory.positions[-1, 0]) > 0.05
 
@@ -77,5 +77,5 @@ def test_a_newer_motion_supersedes_the_older(simulate):
     first = simulated.arm.move_to(np.add(simulated.arm.positions(), [0.5, 0, 0, 0, 0, 0, 0]))
     simulated.robot.clock.sleep(0.1)
     simulated.arm.move_to(simulated.arm.positions())
-    assert first.status is ControlStatus.CANCELED
-    assert first.error.code is MotionErrorCode.SUPERSEDED
+    assert first.status is MotionStatus.CANCELED
+    assert first.failure.code is MotionErrorCode.SUPERSEDED

@@ -99,4 +99,4 @@ def test_only_a_free_motion_is_watched_for_contact():
         assert handle.done == free
         assert arm.stops == free
         if free:
-            assert handle.error.code is MotionErrorCode.COLLISION
+            assert handle.failure.code is MotionErrorCode.COLLISION

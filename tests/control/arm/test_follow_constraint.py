@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from bestman_bt.control import ControlStatus
+from bestman_bt.control import MotionStatus
 from bestman_bt.control.arm import FollowEnd
 from bestman_bt.messages import MotionErrorCode, Pose2D
 
@@ -31,7 +31,7 @@ def test_a_drawer_opens_25_cm_and_is_found_to_slide(stand_before):
     scene = stand_before(*DRAWER, flip=True)
     scene.grasp()
     ended = scene.wait(scene.arm.follow_constraint(guess(scene, 1), distance=0.25, grip=scene.gripper.watch_slip()))
-    assert ended.status is ControlStatus.SUCCEEDED, ended.error
+    assert ended.status is MotionStatus.SUCCEEDED, ended.failure
     assert scene.opened > 0.24
     assert ended.result.axis.kind == "prismatic"
     assert float(ended.result.axis.direction @ scene.handle.opening_direction) > math.cos(math.radians(2.0))
@@ -49,7 +49,7 @@ def test_a_door_opens_an_angle_about_the_hinge_that_is_found(stand_before, door,
     scene.grasp()
     handle = scene.arm.follow_constraint(guess(scene, 1), angle=1.0, grip=scene.gripper.watch_slip())
     ended = scene.wait(handle)
-    assert ended.status is ControlStatus.SUCCEEDED, ended.error
+    assert ended.status is MotionStatus.SUCCEEDED, ended.failure
     assert scene.opened > math.radians(50.0)
     motion = ended.result
     assert motion.axis.kind == "revolute"
@@ -63,8 +63,8 @@ def test_a_locked_door_is_told_within_the_force_limit(stand_before):
     scene = stand_before(*FRIDGE, friction=200.0, flip=True)
     scene.grasp()
     ended = scene.wait(scene.arm.follow_constraint(scene.handle.opening_direction, angle=1.0, max_pull=35.0))
-    assert (ended.status, ended.error.code) == (ControlStatus.FAILED, MotionErrorCode.BLOCKED)
-    assert "locked" in ended.error.text
+    assert (ended.status, ended.failure.code) == (MotionStatus.FAILED, MotionErrorCode.BLOCKED)
+    assert "locked" in ended.failure.text
     assert ended.result.end is FollowEnd.LOCKED
     assert ended.result.peak_pull < 45.0
     assert scene.opened < 0.01
@@ -77,8 +77,8 @@ def test_fingers_without_friction_lose_the_handle(stand_before):
     ended = scene.wait(
         scene.arm.follow_constraint(scene.handle.opening_direction, distance=0.25, grip=scene.gripper.watch_slip())
     )
-    assert ended.status is ControlStatus.FAILED
-    assert (ended.error.code, ended.result.end) == (MotionErrorCode.GUARDED, FollowEnd.GRIP_LOST)
+    assert ended.status is MotionStatus.FAILED
+    assert (ended.failure.code, ended.result.end) == (MotionErrorCode.GUARDED, FollowEnd.GRIP_LOST)
     assert scene.opened < 0.05
 
 
@@ -89,7 +89,7 @@ def test_a_following_that_is_cancelled_leaves_nothing_moving(stand_before):
     handle = scene.arm.follow_constraint(scene.handle.opening_direction, distance=0.25)
     scene.robot.clock.sleep(1.5)
     handle.cancel()
-    assert handle.status is ControlStatus.CANCELED
+    assert handle.status is MotionStatus.CANCELED
     assert resting(scene)
     left = scene.opened
     scene.robot.clock.sleep(1.0)
@@ -102,7 +102,7 @@ def test_a_newer_command_supersedes_a_following(stand_before):
     handle = scene.arm.follow_constraint(scene.handle.opening_direction, distance=0.25)
     scene.robot.clock.sleep(0.2)
     scene.arm.move_to(scene.arm.positions())
-    assert (handle.status, handle.error.code) == (ControlStatus.CANCELED, MotionErrorCode.SUPERSEDED)
+    assert (handle.status, handle.failure.code) == (MotionStatus.CANCELED, MotionErrorCode.SUPERSEDED)
 
 
 def test_a_following_without_an_end_or_direction_is_refused(stand_before):

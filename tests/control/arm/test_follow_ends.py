@@ -28,7 +28,7 @@ def test_a_drawer_that_jams_half_way_is_told_within_the_force_limit_and_how_far_
         body, joint, pybullet.VELOCITY_CONTROL, targetVelocity=0.0, force=500.0, physicsClientId=server
     )
     ended = scene.wait(handle)
-    assert (ended.error.code, ended.result.end) == (MotionErrorCode.BLOCKED, FollowEnd.JAMMED)
+    assert (ended.failure.code, ended.result.end) == (MotionErrorCode.BLOCKED, FollowEnd.JAMMED)
     assert ended.result.peak_pull < 50.0
     assert abs(ended.result.distance - scene.opened) < 0.01
 
@@ -42,14 +42,14 @@ def test_a_hand_that_is_led_the_wrong_way_meets_an_obstacle(stand_before):
     ended = scene.wait(
         scene.arm.follow_constraint(across, distance=0.25, max_pull=200.0, max_side=12.0, axis=axis, learns=False)
     )
-    assert (ended.error.code, ended.result.end) == (MotionErrorCode.COLLISION, FollowEnd.OBSTACLE)
+    assert (ended.failure.code, ended.result.end) == (MotionErrorCode.COLLISION, FollowEnd.OBSTACLE)
 
 
 @pytest.mark.slow
 def test_the_arm_s_own_limit_is_told(stand_before):
     scene = stand_before(*DRAWER, flip=True)
     ended = scene.wait(scene.arm.follow_constraint(scene.handle.outward, distance=2.0, speed=0.2))
-    assert (ended.error.code, ended.result.end) == (MotionErrorCode.UNREACHABLE, FollowEnd.ARM_LIMIT)
+    assert (ended.failure.code, ended.result.end) == (MotionErrorCode.UNREACHABLE, FollowEnd.ARM_LIMIT)
 
 
 @pytest.mark.slow
@@ -61,5 +61,5 @@ def test_a_following_has_a_time_limit(stand_before):
         scene.robot.part("arm", Arm), scene.robot.clock, kinematics=kinematics, wrist=scene.wrist, following=hasty
     )
     ended = scene.wait(arm.follow_constraint(scene.handle.outward, distance=0.2, speed=0.02))
-    assert (ended.error.code, ended.result.end) == (MotionErrorCode.TIMEOUT, FollowEnd.TIMEOUT)
+    assert (ended.failure.code, ended.result.end) == (MotionErrorCode.TIMEOUT, FollowEnd.TIMEOUT)
     assert 0.05 < ended.result.distance < 0.15

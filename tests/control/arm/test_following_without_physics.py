@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from bestman_bt.control import ControlStatus
+from bestman_bt.control import MotionStatus
 from bestman_bt.control.arm import ConstraintFollowingParameters, FollowEnd, FollowGuide, JointAxis
 from bestman_bt.messages import MotionErrorCode, Pose
 from tests.control.arm.gantry import START, AtWork
@@ -39,7 +39,7 @@ def follow(force, direction=OUT, parameters: ConstraintFollowingParameters | Non
 
 def test_a_drawer_is_followed_so_far_and_told_along_which_way_and_with_what_force():
     it, handle = follow(drawer(), direction=OUT + np.array([0.03, 0.0, 0.03]))
-    assert handle.status is ControlStatus.SUCCEEDED, handle.error
+    assert handle.status is MotionStatus.SUCCEEDED, handle.failure
     motion = handle.result
     assert motion.end is FollowEnd.REACHED
     assert motion.distance == pytest.approx(0.2, abs=0.01)
@@ -59,9 +59,9 @@ def test_a_drawer_is_followed_so_far_and_told_along_which_way_and_with_what_forc
 def test_what_does_not_give_way_is_told_within_the_force_limit(jam, end, words):
     for most in (20.0, 40.0):
         it, handle = follow(drawer(jam=jam), max_pull=most)
-        assert (handle.status, handle.error.code) == (ControlStatus.FAILED, MotionErrorCode.BLOCKED)
+        assert (handle.status, handle.failure.code) == (MotionStatus.FAILED, MotionErrorCode.BLOCKED)
         assert handle.result.end is end
-        assert words in handle.error.text
+        assert words in handle.failure.text
         assert handle.result.peak_pull < 1.1 * most
         # At the end it gives way to what still pulls.
         assert np.linalg.norm(it.wrist.force(it.tool)) < 0.9 * handle.result.peak_pull
@@ -89,11 +89,11 @@ def test_what_pushes_aside_harder_than_it_may_is_an_obstacle(side, meets):
 
     axis = JointAxis("prismatic", START[:3], OUT, 0.0, 0.0)
     _, handle = follow(force, max_side=12.0, axis=axis, learns=False)
-    assert (handle.status is ControlStatus.FAILED) == meets
+    assert (handle.status is MotionStatus.FAILED) == meets
     if meets:
-        assert handle.error.code is MotionErrorCode.COLLISION
+        assert handle.failure.code is MotionErrorCode.COLLISION
         assert handle.result.end is FollowEnd.OBSTACLE
-        assert "push the hand aside" in handle.error.text
+        assert "push the hand aside" in handle.failure.text
 
 
 def test_a_grip_that_is_lost_ends_it_at_once_with_its_words():
@@ -101,8 +101,8 @@ def test_a_grip_that_is_lost_ends_it_at_once_with_its_words():
     it, handle = follow(
         drawer(), grip=lambda: "the gripper holds nothing" if asked.append(1) or len(asked) > 60 else None
     )
-    assert (handle.status, handle.error.code) == (ControlStatus.FAILED, MotionErrorCode.GUARDED)
-    assert handle.error.text.startswith("the gripper holds nothing after 0.0")
+    assert (handle.status, handle.failure.code) == (MotionStatus.FAILED, MotionErrorCode.GUARDED)
+    assert handle.failure.text.startswith("the gripper holds nothing after 0.0")
     assert handle.result.end is FollowEnd.GRIP_LOST
     assert len(asked) == 61
     assert len(it.arm.sent) == 60, "nothing is sent any more"
@@ -112,7 +112,7 @@ def test_where_the_arm_can_go_no_further_it_says_so_and_how_far_it_came():
     it = AtWork(drawer())
     it.kinematics.reachable = lambda place: float((place - START[:3]) @ OUT) < 0.08
     handle = it.wait(it.controller.follow_constraint(OUT, distance=0.2))
-    assert handle.error.code is MotionErrorCode.UNREACHABLE
+    assert handle.failure.code is MotionErrorCode.UNREACHABLE
     assert handle.result.end is FollowEnd.ARM_LIMIT
     assert handle.result.distance == pytest.approx(0.08, abs=0.003)
 
@@ -122,7 +122,7 @@ def test_it_has_a_time_limit_that_grows_with_the_way():
         hasty = ConstraintFollowingParameters(time_factor=factor)
         _, handle = follow(drawer(), parameters=hasty, speed=0.02, distance=0.15)
         assert handle.result.end is end
-    assert "s" in handle.error.text
+    assert "s" in handle.failure.text
 
 
 HINGE, RADIUS = START[:3] + 0.4 * np.array([0.8, 0.6, 0.0]), 0.4
@@ -152,7 +152,7 @@ def test_a_door_is_followed_about_its_hinge_either_way_and_the_hand_turns_with_i
     direction = side * np.cross(UP, START[:3] - HINGE) / RADIUS
     axis = JointAxis("revolute", HINGE, side * UP, RADIUS, 0.0)
     _, handle = follow(force, direction=direction, distance=math.inf, angle=0.8, turn=turn, axis=axis, learns=False)
-    assert handle.status is ControlStatus.SUCCEEDED, handle.error
+    assert handle.status is MotionStatus.SUCCEEDED, handle.failure
     motion = handle.result
     assert motion.axis is axis
     assert motion.angle == pytest.approx(0.8, abs=0.04)
@@ -188,7 +188,7 @@ def test_a_guide_tells_hand_and_posture_on_the_way_and_what_is_held_need_not_be_
     axis = JointAxis("revolute", HINGE + moved, UP, RADIUS, 0.0)
     direction = np.cross(UP, START[:3] - HINGE) / RADIUS
     it, handle = follow(at_held, direction=direction, distance=0.3, turn=1.0, guide=guide, axis=axis, learns=False)
-    assert handle.status is ControlStatus.SUCCEEDED, handle.error
+    assert handle.status is MotionStatus.SUCCEEDED, handle.failure
     assert handle.result.turned == pytest.approx(0.45, abs=0.05)
     assert it.arm.at[6] - START[6] == pytest.approx(0.4, abs=0.08)
     held = it.tool.apply(held_at[None])[0]
@@ -204,9 +204,9 @@ def test_cancelling_a_following_and_a_second_one_after_it():
     sent = len(it.arm.sent)
     it.clock.sleep(0.5)
     assert (it.arm.stops, len(it.arm.sent)) == (stops + 1, sent)
-    assert handle.status is ControlStatus.CANCELED
+    assert handle.status is MotionStatus.CANCELED
     second = it.wait(it.controller.follow_constraint(OUT, distance=0.1))
-    assert second.status is ControlStatus.SUCCEEDED
+    assert second.status is MotionStatus.SUCCEEDED
     assert second.result.distance == pytest.approx(0.1, abs=0.01)
 
 
@@ -248,7 +248,7 @@ def nothing(pose: Pose) -> np.ndarray:
 def test_it_gathers_speed_and_brakes_before_the_end_of_its_way():
     axis = JointAxis("prismatic", START[:3], OUT, 0.0, 0.0)
     it, handle = follow(nothing, distance=0.12, axis=axis, learns=False)
-    assert handle.status is ControlStatus.SUCCEEDED
+    assert handle.status is MotionStatus.SUCCEEDED
     along = (np.array([START, *it.arm.sent])[:, :3] - START[:3]) @ OUT
     speed = np.diff(along) * 60.0
     assert speed.max() == pytest.approx(0.06)
@@ -260,7 +260,7 @@ def test_it_gathers_speed_and_brakes_before_the_end_of_its_way():
 def test_where_a_joint_would_be_too_fast_it_goes_more_slowly():
     it = AtWork(nothing, velocity=0.05)  # half a millimetre a step
     handle = it.wait(it.controller.follow_constraint(OUT, distance=0.05))
-    assert handle.status is ControlStatus.SUCCEEDED, handle.error
+    assert handle.status is MotionStatus.SUCCEEDED, handle.failure
     assert np.abs(np.diff([START, *it.arm.sent], axis=0)).max() <= 0.6 * 0.05 / 60.0 + 1e-9
 
 
@@ -272,7 +272,7 @@ def test_what_the_hand_holds_stays_on_its_circle_while_the_hand_turns_about_it()
     guide = FollowGuide(np.array([0.0, 0.25]), np.array([0.0, 0.7]), np.vstack([START, START]), held_at)
     direction = np.cross(UP, held - hinge)
     it, handle = follow(nothing, direction=direction, distance=0.25, guide=guide, axis=axis, learns=False)
-    assert handle.status is ControlStatus.SUCCEEDED, handle.error
+    assert handle.status is MotionStatus.SUCCEEDED, handle.failure
     assert handle.result.turned == pytest.approx(0.7, abs=0.02)
     places = np.array([it.kinematics.tool_pose(sent).apply(held_at[None])[0] for sent in it.arm.sent])
     assert np.linalg.norm(places - hinge, axis=1) == pytest.approx(axis.radius, abs=1.5e-3)

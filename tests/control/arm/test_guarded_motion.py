@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from bestman_bt.control import ControlStatus
+from bestman_bt.control import MotionStatus
 from bestman_bt.messages import JointTrajectory, MotionErrorCode, Pose2D
 from hal.api import NotConnectedError
 from hal.pybullet.sensor_pipeline import SensorFault
@@ -24,7 +24,7 @@ def test_a_guarded_move_ends_on_what_it_meets(stand_before):
     scene = tared(stand_before(*DRAWER, flip=True))
     scene.wait(scene.gripper.close())  # the closed hand meets the bar
     moved = scene.wait(scene.arm.move_until(-scene.handle.outward, 0.03, 0.15, 8.0))
-    assert moved.status is ControlStatus.SUCCEEDED
+    assert moved.status is MotionStatus.SUCCEEDED
     assert moved.result.touched
     assert 0.02 < moved.result.distance < 0.07
     assert float(moved.result.force @ scene.handle.outward) >= 8.0
@@ -34,7 +34,7 @@ def test_a_guarded_move_through_free_space_goes_its_whole_way(stand_before):
     scene = tared(stand_before(*DRAWER, flip=True))
     start = scene.truth.frame_pose("panda_grasptarget").position
     moved = scene.wait(scene.arm.move_until(scene.handle.outward, 0.05, 0.1, 8.0))
-    assert moved.status is ControlStatus.SUCCEEDED
+    assert moved.status is MotionStatus.SUCCEEDED
     assert not moved.result.touched
     went = np.linalg.norm(scene.truth.frame_pose("panda_grasptarget").position - start)
     assert went == pytest.approx(0.1, abs=0.005)
@@ -47,9 +47,9 @@ def test_a_guarded_move_ends_at_once_where_the_wrist_falls_silent(stand_before):
     scene.robot.clock.sleep(0.5)
     sensor.line.fault = SensorFault.SILENT
     scene.robot.clock.sleep(0.1)
-    assert moving.status is ControlStatus.FAILED
-    assert moving.error.code is MotionErrorCode.DISCONNECTED
-    assert "wrist_force_torque" in moving.error.text
+    assert moving.status is MotionStatus.FAILED
+    assert moving.failure.code is MotionErrorCode.DISCONNECTED
+    assert "wrist_force_torque" in moving.failure.text
     scene.robot.clock.sleep(0.3)
     assert np.abs(scene.robot.parts["arm"].velocities()).max() < 0.02
     offset = scene.wrist.tared
@@ -70,9 +70,9 @@ def test_a_guarded_move_ends_at_once_where_joints_of_another_controller_fall_sil
     scene.robot.clock.sleep(0.5)
     monkeypatch.setattr(scene.robot.parts["head"], "positions", gone)
     scene.robot.clock.sleep(0.1)
-    assert moving.status is ControlStatus.FAILED
-    assert moving.error.code is MotionErrorCode.DISCONNECTED
-    assert moving.error.text == "head delivers nothing"
+    assert moving.status is MotionStatus.FAILED
+    assert moving.failure.code is MotionErrorCode.DISCONNECTED
+    assert moving.failure.text == "head delivers nothing"
 
 
 def swing(scene, joint: int, by: float, duration: float) -> JointTrajectory:
@@ -89,8 +89,8 @@ def test_contact_where_none_is_expected_stops_the_arm_and_is_told(stand_before):
     scene = tared(stand_before(*DRAWER, flip=True))
     scene.wait(scene.gripper.close())
     ended = scene.wait(scene.arm.follow(swing(scene, 0, -0.5, 2.0), free=True))
-    assert (ended.status, ended.error.code) == (ControlStatus.FAILED, MotionErrorCode.COLLISION)
-    assert "contact where none is expected" in ended.error.text
+    assert (ended.status, ended.failure.code) == (MotionStatus.FAILED, MotionErrorCode.COLLISION)
+    assert "contact where none is expected" in ended.failure.text
     scene.robot.clock.sleep(0.5)
     arm = scene.robot.parts["arm"]
     rest = arm.positions()
@@ -102,4 +102,4 @@ def test_a_quick_swing_through_free_air_is_no_contact(stand_before):
     scene = tared(stand_before(*DRAWER, flip=True))
     scene.wait(scene.arm.move_until(scene.handle.outward, 0.1, 0.15, 20.0))
     ended = scene.wait(scene.arm.follow(swing(scene, 6, 0.8, 0.8), free=True))
-    assert ended.status is ControlStatus.SUCCEEDED, ended.error
+    assert ended.status is MotionStatus.SUCCEEDED, ended.failure

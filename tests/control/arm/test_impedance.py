@@ -8,7 +8,7 @@ import numpy as np
 import pybullet
 import pytest
 
-from bestman_bt.control import ControlStatus
+from bestman_bt.control import MotionStatus
 from bestman_bt.control.arm import ImpedanceController, ImpedanceParameters
 from bestman_bt.manipulation.kinematics import ArmDynamics, DampedLeastSquares
 from bestman_bt.messages import MotionErrorCode, Pose, Pose2D
@@ -84,7 +84,7 @@ def test_a_force_moves_the_tool_by_force_over_stiffness(pushed, name: str, stiff
     it.force = np.zeros(3)
     it.robot.clock.sleep(1.2)
     assert it.tool.position == pytest.approx(start, abs=0.001)
-    assert handle.status is ControlStatus.RUNNING
+    assert handle.status is MotionStatus.RUNNING
 
 
 def test_a_moved_target_pulls_the_tool_along_without_overshooting_much(pushed) -> None:
@@ -109,7 +109,7 @@ def test_cancelling_makes_the_arm_stiff_where_it_is(pushed) -> None:
     start = it.tool.position
     it.force = np.array([0.0, 15.0, 0.0])
     it.robot.clock.sleep(0.5)
-    assert handle.status is ControlStatus.CANCELED
+    assert handle.status is MotionStatus.CANCELED
     assert np.linalg.norm(it.tool.position - start) < 0.005
 
 
@@ -117,15 +117,15 @@ def test_a_stop_of_the_robot_ends_it(pushed) -> None:
     it = pushed(ImpedanceParameters())
     first = it.controller.hold()
     handle = it.controller.hold()
-    assert first.error is not None
-    assert first.error.code is MotionErrorCode.SUPERSEDED
+    assert first.failure is not None
+    assert first.failure.code is MotionErrorCode.SUPERSEDED
     first.cancel()
     it.robot.clock.sleep(0.2)
-    assert handle.status is ControlStatus.RUNNING
+    assert handle.status is MotionStatus.RUNNING
     it.robot.stop()
     it.robot.clock.sleep(0.2)
-    assert handle.error is not None
-    assert handle.error.code is MotionErrorCode.STOPPED
+    assert handle.failure is not None
+    assert handle.failure.code is MotionErrorCode.STOPPED
 
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
@@ -137,8 +137,8 @@ def test_an_arm_that_is_thrown_about_is_braked(pushed, side: float) -> None:
         it.robot.clock.sleep(0.01)
         if handle.done:
             break
-    assert handle.error is not None
-    assert handle.error.code is MotionErrorCode.TRACKING
+    assert handle.failure is not None
+    assert handle.failure.code is MotionErrorCode.TRACKING
     it.force = np.zeros(3)
     it.robot.clock.sleep(0.5)
     assert np.abs(it.arm.velocities()).max() < 0.05, "it holds where it is"
@@ -151,9 +151,9 @@ def test_the_one_joint_that_is_too_fast_is_named(pushed, monkeypatch: pytest.Mon
     speeds[3] *= 1.5 * side
     monkeypatch.setattr(it.arm, "velocities", lambda: speeds)
     handle = it.controller.hold()
-    assert handle.error is not None
-    assert handle.error.code is MotionErrorCode.TRACKING
-    assert it.arm.joint_names[3] in handle.error.text
+    assert handle.failure is not None
+    assert handle.failure.code is MotionErrorCode.TRACKING
+    assert it.arm.joint_names[3] in handle.failure.text
 
 
 def test_a_spring_that_pulls_harder_than_the_joints_can_is_cut_off_at_their_limits(pushed) -> None:
@@ -162,7 +162,7 @@ def test_a_spring_that_pulls_harder_than_the_joints_can_is_cut_off_at_their_limi
     target = it.controller.target
     here.cancel()
     away = Pose(target.position + np.array([0.1, 0.1, 0.1]), target.quaternion)
-    assert it.controller.hold(away).status is ControlStatus.RUNNING
+    assert it.controller.hold(away).status is MotionStatus.RUNNING
 
 
 def test_parameters_that_mean_nothing_are_refused() -> None:

@@ -7,10 +7,10 @@ import math
 import numpy as np
 import pytest
 
-from bestman_bt.control import ControlStatus
+from bestman_bt.control import MotionStatus
 from bestman_bt.control.arm import ArmController, GuardedMoveParameters
 from bestman_bt.control.arm.tool_stream import StreamStep, ToolStream, ToolStreamParameters
-from bestman_bt.messages import MotionErrorCode, Pose
+from bestman_bt.messages import Failure, MotionErrorCode, Pose
 from hal.api import CommandRefusedError, NoDataError, NotConnectedError
 from tests.control.arm.gantry import START, AtWork, Gantry, spring
 from tests.control.scripted_parts import ScriptedArm
@@ -88,7 +88,7 @@ def test_a_guarded_move_goes_its_way_in_its_direction_at_its_speed_and_stops_the
     handle = it.controller.move_until(2.0 * ALONG, 0.05, 0.12, 5.0)
     stops = it.arm.stops
     it.wait(handle)
-    assert handle.status is ControlStatus.SUCCEEDED
+    assert handle.status is MotionStatus.SUCCEEDED
     assert not handle.result.touched
     assert it.arm.stops == stops + 1
     assert it.tool.position - START[:3] == pytest.approx(0.12 * ALONG, abs=2e-4)
@@ -108,7 +108,7 @@ def test_a_guarded_move_sends_no_arm_further_than_asked_however_late_its_encoder
     it = AtWork()
     monkeypatch.setattr(it.arm, "positions", lambda: [*[START] * 6, *it.arm.sent][len(it.arm.sent)])
     handle = it.wait(it.controller.move_until(ALONG, 0.05, 0.12, 5.0))
-    assert handle.status is ControlStatus.SUCCEEDED
+    assert handle.status is MotionStatus.SUCCEEDED
     assert it.arm.sent[-1][:3] - START[:3] == pytest.approx(0.12 * ALONG, abs=2e-4)
 
 
@@ -142,16 +142,16 @@ def test_a_guarded_move_that_can_go_no_further_tells_how_far_it_came():
     it = AtWork()
     it.kinematics.reachable = lambda place: float((place - START[:3]) @ ALONG) < 0.05
     handle = it.wait(it.controller.move_until(ALONG, 0.05, 0.2, 8.0))
-    assert (handle.status, handle.error.code) == (ControlStatus.FAILED, MotionErrorCode.UNREACHABLE)
+    assert (handle.status, handle.failure.code) == (MotionStatus.FAILED, MotionErrorCode.UNREACHABLE)
     assert handle.result.distance == pytest.approx(0.05, abs=1e-3)
-    assert "0.05" in handle.error.text or "0.049" in handle.error.text
+    assert "0.05" in handle.failure.text or "0.049" in handle.failure.text
     assert not handle.result.touched
 
 
 def test_where_a_joint_would_be_too_fast_a_guarded_move_goes_more_slowly():
     it = AtWork(velocity=0.2)  # 2 mm a step at most, a fifth of what is asked
     handle = it.wait(it.controller.move_until(np.array([1.0, 0.0, 0.0]), 0.5, 0.1, 8.0))
-    assert handle.status is ControlStatus.SUCCEEDED
+    assert handle.status is MotionStatus.SUCCEEDED
     assert np.abs(np.diff([START, *it.arm.sent], axis=0)).max() <= 0.6 * 0.2 / 60.0 + 1e-9
 
 
@@ -163,12 +163,12 @@ def test_a_stream_that_is_cancelled_stops_the_arm_sends_nothing_more_and_a_new_o
     sent, stops = len(it.arm.sent), it.arm.stops
     handle.cancel() if how == "cancel" else it.controller.stop()
     assert it.arm.stops == stops + 1
-    assert handle.error.code is (MotionErrorCode.CANCELED if how == "cancel" else MotionErrorCode.STOPPED)
+    assert handle.failure.code is (MotionErrorCode.CANCELED if how == "cancel" else MotionErrorCode.STOPPED)
     it.clock.sleep(0.5)
     assert (len(it.arm.sent), it.arm.stops) == (sent, stops + 1)
     before = it.tool.position
     second = it.wait(it.controller.move_until(-ALONG, 0.05, 0.02, 5.0))
-    assert second.status is ControlStatus.SUCCEEDED
+    assert second.status is MotionStatus.SUCCEEDED
     assert it.tool.position - before == pytest.approx(-0.02 * ALONG, abs=2e-4)
     stops = it.arm.stops
     handle.cancel()
@@ -188,7 +188,7 @@ def test_a_newer_command_supersedes_a_stream_which_then_sends_nothing(newer):
         "move_until": lambda: it.controller.move_until(-ALONG, 0.05, 0.3, 5.0),
     }
     second = commands[newer]()
-    assert (handle.status, handle.error.code) == (ControlStatus.CANCELED, MotionErrorCode.SUPERSEDED)
+    assert (handle.status, handle.failure.code) == (MotionStatus.CANCELED, MotionErrorCode.SUPERSEDED)
     it.clock.sleep(0.3)
     assert not second.done
     if newer != "move_until":
@@ -201,14 +201,14 @@ def test_a_stream_ends_a_motion_that_is_under_way():
     it = AtWork()
     first = it.controller.move_to(START + 0.1)
     it.controller.move_until(ALONG, 0.05, 0.1, 5.0)
-    assert first.status is ControlStatus.CANCELED
+    assert first.status is MotionStatus.CANCELED
 
 
 @pytest.mark.parametrize(
     ("error", "status", "code"),
     [
-        (CommandRefusedError("gone"), ControlStatus.CANCELED, MotionErrorCode.STOPPED),
-        (NotConnectedError("gone"), ControlStatus.FAILED, MotionErrorCode.DISCONNECTED),
+        (CommandRefusedError("gone", "arm", "C31"), MotionStatus.CANCELED, MotionErrorCode.STOPPED),
+        (NotConnectedError("gone", "arm", "C31"), MotionStatus.FAILED, MotionErrorCode.DISCONNECTED),
     ],
 )
 def test_a_stream_ends_with_the_arm_and_leaves_no_timer(error, status, code):
@@ -217,7 +217,7 @@ def test_a_stream_ends_with_the_arm_and_leaves_no_timer(error, status, code):
     it.clock.sleep(0.3)
     it.arm.error = error
     it.clock.sleep(0.1)
-    assert (handle.status, handle.error.code, handle.error.text) == (status, code, "gone")
+    assert (handle.status, handle.failure) == (status, Failure(code, "gone", "arm", "C31"))
     it.arm.error, sent = None, len(it.arm.sent)
     it.clock.sleep(0.3)
     assert len(it.arm.sent) == sent
@@ -230,7 +230,7 @@ def test_a_wrist_that_falls_silent_ends_a_stream_and_stops_the_arm():
     stops = it.arm.stops
     it.wrist.error = NoDataError("silent")
     it.clock.sleep(0.1)
-    assert handle.error.code is MotionErrorCode.DISCONNECTED
+    assert handle.failure.code is MotionErrorCode.DISCONNECTED
     assert it.arm.stops == stops + 1
 
 
@@ -249,8 +249,8 @@ def test_a_guard_is_asked_until_it_objects_and_then_the_arm_is_stopped(begin):
     assert 9 <= len(asked) <= 10
     answer[0] = "it slipped"
     it.clock.sleep(0.06)
-    assert (handle.status, handle.error.code) == (ControlStatus.FAILED, MotionErrorCode.GUARDED)
-    assert (handle.error.text, it.arm.stops) == ("it slipped", 1)
+    assert (handle.status, handle.failure.code) == (MotionStatus.FAILED, MotionErrorCode.GUARDED)
+    assert (handle.failure.text, it.arm.stops) == ("it slipped", 1)
     count = len(asked)
     it.clock.sleep(0.5)
     assert (len(asked), it.arm.stops) == (count, 1)
@@ -262,7 +262,7 @@ def test_a_guard_whose_readings_fail_ends_the_motion_as_disconnected_and_stops_t
 
     it, handle = guarded(guard)
     it.clock.sleep(0.06)
-    assert (handle.error.code, handle.error.text) == (MotionErrorCode.DISCONNECTED, "the gripper is silent")
+    assert (handle.failure.code, handle.failure.text) == (MotionErrorCode.DISCONNECTED, "the gripper is silent")
     assert it.arm.stops == 1
 
 
@@ -273,7 +273,7 @@ def test_a_guard_of_a_motion_that_has_ended_is_asked_no_more_and_stops_nothing()
     second = it.controller.move_to(START)
     count = len(asked)
     it.clock.sleep(0.5)
-    assert handle.error.code is MotionErrorCode.SUPERSEDED
+    assert handle.failure.code is MotionErrorCode.SUPERSEDED
     assert (len(asked), it.arm.stops) == (count, 0)
     assert not second.done
 
@@ -284,7 +284,7 @@ def test_a_command_that_is_refused_is_not_watched():
     asked = []
     handle = it.controller.move_to(START, guard=lambda: asked.append(1))
     it.clock.sleep(0.3)
-    assert (handle.error.code, asked) == (MotionErrorCode.REFUSED, [])
+    assert (handle.failure.code, asked) == (MotionErrorCode.REFUSED, [])
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import pytest
 
-from bestman_bt.control import ControlStatus
 from bestman_bt.control.gripper import GripperController, GripperParameters
 from hal.api import MotionErrorCode, MotionStatus, NotConnectedError
 from tests.control.scripted_parts import ScriptedGripper
@@ -74,8 +73,8 @@ def test_a_grasp_tells_where_the_fingers_came_to_rest_and_a_cancel_reaches_them(
     controller = GripperController(gripper)
     handle = controller.close()
     gripper.opening, gripper.held = 0.033, True
-    gripper.motion.end(MotionStatus.SUCCEEDED)
-    assert handle.status is ControlStatus.SUCCEEDED
+    gripper.motion.succeed()
+    assert handle.status is MotionStatus.SUCCEEDED
     gripper.opening = 0.05
     assert (handle.result.width, handle.result.object_held) == (0.033, True)
     first = controller.open()
@@ -86,15 +85,15 @@ def test_a_grasp_tells_where_the_fingers_came_to_rest_and_a_cancel_reaches_them(
     first.cancel()
     assert not second.done, "a second goal after a cancel is its own"
     third = controller.close()
-    assert (second.status, second.error.code) == (ControlStatus.CANCELED, MotionErrorCode.SUPERSEDED)
+    assert (second.status, second.failure.code) == (MotionStatus.CANCELED, MotionErrorCode.SUPERSEDED)
     controller.stop()
-    assert (gripper.stops, third.error.code) == (1, MotionErrorCode.STOPPED)
+    assert (gripper.stops, third.failure.code) == (1, MotionErrorCode.STOPPED)
 
 
 def test_a_gripper_that_fails_or_is_gone_says_so(gripper):
     controller = GripperController(gripper)
     handle = controller.close()
-    gripper.motion.end(MotionStatus.FAILED, MotionErrorCode.TIMEOUT, "it does not move")
-    assert (handle.status, handle.error.code) == (ControlStatus.FAILED, MotionErrorCode.TIMEOUT)
+    gripper.motion.fail(MotionErrorCode.TIMEOUT, "it does not move")
+    assert (handle.status, handle.failure.code) == (MotionStatus.FAILED, MotionErrorCode.TIMEOUT)
     gripper.error = NotConnectedError("unplugged")
-    assert controller.close().error.code is MotionErrorCode.DISCONNECTED
+    assert controller.close().failure.code is MotionErrorCode.DISCONNECTED

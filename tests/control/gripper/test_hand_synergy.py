@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from bestman_bt.configuration import Document
-from bestman_bt.control import ControlStatus
+from bestman_bt.control import MotionStatus
 from bestman_bt.control.hand_synergy import HandOutcome, HandSynergy
 from bestman_bt.messages import Cylinder, MotionErrorCode, PlacedShape, Pose, Pose2D
 from bestman_bt.robot_model import RobotModel, compose_robot
@@ -32,7 +32,7 @@ def synergy(robot: PyBulletRobot) -> HandSynergy:
 def finish(robot: PyBulletRobot, handle) -> HandOutcome:
     while not handle.done:
         robot.clock.sleep(0.02)
-    assert handle.status is ControlStatus.SUCCEEDED, handle.error
+    assert handle.status is MotionStatus.SUCCEEDED, handle.failure
     return handle.result
 
 
@@ -88,8 +88,8 @@ def test_a_stop_ends_the_closing(empty_hand: PyBulletRobot) -> None:
     empty_hand.clock.sleep(0.3)
     empty_hand.stop()
     empty_hand.clock.sleep(0.1)
-    assert handle.error is not None
-    assert handle.error.code is MotionErrorCode.STOPPED
+    assert handle.failure is not None
+    assert handle.failure.code is MotionErrorCode.STOPPED
 
 
 def test_what_makes_no_sense_is_refused(empty_hand: PyBulletRobot) -> None:

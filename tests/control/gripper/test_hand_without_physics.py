@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import ArrayLike, NDArray
 
-from bestman_bt.control import ControlStatus
+from bestman_bt.control import MotionStatus
 from bestman_bt.control.hand_synergy import HandSynergy, SynergyParameters
 from bestman_bt.messages import MotionErrorCode
 from hal.api import CommandRefusedError, JointGroup, JointLimits, Motion
@@ -84,7 +84,7 @@ def test_it_closes_part_of_the_way_and_opens_again_each_in_its_time(hand):
     for closure, seconds in ((0.5, 0.5), (0.0, 0.5), (1.0, 1.0)):
         begin = hand.clock.now()
         handle = wait(hand, synergy.move(closure))
-        assert handle.status is ControlStatus.SUCCEEDED, handle.error
+        assert handle.status is MotionStatus.SUCCEEDED, handle.failure
         assert seconds + 0.1 <= hand.clock.now() - begin + 1e-6 < seconds + 1.0
         assert handle.result.closure == pytest.approx(closure, abs=0.06)
         assert not handle.result.object_held
@@ -109,7 +109,7 @@ def test_one_finger_alone_may_be_blocked_and_a_newer_command_goes_on_from_the_pr
     first = synergy.close()
     hand.clock.sleep(0.5)
     second = synergy.close()
-    assert (first.status, first.error.code) == (ControlStatus.CANCELED, MotionErrorCode.SUPERSEDED)
+    assert (first.status, first.failure.code) == (MotionStatus.CANCELED, MotionErrorCode.SUPERSEDED)
     begin = hand.clock.now()
     assert wait(hand, second).result.object_held
     assert hand.clock.now() - begin < 0.95, "half of the way had been made"
@@ -125,9 +125,9 @@ def test_fingers_that_do_not_come_to_rest_time_out_each_time_anew(hand):
         hand.clock.sleep(3.9)
         assert not handle.done
         hand.clock.sleep(0.2)
-        assert (handle.status, handle.error.code) == (ControlStatus.FAILED, MotionErrorCode.TIMEOUT)
+        assert (handle.status, handle.failure.code) == (MotionStatus.FAILED, MotionErrorCode.TIMEOUT)
     hand.shaking = 0.1
-    assert wait(hand, synergy.open()).status is ControlStatus.SUCCEEDED
+    assert wait(hand, synergy.open()).status is MotionStatus.SUCCEEDED
 
 
 def test_rest_must_last_and_begins_anew_with_each_movement(hand):
@@ -150,14 +150,14 @@ def test_a_hand_that_is_cancelled_is_stopped_and_commanded_no_more_until_the_nex
     hand.clock.sleep(0.3)
     handle.cancel() if how == "cancel" else synergy.stop()
     assert hand.stops == 1
-    assert handle.error.code is (MotionErrorCode.CANCELED if how == "cancel" else MotionErrorCode.STOPPED)
+    assert handle.failure.code is (MotionErrorCode.CANCELED if how == "cancel" else MotionErrorCode.STOPPED)
     commands = len(hand.commands)
     hand.at = np.array([0.9, 0.6])  # moved by somebody meanwhile
     hand.clock.sleep(0.5)
     assert len(hand.commands) == commands
     second = synergy.close()
     assert np.abs(hand.torque).max() < 0.1, "it goes on from where the fingers are"
-    assert wait(hand, second).status is ControlStatus.SUCCEEDED
+    assert wait(hand, second).status is MotionStatus.SUCCEEDED
     assert hand.stops == 1
 
 
@@ -167,7 +167,7 @@ def test_a_command_that_is_refused_ends_it_as_stopped(hand):
     hand.clock.sleep(0.2)
     hand.error = CommandRefusedError("the robot is stopped")
     hand.clock.sleep(0.1)
-    assert (handle.status, handle.error.code) == (ControlStatus.CANCELED, MotionErrorCode.STOPPED)
+    assert (handle.status, handle.failure.code) == (MotionStatus.CANCELED, MotionErrorCode.STOPPED)
     hand.error = None
     commands = len(hand.commands)
     hand.clock.sleep(0.2)

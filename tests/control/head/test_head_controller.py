@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from bestman_bt.control import ControlStatus
+from bestman_bt.control import MotionStatus
 from bestman_bt.control.head import HeadController
 from bestman_bt.messages import MotionErrorCode, Pose
 from hal.api import JointLimits
@@ -19,7 +19,7 @@ FRAME = "head_camera_optical_frame"
 def test_the_camera_truly_looks_at_the_point_when_the_head_rests(simulate, point):
     simulated = simulate()
     handle = simulated.wait(simulated.head.look_at(point))
-    assert handle.status is ControlStatus.SUCCEEDED, handle.error
+    assert handle.status is MotionStatus.SUCCEEDED, handle.failure
     target = simulated.truth.base_pose().apply(np.array(point))
     direction = simulated.truth.frame_pose(FRAME).inverse().apply(target)
     assert math.atan2(np.linalg.norm(direction[:2]), direction[2]) < math.radians(1.0)
@@ -31,8 +31,8 @@ def test_a_point_that_the_head_cannot_look_at_is_unreachable_and_nothing_moves(s
     before = simulated.robot.parts["head"].positions()
     handle = simulated.head.look_at((-3.0, 0.0, 1.0))
     simulated.robot.clock.sleep(0.2)
-    assert handle.status is ControlStatus.FAILED
-    assert handle.error.code is MotionErrorCode.UNREACHABLE
+    assert handle.status is MotionStatus.FAILED
+    assert handle.failure.code is MotionErrorCode.UNREACHABLE
     np.testing.assert_allclose(simulated.robot.parts["head"].positions(), before, atol=1e-3)
 
 
@@ -74,7 +74,7 @@ def test_a_head_that_comes_within_three_degrees_of_a_point_looks_at_it(beyond: f
     head = HeadController(group, PanTilt(), joints, "camera")
     angle = 1.0 + math.radians(beyond)
     handle = head.look_at((0.1 + math.cos(angle), math.sin(angle), 1.2))
-    assert (handle.status is ControlStatus.RUNNING) == reaches
+    assert (handle.status is MotionStatus.RUNNING) == reaches
     assert len(group.motions) == reaches
     if not reaches:
-        assert "3° are missing" in handle.error.text
+        assert "3° are missing" in handle.failure.text

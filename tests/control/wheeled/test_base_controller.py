@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bestman_bt.control import ControlStatus
+from bestman_bt.control import MotionStatus
 from bestman_bt.messages import Box, MotionErrorCode, PlacedShape, Pose, Pose2D, wrap_angle
 from bestman_bt.navigation.global_planning import Costmap, Footprint, GridAStar
 from bestman_bt.scene import FurnitureModel, PlacedFurniture, draw_world, load_scene, semantic_map
@@ -41,7 +41,7 @@ def test_the_base_drives_to_the_table_without_touching_anything_and_knows_where_
         stand_pose(simulated, "table"),
         each=lambda: estimates.append(difference(simulated.world.base.pose, simulated.true_pose)),
     )
-    assert handle.status is ControlStatus.SUCCEEDED, handle.error
+    assert handle.status is MotionStatus.SUCCEEDED, handle.failure
     position, heading = difference(simulated.true_pose, stand_pose(simulated, "table"))
     assert position < 0.01
     assert heading < math.radians(0.7)
@@ -59,7 +59,7 @@ def test_from_the_table_the_base_backs_out_and_drives_to_the_counter(simulate):
     table = world.furniture[0].actual
     simulated = simulate(1, replace(world, robot_start=table @ Pose2D(-0.4 - 0.28 - 0.06, 0.0, 0.0)))
     handle = drive_to(simulated, stand_pose(simulated, "counter"))
-    assert handle.status is ControlStatus.SUCCEEDED, handle.error
+    assert handle.status is MotionStatus.SUCCEEDED, handle.failure
     position, heading = difference(simulated.true_pose, stand_pose(simulated, "counter"))
     assert position < 0.01
     assert heading < math.radians(0.7)
@@ -80,11 +80,11 @@ def test_equal_seeds_end_at_the_same_pose_to_the_last_bit(simulate):
 def test_the_base_turns_to_a_heading_and_drives_back(simulate):
     simulated = simulate(1)
     turned = simulated.wait(simulated.base.rotate_to(2.0))
-    assert turned.status is ControlStatus.SUCCEEDED, turned.error
+    assert turned.status is MotionStatus.SUCCEEDED, turned.failure
     assert simulated.true_pose.theta == pytest.approx(2.0, abs=math.radians(0.7))
     before = simulated.true_pose
     back = simulated.wait(simulated.base.drive(-0.3))
-    assert back.status is ControlStatus.SUCCEEDED, back.error
+    assert back.status is MotionStatus.SUCCEEDED, back.failure
     moved = before.inverse() @ simulated.true_pose
     assert moved.x == pytest.approx(-0.3, abs=0.01)
     assert abs(moved.y) < 0.01
@@ -96,8 +96,8 @@ def test_parking_ends_at_rest_with_the_believed_pose_as_result(simulate):
     driving = simulated.base.drive(1.0)
     simulated.robot.clock.sleep(1.0)
     parked = simulated.wait(simulated.base.park())
-    assert driving.status is ControlStatus.CANCELED
-    assert driving.error.code is MotionErrorCode.SUPERSEDED
+    assert driving.status is MotionStatus.CANCELED
+    assert driving.failure.code is MotionErrorCode.SUPERSEDED
     assert parked.result == simulated.world.base
     before = simulated.true_pose
     simulated.robot.clock.sleep(0.5)
@@ -115,7 +115,7 @@ def test_an_action_that_is_cancelled_or_stopped_leaves_the_base_at_rest_within_h
         handle.cancel()
     else:
         simulated.base.stop()
-    assert handle.status is ControlStatus.CANCELED
+    assert handle.status is MotionStatus.CANCELED
     simulated.robot.clock.sleep(0.5)
     before = simulated.true_pose
     simulated.robot.clock.sleep(0.5)
@@ -129,8 +129,8 @@ def test_a_stop_of_the_robot_cancels_the_action(simulate):
     simulated.robot.clock.sleep(1.0)
     simulated.robot.stop()
     simulated.robot.clock.sleep(0.1)
-    assert handle.status is ControlStatus.CANCELED
-    assert handle.error.code is MotionErrorCode.STOPPED
+    assert handle.status is MotionStatus.CANCELED
+    assert handle.failure.code is MotionErrorCode.STOPPED
 
 
 def test_a_base_whose_lidar_falls_silent_is_stopped_at_once_and_drives_again_when_it_is_back(simulate):
@@ -140,12 +140,12 @@ def test_a_base_whose_lidar_falls_silent_is_stopped_at_once_and_drives_again_whe
     simulated.robot.clock.sleep(1.5)
     line.fault = SensorFault.SILENT
     simulated.wait(handle, limit=0.2)
-    assert handle.error.code is MotionErrorCode.DISCONNECTED
+    assert handle.failure.code is MotionErrorCode.DISCONNECTED
     speed = base.velocity().vx
     simulated.robot.clock.sleep(0.1)  # its dead-man would let it drive on for longer
     assert base.velocity().vx < speed - 0.1
     line.fault = None
-    assert simulated.wait(simulated.base.drive(-0.2)).status is ControlStatus.SUCCEEDED
+    assert simulated.wait(simulated.base.drive(-0.2)).status is MotionStatus.SUCCEEDED
 
 
 @pytest.mark.slow
@@ -153,8 +153,8 @@ def test_a_wall_in_the_way_is_reported_as_blocked(simulate):
     world = draw_world(load_scene("kitchen"), 1)
     simulated = simulate(1, replace(world, robot_start=Pose2D(-2.9, 0.0, math.pi)))
     handle = simulated.wait(simulated.base.drive(1.0), limit=15.0)
-    assert handle.status is ControlStatus.FAILED
-    assert handle.error.code is MotionErrorCode.BLOCKED
+    assert handle.status is MotionStatus.FAILED
+    assert handle.failure.code is MotionErrorCode.BLOCKED
 
 
 def test_the_base_stops_before_what_nobody_knows_of_and_says_where_it_is(simulate):
@@ -166,8 +166,8 @@ def test_the_base_stops_before_what_nobody_knows_of_and_says_where_it_is(simulat
     simulated = simulate(1, replace(world, furniture=(*world.furniture, crate)), semantic_map(world))
     before = simulated.true_pose
     handle = simulated.wait(simulated.base.drive(1.5), limit=15.0)
-    assert handle.error.code is MotionErrorCode.BLOCKED
-    assert "ahead" in handle.error.text
+    assert handle.failure.code is MotionErrorCode.BLOCKED
+    assert "ahead" in handle.failure.text
     assert simulated.touched() == []
     assert simulated.true_pose.distance_to(before) > 0.5
 
@@ -178,8 +178,8 @@ def test_a_base_whose_scans_do_not_fit_the_map_says_that_it_is_lost(simulate):
     elsewhere = SemanticMap(semantic_map(world).walls @ np.diag([0.7, 1.6, 0.7, 1.6]), {})
     simulated = simulate(1, world, elsewhere)
     handle = simulated.wait(simulated.base.drive(2.0), limit=15.0)
-    assert handle.status is ControlStatus.FAILED
-    assert handle.error.code is MotionErrorCode.LOST
+    assert handle.status is MotionStatus.FAILED
+    assert handle.failure.code is MotionErrorCode.LOST
 
 
 @pytest.mark.slow
@@ -192,7 +192,7 @@ def test_a_base_that_is_sent_on_again_and_again_finds_out_that_it_is_lost(simula
         simulated.robot.clock.sleep(0.2)
         if handle.done:
             break
-    assert handle.error.code is MotionErrorCode.LOST
+    assert handle.failure.code is MotionErrorCode.LOST
 
 
 @pytest.mark.slow
@@ -203,14 +203,14 @@ def test_a_lost_base_does_not_drive_until_a_scan_fits_again(simulate):
     known = localizer.estimate.pose
     localizer.reset(Pose2D(known.x + 0.8, known.y - 0.5, known.theta + 1.2), base.odometry(), 0.002, 0.002)
     first = simulated.wait(simulated.base.drive(1.5), limit=15.0)
-    assert first.error.code is MotionErrorCode.LOST
+    assert first.failure.code is MotionErrorCode.LOST
     assert len(simulated.base.layer.points) == 0  # walls that stand elsewhere on the map are no obstacles
     simulated.robot.clock.sleep(1.0)
     before = simulated.true_pose
     again = simulated.wait(simulated.base.drive(0.5), limit=15.0)
-    assert again.error.code is MotionErrorCode.LOST
+    assert again.failure.code is MotionErrorCode.LOST
     assert simulated.true_pose.distance_to(before) < 1e-3
     localizer.reset(before, base.odometry(), 0.02, 0.012)
     simulated.robot.clock.sleep(0.05)
     found = simulated.wait(simulated.base.drive(-0.2), limit=15.0)
-    assert found.status is ControlStatus.SUCCEEDED, found.error
+    assert found.status is MotionStatus.SUCCEEDED, found.failure

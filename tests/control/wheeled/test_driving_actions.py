@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from bestman_bt.control import ControlStatus
+from bestman_bt.control import MotionStatus
 from bestman_bt.control.lidar import LidarSensor
 from bestman_bt.control.wheeled import BaseController, CollisionMonitor
 from bestman_bt.messages import LaserScan, MotionErrorCode, Path2D, Pose, Pose2D, Twist2D, wrap_angle
@@ -150,7 +150,7 @@ def here_to(goal: Pose2D) -> Path2D:
 def test_a_drive_ends_where_it_should_and_no_faster_than_it_is_asked(distance, speed):
     it = driven()
     handle = it.wait(it.controller.drive(distance, speed))
-    assert handle.status is ControlStatus.SUCCEEDED, handle.error
+    assert handle.status is MotionStatus.SUCCEEDED, handle.failure
     assert handle.result == it.world.base
     assert it.base.true_pose.distance_to(START @ Pose2D(distance, 0.0, 0.0)) < 0.01
     fastest = max(abs(twist.vx) for twist in it.base.told)
@@ -159,10 +159,10 @@ def test_a_drive_ends_where_it_should_and_no_faster_than_it_is_asked(distance, s
 
 def test_a_turn_goes_to_a_heading_of_the_map_or_by_an_angle_of_the_odometry():
     it = driven()
-    assert it.wait(it.controller.rotate_to(-2.0)).status is ControlStatus.SUCCEEDED
+    assert it.wait(it.controller.rotate_to(-2.0)).status is MotionStatus.SUCCEEDED
     assert it.base.true_pose.theta == pytest.approx(-2.0, abs=0.015)
     before = it.base.true_pose.theta
-    assert it.wait(it.controller.turn(-2.5)).status is ControlStatus.SUCCEEDED
+    assert it.wait(it.controller.turn(-2.5)).status is MotionStatus.SUCCEEDED
     assert wrap_angle(it.base.true_pose.theta - before) == pytest.approx(-2.5, abs=0.015)
 
 
@@ -175,7 +175,7 @@ def test_an_action_that_is_cancelled_stops_the_base_once_and_tells_it_nothing_mo
     told = len(it.base.told)
     handle.cancel() if how == "cancel" else it.controller.stop()
     assert it.base.stops == 1
-    assert handle.error.code is (MotionErrorCode.CANCELED if how == "cancel" else MotionErrorCode.STOPPED)
+    assert handle.failure.code is (MotionErrorCode.CANCELED if how == "cancel" else MotionErrorCode.STOPPED)
     assert it.controller.path is None
     handle.cancel()
     it.sleep(1.0)
@@ -183,7 +183,7 @@ def test_an_action_that_is_cancelled_stops_the_base_once_and_tells_it_nothing_mo
     assert len(it.base.told) == told
     assert np.all(it.base.speed == 0.0)
     second = it.wait(it.controller.drive(-0.3))
-    assert second.status is ControlStatus.SUCCEEDED
+    assert second.status is MotionStatus.SUCCEEDED
     assert len(it.base.told) > told
 
 
@@ -192,10 +192,10 @@ def test_the_handle_of_an_action_that_was_superseded_no_longer_stops_the_base():
     first = it.controller.drive(1.0)
     it.sleep(0.5)
     second = it.controller.drive(1.2)
-    assert (first.status, first.error.code) == (ControlStatus.CANCELED, MotionErrorCode.SUPERSEDED)
+    assert (first.status, first.failure.code) == (MotionStatus.CANCELED, MotionErrorCode.SUPERSEDED)
     first.cancel()
     assert it.base.stops == 0
-    assert it.wait(second).status is ControlStatus.SUCCEEDED
+    assert it.wait(second).status is MotionStatus.SUCCEEDED
 
 
 def test_parking_stops_the_base_and_is_done_when_scans_at_rest_have_told_where_it_is():
@@ -218,13 +218,13 @@ def test_an_action_ends_and_the_base_is_stopped_at_once_when_a_reading_fails(gon
     part = it.lidar if gone == "lidar" else it.base
     part.error = NoDataError("silent") if gone == "lidar" else NotConnectedError("silent")
     it.sleep(0.15)
-    assert (handle.status, handle.error.code) == (ControlStatus.FAILED, MotionErrorCode.DISCONNECTED)
-    assert handle.error.text == "silent"
+    assert (handle.status, handle.failure.code) == (MotionStatus.FAILED, MotionErrorCode.DISCONNECTED)
+    assert handle.failure.text == "silent"
     assert it.base.stops == 1
     it.sleep(0.5)
     assert it.base.stops == 1, "nothing is under way any more"
     part.error = None
-    assert it.wait(it.controller.drive(-0.2)).status is ControlStatus.SUCCEEDED
+    assert it.wait(it.controller.drive(-0.2)).status is MotionStatus.SUCCEEDED
 
 
 def test_an_action_whose_commands_are_refused_counts_as_stopped_and_not_as_stuck():
@@ -233,8 +233,8 @@ def test_an_action_whose_commands_are_refused_counts_as_stopped_and_not_as_stuck
     it.sleep(0.5)
     it.base.refuses = True
     it.sleep(0.1)
-    assert (handle.status, handle.error.code) == (ControlStatus.CANCELED, MotionErrorCode.STOPPED)
-    assert handle.error.text == "the robot is stopped"
+    assert (handle.status, handle.failure.code) == (MotionStatus.CANCELED, MotionErrorCode.STOPPED)
+    assert handle.failure.text == "the robot is stopped"
     assert not it.controller.stuck
 
 
@@ -249,15 +249,15 @@ def test_a_base_that_does_not_get_on_is_stuck_after_a_while_then_blocked_and_may
     it.sleep(1.2)
     assert not handle.done
     it.sleep(0.3)
-    assert handle.error.code is MotionErrorCode.BLOCKED
-    assert "(-0.50, 0.70)" in handle.error.text
-    assert "wheels do not turn" in handle.error.text
+    assert handle.failure.code is MotionErrorCode.BLOCKED
+    assert "(-0.50, 0.70)" in handle.failure.text
+    assert "wheels do not turn" in handle.failure.text
     assert it.base.stops == 1
     assert it.controller.stuck
     again = it.controller.drive(0.3)
     assert not it.controller.stuck
     it.base.held = False
-    assert it.wait(again).status is ControlStatus.SUCCEEDED
+    assert it.wait(again).status is MotionStatus.SUCCEEDED
     assert not it.controller.stuck
 
 
@@ -276,20 +276,20 @@ def test_a_base_that_stands_for_a_limit_is_not_blocked_until_its_patience_has_an
     it.sleep(14.8)
     assert not handle.done
     it.sleep(0.4)
-    assert handle.error.code is MotionErrorCode.BLOCKED
-    assert "walk in the way" in handle.error.text
+    assert handle.failure.code is MotionErrorCode.BLOCKED
+    assert "walk in the way" in handle.failure.text
     it.controller.speed_limit = None
-    assert it.wait(it.controller.drive(-0.2)).status is ControlStatus.SUCCEEDED
+    assert it.wait(it.controller.drive(-0.2)).status is MotionStatus.SUCCEEDED
 
 
 @pytest.mark.parametrize(("off", "reached"), [(0.0194, True), (0.0206, False)])
 def test_a_base_that_rests_off_its_goal_is_judged_by_the_tolerance(off, reached):
     it = driven(follower=Ends())
     handle = it.wait(it.controller.follow(here_to(START @ Pose2D(0.6 * off, 0.8 * off, 0.0))))
-    assert (handle.status is ControlStatus.SUCCEEDED) == reached
+    assert (handle.status is MotionStatus.SUCCEEDED) == reached
     if not reached:
-        assert handle.error.code is MotionErrorCode.TOLERANCE
-        assert handle.error.text == (
+        assert handle.failure.code is MotionErrorCode.TOLERANCE
+        assert handle.failure.text == (
             f"the base came to rest {1e3 * off:.0f} mm and 0.0° from its goal; up to 20 mm and 1.4° are accepted"
         )
 
@@ -303,7 +303,7 @@ def test_a_heading_is_corrected_twice_and_then_judged_more_mildly(degrees, turns
         goal = START @ Pose2D(0.0, 0.0, math.radians(degrees))
         handle = it.wait(it.controller.follow(here_to(goal)))
         assert rotation.wanted == [goal.theta] * turns
-        assert (handle.status is ControlStatus.SUCCEEDED) == reached
+        assert (handle.status is MotionStatus.SUCCEEDED) == reached
 
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
@@ -319,7 +319,7 @@ def test_a_turn_on_the_spot_is_not_judged_by_where_the_base_has_gone():
     it = driven(rotation=Turns())
     goal = it.controller.rotate_to(START.theta)
     it.base.true_pose = it.base.true_pose @ Pose2D(0.1, 0.0, 0.0)
-    assert it.wait(goal).status is ControlStatus.SUCCEEDED
+    assert it.wait(goal).status is MotionStatus.SUCCEEDED
 
 
 def test_a_base_that_gets_too_uncertain_says_so_and_is_stopped():
@@ -330,8 +330,8 @@ def test_a_base_that_gets_too_uncertain_says_so_and_is_stopped():
     assert not handle.done
     it.localizer.position_std, it.localizer.fits = 0.101, False
     it.sleep(0.1)
-    assert handle.error.code is MotionErrorCode.LOST
-    assert "0.10 m" in handle.error.text
+    assert handle.failure.code is MotionErrorCode.LOST
+    assert "0.10 m" in handle.failure.text
     assert it.base.stops == 1
     assert it.controller.localisation.lost
 
@@ -348,14 +348,14 @@ def test_a_base_is_lost_after_so_many_refused_scans_in_a_row_and_found_with_one_
     it.sleep(1.6)
     assert not handle.done
     it.sleep(0.5)
-    assert handle.error.code is MotionErrorCode.LOST
-    assert "nothing fits" in handle.error.text
+    assert handle.failure.code is MotionErrorCode.LOST
+    assert "nothing fits" in handle.failure.text
     told = len(it.base.told)
     again = it.controller.drive(-0.3)
     it.sleep(1.0)
     assert len(it.base.told) == told, "lost, it stands and looks"
     it.localizer.fits = True
-    assert it.wait(again).status is ControlStatus.SUCCEEDED
+    assert it.wait(again).status is MotionStatus.SUCCEEDED
     assert not it.controller.localisation.lost
 
 
@@ -364,11 +364,11 @@ def test_a_lost_base_that_waits_in_vain_is_told_again_that_it_is_lost_and_turns_
     it.localizer.fits = False
     it.controller.believe(START, 0.02, 0.02)
     assert it.controller.localisation.lost
-    assert it.wait(it.controller.turn(1.0)).status is ControlStatus.SUCCEEDED
+    assert it.wait(it.controller.turn(1.0)).status is MotionStatus.SUCCEEDED
     assert it.base.true_pose.theta == pytest.approx(3.0, abs=0.01)
     told = len(it.base.told)
     handle = it.wait(it.controller.drive(0.5), 5.0)
-    assert handle.error.code is MotionErrorCode.LOST
+    assert handle.failure.code is MotionErrorCode.LOST
     assert len(it.base.told) == told
 
 
@@ -376,13 +376,13 @@ def test_a_base_that_is_not_where_it_was_told_to_be_says_what_may_have_moved_it_
     it = driven()
     it.localizer.fits, it.localizer.reason = False, "nothing fits"
     it.controller.believe(START, 0.02, 0.02)
-    text = it.wait(it.controller.drive(0.5), 5.0).error.text
+    text = it.wait(it.controller.drive(0.5), 5.0).failure.text
     assert text.startswith("no scan fits where the base was told to be (nothing fits). Has something moved it")
     assert "ReturnToStart" in text
     it.localizer.fits = True
     it.wait(it.controller.drive(0.1))
     it.localizer.fits = False
-    assert "no longer knows" in it.wait(it.controller.drive(2.0, speed=0.2), 5.0).error.text
+    assert "no longer knows" in it.wait(it.controller.drive(2.0, speed=0.2), 5.0).failure.text
 
 
 def test_believing_in_another_place_stops_the_base_forgets_what_was_seen_and_asks_for_a_scan_that_fits():
@@ -393,7 +393,7 @@ def test_believing_in_another_place_stops_the_base_forgets_what_was_seen_and_ask
     it.sleep(0.5)
     elsewhere = Pose2D(1.0, 1.0, -0.5)
     it.controller.believe(elsewhere, 0.2, 0.1)
-    assert handle.error.code is MotionErrorCode.STOPPED
+    assert handle.failure.code is MotionErrorCode.STOPPED
     assert it.base.stops == 1
     assert it.localizer.resets[-1] == elsewhere
     assert it.world.base == BasePose(elsewhere, 0.2, 0.1, it.base.clock.now())
@@ -411,7 +411,7 @@ def test_another_localizer_goes_on_from_where_the_base_is_believed_to_be_and_the
     assert other.resets == [pose]
     it.sleep(0.2)
     assert it.controller.localisation.localizer.estimate is not None
-    assert it.wait(it.controller.drive(-0.5)).status is ControlStatus.SUCCEEDED
+    assert it.wait(it.controller.drive(-0.5)).status is MotionStatus.SUCCEEDED
     assert it.world.base.pose.distance_to(START) < 0.01
     assert it.controller.localise_by(it.localizer) is other
 
@@ -434,7 +434,7 @@ def test_a_controller_that_is_closed_cancels_what_is_under_way_and_drives_no_mor
     handle = it.controller.drive(2.0)
     it.sleep(0.5)
     it.controller.close()
-    assert handle.error.code is MotionErrorCode.STOPPED
+    assert handle.failure.code is MotionErrorCode.STOPPED
     told, scans = len(it.base.told), it.lidar.scans
     it.sleep(1.0)
     assert (len(it.base.told), it.lidar.scans) == (told, scans)
@@ -443,7 +443,7 @@ def test_a_controller_that_is_closed_cancels_what_is_under_way_and_drives_no_mor
     with pytest.raises(RuntimeError, match="before start"):
         it.controller.park()
     it.controller.start()
-    assert it.wait(it.controller.drive(-0.2)).status is ControlStatus.SUCCEEDED
+    assert it.wait(it.controller.drive(-0.2)).status is MotionStatus.SUCCEEDED
 
 
 def test_a_base_at_rest_scans_seldom_and_often_again_when_it_is_pushed_drives_or_is_lost():
@@ -550,11 +550,11 @@ def test_a_base_that_bumps_into_something_brakes_and_is_blocked_without_waiting(
     it.sleep(0.3)
     bumper.pressed = True
     it.sleep(0.4)  # it brakes, and is told when it stands
-    assert (handle.status, handle.error.code) == (ControlStatus.FAILED, MotionErrorCode.BLOCKED)
-    assert "bumper" in handle.error.text
+    assert (handle.status, handle.failure.code) == (MotionStatus.FAILED, MotionErrorCode.BLOCKED)
+    assert "bumper" in handle.failure.text
     assert it.controller.stuck
     bumper.pressed = False
-    assert it.wait(it.controller.drive(-0.2)).status is ControlStatus.SUCCEEDED
+    assert it.wait(it.controller.drive(-0.2)).status is MotionStatus.SUCCEEDED
 
 
 class Crowded(ObstacleLayer):
@@ -606,4 +606,4 @@ def test_scans_that_were_refused_before_it_began_anew_do_not_make_a_base_lost():
     it.sleep(1.0)
     assert not handle.done
     it.sleep(1.1)
-    assert handle.error.code is MotionErrorCode.LOST
+    assert handle.failure.code is MotionErrorCode.LOST

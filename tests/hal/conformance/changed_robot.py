@@ -47,10 +47,10 @@ def telling(part: str, name: str, value: Callable[[Any], Any]) -> Break:
     return act
 
 
-class OneMotion(Motion):
+class OneMotion(Motion[None]):
     """A motion that behaves in one thing differently from the one it stands for."""
 
-    def __init__(self, motion: Motion) -> None:
+    def __init__(self, motion: Motion[None]) -> None:
         self.motion = motion
 
     @property
@@ -58,8 +58,8 @@ class OneMotion(Motion):
         return self.motion.status
 
     @property
-    def error(self) -> Failure | None:
-        return self.motion.error
+    def failure(self) -> Failure | None:
+        return self.motion.failure
 
     def cancel(self) -> None:
         self.motion.cancel()

@@ -132,12 +132,12 @@ def test_a_fault_of_one_controller_fails_its_motions_and_stops_all_others(robot:
     controller(robot, "hand").told = Failure(MotionErrorCode.COLLISION, "too much force", vendor_code="G9")
     until(lambda: turning.done and closing.done and robot.stopped_at is not None)
     assert closing.status is MotionStatus.FAILED
-    assert closing.error is not None
-    assert closing.error.code is MotionErrorCode.COLLISION
+    assert closing.failure is not None
+    assert closing.failure.code is MotionErrorCode.COLLISION
     assert turning.status is MotionStatus.CANCELED
-    assert turning.error is not None
-    assert turning.error.code is MotionErrorCode.STOPPED
-    assert "hand: too much force (G9)" in turning.error.text
+    assert turning.failure is not None
+    assert turning.failure.code is MotionErrorCode.STOPPED
+    assert "hand: too much force (G9)" in turning.failure.text
     assert robot.stopped
     assert list(robot.faults) == ["hand"]
     assert robot.diagnostics()["hand"].endswith("too much force (G9)")
@@ -166,8 +166,8 @@ def test_a_silent_controller_is_lost_and_connected_anew_even_if_it_is_heard_agai
     until(lambda: robot.stopped_at is not None)
     assert robot.stopped_at is not None
     assert robot.stopped_at - platform.silent_since > robot.model.safety.watchdog
-    assert motion.error is not None
-    assert motion.error.code is MotionErrorCode.DISCONNECTED
+    assert motion.failure is not None
+    assert motion.failure.code is MotionErrorCode.DISCONNECTED
     with pytest.raises(NotConnectedError, match="nothing was heard of platform"):
         base.odometry()
     platform.silent_since = None

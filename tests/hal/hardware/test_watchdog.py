@@ -79,6 +79,6 @@ def test_a_command_at_the_moment_at_which_a_fault_fails_a_motion_is_refused(robo
     controller.told = Failure(MotionErrorCode.FAULT, "a wheel is blocked")
     assert controller.noticed.wait(WAIT)
     assert motion.status is MotionStatus.FAILED
-    assert motion.error is not None
-    assert motion.error.code is MotionErrorCode.FAULT
+    assert motion.failure is not None
+    assert motion.failure.code is MotionErrorCode.FAULT
     assert "stopped because platform: a wheel is blocked" in str(controller.answer)

@@ -16,6 +16,8 @@ from hal.parts import BaseChannel, BaseReading, DrivenBase, MotionProfile, Motio
 
 PERIOD = 0.02
 
+STRUCK = Failure(MotionErrorCode.COLLISION, "Collision", "arm", "C31")
+
 
 class Unicycle(BaseChannel):
     """A base that does what it is told, ``lag`` seconds later at most, and stands when nothing comes."""
@@ -124,17 +126,17 @@ def test_a_stop_brakes_within_half_a_second_and_ends_the_motion(base: DrivenBase
     base.stop()
     run(0.4)
     assert channel.twist == Twist2D(0.0, 0.0, 0.0)
-    assert motion.error is not None
-    assert motion.error.code is MotionErrorCode.STOPPED
+    assert motion.failure is not None
+    assert motion.failure.code is MotionErrorCode.STOPPED
 
 
 def test_a_base_that_does_not_get_there_in_time_says_what_is_left(base: DrivenBase, channel: Unicycle) -> None:
     motion = base.move_forward(0.5)
     for _ in range(round(10.0 / PERIOD)):
         base.cycle(PERIOD)  # the wheels are blocked
-    assert motion.error is not None
-    assert motion.error.code is MotionErrorCode.TIMEOUT
-    assert "0.500 m are left" in motion.error.text
+    assert motion.failure is not None
+    assert motion.failure.code is MotionErrorCode.TIMEOUT
+    assert "0.500 m are left" in motion.failure.text
 
 
 def test_a_lost_controller_fails_the_motion_and_silences_the_odometry(base: DrivenBase, run: Run) -> None:
@@ -153,10 +155,12 @@ def test_velocities_beyond_the_limits_are_refused(base: DrivenBase, velocity: tu
 
 
 def test_a_stopped_robot_says_why_it_refuses(base: DrivenBase, latch: StopLatch) -> None:
-    latch.set("arm: Collision (C31)")
-    latch.set("a later reason")
-    with pytest.raises(CommandRefusedError, match="C31"):
+    latch.set(STRUCK)
+    latch.set(Failure(MotionErrorCode.FAULT, "a later reason"))
+    with pytest.raises(CommandRefusedError, match="C31") as refused:
         base.move_forward(1.0)
+    failure = refused.value.failure
+    assert (failure.code, failure.part, failure.vendor_code) == (MotionErrorCode.REFUSED, "base", "C31")
     latch.clear()
     base.move_forward(1.0)
     latch.set()
@@ -255,8 +259,8 @@ def test_a_velocity_replaces_a_motion_and_lapses_when_it_should(base: DrivenBase
     for _ in range(10):  # repeated, it goes on
         base.set_velocity(0.2, 0.0, 0.0)
         run(0.2)
-    assert motion.error is not None
-    assert motion.error.code is MotionErrorCode.SUPERSEDED
+    assert motion.failure is not None
+    assert motion.failure.code is MotionErrorCode.SUPERSEDED
     assert channel.twist == Twist2D(0.2, 0.0, 0.0)
     run(0.04)
     assert channel.twist == Twist2D(0.2, 0.0, 0.0)
@@ -269,14 +273,16 @@ def test_a_velocity_replaces_a_motion_and_lapses_when_it_should(base: DrivenBase
 
 def test_a_stop_is_told_why_and_a_detached_base_fails_its_motion(base: DrivenBase, latch: StopLatch) -> None:
     motion = base.rotate(1.0)
-    latch.set("arm: Collision (C31)")
+    latch.set(STRUCK)
     base.stop()
-    assert "Collision" in str(motion.error)
+    text = "stopped because arm: Collision (C31)"
+    assert motion.failure == Failure(MotionErrorCode.STOPPED, text, "base", "C31")
+    assert str(motion.failure) == f"base: {text}"
     latch.clear()
     motion = base.rotate(1.0)
     base.detach()
-    assert motion.error is not None
-    assert motion.error.code is MotionErrorCode.DISCONNECTED
+    assert motion.failure is not None
+    assert motion.failure.code is MotionErrorCode.DISCONNECTED
     base.stop()
     with pytest.raises(NotConnectedError):
         base.set_velocity(0.0, 0.0, 0.0)
@@ -333,8 +339,8 @@ def test_odometry_that_falls_silent_fails_the_motion_and_brakes(
 
     monkeypatch.setattr(channel, "read", silent)
     run(2.0)
-    assert motion.error is not None
-    assert (motion.error.code, "tell nothing" in motion.error.text) == (MotionErrorCode.FAULT, True)
+    assert motion.failure is not None
+    assert (motion.failure.code, "tell nothing" in motion.failure.text) == (MotionErrorCode.FAULT, True)
     assert channel.twist == Twist2D(0.0, 0.0, 0.0)
     assert base.resting
 

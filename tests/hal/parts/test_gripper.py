@@ -122,9 +122,9 @@ def test_opening_that_is_blocked_is_stuck_and_slow_is_too_slow(gripper: Commande
     fingers.high = 0.02
     motion = gripper.open()
     run(gripper, fingers, 3.0)
-    assert motion.error is not None
-    assert motion.error.code is MotionErrorCode.FAULT
-    assert "stuck" in motion.error.text
+    assert motion.failure is not None
+    assert motion.failure.code is MotionErrorCode.FAULT
+    assert "stuck" in motion.failure.text
     assert not gripper.state().object_held
     fingers.high = 1.0
     motion = gripper.open()
@@ -133,8 +133,8 @@ def test_opening_that_is_blocked_is_stuck_and_slow_is_too_slow(gripper: Commande
     run(gripper, fingers, 3.4)
     assert not motion.done
     run(gripper, fingers, 1.0)
-    assert motion.error is not None
-    assert motion.error.code is MotionErrorCode.TIMEOUT
+    assert motion.failure is not None
+    assert motion.failure.code is MotionErrorCode.TIMEOUT
 
 
 def test_a_stop_halts_moving_fingers_once_and_lets_a_grasp_press_on(
@@ -143,8 +143,8 @@ def test_a_stop_halts_moving_fingers_once_and_lets_a_grasp_press_on(
     motion = gripper.move(0.0, speed=0.05)
     run(gripper, fingers, 0.6)
     gripper.stop()
-    assert motion.error is not None
-    assert motion.error.code is MotionErrorCode.STOPPED
+    assert motion.failure is not None
+    assert motion.failure.code is MotionErrorCode.STOPPED
     assert not gripper.resting
     run(gripper, fingers, 0.5)
     assert (fingers.halts, len(fingers.orders)) == (1, 1)
@@ -200,8 +200,8 @@ def test_attached_again_it_stays_where_it_is_and_detached_it_refuses(
 ) -> None:
     motion = gripper.close()
     gripper.detach()
-    assert motion.error is not None
-    assert motion.error.code is MotionErrorCode.DISCONNECTED
+    assert motion.failure is not None
+    assert motion.failure.code is MotionErrorCode.DISCONNECTED
     with pytest.raises(NotConnectedError):
         gripper.open()
     fingers.width = 0.04

@@ -112,13 +112,13 @@ def test_a_stopped_motion_is_told_why_and_a_part_alone_can_be_stopped(
 ) -> None:
     first = group.move_to([1.0, 0.0])
     group.stop()
-    assert first.error is not None
-    assert first.error.code is MotionErrorCode.STOPPED
+    assert first.failure is not None
+    assert first.failure.code is MotionErrorCode.STOPPED
     second = group.move_to([1.0, 0.0])
-    latch.set("the base hit a wall")
+    latch.set(Failure(MotionErrorCode.COLLISION, "the base hit a wall"))
     group.stop()
     assert second.status is MotionStatus.CANCELED
-    assert "the base hit a wall" in str(second.error)
+    assert "the base hit a wall" in str(second.failure)
     for command in (lambda: group.move_to([0, 0]), lambda: group.command([0, 0])):
         with pytest.raises(CommandRefusedError, match="the base hit a wall"):
             command()
@@ -141,8 +141,8 @@ def test_a_newer_command_brakes_first_and_the_older_motion_is_superseded(
     older = group.move_to([1.5, 0.0])
     run(group, 1.0)
     newer = group.move_to([-1.0, 0.0])
-    assert older.error is not None
-    assert older.error.code is MotionErrorCode.SUPERSEDED
+    assert older.failure is not None
+    assert older.failure.code is MotionErrorCode.SUPERSEDED
     run(group, 10.0)
     assert newer.status is MotionStatus.SUCCEEDED
     places = np.array([position[0] for position, _ in channel.sent])
@@ -170,9 +170,9 @@ def test_set_points_that_are_held_up_fail_the_motion_and_a_single_delay_does_not
     group.cycle(0.4)
     assert not motion.done
     group.cycle(0.4)
-    assert motion.error is not None
-    assert motion.error.code is MotionErrorCode.TIMEOUT
-    assert "held up" in motion.error.text
+    assert motion.failure is not None
+    assert motion.failure.code is MotionErrorCode.TIMEOUT
+    assert "held up" in motion.failure.text
     run(group, 0.5)
     assert group.resting
     again = group.move_to([2.0, 0.0], 0.1)
@@ -192,9 +192,9 @@ def test_joints_that_do_not_follow_fail_the_motion_and_are_held_where_they_are(
     run(group, 0.03)
     assert motion.done is fails
     if fails:
-        assert motion.error is not None
-        assert motion.error.code is MotionErrorCode.TRACKING
-        assert "tilt" in motion.error.text
+        assert motion.failure is not None
+        assert motion.failure.code is MotionErrorCode.TRACKING
+        assert "tilt" in motion.failure.text
         assert group.resting
         held = channel.at.copy()
         channel.off = np.zeros(2)
@@ -268,8 +268,8 @@ def test_a_fault_ends_set_points_and_one_of_the_wire_ends_readings_until_it_is_a
         run(group, 1.0)
         group.fail(Failure(code, "something happened", vendor_code="C1"))
         assert motion.status is MotionStatus.FAILED
-        assert motion.error is not None
-        assert motion.error.code is code
+        assert motion.failure is not None
+        assert motion.failure.code is code
         assert group.resting
         sent = len(channel.sent)
         run(group, 0.2)
@@ -291,8 +291,8 @@ def test_a_fault_ends_set_points_and_one_of_the_wire_ends_readings_until_it_is_a
 def test_detached_it_refuses_and_its_motion_has_failed(group: StreamedJointGroup) -> None:
     motion = group.move_to([1.0, 0.0])
     group.detach()
-    assert motion.error is not None
-    assert motion.error.code is MotionErrorCode.DISCONNECTED
+    assert motion.failure is not None
+    assert motion.failure.code is MotionErrorCode.DISCONNECTED
     for call in (group.positions, lambda: group.move_to([0, 0]), lambda: group.command([0, 0])):
         with pytest.raises(NotConnectedError, match="head"):
             call()

@@ -29,7 +29,7 @@ class Operator:
     def finish(self, motion: Motion) -> None:
         while not motion.done:
             self.robot.clock.sleep(0.05)
-        assert motion.status is MotionStatus.SUCCEEDED, motion.error
+        assert motion.status is MotionStatus.SUCCEEDED, motion.failure
 
     def reach_over(self, name: str) -> None:
         base_from_object = self.truth.base_pose().inverse() @ self.truth.object_pose(name)

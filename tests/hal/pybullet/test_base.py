@@ -80,7 +80,7 @@ def test_the_commanded_velocity_changes_within_the_acceleration_limits(standing_
     while not motion.done:
         standing_robot.clock.sleep(0.05)
         speeds.append(base.velocity().vx)
-    assert motion.error is None
+    assert motion.failure is None
     assert np.max(np.diff([0.0, *speeds])) / 0.05 < 1.3 * limit
 
 

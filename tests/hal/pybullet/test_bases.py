@@ -38,7 +38,7 @@ def test_it_stands_still_while_its_arm_moves(robot) -> None:
     motion = arm.move_to(arm.positions() + np.array([0.8, 0.2, -0.2, 0.5, 0.3, 0.5]), 0.8)
     while not motion.done:
         robot.clock.sleep(0.1)
-    assert motion.error is None
+    assert motion.failure is None
     assert math.dist(robot.truth.base_pose().position, start.position) < 0.005
 
 

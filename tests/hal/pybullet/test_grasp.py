@@ -131,6 +131,6 @@ def test_an_arm_that_meets_an_obstacle_reports_that_it_cannot_follow(robot_model
         motion = hand.arm.move_to(np.clip(down, None, 1.76), 0.3)
         while not motion.done:
             robot.clock.sleep(0.05)
-        assert motion.error is not None
-        assert motion.error.code.value == "tracking"
+        assert motion.failure is not None
+        assert motion.failure.code.value == "tracking"
         assert audit(robot.audit_record(), ALLOWED).collisions

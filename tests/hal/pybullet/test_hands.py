@@ -78,7 +78,7 @@ def _follower_error(robot: PyBulletRobot) -> float:
 def _finish(robot: PyBulletRobot, motion) -> None:
     while not motion.done:
         robot.clock.sleep(0.05)
-    assert motion.error is None
+    assert motion.failure is None
 
 
 class Picker:
@@ -97,7 +97,7 @@ class Picker:
         motion = self.arm.move_to(self.reference, speed)
         while not motion.done:
             self.robot.clock.sleep(0.05)
-        assert blocked or motion.error is None
+        assert blocked or motion.failure is None
 
     def pick(self) -> float:
         """How high the box is lifted, metres."""

@@ -24,7 +24,7 @@ class Walk:
     def finish(self, motion: Motion) -> None:
         while not motion.done:
             self.robot.clock.sleep(0.05)
-        assert motion.status is MotionStatus.SUCCEEDED, motion.error
+        assert motion.status is MotionStatus.SUCCEEDED, motion.failure
         self.robot.clock.sleep(0.5)
 
     def drive(self, vx: float, vy: float, wz: float, seconds: float) -> None:

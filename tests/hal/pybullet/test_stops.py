@@ -33,8 +33,8 @@ def test_a_slow_arm_stops_within_half_a_second(robot: PyBulletRobot, end: str) -
     assert abs(arm.velocities()[0]) > 0.4
     {"robot": robot.stop, "part": arm.stop, "cancel": motion.cancel}[end]()
     assert motion.status is MotionStatus.CANCELED
-    assert motion.error is not None
-    assert motion.error.code is (MotionErrorCode.CANCELED if end == "cancel" else MotionErrorCode.STOPPED)
+    assert motion.failure is not None
+    assert motion.failure.code is (MotionErrorCode.CANCELED if end == "cancel" else MotionErrorCode.STOPPED)
     robot.clock.sleep(0.5)
     assert np.max(np.abs(arm.velocities())) < 0.01
     there = arm.positions()

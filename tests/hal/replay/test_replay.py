@@ -85,8 +85,8 @@ def test_a_newer_command_and_a_stop_end_motions(replay: ReplayRobot) -> None:
         base, arm = replay.part("base", MobileBase), replay.part("arm", Arm)
         turning = base.rotate(0.3)
         base.set_velocity(0.1, 0.0, 0.0)
-        assert turning.error is not None
-        assert turning.error.code is MotionErrorCode.SUPERSEDED
+        assert turning.failure is not None
+        assert turning.failure.code is MotionErrorCode.SUPERSEDED
         backing = base.move_backward(0.2)
         replay.stop()
         assert backing.status is MotionStatus.CANCELED

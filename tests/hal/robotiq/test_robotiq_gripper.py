@@ -27,7 +27,7 @@ from hal.api import (
     MotionStatus,
 )
 from hal.hardware import HardwareRobot
-from hal.parts import CommandedGripper, ConnectionFailedError, PartMotion
+from hal.parts import CommandedGripper, ConnectionFailedError
 from hal.robotiq import RobotiqOptions
 from hal.robotiq.wire import ModbusWire
 from hal.twins.robotiq_server import RobotiqTwin
@@ -49,7 +49,7 @@ class BlockedGripper(Gripper):
         self._description, self._width, self._target = description, description.max_width, description.max_width
         self._speed = self.force = 0.0
         self.obstacle = 0.0
-        self._motion: PartMotion | None = None
+        self._motion: Motion[None] | None = None
 
     @property
     def description(self) -> GripperDescription:
@@ -62,9 +62,9 @@ class BlockedGripper(Gripper):
         at_target = abs(self._width - self._target) < 1e-3
         return GripperState(self._motion is not None, at_target, not at_target, False)
 
-    def move(self, width: float, force: float | None = None, speed: float | None = None) -> Motion:
+    def move(self, width: float, force: float | None = None, speed: float | None = None) -> Motion[None]:
         self._target, self.force, self._speed = width, force or 0.0, speed or 0.1
-        self._motion = PartMotion(self)
+        self._motion = Motion(self.name, self.brake)
         return self._motion
 
     def stop(self) -> None:
@@ -130,7 +130,7 @@ class Bench:
             assert time.monotonic() < deadline, "it does not come about"
             self.robot.clock.sleep(0.01)
 
-    def end(self, motion: Motion, limit: float = 20.0) -> Motion:
+    def end(self, motion: Motion, limit: float = 20.0) -> Motion[None]:
         deadline = time.monotonic() + limit
         while not motion.done:
             assert time.monotonic() < deadline, "the motion does not end"
@@ -217,9 +217,9 @@ def test_a_stop_halts_moving_fingers(bench: Bench) -> None:
 def test_an_overcurrent_fails_the_motion_with_its_number_and_an_activation_clears_it(bench: Bench) -> None:
     bench.twin.faults.happen("gripper_jam")
     motion = bench.end(bench.gripper.move(0.02))
-    assert motion.error is not None
-    assert motion.error.code is MotionErrorCode.FAULT
-    assert motion.error.vendor_code == "gFLT 14"
+    assert motion.failure is not None
+    assert motion.failure.code is MotionErrorCode.FAULT
+    assert motion.failure.vendor_code == "gFLT 14"
     bench.wait_for(lambda: bench.robot.stopped)
     bench.twin.faults.happen("gripper_free")
     bench.robot.clear_stop()
@@ -235,8 +235,8 @@ def test_a_silent_gripper_is_lost_until_it_is_back(bench: Bench) -> None:
     bench.wait_for(lambda: bench.robot.stopped_at is not None)
     assert bench.robot.stopped_at is not None
     assert bench.robot.stopped_at - since < 0.3 + SLACK
-    assert motion.error is not None
-    assert motion.error.code is MotionErrorCode.DISCONNECTED
+    assert motion.failure is not None
+    assert motion.failure.code is MotionErrorCode.DISCONNECTED
     with pytest.raises(ConnectionFailedError, match=HAND) as refusal:
         bench.robot.clear_stop()
     assert ADDRESS not in str(refusal.value)

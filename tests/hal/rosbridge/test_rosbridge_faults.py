@@ -44,7 +44,7 @@ def turn(robot: HardwareRobot) -> Motion:
     base = robot.part("base", MobileBase)
     motion = base.rotate(2.0)
     wait_for(lambda: motion.done or base.velocity().wz > 0.3, "the base turns")
-    assert not motion.done, motion.error
+    assert not motion.done, motion.failure
     return motion
 
 
@@ -119,9 +119,9 @@ def test_a_base_that_does_not_move_fails_its_motion_in_words(robot: HardwareRobo
     twin.fault(PLATFORM, "stuck")
     motion = robot.part("base", MobileBase).move_backward(0.1)
     ended(robot, motion)
-    assert motion.error is not None
-    assert motion.error.code is MotionErrorCode.TIMEOUT
-    assert "0.100 m are left" in motion.error.text
+    assert motion.failure is not None
+    assert motion.failure.code is MotionErrorCode.TIMEOUT
+    assert "0.100 m are left" in motion.failure.text
     assert not robot.stopped
 
 

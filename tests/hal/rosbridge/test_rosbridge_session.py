@@ -33,7 +33,7 @@ def test_it_drives_where_its_odometry_says_and_sees_the_floor_and_the_walls(
     for motion in (base.rotate(0.6), head.move_to([-0.3, 0.7])):
         while not motion.done:
             robot.clock.sleep(0.02)
-        assert motion.status is MotionStatus.SUCCEEDED, motion.error
+        assert motion.status is MotionStatus.SUCCEEDED, motion.failure
     robot.clock.sleep(0.3)
 
     moved, truly = before.inverse() @ base.odometry(), true_before.inverse() @ true_place(twin)

@@ -136,7 +136,7 @@ def test_after_a_motion_that_has_succeeded_the_next_one_begins_at_once(
         if controller.moving:
             controller.arrive()
         until_done(motion, run)
-        assert motion.status is MotionStatus.SUCCEEDED, motion.error
+        assert motion.status is MotionStatus.SUCCEEDED, motion.failure
         assert arm.resting
 
 
@@ -146,8 +146,8 @@ def test_a_motion_that_did_not_settle_has_failed_and_the_next_one_begins_at_once
     motion = arm.move_to(HOME + NUDGE)
     controller.speed = np.full(6, 0.1)  # it trembles
     until_done(motion, run)
-    assert motion.error is not None
-    assert motion.error.code is MotionErrorCode.TIMEOUT
+    assert motion.failure is not None
+    assert motion.failure.code is MotionErrorCode.TIMEOUT
     arm.speed_tool([0.01, 0, 0, 0, 0, 0], 0.1)
 
 
@@ -302,9 +302,9 @@ def test_a_path_that_ends_elsewhere_has_failed(arm: URArm, controller: Controlle
         controller.arrive()
         controller.at = controller.at - np.array([0, 0, 0, 0, 0, off])
         until_done(motion, run)
-        assert motion.status is status, motion.error
-    assert motion.error is not None
-    assert "ended elsewhere" in motion.error.text
+        assert motion.status is status, motion.failure
+    assert motion.failure is not None
+    assert "ended elsewhere" in motion.failure.text
 
 
 def test_a_controller_that_is_faster_than_allowed_or_leaves_the_workspace_is_stopped(
@@ -326,9 +326,9 @@ def test_a_controller_that_is_faster_than_allowed_or_leaves_the_workspace_is_sto
             controller.speed, controller.at = np.array([speed, 0, 0, 0, 0, 0]), at
         assert motion.done is bool(words)
         if words:
-            assert motion.error is not None
-            assert motion.error.code is MotionErrorCode.FAULT
-            assert words in motion.error.text
+            assert motion.failure is not None
+            assert motion.failure.code is MotionErrorCode.FAULT
+            assert words in motion.failure.text
         else:
             motion.cancel()
             arm.cycle(PERIOD)
@@ -343,15 +343,15 @@ def test_a_fault_ends_the_controllers_motion_and_a_lost_link_fails_it(
     motion = arm.move_path([HOME + 300 * NUDGE])
     run(0.05)
     arm.fail(Failure(MotionErrorCode.COLLISION, "protective stop", vendor_code="safety mode 3"))
-    assert motion.error is not None
-    assert motion.error.code is MotionErrorCode.COLLISION
+    assert motion.failure is not None
+    assert motion.failure.code is MotionErrorCode.COLLISION
     run(PERIOD)
     assert controller.asked == ["move_path", "stop_path"]
     motion = arm.speed_joints(NUDGE, 5.0)
     controller.lost = "the process of the UR's SDK has ended"
     run(PERIOD)
-    assert motion.error is not None
-    assert "SDK has ended" in motion.error.text
+    assert motion.failure is not None
+    assert "SDK has ended" in motion.failure.text
     controller.lost = None
     arm.move_path([HOME])
     arm.attach()  # as after a recovery: nothing goes on

@@ -45,9 +45,9 @@ def test_motions_of_the_controller_are_held_to_the_limits_above_it(twin: TwinPro
         with pytest.raises(CommandRefusedError, match="faster than its limit"):
             arm.speed_joints(3 * STEP, 1.0)
         motion = ended(robot, arm.speed_tool([0.0, 0.0, 0.08, 0.0, 0.0, 0.0], 10.0))
-        assert motion.error is not None
-        assert motion.error.code is MotionErrorCode.FAULT
-        assert "workspace" in motion.error.text
+        assert motion.failure is not None
+        assert motion.failure.code is MotionErrorCode.FAULT
+        assert "workspace" in motion.failure.text
         robot.clock.sleep(0.5)
         assert np.max(np.abs(arm.velocities())) < 0.01
         assert ToolLimits(robot.model, "arm", robot.model.safety).tool(arm.positions())[2] < place[2] + 0.12

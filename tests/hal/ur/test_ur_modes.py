@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from hal.api import CommandRefusedError, MotionErrorCode, NoDataError
+from hal.api import CommandRefusedError, Failure, MotionErrorCode, NoDataError
 from hal.parts import StopLatch
 from hal.ur.digital_io import URDigitalIO
 from hal.ur.modes import fault_of
@@ -62,7 +62,7 @@ def test_each_digital_channel_has_its_bit_and_a_stopped_robot_switches_none() ->
                 io.set_output(kind, wrong, True)
     io.set_output("tool", 1, True)
     assert calls == [("set_output", "tool", 1, True)]
-    latch.set("a collision")
+    latch.set(Failure(MotionErrorCode.COLLISION, "a collision"))
     with pytest.raises(CommandRefusedError, match="a collision"):
         io.set_output("tool", 1, False)
     assert len(calls) == 1

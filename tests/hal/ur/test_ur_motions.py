@@ -27,7 +27,7 @@ def test_a_path_leads_through_its_waypoints(robot: HardwareRobot) -> None:
     while not motion.done:
         robot.clock.sleep(0.01)
         furthest = max(furthest, arm.positions()[0])
-    assert motion.status is MotionStatus.SUCCEEDED, motion.error
+    assert motion.status is MotionStatus.SUCCEEDED, motion.failure
     assert furthest == pytest.approx(start[0] + 0.3, abs=0.05)  # looked at now and then
     assert arm.positions() == pytest.approx(start, abs=0.005)
     assert ended(robot, arm.move_to(start + STEP)).status is MotionStatus.SUCCEEDED  # set-points go on from there
@@ -53,7 +53,7 @@ def test_joint_speeds_end_by_themselves(robot: HardwareRobot) -> None:
     arm = robot.part("arm", URArm)
     start = arm.positions()
     motion = ended(robot, arm.speed_joints(-STEP, 1.0))
-    assert motion.status is MotionStatus.SUCCEEDED, motion.error
+    assert motion.status is MotionStatus.SUCCEEDED, motion.failure
     assert arm.positions()[0] == pytest.approx(start[0] - 0.3, abs=0.05)
 
 
@@ -63,7 +63,7 @@ def test_no_motion_is_over_before_it_began(robot: HardwareRobot) -> None:
     for sign in (1, -1) * 10:
         begun = robot.clock.now()
         motion = ended(robot, arm.speed_joints(sign * STEP, 0.15))
-        assert motion.status is MotionStatus.SUCCEEDED, motion.error
+        assert motion.status is MotionStatus.SUCCEEDED, motion.failure
         assert robot.clock.now() - begun > 0.15
 
 
@@ -79,7 +79,7 @@ def test_a_tool_velocity_is_that_of_the_arms_base_frame(robot: HardwareRobot) ->
         if after - before < 0.005:  # else a busy machine held up the reading
             times.append(before)
             places.append(tool.tool(at))
-    assert motion.status is MotionStatus.SUCCEEDED, motion.error
+    assert motion.status is MotionStatus.SUCCEEDED, motion.failure
     steady = (np.array(times) > times[0] + 0.5) & (np.array(times) < times[0] + 1.7)
     velocity = np.polyfit(np.array(times)[steady], np.array(places)[steady], 1)[0]
     # The arm stands upright and unturned on the robot's base, so both frames have the same axes.

@@ -70,8 +70,8 @@ def its_process_dies(twin_model: RobotModel) -> None:
         (process,) = children() - before
         os.kill(process, signal.SIGKILL)
         wait_for(lambda: motion.done, "the motion has failed")
-        assert motion.error is not None
-        assert motion.error.code is MotionErrorCode.DISCONNECTED
+        assert motion.failure is not None
+        assert motion.failure.code is MotionErrorCode.DISCONNECTED
         with pytest.raises(NotConnectedError):
             arm.positions()
         robot.disconnect()

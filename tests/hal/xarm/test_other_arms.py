@@ -44,7 +44,7 @@ def robot(hosted: tuple[TwinProcess, Path]) -> Iterator[HardwareRobot]:
 def finished(robot: HardwareRobot, motion: Motion) -> None:
     while not motion.done:
         robot.clock.sleep(0.05)
-    assert motion.status is MotionStatus.SUCCEEDED, motion.error
+    assert motion.status is MotionStatus.SUCCEEDED, motion.failure
 
 
 def test_all_joints_arrive_where_they_are_sent_and_in_that_order(

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from hal.api import Arm, Gripper, MotionErrorCode, MotionStatus
+from hal.api import Arm, CommandRefusedError, Gripper, MotionErrorCode, MotionStatus
 from hal.hardware import HardwareRobot
 from hal.twins import TwinProcess
 from tests.hal.twinned import (
@@ -72,9 +72,9 @@ def test_a_slow_link_slows_the_motion_down_and_fails_it_without_a_jump(robot: Ha
     motion = swing(robot)
     twin.fault(CONTROLLER, "delay", 0.04)
     ended(robot, motion)
-    assert motion.error is not None
-    assert motion.error.code is MotionErrorCode.TIMEOUT
-    assert "too slowly" in motion.error.text
+    assert motion.failure is not None
+    assert motion.failure.code is MotionErrorCode.TIMEOUT
+    assert "too slowly" in motion.failure.text
     twin.fault(CONTROLLER, "restore")
     robot.clock.sleep(0.5)
     assert CONTROLLER not in robot.faults  # the controller has seen no jump of the set-points
@@ -86,9 +86,14 @@ def test_a_jammed_gripper_fails_its_motion_with_the_grippers_number(robot: Hardw
     gripper = robot.part("gripper", Gripper)
     motion = gripper.move(0.02)
     ended(robot, motion)
-    assert motion.error is not None
-    assert motion.error.vendor_code == "G34"
+    assert motion.failure is not None
+    assert motion.failure.vendor_code == "G34"
     wait_for(lambda: robot.stopped, "the robot stops")
+    arm = robot.part("arm", Arm)
+    with pytest.raises(CommandRefusedError) as refused:
+        arm.servo(arm.positions())
+    failure = refused.value.failure
+    assert (failure.code, failure.part, failure.vendor_code) == (MotionErrorCode.REFUSED, "arm", "G34")
     twin.fault(CONTROLLER, "gripper_free")
     robot.clear_stop()
     freed = gripper.move(0.05)

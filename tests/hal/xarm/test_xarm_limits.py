@@ -68,7 +68,7 @@ def test_the_tool_never_exceeds_its_speed(twin: TwinProcess) -> None:
         way = line(arm, here, 1.0)
         back = ArmController(arm, robot.clock).follow(way, free=True)  # whose monitor is not misled by the slower pace
         assert fastest_tool(robot, arm, back) < 0.12
-        assert back.error is None
+        assert back.failure is None
         assert arm.positions() == pytest.approx(here, abs=0.01)
 
 
@@ -136,9 +136,9 @@ def test_in_reduced_mode_the_controller_watches_too(twin: TwinProcess) -> None:
         while not motion.done:
             robot.clock.sleep(0.02)
         other.disconnect()
-        assert motion.error is not None
-        assert motion.error.code is MotionErrorCode.FAULT
-        assert motion.error.vendor_code == "C24"
+        assert motion.failure is not None
+        assert motion.failure.code is MotionErrorCode.FAULT
+        assert motion.failure.vendor_code == "C24"
 
 
 def test_nothing_goes_on_after_the_robot_is_disconnected(twin: TwinProcess) -> None:
