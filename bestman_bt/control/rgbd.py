@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 
 from bestman_bt.control.joint_state import JointStateSensor
 from bestman_bt.manipulation.kinematics import ForwardKinematics, link_hulls
-from bestman_bt.messages import CameraIntrinsics, PointCloud, Pose, RGBDImage
+from bestman_bt.messages import CameraIntrinsics, Failure, PointCloud, Pose, RGBDImage
 from bestman_bt.perception import PerceptionError, View
 from bestman_bt.perception.camera_model import DepthCorrection, rectification
 from bestman_bt.robot_model import ArmModel, CameraPart, RobotModel
 from bestman_bt.world_model import HeldObject, WorldModel
-from hal.api import Camera, Clock, RobotError
+from hal.api import Camera, Clock, PartError, RobotError
 
 
 class CameraErrorCode(StrEnum):
@@ -33,9 +33,9 @@ class CameraErrorCode(StrEnum):
 class CameraError(PerceptionError):
     """A camera delivered nothing, or nothing to work with; a skill that meets it fails with its code and words."""
 
-    def __init__(self, code: CameraErrorCode, text: str) -> None:
+    def __init__(self, code: CameraErrorCode, text: str, camera: str, vendor_code: str = "") -> None:
         super().__init__(text)
-        self.code = code
+        self.code, self.failure = code, Failure(code, text, camera, vendor_code)
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,15 +155,17 @@ class RGBDSensor:
             try:
                 image = self._camera.capture()
             except (RobotError, OSError, ValueError) as error:  # ValueError: sizes that do not fit the intrinsics
-                raise CameraError(CameraErrorCode.NO_IMAGE, f"{self.name} gave no image: {error}") from error
+                vendor_code = error.failure.vendor_code if isinstance(error, PartError) else ""
+                text = f"{self.name} gave no image: {error}"
+                raise CameraError(CameraErrorCode.NO_IMAGE, text, self.name, vendor_code) from error
             age = 0.0 if self._clock is None else self._clock.now() - image.stamp
             if abs(age) <= parameters.max_age:
                 if not (image.rgb > parameters.black_level).any():
-                    raise CameraError(CameraErrorCode.BLACK, f"{self.name} gave a black image")
+                    raise CameraError(CameraErrorCode.BLACK, f"{self.name} gave a black image", self.name)
                 return image
         which = "old" if age > 0.0 else "in the future"
         text = f"{self.name} gave an image that is {abs(age):.2f} s {which}, {parameters.max_age:g} s are allowed"
-        raise CameraError(CameraErrorCode.STALE, text)
+        raise CameraError(CameraErrorCode.STALE, text, self.name)
 
     def _ideal(self, image: RGBDImage) -> RGBDImage:
         known = np.isfinite(image.depth) & (image.depth > 0.0)
@@ -172,6 +174,7 @@ class RGBDSensor:
             raise CameraError(
                 CameraErrorCode.NO_DEPTH,
                 f"{self.name} gave an image without depth ({share:.2%} of its pixels have one)",
+                self.name,
             )
         model = self._kinematics.robot.of(CameraPart).get(self.name)
         correction = DepthCorrection() if model is None else DepthCorrection(model.depth_scale, model.depth_offset)

@@ -62,10 +62,9 @@ class Motion(Generic[Result]):
 
     def cancel(self) -> None:
         """Bring the part to rest; without effect on what has ended."""
-        if not self.done:
-            self.abort(MotionErrorCode.CANCELED, "cancelled by its caller")
-            if self._on_cancel is not None:
-                self._on_cancel()
+        failure = Failure(MotionErrorCode.CANCELED, "cancelled by its caller")
+        if not self.done and self.end(MotionStatus.CANCELED, failure) and self._on_cancel is not None:
+            self._on_cancel()
 
     def succeed(self, result: Result | None = None) -> None:
         """The target is reached."""
@@ -79,15 +78,17 @@ class Motion(Generic[Result]):
         """It was ended: by request, a stop or a newer command."""
         self.end(MotionStatus.CANCELED, Failure(code, text))
 
-    def end(self, status: MotionStatus, failure: Failure | None, result: Result | None = None) -> None:
-        """End; without effect on what has ended. A failure that names no part is one of this part."""
+    def end(self, status: MotionStatus, failure: Failure | None, result: Result | None = None) -> bool:
+        """End, unless it has ended; whether this did it. A failure that names no part is one of this part."""
         if status is not MotionStatus.SUCCEEDED:
             failure = failure or Failure(MotionErrorCode.FAULT, "the part gave no reason")
             failure = failure if failure.part else replace(failure, part=self._part)
         with self._lock:
-            if self._status is MotionStatus.RUNNING:
-                self._result, self._failure = result, failure
-                self._status = status
+            if self._status is not MotionStatus.RUNNING:
+                return False
+            self._result, self._failure = result, failure
+            self._status = status
+            return True
 
     def _look(self) -> None:
         """For kinds of motions that somebody else carries out: ``end`` it if that has ended. Called while it runs."""

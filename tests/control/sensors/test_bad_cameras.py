@@ -125,7 +125,7 @@ def test_an_image_of_another_size_than_its_intrinsics_is_none(robot, camera, kin
     )
     with pytest.raises(CameraError, match=r"no image: RGBDImage rgb should have shape \(480, 640, 3\)") as error:
         RGBDSensor(camera, kinematics, joints, WorldModel(semantic_map(world)), robot.clock).capture()
-    assert error.value.code is CameraErrorCode.NO_IMAGE
+    assert (error.value.code, error.value.failure.part) == (CameraErrorCode.NO_IMAGE, camera.name)
 
 
 def test_algorithms_see_a_pinhole_whatever_the_lens_and_the_depth_sensor(robot, model, kinematics, joints, world):

@@ -43,8 +43,9 @@ def act(robot: Robot) -> Story:
     story.images.append(camera.capture())
     wait(base.rotate(0.3))
     story.scans.append(lidar.scan())
-    with pytest.raises(CommandRefusedError, match="distance"):
+    with pytest.raises(CommandRefusedError, match="distance") as refused:
         base.move_forward(-1.0)
+    assert refused.value.failure.part == "base"
     wait(base.move_backward(0.2))
     story.scans.append(lidar.scan())
     wait(arm.move_to(target(arm)))

@@ -12,10 +12,20 @@ import pytest
 
 from bestman_bt.robot_model import RobotModel, load_robot_model
 from bestman_bt.scene import World
-from hal.api import Arm, Camera, CommandRefusedError, MobileBase, MotionErrorCode, MotionStatus, NoDataError
+from hal.api import (
+    Arm,
+    Camera,
+    CommandRefusedError,
+    MobileBase,
+    MotionErrorCode,
+    MotionStatus,
+    NoDataError,
+    NotConnectedError,
+)
 from hal.parts import ConnectionFailedError
 from hal.pybullet import PyBulletRobot
 from hal.replay import TAPE_NAME, ReplayRobot
+from hal.replay.encoding import error_from_json, error_to_json
 from tests.hal.replay.story import Story, act, target
 
 
@@ -142,3 +152,8 @@ def test_pictures_taken_in_a_row_are_those_that_follow_one_another_in_the_record
         taken = [robot.part("head_camera", Camera).capture() for _ in range(3)]
         assert taken == [1.0, 1.5, 1.5]  # the next one is too far ahead
         robot.disconnect()
+
+
+def test_an_error_keeps_the_part_and_the_vendors_code() -> None:
+    told = NotConnectedError("arm delivers nothing", "arm", "C2")
+    assert error_from_json({"part": "arm", **error_to_json(told)}).failure == told.failure

@@ -12,7 +12,7 @@ KLD = KldParameters(error=0.02, quantile=2.33, fewest=100, most=20000)
 
 def test_the_count_is_the_quantile_of_the_chi_square_distribution_that_it_approximates():
     for occupied in (10, 50, 300):
-        exact = chi2.ppf(0.99, occupied - 1) / (2 * KLD.failure)
+        exact = chi2.ppf(0.99, occupied - 1) / (2 * KLD.error)
         assert abs(enough(occupied, KLD) - exact) < 0.01 * exact
 
 
