@@ -311,7 +311,7 @@ def test_a_goal_on_the_other_side_of_half_a_turn_is_as_near_as_any(side):
     rotation = Turns()
     it = driven(follower=Ends(), rotation=rotation, start=Pose2D(START.x, START.y, side * (math.pi - 0.002)))
     handle = it.wait(it.controller.follow(here_to(Pose2D(START.x, START.y, -side * (math.pi - 0.002)))))
-    assert handle.status is ControlStatus.SUCCEEDED, handle.error
+    assert handle.status is MotionStatus.SUCCEEDED, handle.failure
     assert rotation.wanted == []
 
 
