@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import ctypes
 import json
+from functools import cache
+from importlib import import_module
 from importlib.util import find_spec
+from typing import Any
 from urllib.parse import urlsplit
 from urllib.request import url2pathname
 
 from bestman_bt.errors import MissingExtraError
 
-PACKAGE_OF_EXTRA = {"objects": "coacd", "rerun": "rerun", "sim": "pybullet"}
+PACKAGE_OF_EXTRA = {"objects": "coacd", "open3d": "open3d", "rerun": "rerun", "sim": "pybullet"}
 """Extra → the package, by the name that it is imported by, without which nothing of the extra works."""
 
 
@@ -44,3 +48,18 @@ def require_extra(what: str, extra: str) -> None:
     """Raise MissingExtraError where ``what`` cannot work because the package of ``extra`` is not installed."""
     if not is_installed(extra):
         raise missing_extra(what, extra)
+
+
+@cache
+def open3d() -> Any:
+    """The package open3d, which takes seconds to import. MissingExtraError where it or a system library is missing.
+
+    Its wheels expect the system's libusb: that of the extra is loaded first, under the name that they look for.
+    """
+    require_extra("this", "open3d")
+    try:
+        ctypes.CDLL(str(import_module("libusb_package").get_library_path()), mode=ctypes.RTLD_GLOBAL)
+        return import_module("open3d")
+    except (ImportError, OSError) as error:
+        libraries = "sudo apt-get install -y libegl1 libgl1 libgomp1 libudev1 libx11-6"
+        raise MissingExtraError(f"open3d cannot be loaded: {error}. On Debian this may help: {libraries}") from error

@@ -198,6 +198,7 @@ ALGORITHMS = Registry(
         "policy/openpi": "bestman_bt.manipulation.policy:OpenpiPolicy",
         "pose_estimation/multi_start": "bestman_bt.perception.pose_estimation:MultiStart",
         "pose_estimation/multi_view": "bestman_bt.perception.pose_estimation:MultiView",
+        "segmentation/open3d": "bestman_bt.perception.segmentation:Open3DDbscan",
         "segmentation/plane_dbscan": "bestman_bt.perception.segmentation:PlaneDbscan",
         "segmentation/region_growing": "bestman_bt.perception.segmentation:RegionGrowing",
         "segmentation/support_surfaces": "bestman_bt.perception.segmentation:SupportSurfaces",

@@ -12,7 +12,8 @@ from PIL import Image
 from bestman_bt.cli.json_output import json_output
 from bestman_bt.cli.options import Json, Robot, Scene, Seed, Settings
 from bestman_bt.configuration import ConfigurationError, Problem
-from bestman_bt.extras import is_installed
+from bestman_bt.extras import is_installed, require_extra
+from bestman_bt.perception.clouds import write_cloud
 from bestman_bt.registry import suggestion
 from bestman_bt.runtime import Setup, prepare
 from bestman_bt.runtime.looking import Look, furniture_to_look_at, look_at, standing_before, unseen
@@ -31,11 +32,16 @@ def command(
     ] = None,
     views: Annotated[int, typer.Option(min=1, max=9, help="Views of each surface.")] = 1,
     save: Annotated[Path, typer.Option(metavar="DIR", help="Where pictures and recordings go.")] = Path("looks"),
+    clouds: Annotated[
+        bool, typer.Option("--clouds", help="Write the points of each view, too, as .ply files.")
+    ] = False,
     settings: Settings = None,
     as_json: Json = False,
 ) -> None:
     """Stand the robot before furniture and show what it perceives: objects, poses, handles, grasps."""
     scene, robot, settings = scene or "kitchen", robot or "diff_panda", settings or []
+    if clouds:
+        require_extra("--clouds", "open3d")
     with json_output(as_json) as tell:
         known = furniture_to_look_at(scene, seed, settings)
         stands = _stands(known, at or [], scene, robot, seed, settings)
@@ -43,7 +49,7 @@ def command(
         found = []
         for name, stand in stands.items():
             look = look_at(known[name], stand, views) if isinstance(stand, Setup) else unseen(name, "no_room", stand)
-            files = _save(look, save) if look.views else []
+            files = _save(look, save, clouds) if look.views else []
             found.append(_document(look, files))
             if not as_json:
                 _print(look, files)
@@ -80,13 +86,16 @@ def _make_folder(path: Path) -> None:
         raise ConfigurationError([Problem("--save", None, "", message)]) from error
 
 
-def _save(look: Look, folder: Path) -> list[Path]:
-    """An annotated picture of each view, and one recording of all where rerun is installed."""
+def _save(look: Look, folder: Path, clouds: bool) -> list[Path]:
+    """An annotated picture of each view, its cloud if asked for, and one recording of all where rerun is installed."""
     files = []
     for number, view in enumerate(look.views):
         picture = annotated_image(view.image, view.in_map.frame_from_camera, look.marks)
         files.append(folder / f"{look.furniture}_{number}.png")
         Image.fromarray(picture).save(files[-1])
+        if clouds:
+            files.append(files[-1].with_suffix(".ply"))
+            write_cloud(files[-1], view.in_map.cloud())
     if not is_installed("rerun"):
         return files
     files.append(folder / f"{look.furniture}.rrd")

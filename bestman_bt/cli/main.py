@@ -17,6 +17,7 @@ VERBS = {
     "eval": "run a task over many seeds and summarise",
     "compare": "compare two evaluations seed by seed",
     "look": "show what the robot perceives of the furniture in a scene",
+    "cloud": "show, thin, clean, convert and draw a cloud of points",
     "domain": "show what task planners may order, and write it as PDDL",
     "show": "print a tree",
     "nodes": "list the nodes that trees may use, with their ports",

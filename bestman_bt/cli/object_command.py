@@ -41,6 +41,9 @@ def add(
     into: Annotated[Path | None, typer.Option(metavar="DIR", help="Where its files go.")] = None,
     robot: Robot = ROBOT,
     open_surface: Annotated[bool, typer.Option("--open", help="Take a mesh with holes.")] = False,
+    library: Annotated[
+        str, typer.Option(metavar="trimesh|open3d", help="What reads and simplifies the mesh.")
+    ] = "trimesh",
     force: Annotated[bool, typer.Option("--force", help="Replace an object of this name.")] = False,
     as_json: Json = False,
 ) -> None:
@@ -57,6 +60,7 @@ def add(
             friction=_number("--friction", friction, allow_zero=True),
             symmetry=_one_of("--symmetry", symmetry, ("auto", *SYMMETRY_ORDERS)),
             open_surface=open_surface,
+            library=_one_of("--library", library, ("trimesh", "open3d")),
         )
         gripper_name, gripper = _gripper(robot)
         made = import_object(mesh, new, gripper, gripper_name, into or own_objects(), force)

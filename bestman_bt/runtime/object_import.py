@@ -22,7 +22,15 @@ from bestman_bt.perception.object_models import convex_parts, is_closed, simplif
 from bestman_bt.robot_model import GripperModel
 from bestman_bt.runtime.object_picture import object_picture
 from bestman_bt.scene.grasps_file import grasps_json
-from bestman_bt.scene.mesh_file import MeshConfig, MeshError, read_color, read_triangles, upright, write_groups
+from bestman_bt.scene.mesh_file import (
+    MeshConfig,
+    MeshError,
+    MeshLibrary,
+    read_color,
+    read_triangles,
+    upright,
+    write_groups,
+)
 from bestman_bt.scene.object_file import LARGEST, SMALLEST, SYMMETRY_ORDERS, Symmetry, read_object
 
 DENSITY = 500.0
@@ -41,7 +49,7 @@ class NewObject:
 
     ``scale``: metres per unit of the mesh; ``up``: its axis that points up. ``mass``: kg, None: by ``DENSITY``.
     ``color``: rgb 0 to 1, None: the mesh's own. ``symmetry``: ``auto`` finds it. ``open_surface``: take a mesh with
-    holes too.
+    holes too. ``library``: what reads and simplifies the mesh.
     """
 
     name: str
@@ -52,6 +60,7 @@ class NewObject:
     friction: float = 0.7
     symmetry: Symmetry | Literal["auto"] = "auto"
     open_surface: bool = False
+    library: MeshLibrary = "trimesh"
 
 
 @dataclass(frozen=True)
@@ -138,8 +147,8 @@ def _checked_mesh(mesh_file: Path, new: NewObject) -> tuple[Mesh, int, bool]:
     try:
         if not mesh_file.is_file():
             raise MeshError("no such mesh")
-        triangles = read_triangles(mesh_file)
-    except MeshError as error:
+        triangles = read_triangles(mesh_file, new.library)
+    except (MeshError, MissingExtraError) as error:
         raise _fault(mesh_file, "", str(error)) from error
     config = MeshConfig(str(mesh_file), new.scale, new.up)
     mesh = Mesh(upright(triangles.vertices, config), triangles.faces)
@@ -163,7 +172,8 @@ def _checked_mesh(mesh_file: Path, new: NewObject) -> tuple[Mesh, int, bool]:
     if watertight and mesh.volume < 0.0:
         mesh = Mesh(mesh.vertices, mesh.faces[:, ::-1])
     lower, upper = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
-    return simplified(Mesh(mesh.vertices - (lower + upper) / 2, mesh.faces)), len(triangles.faces), watertight
+    centred = Mesh(mesh.vertices - (lower + upper) / 2, mesh.faces)
+    return simplified(centred, library=new.library), len(triangles.faces), watertight
 
 
 def _better_scale(longest: float) -> str:

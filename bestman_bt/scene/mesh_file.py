@@ -1,4 +1,4 @@
-"""Meshes of files: read with trimesh, in metres, z up, as one surface or as convex parts."""
+"""Meshes of files: read with trimesh or Open3D, in metres, z up, as one surface or as convex parts."""
 
 from __future__ import annotations
 
@@ -15,9 +15,11 @@ from scipy.spatial import ConvexHull, QhullError
 from bestman_bt.configuration import no_pybullet_data, pybullet_data
 from bestman_bt.configuration.quantity import PositiveLength
 from bestman_bt.errors import Error
+from bestman_bt.extras import open3d
 from bestman_bt.messages import Mesh
 from bestman_bt.scene.generated_shapes import convex_hull
 
+MeshLibrary = Literal["trimesh", "open3d"]
 CONVEX_SHARE = 0.95
 """A part that fills less of its convex hull than this is not convex."""
 _PACKAGE = "package://"
@@ -101,11 +103,15 @@ def _is_convex(part: Any, hull: Mesh) -> bool:
     return float(depths.max()) <= (1.0 - CONVEX_SHARE) * float(np.ptp(hull.vertices, axis=0).min())
 
 
-def read_triangles(path: Path) -> Any:
-    """A file as one trimesh.Trimesh with joined vertices, without triangles of no area. Raises MeshError."""
+def read_triangles(path: Path, library: MeshLibrary = "trimesh") -> Any:
+    """A file as one trimesh.Trimesh with joined vertices, without triangles of no area. Raises MeshError.
+
+    ``library``: what reads it. MissingExtraError where Open3D is asked for and not installed.
+    """
     import trimesh
 
-    return _cleaned(trimesh.util.concatenate(_geometries(path)))
+    geometries = _geometries(path) if library == "trimesh" else _geometries_by_open3d(path)
+    return _cleaned(trimesh.util.concatenate(geometries))
 
 
 def read_groups(path: Path) -> list[Any]:
@@ -162,6 +168,20 @@ def _geometries(path: Path) -> list[Any]:
     if not all(np.isfinite(mesh.vertices).all() for mesh in meshes):
         raise MeshError(f"the mesh {path.name} has corners that are not finite")
     return [trimesh.Trimesh(mesh.vertices, mesh.faces, process=False) for mesh in meshes]
+
+
+def _geometries_by_open3d(path: Path) -> list[Any]:
+    import trimesh
+
+    library = open3d()
+    # Its read_triangle_mesh takes the first group of a file alone.
+    with library.utility.VerbosityContextManager(library.utility.VerbosityLevel.Error):
+        meshes = [part.mesh for part in library.io.read_triangle_model(str(path)).meshes]
+    if not any(len(mesh.triangles) for mesh in meshes):
+        raise MeshError(f"open3d reads no triangles of {path.name}")
+    if not all(np.isfinite(np.asarray(mesh.vertices)).all() for mesh in meshes):
+        raise MeshError(f"the mesh {path.name} has corners that are not finite")
+    return [trimesh.Trimesh(np.asarray(m.vertices), np.asarray(m.triangles), process=False) for m in meshes]
 
 
 def _cleaned(mesh: Any) -> Any:

@@ -24,6 +24,7 @@ ABSENT = (
     "rerun_cli",
     "pyarrow",
     "coacd",
+    "open3d",
     "fast_simplification",
     "onnxruntime",
     "onnx",
@@ -42,6 +43,7 @@ REFUSED = {
     ("run", "fetch_cup"): ("pybullet", "sim"),
     ("run", "fetch_cup", "--record"): ("rerun", "rerun"),
     ("run", "fetch_cup", "--live"): ("pybullet", "sim"),
+    ("look", "--clouds"): ("open3d", "open3d"),
     ("demo",): ("pybullet", "sim"),
     ("robot", "check", "diff_panda"): ("pybullet", "sim"),
 }
@@ -121,7 +123,18 @@ def test_the_extra_all_is_made_of_the_others() -> None:
 
 @pytest.mark.parametrize(
     "name",
-    ["py-trees", "pybullet", "numpy", "ompl", "toppra", "opencv-python-headless", "pyyaml", "rerun-sdk", "pytest"],
+    [
+        "py-trees",
+        "pybullet",
+        "numpy",
+        "ompl",
+        "toppra",
+        "opencv-python-headless",
+        "open3d",
+        "pyyaml",
+        "rerun-sdk",
+        "pytest",
+    ],
 )
 def test_the_packages_that_the_project_stands_on_are_named(name: str) -> None:
     requirements = [*CORE, *(item for items in EXTRAS.values() for item in items)]

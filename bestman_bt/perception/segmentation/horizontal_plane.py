@@ -6,8 +6,9 @@ Fischler and Bolles, "Random Sample Consensus", 1981; for a plane that is nearly
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, TypeAlias
 
 import cv2
 import numpy as np
@@ -35,6 +36,12 @@ class HorizontalPlaneParameters:
     ransac_distance: Annotated[float, "m"] = 0.008
 
 
+PlaneFit: TypeAlias = Callable[
+    [NDArray[np.float64], np.random.Generator, HorizontalPlaneParameters, int], tuple[NDArray[np.float64] | None, int]
+]
+"""What finds a plane among points, as ``fit_plane`` does."""
+
+
 def inside_region(local: NDArray[np.float64], region: Region) -> NDArray[np.bool_]:
     """Which points (..., 3) of the region's own frame lie in its box; NaN lies in none."""
     x, y, z = local[..., 0], local[..., 1], local[..., 2]
@@ -49,17 +56,19 @@ def find_plane(
     rng: np.random.Generator,
     p: HorizontalPlaneParameters,
     pixels_per_point: int = 1,
+    fit: PlaneFit | None = None,
 ) -> SupportPlane:
     """The plane through the points (N, 3) of the region's own frame that lie near the expected height.
 
-    The result is in the frame of the region's pose. Raises NoSurfaceError, in words, where there is none.
+    The result is in the frame of the region's pose. ``fit``: called as ``fit_plane``, in place of it. Raises
+    NoSurfaceError, in words, where there is none.
     """
     band = local[np.abs(local[:, 2]) <= region.tolerance]
     if len(band) * pixels_per_point < p.min_plane_points:
         raise NoSurfaceError(_no_surface(region, len(band) * pixels_per_point, p.min_plane_points))
     step = max(1, len(band) // p.max_plane_points)
     band, pixels_per_point = band[::step], pixels_per_point * step
-    plane, found = fit_plane(band, rng, p, p.min_plane_points // pixels_per_point)
+    plane, found = (fit or fit_plane)(band, rng, p, p.min_plane_points // pixels_per_point)
     if plane is None:
         raise NoSurfaceError(_no_surface(region, found * pixels_per_point, p.min_plane_points))
     residuals = above_plane(band, plane)
@@ -87,7 +96,13 @@ def fit_plane(
     if len(planes) == 0:
         return None, 0
     distances = np.abs(planes[:, :2] @ judges[:, :2].T + planes[:, 2:] - judges[:, 2])
-    plane = planes[int(np.argmax((distances < p.ransac_distance).sum(axis=1)))]
+    return refined_plane(planes[int(np.argmax((distances < p.ransac_distance).sum(axis=1)))], points, p, needed)
+
+
+def refined_plane(
+    plane: NDArray[np.float64], points: NDArray[np.float64], p: HorizontalPlaneParameters, needed: int
+) -> tuple[NDArray[np.float64] | None, int]:
+    """The least-squares plane through the points (N, 3) near ``plane`` (a, b, c), and their number: see fit_plane."""
     for limit in (1.5 * p.ransac_distance, p.ransac_distance, p.ransac_distance):
         inlier = np.abs(above_plane(points, plane)) < limit
         found = int(inlier.sum())

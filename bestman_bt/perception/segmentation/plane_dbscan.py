@@ -59,11 +59,23 @@ class PlaneDbscan(Segmentation):
         surface_from_frame = region.frame_from_surface.inverse()
         local = view.seen_from(surface_from_frame).cloud(surface_from_frame.apply(region.corners()))
         local = local.selected(inside_region(local.points, region))
-        plane = find_plane(local.points, region, rng, self.parameters)
+        plane = self._plane(local, region, rng)
         above = self._things_above(local, plane, region)
         clusters = self._clusters(above, plane, view)
         clusters.sort(key=lambda cluster: float(np.linalg.norm(cluster.points.mean(axis=0) - view.viewpoint)))
         return SegmentedScene((plane,), tuple(clusters))
+
+    def _plane(self, local: PointCloud, region: Region, rng: np.random.Generator) -> SupportPlane:
+        """The surface among points of the region's frame; NoSurfaceError where there is none."""
+        return find_plane(local.points, region, rng, self.parameters)
+
+    def _thinned(self, cloud: PointCloud) -> PointCloud:
+        """One point per voxel."""
+        return voxel_means(cloud, self.parameters.voxel)
+
+    def _labels(self, points: NDArray[np.float64]) -> NDArray[np.int64]:
+        """The cluster of each point, from 0; -1 for none."""
+        return dbscan(points, self.parameters.cluster_distance, self.parameters.core_points)
 
     def _things_above(self, cloud: PointCloud, plane: SupportPlane, region: Region) -> PointCloud:
         """``cloud`` is in the region's frame; the result in the view's."""
@@ -76,14 +88,14 @@ class PlaneDbscan(Segmentation):
             & (np.abs(local[:, 0]) < half[0])
             & (np.abs(local[:, 1]) < half[1])
         )
-        return voxel_means(cloud.selected(above), p.voxel).transformed(region.frame_from_surface)
+        return self._thinned(cloud.selected(above)).transformed(region.frame_from_surface)
 
     def _clusters(self, cloud: PointCloud, plane: SupportPlane, view: View) -> list[Cluster]:
         p = self.parameters
         if len(cloud) == 0:
             return []
         flattened = plane.frame_from_plane.inverse().apply(cloud.points) * (1.0, 1.0, p.height_weight)
-        labels = dbscan(flattened, p.cluster_distance, p.core_points)
+        labels = self._labels(flattened)
         parts = [cloud.selected(labels == label) for label in range(labels.max() + 1)]
         parts = self._merged([part for part in parts if len(part) >= 5], plane)
         clusters = []

@@ -3,7 +3,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 
 import numpy as np
 import pytest
@@ -11,16 +11,24 @@ import pytest
 from benchmarks.rendered_table import RenderedTable, TrueObject
 from bestman_bt.messages import Pose, RGBDImage
 from bestman_bt.perception import NoSurfaceError, View
-from bestman_bt.perception.segmentation import PlaneDbscan, Region, SegmentedScene
+from bestman_bt.perception.segmentation import Open3DDbscan, PlaneDbscan, Region, SegmentedScene
 from bestman_bt.perception.segmentation.plane_dbscan import dbscan
 
 Tables = Callable[..., RenderedTable]
+Segment = Callable[[RenderedTable], SegmentedScene]
 SEEDS = range(6)
+ALGORITHMS = [PlaneDbscan, pytest.param(Open3DDbscan, marks=pytest.mark.slow)]
+
+
+@pytest.fixture(params=ALGORITHMS)
+def segment(request: pytest.FixtureRequest) -> Segment:
+    """How scenes are segmented, each once."""
+    return partial(segmented, request.param)
 
 
 @cache
-def segment(scene: RenderedTable) -> SegmentedScene:
-    return PlaneDbscan().segment(scene.view, scene.region, np.random.default_rng(0))
+def segmented(algorithm: type[PlaneDbscan], scene: RenderedTable) -> SegmentedScene:
+    return algorithm().segment(scene.view, scene.region, np.random.default_rng(0))
 
 
 def share_inside(points: np.ndarray, item: TrueObject) -> float:
@@ -29,7 +37,9 @@ def share_inside(points: np.ndarray, item: TrueObject) -> float:
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-def test_the_surface_is_measured_to_a_millimetre_and_a_fifth_of_a_degree(table: Tables, seed: int) -> None:
+def test_the_surface_is_measured_to_a_millimetre_and_a_fifth_of_a_degree(
+    table: Tables, segment: Segment, seed: int
+) -> None:
     scene = table(seed)
     plane = segment(scene).planes[0]
     x, y, z = scene.table.position
@@ -38,7 +48,7 @@ def test_the_surface_is_measured_to_a_millimetre_and_a_fifth_of_a_degree(table: 
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-def test_the_front_edge_is_found_within_six_millimetres(table: Tables, seed: int) -> None:
+def test_the_front_edge_is_found_within_six_millimetres(table: Tables, segment: Segment, seed: int) -> None:
     scene = table(seed)
     plane = segment(scene).planes[0]
     half_x, half_y = plane.size[0] / 2, 0.25
@@ -48,7 +58,7 @@ def test_the_front_edge_is_found_within_six_millimetres(table: Tables, seed: int
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-def test_each_object_is_a_cluster_of_its_own(table: Tables, seed: int) -> None:
+def test_each_object_is_a_cluster_of_its_own(table: Tables, segment: Segment, seed: int) -> None:
     scene = table(seed)
     clusters = segment(scene).clusters
     for cluster in clusters:
@@ -57,11 +67,11 @@ def test_each_object_is_a_cluster_of_its_own(table: Tables, seed: int) -> None:
         assert sum(share_inside(cluster.points, item) > 0.9 for cluster in clusters) == 1
 
 
-def test_neither_an_empty_counter_nor_the_wall_behind_it_gives_a_cluster(table: Tables) -> None:
+def test_neither_an_empty_counter_nor_the_wall_behind_it_gives_a_cluster(table: Tables, segment: Segment) -> None:
     assert segment(table(3, known=0, unknown=0, counter=True)).clusters == ()
 
 
-def test_the_bounding_box_of_a_box_is_its_size_and_place(table: Tables) -> None:
+def test_the_bounding_box_of_a_box_is_its_size_and_place(table: Tables, segment: Segment) -> None:
     scene = table(40, known=0, unknown=3)
     boxes = [item for item in scene.objects if item.model.symmetry_order == 2]
     assert boxes
@@ -72,9 +82,10 @@ def test_the_bounding_box_of_a_box_is_its_size_and_place(table: Tables) -> None:
         np.testing.assert_allclose(box.pose.position, item.pose.position, atol=0.006)
 
 
-def test_equal_input_gives_equal_output(table: Tables) -> None:
+@pytest.mark.parametrize("algorithm", ALGORITHMS)
+def test_equal_input_gives_equal_output(table: Tables, algorithm: type[PlaneDbscan]) -> None:
     scene = table(1)
-    first, second = (PlaneDbscan().segment(scene.view, scene.region, np.random.default_rng(0)) for _ in range(2))
+    first, second = (algorithm().segment(scene.view, scene.region, np.random.default_rng(0)) for _ in range(2))
     np.testing.assert_array_equal(first.planes[0].frame_from_plane.matrix, second.planes[0].frame_from_plane.matrix)
     for one, other in zip(first.clusters, second.clusters, strict=True):
         np.testing.assert_array_equal(one.points, other.points)
