@@ -25,7 +25,7 @@ from bestman_bt.scene.standing_outlines import leaf_outlines, standing_outlines
 from bestman_bt.scene.walker import Walker
 from bestman_bt.scene.walker_routes import draw_walkers
 
-_ATTEMPTS = 100  # whole draws
+_ATTEMPTS = 300  # whole draws
 _TRIES = 100  # places tried for one thing in one draw
 _NEAR = 0.3
 """Metres within which things are named that stand where there was no room for another."""
