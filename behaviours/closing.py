@@ -167,7 +167,7 @@ def _about(axis: object, angle: float) -> Pose:
 def pushes(skills: SkillContext, leaf: Leaf) -> Iterator[Push]:
     """Ways to push a leaf shut, best places first: far from its hinge, or in the middle of a drawer; no handle near."""
     start = max(0.0, skills.world.articulations.get(leaf.articulation, 0.0))
-    tip, palm = skills.gripper_model.pad_size[1] / 2, _palm(skills.gripper_model)
+    tip, palm = skills.gripper_model.part.pad_size[1] / 2, _palm(skills.gripper_model)
     map_from_front = leaf.front(start)
     seen = [handle_shape(belief.handle) for belief in skills.world.handles_of(leaf.furniture, leaf.leaf)]
     handles = tuple(PlacedShape(bar.shape, map_from_front.inverse() @ bar.pose) for bar in seen)
@@ -183,7 +183,7 @@ def _palm(gripper: GripperModel) -> NDArray[np.float64]:
     """Points (N, 3) all over the palm of a hand with closed fingers, tool frame, ``PALM_STEP`` apart."""
     from bestman_bt.perception.grasp_pose import HandShape, HandShapeParameters
 
-    centres, halves = HandShape(gripper, HandShapeParameters()).boxes(np.array([gripper.min_width]))
+    centres, halves = HandShape(gripper, HandShapeParameters()).boxes(np.array([gripper.part.min_width]))
     centre, half = centres[0, 2], halves[0, 2]
     steps = [np.linspace(-extent, extent, 2 + int(2 * extent / PALM_STEP)) for extent in half]
     points: NDArray[np.float64] = centre + np.stack(np.meshgrid(*steps), axis=-1).reshape(-1, 3)

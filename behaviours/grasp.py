@@ -207,7 +207,7 @@ class Grasp(OnArm, Skill):
         if expected is not None:
             problem = grip_problem(width, expected)
         else:
-            closed = width < self.skills.gripper_model.min_width + CLOSED
+            closed = width < self.skills.gripper_model.part.min_width + CLOSED
             problem = f"it closed to {1e3 * width:.0f} mm" if closed else ""
         if not problem and not self.skills.gripper.pressing():
             problem = "the fingers do not press"
@@ -221,8 +221,8 @@ class Grasp(OnArm, Skill):
         gripper = self.skills.gripper
         mass = self.skills.world.objects[self.get_input("object")].model.mass
         lever = float(np.linalg.norm(grasp.tool_from_object.position[:2]))
-        needed = SAFETY * mass * GRAVITY * lever / (self.skills.gripper_model.pad_size[1] / 2)
-        return min(max(LEAST_FORCE, needed), gripper.description.max_force)
+        needed = SAFETY * mass * GRAVITY * lever / (self.skills.gripper_model.part.pad_size[1] / 2)
+        return min(max(LEAST_FORCE, needed), gripper.model.part.max_force)
 
     def _tool_from_object(self, grasp: PlannedGrasp) -> Pose:
         """As it was seen, but with the contacts in the middle between the fingers, which have pushed it there."""

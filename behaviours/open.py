@@ -110,7 +110,7 @@ class Open(OnArm, Skill):
 
     def _check_held(self) -> None:
         gripper = self.skills.gripper
-        if not gripper.pressing() or gripper.width() < self.skills.gripper_model.min_width + CLOSED:
+        if not gripper.pressing() or gripper.width() < self.skills.gripper_model.part.min_width + CLOSED:
             width = 1e3 * gripper.width()
             raise SkillFailure("grasp_failed", f"the hand closed to {width:.0f} mm and does not hold the handle")
 

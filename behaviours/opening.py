@@ -134,7 +134,7 @@ def _palm_limit(skills: SkillContext, handle: Handle) -> float:
     """
     from bestman_bt.perception.grasp_pose import HandShapeParameters
 
-    depth, half = skills.gripper_model.finger_depth, HandShapeParameters().palm_size[1] / 2
+    depth, half = skills.gripper_model.part.finger_depth, HandShapeParameters().palm_size[1] / 2
     room = max(0.0, handle.standoff - PALM_GAP)
     return math.asin(min(1.0, room / math.hypot(depth, half))) + math.atan2(depth, half)
 

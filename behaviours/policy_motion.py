@@ -120,7 +120,7 @@ class PolicyMotion:
         chunk, seen = self._chunk
         widths = self._chunk[0].gripper_widths
         index = min(int((self._skills.clock.now() - seen) / chunk.dt), len(widths) - 1)
-        width = float(np.clip(widths[index], 0.0, gripper.description.max_width))
+        width = float(np.clip(widths[index], 0.0, gripper.model.max_width))
         if abs(width - self._width) <= CLOSED:
             return moving
         self._width = width

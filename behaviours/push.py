@@ -189,7 +189,7 @@ class Push(OnArm, Skill):
         following = self.skills.kinematics.track(onward, positions)
         if following is None:
             return False
-        fingers = self.skills.gripper_model.finger_links
+        fingers = self.skills.gripper_model.part.finger_links
         pairs = world.colliding_pairs(following)
         return bool(pairs) and all(name in pair and any(finger in pair for finger in fingers) for pair in pairs)
 

@@ -25,8 +25,8 @@ class HandReach:
 
     def __init__(self, rig: GraspRig, table: PlacedShape, things: Sequence[PlacedShape]) -> None:
         model = _collision_model()
-        fingers = rig.gripper.finger_links
-        opened = dict.fromkeys(rig.gripper.joint_names, rig.gripper.max_width / len(rig.gripper.joint_names))
+        fingers = rig.gripper.part.finger_links
+        opened = dict.fromkeys(rig.gripper.part.joints, rig.gripper.max_width / len(rig.gripper.part.joints))
         obstacles = [
             SceneObstacle("table", (table,)),
             *(SceneObstacle(f"thing {i}", (s,)) for i, s in enumerate(things)),

@@ -180,7 +180,7 @@ class GraspRig:
             self._move(candidate.grasp, p.approach_speed)
         except CommandRefusedError as error:
             return GraspOutcome(f"out of reach: {error}")
-        self._finish(self._hand.move(self.gripper.min_width, p.force))
+        self._finish(self._hand.move(self.gripper.part.min_width, p.force))
         contacts, width = self._contacts_since(start, target), self._hand.width()
         high = candidate.grasp.position + np.array([0.0, 0.0, p.lift])
         self._move(Pose(high, candidate.grasp.quaternion), p.lift_speed)
@@ -190,7 +190,7 @@ class GraspRig:
         height = self.lowest_point(target) - self._table_height
         if height < p.min_height:
             why = "fell during the hold" if slip > p.max_slip else "was not lifted"
-            why = why if width > self.gripper.min_width + 0.002 else "nothing between the fingers"
+            why = why if width > self.gripper.part.min_width + 0.002 else "nothing between the fingers"
         else:
             why = "slid in the hand" if slip > p.max_slip else ""
         return GraspOutcome(why, height, slip, width, contacts)

@@ -2,24 +2,59 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from bestman_bt.robot_model import ArmModel, BasePart, GripperModel, WheeledBaseModel
+from bestman_bt.robot_model import (
+    ArmModel,
+    ArmPart,
+    BasePart,
+    GripperModel,
+    GripperPart,
+    JointGroupModel,
+    JointGroupPart,
+    JointLimitsConfig,
+    WheeledBaseModel,
+)
+
+Limit = Sequence[float] | NDArray[np.float64] | float
+USUAL_LIMITS = {"lower": -1.0, "upper": 1.0, "velocity": 1.0, "acceleration": 1.0, "effort": 1.0}
 
 
 def arm_model(
-    joints: Sequence[str] = ("joint",),
-    base_frame: str = "base",
-    tool_frame: str = "tool",
-    **limits: Sequence[float] | float,
+    joints: Sequence[str] = ("joint",), base_frame: str = "base", tool_frame: str = "tool", **limits: Limit
 ) -> ArmModel:
     """An arm; limits that are not given are ±1 and 1."""
-    usual = {"lower": -1.0, "upper": 1.0, "velocity": 1.0, "acceleration": 1.0, "effort": 1.0}
-    arrays = {name: np.full(len(joints), limits.get(name, value)) for name, value in usual.items()}
-    return ArmModel(tuple(joints), base_frame, tool_frame, **arrays)
+    part = ArmPart(kind="arm", tip=tool_frame, joints=tuple(joints), limits=_limits(len(joints), limits))
+    return ArmModel(part, base_frame, tool_frame)
+
+
+def joint_group_model(joints: Sequence[str], **limits: Limit) -> JointGroupModel:
+    """Joints that carry no hand; limits that are not given are ±1 and 1."""
+    return JointGroupModel(
+        JointGroupPart(kind="joint_group", joints=tuple(joints), limits=_limits(len(joints), limits))
+    )
+
+
+def with_limits(model: ArmModel, **limits: Limit) -> ArmModel:
+    """``model`` with other limits."""
+    kept = {name: getattr(model, name) for name in USUAL_LIMITS}
+    part = replace(model.part, limits=_limits(len(model.joint_names), {**kept, **limits}))
+    return replace(model, part=part)
+
+
+def with_part(model: GripperModel, **changes: Any) -> GripperModel:
+    """``model`` with another part."""
+    return replace(model, part=replace(model.part, **changes))
+
+
+def _limits(count: int, limits: Mapping[str, Limit]) -> JointLimitsConfig:
+    rows = {name: np.full(count, limits.get(name, usual)).tolist() for name, usual in USUAL_LIMITS.items()}
+    return JointLimitsConfig(**{name: tuple(row) for name, row in rows.items()})
 
 
 def base_model(footprint: Iterable[Sequence[float]] = (), **changes: Any) -> WheeledBaseModel:
@@ -40,12 +75,13 @@ def base_model(footprint: Iterable[Sequence[float]] = (), **changes: Any) -> Whe
     return WheeledBaseModel(BasePart(**{**usual, **changes}), "base", corners)
 
 
-def gripper_model(**changes: Any) -> GripperModel:
-    """A parallel gripper with two sliding fingers."""
+def gripper_model(hand_link: str = "hand", linkage: tuple[str, ...] = (), **changes: Any) -> GripperModel:
+    """A parallel gripper with two sliding fingers; ``changes``: of its part."""
     usual = {
-        "joint_names": ("left", "right"),
+        "kind": "gripper",
+        "tool": "tool",
+        "joints": ("left", "right"),
         "finger_links": ("left_finger", "right_finger"),
-        "hand_link": "hand",
         "min_width": 0.0,
         "max_width": 0.08,
         "max_speed": 0.1,
@@ -54,4 +90,4 @@ def gripper_model(**changes: Any) -> GripperModel:
         "pad_size": (0.02, 0.02),
         "friction": 0.8,
     }
-    return GripperModel(**{**usual, **changes})
+    return GripperModel(GripperPart(**{**usual, **changes}), hand_link, linkage=linkage)

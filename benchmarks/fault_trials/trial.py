@@ -206,7 +206,7 @@ def _acts(trial: Trial, session: Session) -> tuple[Node, Node]:
             )
             return MoveArm(posture=far), MoveArm(posture=near)
         case Act.HAND:
-            widths = sorted((0.0, skills.gripper.description.max_width), key=lambda w: abs(w - skills.gripper.width()))
+            widths = sorted((0.0, skills.gripper.model.max_width), key=lambda w: abs(w - skills.gripper.width()))
             return MoveFingers(width=widths[1]), MoveFingers(width=widths[0])
         case Act.BASE:
             start = setup.world.robot_start

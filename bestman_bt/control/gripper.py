@@ -6,7 +6,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from bestman_bt.control.motion import start_motion
-from hal.api import Gripper, GripperDescription, Motion
+from bestman_bt.robot_model import GripperModel
+from hal.api import Gripper, Motion
 
 
 @dataclass(frozen=True)
@@ -47,9 +48,9 @@ class GripperController:
         return self._gripper.name
 
     @property
-    def description(self) -> GripperDescription:
-        """Ranges of width, speed and force."""
-        return self._gripper.description
+    def model(self) -> GripperModel:
+        """Ranges of width, speed and force, and the hand."""
+        return self._gripper.model
 
     def width(self) -> float:
         """Measured opening between the fingers, metres."""
@@ -66,7 +67,7 @@ class GripperController:
 
     def open(self, width: float | None = None, speed: float | None = None) -> Motion[GripperOutcome]:
         """Open to ``width`` (fully by default) at ``speed`` m/s of the width (the gripper's own by default)."""
-        target = self.description.max_width if width is None else width
+        target = self.model.max_width if width is None else width
         return start_motion(self.name, lambda: self._gripper.move(target, speed=speed), self._outcome)
 
     def close(self, force: float | None = None, speed: float | None = None) -> Motion[GripperOutcome]:
@@ -75,14 +76,14 @@ class GripperController:
         ``force``: newtons, the gripper's own by default; ``speed``: m/s of the width, ``closing_speed`` by default.
         """
         if speed is None:
-            speed = min(self._parameters.closing_speed, self.description.max_speed)
+            speed = min(self._parameters.closing_speed, self.model.part.max_speed)
         return start_motion(
-            self.name, lambda: self._gripper.move(self.description.min_width, force=force, speed=speed), self._outcome
+            self.name, lambda: self._gripper.move(self.model.part.min_width, force=force, speed=speed), self._outcome
         )
 
     def release(self) -> Motion[GripperOutcome]:
         """Let go: open a little and slowly, so that the object stays where it stands."""
-        width = min(self.width() + self._parameters.release_clearance, self.description.max_width)
+        width = min(self.width() + self._parameters.release_clearance, self.model.max_width)
         return self.open(width, self._parameters.release_speed)
 
     def watch_slip(self, tolerance: float | None = None) -> Callable[[], str | None]:

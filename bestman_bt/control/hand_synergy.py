@@ -63,7 +63,7 @@ class HandSynergy:
             message = f"{hand.name} has {len(hand.joint_names)} joints, the postures have {self._opened.shape}"
             raise ValueError(f"{message} and {self._closed.shape} positions")
         self._parameters = parameters or SynergyParameters()
-        self._limits = np.array([limits.effort for limits in hand.limits])
+        self._limits = hand.model.effort
         self._closure = self._target = 0.0
         self._torque: Array = self._limits
         self._still_for = self._running_for = 0.0

@@ -65,8 +65,7 @@ class HeadController:
     def _solve(self, point: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
         """Joint positions (n,) that look at the point as well as the limits allow, and by what angle they miss it."""
         others = dict(self._joints.positions())
-        names, limits = self._group.joint_names, self._group.limits
-        lower, upper = np.array([limit.lower for limit in limits]), np.array([limit.upper for limit in limits])
+        names, lower, upper = self._group.joint_names, self._group.model.lower, self._group.model.upper
 
         def miss(positions: NDArray[np.float64]) -> NDArray[np.float64]:
             joints = {**others, **dict(zip(names, positions.tolist(), strict=True))}

@@ -82,7 +82,7 @@ class RecordedBeliefs:
             self._grasps, planned = None, []
         else:
             return
-        depth = self._session.skills.gripper_model.finger_depth
+        depth = self._session.skills.gripper_model.part.finger_depth
         self._recorder.grasps([_mark(grasp, depth) for grasp in planned], stamp)
 
 

@@ -46,7 +46,7 @@ class Recording:
                 for name, camera in model.of(CameraPart).items()
             },
             plotted_joints=plotted,
-            grippers={name: gripper.joint_names for name, gripper in model.of(GripperModel).items()},
+            grippers={name: gripper.part.joints for name, gripper in model.of(GripperModel).items()},
         )
         self._beliefs = RecordedBeliefs(self._recorder, session, tree)
 

@@ -39,7 +39,7 @@ def look_between_fingers(
     samples of the gap's middle are followed: what ends them within the gap (grown by ``margin`` metres along the ray)
     fills it, what lies behind it shows it empty, what lies before it hides it.
     """
-    across, along = gripper.pad_size
+    across, along = gripper.part.pad_size
     half = np.array([across / 2, max(width / 2 - margin, 0.001), along / 2])
     steps = np.linspace(-1.0, 1.0, ROWS)
     samples = np.array([[x, y, z] for x in steps for y in steps for z in steps]) * half

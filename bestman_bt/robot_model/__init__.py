@@ -8,14 +8,23 @@ from bestman_bt.robot_model.model import (
     ArmModel,
     BaseModel,
     GripperModel,
+    JointedModel,
     JointGroupModel,
     LeggedBaseModel,
     LegModel,
     RobotModel,
     WheeledBaseModel,
 )
-from bestman_bt.robot_model.part_config import BasePart, LeggedBasePart, MobilePart
-from bestman_bt.robot_model.part_fields import EncodersConfig, PartConfig
+from bestman_bt.robot_model.part_config import (
+    ArmPart,
+    BasePart,
+    GripperPart,
+    JointGroupPart,
+    LeggedBasePart,
+    MobilePart,
+    SuctionPart,
+)
+from bestman_bt.robot_model.part_fields import EncodersConfig, JointLimitsConfig, PartConfig
 from bestman_bt.robot_model.payload import Payload, payload
 from bestman_bt.robot_model.sensor_parts import (
     BatteryPart,
@@ -30,6 +39,7 @@ from bestman_bt.robot_model.sensor_parts import (
 
 __all__ = [
     "ArmModel",
+    "ArmPart",
     "BaseModel",
     "BasePart",
     "BatteryPart",
@@ -37,8 +47,12 @@ __all__ = [
     "EncodersConfig",
     "ForceTorquePart",
     "GripperModel",
+    "GripperPart",
     "ImuPart",
     "JointGroupModel",
+    "JointGroupPart",
+    "JointLimitsConfig",
+    "JointedModel",
     "LegModel",
     "LeggedBaseModel",
     "LeggedBasePart",
@@ -50,6 +64,7 @@ __all__ = [
     "PartConfig",
     "Payload",
     "RobotModel",
+    "SuctionPart",
     "TactilePart",
     "WheeledBaseModel",
     "arm_of",

@@ -5,9 +5,6 @@ from __future__ import annotations
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping
 
-import numpy as np
-from numpy.typing import NDArray
-
 from bestman_bt.messages import Pose
 from bestman_bt.robot_model.bumper_ring import mounted_bumper
 from bestman_bt.robot_model.describe_legs import legs
@@ -31,7 +28,7 @@ from bestman_bt.robot_model.part_config import (
     StructurePart,
     SuctionPart,
 )
-from bestman_bt.robot_model.part_fields import JointLimitsConfig, PartConfig
+from bestman_bt.robot_model.part_fields import PartConfig
 from bestman_bt.robot_model.placed_part import PlacedPart
 from bestman_bt.robot_model.self_pairs import allowed_self_pairs
 from bestman_bt.robot_model.sensor_parts import (
@@ -97,19 +94,13 @@ def _resolve(
         case LeggedBasePart() as walker:
             return LeggedBaseModel(walker, part.root, _footprint(urdf, base_frame, part, placed), legs(walker, urdf))
         case ArmPart() as arm:
-            return ArmModel(
-                joint_names=arm.joints,
-                base_frame=part.root,
-                tool_frame=_tool(hand) or arm.tip,
-                encoders=arm.encoders,
-                **_limits(arm.limits),
-            )
+            return ArmModel(arm, part.root, _tool(hand) or arm.tip)
         case GripperPart() as gripper:
             return _gripper(gripper, part)
         case SuctionPart() as cup:
-            return _suction(cup, part.root)
+            return GripperModel(cup, part.root)
         case JointGroupPart() as group:
-            return JointGroupModel(joint_names=group.joints, encoders=group.encoders, **_limits(group.limits))
+            return JointGroupModel(group)
         case ForceTorquePart() as sensor:
             return MountedForceTorque(sensor, _joints_below(sensor.frame, urdf))
         case BumperPart() as ring:
@@ -183,15 +174,6 @@ def _rides_on(link: str, rigid: set[str], parents: Mapping[str, tuple[str, ET.El
     return False
 
 
-def _limits(limits: JointLimitsConfig) -> dict[str, NDArray[np.float64]]:
-    arrays = {
-        name: np.array(getattr(limits, name)) for name in ("lower", "upper", "velocity", "acceleration", "effort")
-    }
-    for array in arrays.values():
-        array.setflags(write=False)
-    return arrays
-
-
 def _wheel_places(base: BasePart, urdf: ET.Element, base_frame: str) -> tuple[tuple[float, float], ...]:
     parents = _joint_parents(urdf)
     wheel_of = {joint.get("name", ""): child for child, (_, joint) in parents.items()}
@@ -201,34 +183,9 @@ def _wheel_places(base: BasePart, urdf: ET.Element, base_frame: str) -> tuple[tu
 
 def _gripper(gripper: GripperPart, part: PlacedPart) -> GripperModel:
     return GripperModel(
-        joint_names=gripper.joints,
-        finger_links=gripper.finger_links,
+        gripper,
         hand_link=part.root,
-        min_width=gripper.min_width,
-        max_width=part.opening[0][1] if part.opening else gripper.max_width,
-        max_speed=gripper.max_speed,
-        max_force=gripper.max_force,
-        finger_depth=gripper.finger_depth,
-        pad_size=gripper.pad_size,
-        friction=gripper.friction,
         opening=part.opening,
         followers=tuple(mimic for mimic in part.mimics if mimic.joint not in gripper.joints),
         linkage=tuple(link for link in part.links if link not in (part.root, gripper.tool, *gripper.finger_links)),
-    )
-
-
-def _suction(cup: SuctionPart, root: str) -> GripperModel:
-    return GripperModel(
-        joint_names=(),
-        finger_links=(cup.cup,),
-        hand_link=root,
-        min_width=0.0,
-        max_width=2 * cup.cup_radius,
-        max_speed=1.0,
-        max_force=cup.max_force,
-        finger_depth=cup.cup_depth,
-        pad_size=(2 * cup.cup_radius, 2 * cup.cup_radius),
-        friction=cup.friction,
-        kind="suction",
-        seal_gap=cup.seal_gap,
     )

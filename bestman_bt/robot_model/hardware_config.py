@@ -9,9 +9,6 @@ import re
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from bestman_bt.configuration import ConfigurationError, Document, Problem, check
 from bestman_bt.registry import CONNECTIONS, UnknownNameError, suggestion
 from bestman_bt.robot_model.connection_config import ConnectionConfig, SafetyConfig
@@ -142,19 +139,22 @@ def _safety_problems(safety: SafetyConfig, document: Document) -> Iterator[Probl
 
 def _within(safety: SafetyConfig, part: Part) -> Part:
     """The part, no faster or stronger than ``safety`` allows."""
-    if isinstance(part, ArmModel):
-        velocity: NDArray[np.float64] = part.velocity * safety.joint_speed
-        velocity.setflags(write=False)
-        return dataclasses.replace(part, velocity=velocity)
-    if isinstance(part, BaseModel):
-        speed = math.inf if safety.base_speed is None else safety.base_speed
-        turn = math.inf if safety.base_turn is None else safety.base_turn
-        base = part.part
-        slower = dataclasses.replace(
-            base, max_vx=min(base.max_vx, speed), max_vy=min(base.max_vy, speed), max_wz=min(base.max_wz, turn)
-        )
-        return dataclasses.replace(part, part=slower)
-    if isinstance(part, GripperModel):
-        force = math.inf if safety.gripper_force is None else safety.gripper_force
-        return dataclasses.replace(part, max_force=min(part.max_force, force))
-    return part
+    config: Any = getattr(part, "part", None)
+    match part:
+        case ArmModel():
+            speeds = tuple(speed * safety.joint_speed for speed in config.limits.velocity)
+            slower: dict[str, Any] = {"limits": dataclasses.replace(config.limits, velocity=speeds)}
+        case BaseModel():
+            speed = math.inf if safety.base_speed is None else safety.base_speed
+            turn = math.inf if safety.base_turn is None else safety.base_turn
+            slower = {
+                "max_vx": min(config.max_vx, speed),
+                "max_vy": min(config.max_vy, speed),
+                "max_wz": min(config.max_wz, turn),
+            }
+        case GripperModel():
+            force = math.inf if safety.gripper_force is None else safety.gripper_force
+            slower = {"max_force": min(config.max_force, force)}
+        case _:
+            return part
+    return dataclasses.replace(part, part=dataclasses.replace(config, **slower))

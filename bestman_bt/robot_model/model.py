@@ -12,56 +12,103 @@ from numpy.typing import ArrayLike, NDArray
 
 from bestman_bt.robot_model.connection_config import ConnectionConfig, SafetyConfig
 from bestman_bt.robot_model.finger_linkage import MimicJoint, all_positions
-from bestman_bt.robot_model.part_config import BasePart, LeggedBasePart, MobilePart
-from bestman_bt.robot_model.part_fields import EncodersConfig, PartConfig
+from bestman_bt.robot_model.part_config import (
+    ArmPart,
+    BasePart,
+    GripperPart,
+    JointGroupPart,
+    LeggedBasePart,
+    MobilePart,
+    SuctionPart,
+)
+from bestman_bt.robot_model.part_fields import PartConfig
 from bestman_bt.robot_model.sensor_parts import MountedBumper, MountedForceTorque
 
 
 @dataclass(frozen=True, eq=False)
-class ArmModel:
-    """An arm: n joints from ``base_frame`` to ``tool_frame``; limits are (n,) in rad, rad/s, rad/s², N m.
+class JointedModel:
+    """Joints that move together, as their ``part`` describes them; limits are (n,), in the order of ``joint_names``.
+
+    Radians, rad/s, rad/s², N m; sliding joints: metres, m/s, m/s², N.
+    """
+
+    part: ArmPart | JointGroupPart
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """Names of the n joints."""
+        return self.part.joints
+
+    @cached_property
+    def lower(self) -> NDArray[np.float64]:
+        """Lowest positions."""
+        return _fixed(self.part.limits.lower)
+
+    @cached_property
+    def upper(self) -> NDArray[np.float64]:
+        """Highest positions."""
+        return _fixed(self.part.limits.upper)
+
+    @cached_property
+    def velocity(self) -> NDArray[np.float64]:
+        """Highest speeds."""
+        return _fixed(self.part.limits.velocity)
+
+    @cached_property
+    def acceleration(self) -> NDArray[np.float64]:
+        """Highest accelerations."""
+        return _fixed(self.part.limits.acceleration)
+
+    @cached_property
+    def effort(self) -> NDArray[np.float64]:
+        """Highest efforts."""
+        return _fixed(self.part.limits.effort)
+
+
+def _fixed(values: tuple[float, ...]) -> NDArray[np.float64]:
+    array = np.array(values, dtype=float)
+    array.setflags(write=False)
+    return array
+
+
+@dataclass(frozen=True, eq=False)
+class ArmModel(JointedModel):
+    """An arm from ``base_frame`` to ``tool_frame``.
 
     ``tool_frame``: between the finger tips of the end effector that it carries: z leaves the hand, y closes.
     """
 
-    joint_names: tuple[str, ...]
+    part: ArmPart
     base_frame: str
     tool_frame: str
-    lower: NDArray[np.float64]
-    upper: NDArray[np.float64]
-    velocity: NDArray[np.float64]
-    acceleration: NDArray[np.float64]
-    effort: NDArray[np.float64]
-    encoders: EncodersConfig = field(default_factory=EncodersConfig)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
+class JointGroupModel(JointedModel):
+    """Other joints that move together, for example a pan-tilt."""
+
+    part: JointGroupPart
+
+
+@dataclass(frozen=True, eq=False)
 class GripperModel:
-    """A gripper of the ``kind`` ``parallel`` or ``suction``; widths in metres.
+    """A gripper: its ``part``, with what the URDF tells of its hand.
 
-    ``joint_names``: the joints that drive its fingers, all alike: sliding ones share the width equally, others are
-    related to it by ``opening``, pairs (position, width) from the widest to the closed hand. ``followers``: joints
-    that a mechanism couples to these. ``finger_links``: the links that may touch a grasped object. ``hand_link``:
-    their parent; ``linkage``: knuckles and what else moves between. ``finger_depth``: metres from the tool back to the
-    palm, ``pad_size``: (width across, height along z) metres. A suction cup has no joints and one finger link, the
-    cup; ``max_force`` is what its vacuum holds with, and its widths are nominal: 0 sucks, ``max_width`` lets go.
+    ``hand_link``: the parent of the fingers; ``linkage``: knuckles and what else moves between. ``opening``: of fingers
+    on a linkage pairs (position of each of ``part.joints``, width) from the widest to the closed hand; sliding ones
+    share the width equally. ``followers``: joints that a mechanism couples to these.
     """
 
-    joint_names: tuple[str, ...]
-    finger_links: tuple[str, ...]
+    part: GripperPart | SuctionPart
     hand_link: str
-    min_width: float
-    max_width: float
-    max_speed: float
-    max_force: float
-    finger_depth: float
-    pad_size: tuple[float, float]
-    friction: float
     opening: tuple[tuple[float, float], ...] = ()
     followers: tuple[MimicJoint, ...] = ()
-    kind: str = "parallel"
-    seal_gap: float = 0.0
     linkage: tuple[str, ...] = ()
+
+    @property
+    def max_width(self) -> float:
+        """Of the open hand, metres; of a linkage what its joints reach."""
+        return self.opening[0][1] if self.opening else self.part.max_width
 
     def joint_positions(self, width: float) -> dict[str, float]:
         """Positions of all joints of the hand, followers included, when it is open by ``width``."""
@@ -69,11 +116,11 @@ class GripperModel:
             positions, widths = self._table
             position = float(np.interp(width, widths, positions))
         else:
-            position = width / max(1, len(self.joint_names))
-        return all_positions(dict.fromkeys(self.joint_names, position), self.followers)
+            position = width / max(1, len(self.part.joints))
+        return all_positions(dict.fromkeys(self.part.joints, position), self.followers)
 
     def width(self, positions: ArrayLike) -> float:
-        """The opening width where ``joint_names`` are at ``positions`` (n,); a linkage: the mean of what they say."""
+        """The opening width where ``part.joints`` are at ``positions`` (n,); a linkage: the mean of what they say."""
         if not self.opening:
             return float(np.sum(positions))
         q, widths = self._table
@@ -88,7 +135,7 @@ class GripperModel:
 
     @property
     def joint_range(self) -> tuple[float, float]:
-        """Lowest and highest position of each of ``joint_names``."""
+        """Lowest and highest position of each of ``part.joints``."""
         positions, _ = self._table
         return min(positions[0], positions[-1]), max(positions[0], positions[-1])
 
@@ -104,8 +151,8 @@ class GripperModel:
         if self.opening:
             table = np.array(self.opening[::-1], dtype=float)
             return table[:, 0], table[:, 1]
-        widths = np.array([self.min_width, self.max_width])
-        return widths / max(1, len(self.joint_names)), widths
+        widths = np.array([self.part.min_width, self.max_width])
+        return widths / max(1, len(self.part.joints)), widths
 
 
 @dataclass(frozen=True)
@@ -157,20 +204,7 @@ class LeggedBaseModel(BaseModel):
     legs: tuple[LegModel, ...] = ()
 
 
-@dataclass(frozen=True, eq=False)
-class JointGroupModel:
-    """Other joints that move together, for example a pan-tilt; limits are (n,)."""
-
-    joint_names: tuple[str, ...]
-    lower: NDArray[np.float64]
-    upper: NDArray[np.float64]
-    velocity: NDArray[np.float64]
-    acceleration: NDArray[np.float64]
-    effort: NDArray[np.float64]
-    encoders: EncodersConfig = field(default_factory=EncodersConfig)
-
-
-Part = BaseModel | ArmModel | GripperModel | JointGroupModel | MountedForceTorque | MountedBumper | PartConfig
+Part = BaseModel | JointedModel | GripperModel | MountedForceTorque | MountedBumper | PartConfig
 """What a robot model holds: sensors, and kinds of plug-ins, as they are in the YAML."""
 Kind = TypeVar("Kind", bound=Part)
 

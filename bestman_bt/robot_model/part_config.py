@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Literal, TypeAlias
+from typing import ClassVar, Literal, TypeAlias
 
 from bestman_bt.configuration.quantity import (
     Acceleration,
@@ -146,7 +146,9 @@ class GripperPart(PartConfig):
     ``max_speed`` and the widths are of the opening; ``max_force`` is per finger. Sliding fingers share the width
     equally. Fingers on a linkage say at which position of ``joints`` they are ``open_at`` ``max_width`` and
     ``closed_at`` ``min_width``; what lies between, and the joints that the URDF lets mimic these, is derived.
-    ``rotor_inertia``: of the drive, as it is felt at each of its joints behind the reduction.
+    ``rotor_inertia``: of the drive, as it is felt at each of its joints behind the reduction. ``finger_links``: those
+    that may touch a grasped object. ``finger_depth``: from the tool back to the palm; ``pad_size``: width across,
+    height along z.
     """
 
     kind: Literal["gripper"]
@@ -170,7 +172,13 @@ class SuctionPart(PartConfig):
     """A suction cup: ``tool``: in the middle of the rim of the link ``cup``, z out of it.
 
     ``max_force``: with which a full vacuum holds, perpendicular to the cup. ``seal_gap``: how far off a surface may be.
+    It is commanded as a gripper without joints is, with nominal widths: at ``min_width`` it sucks, at ``max_width`` it
+    lets go.
     """
+
+    joints: ClassVar[tuple[str, ...]] = ()
+    min_width: ClassVar[float] = 0.0
+    max_speed: ClassVar[float] = 1.0
 
     kind: Literal["suction"]
     tool: str
@@ -180,6 +188,26 @@ class SuctionPart(PartConfig):
     max_force: Force
     seal_gap: Length = 0.001
     friction: Friction
+
+    @property
+    def finger_links(self) -> tuple[str, ...]:
+        """What may touch a grasped object: the cup."""
+        return (self.cup,)
+
+    @property
+    def max_width(self) -> float:
+        """The nominal width at which it lets go."""
+        return 2 * self.cup_radius
+
+    @property
+    def finger_depth(self) -> float:
+        """From the tool back to the flange."""
+        return self.cup_depth
+
+    @property
+    def pad_size(self) -> tuple[float, float]:
+        """Of the rim, across and along."""
+        return 2 * self.cup_radius, 2 * self.cup_radius
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -158,7 +158,7 @@ def _best_grasps(skills: SkillContext) -> Iterable[GraspMark]:
     """The first grasp that is proposed for each believed object and handle; whether the arm reaches it is not asked."""
     if not skills.has("arm") or not skills.has("gripper"):
         return
-    depth = skills.gripper_model.finger_depth
+    depth = skills.gripper_model.part.finger_depth
     targets = {name: grasp_candidates(skills, belief) for name, belief in skills.world.objects.items()}
     targets |= {name: handle_grasp_candidates(skills, belief) for name, belief in skills.world.handles.items()}
     for name, candidates in targets.items():

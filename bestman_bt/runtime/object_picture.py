@@ -54,9 +54,9 @@ def _axes(size: float) -> list[Part]:
 
 def _fork(grasp: ObjectGrasp, gripper: GripperModel) -> list[Part]:
     """Two fingers, the palm behind them and a piece of wrist: thin bars in the tool frame."""
-    thick, depth = 0.002, gripper.finger_depth
+    thick, depth = 0.002, gripper.part.finger_depth
     half = grasp.width / 2 + thick / 2
-    ahead = gripper.pad_size[1] / 2
+    ahead = gripper.part.pad_size[1] / 2
     bars = [
         (Box((thick, thick, depth + ahead)), (0.0, half, (ahead - depth) / 2)),
         (Box((thick, thick, depth + ahead)), (0.0, -half, (ahead - depth) / 2)),

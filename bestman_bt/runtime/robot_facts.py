@@ -57,11 +57,11 @@ def robot_facts(model: RobotModel) -> dict[str, Any]:
         "arms": {name: _arm(model, name) for name in model.of(ArmModel)},
         "grippers": {
             name: {
-                "kind": gripper.kind,
+                "kind": gripper.part.kind,
                 "on": model.hand_of.get(name),
                 "max_width_m": round(gripper.max_width, 4),
-                "max_force_n": gripper.max_force,
-                "joints": len(gripper.joint_names) + len(gripper.followers),
+                "max_force_n": gripper.part.max_force,
+                "joints": len(gripper.part.joints) + len(gripper.followers),
             }
             for name, gripper in model.of(GripperModel).items()
         },

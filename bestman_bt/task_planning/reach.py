@@ -36,7 +36,7 @@ def widest_grasp(robot: RobotModel) -> float:
     from bestman_bt.robot_model import GripperModel
 
     grippers = robot.of(GripperModel).values()
-    return max((math.inf if gripper.kind == "suction" else gripper.max_width for gripper in grippers), default=0.0)
+    return max((math.inf if gripper.part.kind == "suction" else gripper.max_width for gripper in grippers), default=0.0)
 
 
 def _length(joint: ElementTree.Element) -> float:

@@ -9,13 +9,13 @@ from hal.api.camera import Camera
 from hal.api.clock import Clock, Timer
 from hal.api.errors import CommandRefusedError, NoDataError, NotConnectedError, PartError, UnknownPartError
 from hal.api.force_torque import ForceTorque
-from hal.api.gripper import Gripper, GripperDescription, GripperState
+from hal.api.gripper import Gripper, GripperState
 from hal.api.imu import Imu, ImuReading
 from hal.api.joint_group import JointGroup
 from hal.api.lidar import Lidar
 from hal.api.mobile_base import MobileBase
 from hal.api.motion import Motion, MotionStatus
-from hal.api.part import JointLimits, Part, Sensor
+from hal.api.part import Part, Sensor
 from hal.api.robot import Robot
 from hal.api.tactile import Tactile, TactileReading
 
@@ -32,12 +32,10 @@ __all__ = [
     "Failure",
     "ForceTorque",
     "Gripper",
-    "GripperDescription",
     "GripperState",
     "Imu",
     "ImuReading",
     "JointGroup",
-    "JointLimits",
     "Lidar",
     "MobileBase",
     "Motion",

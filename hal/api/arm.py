@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 from numpy.typing import ArrayLike
 
@@ -11,11 +11,19 @@ from bestman_bt.messages import JointTrajectory
 from hal.api.joint_group import JointGroup
 from hal.api.motion import Motion
 
+if TYPE_CHECKING:
+    from bestman_bt.robot_model import ArmModel
+
 
 class Arm(JointGroup):
     """A joint group that follows trajectories and streams set-points."""
 
     kind: ClassVar[str] = "arm"
+
+    @property
+    @abstractmethod
+    def model(self) -> ArmModel:
+        """Names and limits of the n joints, frames; readable before connecting."""
 
     @property
     def latency(self) -> float:

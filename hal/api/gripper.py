@@ -4,20 +4,13 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 from hal.api.motion import Motion
 from hal.api.part import Part
 
-
-@dataclass(frozen=True)
-class GripperDescription:
-    """Opening range in metres, speed in m/s, closing force range in N."""
-
-    min_width: float
-    max_width: float
-    max_speed: float
-    max_force: float
+if TYPE_CHECKING:
+    from bestman_bt.robot_model import GripperModel
 
 
 @dataclass(frozen=True)
@@ -41,8 +34,8 @@ class Gripper(Part):
 
     @property
     @abstractmethod
-    def description(self) -> GripperDescription:
-        """Ranges; readable before connecting."""
+    def model(self) -> GripperModel:
+        """Ranges of width, speed and force (``model.part``), and the hand; readable before connecting."""
 
     @abstractmethod
     def width(self) -> float:
@@ -58,8 +51,8 @@ class Gripper(Part):
 
     def open(self) -> Motion[None]:
         """Open fully."""
-        return self.move(self.description.max_width)
+        return self.move(self.model.max_width)
 
     def close(self, force: float | None = None) -> Motion[None]:
         """Close until something blocks or the fingers meet."""
-        return self.move(self.description.min_width, force)
+        return self.move(self.model.part.min_width, force)

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hal.api.motion import Motion
-from hal.api.part import JointLimits, Part
+from hal.api.part import Part
+
+if TYPE_CHECKING:
+    from bestman_bt.robot_model import JointedModel
 
 
 class JointGroup(Part):
@@ -19,13 +22,13 @@ class JointGroup(Part):
 
     @property
     @abstractmethod
-    def joint_names(self) -> tuple[str, ...]:
-        """Names of the n joints; readable before connecting."""
+    def model(self) -> JointedModel:
+        """Names and limits of the n joints; readable before connecting."""
 
     @property
-    @abstractmethod
-    def limits(self) -> tuple[JointLimits, ...]:
-        """Limits of the n joints; readable before connecting."""
+    def joint_names(self) -> tuple[str, ...]:
+        """Names of the n joints."""
+        return self.model.joint_names
 
     @abstractmethod
     def positions(self) -> NDArray[np.float64]:

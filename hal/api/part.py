@@ -1,21 +1,9 @@
-"""What all parts of a robot share: a name and a description that can be read before connecting."""
+"""What all parts of a robot share: a name and a model that can be read before connecting."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
 from typing import ClassVar
-
-
-@dataclass(frozen=True)
-class JointLimits:
-    """Limits of one joint: radians or metres, per second, per second squared; efforts in N or N m."""
-
-    lower: float
-    upper: float
-    velocity: float
-    acceleration: float
-    effort: float
 
 
 class Part(ABC):

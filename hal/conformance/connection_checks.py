@@ -32,7 +32,7 @@ def nothing_works_without_a_connection(robot: Robot) -> None:
     for group in parts_of(robot, JointGroup):
         require_refusal(group.positions, NotConnectedError, f"{group.name}.positions()", (group.name,))
         require_refusal(group.velocities, NotConnectedError, f"{group.name}.velocities()", (group.name,))
-        at = [limit.lower for limit in group.limits]
+        at = group.model.lower
         require_refusal(partial(group.move_to, at), NotConnectedError, f"{group.name}.move_to()")
         require_refusal(partial(group.command, at), NotConnectedError, f"{group.name}.command()")
         if isinstance(group, Arm):

@@ -6,14 +6,13 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from bestman_bt.robot_model import ArmModel, BaseModel, GripperModel, JointGroupModel
+from bestman_bt.robot_model import BaseModel, GripperModel, JointedModel
 from hal.api import (
     Camera,
     ForceTorque,
     Gripper,
     Imu,
     JointGroup,
-    JointLimits,
     Lidar,
     MobileBase,
     Robot,
@@ -44,15 +43,16 @@ def every_part_of_the_model_is_there_or_declared_missing(robot: Robot) -> None:
 def joints_have_the_limits_of_the_model(robot: Robot) -> None:
     """Names, order, and limits in radians or metres; nothing but efforts and speeds may be held lower."""
     for group in parts_of(robot, JointGroup):
-        model = {**robot.model.of(JointGroupModel), **robot.model.of(ArmModel)}.get(group.name)
+        told, model = group.model, robot.model.of(JointedModel).get(group.name)
         if model is None:
             raise ConformanceError(f"the model has no joints called {group.name!r}")
-        require(group.joint_names == tuple(model.joint_names), f"{group.name} has the joints {group.joint_names}")
-        require(len(group.limits) == len(group.joint_names), f"{group.name} should have limits for each joint")
-        for joint, limit, lower, upper, velocity in zip(
-            group.joint_names, group.limits, model.lower, model.upper, model.velocity, strict=True
-        ):
-            require(_agrees(limit, lower, upper, velocity), f"{joint} says {limit}; its model [{lower}, {upper}]")
+        require(group.joint_names == model.joint_names, f"{group.name} has the joints {group.joint_names}")
+        ends = bool(np.allclose([told.lower, told.upper], [model.lower, model.upper], rtol=0.0, atol=1e-6))
+        require(ends, f"{group.name} says [{told.lower}, {told.upper}]; its model [{model.lower}, {model.upper}]")
+        slower = bool(np.all((told.velocity > 0.0) & (told.velocity <= model.velocity + 1e-9)))
+        require(slower, f"{group.name} says {told.velocity} of its speeds; its model {model.velocity}")
+        require(bool(np.all(told.acceleration > 0.0)), f"{group.name} says {told.acceleration} of its accelerations")
+        require(bool(np.all(told.effort > 0.0)), f"{group.name} says {told.effort} of its efforts")
 
 
 def a_base_is_as_the_model_says(robot: Robot) -> None:
@@ -72,14 +72,14 @@ def a_base_is_as_the_model_says(robot: Robot) -> None:
 def a_gripper_is_as_the_model_says(robot: Robot) -> None:
     """Widths in metres, speed in m/s, force in newtons."""
     for gripper in parts_of(robot, Gripper):
-        described, model = gripper.description, robot.model.of(GripperModel).get(gripper.name)
+        described, model = gripper.model, robot.model.of(GripperModel).get(gripper.name)
         require(model is not None, f"the model has no gripper called {gripper.name!r}")
-        require(described.max_width > described.min_width, f"{gripper.name} should open")
-        for what in ("min_width", "max_width"):
-            value, limit = getattr(described, what), getattr(model, what)
-            require(abs(value - limit) < 1e-6, f"{gripper.name} says {what} = {value} m, its model {limit} m")
+        widths = (described.part.min_width, described.max_width)
+        require(widths[1] > widths[0], f"{gripper.name} should open")
+        same = np.allclose(widths, (model.part.min_width, model.max_width), rtol=0.0, atol=1e-6)
+        require(bool(same), f"{gripper.name} says {widths} m, its model {model.part.min_width}, {model.max_width} m")
         for what in ("max_speed", "max_force"):
-            value, limit = getattr(described, what), getattr(model, what)
+            value, limit = getattr(described.part, what), getattr(model.part, what)
             require(0.0 < value <= limit + 1e-9, f"{gripper.name} says {what} = {value}, its model {limit}")
 
 
@@ -104,11 +104,6 @@ def an_unknown_part_is_refused_with_the_names_there_are(robot: Robot) -> None:
     require_refusal(lambda: robot.part("no_such_part", JointGroup), UnknownPartError, "an unknown part", (name,))
     other = Camera if not isinstance(part, Camera) else JointGroup
     require_refusal(lambda: robot.part(name, other), UnknownPartError, "a part of another kind")
-
-
-def _agrees(limit: JointLimits, lower: float, upper: float, velocity: float) -> bool:
-    ends = abs(limit.lower - lower) < 1e-6 and abs(limit.upper - upper) < 1e-6 and limit.lower < limit.upper
-    return ends and 0.0 < limit.velocity <= velocity + 1e-9 and limit.acceleration > 0.0 and limit.effort > 0.0
 
 
 DESCRIPTION_CHECKS = (

@@ -25,11 +25,11 @@ def motions_of_grippers_can_be_cancelled(robot: Robot, gripper: Gripper) -> None
 @each(Gripper)
 def a_gripper_opens_and_closes(robot: Robot, gripper: Gripper) -> None:
     """To the widths asked; closed on nothing, it is empty."""
-    limits = gripper.description
-    middle = (limits.min_width + limits.max_width) / 2
+    closed, opened = gripper.model.part.min_width, gripper.model.max_width
+    middle = (closed + opened) / 2
     for motion, width, empty in (
-        (gripper.open, limits.max_width, False),
-        (gripper.close, limits.min_width, True),
+        (gripper.open, opened, False),
+        (gripper.close, closed, True),
         (lambda: gripper.move(middle), middle, False),
     ):
         handle = motion()
@@ -44,8 +44,8 @@ def a_gripper_opens_and_closes(robot: Robot, gripper: Gripper) -> None:
 
 def _other_end(gripper: Gripper) -> float:
     """The width at the end of its range that is farther away."""
-    limits = gripper.description
-    return limits.max_width if 2 * gripper.width() < limits.min_width + limits.max_width else limits.min_width
+    closed, opened = gripper.model.part.min_width, gripper.model.max_width
+    return opened if 2 * gripper.width() < closed + opened else closed
 
 
 GRIPPER_CHECKS = (

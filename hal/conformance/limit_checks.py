@@ -18,13 +18,13 @@ def joint_commands_beyond_limits_are_refused(robot: Robot, group: JointGroup) ->
     """The message names part, joint, value and limit; nothing moves."""
     before = group.positions()
     beyond = before.copy()
-    beyond[0] = group.limits[0].upper + 0.5
-    words = (group.name, group.joint_names[0], f"{beyond[0]:.4f}", f"{group.limits[0].upper:.4f}")
+    beyond[0] = group.model.upper[0] + 0.5
+    words = (group.name, group.joint_names[0], f"{beyond[0]:.4f}", f"{group.model.upper[0]:.4f}")
     require_refusal(lambda: group.move_to(beyond), CommandRefusedError, "a target beyond a limit", words)
     require_refusal(lambda: group.command(positions=beyond), CommandRefusedError, "a set-point beyond a limit", words)
-    speeds = np.array([2.0 * limit.velocity for limit in group.limits])
+    speeds = 2.0 * group.model.velocity
     require_refusal(lambda: group.command(velocities=speeds), CommandRefusedError, "a velocity beyond a limit")
-    efforts = np.array([2.0 * limit.effort for limit in group.limits])
+    efforts = 2.0 * group.model.effort
     require_refusal(lambda: group.command(efforts=efforts), CommandRefusedError, "an effort beyond a limit")
     robot.clock.sleep(0.2)
     moved = float(np.max(np.abs(group.positions() - before)))
@@ -57,7 +57,7 @@ def a_refused_command_does_not_disturb_the_motion_under_way(robot: Robot, group:
     """It goes on to its target."""
     motion = group.move_to(nearby(robot, group), 0.5)
     robot.clock.sleep(0.1)
-    broken = np.full(len(group.limits), math.nan)
+    broken = np.full(len(group.joint_names), math.nan)
     require_refusal(lambda: group.move_to(broken), CommandRefusedError, "NaN")
     require(not motion.done, "a refused command should leave the motion under way alone")
 
@@ -73,7 +73,7 @@ def trajectories_are_checked(robot: Robot, arm: Arm) -> None:
         return JointTrajectory(joints, np.array([0.0, duration]), positions, np.zeros_like(positions))
 
     beyond = here.copy()
-    beyond[0] = arm.limits[0].upper + 0.1
+    beyond[0] = arm.model.upper[0] + 0.1
     commands = {
         "other joints": trajectory(here, there, 2.0, tuple(f"other_{name}" for name in names)),
         "another start": trajectory(there, here, 2.0, names),
@@ -87,8 +87,8 @@ def trajectories_are_checked(robot: Robot, arm: Arm) -> None:
 @each(Arm)
 def servo_refuses_jumps(robot: Robot, arm: Arm) -> None:
     """A set-point that would need more than the velocity limits."""
-    jump, limit = np.array(arm.positions()), arm.limits[0]
-    jump[0] += 0.5 if jump[0] < (limit.lower + limit.upper) / 2 else -0.5
+    jump = np.array(arm.positions())
+    jump[0] += 0.5 if jump[0] < (arm.model.lower[0] + arm.model.upper[0]) / 2 else -0.5
     require_refusal(lambda: arm.servo(jump), CommandRefusedError, "a jump of 0.5 rad", (arm.name,))
 
 
@@ -112,9 +112,9 @@ def base_commands_beyond_limits_are_refused(robot: Robot, base: MobileBase) -> N
 @each(Gripper)
 def gripper_commands_beyond_limits_are_refused(robot: Robot, gripper: Gripper) -> None:
     """Widths, forces and speeds."""
-    limits = gripper.description
+    limits = gripper.model.part
     commands = {
-        "width": lambda: gripper.move(limits.max_width + 0.01),
+        "width": lambda: gripper.move(gripper.model.max_width + 0.01),
         "force": lambda: gripper.move(limits.min_width, force=limits.max_force * 1.1),
         "speed": lambda: gripper.move(limits.min_width, speed=limits.max_speed * 1.1),
         "nan": lambda: gripper.move(math.nan),

@@ -60,7 +60,7 @@ def joints_arrive_within_their_limits(robot: Robot) -> None:
     """Every group reaches its target, at full and at quarter speed, and is never faster by more than 5 %."""
     apart = READINGS_APART if waits_for_sleeps(robot.clock) else READINGS_APART_IN_REAL_TIME
     for group in _groups(robot):
-        limits = np.array([limit.velocity for limit in group.limits])
+        limits = group.model.velocity
         for scale in (1.0, 0.25):
             target = nearby(robot, group, 0.6)
             motion = group.move_to(target, scale)
@@ -120,7 +120,7 @@ def a_motion_is_cancelled_within_a_control_period(robot: Robot) -> None:
         require(motion.status is MotionStatus.CANCELED, f"right after cancel() a motion is {motion.status}")
         robot.clock.sleep(1.0)
         way = np.abs(group.positions() - start)
-        braking = speed**2 / (2.0 * np.array([limit.acceleration for limit in group.limits]))
+        braking = speed**2 / (2.0 * group.model.acceleration)
         excess = float(np.max(way - speed * REACTION - braking))
         require(excess < 0.005, f"{group.name} went {excess:.4f} farther after cancel() than braking at once takes")
 
@@ -190,7 +190,7 @@ def _turns_of(part: JointGroup | Gripper | MobileBase) -> Iterator[Motion[None] 
     """Small commands of a part, there and back, each given when the next one is asked for; None: without a motion."""
     if isinstance(part, JointGroup):
         here = part.positions()
-        room = [limit.upper - at > at - limit.lower for limit, at in zip(part.limits, here, strict=True)]
+        room = part.model.upper - here > here - part.model.lower
         there = here + np.where(room, SMALL_TURN, -SMALL_TURN)
         there[1:] = here[1:]
         for turn in range(COMMANDS_EACH):
@@ -204,8 +204,8 @@ def _turns_of(part: JointGroup | Gripper | MobileBase) -> Iterator[Motion[None] 
             else:
                 yield part.move_to(target)
     elif isinstance(part, Gripper):
-        limits, width = part.description, part.width()
-        nearer = limits.max_width if 2 * width > limits.min_width + limits.max_width else limits.min_width
+        closed, opened = part.model.part.min_width, part.model.max_width
+        nearer = opened if 2 * part.width() > closed + opened else closed
         for _ in range(COMMANDS_EACH):
             yield part.move(nearer)
     else:
@@ -226,8 +226,8 @@ def set_points_are_held(robot: Robot, group: JointGroup) -> None:
     error = float(np.max(np.abs(group.positions() - target)))
     require(error < 0.01, f"{group.name} is {error:.4f} off its commanded positions")
     speed = np.zeros(len(target))
-    speed[0] = min(0.1, group.limits[0].velocity / 2)
-    speed[0] *= 1 if target[0] < (group.limits[0].lower + group.limits[0].upper) / 2 else -1
+    speed[0] = min(0.1, group.model.velocity[0] / 2)
+    speed[0] *= 1 if target[0] < (group.model.lower[0] + group.model.upper[0]) / 2 else -1
     group.command(velocities=speed)
     robot.clock.sleep(1.0)
     moved = float(group.positions()[0] - target[0])
@@ -239,9 +239,8 @@ def set_points_are_held(robot: Robot, group: JointGroup) -> None:
 @each(JointGroup)
 def velocities_are_the_rate_of_positions(robot: Robot, group: JointGroup) -> None:
     """In the same unit, sign and order: what a joint does in half a second is what its velocity said."""
-    here, speed = group.positions(), np.zeros(len(group.joint_names))
-    for joint, limit in enumerate(group.limits):
-        speed[joint] = min(0.1, limit.velocity / 2) * (1 if here[joint] < (limit.lower + limit.upper) / 2 else -1)
+    middle = (group.model.lower + group.model.upper) / 2
+    speed = np.where(group.positions() < middle, 1, -1) * np.minimum(0.1, group.model.velocity / 2)
     group.command(velocities=speed)
     robot.clock.sleep(0.4)
     start, begin, said = group.positions(), robot.clock.now(), []

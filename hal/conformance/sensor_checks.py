@@ -8,7 +8,7 @@ from functools import partial
 
 import numpy as np
 
-from bestman_bt.robot_model import ArmModel, JointGroupModel, LidarPart, MountedForceTorque
+from bestman_bt.robot_model import JointedModel, LidarPart, MountedForceTorque
 from hal.api import (
     Battery,
     Bumper,
@@ -53,10 +53,11 @@ def joints_are_read_in_radians_metres_and_newtons(robot: Robot) -> None:
         for what, values in readings.items():
             right = np.shape(values) == (len(group.joint_names),) and bool(np.all(np.isfinite(values)))
             require(right, f"{group.name}.{what}() gave {values}")
-        for joint, limit, at in zip(group.joint_names, group.limits, readings["positions"], strict=True):
-            inside = limit.lower - OVERSHOOT <= at <= limit.upper + OVERSHOOT
-            require(inside, f"{joint} is at {at:.4f}, its limits are [{limit.lower:.4f}, {limit.upper:.4f}]")
-        strongest = {**robot.model.of(JointGroupModel), **robot.model.of(ArmModel)}[group.name].effort
+        rows = zip(group.joint_names, group.model.lower, group.model.upper, readings["positions"], strict=True)
+        for joint, lower, upper, at in rows:
+            inside = lower - OVERSHOOT <= at <= upper + OVERSHOOT
+            require(inside, f"{joint} is at {at:.4f}, its limits are [{lower:.4f}, {upper:.4f}]")
+        strongest = robot.model.of(JointedModel)[group.name].effort
         for joint, effort, most in zip(group.joint_names, readings["efforts"], strongest, strict=True):
             possible = abs(effort) <= EFFORT_MARGIN * most
             require(bool(possible), f"{joint} is at rest with an effort of {effort:.4g}, its motor has {most:.4g}")
@@ -67,9 +68,9 @@ def joints_are_read_in_radians_metres_and_newtons(robot: Robot) -> None:
 def a_gripper_reads_metres(robot: Robot) -> None:
     """The width is within the range that it describes."""
     for gripper in parts_of(robot, Gripper):
-        width, limits = gripper.width(), gripper.description
-        inside = limits.min_width - 0.005 <= width <= limits.max_width + 0.005
-        require(inside, f"{gripper.name} is {width} m wide, it can be {limits.min_width} to {limits.max_width} m")
+        width, closed, opened = gripper.width(), gripper.model.part.min_width, gripper.model.max_width
+        inside = closed - 0.005 <= width <= opened + 0.005
+        require(inside, f"{gripper.name} is {width} m wide, it can be {closed} to {opened} m")
 
 
 def a_base_at_rest_stays_where_it_is(robot: Robot) -> None:

@@ -96,14 +96,14 @@ def _drive_away(robot: Robot) -> None:
 def _turn_all_joints(robot: Robot) -> None:
     for group in parts_of(robot, JointGroup):
         way = nearby(robot, group) - group.positions()
-        group.command(velocities=np.sign(way) * [min(0.2, limit.velocity / 2) for limit in group.limits])
+        group.command(velocities=np.sign(way) * np.minimum(0.2, group.model.velocity / 2))
     robot.clock.sleep(0.3)
 
 
 def _stream(robot: Robot) -> None:
     for arm in parts_of(robot, Arm):
         start = arm.positions()
-        way = np.sign(nearby(robot, arm) - start) * [min(0.4, limit.velocity / 2) for limit in arm.limits]
+        way = np.sign(nearby(robot, arm) - start) * np.minimum(0.4, arm.model.velocity / 2)
         for step in range(1, 9):
             arm.servo(start + 0.05 * step * way)
             robot.clock.sleep(0.05 if step < 8 else 0.0)

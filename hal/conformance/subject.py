@@ -152,8 +152,8 @@ def nearby(robot: Robot, group: JointGroup, step: float = 0.3) -> NDArray[np.flo
     and number keep near to a posture in which the robot touches nothing.
     """
     present = group.positions()
-    lower = np.array([limit.lower for limit in group.limits])
-    upper = np.array([limit.upper for limit in group.limits])
+    lower = group.model.lower
+    upper = group.model.upper
     middle = (lower + upper) / 2
     posture = robot.model.postures.get("home", {})
     home = np.array([posture.get(joint, at) for joint, at in zip(group.joint_names, middle, strict=True)])
@@ -166,9 +166,8 @@ def set_moving(robot: Robot) -> list[Motion[None]]:
     """Command everything that can move, and let it get under way."""
     motions: list[Motion[None]] = [group.move_to(nearby(robot, group), 0.5) for group in parts_of(robot, JointGroup)]
     for gripper in parts_of(robot, Gripper):
-        description = gripper.description
-        middle = (description.min_width + description.max_width) / 2
-        motions.append(gripper.move(description.max_width if gripper.width() < middle else description.min_width))
+        closed, opened = gripper.model.part.min_width, gripper.model.max_width
+        motions.append(gripper.move(opened if gripper.width() < (closed + opened) / 2 else closed))
     for base in parts_of(robot, MobileBase):
         motions.append(base.rotate(1.0))
     robot.clock.sleep(0.2)

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bestman_bt.messages import JointTrajectory
-from bestman_bt.robot_model import ArmModel, JointGroupModel
-from hal.api import CommandRefusedError, JointLimits
+from bestman_bt.robot_model import JointedModel
+from hal.api import CommandRefusedError
 
 Array = NDArray[np.float64]
 START_TOLERANCE = 0.05
@@ -17,20 +17,10 @@ SPEED_TOLERANCE = 1.02
 
 
 class JointCommandChecks:
-    """The limits of a group of joints, (n,) each, and the checks of its commands; faults raise CommandRefusedError."""
+    """The checks of the commands of a group of joints; faults raise CommandRefusedError."""
 
-    def __init__(self, part_name: str, model: ArmModel | JointGroupModel) -> None:
-        self._part_name = part_name
-        self.joint_names = model.joint_names
-        self.lower, self.upper = np.asarray(model.lower, float), np.asarray(model.upper, float)
-        self.speed, self.acceleration = np.asarray(model.velocity, float), np.asarray(model.acceleration, float)
-        self.effort = np.asarray(model.effort, float)
-
-    @property
-    def limits(self) -> tuple[JointLimits, ...]:
-        """The limits joint by joint."""
-        columns = (self.lower, self.upper, self.speed, self.acceleration, self.effort)
-        return tuple(JointLimits(*map(float, row)) for row in zip(*columns, strict=True))
+    def __init__(self, part_name: str, model: JointedModel) -> None:
+        self._part_name, self._model = part_name, model
 
     def refuse(self, command: str, why: str) -> CommandRefusedError:
         """The error for a command that is malformed or beyond a limit."""
@@ -38,15 +28,15 @@ class JointCommandChecks:
 
     def positions(self, command: str, values: ArrayLike) -> Array:
         """Positions within the limits."""
-        return self._within(command, "positions", values, self.lower, self.upper)
+        return self._within(command, "positions", values, self._model.lower, self._model.upper)
 
     def velocities(self, command: str, values: ArrayLike) -> Array:
         """Velocities within the limits."""
-        return self._within(command, "velocities", values, -self.speed, self.speed)
+        return self._within(command, "velocities", values, -self._model.velocity, self._model.velocity)
 
     def efforts(self, command: str, values: ArrayLike) -> Array:
         """Efforts within the limits."""
-        return self._within(command, "efforts", values, -self.effort, self.effort)
+        return self._within(command, "efforts", values, -self._model.effort, self._model.effort)
 
     def one_kind(self, command: str, *kinds: ArrayLike | None) -> None:
         """Exactly one of the kinds of set-point is given."""
@@ -63,25 +53,23 @@ class JointCommandChecks:
     def servo(self, target: Array, position: Array, interval: float) -> None:
         """``target`` can be reached from ``position`` within ``interval`` seconds."""
         speed = np.abs(target - position) / interval
-        worst = int(np.argmax(speed / self.speed))
-        if speed[worst] > self.speed[worst] * SPEED_TOLERANCE:
+        worst = int(np.argmax(speed / self._model.velocity))
+        if speed[worst] > self._model.velocity[worst] * SPEED_TOLERANCE:
             raise self.refuse(
                 "servo",
-                f"{self.joint_names[worst]} would need {speed[worst]:.3f} rad/s, its limit is "
-                f"{self.speed[worst]:.3f} rad/s",
+                f"{self._model.joint_names[worst]} would need {speed[worst]:.3f} rad/s, its limit is "
+                f"{self._model.velocity[worst]:.3f} rad/s",
             )
 
     def trajectory(self, trajectory: JointTrajectory, measured: Array) -> None:
         """Its joints are these, all samples are within the limits, and it starts at ``measured``."""
-        if trajectory.joint_names != self.joint_names:
-            raise self.refuse(
-                "follow", f"the joints are {trajectory.joint_names}, but this arm's are {self.joint_names}"
-            )
-        pairs = [(trajectory.positions, self.lower, self.upper, "position")]
+        names, limit = self._model.joint_names, self._model.velocity * SPEED_TOLERANCE
+        if trajectory.joint_names != names:
+            raise self.refuse("follow", f"the joints are {trajectory.joint_names}, but this arm's are {names}")
+        pairs = [(trajectory.positions, self._model.lower, self._model.upper, "position")]
         speeds = [trajectory.velocities]
         if len(trajectory.times) > 1:
             speeds.append(np.diff(trajectory.positions, axis=0) / np.diff(trajectory.times)[:, None])
-        limit = self.speed * SPEED_TOLERANCE
         pairs += [(speed, -limit, limit, "velocity") for speed in speeds]
         for values, lower, upper, what in pairs:
             wrong = ~((values >= lower - 1e-6) & (values <= upper + 1e-6))
@@ -89,7 +77,7 @@ class JointCommandChecks:
                 sample, joint = (int(index) for index in np.argwhere(wrong)[0])
                 raise self.refuse(
                     "follow",
-                    f"{what} of {self.joint_names[joint]} in sample {sample} is {values[sample, joint]:.4f}, its "
+                    f"{what} of {names[joint]} in sample {sample} is {values[sample, joint]:.4f}, its "
                     f"limits are [{lower[joint]:.4f}, {upper[joint]:.4f}]",
                 )
         start = trajectory.positions[0]
@@ -97,7 +85,7 @@ class JointCommandChecks:
         if abs(start[worst] - measured[worst]) > START_TOLERANCE:
             raise self.refuse(
                 "follow",
-                f"the trajectory starts with {self.joint_names[worst]} = {start[worst]:.4f}, but it is at "
+                f"the trajectory starts with {names[worst]} = {start[worst]:.4f}, but it is at "
                 f"{measured[worst]:.4f}; within {START_TOLERANCE} would be accepted",
             )
 
@@ -110,7 +98,7 @@ class JointCommandChecks:
             raise self.refuse(command, f"{what} should have shape {lower.shape} but have {array.shape}")
         if not np.all(np.isfinite(array)):
             raise self.refuse(command, f"{what} should be finite but are {array.tolist()}")
-        for joint, value, low, high in zip(self.joint_names, array, lower, upper, strict=True):
+        for joint, value, low, high in zip(self._model.joint_names, array, lower, upper, strict=True):
             if not low - 1e-6 <= value <= high + 1e-6:
                 why = f"{what} of {joint} = {value:.4f} is beyond its limits [{low:.4f}, {high:.4f}]"
                 raise self.refuse(command, why)

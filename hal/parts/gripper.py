@@ -10,7 +10,6 @@ from bestman_bt.robot_model import GripperModel
 from hal.api import (
     Failure,
     Gripper,
-    GripperDescription,
     GripperState,
     Motion,
     MotionErrorCode,
@@ -68,9 +67,9 @@ class CommandedGripper(StoppablePart, Gripper):
         self._time = self._still_for = self._limit = self._anchor = 0.0
 
     @property
-    def description(self) -> GripperDescription:
-        """Ranges."""
-        return self._checks.description
+    def model(self) -> GripperModel:
+        """Ranges of width, speed and force, and the hand."""
+        return self._model
 
     def width(self) -> float:
         """Measured opening, metres."""
@@ -98,7 +97,7 @@ class CommandedGripper(StoppablePart, Gripper):
             motion: Motion[None] = Motion(self.name, self._halt)
             self._connection.begin(motion)
             self._closing, self._blocked, self._halting = width < present, False, False
-            self._target = float(np.clip(width, model.min_width, model.max_width))
+            self._target = float(np.clip(width, model.part.min_width, model.max_width))
             self._time, self._still_for, self._anchor = 0.0, 0.0, present
             self._limit = abs(present - width) / speed + parameters.spare_time
             self._order = (self._target, force, speed)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from bestman_bt.robot_model import GripperModel
-from hal.api import CommandRefusedError, GripperDescription
+from hal.api import CommandRefusedError
 
 
 class GripperCommandChecks:
@@ -24,25 +24,19 @@ class GripperCommandChecks:
         least_width: float | None = None,
     ) -> None:
         self._part_name, self._model = part_name, model
-        self._usual_force = min(usual_force, model.max_force)
-        self._usual_speed = min(usual_speed, model.max_speed)
-        self._least_width = model.min_width if least_width is None else least_width
-
-    @property
-    def description(self) -> GripperDescription:
-        """Ranges."""
-        model = self._model
-        return GripperDescription(model.min_width, model.max_width, model.max_speed, model.max_force)
+        self._usual_force = min(usual_force, model.part.max_force)
+        self._usual_speed = min(usual_speed, model.part.max_speed)
+        self._least_width = model.part.min_width if least_width is None else least_width
 
     def move(self, width: float, force: float | None, speed: float | None) -> tuple[float, float, float]:
         """Width, force and speed of a command within the ranges."""
-        model = self._model
+        part = self._model.part
         force = self._usual_force if force is None else force
         speed = self._usual_speed if speed is None else speed
         for what, value, lower, upper, unit in (
-            ("width", width, self._least_width - 1e-9, model.max_width + 1e-9, "m"),
-            ("force", force, 1e-9, model.max_force, "N"),
-            ("speed", speed, 1e-9, model.max_speed, "m/s"),
+            ("width", width, self._least_width - 1e-9, self._model.max_width + 1e-9, "m"),
+            ("force", force, 1e-9, part.max_force, "N"),
+            ("speed", speed, 1e-9, part.max_speed, "m/s"),
         ):
             if not (math.isfinite(value) and lower <= value <= upper):
                 why = f"{what} = {value} {unit} is not within [{max(lower, 0.0):.4g}, {upper:.4g}] {unit}"

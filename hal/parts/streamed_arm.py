@@ -29,6 +29,7 @@ class StreamedArm(StreamedJointGroup, Arm):
     """
 
     kind: ClassVar[str] = "arm"
+    _model: ArmModel
 
     def __init__(
         self,
@@ -47,6 +48,11 @@ class StreamedArm(StreamedJointGroup, Arm):
         self._streamed_at = -np.inf
         self._time = 0.0  # of the cycles
         self._now = now or self._time_of_cycles
+
+    @property
+    def model(self) -> ArmModel:
+        """Names and limits of the joints, frames."""
+        return self._model
 
     @property
     def latency(self) -> float:

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from bestman_bt.robot_model import ArmModel, JointGroupModel
-from hal.api import Failure, JointGroup, JointLimits, Motion, MotionErrorCode, MotionStatus
+from bestman_bt.robot_model import JointedModel
+from hal.api import Failure, JointGroup, Motion, MotionErrorCode, MotionStatus
 from hal.parts.channels import JointChannel
 from hal.parts.command_checks import JointCommandChecks
 from hal.parts.controlled_part import StoppablePart
@@ -55,17 +55,17 @@ class StreamedJointGroup(StoppablePart, JointGroup):
     def __init__(
         self,
         name: str,
-        model: JointGroupModel | ArmModel,
+        model: JointedModel,
         channel: JointChannel,
         latch: StopLatch,
         period: float,
         parameters: StreamingParameters | None = None,
     ) -> None:
         super().__init__(name, latch)
-        self._channel, self._period = channel, period
+        self._model, self._channel, self._period = model, channel, period
         self._parameters = parameters or StreamingParameters()
         self._checks = JointCommandChecks(name, model)
-        rest = np.zeros(len(self._checks.joint_names))
+        rest = np.zeros(len(model.joint_names))
         self._position: Array = rest
         self._velocity: Array = rest
         self._setpoints: Setpoints = Hold(rest)
@@ -75,14 +75,9 @@ class StreamedJointGroup(StoppablePart, JointGroup):
     # Description
 
     @property
-    def joint_names(self) -> tuple[str, ...]:
-        """Names of the joints."""
-        return self._checks.joint_names
-
-    @property
-    def limits(self) -> tuple[JointLimits, ...]:
-        """Limits of the joints."""
-        return self._checks.limits
+    def model(self) -> JointedModel:
+        """Names and limits of the joints."""
+        return self._model
 
     # Measurements
 
@@ -110,7 +105,7 @@ class StreamedJointGroup(StoppablePart, JointGroup):
         efforts: ArrayLike | None = None,
     ) -> None:
         """Set one kind of set-point; positions and velocities are approached within the limits, efforts act at once."""
-        checks = self._checks
+        checks, model = self._checks, self._model
         with self._connection.lock:
             self._connection.check_command("command")
             checks.one_kind("command", positions, velocities, efforts)
@@ -128,16 +123,16 @@ class StreamedJointGroup(StoppablePart, JointGroup):
             if positions is not None:
                 target = checks.positions("command", positions)
                 self._check_way("command", target)
-                reach = Reach(self._position, self._velocity, target, checks.speed, checks.acceleration)
+                reach = Reach(self._position, self._velocity, target, model.velocity, model.acceleration)
                 self._take_over(reach, None)
             else:
                 wanted = checks.velocities("command", velocities if velocities is not None else ())
-                drift = Drift(self._position, self._velocity, wanted, checks.acceleration, checks.lower, checks.upper)
+                drift = Drift(self._position, self._velocity, wanted, model.acceleration, model.lower, model.upper)
                 self._take_over(drift, None)
 
     def move_to(self, positions: ArrayLike, speed_scale: float = 1.0) -> Motion[None]:
         """Move on a straight line in joint space with a trapezoid of speed; brakes first if it is moving."""
-        checks = self._checks
+        checks, model = self._checks, self._model
         with self._connection.lock:
             self._connection.check_command("move_to")
             target = checks.positions("move_to", positions)
@@ -145,7 +140,7 @@ class StreamedJointGroup(StoppablePart, JointGroup):
             self._check_way("move_to", target)
             self._leave_effort_mode()
             self._start_from_rest()
-            speed, acceleration = checks.speed * scale, checks.acceleration * scale
+            speed, acceleration = model.velocity * scale, model.acceleration * scale
             share = self._slow_down(Trapezoid(self._position, target, speed, acceleration))
             motion: Motion[None] = Motion(self.name, self.brake)
             # The whole course in 1 / share of the time.
@@ -166,7 +161,7 @@ class StreamedJointGroup(StoppablePart, JointGroup):
         """Hold where the joints are."""
         with self._connection.lock:
             measured = self._channel.read().positions
-            self._position = np.clip(measured, self._checks.lower, self._checks.upper)
+            self._position = np.clip(measured, self._model.lower, self._model.upper)
             self._velocity = np.zeros_like(self._position)
             self._setpoints = Hold(self._position)
             self._astray = self._slip = 0.0
@@ -231,7 +226,7 @@ class StreamedJointGroup(StoppablePart, JointGroup):
                 MotionErrorCode.TRACKING, f"{self.joint_names[worst]} is {error[worst]:.3f} off its set-point"
             )
             measured = self._channel.read().positions
-            self._position = np.clip(measured, self._checks.lower, self._checks.upper)
+            self._position = np.clip(measured, self._model.lower, self._model.upper)
             self._velocity, self._setpoints = np.zeros_like(measured), Hold(self._position)
 
     def _give_up(self, code: MotionErrorCode, text: str) -> None:
@@ -262,10 +257,10 @@ class StreamedJointGroup(StoppablePart, JointGroup):
 
     def _leave_effort_mode(self) -> None:
         if self._efforts is not None:
-            reading, checks = self._channel.read(), self._checks
+            reading, model = self._channel.read(), self._model
             self._efforts = None
-            self._position = np.clip(reading.positions, checks.lower, checks.upper)
-            self._velocity = np.clip(reading.velocities, -checks.speed, checks.speed)
+            self._position = np.clip(reading.positions, model.lower, model.upper)
+            self._velocity = np.clip(reading.velocities, -model.velocity, model.velocity)
             self._setpoints = self._braking()
 
     def _start_from_rest(self) -> None:
@@ -273,12 +268,12 @@ class StreamedJointGroup(StoppablePart, JointGroup):
         if isinstance(self._setpoints, Hold):
             measured = self._channel.read().positions
             if np.any(np.abs(measured - self._position) > self._parameters.moved_by_hand):
-                self._position = np.clip(measured, self._checks.lower, self._checks.upper)
+                self._position = np.clip(measured, self._model.lower, self._model.upper)
 
     def _braking(self) -> Brake:
-        checks = self._checks
-        deceleration = np.maximum(checks.acceleration, np.abs(self._velocity) / self._parameters.stop_time)
-        return Brake(self._position, self._velocity, deceleration, checks.lower, checks.upper)
+        model = self._model
+        deceleration = np.maximum(model.acceleration, np.abs(self._velocity) / self._parameters.stop_time)
+        return Brake(self._position, self._velocity, deceleration, model.lower, model.upper)
 
     def _check_way(self, command: str, target: Array) -> None:
         """Nothing but joint limits bounds joints that carry no tool."""

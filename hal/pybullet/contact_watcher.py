@@ -37,7 +37,7 @@ class ContactWatcher:
         self._leaves = {place: name for name, place in built.articulations.items()}
         self._link_names = {index: name for name, index in built.links.items()}
         self._fingers = frozenset(
-            built.links[link] for hand in model.of(GripperModel).values() for link in hand.finger_links
+            built.links[link] for hand in model.of(GripperModel).values() for link in hand.part.finger_links
         )
         self._rolling = frozenset(
             index for base in model.of(BaseModel).values() for index in _on_the_floor(base, built)

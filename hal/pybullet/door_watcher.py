@@ -62,7 +62,9 @@ class DoorWatcher:
         self._states, self._contacts, self._robot = reader.getJointStates, reader.getContactPoints, built.robot
         # A cup pulls at what it touches, however lightly.
         hands = simulation.model.of(GripperModel).values()
-        self._cups = {built.links[link] for hand in hands if hand.kind == "suction" for link in hand.finger_links}
+        self._cups = {
+            built.links[link] for hand in hands if hand.part.kind == "suction" for link in hand.part.finger_links
+        }
         self._pieces: list[tuple[int, list[int], list[_Leaf]]] = []
         scripted = {door.leaf for door in world.moving_doors}
         for piece in world.furniture:

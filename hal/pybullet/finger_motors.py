@@ -24,7 +24,7 @@ class FingerMotors(SimulatedChannel, GripperChannel):
 
     def __init__(self, model: GripperModel, parameters: PhysicsParameters) -> None:
         self._model, self._parameters = model, parameters
-        self._holding_force = min(parameters.gripper_holding_force, model.max_force)
+        self._holding_force = min(parameters.gripper_holding_force, model.part.max_force)
         self._slots: NDArray[np.intp] = np.zeros(0, np.intp)
         self._indices: list[int] = []
         self._contacts: ContactRefresh | None = None
@@ -33,10 +33,10 @@ class FingerMotors(SimulatedChannel, GripperChannel):
     def attach(self, simulation: Simulation) -> None:
         """Hold the present width."""
         super().attach(simulation)
-        self._slots = simulation.slots(self._model.joint_names)
-        self._indices = simulation.indices(self._model.joint_names)
-        self._contacts = ContactRefresh(simulation, self._model.finger_links, self._parameters.contact_turn)
-        self._drive(self.read().width, self._holding_force, self._model.max_speed)
+        self._slots = simulation.slots(self._model.part.joints)
+        self._indices = simulation.indices(self._model.part.joints)
+        self._contacts = ContactRefresh(simulation, self._model.part.finger_links, self._parameters.contact_turn)
+        self._drive(self.read().width, self._holding_force, self._model.part.max_speed)
         simulation.controls.append(self._follow_contacts)
 
     def read(self) -> GripperReading:
@@ -51,8 +51,8 @@ class FingerMotors(SimulatedChannel, GripperChannel):
 
     def halt(self) -> None:
         """Hold the present width."""
-        width = float(np.clip(self.read().width, self._model.min_width, self._model.max_width))
-        self._drive(width, self._holding_force, self._model.max_speed)
+        width = float(np.clip(self.read().width, self._model.part.min_width, self._model.max_width))
+        self._drive(width, self._holding_force, self._model.part.max_speed)
 
     @property
     def _pressing(self) -> bool:
@@ -67,7 +67,7 @@ class FingerMotors(SimulatedChannel, GripperChannel):
         model = self._model
         self._sent_to = width
         targets, per_metre = model.joint_positions(width), model.transmission(self.read().width)
-        for joint, index in zip(model.joint_names, self._indices, strict=True):
+        for joint, index in zip(model.part.joints, self._indices, strict=True):
             self.simulation.client.setJointMotorControl2(
                 self.simulation.built.robot,
                 index,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from bestman_bt.robot_model import ArmModel, JointGroupModel
+from bestman_bt.robot_model import JointedModel
 from hal.parts import JointChannel, JointReading
 from hal.pybullet.encoders import EncoderReading, Encoders
 from hal.pybullet.package import pybullet
@@ -21,11 +21,9 @@ class JointMotors(SimulatedChannel, JointChannel):
 
     takes_efforts = True
 
-    def __init__(
-        self, name: str, model: JointGroupModel | ArmModel, parameters: PhysicsParameters, rng: np.random.Generator
-    ) -> None:
+    def __init__(self, name: str, model: JointedModel, parameters: PhysicsParameters, rng: np.random.Generator) -> None:
         self._model, self._parameters = model, parameters
-        self.encoders = Encoders(name, model.encoders, parameters.step_rate, rng)
+        self.encoders = Encoders(name, model.part.encoders, parameters.step_rate, rng)
         self._indices: list[int] = []
         self._slots: NDArray[np.intp] = np.zeros(0, np.intp)
         self._sent_to: Array = np.zeros(0)

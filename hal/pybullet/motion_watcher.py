@@ -57,9 +57,9 @@ class MotionWatcher:
             slots = simulation.slots(leg.joint_names)
             lower[slots], upper[slots], speed[slots] = leg.lower, leg.upper, leg.velocity
         for gripper in model.of(GripperModel).values():
-            slots = simulation.slots(gripper.joint_names)
+            slots = simulation.slots(gripper.part.joints)
             lower[slots], upper[slots] = gripper.joint_range
-            speed[slots] = gripper.max_speed * gripper.fastest_transmission
+            speed[slots] = gripper.part.max_speed * gripper.fastest_transmission
         fastest = speed * SPEED_TOLERANCE[0] + SPEED_TOLERANCE[1]
         self._least = np.array((lower - LIMIT_TOLERANCE, -fastest))
         self._most = np.array((upper + LIMIT_TOLERANCE, fastest))

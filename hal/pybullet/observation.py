@@ -47,7 +47,9 @@ class Observer:
         self._robot = built.robot
         self._bodies = (*built.objects.values(), built.robot)
         self._fingers = [
-            built.links[link] for gripper in simulation.model.of(GripperModel).values() for link in gripper.finger_links
+            built.links[link]
+            for gripper in simulation.model.of(GripperModel).values()
+            for link in gripper.part.finger_links
         ]
         self._pose = reader.getBasePositionAndOrientation
         self._velocity = reader.getBaseVelocity

@@ -14,7 +14,6 @@ import numpy as np
 from bestman_bt.registry import SIMULATED_SENSORS
 from bestman_bt.robot_model import (
     ArmModel,
-    BaseModel,
     GripperModel,
     JointGroupModel,
     LeggedBaseModel,
@@ -22,6 +21,7 @@ from bestman_bt.robot_model import (
     MountedForceTorque,
     PartConfig,
     RobotModel,
+    SuctionPart,
     WheeledBaseModel,
     payload,
 )
@@ -59,6 +59,7 @@ from hal.pybullet.suction import SuctionPump
 from hal.pybullet.wheel_drive import WheelDrive
 
 AnySensor = SimulatedCamera | SimulatedForceTorque | SimulatedLidar | SimulatedSensor[Any]
+Actuator = CommandedGripper | DrivenBase | StreamedJointGroup
 Channel = FingerMotors | JointMotors | LegDrive | SuctionPump | WheelDrive
 JOINTS = StreamingParameters(latency=0.0)
 """A reading shows the set-point of the control period before: nothing lies between, as a vendor's controller does."""
@@ -91,7 +92,7 @@ class PyBulletRobot(Robot):
         self._latch = StopLatch()
         self._lock = threading.RLock()
         self._channels: dict[str, Channel] = {}
-        self._actuators: dict[str, CommandedGripper | DrivenBase | StreamedJointGroup] = {}
+        self._actuators: dict[str, Actuator] = {}
         self._sensors: dict[str, AnySensor] = {}
         self._make_sensors()
         self._make_actuators()
@@ -267,32 +268,35 @@ class PyBulletRobot(Robot):
                 self._sensors[name] = make(name, part, self._generator(name))
 
     def _make_actuators(self) -> None:
-        model, latch, period = self._model, self._latch, self._parameters.control_period
-        for name, part in model.parts.items():
-            match part:
-                case BaseModel():
-                    drive = self._channels[name] = self._base_channel(name, part)
-                    self._actuators[name] = DrivenBase(
-                        name, part, drive, latch, LEGS if isinstance(drive, LegDrive) else None
-                    )
-                case ArmModel():
-                    motors = self._channels[name] = JointMotors(name, part, self._parameters, self._generator(name))
-                    tool = ToolLimits(model, name, model.safety)
-                    self._actuators[name] = StreamedArm(
-                        name, part, motors, latch, period, tool, JOINTS, self._clock.now
-                    )
-                case GripperModel():
-                    make = SuctionPump if part.kind == "suction" else FingerMotors
-                    fingers = self._channels[name] = make(part, self._parameters)
-                    self._actuators[name] = CommandedGripper(name, part, fingers, latch)
-                case JointGroupModel():
-                    motors = self._channels[name] = JointMotors(name, part, self._parameters, self._generator(name))
-                    self._actuators[name] = StreamedJointGroup(name, part, motors, latch, period, JOINTS)
+        for name, part in self._model.parts.items():
+            made = self._actuator(name, part)
+            if made is not None:
+                self._channels[name], self._actuators[name] = made
 
-    def _base_channel(self, name: str, base: BaseModel) -> LegDrive | WheelDrive:
-        if isinstance(base, WheeledBaseModel):
-            return WheelDrive(name, base, self._parameters, self._generator(name))
-        assert isinstance(base, LeggedBaseModel)
-        imu = next(sensor for sensor in self._sensors.values() if isinstance(sensor, SimulatedImu))
-        body = payload(self._model, base.part.root or "", self._model.postures.get("home"))
-        return LegDrive(base, self._parameters, imu, body)
+    def _actuator(self, name: str, part: Any) -> tuple[Channel, Actuator] | None:
+        """The channel of a part that moves, and its law; None for other parts."""
+        latch, parameters, rng = self._latch, self._parameters, self._generator(name)
+        match part:
+            case WheeledBaseModel():
+                wheels = WheelDrive(name, part, parameters, rng)
+                return wheels, DrivenBase(name, part, wheels, latch)
+            case LeggedBaseModel():
+                imu = next(sensor for sensor in self._sensors.values() if isinstance(sensor, SimulatedImu))
+                body = payload(self._model, part.part.root or "", self._model.postures.get("home"))
+                legs = LegDrive(part, parameters, imu, body)
+                return legs, DrivenBase(name, part, legs, latch, LEGS)
+            case ArmModel():
+                motors = JointMotors(name, part, parameters, rng)
+                tool = ToolLimits(self._model, name, self._model.safety)
+                period, now = parameters.control_period, self._clock.now
+                return motors, StreamedArm(name, part, motors, latch, period, tool, JOINTS, now)
+            case GripperModel(part=SuctionPart() as cup):
+                pump = SuctionPump(cup, parameters)
+                return pump, CommandedGripper(name, part, pump, latch)
+            case GripperModel():
+                fingers = FingerMotors(part, parameters)
+                return fingers, CommandedGripper(name, part, fingers, latch)
+            case JointGroupModel():
+                motors = JointMotors(name, part, parameters, rng)
+                return motors, StreamedJointGroup(name, part, motors, latch, parameters.control_period, JOINTS)
+        return None

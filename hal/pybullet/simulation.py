@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.messages import Pose
-from bestman_bt.robot_model import ArmModel, BaseModel, GripperModel, JointGroupModel, RobotModel
+from bestman_bt.robot_model import BaseModel, GripperModel, JointedModel, RobotModel
 from bestman_bt.scene import World
 from hal.pybullet.client import PhysicsClient, Reader, SimulationError
 from hal.pybullet.latches import Latches
@@ -49,8 +49,12 @@ class Simulation:
         if self.moving_doors:
             self.controls.append(lambda: self.moving_doors.update(self.steps * parameters.time_step))
         movable = [joint for base in model.of(BaseModel).values() for joint in base.part.driven_joints]
-        jointed = (ArmModel, GripperModel, JointGroupModel)
-        movable += [joint for part in model.parts.values() if isinstance(part, jointed) for joint in part.joint_names]
+        movable += [
+            joint
+            for part in model.parts.values()
+            if isinstance(part, JointedModel | GripperModel)
+            for joint in part.part.joints
+        ]
         missing = [joint for joint in movable if joint not in self.built.joints]
         if missing:
             raise SimulationError(f"the URDF of robot {model.name!r} has no joints {', '.join(missing)}")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-from bestman_bt.robot_model import GripperModel
+from bestman_bt.robot_model import SuctionPart
 from hal.parts import GripperChannel, GripperReading
 from hal.pybullet.client import Reader, ReadPurpose
 from hal.pybullet.package import pybullet
@@ -32,13 +32,13 @@ class SuctionPump(SimulatedChannel, GripperChannel):
 
     reaction_time = 0.0
 
-    def __init__(self, model: GripperModel, parameters: PhysicsParameters) -> None:
-        self._model, self._parameters = model, parameters
+    def __init__(self, cup: SuctionPart, parameters: PhysicsParameters) -> None:
+        self._part, self._parameters = cup, parameters
         self._reader: Reader | None = None
         self._apply: Callable[..., None] | None = None
         self._cup = -1
         self._force = 0.0  # N, asked for; 0: the pump is off
-        self._width = model.max_width
+        self._width = cup.max_width
         self._sealed_for = 0.0
 
     def attach(self, simulation: Simulation) -> None:
@@ -46,9 +46,9 @@ class SuctionPump(SimulatedChannel, GripperChannel):
         super().attach(simulation)
         self._reader = simulation.client.reader(ReadPurpose.SENSOR)
         self._apply = simulation.client.function("applyExternalForce")  # of a declared cup: not the audit's tampering
-        self._cup = simulation.built.links[self._model.finger_links[0]]
+        self._cup = simulation.built.links[self._part.cup]
         self._force = self._sealed_for = 0.0
-        self._width = self._model.max_width
+        self._width = self._part.max_width
         simulation.effort_controls.append(self._suck)
 
     def detach(self) -> None:
@@ -58,7 +58,7 @@ class SuctionPump(SimulatedChannel, GripperChannel):
 
     def read(self) -> GripperReading:
         """What the vacuum sensor says."""
-        width = self._model.max_width / 2 if self._sealed_for > 0.0 else self._width
+        width = self._part.max_width / 2 if self._sealed_for > 0.0 else self._width
         return GripperReading(width, object_held=self._sealed_for >= BUILD_UP)
 
     def send(self, width: float, force: float, speed: float) -> None:
@@ -73,7 +73,7 @@ class SuctionPump(SimulatedChannel, GripperChannel):
 
     def _suck(self) -> None:
         if self._force > 0.0:
-            sinking = self._model.max_width * self._parameters.time_step / (2.0 * BUILD_UP)
+            sinking = self._part.max_width * self._parameters.time_step / (2.0 * BUILD_UP)
             self._width = max(0.0, self._width - sinking)
         touched = self._touched() if self._force > 0.0 else None
         if touched is None or self._apply is None:
@@ -93,14 +93,14 @@ class SuctionPump(SimulatedChannel, GripperChannel):
             return None
         simulation = self.simulation
         robot = simulation.built.robot
-        pose = simulation.link_pose(self._reader, self._model.finger_links[0])
+        pose = simulation.link_pose(self._reader, self._part.cup)
         x, y, z = pose.rotation[:, 2].tolist()
         points: dict[tuple[int, int], list[Vector]] = {}
         for contact in self._reader.getContactPoints(bodyA=robot, linkIndexA=self._cup):
             body, link, at, normal, gap = contact[2], contact[4], contact[6], contact[7], contact[8]
             # Bullet's normal points from the touched body to the cup.
             facing = -(normal[0] * x + normal[1] * y + normal[2] * z)
-            if body != robot and gap <= self._model.seal_gap and facing > FLAT:
+            if body != robot and gap <= self._part.seal_gap and facing > FLAT:
                 points.setdefault((body, link), []).append(at)
         if not points:
             return None

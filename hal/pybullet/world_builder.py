@@ -220,8 +220,8 @@ def _set_up_robot(
     for joint, position in posture.items():
         client.resetJointState(robot, joints[joint], position)
     for gripper in model.of(GripperModel).values():
-        friction = gripper.friction if world.finger_friction is None else world.finger_friction
-        for link in gripper.finger_links:
+        friction = gripper.part.friction if world.finger_friction is None else world.finger_friction
+        for link in gripper.part.finger_links:
             client.changeDynamics(
                 robot,
                 links[link],
@@ -236,8 +236,8 @@ def _set_up_robot(
             client.changeDynamics(robot, links[link], frictionAnchor=1)
         for joint, position in gripper.joint_positions(gripper.max_width).items():
             client.resetJointState(robot, joints[joint], position)
-        if len(gripper.joint_names) == 2:
-            first, second = gripper.joint_names
+        if len(gripper.part.joints) == 2:
+            first, second = gripper.part.joints
             gear = MimicJoint(first, second)
             _gear(client, robot, joints, gear, parameters.finger_gear_erp, parameters.finger_gear_force)
         for follower in gripper.followers:

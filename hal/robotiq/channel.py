@@ -88,17 +88,17 @@ class RobotiqChannel(GripperChannel):
             raise NoDataError(f"{self._name}: the Robotiq gripper has told nothing yet")
         options, model = self._options, self._model
         share = (status.position - options.open_position) / (options.closed_position - options.open_position)
-        width = model.max_width - share * (model.max_width - model.min_width)
+        width = model.max_width - share * (model.max_width - model.part.min_width)
         held = status.object in STOPPED_BY_OBJECT and status.echo == self._asked
-        return GripperReading(float(np.clip(width, model.min_width, model.max_width)), held)
+        return GripperReading(float(np.clip(width, model.part.min_width, model.max_width)), held)
 
     def send(self, width: float, force: float, speed: float) -> None:
         """Go to a width."""
         options, model = self._options, self._model
-        share = (model.max_width - width) / (model.max_width - model.min_width)
+        share = (model.max_width - width) / (model.max_width - model.part.min_width)
         position = round(options.open_position + share * (options.closed_position - options.open_position))
-        speed_byte = _byte(speed, options.least_speed, model.max_speed)
-        force_byte = _byte(force, options.least_force, model.max_force)
+        speed_byte = _byte(speed, options.least_speed, model.part.max_speed)
+        force_byte = _byte(force, options.least_force, model.part.max_force)
         self._asked = position
         self._exchange(lambda wire: wire.go(position, speed_byte, force_byte))
         self.refresh()

@@ -76,8 +76,8 @@ class RobotiqGripper:
 
     def tick(self, dt: float) -> None:
         """One physics step of the world is about to come."""
-        ranges = self._gripper.description
-        share = (ranges.max_width - self._gripper.width()) / (ranges.max_width - ranges.min_width)
+        closed, opened = self._gripper.model.part.min_width, self._gripper.model.max_width
+        share = (opened - self._gripper.width()) / (opened - closed)
         self._position = round(OPEN + float(np.clip(share, 0.0, 1.0)) * (CLOSED - OPEN))
         if self._activation == ACTIVATING:
             self._active_in -= dt
@@ -99,11 +99,11 @@ class RobotiqGripper:
         if self._jammed:
             self._fault = OVERCURRENT_FAULT
             return
-        ranges = self._gripper.description
+        part, opened = self._gripper.model.part, self._gripper.model.max_width
         share = float(np.clip((self._target - OPEN) / (CLOSED - OPEN), 0.0, 1.0))
-        width = ranges.max_width - share * (ranges.max_width - ranges.min_width)
-        speed = LEAST_SPEED + self._speed / 255.0 * (ranges.max_speed - LEAST_SPEED)
-        force = LEAST_FORCE + self._force / 255.0 * (ranges.max_force - LEAST_FORCE)
+        width = opened - share * (opened - part.min_width)
+        speed = LEAST_SPEED + self._speed / 255.0 * (part.max_speed - LEAST_SPEED)
+        force = LEAST_FORCE + self._force / 255.0 * (part.max_force - LEAST_FORCE)
         self._object = MOVING
 
         def begin() -> None:

@@ -52,9 +52,9 @@ class TwinJoints:
 
     def __init__(self, world: TwinWorld, group: JointGroup, ros_names: tuple[str, ...]) -> None:
         self._world, self.group, self.ros_names = world, group, ros_names
-        self._lower = np.array([limit.lower for limit in group.limits])
-        self._upper = np.array([limit.upper for limit in group.limits])
-        self._speed = np.array([limit.velocity for limit in group.limits])
+        self._lower = group.model.lower
+        self._upper = group.model.upper
+        self._speed = group.model.velocity
         self._wanted: Array | None = None
         self._goal: Array = np.zeros(len(self._lower))
         self._left = 0.0

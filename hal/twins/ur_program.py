@@ -72,9 +72,9 @@ class URProgram:
 
     def __init__(self, script: str, arm: Arm, kinematics: URKinematics) -> None:
         self._arm, self._kinematics, self._path = arm, kinematics, path_of(script)
-        self._speed = np.array([limit.velocity for limit in arm.limits])
-        self._lower = np.array([limit.lower for limit in arm.limits])
-        self._upper = np.array([limit.upper for limit in arm.limits])
+        self._speed = arm.model.velocity
+        self._lower = arm.model.lower
+        self._upper = arm.model.upper
         self._executing = self._acknowledged = False
         self._moves: list[Waypoint] = []
         self._motion: Motion[None] | None = None

@@ -57,10 +57,9 @@ class XArmController:
         self.gripper_error = 0
         self.gripper_turns = FASTEST_TURNS
         self._jammed = False
-        self._limits = arm.limits
-        self._lower = np.array([limit.lower for limit in arm.limits])
-        self._upper = np.array([limit.upper for limit in arm.limits])
-        self._speed = np.array([limit.velocity for limit in arm.limits])
+        self._lower = arm.model.lower
+        self._upper = arm.model.upper
+        self._speed = arm.model.velocity
         self._follower: ServoFollower | None = None
         self._motion: Motion[None] | None = None
         self._astray = 0.0
@@ -209,9 +208,8 @@ class XArmController:
         return self.enabled and not self.error and self.state in (State.MOVING, State.SLEEPING)
 
     def _move_gripper(self, gripper: Gripper, share: float, pace: float) -> None:
-        ranges = gripper.description
-        width = ranges.min_width + share * (ranges.max_width - ranges.min_width)
-        gripper.move(width, speed=pace * ranges.max_speed)
+        part, opened = gripper.model.part, gripper.model.max_width
+        gripper.move(part.min_width + share * (opened - part.min_width), speed=pace * part.max_speed)
 
     def _block_gripper(self, gripper: Gripper) -> None:
         if gripper.state().moving:
@@ -221,6 +219,6 @@ class XArmController:
     def _pulses(self) -> int:
         if self._gripper is None:
             return 0
-        ranges = self._gripper.description
-        share = (self._gripper.width() - ranges.min_width) / (ranges.max_width - ranges.min_width)
+        closed, opened = self._gripper.model.part.min_width, self._gripper.model.max_width
+        share = (self._gripper.width() - closed) / (opened - closed)
         return round(share * PULSES)

@@ -77,7 +77,7 @@ class URArm(StreamedArm):
             self._connection.check_command("move_path")
             rows = [self._checks.positions("move_path", row) for row in np.atleast_2d(np.asarray(positions, float))]
             scale = self._checks.speed_scale("move_path", speed_scale)
-            speed, acceleration = scale * float(min(self._checks.speed)), scale * float(min(self._checks.acceleration))
+            speed, acceleration = scale * float(min(self._model.velocity)), scale * float(min(self._model.acceleration))
             share, start = 1.0, self.positions()
             for row in rows:
                 fault = self._tool.outside_on_the_way(start, row)
@@ -102,7 +102,7 @@ class URArm(StreamedArm):
             wanted = self._checks.velocities("speed_joints", velocities)
             if self._tool.slow_down(self.positions()[None], wanted[None]) < 1.0:
                 raise self._connection.refuse("speed_joints", "the tool would be faster than its limit")
-            arguments = (wanted.tolist(), float(min(self._checks.acceleration)), float(duration))
+            arguments = (wanted.tolist(), float(min(self._model.acceleration)), float(duration))
             return self._begin_speed("speed_joints", arguments)
 
     def speed_tool(self, twist: ArrayLike, duration: float) -> Motion[None]:
@@ -211,7 +211,7 @@ class URArm(StreamedArm):
         self._leave(own)
 
     def _wrong(self, report: Report) -> str | None:
-        fast = np.abs(report.velocities) > SPEED_MARGIN * self._checks.speed
+        fast = np.abs(report.velocities) > SPEED_MARGIN * self._model.velocity
         if np.any(fast):
             return f"{self.joint_names[int(np.argmax(fast))]} is faster than its limit"
         return self._tool.outside(np.array(report.positions))
@@ -226,7 +226,7 @@ class URArm(StreamedArm):
             else:
                 own.motion.fail(MotionErrorCode.FAULT, "the path ended elsewhere")
             self._own = None
-            self._position = np.clip(measured, self._checks.lower, self._checks.upper)
+            self._position = np.clip(measured, self._model.lower, self._model.upper)
             self._velocity, self._setpoints = np.zeros_like(measured), Hold(self._position)
 
     def _take_over(self, setpoints: Setpoints, motion: Motion[None] | None) -> None:

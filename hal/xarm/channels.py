@@ -47,14 +47,14 @@ class XArmGripper(GripperChannel):
 
     def __init__(self, wire: XArmWire, model: GripperModel, pulses: int) -> None:
         self._wire, self._model = wire, model
-        self._pulses_per_metre = pulses / (model.max_width - model.min_width)
+        self._pulses_per_metre = pulses / (model.max_width - model.part.min_width)
         self._width: float | None = None
 
     def refresh(self) -> None:
         """Ask for the width; what is not answered leaves the last one."""
         pulses = self._wire.ask(lambda arm: arm.get_gripper_position())
         if pulses is not None:
-            self._width = self._model.min_width + float(pulses) / self._pulses_per_metre
+            self._width = self._model.part.min_width + float(pulses) / self._pulses_per_metre
 
     def read(self) -> GripperReading:
         """The latest width."""
@@ -64,15 +64,15 @@ class XArmGripper(GripperChannel):
 
     def send(self, width: float, force: float, speed: float) -> None:
         """Go to a width."""
-        pulses = round((width - self._model.min_width) * self._pulses_per_metre)
-        share = speed / self._model.max_speed
+        pulses = round((width - self._model.part.min_width) * self._pulses_per_metre)
+        share = speed / self._model.part.max_speed
         turns = int(np.clip(FASTEST * share, SLOWEST, FASTEST))
         self._wire.tell("gripper", lambda arm: _set_position(arm, pulses, turns))
 
     def halt(self) -> None:
         """Make the present width the target; it is held with what force the gripper has."""
         self.refresh()
-        self.send(self.read().width, 0.0, self._model.max_speed)
+        self.send(self.read().width, 0.0, self._model.part.max_speed)
 
 
 def _set_position(arm: Any, pulses: int, turns: int) -> int:

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import ClassVar
 
+import numpy as np
+
 from bestman_bt.robot_model import ArmModel, GripperModel
 from hal.api import Failure, Part
 from hal.hardware import Connection
@@ -117,7 +119,7 @@ class XArmConnection(Connection):
             center = [1e3 * value for value in options.payload_center]
             wire.demand("the payload", lambda arm: arm.set_tcp_load(payload, center, wait=False))
         if options.reduced_mode:
-            joint_speed = max(limit.velocity for limit in self._arm.limits)
+            joint_speed = float(np.max(self._arm.model.velocity))
             wire.demand("a joint speed", lambda arm: arm.set_reduced_max_joint_speed(joint_speed, is_radian=True))
             if self.limits.tool_speed is not None:
                 tool_speed = 1e3 * self.limits.tool_speed

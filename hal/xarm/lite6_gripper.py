@@ -15,26 +15,26 @@ class Lite6GripperWire(GripperChannel):
 
     def __init__(self, wire: XArmWire, model: GripperModel, clock: Clock) -> None:
         self._wire, self._model, self._clock = wire, model, clock
-        self._from = self._to = model.min_width
+        self._from = self._to = model.part.min_width
         self._since = 0.0
 
     def recall(self) -> None:
         """Where its outputs have last sent it; without a word from them it counts as closed."""
         outputs = self._wire.ask(lambda arm: arm.get_tgpio_output_digital())
         opened = outputs is not None and bool(outputs[0])
-        self._from = self._to = self._model.max_width if opened else self._model.min_width
+        self._from = self._to = self._model.max_width if opened else self._model.part.min_width
 
     def read(self) -> GripperReading:
         """The guess."""
         model = self._model
-        travel = (model.max_width - model.min_width) / model.max_speed
+        travel = (model.max_width - model.part.min_width) / model.part.max_speed
         share = min(1.0, (self._clock.now() - self._since) / travel)
         return GripperReading(self._from + share * (self._to - self._from))
 
     def send(self, width: float, force: float, speed: float) -> None:
         """Open or close; force and speed are its own."""
         opens = width >= self._model.max_width - AT_END
-        self._begin(self._model.max_width if opens else self._model.min_width)
+        self._begin(self._model.max_width if opens else self._model.part.min_width)
         if opens:
             self._wire.tell("gripper", lambda arm: arm.open_lite6_gripper(sync=False))
         else:
@@ -55,7 +55,7 @@ class Lite6Gripper(CommandedGripper):
     def move(self, width: float, force: float | None = None, speed: float | None = None) -> Motion[None]:
         """Open or close fully; CommandRefusedError for widths between."""
         model = self._model
-        if model.min_width + AT_END < width < model.max_width - AT_END:
+        if model.part.min_width + AT_END < width < model.max_width - AT_END:
             why = f"width = {width} m: a Lite 6's gripper opens ({model.max_width:.4g} m) and closes, nothing between"
             raise self._connection.refuse("move", why)
         return super().move(width, force, speed)

@@ -152,7 +152,7 @@ def test_the_hand_closes_as_hard_as_the_weight_beside_the_pads_asks_between_its_
     object.__setattr__(grasp, "tool_from_object", Pose(np.array([0.6 * beside, -0.8 * beside, 0.5])))
     run(skills, load(skills, GRASP, grasps=[grasp]))
     (closed,) = [asked for asked in skills.gripper.asked if asked[0] == "close"]
-    by_weight = 4.0 * mass * 9.81 * beside / (skills.gripper_model.pad_size[1] / 2)
+    by_weight = 4.0 * mass * 9.81 * beside / (skills.gripper_model.part.pad_size[1] / 2)
     assert closed[1] == pytest.approx(by_weight if force is None else force)
     if force is None:
         assert 20.0 < by_weight < 70.0
@@ -163,7 +163,7 @@ def test_the_hand_closes_as_hard_as_the_weight_beside_the_pads_asks_between_its_
 @pytest.mark.parametrize(("width", "closed"), [(CLOSED - 5e-4, True), (CLOSED + 5e-4, False)])
 def test_a_thing_without_a_model_is_held_unless_the_hand_is_shut(skills: Any, width: float, closed: bool) -> None:
     object.__setattr__(skills.world.objects["cup"], "recognised", False)
-    skills.widths = [skills.gripper_model.min_width + width]
+    skills.widths = [skills.gripper_model.part.min_width + width]
     assert run(skills, load(skills, GRASP, grasps=planned(skills))) == (FAILURE if closed else SUCCESS)
 
 

@@ -33,7 +33,7 @@ def grease(session: Session, name: str) -> None:
     built, client = robot.simulation.built, robot.simulation.client
     client.changeDynamics(built.objects[name], -1, lateralFriction=0.0, spinningFriction=0.0, rollingFriction=0.0)
     gripper = next(iter(session.setup.robot_model.of(GripperModel).values()))
-    for link in gripper.finger_links:
+    for link in gripper.part.finger_links:
         client.changeDynamics(built.robot, built.links[link], lateralFriction=0.0, spinningFriction=0.0)
 
 

@@ -15,16 +15,14 @@ from hal.api import (
     Arm,
     CommandRefusedError,
     Gripper,
-    GripperDescription,
     GripperState,
-    JointLimits,
     Lidar,
     MobileBase,
     Motion,
     MotionErrorCode,
 )
 from hal.parts import SimulatedClock
-from tests.robot_models import base_model
+from tests.robot_models import arm_model, base_model, gripper_model
 
 CORNERS = ((0.28, -0.26), (0.28, 0.26), (-0.28, 0.26), (-0.28, -0.26))
 BASE = base_model(CORNERS)
@@ -147,23 +145,18 @@ class RoomLidar(Lidar):
 class ScriptedArm(Arm):
     """An arm that is where it was told last; ``blocked`` (joint: position) keeps single joints from getting there."""
 
+    model = arm_model()
+
     def __init__(self, positions: ArrayLike, velocity: float = 2.0, name: str = "arm") -> None:
         super().__init__(name)
         self.at: NDArray[np.float64] = np.array(positions, dtype=float)
-        self._limits = (JointLimits(-3.0, 3.0, velocity, 5.0, 50.0),) * len(self.at)
+        names = [f"joint_{number}" for number in range(1, len(self.at) + 1)]
+        self.model = arm_model(names, lower=-3.0, upper=3.0, velocity=velocity, acceleration=5.0, effort=50.0)
         self.motions: list[ScriptedMotion] = []
         self.sent: list[NDArray[np.float64]] = []
         self.stops = 0
         self.error: Exception | None = None
         self.time: float | None = None
-
-    @property
-    def joint_names(self) -> tuple[str, ...]:
-        return tuple(f"joint_{number}" for number in range(1, len(self.at) + 1))
-
-    @property
-    def limits(self) -> tuple[JointLimits, ...]:
-        return self._limits
 
     def positions(self) -> NDArray[np.float64]:
         self._check()
@@ -217,6 +210,8 @@ class ScriptedArm(Arm):
 class ScriptedGripper(Gripper):
     """Notes what it is told, (width, force, speed); ``opening`` and ``held`` are what its encoder and motor say."""
 
+    model = gripper_model(min_width=0.004, max_speed=0.15, max_force=70.0)
+
     def __init__(self) -> None:
         super().__init__("gripper")
         self.opening, self.held = 0.05, False
@@ -224,10 +219,6 @@ class ScriptedGripper(Gripper):
         self.motion = ScriptedMotion()
         self.error: Exception | None = None
         self.stops = 0
-
-    @property
-    def description(self) -> GripperDescription:
-        return GripperDescription(0.004, 0.08, 0.15, 70.0)
 
     def width(self) -> float:
         if self.error is not None:

@@ -7,15 +7,16 @@ from pathlib import Path
 
 import numpy as np
 
-from bestman_bt.robot_model import ArmModel, RobotModel
+from bestman_bt.robot_model import RobotModel
+from tests.robot_models import arm_model
 
 
 def fixed_ur5() -> RobotModel:
     package = distribution("example-robot-data")
     file = next(file for file in package.files or [] if file.name == "ur5_robot.urdf")
     path = Path(str(package.locate_file(file)))
-    arm = ArmModel(
-        joint_names=(
+    arm = arm_model(
+        (
             "shoulder_pan_joint",
             "shoulder_lift_joint",
             "elbow_joint",

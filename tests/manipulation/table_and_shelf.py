@@ -12,7 +12,8 @@ import pybullet_data
 
 from bestman_bt.manipulation.collision import PlanningScene, SceneObstacle
 from bestman_bt.messages import Box, PlacedShape, Pose
-from bestman_bt.robot_model import ArmModel, GripperModel, RobotModel
+from bestman_bt.robot_model import RobotModel
+from tests.robot_models import arm_model, gripper_model
 
 DATA = Path(__file__).with_name("data")
 PANDA = Path(pybullet_data.getDataPath()) / "franka_panda" / "panda.urdf"
@@ -26,8 +27,8 @@ def fixed_panda() -> RobotModel:
     checked = {
         frozenset(f"panda_{n}" for n in pair) for pair in json.loads((DATA / "panda_self_pairs.json").read_text())
     }
-    arm = ArmModel(
-        joint_names=tuple(f"panda_joint{i}" for i in range(1, 8)),
+    arm = arm_model(
+        tuple(f"panda_joint{i}" for i in range(1, 8)),
         base_frame="panda_link0",
         tool_frame="panda_grasptarget",
         lower=np.array([-2.8973, -1.7628, -2.8973, -3.0718, -2.8973, -0.0175, -2.8973]),
@@ -36,17 +37,10 @@ def fixed_panda() -> RobotModel:
         acceleration=np.array([15, 7.5, 10, 12.5, 15, 20, 20.0]),
         effort=np.array([87.0] * 4 + [12.0] * 3),
     )
-    gripper = GripperModel(
-        joint_names=tuple(FINGERS),
+    gripper = gripper_model(
+        joints=tuple(FINGERS),
         finger_links=("panda_leftfinger", "panda_rightfinger"),
         hand_link="panda_hand",
-        min_width=0.0,
-        max_width=0.08,
-        max_speed=0.1,
-        max_force=40.0,
-        finger_depth=0.0466,
-        pad_size=(0.02, 0.02),
-        friction=0.8,
     )
     return RobotModel(
         name="fixed_panda",

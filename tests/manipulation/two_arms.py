@@ -7,6 +7,7 @@ from itertools import combinations
 import numpy as np
 
 from bestman_bt.robot_model import ArmModel, GripperModel, RobotModel
+from tests.robot_models import arm_model, gripper_model
 
 BASE = (0.2, -0.1, 0.3)
 """Where the base frame lies in the root frame, metres; it is turned by 0.5 rad about z."""
@@ -58,8 +59,8 @@ def home(robot: RobotModel, side: str) -> np.ndarray:
 
 def _arm_model(side: str, order: tuple[str, ...]) -> ArmModel:
     places = [JOINTS.index(joint) for joint in order]
-    return ArmModel(
-        joint_names=tuple(f"{side}_{joint}" for joint in order),
+    return arm_model(
+        tuple(f"{side}_{joint}" for joint in order),
         base_frame="root",
         tool_frame=f"{side}_tool",
         lower=LOWER[places],
@@ -71,17 +72,11 @@ def _arm_model(side: str, order: tuple[str, ...]) -> ArmModel:
 
 
 def _gripper(side: str) -> GripperModel:
-    return GripperModel(
-        joint_names=(f"{side}_slide1", f"{side}_slide2"),
+    return gripper_model(
+        joints=(f"{side}_slide1", f"{side}_slide2"),
         finger_links=(f"{side}_finger1", f"{side}_finger2"),
         hand_link=f"{side}_palm",
-        min_width=0.0,
-        max_width=0.08,
-        max_speed=0.1,
-        max_force=40.0,
         finger_depth=0.05,
-        pad_size=(0.02, 0.02),
-        friction=0.8,
     )
 
 

@@ -138,7 +138,7 @@ def test_the_grasp_planner_takes_a_box_across_its_smaller_side(setup: Setup, alg
     assert abs(best.grasp.rotation[:2, 1] @ [-math.sin(0.3), math.cos(0.3)]) == pytest.approx(1.0)
     assert best.pre_grasp.position[2] > best.lift.position[2] > best.grasp.position[2] > 0.75
     top = 0.85
-    assert top - best.grasp.position[2] < gripper.finger_depth - 0.008
+    assert top - best.grasp.position[2] < gripper.part.finger_depth - 0.008
 
 
 @pytest.mark.slow

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,9 +11,9 @@ from benchmarks.rendering import Color, render_view
 from bestman_bt.messages import Box, Cylinder, PlacedShape, Pose
 from bestman_bt.perception.held_object import look_between_fingers
 from bestman_bt.perception.view import View
-from bestman_bt.robot_model import GripperModel
+from tests.robot_models import gripper_model, with_part
 
-GRIPPER = GripperModel((), (), "hand", 0.0, 0.08, 0.1, 40.0, 0.1, (0.02, 0.02), 0.8)
+GRIPPER = gripper_model(finger_depth=0.1)
 GREY: Color = (0.5, 0.5, 0.5)
 TOOL = Pose.from_xyz_rpy((0.6, 0.0, 0.9), (math.pi, 0.0, 0.0))
 HAND_FROM_CAMERA = Pose.from_xyz_rpy((0.06, 0.0, -0.12), (0.0, -math.radians(26), 0.0)) @ Pose.from_xyz_rpy(
@@ -63,6 +62,6 @@ def test_a_picture_without_depth_says_nothing() -> None:
 
 
 def test_long_and_narrow_pads_are_looked_at_along_their_length() -> None:
-    pads = replace(GRIPPER, pad_size=(0.006, 0.06))
+    pads = with_part(GRIPPER, pad_size=(0.006, 0.06))
     sheet = PlacedShape(Box((0.012, 0.058, 0.08)), Pose.from_xyz_rpy((0.0, 0.0, 0.0)))
     assert look_between_fingers(hand_view(0.06, sheet), TOOL, pads, 0.06).filled > 0.9

@@ -85,13 +85,13 @@ def test_every_name_in_the_model_is_in_the_urdf(robot: RobotModel) -> None:
     joints = {joint.get("name") for joint in urdf.findall("joint")}
     base, arm, gripper = robot.of(BaseModel)["base"], robot.of(ArmModel)["arm"], robot.of(GripperModel)["gripper"]
     assert {robot.base_frame, base.frame, arm.base_frame, arm.tool_frame, gripper.hand_link} <= links
-    assert {*gripper.finger_links, *base.part.caster_links} <= links
+    assert {*gripper.part.finger_links, *base.part.caster_links} <= links
     frames = {camera.optical_frame for camera in robot.of(CameraPart).values()} | {robot.of(LidarPart)["lidar"].frame}
     assert frames <= links
     assert {
         *base.part.wheel_joints,
         *arm.joint_names,
-        *gripper.joint_names,
+        *gripper.part.joints,
         *robot.of(JointGroupModel)["head"].joint_names,
     } <= joints
     assert all(set(posture) <= joints for posture in robot.postures.values())
@@ -190,13 +190,13 @@ def test_the_tool_frame_looks_out_of_the_hand_and_closes_along_y(
 ) -> None:
     model, _ = kinematics
     gripper, tool_frame = robot.of(GripperModel)["gripper"], robot.of(ArmModel)["arm"].tool_frame
-    fingers = dict.fromkeys(gripper.joint_names, gripper.max_width / 2)
+    fingers = dict.fromkeys(gripper.part.joints, gripper.max_width / 2)
     q = configuration(model, {**robot.postures["home"], **fingers})
     tool = frame_pose(model, q, tool_frame)
     hand = tool.actInv(frame_pose(model, q, gripper.hand_link))
     np.testing.assert_allclose(hand.rotation, np.eye(3), atol=1e-9)
-    assert hand.translation[2] < -gripper.finger_depth
-    left, right = (tool.actInv(frame_pose(model, q, link)).translation for link in gripper.finger_links)
+    assert hand.translation[2] < -gripper.part.finger_depth
+    left, right = (tool.actInv(frame_pose(model, q, link)).translation for link in gripper.part.finger_links)
     np.testing.assert_allclose(left - right, [0.0, gripper.max_width, 0.0], atol=1e-9)
 
 

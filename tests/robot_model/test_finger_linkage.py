@@ -37,7 +37,7 @@ def gap(robot: RobotModel, width: float) -> float:
     pin.updateFramePlacements(model, data)
     tool = data.oMf[model.getFrameId(robot.of(ArmModel)["arm"].tool_frame)]
     places = []
-    for finger in robot.of(GripperModel)["gripper"].finger_links:
+    for finger in robot.of(GripperModel)["gripper"].part.finger_links:
         bodies = [i for i, g in enumerate(geometry.geometryObjects) if model.frames[g.parentFrame].name == finger]
         places.append(np.mean([tool.actInv(placed.oMg[i]).translation[1] for i in bodies]))
     return abs(places[0] - places[1])
@@ -53,12 +53,12 @@ def test_the_fingers_are_as_far_apart_as_the_width_says(robot: RobotModel, gripp
 def test_width_and_joint_positions_are_inverse(gripper: GripperModel, share: float) -> None:
     width = share * gripper.max_width
     positions = gripper.joint_positions(width)
-    assert gripper.width([positions[joint] for joint in gripper.joint_names]) == pytest.approx(width, abs=1e-6)
+    assert gripper.width([positions[joint] for joint in gripper.part.joints]) == pytest.approx(width, abs=1e-6)
 
 
 def test_joints_turn_as_far_per_metre_as_the_transmission_says(gripper: GripperModel) -> None:
     near, far = (gripper.joint_positions(share * gripper.max_width) for share in (0.499, 0.501))
-    turned = abs(far[gripper.joint_names[0]] - near[gripper.joint_names[0]])
+    turned = abs(far[gripper.part.joints[0]] - near[gripper.part.joints[0]])
     assert turned / (0.002 * gripper.max_width) == pytest.approx(
         gripper.transmission(0.5 * gripper.max_width), rel=0.02
     )

@@ -46,7 +46,7 @@ def test_safety_makes_arms_slower_and_grippers_weaker_in_the_model() -> None:
     safe = robot(safety={"joint_speed": 0.5, "gripper_force": "15 N", "base_speed": "20 cm/s", "base_turn": 9})
     assert safe.of(ArmModel)["arm"].velocity == pytest.approx(plain.of(ArmModel)["arm"].velocity / 2)
     assert np.all(safe.of(ArmModel)["arm"].acceleration == plain.of(ArmModel)["arm"].acceleration)
-    assert safe.of(GripperModel)["gripper"].max_force == 15.0
+    assert safe.of(GripperModel)["gripper"].part.max_force == 15.0
     assert safe.of(BaseModel)["base"].part.max_vx == 0.2
     assert safe.of(BaseModel)["base"].part.max_wz == plain.of(BaseModel)["base"].part.max_wz
 
@@ -64,7 +64,7 @@ def test_safety_holds_for_every_arm_base_and_hand_and_makes_none_faster() -> Non
         with pytest.raises(ValueError, match="read-only"):
             safe.of(ArmModel)[name].velocity[0] = 9.0
         assert np.all(safe.of(ArmModel)[name].upper == arm.upper)
-    assert [hand.max_force for hand in safe.of(GripperModel).values()] == [12.0, 12.0]
+    assert [hand.part.max_force for hand in safe.of(GripperModel).values()] == [12.0, 12.0]
     base = safe.of(BaseModel)["base"].part
     assert (base.max_vx, base.max_vy, base.max_wz) == (0.1, 0.1, 0.3)
     assert (safe.safety.joint_speed, safe.safety.base_speed) == (0.25, 0.1)
@@ -72,7 +72,7 @@ def test_safety_holds_for_every_arm_base_and_hand_and_makes_none_faster() -> Non
     assert fast.of(BaseModel)["base"].part.max_vx == plain.of(BaseModel)["base"].part.max_vx == 0.6
     assert (fast.of(BaseModel)["base"].part.max_vy, fast.of(BaseModel)["base"].part.max_wz) == (0.6, 1.2)
     for name, hand in plain.of(GripperModel).items():
-        assert fast.of(GripperModel)[name].max_force == hand.max_force
+        assert fast.of(GripperModel)[name].part.max_force == hand.part.max_force
     still = robot(safety={"base_speed": 0, "base_turn": 0}).of(BaseModel)["base"].part
     assert (still.max_vx, still.max_wz) == (0.0, 0.0)
 

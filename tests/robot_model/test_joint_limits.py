@@ -50,21 +50,21 @@ def test_wheels_turn_as_fast_as_the_base_drives_and_turns_at_once(robot: RobotMo
 def test_fingers_that_slide_share_width_speed_and_have_the_force_of_the_hand() -> None:
     robot = combine("differential_base", "xarm6_arm", "panda_hand")
     hand = robot.of(GripperModel)["gripper"]
-    for joint in hand.joint_names:
-        expected = (hand.min_width / 2, hand.max_width / 2, hand.max_speed / 2, hand.max_force)
+    for joint in hand.part.joints:
+        expected = (hand.part.min_width / 2, hand.max_width / 2, hand.part.max_speed / 2, hand.part.max_force)
         assert limits_of(robot, joint) == pytest.approx(expected)
 
 
 def test_fingers_on_a_linkage_are_as_fast_and_strong_as_the_hand_everywhere(robot: RobotModel) -> None:
     hand = robot.of(GripperModel)["gripper"]
-    lower, upper, velocity, effort = limits_of(robot, hand.joint_names[0])
+    lower, upper, velocity, effort = limits_of(robot, hand.part.joints[0])
     assert (lower, upper) == pytest.approx(hand.joint_range)
     steps = np.abs(np.diff(np.array(hand.opening), axis=0))
     per_metre = steps[:, 0] / steps[:, 1]
-    assert velocity == pytest.approx(per_metre.max() * hand.max_speed, rel=1e-6)
-    assert effort == pytest.approx(hand.max_force / (len(hand.joint_names) * per_metre.min()), rel=1e-6)
+    assert velocity == pytest.approx(per_metre.max() * hand.part.max_speed, rel=1e-6)
+    assert effort == pytest.approx(hand.part.max_force / (len(hand.part.joints) * per_metre.min()), rel=1e-6)
     for follower in hand.followers:
-        ends = sorted(hand.joint_positions(width)[follower.joint] for width in (hand.min_width, hand.max_width))
+        ends = sorted(hand.joint_positions(width)[follower.joint] for width in (hand.part.min_width, hand.max_width))
         assert limits_of(robot, follower.joint)[:2] == pytest.approx((ends[0] - 0.1, ends[1] + 0.1), abs=1e-6)
 
 
@@ -72,17 +72,17 @@ def test_fingers_on_a_linkage_are_as_fast_and_strong_as_the_hand_everywhere(robo
 def test_the_width_of_a_hand_and_its_joints_say_the_same(name: str) -> None:
     hand = combine("differential_base", "xarm6_arm", name).of(GripperModel)["gripper"]
     low, high = hand.joint_range
-    widths = np.linspace(hand.min_width, hand.max_width, 7)
+    widths = np.linspace(hand.part.min_width, hand.max_width, 7)
     for width in widths:
         positions = hand.joint_positions(width)
-        driven = [positions[joint] for joint in hand.joint_names]
+        driven = [positions[joint] for joint in hand.part.joints]
         assert hand.width(driven) == pytest.approx(width, abs=1e-4)
         assert all(low - 1e-9 <= position <= high + 1e-9 for position in driven)
         for mimic in hand.followers:
             assert positions[mimic.joint] == pytest.approx(mimic.multiplier * positions[mimic.leader] + mimic.offset)
     slopes = [hand.transmission(width) for width in (widths[:-1] + widths[1:]) / 2]
     for slope, (before, after) in zip(slopes, pairwise(widths), strict=True):
-        one, two = (hand.joint_positions(width)[hand.joint_names[0]] for width in (before, after))
+        one, two = (hand.joint_positions(width)[hand.part.joints[0]] for width in (before, after))
         assert slope == pytest.approx(abs(two - one) / (after - before), rel=0.1)
     assert hand.fastest_transmission >= max(slopes) - 1e-9
 

@@ -26,7 +26,7 @@ from bestman_bt.control.joint_state import READING_ERRORS
 from bestman_bt.control.motion import start_motion
 from bestman_bt.manipulation.kinematics import InverseKinematics
 from bestman_bt.messages import Failure, JointKind, JointTrajectory, MotionErrorCode
-from hal.api import Arm, Clock, CommandRefusedError, JointLimits, Motion, MotionStatus, Timer
+from hal.api import Arm, Clock, CommandRefusedError, Motion, MotionStatus, Timer
 
 Guard = Callable[[], str | None]
 
@@ -73,11 +73,6 @@ class ArmController:
     def joint_names(self) -> tuple[str, ...]:
         """Names of the n joints."""
         return self._arm.joint_names
-
-    @property
-    def limits(self) -> tuple[JointLimits, ...]:
-        """Limits of the n joints."""
-        return self._arm.limits
 
     def positions(self) -> NDArray[np.float64]:
         """Measured positions, (n,) radians."""

@@ -57,8 +57,8 @@ class ImpedanceController:
     ) -> None:
         self._arm, self._clock, self._kinematics, self._dynamics = arm, clock, kinematics, dynamics
         self._parameters = parameters or ImpedanceParameters()
-        self._most = np.array([limits.effort for limits in arm.limits])
-        self._fastest = self._parameters.speed_share * np.array([limits.velocity for limits in arm.limits])
+        self._most = arm.model.effort
+        self._fastest = self._parameters.speed_share * arm.model.velocity
         self._target = Pose()
         self._posture: Array = np.zeros(len(self._most))
         self._timer: Timer | None = None

@@ -44,7 +44,7 @@ class ToolStream:
         self._positions: NDArray[np.float64] = arm.positions()
         self.pose = kinematics.tool_pose(self._positions)
         self._manipulability = kinematics.manipulability(self._positions)
-        speed = np.array([limits.velocity for limits in arm.limits])
+        speed = arm.model.velocity
         self._largest_step = self.parameters.speed_share * self.parameters.period * speed
 
     def measured(self) -> Pose:

@@ -30,7 +30,7 @@ class Stage:
         self._robot = PyBulletRobot(run.robot_model, run.world, seed=run.config.seed)
         gripper = next(iter(run.robot_model.of(GripperModel).values()), None)
         self._hand = run.robot_model.base_frame if gripper is None else gripper.hand_link
-        self._shown = (self._hand,) if gripper is None else (*gripper.finger_links, gripper.hand_link)
+        self._shown = (self._hand,) if gripper is None else (*gripper.part.finger_links, gripper.hand_link)
         self._leaves = {
             f"{p.name}/{leaf.name}": (p, leaf) for p in run.world.furniture for leaf in p.model.articulations
         }

@@ -132,7 +132,7 @@ def hand_links(robot: RobotModel, arm: str = "arm") -> tuple[str, ...]:
     links: list[str] = []
     for name, gripper in robot.of(GripperModel).items():
         if robot.hand_of.get(name) == arm:
-            links += [gripper.hand_link, *gripper.linkage, *gripper.finger_links]
+            links += [gripper.hand_link, *gripper.linkage, *gripper.part.finger_links]
     return tuple(links)
 
 
@@ -142,7 +142,7 @@ def finger_contacts(robot: RobotModel, target: str, arm: str = "arm") -> tuple[t
         (link, target)
         for name, gripper in robot.of(GripperModel).items()
         if robot.hand_of.get(name) == arm
-        for link in gripper.finger_links
+        for link in gripper.part.finger_links
     )
 
 

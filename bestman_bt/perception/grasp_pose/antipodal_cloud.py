@@ -88,15 +88,15 @@ class AntipodalCloud(GraspPlanner):
             return ()
         # For the object the palm begins where the hand may reach no further over it, a little before its true place.
         reach = p.hand.reach(gripper) + p.object_clearance + 1e-6
-        shape = HandShape(replace(gripper, finger_depth=reach), p.shape)
+        shape = HandShape(gripper, p.shape, reach)
         hands = self._hands(cloud, gripper, shape, support_height)
         contacts = close_pads(
             cloud.points,
             cloud.normals,
             hands,
             np.full(len(hands), gripper.max_width),
-            gripper.pad_size,
-            gripper.finger_depth,
+            gripper.part.pad_size,
+            gripper.part.finger_depth,
             p.patch_depth,
         )
         hands = hands.shifted(contacts.centre[:, 1], 1)
@@ -157,7 +157,7 @@ class AntipodalCloud(GraspPlanner):
         leaving = -np.einsum("ijk,ik->ij", lines, normals) / safe
         arriving = np.einsum("ijk,jk->ij", lines, normals) / safe
         cone = math.cos(math.atan(p.friction))
-        fits = (lengths > max(gripper.min_width, 0.004)) & (lengths <= p.hand.widest(gripper))
+        fits = (lengths > max(gripper.part.min_width, 0.004)) & (lengths <= p.hand.widest(gripper))
         level = np.abs(lines[:, :, 2]) <= math.sin(p.max_slope) * safe
         first, second = np.nonzero(np.triu((leaving > cone) & (arriving > cone) & fits & level, 1))
         middles = (points[first] + points[second]) / 2

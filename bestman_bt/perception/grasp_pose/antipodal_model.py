@@ -9,7 +9,7 @@ case of their own.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -75,8 +75,8 @@ def antipodal_grasps(
         surface.normals,
         hands,
         parameters.hand.openings(np.repeat(widths, len(angles)), gripper),
-        gripper.pad_size,
-        gripper.finger_depth,
+        gripper.part.pad_size,
+        gripper.part.finger_depth,
         parameters.patch_depth,
     )
     widest = parameters.hand.widest(gripper)
@@ -96,7 +96,7 @@ def antipodal_grasps(
     tried = tried[quality[tried] > 0.0]
     # The palm begins where the hand may reach no further over an object, a little before its true place.
     reach = parameters.hand.reach(gripper) + parameters.surface_clearance
-    shape = HandShape(replace(gripper, finger_depth=reach), parameters.shape)
+    shape = HandShape(gripper, parameters.shape, reach)
     openings = parameters.hand.openings(contacts.width[tried], gripper)
     clear = shape.clearances(hands.selected(tried), openings, surface.points, 1.0)
     chosen = different_hands(
@@ -127,7 +127,7 @@ def _pairs(
     cone = math.cos(math.atan(parameters.friction))
     with np.errstate(invalid="ignore"):
         antipodal = (np.einsum("ij,ij->i", lines, starting) >= cone) & (np.einsum("ij,ij->i", lines, leaving) >= cone)
-        antipodal &= (widths > gripper.min_width) & (widths <= parameters.hand.widest(gripper))
+        antipodal &= (widths > gripper.part.min_width) & (widths <= parameters.hand.widest(gripper))
     # First and last exit are often the same.
     _, once = np.unique(np.round(np.column_stack([starts, lines, widths]), 6), axis=0, return_index=True)
     kept = np.sort(once[antipodal[once]])

@@ -78,7 +78,7 @@ class AnyGraspAdapter(GraspPlanner):
         colors = None if target.cloud.colors is None else target.cloud.colors[kept]
         rows = self._ask(frame_from_camera, points, colors, target.surroundings)
         hands, widths = tool_poses(rows, frame_from_camera, gripper)
-        widths = np.maximum(widths - 2 * p.hand.clearance, gripper.min_width + 1e-4)
+        widths = np.maximum(widths - 2 * p.hand.clearance, gripper.part.min_width + 1e-4)
         shape = HandShape(gripper, p.shape)
         openings = p.hand.openings(widths, gripper)
         free = np.array([p.hand.fits(float(width), gripper) for width in widths], dtype=bool)
@@ -182,7 +182,7 @@ def tool_poses(
     approach, closing = theirs[:, :, 0], theirs[:, :, 1]
     rotations = np.stack([np.cross(closing, approach), closing, approach], axis=2)
     tips = frame_from_camera.apply(rows[:, 13:16]) + approach * rows[:, 3:4]
-    return HandPoses(rotations, tips - approach * gripper.pad_size[1] / 2), rows[:, 1]
+    return HandPoses(rotations, tips - approach * gripper.part.pad_size[1] / 2), rows[:, 1]
 
 
 def camera_looking_at(viewpoint: NDArray[np.float64], middle: NDArray[np.float64]) -> Pose:

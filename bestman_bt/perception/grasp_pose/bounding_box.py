@@ -76,7 +76,7 @@ class BoundingBox(GraspPlanner):
             if not hand.fits(width, gripper):
                 continue
             yaw = math.atan2(axes[axis, 1], axes[axis, 0])
-            free = max(0.0, (box.size[level[1 - rank]] - gripper.pad_size[0]) / 2)
+            free = max(0.0, (box.size[level[1 - rank]] - gripper.part.pad_size[0]) / 2)
             for share, turn in itertools.product(shares, (0.0, math.pi)):
                 closing = np.array([math.cos(yaw + turn), math.sin(yaw + turn), 0.0])
                 along = np.array([-math.sin(yaw), math.cos(yaw), 0.0])

@@ -60,7 +60,7 @@ def contact_quality(
     """
     p = parameters
     angle = np.arccos(np.clip(contacts.alignment, -1.0, 1.0))
-    spread = np.clip(contacts.extent / (np.array(gripper.pad_size) / math.sqrt(12.0)), 0.0, 1.0)
+    spread = np.clip(contacts.extent / (np.array(gripper.part.pad_size) / math.sqrt(12.0)), 0.0, 1.0)
     closing = hands.rotations[:, :, 1]
     middles = hands.positions + np.einsum("kij,kj->ki", hands.rotations, contacts.centre)
     arm = centre_of_mass - middles
@@ -69,11 +69,11 @@ def contact_quality(
         p.bias
         + p.angle * angle
         + spread @ np.array([p.across, p.along])
-        + p.offset * np.minimum(contacts.offset / gripper.pad_size[0], 1.0)
-        + p.tip * np.maximum(contacts.centre[:, 2], 0.0) / (gripper.pad_size[1] / 2)
+        + p.offset * np.minimum(contacts.offset / gripper.part.pad_size[0], 1.0)
+        + p.tip * np.maximum(contacts.centre[:, 2], 0.0) / (gripper.part.pad_size[1] / 2)
         + p.wide * np.maximum(contacts.width / gripper.max_width - 0.75, 0.0) / 0.25
         + p.arm * np.linalg.norm(arm * [1.0, 1.0, p.hanging_share], axis=1)
     )
-    fits = (contacts.width > gripper.min_width) & (contacts.width <= widest)
+    fits = (contacts.width > gripper.part.min_width) & (contacts.width <= widest)
     fits &= (contacts.bulge < bulge) & (angle < math.atan(friction))
     return np.where(fits, 1.0 / (1.0 + np.exp(-log_odds)), 0.0)

@@ -38,7 +38,7 @@ class HandPlacementParameters:
 
     def fits(self, width: float, gripper: GripperModel) -> bool:
         """Whether the gripper opens wide enough for ``width`` and can close on it."""
-        return gripper.min_width < width <= self.widest(gripper)
+        return gripper.part.min_width < width <= self.widest(gripper)
 
     def widest(self, gripper: GripperModel) -> float:
         """How wide an object may be, metres."""
@@ -50,11 +50,11 @@ class HandPlacementParameters:
 
     def reach(self, gripper: GripperModel) -> float:
         """How far an object may stand out from the tool frame towards the palm."""
-        return min(self.max_depth, gripper.finger_depth - self.palm_clearance)
+        return min(self.max_depth, gripper.part.finger_depth - self.palm_clearance)
 
     def top_height(self, top: float, support_height: float, gripper: GripperModel) -> float | None:
         """z of the tool frame for a grasp from above an object with its top at ``top``; None where too flat."""
-        half_pad = gripper.pad_size[1] / 2
+        half_pad = gripper.part.pad_size[1] / 2
         lowest = support_height + half_pad + self.support_clearance
         least = support_height + half_pad + self.least_support_clearance
         highest = top - 0.4 * half_pad

@@ -27,23 +27,28 @@ class HandShapeParameters:
 
 @dataclass(frozen=True)
 class HandShape:
-    """The fingers of ``gripper``, opened, and the palm behind them."""
+    """The fingers of ``gripper``, opened, and the palm ``depth`` metres behind the tool (the gripper's by default)."""
 
     gripper: GripperModel
     parameters: HandShapeParameters
+    depth: float | None = None
+
+    @property
+    def _depth(self) -> float:
+        return self.gripper.part.finger_depth if self.depth is None else self.depth
 
     @property
     def reach(self) -> float:
         """No part is farther from the tool frame than this, metres, opened as wide as it goes."""
-        palm, depth = self.parameters.palm_size, self.gripper.finger_depth
+        palm, depth = self.parameters.palm_size, self._depth
         side = max(palm[1] / 2, self.gripper.max_width / 2 + self.parameters.finger_thickness)
         return float(np.linalg.norm([palm[0] / 2, side, depth + self.parameters.palm_length]))
 
     def boxes(self, openings: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Centres and half sizes (K, 3, 3) of two fingers and the palm in the tool frame, for openings (K,)."""
         thickness, palm = self.parameters.finger_thickness, self.parameters.palm_size
-        pad_width, pad_height = self.gripper.pad_size
-        depth, length = self.gripper.finger_depth, self.parameters.palm_length
+        pad_width, pad_height = self.gripper.part.pad_size
+        depth, length = self._depth, self.parameters.palm_length
         centres = np.zeros((len(openings), 3, 3))
         centres[:, 0, 1] = (openings + thickness) / 2
         centres[:, 1, 1] = -centres[:, 0, 1]

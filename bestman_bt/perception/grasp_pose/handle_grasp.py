@@ -94,7 +94,7 @@ class HandleGrasp(GraspPlanner):
 
     def _bar(self, handle: Handle, gripper: GripperModel) -> list[_Way]:
         """Closing across the bar, turned about it, at some places along it."""
-        free = max(0.0, handle.length / 2 - self.parameters.end - gripper.pad_size[0] / 2)
+        free = max(0.0, handle.length / 2 - self.parameters.end - gripper.part.pad_size[0] / 2)
         ways = []
         for share in self.parameters.along if free > 0.01 else (0.0,):
             for tilt in self.parameters.bar_tilts:
@@ -117,7 +117,7 @@ class HandleGrasp(GraspPlanner):
 
     def _edge(self, handle: Handle, gripper: GripperModel) -> list[_Way]:
         """One finger before the lip, the other in the recess behind it; the hand comes over the lip's free side."""
-        free = max(0.0, handle.length / 2 - gripper.pad_size[0])
+        free = max(0.0, handle.length / 2 - gripper.part.pad_size[0])
         ways = []
         for side in free_sides(handle):
             for share in self.parameters.along if free > 0.01 else (0.0,):

@@ -204,7 +204,7 @@ class ModelBased(GraspPlanner):
         if deepest is None:
             return
         height = max(deepest, float(contacts.centre[2]) - contacts.slack)
-        if height > min(float(contacts.centre[2]) + contacts.slack, top - 0.2 * gripper.pad_size[1]):
+        if height > min(float(contacts.centre[2]) + contacts.slack, top - 0.2 * gripper.part.pad_size[1]):
             return
         position = np.array([contacts.centre[0], contacts.centre[1], height])
         depth = (top - height) / hand.reach(gripper)
@@ -224,13 +224,13 @@ class ModelBased(GraspPlanner):
         approach = np.cross(closing, UP)
         lowest = support_height + hand.hand_half_thickness + hand.support_clearance
         top = float(outline[:, 2].max())
-        highest = min(float(contacts.centre[2]) + contacts.slack, top - gripper.pad_size[0] / 2)
+        highest = min(float(contacts.centre[2]) + contacts.slack, top - gripper.part.pad_size[0] / 2)
         height = max(float(contacts.centre[2]), lowest, min(support_height + self.parameters.room_below, highest))
         if height > highest:
             return
         # The near end of the object must stay before the palm.
         near = float(((contacts.centre - outline) @ approach).max())
-        behind = max(0.0, near - (gripper.finger_depth - hand.palm_clearance))
+        behind = max(0.0, near - (gripper.part.finger_depth - hand.palm_clearance))
         if behind > 0.3 * near:
             return
         position = np.array([contacts.centre[0], contacts.centre[1], height]) - behind * approach

@@ -166,9 +166,9 @@ class _Recorder:
     def _go(self) -> bool:
         """Try one random view; whether the robot is there now."""
         if self._head is not None:
-            limits, rng = self._head.limits, self._rng
+            limits, rng = self._head.model, self._rng
             wanted = np.array([rng.uniform(-0.5, 0.5), rng.uniform(0.4, 1.05)])
-            wanted = np.clip(wanted, [limit.lower for limit in limits], [limit.upper for limit in limits])
+            wanted = np.clip(wanted, limits.lower, limits.upper)
             self._finish(self._head.move_to(wanted, 0.8))
         target = self._tool_target()
         world = self._collision.world(self._scene(), self._arm_name)

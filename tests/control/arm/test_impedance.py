@@ -147,7 +147,7 @@ def test_an_arm_that_is_thrown_about_is_braked(pushed, side: float) -> None:
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_the_one_joint_that_is_too_fast_is_named(pushed, monkeypatch: pytest.MonkeyPatch, side: float) -> None:
     it = pushed(ImpedanceParameters(speed_share=0.5))
-    speeds = 0.4 * np.array([limits.velocity for limits in it.arm.limits])
+    speeds = 0.4 * it.arm.model.velocity
     speeds[3] *= 1.5 * side
     monkeypatch.setattr(it.arm, "velocities", lambda: speeds)
     handle = it.controller.hold()

@@ -9,8 +9,10 @@ from numpy.typing import ArrayLike, NDArray
 from bestman_bt.control import MotionStatus
 from bestman_bt.control.hand_synergy import HandSynergy, SynergyParameters
 from bestman_bt.messages import MotionErrorCode
-from hal.api import CommandRefusedError, JointGroup, JointLimits, Motion
+from bestman_bt.robot_model import JointGroupModel
+from hal.api import CommandRefusedError, JointGroup, Motion
 from tests.control.scripted_parts import stepped_clock
+from tests.robot_models import joint_group_model
 
 OPENED, CLOSED = np.array([0.2, -0.1]), np.array([1.2, 0.9])
 
@@ -28,12 +30,8 @@ class Fingers(JointGroup):
         self.commands: list[NDArray[np.float64]] = []
 
     @property
-    def joint_names(self) -> tuple[str, ...]:
-        return ("first", "second")
-
-    @property
-    def limits(self) -> tuple[JointLimits, ...]:
-        return (JointLimits(-1.0, 2.0, 5.0, 50.0, 0.7), JointLimits(-1.0, 2.0, 5.0, 50.0, 0.3))
+    def model(self) -> JointGroupModel:
+        return joint_group_model(("first", "second"), upper=2.0, velocity=5.0, acceleration=50.0, effort=(0.7, 0.3))
 
     def positions(self) -> NDArray[np.float64]:
         return self.at.copy()

@@ -9,8 +9,8 @@ import pytest
 from bestman_bt.control import MotionStatus
 from bestman_bt.control.head import HeadController
 from bestman_bt.messages import MotionErrorCode, Pose
-from hal.api import JointLimits
 from tests.control.scripted_parts import ScriptedArm, ScriptedMotion
+from tests.robot_models import with_limits
 
 FRAME = "head_camera_optical_frame"
 
@@ -69,7 +69,7 @@ def test_a_head_without_physics_is_told_angles_speed_and_stops(lift: float) -> N
 @pytest.mark.parametrize(("beyond", "reaches"), [(2.9, True), (3.1, False)])
 def test_a_head_that_comes_within_three_degrees_of_a_point_looks_at_it(beyond: float, reaches: bool) -> None:
     group = ScriptedArm([0.0, 0.0], name="head")
-    group._limits = (JointLimits(-1.0, 1.0, 2.0, 5.0, 5.0), JointLimits(-1.0, 1.0, 2.0, 5.0, 5.0))
+    group.model = with_limits(group.model, lower=-1.0, upper=1.0)
     joints = SimpleNamespace(positions=lambda: {"lift": 0.0, "joint_1": 0.0, "joint_2": 0.0})
     head = HeadController(group, PanTilt(), joints, "camera")
     angle = 1.0 + math.radians(beyond)

@@ -6,7 +6,7 @@ from bestman_bt.robot_model import ArmModel, GripperModel, JointGroupModel
 
 
 def test_every_joint_but_the_wheels_is_told_by_name(joints, model):
-    expected = {*model.of(ArmModel)["arm"].joint_names, *model.of(GripperModel)["gripper"].joint_names}
+    expected = {*model.of(ArmModel)["arm"].joint_names, *model.of(GripperModel)["gripper"].part.joints}
     expected |= set(model.of(JointGroupModel)["head"].joint_names)
     assert set(joints.positions()) == expected
 
@@ -19,7 +19,7 @@ def test_positions_are_those_of_the_posture_in_which_the_robot_started(joints, m
 
 def test_the_joints_of_a_gripper_share_its_width(joints, robot, model):
     positions = joints.positions()
-    fingers = [positions[name] for name in model.of(GripperModel)["gripper"].joint_names]
+    fingers = [positions[name] for name in model.of(GripperModel)["gripper"].part.joints]
     assert sum(fingers) == pytest.approx(robot.parts["gripper"].width())
     assert fingers[0] == fingers[1]
 

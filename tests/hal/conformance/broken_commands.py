@@ -50,10 +50,9 @@ def shortened(robot: Any) -> None:
 
 def clipped_set_points(robot: Any) -> None:
     arm = robot.parts["arm"]
-    lower, upper = ([getattr(limit, end) for limit in arm.limits] for end in ("lower", "upper"))
 
     def command(do: Any, positions: Any = None, **others: Any) -> None:
-        do(None if positions is None else np.clip(positions, lower, upper), **others)
+        do(None if positions is None else np.clip(positions, arm.model.lower, arm.model.upper), **others)
 
     wrapped(arm, "command", command)
 
@@ -109,7 +108,7 @@ def forgiving_base(robot: Any) -> None:
 
 
 def forgiving_gripper(robot: Any) -> None:
-    limit = robot.parts["gripper"].description.max_width
+    limit = robot.parts["gripper"].model.max_width
     wrapped(robot.parts["gripper"], "move", lambda do, width, *a, **k: do(min(width, limit), *a, **k))
 
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from tests.hal.conformance.changed_robot import Break, changed, telling, wrapped
+from tests.robot_models import with_limits, with_part
 
 
 def a_part_that_is_not_mentioned(robot: Any) -> None:
@@ -91,7 +92,7 @@ BROKEN: list[tuple[str, Break]] = [
     ("every part of the model is there or declared missing", a_part_that_is_not_mentioned),
     (
         "joints have the limits of the model",
-        telling("head", "limits", lambda limits: tuple(replace(one, velocity=1.5 * one.velocity) for one in limits)),
+        telling("head", "model", lambda model: with_limits(model, velocity=1.5 * model.velocity)),
     ),
     (
         "a base is as the model says",
@@ -99,7 +100,7 @@ BROKEN: list[tuple[str, Break]] = [
     ),
     (
         "a gripper is as the model says",
-        telling("gripper", "description", lambda d: replace(d, max_force=2 * d.max_force)),
+        telling("gripper", "model", lambda model: with_part(model, max_force=2 * model.part.max_force)),
     ),
     ("frames are those of the model", telling("lidar", "frame", lambda frame: "laser")),
     ("an unknown part is refused with the names there are", any_part_will_do),

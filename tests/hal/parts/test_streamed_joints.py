@@ -10,16 +10,17 @@ import numpy as np
 import pytest
 
 from bestman_bt.messages import JointTrajectory
-from bestman_bt.robot_model import ArmModel, JointGroupModel, RobotModel
+from bestman_bt.robot_model import ArmModel, RobotModel
 from bestman_bt.robot_model.connection_config import SafetyConfig, WorkspaceConfig
 from hal.api import CommandRefusedError, Failure, MotionErrorCode, MotionStatus, NotConnectedError
 from hal.parts import JointChannel, JointReading, StopLatch, StreamedArm, StreamedJointGroup, ToolLimits
+from tests.robot_models import joint_group_model
 
 PERIOD = 0.01
 SLOW, STRONG = 0.5, 1.0
 """rad/s² and rad/s."""
-MODEL = JointGroupModel(
-    joint_names=("pan", "tilt"),
+MODEL = joint_group_model(
+    ("pan", "tilt"),
     lower=(-2.0, -1.0),
     upper=(2.0, 1.5),
     velocity=(STRONG, STRONG),
@@ -416,7 +417,7 @@ def test_no_command_leads_the_tool_out_of_its_workspace(
 
 def test_streamed_set_points_take_the_time_between_them(make_arm: Callable[..., tuple[StreamedArm, Joints]]) -> None:
     arm, channel = make_arm()
-    limit = arm.limits[0].velocity
+    limit = arm.model.velocity[0]
     run(arm, 1.0)
     arm.servo(sideways(0.05 * limit))  # after a pause: within a tenth of a second
     run(arm, 0.05)

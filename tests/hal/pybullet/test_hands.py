@@ -50,7 +50,7 @@ def test_fingers_on_linkages_close_on_nothing_and_open_again(name: str, empty_wo
         assert gripper.width() < 0.001
         assert gripper.state().empty
         _finish(robot, gripper.open())
-        assert gripper.width() == pytest.approx(gripper.description.max_width, abs=0.001)
+        assert gripper.width() == pytest.approx(gripper.model.max_width, abs=0.001)
 
 
 def test_a_hand_of_sixteen_joints_makes_a_fist_and_opens(empty_world) -> None:

@@ -12,6 +12,7 @@ from bestman_bt.robot_model import ArmModel, RobotModel
 from bestman_bt.scene import World
 from hal.api import Arm, CommandRefusedError, Gripper, MotionErrorCode, MotionStatus
 from hal.pybullet import PyBulletRobot
+from tests.robot_models import with_limits
 
 SLOW = 0.4
 """rad/s²: within the limits the arm would take over a second to stop."""
@@ -19,7 +20,7 @@ SLOW = 0.4
 
 @pytest.fixture(scope="module")
 def robot(robot_model: RobotModel, empty_world: World) -> Iterator[PyBulletRobot]:
-    arm = replace(robot_model.of(ArmModel)["arm"], acceleration=(SLOW,) * 7)
+    arm = with_limits(robot_model.of(ArmModel)["arm"], acceleration=SLOW)
     with PyBulletRobot(replace(robot_model, parts={**robot_model.parts, "arm": arm}), empty_world, seed=2) as robot:
         yield robot
 

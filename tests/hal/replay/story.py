@@ -57,5 +57,5 @@ def act(robot: Robot) -> Story:
 
 
 def target(arm: Arm) -> np.ndarray:
-    middle = np.array([(limit.lower + limit.upper) / 2 for limit in arm.limits])
+    middle = (arm.model.lower + arm.model.upper) / 2
     return np.asarray(arm.positions() + np.clip(middle - arm.positions(), -0.3, 0.3))

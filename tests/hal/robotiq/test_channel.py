@@ -92,17 +92,17 @@ def test_widths_forces_and_speeds_become_its_numbers_and_widths_come_back(
     channel: RobotiqChannel, wire: Wire, robot_model: RobotModel
 ) -> None:
     model, options = robot_model.of(GripperModel)["gripper"], RobotiqOptions()
-    for width, position in ((model.max_width, options.open_position), (model.min_width, options.closed_position)):
-        channel.send(width, model.max_force, options.least_speed)
+    for width, position in ((model.max_width, options.open_position), (model.part.min_width, options.closed_position)):
+        channel.send(width, model.part.max_force, options.least_speed)
         assert wire.calls[-1] == (position, 0, 255)
         wire.told = status(position=position)
         channel.refresh()
         assert channel.read().width == pytest.approx(width)
-    channel.send((model.min_width + model.max_width) / 2, options.least_force, model.max_speed)
+    channel.send((model.part.min_width + model.max_width) / 2, options.least_force, model.part.max_speed)
     assert wire.calls[-1] == (round((options.open_position + options.closed_position) / 2), 255, 0)
     wire.told = status(position=255)  # closed beyond where it closes
     channel.refresh()
-    assert channel.read().width == model.min_width
+    assert channel.read().width == model.part.min_width
 
 
 def test_a_gripper_that_is_active_and_well_is_not_activated_again(channel: RobotiqChannel, wire: Wire) -> None:

@@ -20,7 +20,6 @@ from bestman_bt.robot_model.connection_config import ConnectionConfig
 from hal.api import (
     CommandRefusedError,
     Gripper,
-    GripperDescription,
     GripperState,
     Motion,
     MotionErrorCode,
@@ -44,16 +43,16 @@ ADDRESS = f"127.1.{os.getpid() >> 8 & 255}.{os.getpid() & 255 or 256 - 1}"
 class BlockedGripper(Gripper):
     """Moves with the speed asked, and no further than ``obstacle``."""
 
-    def __init__(self, description: GripperDescription) -> None:
+    def __init__(self, model: GripperModel) -> None:
         super().__init__("gripper")
-        self._description, self._width, self._target = description, description.max_width, description.max_width
+        self._model, self._width, self._target = model, model.max_width, model.max_width
         self._speed = self.force = 0.0
         self.obstacle = 0.0
         self._motion: Motion[None] | None = None
 
     @property
-    def description(self) -> GripperDescription:
-        return self._description
+    def model(self) -> GripperModel:
+        return self._model
 
     def width(self) -> float:
         return self._width
@@ -151,8 +150,7 @@ def bench(request: pytest.FixtureRequest, panda: RobotModel) -> Iterator[Bench]:
     options = RobotiqOptions(protocol=request.param)
     connection = ConnectionConfig("robotiq", ("gripper",), ADDRESS, free_port(), options=options)
     model = dataclasses.replace(panda, connections={HAND: connection})
-    ranges = model.of(GripperModel)["gripper"]
-    fingers = BlockedGripper(GripperDescription(ranges.min_width, ranges.max_width, ranges.max_speed, ranges.max_force))
+    fingers = BlockedGripper(model.of(GripperModel)["gripper"])
     world: Any = World(fingers)
     twin = RobotiqTwin(connection, model, world, ADDRESS)
     world.start()
@@ -202,7 +200,7 @@ def test_the_force_asked_arrives_as_its_own_number_and_back(bench: Bench) -> Non
 
 def test_a_stop_halts_moving_fingers(bench: Bench) -> None:
     motion = bench.gripper.move(0.0, speed=0.02)
-    bench.wait_for(lambda: bench.fingers.width() < bench.gripper.description.max_width - 0.004)
+    bench.wait_for(lambda: bench.fingers.width() < bench.gripper.model.max_width - 0.004)
     bench.robot.stop()
     bench.wait_for(lambda: bench.robot.part("gripper", CommandedGripper).resting)
     bench.robot.clock.sleep(0.1)
@@ -228,7 +226,7 @@ def test_an_overcurrent_fails_the_motion_with_its_number_and_an_activation_clear
 
 def test_a_silent_gripper_is_lost_until_it_is_back(bench: Bench) -> None:
     motion = bench.gripper.move(0.0, speed=0.02)
-    bench.wait_for(lambda: bench.fingers.width() < bench.gripper.description.max_width - 0.002)
+    bench.wait_for(lambda: bench.fingers.width() < bench.gripper.model.max_width - 0.002)
     bench.twin.faults.happen("drop")
     since = bench.robot.clock.now()
     bench.end(motion)

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from bestman_bt.robot_model import load_robot_model
-from hal.api import JointLimits
 from hal.twins.ur_kinematics import URKinematics
 from hal.twins.ur_program import Command, URProgram, path_of
 from hal.twins.ur_rtde_fields import Recipe
+from tests.robot_models import arm_model
 
 
 def test_a_path_is_read_as_the_sdk_writes_it() -> None:
@@ -41,7 +41,7 @@ def test_fields_are_packed_in_the_order_asked_and_unknown_ones_are_named() -> No
 def test_a_set_point_beyond_the_joints_limits_is_not_followed(wrong: float) -> None:
     moved: list[Any] = []
     arm: Any = SimpleNamespace(
-        limits=[JointLimits(-6.28, 6.28, 3.14, 8.0, 150.0)] * 6,
+        model=arm_model("abcdef", lower=-6.28, upper=6.28, velocity=3.14),
         positions=lambda: np.zeros(6),
         stop=lambda: None,
         servo=moved.append,

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -17,6 +16,7 @@ from hal.api import CommandRefusedError, Failure, Motion, MotionErrorCode, Motio
 from hal.parts import ConnectionFailedError, JointChannel, JointReading, StopLatch, ToolLimits
 from hal.ur import URArm
 from hal.ur.sdk_process import PLAYING, RUNNING, Report
+from tests.robot_models import with_limits
 
 PERIOD = 0.01
 HOME = np.radians([0.0, -120.0, 110.0, -80.0, -90.0, 0.0])
@@ -155,7 +155,7 @@ def test_a_path_is_sent_once_with_its_limits_and_a_blend_at_all_but_its_last_way
     make_arm: Callable[..., URArm], ur5: RobotModel, controller: Controller, now: list[float]
 ) -> None:
     joints = np.arange(6.0)
-    arm = make_arm(replace(ur5.of(ArmModel)["arm"], velocity=3.0 - joints / 5, acceleration=4.0 + joints))
+    arm = make_arm(with_limits(ur5.of(ArmModel)["arm"], velocity=3.0 - joints / 5, acceleration=4.0 + joints))
     arm.move_path([HOME + NUDGE, HOME], speed_scale=0.5, blend=0.02)
     now[0] += PERIOD
     arm.cycle(PERIOD)
@@ -312,7 +312,7 @@ def test_a_controller_that_is_faster_than_allowed_or_leaves_the_workspace_is_sto
 ) -> None:
     place = ToolLimits(ur5, "arm", SafetyConfig()).tool(HOME)
     arm = make_arm(workspace=WorkspaceConfig(tuple(place - 0.05), tuple(place + 0.05)))
-    limit = arm.limits[0].velocity
+    limit = arm.model.velocity[0]
     for speed, at, words in (
         (1.05 * limit, HOME, ""),
         (-1.15 * limit, HOME, "faster than its limit"),

@@ -67,7 +67,7 @@ def test_it_keeps_a_few_promises(check: Any, robot: HardwareRobot) -> None:
 
 def test_its_gripper_closes_and_opens(robot: HardwareRobot, hosted: tuple[TwinProcess, Path]) -> None:
     gripper = robot.part("gripper", Gripper)
-    for width in (gripper.description.min_width, gripper.description.max_width) * 2:
+    for width in (gripper.model.part.min_width, gripper.model.max_width) * 2:
         finished(robot, gripper.move(width))
         assert gripper.width() == pytest.approx(width, abs=0.003)
         for _ in range(50):  # a Lite 6's goes by the clock, and the twin's world may be behind it

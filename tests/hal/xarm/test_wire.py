@@ -240,13 +240,13 @@ def test_a_lite6s_gripper_that_is_turned_round_half_way_goes_back_from_there(
 ) -> None:
     model = robot_model.of(GripperModel)["gripper"]
     gripper = Lite6GripperWire(wire, model, clock)
-    travel = (model.max_width - model.min_width) / model.max_speed
+    travel = (model.max_width - model.part.min_width) / model.part.max_speed
     clock.time = 50.0
     gripper.send(model.max_width, 0.0, 0.0)
     clock.time += travel / 2
-    middle = (model.max_width + model.min_width) / 2
+    middle = (model.max_width + model.part.min_width) / 2
     assert gripper.read().width == pytest.approx(middle)
-    gripper.send(model.min_width, 0.0, 0.0)
+    gripper.send(model.part.min_width, 0.0, 0.0)
     assert gripper.read().width == pytest.approx(middle)
     clock.time += travel
-    assert gripper.read().width == pytest.approx(model.min_width)
+    assert gripper.read().width == pytest.approx(model.part.min_width)

@@ -117,7 +117,7 @@ def test_nothing_leads_the_tool_out_of_its_workspace(twin: TwinProcess) -> None:
 def test_arms_are_slower_where_safety_says_so(twin: TwinProcess) -> None:
     with connected(twin, safety__joint_speed=0.1) as robot:
         arm = robot.part("arm", Arm)
-        assert arm.limits[0].velocity == pytest.approx(np.pi / 10)
+        assert arm.model.velocity[0] == pytest.approx(np.pi / 10)
         with pytest.raises(CommandRefusedError, match="velocities"):
             arm.command(velocities=np.full(6, 0.5))
 

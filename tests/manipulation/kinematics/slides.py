@@ -6,10 +6,10 @@ import numpy as np
 
 from bestman_bt.manipulation.kinematics import IKResult, InverseKinematics
 from bestman_bt.messages import Pose
-from bestman_bt.robot_model import JointGroupModel
+from tests.robot_models import joint_group_model
 
 ONE = np.ones(2)
-LIMITS = JointGroupModel(("a", "b"), -ONE, ONE, ONE, ONE, ONE)
+LIMITS = joint_group_model(("a", "b"))
 
 
 def at(x: float, y: float = 0.0, yaw: float = 0.0) -> Pose:

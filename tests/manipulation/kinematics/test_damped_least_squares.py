@@ -10,6 +10,7 @@ from bestman_bt.manipulation.kinematics import DampedLeastSquares, DampedLeastSq
 from bestman_bt.messages import Pose
 from bestman_bt.robot_model import ArmModel
 from tests.manipulation.fixed_ur5 import fixed_ur5
+from tests.robot_models import with_limits
 
 
 def test_reachable_poses_are_solved_to_a_millimetre_and_half_a_degree_inside_the_limits(kinematics, arm, ready, rng):
@@ -110,7 +111,7 @@ def test_tracking_goes_on_from_a_start_inside_the_margin_and_keeps_to_the_limit(
     arm, away = robot.of(ArmModel)["arm"], -1.0 if limit == "lower" else 1.0
     bound = getattr(arm, limit).copy()
     bound[2] = BENT[2] + 0.005 * away
-    kinematics = DampedLeastSquares(replace(robot, parts={**robot.parts, "arm": replace(arm, **{limit: bound})}))
+    kinematics = DampedLeastSquares(replace(robot, parts={**robot.parts, "arm": with_limits(arm, **{limit: bound})}))
     wanted = BENT + 0.02 * np.eye(6)[4]
     assert np.allclose(kinematics.track(kinematics.tool_pose(wanted), BENT), wanted, atol=1e-3)
     assert kinematics.track(kinematics.tool_pose(BENT + 0.02 * away * np.eye(6)[2]), BENT) is None
@@ -121,7 +122,7 @@ def test_a_joint_of_little_travel_is_solved_in_its_middle_half(rng):
     arm = robot.of(ArmModel)["arm"]
     lower, upper = arm.lower.copy(), arm.upper.copy()
     lower[0], upper[0] = BENT[0] - 0.015, BENT[0] + 0.015
-    kinematics = DampedLeastSquares(replace(robot, parts={"arm": replace(arm, lower=lower, upper=upper)}))
+    kinematics = DampedLeastSquares(replace(robot, parts={"arm": with_limits(arm, lower=lower, upper=upper)}))
     for turn in (-0.007, 0.0, 0.007):
         found = kinematics.solve(kinematics.tool_pose(BENT + turn * np.eye(6)[0]), BENT, rng)
         assert found.best[0] == pytest.approx(BENT[0] + turn, abs=1e-3)

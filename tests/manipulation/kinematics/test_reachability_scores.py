@@ -16,6 +16,7 @@ from bestman_bt.manipulation.kinematics import (
 )
 from bestman_bt.robot_model import ArmModel
 from tests.manipulation.two_arms import two_arms
+from tests.robot_models import with_limits
 
 TINY = ReachabilityMapParameters(voxel=0.5, directions=4, samples=50)
 AIMS = np.array([[0.0, 0.0, -1.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
@@ -63,17 +64,17 @@ def test_whatever_moves_the_tool_or_bounds_the_arm_makes_another_map(tmp_path) -
     robot = two_arms()
     left = robot.of(ArmModel)["left"]
 
-    def with_arm(**changes: object) -> DampedLeastSquares:
-        return DampedLeastSquares(replace(robot, parts={**robot.parts, "left": replace(left, **changes)}), "left")
+    def with_arm(arm: ArmModel) -> DampedLeastSquares:
+        return DampedLeastSquares(replace(robot, parts={**robot.parts, "left": arm}), "left")
 
     arms = [
         DampedLeastSquares(robot, "left"),
         DampedLeastSquares(robot, "right"),
         DampedLeastSquares(replace(robot, base_frame="root"), "left"),
         DampedLeastSquares(robot, "left", fixed={"right_lift": 0.1}),
-        with_arm(tool_frame="left_palm"),
-        with_arm(lower=left.lower + 0.01),
-        with_arm(upper=left.upper - 0.01),
+        with_arm(replace(left, tool_frame="left_palm")),
+        with_arm(with_limits(left, lower=left.lower + 0.01)),
+        with_arm(with_limits(left, upper=left.upper - 0.01)),
     ]
     for number, arm in enumerate(arms, start=1):
         reachability_map(arm, TINY, tmp_path)

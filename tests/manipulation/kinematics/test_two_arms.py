@@ -12,6 +12,7 @@ from bestman_bt.messages import Box, ObjectModel, PlacedShape, Pose
 from bestman_bt.robot_model import ArmModel, RobotModel
 from bestman_bt.world_model import HeldObject
 from tests.manipulation.two_arms import BASE, BASE_YAW, JOINTS, home, two_arms
+from tests.robot_models import USUAL_LIMITS, arm_model
 
 SIDES = ("left", "right")
 
@@ -101,9 +102,8 @@ def test_a_joint_that_carries_the_arm_stands_where_it_is_told(robot, forward) ->
 def without_lift(robot: RobotModel, first: int = 1) -> RobotModel:
     """The left arm is one of the joints from number ``first`` on."""
     whole = robot.of(ArmModel)["left"]
-    limits = (whole.lower, whole.upper, whole.velocity, whole.acceleration, whole.effort)
-    part = ArmModel(whole.joint_names[first:], "root", "left_tool", *(values[first:] for values in limits))
-    return replace(robot, parts={"left": part})
+    limits = {name: getattr(whole, name)[first:] for name in USUAL_LIMITS}
+    return replace(robot, parts={"left": arm_model(whole.joint_names[first:], "root", "left_tool", **limits)})
 
 
 def test_weight_and_inertia_are_those_of_the_joints_in_their_order(robot, rng) -> None:

@@ -7,11 +7,9 @@ from collections.abc import Callable
 import numpy as np
 
 from bestman_bt.manipulation.collision import CollisionWorld
-from bestman_bt.robot_model import JointGroupModel
+from tests.robot_models import joint_group_model
 
-TWO = JointGroupModel(
-    ("a", "b"), np.array([-2.0, -1.0]), np.array([2.0, 1.5]), np.array([1.0, 2.0]), np.array([2.0, 5.0]), np.ones(2)
-)
+TWO = joint_group_model(("a", "b"), lower=(-2.0, -1.0), upper=(2.0, 1.5), velocity=(1.0, 2.0), acceleration=(2.0, 5.0))
 
 
 class JointWorld(CollisionWorld):

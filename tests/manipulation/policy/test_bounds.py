@@ -30,8 +30,8 @@ from bestman_bt.manipulation.policy import (
 )
 from bestman_bt.manipulation.trajectory import SpeedScale, limit_usage
 from bestman_bt.messages import Pose
-from bestman_bt.robot_model import JointGroupModel
 from tests.manipulation.kinematics.slides import LIMITS, Slides, at
+from tests.robot_models import joint_group_model
 
 DELTAS, POSITIONS, TWIST = ActionSpace.JOINT_DELTAS, ActionSpace.JOINT_POSITIONS, ActionSpace.TOOL_TWIST
 
@@ -180,8 +180,8 @@ def test_features_are_what_their_names_say() -> None:
     assert feature_vector(seen, ["joint_velocities", "gripper_width", "joint_positions"]).tolist() == [3, 4, 0.04, 1, 2]
 
 
-JOINTS = JointGroupModel(
-    ("a", "b"), np.array([-1.0, -0.5]), np.array([1.0, 0.5]), np.array([1.0, 2.0]), np.array([4.0, 8.0]), np.ones(2)
+JOINTS = joint_group_model(
+    ("a", "b"), lower=(-1.0, -0.5), upper=(1.0, 0.5), velocity=(1.0, 2.0), acceleration=(4.0, 8.0)
 )
 STREAM = ChunkStreamParameters(speed=SpeedScale(0.5, 0.5))
 DT = 0.1

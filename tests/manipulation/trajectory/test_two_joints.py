@@ -21,8 +21,8 @@ from bestman_bt.manipulation.trajectory import (
 )
 from bestman_bt.manipulation.trajectory.collision_check import dense_samples
 from bestman_bt.messages import JointTrajectory
-from bestman_bt.robot_model import JointGroupModel
 from tests.manipulation.motion_planning.joint_worlds import TWO, JointWorld
+from tests.robot_models import joint_group_model
 
 FULL = SpeedScale(1.0, 1.0)
 NAMES = TWO.joint_names
@@ -138,9 +138,7 @@ def test_a_stop_before_the_beginning_and_after_the_end_stays_there() -> None:
 
 
 def test_other_joints_than_those_of_the_motion_are_refused() -> None:
-    other = JointGroupModel(
-        ("c", "d"), *(getattr(TWO, n) for n in ("lower", "upper", "velocity", "acceleration", "effort"))
-    )
+    other = joint_group_model(("c", "d"))
     with pytest.raises(ManipulationError, match="limits are of .* but the motion is of"):
         stop_along(uniform(0.5), 0.2, other)
 

@@ -11,9 +11,9 @@ from bestman_bt.messages import Box, Cylinder, ObjectModel, PlacedShape, PointCl
 from bestman_bt.perception import PerceptionError
 from bestman_bt.perception.grasp_pose import AntipodalCloud, GraspCandidate, GraspTarget
 from bestman_bt.perception.pose_estimation.model_surface import sample_shape
-from bestman_bt.robot_model import GripperModel
+from tests.robot_models import gripper_model
 
-GRIPPER = GripperModel(("f1", "f2"), ("left", "right"), "hand", 0.0, 0.08, 0.1, 40.0, 0.039, (0.02, 0.02), 0.8)
+GRIPPER = gripper_model(finger_depth=0.039, pad_size=(0.02, 0.02))
 SUPPORT = 0.75
 EYE = np.array([-0.2, 0.0, 1.65])
 BRICK = solid("brick", Box((0.12, 0.035, 0.06)), (1, 1, 1), 2)

@@ -10,9 +10,9 @@ from bestman_bt.messages import Box, ObjectGrasp, ObjectModel, PlacedShape, Pose
 from bestman_bt.perception.grasp_pose import antipodal_grasps
 from bestman_bt.perception.grasp_pose.hand_shape import HandShape, HandShapeParameters
 from bestman_bt.perception.grasp_pose.solid_surface import solid_surface
-from bestman_bt.robot_model import GripperModel
+from tests.robot_models import gripper_model
 
-GRIPPER = GripperModel(("f1", "f2"), ("left", "right"), "hand", 0.0, 0.08, 0.1, 40.0, 0.039, (0.02, 0.02), 0.8)
+GRIPPER = gripper_model(finger_depth=0.039, pad_size=(0.02, 0.02))
 BAR = solid("bar", Box((0.12, 0.03, 0.04)), (1, 1, 1), 2)
 
 

@@ -12,9 +12,9 @@ from bestman_bt.perception import PerceptionError
 from bestman_bt.perception.grasp_pose import AnyGraspAdapter, AnyGraspAdapterParameters, GraspCandidate, GraspTarget
 from bestman_bt.perception.grasp_pose.anygrasp import camera_looking_at
 from bestman_bt.perception.pose_estimation.model_surface import sample_shape
-from bestman_bt.robot_model import GripperModel
+from tests.robot_models import gripper_model
 
-GRIPPER = GripperModel(("f1", "f2"), ("left", "right"), "hand", 0.0, 0.08, 0.1, 40.0, 0.039, (0.02, 0.02), 0.8)
+GRIPPER = gripper_model(finger_depth=0.039, pad_size=(0.02, 0.02))
 SUPPORT, EYE = 0.7, np.array([0.0, 0.1, 1.4])
 MIDDLE = np.array([0.5, 0.0, SUPPORT + 0.05])
 POINTS = sample_shape(Box((0.04, 0.06, 0.10)), 0.004)[0] + MIDDLE
@@ -68,7 +68,7 @@ def test_the_finger_tips_come_where_the_network_puts_its_own() -> None:
     np.testing.assert_allclose(grasp.rotation[:, 2], [0, 0, -1], atol=1e-6)
     np.testing.assert_allclose(grasp.rotation[:, 1], [1, 0, 0], atol=1e-6)
     assert np.linalg.det(grasp.rotation) == pytest.approx(1.0)
-    half_pad = GRIPPER.pad_size[1] / 2
+    half_pad = GRIPPER.part.pad_size[1] / 2
     np.testing.assert_allclose(grasp.apply(np.array([[0, 0, half_pad]]))[0], at(0, 0, 0.03), atol=1e-6)
     assert candidate.opening == pytest.approx(0.07)
     assert candidate.quality == pytest.approx(0.5)

@@ -11,9 +11,9 @@ from bestman_bt.messages import Box, PlacedShape, Pose, Sphere
 from bestman_bt.perception import PerceptionError
 from bestman_bt.perception.grasp_pose import BoundingBox, GraspTarget
 from bestman_bt.perception.segmentation import PlaneDbscan
-from bestman_bt.robot_model import GripperModel
+from tests.robot_models import gripper_model
 
-GRIPPER = GripperModel(("f1", "f2"), ("left", "right"), "hand", 0.0, 0.08, 0.1, 40.0, 0.045, (0.02, 0.02), 0.8)
+GRIPPER = gripper_model(finger_depth=0.045, pad_size=(0.02, 0.02))
 
 
 def box(*size: float) -> GraspTarget:
@@ -34,7 +34,7 @@ def test_it_goes_thirty_millimetres_deep_at_most() -> None:
     for candidate in deep:
         assert candidate.grasp.position[2] == pytest.approx(0.07)
     for candidate in flat:
-        assert candidate.grasp.position[2] == pytest.approx(GRIPPER.pad_size[1] / 2 + 0.006)
+        assert candidate.grasp.position[2] == pytest.approx(GRIPPER.part.pad_size[1] / 2 + 0.006)
 
 
 def test_what_does_not_fit_between_the_fingers_has_no_grasp() -> None:

@@ -20,9 +20,9 @@ from bestman_bt.perception.grasp_pose.contact_quality import ContactQualityParam
 from bestman_bt.perception.grasp_pose.hand_poses import HandPoses, different_hands, hands_about
 from bestman_bt.perception.grasp_pose.hand_shape import HandShape, HandShapeParameters
 from bestman_bt.perception.grasp_pose.pad_contact import PadContacts, close_pads
-from bestman_bt.robot_model import GripperModel
+from tests.robot_models import gripper_model, with_part
 
-GRIPPER = GripperModel(("f1", "f2"), ("left", "right"), "hand", 0.0, 0.08, 0.1, 40.0, 0.045, (0.02, 0.016), 0.8)
+GRIPPER = gripper_model(finger_depth=0.045, pad_size=(0.02, 0.016))
 SHAPE = HandShape(GRIPPER, HandShapeParameters(finger_thickness=0.02, palm_size=(0.06, 0.2), palm_length=0.1))
 TOOL = Pose.from_xyz_rpy((0.5, -0.2, 0.8), (math.pi - 0.3, 0.2, 1.0))
 
@@ -88,7 +88,9 @@ def block(width: float, off: float = 0.0, turn: float = 0.0) -> tuple[np.ndarray
 
 
 def closed(points: np.ndarray, normals: np.ndarray, opening: float = 0.08) -> PadContacts:
-    return close_pads(points, normals, hands(TOOL), np.array([opening]), GRIPPER.pad_size, GRIPPER.finger_depth, 0.001)
+    return close_pads(
+        points, normals, hands(TOOL), np.array([opening]), GRIPPER.part.pad_size, GRIPPER.part.finger_depth, 0.001
+    )
 
 
 def test_pads_close_on_both_faces_and_tell_where_the_middle_is() -> None:
@@ -125,7 +127,7 @@ def quality(centre_of_mass: tuple[float, float, float] = (0, 0, 0), **changes: f
         width=np.array([given["width"]]),
         centre=np.array([[0.0, 0.0, given.get("tip", 0.0)]]),
         alignment=np.array([given["alignment"]]),
-        extent=np.array([GRIPPER.pad_size]) / math.sqrt(12.0),
+        extent=np.array([GRIPPER.part.pad_size]) / math.sqrt(12.0),
         offset=np.array([given["offset"]]),
         bulge=np.array([given["bulge"]]),
     )
@@ -194,7 +196,7 @@ def test_from_above_the_hand_goes_as_deep_as_palm_and_support_allow(top: float, 
     """Reach 30 mm, half a pad 8 mm: 14 mm above the support, or for flat things 11 mm."""
     found = PLACEMENT.top_height(0.5 + top, 0.5, GRIPPER)
     assert found == (None if height is None else pytest.approx(0.5 + height))
-    short = replace(GRIPPER, finger_depth=0.02)
+    short = with_part(GRIPPER, finger_depth=0.02)
     assert PLACEMENT.reach(short) == pytest.approx(0.012)
 
 

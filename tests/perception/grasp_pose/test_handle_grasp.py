@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -16,9 +15,9 @@ from bestman_bt.perception.grasp_pose import (
     HandleGraspParameters,
     HandShapeParameters,
 )
-from bestman_bt.robot_model import GripperModel
+from tests.robot_models import gripper_model, with_part
 
-GRIPPER = GripperModel(("f1", "f2"), ("left", "right"), "hand", 0.0, 0.08, 0.1, 40.0, 0.039, (0.02, 0.02), 0.8)
+GRIPPER = gripper_model(finger_depth=0.039, pad_size=(0.02, 0.02))
 # A front at x = 1 that faces the robot: z of the handle is -x; x of the handle is up for an upright bar.
 LEVEL = np.array([[0.0, 0.0, -1.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 UPRIGHT = np.array([[0.0, 0.0, -1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]])
@@ -115,7 +114,7 @@ def test_a_bar_near_the_front_is_taken_from_further_out_and_one_too_near_not_at_
 
 def test_a_lip_is_pinched_where_the_hand_has_room_above_the_recess() -> None:
     lip = handle("edge", radius=0.006, standoff=-0.006, panel=Pose(np.array([1.0, 0.2, 0.7])))
-    slim = replace(GRIPPER, pad_size=(0.02, 0.012), max_width=0.03)
+    slim = with_part(GRIPPER, pad_size=(0.02, 0.012), max_width=0.03)
     shape = HandShapeParameters(finger_thickness=0.010, palm_size=(0.05, 0.04))
     closed = HandleGrasp(HandleGraspParameters(shape=shape))
     open_above = HandleGrasp(HandleGraspParameters(shape=shape, recess_width=0.3))

@@ -10,9 +10,9 @@ from benchmarks.rendered_table import known_models, solid, tumbler
 from bestman_bt.messages import Box, Cylinder, ObjectGrasp, ObjectModel, PlacedShape, Pose, Sphere
 from bestman_bt.perception import PerceptionError
 from bestman_bt.perception.grasp_pose import GraspCandidate, GraspTarget, ModelBased
-from bestman_bt.robot_model import GripperModel
+from tests.robot_models import gripper_model
 
-GRIPPER = GripperModel(("f1", "f2"), ("left", "right"), "hand", 0.0, 0.08, 0.1, 40.0, 0.045, (0.02, 0.02), 0.8)
+GRIPPER = gripper_model(finger_depth=0.045, pad_size=(0.02, 0.02))
 SUPPORT = 0.75
 CUP, CAN, BOX, TIN, CUBE = known_models(0)
 BALL = solid("ball", Sphere(0.03), (1, 1, 1), 0)
@@ -44,7 +44,7 @@ def test_each_grasp_keeps_the_rules_of_the_hand(model: ObjectModel) -> None:
         if candidate.approach == "top":
             np.testing.assert_allclose(rotation[:, 2], [0.0, 0.0, -1.0], atol=1e-9)
             assert top - position[2] <= 0.0305, "deeper, and the palm hits the top"
-            assert position[2] - GRIPPER.pad_size[1] / 2 > SUPPORT + 0.005
+            assert position[2] - GRIPPER.part.pad_size[1] / 2 > SUPPORT + 0.005
         else:
             assert abs(rotation[2, 2]) < 1e-9
             assert position[2] > SUPPORT + 0.035
