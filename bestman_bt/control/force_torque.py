@@ -46,15 +46,11 @@ class WristWrench:
         self._sensor, self._kinematics, self._joints, self._clock = sensor, kinematics, joints, clock
         self._parameters = parameters or WristWrenchParameters()
         self._payload = payload(kinematics.robot, sensor.frame)
+        self.frame = sensor.frame
         self._offset: NDArray[np.float64] = np.zeros(6)
         self._tared = False
         self._readings: list[NDArray[np.float64]] = []
         self._timer: Timer | None = None
-
-    @property
-    def frame(self) -> str:
-        """The sensor's frame."""
-        return self._sensor.frame
 
     @property
     def tared(self) -> bool:

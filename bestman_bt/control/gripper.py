@@ -6,7 +6,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from bestman_bt.control.motion import start_motion
-from bestman_bt.robot_model import GripperModel
 from hal.api import Gripper, Motion
 
 
@@ -39,18 +38,8 @@ class GripperController:
     """Commands one gripper and tells, from its encoder and motor alone, whether it holds something."""
 
     def __init__(self, gripper: Gripper, parameters: GripperParameters | None = None) -> None:
-        self._gripper = gripper
+        self._gripper, self.name, self.model = gripper, gripper.name, gripper.model
         self._parameters = parameters or GripperParameters()
-
-    @property
-    def name(self) -> str:
-        """The gripper's name in its robot."""
-        return self._gripper.name
-
-    @property
-    def model(self) -> GripperModel:
-        """Ranges of width, speed and force, and the hand."""
-        return self._gripper.model
 
     def width(self) -> float:
         """Measured opening between the fingers, metres."""

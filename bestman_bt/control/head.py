@@ -26,16 +26,11 @@ class HeadController:
         optical_frame: str,
         tolerance: float = math.radians(3.0),
     ) -> None:
-        self._group = group
+        self._group, self.name = group, group.name
         self._kinematics = kinematics
         self._joints = joints
         self._optical_frame = optical_frame
         self._tolerance = tolerance
-
-    @property
-    def name(self) -> str:
-        """The joint group's name in its robot."""
-        return self._group.name
 
     def look_at(self, point: ArrayLike, speed_scale: float = 1.0) -> Motion[None]:
         """Bring ``point`` (3,), metres in the base frame, to the middle of the image; succeeds when the head rests.

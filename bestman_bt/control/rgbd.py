@@ -106,7 +106,7 @@ class RGBDSensor:
         clock: Clock | None = None,
         parameters: RGBDSensorParameters = RGBDSensorParameters(),
     ) -> None:
-        self._camera = camera
+        self._camera, self.name, self.optical_frame = camera, camera.name, camera.optical_frame
         self._kinematics = kinematics
         self._joints = joints
         self._world = world
@@ -116,19 +116,9 @@ class RGBDSensor:
         self._subscribers: list[Callable[[RGBDView], None]] = []
 
     @property
-    def name(self) -> str:
-        """The camera's name in its robot."""
-        return self._camera.name
-
-    @property
     def intrinsics(self) -> CameraIntrinsics:
         """The pinhole model of the views."""
         return replace(self._camera.intrinsics, distortion=())
-
-    @property
-    def optical_frame(self) -> str:
-        """The frame of the images in the robot model."""
-        return self._camera.optical_frame
 
     def base_from_camera(self) -> Pose:
         """Where the camera is now."""

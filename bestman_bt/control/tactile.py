@@ -27,13 +27,8 @@ class TactileSensor:
     """One pad of taxels, read as sensors of the DIGIT class are: a picture, and what can be told from it."""
 
     def __init__(self, pad: Tactile, parameters: TactileParameters | None = None) -> None:
-        self._pad = pad
+        self._pad, self.name = pad, pad.name
         self._parameters = parameters or TactileParameters()
-
-    @property
-    def name(self) -> str:
-        """The pad's name in its robot."""
-        return self._pad.name
 
     def force(self) -> float:
         """Sum of the normal forces of all taxels, newtons."""

@@ -1,7 +1,6 @@
 """Robots composed from parts: one URDF with groups, frames, sensors and postures."""
 
-from bestman_bt.robot_model.combination import combine
-from bestman_bt.robot_model.compose import compose_robot, load_robot_model
+from bestman_bt.robot_model.compose import combine, compose_robot, load_robot_model
 from bestman_bt.robot_model.finger_linkage import MimicJoint
 from bestman_bt.robot_model.kinematic_chain import arm_of, joints_above
 from bestman_bt.robot_model.model import (

@@ -19,14 +19,13 @@ from bestman_bt.configuration import (
     salvage,
 )
 from bestman_bt.registry import suggestion
-from bestman_bt.robot_model.calibration_overlay import with_calibration
 from bestman_bt.robot_model.describe import describe
 from bestman_bt.robot_model.hardware_config import read_connections, with_hardware
 from bestman_bt.robot_model.joint_limits import write_limits
-from bestman_bt.robot_model.load_limits import load_problems
 from bestman_bt.robot_model.model import RobotModel
 from bestman_bt.robot_model.mounting import mount_place, mount_problems
-from bestman_bt.robot_model.part_config import ArmPart, JointedPart
+from bestman_bt.robot_model.part_config import ArmPart, BasePart, JointedPart, LeggedBasePart
+from bestman_bt.robot_model.payload import payload
 from bestman_bt.robot_model.placed_part import PlacedPart, read_part
 from bestman_bt.robot_model.robot_config import RobotConfig, name_fault
 from bestman_bt.robot_model.urdf_elements import fixed_joint
@@ -233,3 +232,70 @@ def _declared_pairs(
         if len(groups) == 2:
             pairs += [(a, b) for a in groups[0] for b in groups[1]]
     return pairs
+
+
+def load_problems(model: RobotModel, placed: Mapping[str, PlacedPart], document: Document) -> list[Problem]:
+    """Arms that carry more than their payload beyond the tip, bases that carry more than theirs."""
+    problems = []
+    whole = payload(model, model.base_frame).mass
+    for name, part in placed.items():
+        limit = part.config.payload if isinstance(part.config, ArmPart | BasePart | LeggedBasePart) else None
+        if limit is None:
+            continue
+        if isinstance(part.config, ArmPart):
+            load = payload(model, part.config.tip).mass - part.mass_of([part.config.tip])
+        else:
+            load = whole - part.mass_of(part.links)
+        if load > limit:
+            message = f"{load:.3g} kg are mounted on it, more than its payload of {limit:.3g} kg"
+            problems.append(document.problem(("parts", name), message))
+    return problems
+
+
+def with_calibration(document: Document, folder: Path) -> Document:
+    """A robot's document with the ``parts`` of its ``calibration`` files laid over its own, one file after the other.
+
+    ``folder``: where relative names begin. Raises ConfigurationError for files that cannot be read or that are of
+    another robot.
+    """
+    names = document.data.get("calibration", [])
+    if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
+        message = f"should be a list of files that bestman-bt calibrate wrote, got {names!r}"
+        raise ConfigurationError([document.problem(("calibration",), message)])
+    problems: list[Problem] = []
+    for index, name in enumerate(names):
+        path = folder / name
+        if not path.is_file():
+            problems.append(document.problem(("calibration", index), f"no such calibration file: {path}"))
+            continue
+        found = read_document(path)
+        parts, known = found.data.get("parts"), document.data.get("parts") or {}
+        if not isinstance(parts, dict):
+            problems.append(found.problem(("parts",), "is missing: this is no file that bestman-bt calibrate wrote"))
+            continue
+        problems += [
+            found.problem(
+                ("parts", part), f"the robot has no such part; {suggestion(str(part), [str(k) for k in known])}"
+            )
+            for part in parts
+            if part not in known
+        ]
+        origins = {path: origin for path, origin in found.origins.items() if path[:1] == ("parts",)}
+        document = document.merged(Document({"parts": parts}, origins))
+    if problems:
+        raise ConfigurationError(problems)
+    return document
+
+
+def combine(base: str, arm: str, hand: str, column: str = "column") -> RobotModel:
+    """The robot ``<base>+<arm>+<hand>``, its parts called ``base``, ``column``, ``arm`` and ``gripper``.
+
+    Names or paths of part descriptions. Raises ConfigurationError if one is unknown or has no place for the next one.
+    """
+    parts = {
+        "base": {"part": base},
+        "column": {"part": column, "mount": "base"},
+        "arm": {"part": arm, "mount": "column"},
+        "gripper": {"part": hand, "mount": "arm"},
+    }
+    return compose_robot("+".join((base, arm, hand)), Document({"parts": parts}))

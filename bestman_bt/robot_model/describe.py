@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import itertools
+import math
 import xml.etree.ElementTree as ET
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
 
 from bestman_bt.messages import Pose
-from bestman_bt.robot_model.bumper_ring import mounted_bumper
-from bestman_bt.robot_model.describe_legs import legs
+from bestman_bt.robot_model.finger_linkage import link_poses
 from bestman_bt.robot_model.footprint import footprint, origin_pose
 from bestman_bt.robot_model.model import (
     ArmModel,
@@ -15,6 +20,7 @@ from bestman_bt.robot_model.model import (
     GripperModel,
     JointGroupModel,
     LeggedBaseModel,
+    LegModel,
     Part,
     RobotModel,
     WheeledBaseModel,
@@ -30,12 +36,13 @@ from bestman_bt.robot_model.part_config import (
 )
 from bestman_bt.robot_model.part_fields import PartConfig
 from bestman_bt.robot_model.placed_part import PlacedPart
-from bestman_bt.robot_model.self_pairs import allowed_self_pairs
 from bestman_bt.robot_model.sensor_parts import (
     BumperPart,
     ForceTorquePart,
+    MountedBumper,
     MountedForceTorque,
 )
+from bestman_bt.robot_model.urdf_elements import child_of, parent_of
 
 _ORDER = (
     *("base", "legged_base", "structure", "arm", "gripper", "suction", "joint_group"),
@@ -189,3 +196,92 @@ def _gripper(gripper: GripperPart, part: PlacedPart) -> GripperModel:
         followers=tuple(mimic for mimic in part.mimics if mimic.joint not in gripper.joints),
         linkage=tuple(link for link in part.links if link not in (part.root, gripper.tool, *gripper.finger_links)),
     )
+
+
+def mounted_bumper(bumper: BumperPart, base: BaseModel) -> MountedBumper:
+    """Strips of equal length, counter-clockwise, from the front right corner on."""
+    joints = base.part.driven_joints if isinstance(base, WheeledBaseModel) else ()
+    corners = np.array(base.footprint)
+    begin = int(np.argmin(np.abs(np.arctan2(corners[:, 1], corners[:, 0]) + math.pi / 4)))
+    outline = np.vstack([np.roll(corners, -begin, axis=0), corners[begin]])
+    lengths = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(outline, axis=0), axis=1)))
+    marks = np.linspace(0.0, lengths[-1], bumper.zones + 1)
+    ends = np.column_stack([np.interp(marks, lengths, outline[:, axis]) for axis in (0, 1)])
+    zones = tuple((_pair(start), _pair(end)) for start, end in itertools.pairwise(ends))
+    return MountedBumper(bumper, joints, zones)
+
+
+def _pair(point: NDArray[np.float64]) -> tuple[float, float]:
+    return round(float(point[0]), 4), round(float(point[1]), 4)
+
+
+Places = dict[str, NDArray[np.float64]]
+
+
+def legs(base: LeggedBasePart, urdf: ET.Element) -> tuple[LegModel, ...]:
+    """Front right, front left, rear right, rear left."""
+    child = {joint.get("name", ""): child_of(joint) for joint in urdf.findall("joint")}
+    links = [child[joint] for joint in base.joints]
+    poses = link_poses(list(urdf), {}, [base.root or "", *links, *base.feet])
+    from_trunk = poses[base.root or ""].inverse()
+    places = {link: (from_trunk @ pose).position for link, pose in poses.items()}
+    return tuple(_leg(base, index, links[3 * index : 3 * index + 3], places) for index in range(len(base.feet)))
+
+
+def _leg(base: LeggedBasePart, index: int, links: list[str], places: Places) -> LegModel:
+    hip, thigh, knee = (places[link] for link in links)
+    foot, rows, limits = places[base.feet[index]], slice(3 * index, 3 * index + 3), base.limits
+    first, second, third = base.joints[rows]
+    x, y, z = hip.tolist()
+    return LegModel(
+        joint_names=(first, second, third),
+        foot_link=base.feet[index],
+        hip=(x, y, z),
+        thigh_offset=float(thigh[1] - hip[1]),
+        thigh_length=float(thigh[2] - knee[2]),
+        calf_length=float(knee[2] - foot[2]),
+        foot_radius=base.foot_radius,
+        lower=limits.lower[rows],
+        upper=limits.upper[rows],
+        velocity=limits.velocity[rows],
+        effort=limits.effort[rows],
+    )
+
+
+def allowed_self_pairs(
+    robot: ET.Element, locked_joints: frozenset[str], declared: Iterable[tuple[str, str]]
+) -> frozenset[frozenset[str]]:
+    """Pairs of links with collision shapes that need no check.
+
+    Links that fixed or ``locked_joints`` (wheels) join move as one; a link and its nearest ancestor with a shape
+    are neighbours; ``declared`` pairs are taken as they are.
+    """
+    solid = {link.get("name", "") for link in robot.findall("link") if link.find("collision") is not None}
+    parents: dict[str, tuple[str, bool]] = {}
+    for joint in robot.findall("joint"):
+        rigid = joint.get("type") == "fixed" or joint.get("name", "") in locked_joints
+        parents[child_of(joint)] = (parent_of(joint), rigid)
+    pairs = {frozenset(pair) for pair in declared}
+    groups: dict[str, list[str]] = {}
+    for link in sorted(solid):
+        groups.setdefault(_group(link, parents), []).append(link)
+        neighbour = _solid_ancestor(link, parents, solid)
+        if neighbour is not None:
+            pairs.add(frozenset((link, neighbour)))
+    for members in groups.values():
+        pairs.update(frozenset(pair) for pair in combinations(members, 2))
+    return frozenset(pair for pair in pairs if len(pair) == 2 and pair <= solid)
+
+
+def _group(link: str, parents: Mapping[str, tuple[str, bool]]) -> str:
+    while link in parents and parents[link][1]:
+        link = parents[link][0]
+    return link
+
+
+def _solid_ancestor(link: str, parents: Mapping[str, tuple[str, bool]], solid: set[str]) -> str | None:
+    while link in parents:
+        link = parents[link][0]
+        if link in solid:
+            return link
+    return None

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from bestman_bt.messages import Box, Cylinder, ObjectGrasp, ObjectModel, PlacedShape, Pose
 from bestman_bt.robot_model import GripperModel
-from hal.pybullet import Viewpoint, portrait
+from hal.pybullet import Viewpoint, render_object
 
 Part = tuple[PlacedShape, tuple[float, float, float]]
 AXES = (
@@ -30,10 +30,10 @@ def object_picture(model: ObjectModel, gripper: GripperModel | None = None, side
     """
     size = float(np.linalg.norm(model.size))
     looks = list(model.appearance)
-    panels = [portrait([*looks, *_axes(size)], _viewpoint(size), side, side)]
+    panels = [render_object([*looks, *_axes(size)], _viewpoint(size), side, side)]
     if gripper is not None:
         forks = [part for grasp in model.grasps[SHOWN] for part in _fork(grasp, gripper)]
-        panels.append(portrait([*looks, *forks], _viewpoint(1.35 * size), side, side))
+        panels.append(render_object([*looks, *forks], _viewpoint(1.35 * size), side, side))
     return np.concatenate(panels, axis=1)
 
 

@@ -8,7 +8,6 @@ It does at once and exactly what it is told; its time passes when somebody sleep
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 
 import numpy as np
 from memory_sensors import FlatCamera, FullBattery, QuietWrist, RoundRoom, StillImu, UntouchedBumper, UntouchedPad
@@ -116,7 +115,7 @@ class MemoryRobot(Robot):
     """Any robot that a YAML describes. ``world``, ``seed`` and ``gui`` are what every driver is given."""
 
     def __init__(self, model: RobotModel, world: World | None = None, *, seed: int = 0, gui: bool = False) -> None:
-        self._model, self._latch, self._clock = model, StopLatch(), SimulatedClock(PERIOD)
+        self.model, self._latch, self.clock = model, StopLatch(), SimulatedClock(PERIOD)
         home = model.postures["home"]
         self._channels: list[Fingers | Wheels] = []
         self._moving: list[StreamedJointGroup | CommandedGripper | DrivenBase] = []
@@ -143,27 +142,12 @@ class MemoryRobot(Robot):
         sensors += [UntouchedPad(name, pad, self) for name, pad in model.of(TactilePart).items()]
         sensors += [UntouchedBumper(name, bumper, self) for name, bumper in model.of(MountedBumper).items()]
         sensors += [FullBattery(name, battery, self) for name, battery in model.of(BatteryPart).items()]
-        self._parts: dict[str, Part] = {part.name: part for part in (*self._moving, *sensors)}
-
-    @property
-    def clock(self) -> SimulatedClock:
-        """Time in memory."""
-        return self._clock
-
-    @property
-    def model(self) -> RobotModel:
-        """The robot model."""
-        return self._model
-
-    @property
-    def parts(self) -> Mapping[str, Part]:
-        """All parts by name."""
-        return self._parts
+        self.parts: dict[str, Part] = {part.name: part for part in (*self._moving, *sensors)}
 
     @property
     def connected(self) -> bool:
         """Whether it is connected."""
-        return self._clock.step is not None
+        return self.clock.step is not None
 
     def connect(self) -> None:
         """Begin."""
@@ -171,14 +155,14 @@ class MemoryRobot(Robot):
             return
         for part in self._moving:
             part.attach()
-        self._clock.step = self._step
+        self.clock.step = self._step
 
     def disconnect(self) -> None:
         """End motions and periodic calls."""
         for part in self._moving:
             part.detach()
-        self._clock.step = None
-        self._clock.cancel_timers()
+        self.clock.step = None
+        self.clock.cancel_timers()
 
     def stop(self) -> None:
         """Bring all parts to rest, and latch."""

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from bestman_bt.messages import CameraIntrinsics, LaserScan, RGBDImage, Wrench
+from bestman_bt.messages import LaserScan, RGBDImage, Wrench
 from bestman_bt.robot_model import (
     BatteryPart,
     CameraPart,
@@ -50,17 +50,7 @@ class FlatCamera(Camera):
 
     def __init__(self, name: str, model: CameraPart, robot: MemoryRobot) -> None:
         super().__init__(name)
-        self._model, self._robot = model, robot
-
-    @property
-    def intrinsics(self) -> CameraIntrinsics:
-        """Those of the model."""
-        return self._model.intrinsics
-
-    @property
-    def optical_frame(self) -> str:
-        """That of the model."""
-        return self._model.optical_frame
+        self.intrinsics, self.optical_frame, self._robot = model.intrinsics, model.optical_frame, robot
 
     def capture(self) -> RGBDImage:
         """Grey, and two metres away."""
@@ -74,12 +64,7 @@ class RoundRoom(Lidar):
 
     def __init__(self, name: str, model: LidarPart, robot: MemoryRobot) -> None:
         super().__init__(name)
-        self._model, self._robot = model, robot
-
-    @property
-    def frame(self) -> str:
-        """That of the model."""
-        return self._model.frame
+        self.frame, self._model, self._robot = model.frame, model, robot
 
     def scan(self) -> LaserScan:
         """The same distance everywhere."""
@@ -94,12 +79,7 @@ class QuietWrist(ForceTorque):
 
     def __init__(self, name: str, model: MountedForceTorque, robot: MemoryRobot) -> None:
         super().__init__(name)
-        self._model, self._robot = model, robot
-
-    @property
-    def frame(self) -> str:
-        """That of the model."""
-        return self._model.part.frame
+        self.frame, self._robot = model.part.frame, robot
 
     def wrench(self) -> Wrench:
         """No force, no torque."""
@@ -111,12 +91,7 @@ class StillImu(Imu):
 
     def __init__(self, name: str, model: ImuPart, robot: MemoryRobot) -> None:
         super().__init__(name)
-        self._model, self._robot = model, robot
-
-    @property
-    def frame(self) -> str:
-        """That of the model."""
-        return self._model.frame
+        self.frame, self._robot = model.frame, robot
 
     def read(self) -> ImuReading:
         """Upright, at rest."""
@@ -128,12 +103,7 @@ class UntouchedPad(Tactile):
 
     def __init__(self, name: str, model: TactilePart, robot: MemoryRobot) -> None:
         super().__init__(name)
-        self._model, self._robot = model, robot
-
-    @property
-    def frame(self) -> str:
-        """That of the model."""
-        return self._model.frame
+        self.frame, self._model, self._robot = model.frame, model, robot
 
     def read(self) -> TactileReading:
         """No force on any taxel."""
@@ -160,12 +130,7 @@ class UntouchedBumper(Bumper):
     def __init__(self, name: str, model: MountedBumper, robot: MemoryRobot) -> None:
         super().__init__(name)
         self._robot = robot
-        self._zones = tuple(BumperZone(start, end) for start, end in model.zones)
-
-    @property
-    def zones(self) -> tuple[BumperZone, ...]:
-        """As the model has them."""
-        return self._zones
+        self.zones = tuple(BumperZone(start, end) for start, end in model.zones)
 
     def read(self) -> BumperReading:
         """No zone."""

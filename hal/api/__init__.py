@@ -3,21 +3,28 @@
 from bestman_bt.errors import RobotError
 from bestman_bt.messages import Failure, MotionErrorCode
 from hal.api.arm import Arm
-from hal.api.battery import Battery, BatteryReading
-from hal.api.bumper import Bumper, BumperReading, BumperZone
-from hal.api.camera import Camera
 from hal.api.clock import Clock, Timer
 from hal.api.errors import CommandRefusedError, NoDataError, NotConnectedError, PartError, UnknownPartError
-from hal.api.force_torque import ForceTorque
 from hal.api.gripper import Gripper, GripperState
-from hal.api.imu import Imu, ImuReading
 from hal.api.joint_group import JointGroup
-from hal.api.lidar import Lidar
 from hal.api.mobile_base import MobileBase
 from hal.api.motion import Motion, MotionStatus
 from hal.api.part import Part, Sensor
 from hal.api.robot import Robot
-from hal.api.tactile import Tactile, TactileReading
+from hal.api.sensors import (
+    Battery,
+    BatteryReading,
+    Bumper,
+    BumperReading,
+    BumperZone,
+    Camera,
+    ForceTorque,
+    Imu,
+    ImuReading,
+    Lidar,
+    Tactile,
+    TactileReading,
+)
 
 __all__ = [
     "Arm",

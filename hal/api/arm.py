@@ -19,16 +19,10 @@ class Arm(JointGroup):
     """A joint group that follows trajectories and streams set-points."""
 
     kind: ClassVar[str] = "arm"
-
-    @property
-    @abstractmethod
-    def model(self) -> ArmModel:
-        """Names and limits of the n joints, frames; readable before connecting."""
-
-    @property
-    def latency(self) -> float:
-        """Seconds by which its encoders follow what it is commanded, when nothing disturbs it."""
-        return 0.02
+    model: ArmModel
+    """Names and limits of the n joints, frames."""
+    latency: float = 0.02
+    """Seconds by which its encoders follow what it is commanded, when nothing disturbs it."""
 
     @abstractmethod
     def follow(self, trajectory: JointTrajectory) -> Motion[None]:

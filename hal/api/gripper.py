@@ -31,11 +31,8 @@ class Gripper(Part):
     """A gripper with a parallel opening."""
 
     kind: ClassVar[str] = "gripper"
-
-    @property
-    @abstractmethod
-    def model(self) -> GripperModel:
-        """Ranges of width, speed and force (``model.part``), and the hand; readable before connecting."""
+    model: GripperModel
+    """Ranges of width, speed and force (``model.part``), and the hand."""
 
     @abstractmethod
     def width(self) -> float:

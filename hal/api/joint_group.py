@@ -19,11 +19,8 @@ class JointGroup(Part):
     """Joints that are commanded together; arrays are (n,), in the order of ``joint_names``."""
 
     kind: ClassVar[str] = "joint_group"
-
-    @property
-    @abstractmethod
-    def model(self) -> JointedModel:
-        """Names and limits of the n joints; readable before connecting."""
+    model: JointedModel
+    """Names and limits of the n joints."""
 
     @property
     def joint_names(self) -> tuple[str, ...]:

@@ -17,16 +17,10 @@ class MobileBase(Part):
     """A base that drives on the floor; wheel kinematics live in its driver."""
 
     kind: ClassVar[str] = "mobile_base"
-
-    @property
-    @abstractmethod
-    def model(self) -> BaseModel:
-        """Limits (``model.part``) and footprint; readable before connecting."""
-
-    @property
-    def command_timeout(self) -> float:
-        """Seconds after which ``set_velocity`` lapses (dead-man)."""
-        return 0.25
+    model: BaseModel
+    """Limits (``model.part``) and footprint."""
+    command_timeout: float = 0.25
+    """Seconds after which ``set_velocity`` lapses (dead-man)."""
 
     @abstractmethod
     def odometry(self) -> Pose2D:

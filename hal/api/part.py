@@ -7,17 +7,15 @@ from typing import ClassVar
 
 
 class Part(ABC):
-    """A part of a robot. Constructing one does no work; the robot's ``connect()`` does."""
+    """A part of a robot. Constructing one does no work; the robot's ``connect()`` does.
+
+    ``name``: in its robot, for example ``arm``. Attributes can be read before connecting.
+    """
 
     kind: ClassVar[str]
 
     def __init__(self, name: str) -> None:
-        self._name = name
-
-    @property
-    def name(self) -> str:
-        """The part's name in its robot, for example ``arm``."""
-        return self._name
+        self.name = name
 
     @abstractmethod
     def stop(self) -> None:

@@ -5,11 +5,14 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from types import TracebackType
-from typing import Any, Self, TypeVar
+from typing import TYPE_CHECKING, Self, TypeVar
 
 from hal.api.clock import Clock
 from hal.api.errors import UnknownPartError
 from hal.api.part import Part
+
+if TYPE_CHECKING:
+    from bestman_bt.robot_model import RobotModel
 
 PartType = TypeVar("PartType", bound=Part)
 
@@ -20,20 +23,12 @@ class Robot(ABC):
     Constructing one does no work; the description (``parts``, ``model``) can be read before ``connect()``.
     """
 
-    @property
-    @abstractmethod
-    def clock(self) -> Clock:
-        """The robot's time."""
-
-    @property
-    @abstractmethod
-    def model(self) -> Any:
-        """The robot model (``bestman_bt.robot_model.RobotModel``): URDF, groups, frames, postures."""
-
-    @property
-    @abstractmethod
-    def parts(self) -> Mapping[str, Part]:
-        """All parts by name."""
+    clock: Clock
+    """The robot's time."""
+    model: RobotModel
+    """URDF, parts, frames, postures."""
+    parts: Mapping[str, Part]
+    """All parts by name."""
 
     @abstractmethod
     def connect(self) -> None:

@@ -2,7 +2,7 @@
 
 from hal.hardware.clock import RealTimeClock
 from hal.hardware.connection import Connection
-from hal.hardware.control_loop import ControlLoop, Lateness
+from hal.hardware.control_loop import ControlLoop
 from hal.hardware.isolated_robot import IsolatedRobot
 from hal.hardware.latency_monitor import LatencyMonitor
 from hal.hardware.remote_time import RemoteTime
@@ -28,7 +28,6 @@ __all__ = [
     "HardwareSensor",
     "IsolatedRobot",
     "LatencyMonitor",
-    "Lateness",
     "RealTimeClock",
     "RemoteTime",
 ]

@@ -7,7 +7,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from importlib import import_module
 from types import ModuleType
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from bestman_bt.extras import install_command
 from bestman_bt.robot_model import RobotModel
@@ -56,22 +56,12 @@ class Connection(ABC):
         latch: StopLatch,
     ) -> None:
         self.name, self.settings, self.model, self.limits = name, settings, model, limits
-        self.clock, self.latch = clock, latch
+        self.clock, self.latch, self.options = clock, latch, settings.options
         self._loops: list[ControlLoop] = []
         self._crash: Failure | None = None
-        self._connected = False
+        self.connected = False
         self._only = ControllerLock(name, self.driver, settings.address) if self.one_client else None
-        self._parts: dict[str, Part] = self.make_parts()
-
-    @property
-    def options(self) -> Any:
-        """The driver's own options, checked."""
-        return self.settings.options
-
-    @property
-    def parts(self) -> Mapping[str, Part]:
-        """The parts behind this controller, by name."""
-        return self._parts
+        self.parts = self.make_parts()
 
     @property
     def loops(self) -> tuple[ControlLoop, ...]:
@@ -125,27 +115,22 @@ class Connection(ABC):
             part.attach()
         for loop in self._loops:
             loop.start()
-        self._connected = True
-
-    @property
-    def connected(self) -> bool:
-        """Whether the wire is open, as far as is known."""
-        return self._connected
+        self.connected = True
 
     def disconnect(self) -> None:
         """End motions, bring the parts to rest as far as they can be reached, end loops, close the wire; idempotent."""
-        reachable = self._connected and self.fault() is None
+        reachable = self.connected and self.fault() is None
         for part in self._moving():
             part.detach()
         deadline = time.monotonic() + LONGEST_BRAKING
         while reachable and time.monotonic() < deadline and not all(part.resting for part in self._moving()):
             time.sleep(0.005)
         self._shut()
-        self._connected = False
+        self.connected = False
 
     def stop(self) -> None:
         """Bring all parts to rest; at once, from any thread."""
-        for part in self._parts.values():
+        for part in self.parts.values():
             part.stop()
 
     def fault(self) -> Failure | None:
@@ -204,7 +189,7 @@ class Connection(ABC):
         self._crash = Failure(MotionErrorCode.FAULT, f"{self.name} stopped working: {type(error).__name__}: {error}")
 
     def _moving(self) -> list[ControlledPart]:
-        return [part for part in self._parts.values() if isinstance(part, ControlledPart)]
+        return [part for part in self.parts.values() if isinstance(part, ControlledPart)]
 
     def _shut(self) -> None:
         for loop in self._loops:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
 import multiprocessing
 import os
 import subprocess
@@ -21,6 +20,7 @@ from hal.api import Failure, Motion, MotionErrorCode, MotionStatus, NotConnected
 from hal.hardware.clock import RealTimeClock
 from hal.hardware.robot import HardwareRobot
 from hal.hardware.robot_process import ROBOT, Call, MotionNumber, Setup, plug_ins
+from hal.parts import interface_of
 
 END_TIME = 5.0
 PROGRAM = "from hal.hardware.robot_process import main; main()"
@@ -35,26 +35,13 @@ class IsolatedRobot(Robot):
 
     def __init__(self, model: RobotModel, world: World | None = None, *, seed: int = 0, gui: bool = False) -> None:
         start = time.monotonic()
-        self._start, self._clock = start, RealTimeClock(start)
-        self._description = HardwareRobot(model, clock=self._clock)  # never connected: it describes, and refuses
-        self._line = _Line()
-        parts = {name: _remote(part, self._line) for name, part in self._description.parts.items()}
-        self._parts = MappingProxyType(parts)
-
-    @property
-    def clock(self) -> RealTimeClock:
-        """Real time; the other process stamps readings by the same clock."""
-        return self._clock
-
-    @property
-    def model(self) -> RobotModel:
-        """The robot model."""
-        return self._description.model
-
-    @property
-    def parts(self) -> Mapping[str, Part]:
-        """All parts by name."""
-        return self._parts
+        self._start, self.clock = start, RealTimeClock(start)
+        self._description = HardwareRobot(model, clock=self.clock)  # never connected: it describes, and refuses
+        self._client = RpcClient()
+        self.model = model
+        self.parts = MappingProxyType(
+            {name: _remote(part, self._client) for name, part in self._description.parts.items()}
+        )
 
     @property
     def unsupported(self) -> dict[str, str]:
@@ -63,73 +50,73 @@ class IsolatedRobot(Robot):
 
     def connect(self) -> None:
         """Start the other process and connect all controllers; raises as ``HardwareRobot.connect``; idempotent."""
-        if self._line.open:
+        if self._client.open:
             return
-        self._line.start(Setup(self.model, self._start))
+        self._client.start(Setup(self.model, self._start))
         try:
-            self._line.call(Call(ROBOT, "connect"))
+            self._client.call(Call(ROBOT, "connect"))
             if self._description.stopped:
-                self._line.stop(Call(ROBOT, "stop"))
+                self._client.stop(Call(ROBOT, "stop"))
         except BaseException:
-            self._line.close()
+            self._client.close()
             raise
 
     def disconnect(self) -> None:
         """Disconnect all controllers and end the other process; idempotent."""
-        if not self._line.open:
+        if not self._client.open:
             return
         try:
             if self.stopped:
                 self._description.stop()
-            self._line.call(Call(ROBOT, "disconnect"))
+            self._client.call(Call(ROBOT, "disconnect"))
         except NotConnectedError:
             pass  # it is gone already
         finally:
-            self._line.close()
-            self._clock.cancel_timers()
+            self._client.close()
+            self.clock.cancel_timers()
 
     def stop(self) -> None:
         """Bring all parts to rest and latch; safe from any thread, whatever else is being asked."""
         self._description.stop()
-        if self._line.open:
-            self._line.stop(Call(ROBOT, "stop"))
+        if self._client.open:
+            self._client.stop(Call(ROBOT, "stop"))
 
     def clear_stop(self) -> None:
         """Accept commands again; raises as ``HardwareRobot.clear_stop``."""
-        if self._line.open:
-            self._line.call(Call(ROBOT, "clear_stop"))
+        if self._client.open:
+            self._client.call(Call(ROBOT, "clear_stop"))
         self._description.clear_stop()
 
     @property
     def stopped(self) -> bool:
         """Whether the stop is latched."""
-        return bool(self._line.call(Call(ROBOT, "stopped"))) if self._line.open else self._description.stopped
+        return bool(self._client.call(Call(ROBOT, "stopped"))) if self._client.open else self._description.stopped
 
     @property
     def stopped_at(self) -> float | None:
         """When all parts were last told to stop, seconds of the clock; of this connection."""
-        answer = self._line.call(Call(ROBOT, "stopped_at")) if self._line.open else self._description.stopped_at
+        answer = self._client.call(Call(ROBOT, "stopped_at")) if self._client.open else self._description.stopped_at
         return float(answer) if answer is not None else None
 
     @property
     def faults(self) -> Mapping[str, Failure]:
         """Controller → the fault that stopped the robot."""
-        return dict(self._line.call(Call(ROBOT, "noted_faults"))) if self._line.open else {}
+        return dict(self._client.call(Call(ROBOT, "noted_faults"))) if self._client.open else {}
 
     def diagnostics(self) -> dict[str, str]:
         """Short texts by subject; no addresses."""
         texts: dict[str, str] = (
-            self._line.call(Call(ROBOT, "diagnostics")) if self._line.open else self._description.diagnostics()
+            self._client.call(Call(ROBOT, "diagnostics")) if self._client.open else self._description.diagnostics()
         )
         return texts
 
 
-class _Line:
+class RpcClient:
     """Both wires to the other process, and the motions that go on there."""
 
     def __init__(self) -> None:
-        self._calls: _Wire | None = None
-        self._stops: _Wire | None = None
+        self._calls: RpcConnection | None = None
+        self._stops: RpcConnection | None = None
         self._process: subprocess.Popen[bytes] | None = None
         self._motions: weakref.WeakSet[RemoteMotion] = weakref.WeakSet()
 
@@ -149,7 +136,7 @@ class _Line:
         )
         for _, their in pairs:
             their.close()
-        self._calls, self._stops = (_Wire(our) for our, _ in pairs)
+        self._calls, self._stops = (RpcConnection(our) for our, _ in pairs)
         self._calls.ask(setup)
 
     def close(self) -> None:
@@ -176,7 +163,7 @@ class _Line:
         """As ``call``, past whatever else is being asked."""
         return self._ask(self._stops, call)
 
-    def _ask(self, wire: _Wire | None, call: Call) -> Any:
+    def _ask(self, wire: RpcConnection | None, call: Call) -> Any:
         if wire is None:
             raise NotConnectedError(f"{call.target or 'the robot'} was used while it is not connected; call connect()")
         answer = wire.ask(call)
@@ -187,7 +174,7 @@ class _Line:
         return answer
 
 
-class _Wire:
+class RpcConnection:
     """One question at a time, asked by a thread of its own.
 
     An interrupt of the thread that waits, as Ctrl-C is of the main thread, leaves no question half asked and no answer
@@ -225,9 +212,9 @@ class _Wire:
 class RemoteMotion(Motion[Any]):
     """A motion in the other process."""
 
-    def __init__(self, number: int, part: str, line: _Line) -> None:
+    def __init__(self, number: int, part: str, client: RpcClient) -> None:
         super().__init__(part)
-        self._number, self._line = number, line
+        self._number, self._client = number, client
 
     def cancel(self) -> None:
         """Bring the part to rest."""
@@ -239,7 +226,7 @@ class RemoteMotion(Motion[Any]):
 
     def _ask(self, method: str) -> None:
         try:
-            report = self._line.call(Call(self._number, method))
+            report = self._client.call(Call(self._number, method))
         except NotConnectedError as error:
             self.end(MotionStatus.FAILED, error.failure)
             return
@@ -247,33 +234,23 @@ class RemoteMotion(Motion[Any]):
             self.end(report.status, report.failure, report.result)
 
 
-def _remote(part: Part, line: _Line) -> Part:
+def _remote(part: Part, client: RpcClient) -> Part:
     """A part of the same kind that asks the other process; its description, and its refusals, are those of ``part``."""
-    kind = next(cls for cls in type(part).__mro__ if cls.__module__.startswith("hal.api."))
-    members: dict[str, Any] = {}
-    for name in dir(kind):
-        if name.startswith("_") or name in ("name", "kind"):
-            continue
-        found = inspect.getattr_static(kind, name)
-        if isinstance(found, property):
-            members[name] = _described(part, name)
-        elif callable(found):
-            members[name] = _asking(part, name, line)
-        else:
-            members[name] = getattr(part, name)
-    remote: Part = type(f"Remote{kind.__name__}", (kind,), members)(part.name)
+    interface = interface_of(type(part))
+    methods = ("stop", *interface.readings, *interface.commands)
+    members = {name: _asking(part, name, client) for name in methods}
+    remote: Part = type(f"Remote{interface.kind.__name__}", (interface.kind,), members)(part.name)
+    for name in ("model", *interface.attributes):
+        if hasattr(part, name):  # sensors have no model of their own
+            setattr(remote, name, getattr(part, name))
     return remote
 
 
-def _described(part: Part, name: str) -> property:
-    return property(lambda self: getattr(part, name))
-
-
-def _asking(part: Part, method: str, line: _Line) -> Any:
+def _asking(part: Part, method: str, client: RpcClient) -> Any:
     def ask(self: Part, *arguments: Any, **keywords: Any) -> Any:
-        if not line.open:
+        if not client.open:
             return getattr(part, method)(*arguments, **keywords)  # which is not connected, and says so
         call = Call(part.name, method, arguments, tuple(keywords.items()))
-        return line.stop(call) if method == "stop" else line.call(call)
+        return client.stop(call) if method == "stop" else client.call(call)
 
     return ask

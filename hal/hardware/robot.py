@@ -40,47 +40,27 @@ class HardwareRobot(Robot):
         gui: bool = False,
         clock: RealTimeClock | None = None,
     ) -> None:
-        self._model = model
-        self._clock = clock or RealTimeClock()
+        self.model = model
+        self.clock = clock or RealTimeClock()
         self._latch = StopLatch()
         self._lock = threading.RLock()
         self._faults: dict[str, Failure] = {}
         self._watchdog: ControlLoop | None = None
         self._watchdog_ended = False
-        self._stopped_at: float | None = None
-        self._connections = {name: self._make(name) for name in model.connections}
+        self.stopped_at: float | None = None
+        self.connections = {name: self._make(name) for name in model.connections}
         parts: dict[str, Part] = {}
-        for connection in self._connections.values():
+        for connection in self.connections.values():
             parts |= connection.parts
-        self._parts = MappingProxyType({name: parts[name] for name in _in_order_of(model, parts)})
+        self.parts = MappingProxyType({name: parts[name] for name in _in_order_of(model, parts)})
 
     # Description
 
     @property
-    def clock(self) -> RealTimeClock:
-        """Real time."""
-        return self._clock
-
-    @property
-    def model(self) -> RobotModel:
-        """The robot model."""
-        return self._model
-
-    @property
-    def parts(self) -> Mapping[str, Part]:
-        """All parts by name."""
-        return self._parts
-
-    @property
-    def connections(self) -> Mapping[str, Connection]:
-        """The controllers by name."""
-        return self._connections
-
-    @property
     def unsupported(self) -> dict[str, str]:
         """What its controllers cannot do, and the parts of the model that are behind none of them → why."""
-        missing = {name: "it is behind no connection" for name in self._model.parts if name not in self._parts}
-        for name, connection in self._connections.items():
+        missing = {name: "it is behind no connection" for name in self.model.parts if name not in self.parts}
+        for name, connection in self.connections.items():
             for what, why in connection.unsupported.items():
                 reason = f"{name}: {why}"
                 missing[what] = f"{missing[what]}; {reason}" if what in missing else reason
@@ -92,10 +72,10 @@ class HardwareRobot(Robot):
         """Connect all controllers, or none: ConnectionFailedError says which one failed and why; idempotent."""
         if self._watchdog is not None:
             return
-        if not self._connections:
-            raise ConnectionFailedError(f"robot {self._model.name!r} has no connections in its YAML")
+        if not self.connections:
+            raise ConnectionFailedError(f"robot {self.model.name!r} has no connections in its YAML")
         try:
-            for connection in self._connections.values():
+            for connection in self.connections.values():
                 connection.connect()
         except BaseException:
             self._disconnect_all()
@@ -111,7 +91,7 @@ class HardwareRobot(Robot):
         self._watchdog.close()
         self._watchdog = None
         self._disconnect_all()
-        self._clock.cancel_timers()
+        self.clock.cancel_timers()
 
     def stop(self) -> None:
         """Bring all parts to rest and latch; safe from any thread, at once in effect."""
@@ -126,7 +106,7 @@ class HardwareRobot(Robot):
         with self._lock:
             stops = self._latch.stops
             if self._watchdog is not None:
-                for name, connection in self._connections.items():
+                for name, connection in self.connections.items():
                     connection.clear(self._faults.get(name))
                 if self._watchdog_ended:  # nothing may move without it
                     self._watchdog_ended = False
@@ -138,11 +118,6 @@ class HardwareRobot(Robot):
     def stopped(self) -> bool:
         """Whether the stop is latched."""
         return bool(self._latch)
-
-    @property
-    def stopped_at(self) -> float | None:
-        """When all parts were last told to stop, seconds of the clock; kept by ``clear_stop()``. None: never."""
-        return self._stopped_at
 
     @property
     def faults(self) -> Mapping[str, Failure]:
@@ -159,9 +134,9 @@ class HardwareRobot(Robot):
             "implementation": "hardware",
             "connected": "yes" if self._watchdog is not None else "no",
             "stopped": (f"yes: {self._latch.fault}" if self._latch.fault else "yes") if self._latch else "no",
-            "time": f"{self._clock.now():.2f} s",
+            "time": f"{self.clock.now():.2f} s",
         }
-        for name, connection in self._connections.items():
+        for name, connection in self.connections.items():
             fault = self._faults.get(name)
             state = str(fault) if fault is not None else "well" if connection.connected else "not connected"
             texts[name] = f"{connection.driver}: {state}"
@@ -171,22 +146,22 @@ class HardwareRobot(Robot):
     # Private
 
     def _make(self, name: str) -> Connection:
-        settings = self._model.connections[name]
+        settings = self.model.connections[name]
         make = cast(Callable[..., Connection], CONNECTIONS.resolve(settings.driver))
-        return make(name, settings, self._model, self._model.safety, self._clock, self._latch)
+        return make(name, settings, self.model, self.model.safety, self.clock, self._latch)
 
     def _stop(self, fault: Failure | None, fail: Callable[[], None] = lambda: None) -> None:
         """``fail``: what fails motions. No command is accepted any more when somebody sees that one has ended."""
         first = self._latch.set(fault)
         fail()
-        for connection in self._connections.values():
+        for connection in self.connections.values():
             connection.stop()
         if first:
-            self._stopped_at = self._clock.now()
+            self.stopped_at = self.clock.now()
 
     def _watch(self, elapsed: float) -> None:
         """A controller with a fault stops the robot, once."""
-        for name, connection in self._connections.items():
+        for name, connection in self.connections.items():
             if name in self._faults or not self._lock.acquire(blocking=False):
                 continue
             try:
@@ -203,7 +178,7 @@ class HardwareRobot(Robot):
         self._stop(Failure(MotionErrorCode.FAULT, text))
 
     def _disconnect_all(self) -> None:
-        for connection in self._connections.values():
+        for connection in self.connections.values():
             connection.disconnect()
 
 

@@ -3,19 +3,31 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Generic, TypeVar
 
-from bestman_bt.messages import CameraIntrinsics, LaserScan, RGBDImage, Wrench
-from bestman_bt.robot_model import BatteryPart, CameraPart, ForceTorquePart, ImuPart, LidarPart
+from bestman_bt.messages import LaserScan, RGBDImage, Wrench
+from bestman_bt.robot_model import CameraPart, ForceTorquePart, ImuPart, LidarPart
 from hal.api import Battery, BatteryReading, Camera, Failure, ForceTorque, Imu, ImuReading, Lidar
 from hal.parts import ControlledPart, PartConnection, StopLatch
 
+Reading = TypeVar("Reading")
 
-class HardwareSensor(ControlledPart):
-    """A sensor behind a controller; nothing of it moves, and nothing is read of a controller that was lost."""
 
-    def __init__(self, name: str, latch: StopLatch) -> None:
+class HardwareSensor(ControlledPart, Generic[Reading]):
+    """A sensor behind a controller; nothing of it moves, and nothing is read of a controller that was lost.
+
+    ``read``: brings the latest reading, or an image that was taken after it was asked for; it may wait, and raises
+    NoDataError where there is none.
+    """
+
+    def __init__(self, name: str, latch: StopLatch, read: Callable[[], Reading]) -> None:
         super().__init__(name)
-        self._connection = PartConnection(name, latch)
+        self._connection, self._read = PartConnection(name, latch), read
+
+    def read(self) -> Reading:
+        """The latest reading."""
+        self._connection.check_reading()
+        return self._read()
 
     def attach(self) -> None:
         """The controller has connected."""
@@ -38,91 +50,49 @@ class HardwareSensor(ControlledPart):
         """A sensor has nothing to stop."""
 
 
-class HardwareCamera(HardwareSensor, Camera):
-    """``take``: brings an image that was taken after it was asked for; it may wait, and raises NoDataError."""
+class HardwareCamera(HardwareSensor[RGBDImage], Camera):
+    """A camera."""
 
-    def __init__(self, name: str, model: CameraPart, latch: StopLatch, take: Callable[[], RGBDImage]) -> None:
-        super().__init__(name, latch)
-        self._model, self._take = model, take
-
-    @property
-    def intrinsics(self) -> CameraIntrinsics:
-        """Those of the robot model."""
-        return self._model.intrinsics
-
-    @property
-    def optical_frame(self) -> str:
-        """The frame of the images."""
-        return self._model.optical_frame
+    def __init__(self, name: str, model: CameraPart, latch: StopLatch, read: Callable[[], RGBDImage]) -> None:
+        super().__init__(name, latch, read)
+        self.intrinsics, self.optical_frame = model.intrinsics, model.optical_frame
 
     def capture(self) -> RGBDImage:
         """Take one image now."""
-        self._connection.check_reading()
-        return self._take()
+        return self.read()
 
 
-class HardwareLidar(HardwareSensor, Lidar):
-    """``read``: the latest scan; NoDataError where there is none."""
+class HardwareLidar(HardwareSensor[LaserScan], Lidar):
+    """A planar lidar."""
 
     def __init__(self, name: str, model: LidarPart, latch: StopLatch, read: Callable[[], LaserScan]) -> None:
-        super().__init__(name, latch)
-        self._model, self._read = model, read
-
-    @property
-    def frame(self) -> str:
-        """The frame of the scans."""
-        return self._model.frame
+        super().__init__(name, latch, read)
+        self.frame = model.frame
 
     def scan(self) -> LaserScan:
         """The latest scan."""
-        self._connection.check_reading()
-        return self._read()
+        return self.read()
 
 
-class HardwareForceTorque(HardwareSensor, ForceTorque):
-    """``read``: the latest wrench; NoDataError where there is none."""
+class HardwareForceTorque(HardwareSensor[Wrench], ForceTorque):
+    """A force-torque sensor."""
 
     def __init__(self, name: str, model: ForceTorquePart, latch: StopLatch, read: Callable[[], Wrench]) -> None:
-        super().__init__(name, latch)
-        self._model, self._read = model, read
-
-    @property
-    def frame(self) -> str:
-        """The frame of the wrenches."""
-        return self._model.frame
+        super().__init__(name, latch, read)
+        self.frame = model.frame
 
     def wrench(self) -> Wrench:
         """The latest wrench."""
-        self._connection.check_reading()
-        return self._read()
+        return self.read()
 
 
-class HardwareImu(HardwareSensor, Imu):
-    """``read``: the latest reading; NoDataError where there is none."""
+class HardwareImu(HardwareSensor[ImuReading], Imu):
+    """An inertial unit."""
 
     def __init__(self, name: str, model: ImuPart, latch: StopLatch, read: Callable[[], ImuReading]) -> None:
-        super().__init__(name, latch)
-        self._model, self._read = model, read
-
-    @property
-    def frame(self) -> str:
-        """The frame of the readings."""
-        return self._model.frame
-
-    def read(self) -> ImuReading:
-        """The latest reading."""
-        self._connection.check_reading()
-        return self._read()
+        super().__init__(name, latch, read)
+        self.frame = model.frame
 
 
-class HardwareBattery(HardwareSensor, Battery):
-    """``read``: the latest reading; NoDataError where there is none."""
-
-    def __init__(self, name: str, model: BatteryPart, latch: StopLatch, read: Callable[[], BatteryReading]) -> None:
-        super().__init__(name, latch)
-        self._model, self._read = model, read
-
-    def read(self) -> BatteryReading:
-        """The latest reading."""
-        self._connection.check_reading()
-        return self._read()
+class HardwareBattery(HardwareSensor[BatteryReading], Battery):
+    """A battery."""

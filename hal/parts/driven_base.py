@@ -7,8 +7,7 @@ from dataclasses import dataclass
 
 from bestman_bt.messages import Pose2D, Twist2D, wrap_angle
 from bestman_bt.robot_model import BaseModel, BasePart, MobilePart
-from hal.api import Failure, MobileBase, Motion, MotionErrorCode, MotionStatus, NoDataError
-from hal.parts.base_command_checks import BaseCommandChecks
+from hal.api import CommandRefusedError, Failure, MobileBase, Motion, MotionErrorCode, MotionStatus, NoDataError
 from hal.parts.channels import BaseChannel
 from hal.parts.controlled_part import ControlledPart
 from hal.parts.part_connection import PartConnection
@@ -58,8 +57,9 @@ class DrivenBase(ControlledPart, MobileBase):
         parameters: DrivingParameters | None = None,
     ) -> None:
         super().__init__(name)
-        self._model, self._channel = model, channel
+        self.model, self._channel = model, channel
         self._parameters = parameters or DrivingParameters()
+        self.command_timeout = self._parameters.command_timeout
         self._checks = BaseCommandChecks(name, model)
         self._connection = PartConnection(name, latch)
         self._wanted = self._sent = STILL
@@ -67,16 +67,6 @@ class DrivenBase(ControlledPart, MobileBase):
         self._lapses_in = 0.0
         self._profile: MotionProfile | None = None
         self._silent_after = 0
-
-    @property
-    def model(self) -> BaseModel:
-        """Limits and footprint."""
-        return self._model
-
-    @property
-    def command_timeout(self) -> float:
-        """Seconds after which ``set_velocity`` lapses."""
-        return self._parameters.command_timeout
 
     # Measurements
 
@@ -100,7 +90,7 @@ class DrivenBase(ControlledPart, MobileBase):
             self._connection.begin(None)
             self._profile, self._braking = None, False
             self._wanted = velocity
-            self._lapses_in = self._parameters.command_timeout
+            self._lapses_in = self.command_timeout
 
     def move_forward(self, distance: float) -> Motion[None]:
         """Drive straight ahead by odometry."""
@@ -180,7 +170,7 @@ class DrivenBase(ControlledPart, MobileBase):
 
     def _start(self, *, distance: float = 0.0, turn: float = 0.0) -> Motion[None]:
         start, parameters = self._channel.read().odometry, self._parameters.profile
-        profile = MotionProfile(self._model.part, start, parameters, distance=distance, turn=turn)
+        profile = MotionProfile(self.model.part, start, parameters, distance=distance, turn=turn)
         motion: Motion[None] = Motion(self.name, self.brake)
         self._connection.begin(motion)
         self._profile, self._braking = profile, False
@@ -214,7 +204,7 @@ class DrivenBase(ControlledPart, MobileBase):
 
     def _approached(self, elapsed: float) -> Twist2D:
         """The velocity next to the last one on the way to the wanted one, within the acceleration limits."""
-        limits, sent, wanted = self._model.part, self._sent, self._wanted
+        limits, sent, wanted = self.model.part, self._sent, self._wanted
         linear, angular = limits.max_acceleration, limits.max_angular_acceleration
         if self._braking:
             linear = max(linear, limits.max_vx / self._parameters.stop_time)
@@ -290,3 +280,37 @@ class MotionProfile:
             return Twist2D(0.0, 0.0, speed)
         steer = max(-self._limits.max_wz, min(self._limits.max_wz, -HEADING_GAIN * self._turned))
         return Twist2D(speed, 0.0, steer)
+
+
+class BaseCommandChecks:
+    """The checks of a base's commands; faults raise CommandRefusedError."""
+
+    def __init__(self, part_name: str, model: BaseModel) -> None:
+        self._part_name, self._limits = part_name, model.part
+
+    def velocity(self, vx: float, vy: float, wz: float) -> Twist2D:
+        """A velocity within the limits."""
+        limits = self._limits
+        for what, value, limit, unit in (
+            ("vx", vx, limits.max_vx, "m/s"),
+            ("vy", vy, limits.max_vy, "m/s"),
+            ("wz", wz, limits.max_wz, "rad/s"),
+        ):
+            if not (math.isfinite(value) and abs(value) <= limit + 1e-9):
+                raise self._refuse("set_velocity", f"{what} = {value} {unit}, its limit is {limit} {unit}")
+        return Twist2D(float(vx), float(vy), float(wz))
+
+    def distance(self, command: str, distance: float) -> float:
+        """Metres, above 0."""
+        if not (math.isfinite(distance) and distance > 0.0):
+            raise self._refuse(command, f"distance = {distance} m should be finite and above 0")
+        return float(distance)
+
+    def angle(self, command: str, angle: float) -> float:
+        """Radians."""
+        if not math.isfinite(angle):
+            raise self._refuse(command, f"angle = {angle} rad should be finite")
+        return float(angle)
+
+    def _refuse(self, command: str, why: str) -> CommandRefusedError:
+        return CommandRefusedError(f"{self._part_name} refused {command}: {why}", self._part_name)

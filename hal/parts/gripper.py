@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
 from bestman_bt.robot_model import GripperModel
 from hal.api import (
+    CommandRefusedError,
     Failure,
     Gripper,
     GripperState,
@@ -18,7 +20,6 @@ from hal.api import (
 )
 from hal.parts.channels import GripperChannel, GripperReading
 from hal.parts.controlled_part import StoppablePart
-from hal.parts.gripper_command_checks import GripperCommandChecks
 from hal.parts.stop_latch import StopLatch
 
 SETTLED = 0.05
@@ -56,7 +57,7 @@ class CommandedGripper(StoppablePart, Gripper):
         parameters: GripperParameters | None = None,
     ) -> None:
         super().__init__(name, latch)
-        self._model, self._channel = model, channel
+        self.model, self._channel = model, channel
         self._parameters = parameters or GripperParameters()
         self._checks = GripperCommandChecks(name, model, self._parameters.usual_force, self._parameters.usual_speed)
         self._reading: GripperReading | None = None
@@ -65,11 +66,6 @@ class CommandedGripper(StoppablePart, Gripper):
         self._target = model.max_width
         self._closing = self._blocked = False
         self._time = self._still_for = self._limit = self._anchor = 0.0
-
-    @property
-    def model(self) -> GripperModel:
-        """Ranges of width, speed and force, and the hand."""
-        return self._model
 
     def width(self) -> float:
         """Measured opening, metres."""
@@ -89,7 +85,7 @@ class CommandedGripper(StoppablePart, Gripper):
 
     def move(self, width: float, force: float | None = None, speed: float | None = None) -> Motion[None]:
         """Open or close to ``width`` at ``speed`` (rate of the width); being blocked by an object is success."""
-        model, parameters = self._model, self._parameters
+        model, parameters = self.model, self._parameters
         with self._connection.lock:
             self._connection.check_command("move")
             width, force, speed = self._checks.move(width, force, speed)
@@ -181,3 +177,39 @@ class CommandedGripper(StoppablePart, Gripper):
     def _give_up(self, reading: GripperReading, code: MotionErrorCode, what: str) -> None:
         text = f"{what}: the width is {reading.width:.4f} m, asked were {self._target:.4f} m"
         self._connection.end_motion(MotionStatus.FAILED, code, text)
+
+
+class GripperCommandChecks:
+    """The ranges of a gripper, and the checks of its commands; faults raise CommandRefusedError.
+
+    ``usual_force`` (N) and ``usual_speed`` (m/s, rate of the width): of commands that do not say; the gripper's most by
+    default, and never more than that. ``least_width``: metres; the model's by default.
+    """
+
+    def __init__(
+        self,
+        part_name: str,
+        model: GripperModel,
+        usual_force: float = math.inf,
+        usual_speed: float = math.inf,
+        least_width: float | None = None,
+    ) -> None:
+        self._part_name, self._model = part_name, model
+        self._usual_force = min(usual_force, model.part.max_force)
+        self._usual_speed = min(usual_speed, model.part.max_speed)
+        self._least_width = model.part.min_width if least_width is None else least_width
+
+    def move(self, width: float, force: float | None, speed: float | None) -> tuple[float, float, float]:
+        """Width, force and speed of a command within the ranges."""
+        part = self._model.part
+        force = self._usual_force if force is None else force
+        speed = self._usual_speed if speed is None else speed
+        for what, value, lower, upper, unit in (
+            ("width", width, self._least_width - 1e-9, self._model.max_width + 1e-9, "m"),
+            ("force", force, 1e-9, part.max_force, "N"),
+            ("speed", speed, 1e-9, part.max_speed, "m/s"),
+        ):
+            if not (math.isfinite(value) and lower <= value <= upper):
+                why = f"{what} = {value} {unit} is not within [{max(lower, 0.0):.4g}, {upper:.4g}] {unit}"
+                raise CommandRefusedError(f"{self._part_name} refused move: {why}", self._part_name)
+        return float(width), float(force), float(speed)

@@ -13,10 +13,13 @@ COMPOSED = frozenset({"open", "close"})
 
 @dataclass(frozen=True)
 class Interface:
-    """``kind``: the class of ``hal.api``. Names of its properties, of methods that read, and of those that command."""
+    """``kind``: the class of ``hal.api``. Names of its attributes, of methods that read, and of those that command.
+
+    ``attributes``: without the ``model``.
+    """
 
     kind: type[Part]
-    properties: tuple[str, ...]
+    attributes: tuple[str, ...]
     readings: tuple[str, ...]
     commands: tuple[str, ...]
 
@@ -24,15 +27,12 @@ class Interface:
 def interface_of(part: type[Part]) -> Interface:
     """The interface of a class of parts, by the most special class of ``hal.api`` that it derives from."""
     kind = next(cls for cls in part.__mro__ if cls.__module__.startswith("hal.api."))
-    properties: list[str] = []
+    declared = dict.fromkeys(name for cls in kind.__mro__ for name in inspect.get_annotations(cls))
+    attributes = tuple(name for name in declared if name not in ("kind", "model"))
     readings: list[str] = []
     commands: list[str] = []
     for name in dir(kind):
         found = inspect.getattr_static(kind, name)
-        if name.startswith("_") or name in COMPOSED or name in ("name", "model", "stop"):
-            continue
-        if isinstance(found, property):
-            properties.append(name)
-        elif inspect.isfunction(found):
+        if not name.startswith("_") and name not in COMPOSED and name != "stop" and inspect.isfunction(found):
             (commands if len(inspect.signature(found).parameters) > 1 else readings).append(name)
-    return Interface(kind, tuple(properties), tuple(readings), tuple(commands))
+    return Interface(kind, attributes, tuple(readings), tuple(commands))

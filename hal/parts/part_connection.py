@@ -20,14 +20,9 @@ class PartConnection:
         self.part_name = part_name
         self.lock = threading.RLock()
         self._latch = latch
-        self._open = False
+        self.connected = False
         self._lost: Failure | None = None
         self._motion: Motion[None] | None = None
-
-    @property
-    def connected(self) -> bool:
-        """Whether the part's controller is connected."""
-        return self._open
 
     @property
     def motion(self) -> Motion[None] | None:
@@ -37,16 +32,16 @@ class PartConnection:
 
     def open(self) -> None:
         """The controller has connected."""
-        self._open, self._lost = True, None
+        self.connected, self._lost = True, None
 
     def close(self) -> None:
         """The controller disconnects."""
-        self._open = False
+        self.connected = False
         self.end_motion(MotionStatus.FAILED, MotionErrorCode.DISCONNECTED, "the robot was disconnected")
 
     def check_connected(self) -> None:
         """Raise NotConnectedError without a connection."""
-        if not self._open:
+        if not self.connected:
             raise NotConnectedError(
                 f"{self.part_name} was used while the robot is not connected; call connect()", self.part_name
             )

@@ -14,7 +14,7 @@ AT_REST = 1e-6
 
 
 class Setpoints(ABC):
-    """A course of set-points; positions and velocities are (n,)."""
+    """A sequence of set-points; positions and velocities are (n,)."""
 
     finished = False
 

@@ -41,21 +41,16 @@ class SimulatedClock(Clock):
     """
 
     def __init__(self, time_step: float) -> None:
-        self._time_step = time_step
+        self.time_step = time_step
         self._steps = 0
         self._target = 0.0
         self._timers: list[SimulatedTimer] = []
         self._sleeping = False
         self.step: Callable[[], None] | None = None
 
-    @property
-    def time_step(self) -> float:
-        """Seconds of one step."""
-        return self._time_step
-
     def now(self) -> float:
         """Simulated seconds since the robot was first connected."""
-        return self._steps * self._time_step
+        return self._steps * self.time_step
 
     def sleep(self, duration: float) -> None:
         """Step physics for ``duration`` seconds, to the nearest step below; what is left counts next time.
@@ -72,7 +67,7 @@ class SimulatedClock(Clock):
         self._target += duration
         self._sleeping = True
         try:
-            while (self._steps + 1 - ROUNDING) * self._time_step <= self._target:
+            while (self._steps + 1 - ROUNDING) * self.time_step <= self._target:
                 self._advance()
         finally:
             self._sleeping = False
@@ -99,7 +94,7 @@ class SimulatedClock(Clock):
         self._steps += 1
         if not self._timers:
             return
-        reached = (self._steps + ROUNDING) * self._time_step
+        reached = (self._steps + ROUNDING) * self.time_step
         for timer in tuple(self._timers):
             while not timer.cancelled and timer.due <= reached:
                 timer.run()

@@ -8,46 +8,39 @@ from hal.api import CommandRefusedError, Failure
 
 
 class StopLatch:
-    """Set by ``Robot.stop()`` and by faults; while it is set, no part takes a command. Safe from any thread."""
+    """Set by ``Robot.stop()`` and by faults; while it is set, no part takes a command. Safe from any thread.
+
+    ``fault``: what stopped the robot; None where somebody asked for it. ``stops``: how many times it was set.
+    """
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
         self._set = False
-        self._fault: Failure | None = None
-        self._stops = 0
+        self.fault: Failure | None = None
+        self.stops = 0
 
     def __bool__(self) -> bool:
         """Whether the robot is stopped."""
         return self._set
 
-    @property
-    def fault(self) -> Failure | None:
-        """The fault that stopped the robot; None where somebody asked for it."""
-        return self._fault
-
-    @property
-    def stops(self) -> int:
-        """How many times it was set."""
-        return self._stops
-
     def set(self, fault: Failure | None = None) -> bool:
         """Stop; the first fault is kept. Tells whether it was not set before."""
         with self._lock:
             first, self._set = not self._set, True
-            self._stops += 1
-            self._fault = self._fault or fault
+            self.stops += 1
+            self.fault = self.fault or fault
         return first
 
     def clear(self, stops: int | None = None) -> None:
         """Accept commands again, unless it was set again since it had been set ``stops`` times."""
         with self._lock:
-            if stops is None or stops == self._stops:
-                self._set, self._fault = False, None
+            if stops is None or stops == self.stops:
+                self._set, self.fault = False, None
 
     def check(self, part_name: str, command: str) -> None:
         """Raise CommandRefusedError while the robot is stopped."""
         if self._set:
-            fault = self._fault
+            fault = self.fault
             reason = f" because {fault}" if fault is not None else ""
             text = f"{part_name} refused {command}: the robot is stopped{reason}; clear_stop() makes it accept commands"
             raise CommandRefusedError(text, part_name, fault.vendor_code if fault is not None else "")

@@ -29,7 +29,7 @@ class StreamedArm(StreamedJointGroup, Arm):
     """
 
     kind: ClassVar[str] = "arm"
-    _model: ArmModel
+    model: ArmModel
 
     def __init__(
         self,
@@ -43,21 +43,11 @@ class StreamedArm(StreamedJointGroup, Arm):
         now: Callable[[], float] | None = None,
     ) -> None:
         super().__init__(name, model, channel, latch, period, parameters)
-        self._tool = tool
+        self._tool, self.latency = tool, self._parameters.latency
         self._pace = 1.0  # of the trajectory under way
         self._streamed_at = -np.inf
         self._time = 0.0  # of the cycles
         self._now = now or self._time_of_cycles
-
-    @property
-    def model(self) -> ArmModel:
-        """Names and limits of the joints, frames."""
-        return self._model
-
-    @property
-    def latency(self) -> float:
-        """Seconds from a set-point to the reading that shows it."""
-        return self._parameters.latency
 
     def follow(self, trajectory: JointTrajectory) -> Motion[None]:
         """Follow a trajectory, slower where the tool would be too fast; a start that is a little off fades out."""
@@ -124,8 +114,8 @@ class StreamedArm(StreamedJointGroup, Arm):
         if fault is not None:
             raise self._connection.refuse(command, fault)
 
-    def _slow_down(self, course: Trapezoid) -> float:
+    def _slow_down(self, profile: Trapezoid) -> float:
         if not self._tool.needed:
             return 1.0
-        samples = [course.advance(course.duration / SAMPLES) for _ in range(SAMPLES)]
+        samples = [profile.advance(profile.duration / SAMPLES) for _ in range(SAMPLES)]
         return self._tool.slow_down(*(np.array(column) for column in zip(*samples, strict=True)))

@@ -62,7 +62,7 @@ class StreamedJointGroup(StoppablePart, JointGroup):
         parameters: StreamingParameters | None = None,
     ) -> None:
         super().__init__(name, latch)
-        self._model, self._channel, self._period = model, channel, period
+        self.model, self._channel, self._period = model, channel, period
         self._parameters = parameters or StreamingParameters()
         self._checks = JointCommandChecks(name, model)
         rest = np.zeros(len(model.joint_names))
@@ -71,13 +71,6 @@ class StreamedJointGroup(StoppablePart, JointGroup):
         self._setpoints: Setpoints = Hold(rest)
         self._astray = self._waiting = self._slip = 0.0
         self._efforts: Array | None = None
-
-    # Description
-
-    @property
-    def model(self) -> JointedModel:
-        """Names and limits of the joints."""
-        return self._model
 
     # Measurements
 
@@ -105,7 +98,7 @@ class StreamedJointGroup(StoppablePart, JointGroup):
         efforts: ArrayLike | None = None,
     ) -> None:
         """Set one kind of set-point; positions and velocities are approached within the limits, efforts act at once."""
-        checks, model = self._checks, self._model
+        checks, model = self._checks, self.model
         with self._connection.lock:
             self._connection.check_command("command")
             checks.one_kind("command", positions, velocities, efforts)
@@ -132,7 +125,7 @@ class StreamedJointGroup(StoppablePart, JointGroup):
 
     def move_to(self, positions: ArrayLike, speed_scale: float = 1.0) -> Motion[None]:
         """Move on a straight line in joint space with a trapezoid of speed; brakes first if it is moving."""
-        checks, model = self._checks, self._model
+        checks, model = self._checks, self.model
         with self._connection.lock:
             self._connection.check_command("move_to")
             target = checks.positions("move_to", positions)
@@ -143,7 +136,7 @@ class StreamedJointGroup(StoppablePart, JointGroup):
             speed, acceleration = model.velocity * scale, model.acceleration * scale
             share = self._slow_down(Trapezoid(self._position, target, speed, acceleration))
             motion: Motion[None] = Motion(self.name, self.brake)
-            # The whole course in 1 / share of the time.
+            # The whole profile in 1 / share of the time.
             move = BrakeThenMove(self._braking(), target, speed * share, acceleration * share**2)
             self._take_over(move, motion)
             return motion
@@ -160,10 +153,7 @@ class StreamedJointGroup(StoppablePart, JointGroup):
     def attach(self) -> None:
         """Hold where the joints are."""
         with self._connection.lock:
-            measured = self._channel.read().positions
-            self._position = np.clip(measured, self._model.lower, self._model.upper)
-            self._velocity = np.zeros_like(self._position)
-            self._setpoints = Hold(self._position)
+            self._hold_measured()
             self._astray = self._slip = 0.0
             self._efforts = None
             self._connection.open()
@@ -225,9 +215,11 @@ class StreamedJointGroup(StoppablePart, JointGroup):
             self._give_up(
                 MotionErrorCode.TRACKING, f"{self.joint_names[worst]} is {error[worst]:.3f} off its set-point"
             )
-            measured = self._channel.read().positions
-            self._position = np.clip(measured, self._model.lower, self._model.upper)
-            self._velocity, self._setpoints = np.zeros_like(measured), Hold(self._position)
+            self._hold_measured()
+
+    def _hold_measured(self) -> None:
+        self._position = np.clip(self._channel.read().positions, self.model.lower, self.model.upper)
+        self._velocity, self._setpoints = np.zeros_like(self._position), Hold(self._position)
 
     def _give_up(self, code: MotionErrorCode, text: str) -> None:
         self._astray = self._slip = 0.0
@@ -257,7 +249,7 @@ class StreamedJointGroup(StoppablePart, JointGroup):
 
     def _leave_effort_mode(self) -> None:
         if self._efforts is not None:
-            reading, model = self._channel.read(), self._model
+            reading, model = self._channel.read(), self.model
             self._efforts = None
             self._position = np.clip(reading.positions, model.lower, model.upper)
             self._velocity = np.clip(reading.velocities, -model.velocity, model.velocity)
@@ -268,15 +260,15 @@ class StreamedJointGroup(StoppablePart, JointGroup):
         if isinstance(self._setpoints, Hold):
             measured = self._channel.read().positions
             if np.any(np.abs(measured - self._position) > self._parameters.moved_by_hand):
-                self._position = np.clip(measured, self._model.lower, self._model.upper)
+                self._position = np.clip(measured, self.model.lower, self.model.upper)
 
     def _braking(self) -> Brake:
-        model = self._model
+        model = self.model
         deceleration = np.maximum(model.acceleration, np.abs(self._velocity) / self._parameters.stop_time)
         return Brake(self._position, self._velocity, deceleration, model.lower, model.upper)
 
     def _check_way(self, command: str, target: Array) -> None:
         """Nothing but joint limits bounds joints that carry no tool."""
 
-    def _slow_down(self, course: Trapezoid) -> float:
+    def _slow_down(self, profile: Trapezoid) -> float:
         return 1.0

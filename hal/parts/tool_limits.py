@@ -19,22 +19,19 @@ Array = NDArray[np.float64]
 class ToolLimits:
     """Checks joint positions (n,) of one arm. The pose of other joints between base and arm is taken as ``home``.
 
-    Kinematics by pinocchio on the robot's URDF; both are loaded when first needed.
+    ``top_speed``: m/s; None where nothing is said. Kinematics by pinocchio on the robot's URDF; both
+    are loaded when first needed.
     """
 
     def __init__(self, model: RobotModel, arm: str, safety: SafetyConfig) -> None:
         self._robot, self._arm, self._safety = model, model.of(ArmModel)[arm], safety
+        self.top_speed = safety.tool_speed
         self._model: pinocchio.Model | None = None
 
     @property
     def needed(self) -> bool:
         """Whether there is anything to hold the tool to."""
         return self._safety.workspace is not None or self._safety.tool_speed is not None
-
-    @property
-    def top_speed(self) -> float | None:
-        """m/s; None where nothing is said."""
-        return self._safety.tool_speed
 
     def outside(self, positions: Array) -> str | None:
         """Where the tool would leave the workspace, in words, else None."""

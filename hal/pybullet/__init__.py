@@ -5,8 +5,7 @@ from hal.pybullet.client import ReadPurpose, SimulationError
 from hal.pybullet.disturbance_injector import DisturbanceInjector
 from hal.pybullet.ground_truth import GroundTruth
 from hal.pybullet.parameters import PhysicsParameters
-from hal.pybullet.portrait import portrait
-from hal.pybullet.render import ScenePhotographer, Viewpoint
+from hal.pybullet.render import ScenePhotographer, Viewpoint, render_object
 from hal.pybullet.robot import PyBulletRobot
 from hal.pybullet.scene_recorder import SceneRecorder, SceneSnapshot
 from hal.pybullet.sensor_pipeline import SensorFault, SimulatedSensor
@@ -29,5 +28,5 @@ __all__ = [
     "SimulatedSensor",
     "SimulationError",
     "Viewpoint",
-    "portrait",
+    "render_object",
 ]

@@ -8,9 +8,12 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import linprog
+from scipy.spatial import ConvexHull, HalfspaceIntersection
 
 from bestman_bt.messages import Box, Cylinder, Mesh, PlacedShape, Pose, Shape, Sphere
-from hal.pybullet.convex_margin import without_margin
+from bestman_bt.scene import Walker
 
 Color = tuple[float, float, float, float]
 
@@ -85,3 +88,66 @@ def write_obj(mesh: Mesh, file: Path) -> None:
     lines += [f"vn {x:.6g} {y:.6g} {z:.6g}" for x, y, z in normals]
     lines += [f"f {i + 1}//{n} {j + 1}//{n} {k + 1}//{n}" for n, (i, j, k) in enumerate(mesh.faces, start=1)]
     file.write_text("\n".join(lines) + "\n", encoding="ascii")
+
+
+MARGIN = 0.001
+"""Metres: how far beyond its corners and faces pybullet takes the hull of a mesh to reach."""
+
+
+def without_margin(mesh: Mesh, margin: float = MARGIN) -> Mesh:
+    """The convex hull of a mesh with all faces moved inwards by ``margin``; less where it is too thin for that."""
+    planes = np.unique(ConvexHull(mesh.vertices).equations.round(9), axis=0)
+    middle, depth = _deepest_point(planes)
+    eroded = planes + np.array([0.0, 0.0, 0.0, min(margin, 0.8 * depth)])
+    corners = HalfspaceIntersection(eroded, middle).intersections
+    hull = ConvexHull(corners)
+    return Mesh(corners, hull.simplices)
+
+
+def _deepest_point(planes: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
+    """The centre (3,) and the radius of the largest ball inside planes (n, 4): normal, offset (a linear program)."""
+    rows = np.column_stack([planes[:, :3], np.ones(len(planes))])
+    solved = linprog([0.0, 0.0, 0.0, -1.0], A_ub=rows, b_ub=-planes[:, 3], bounds=[(None, None)] * 3 + [(0.0, None)])
+    return solved.x[:3], float(solved.x[3])
+
+
+COLOR: Color = (0.85, 0.45, 0.20, 1.0)
+SLIDES = ("along_x", "along_y")
+_ABOVE_FLOOR = 0.01
+_CARRIER_MASS = 1.0  # of the first slide, without a shape
+_REACH, _EFFORT, _VELOCITY = 30.0, 1000.0, 10.0  # URDF asks for limits
+
+
+def walker_urdf(walker: Walker, folder: Path) -> str:
+    """The slides are at 0 where the round begins; the cylinder does not touch the floor."""
+    robot = ElementTree.Element("robot", name=walker.name)
+    ElementTree.SubElement(robot, "link", name="world")
+    robot.append(_carrier())
+    shape = PlacedShape(
+        Cylinder(walker.radius, walker.height - _ABOVE_FLOOR),
+        Pose.from_xyz_rpy((0.0, 0.0, (walker.height + _ABOVE_FLOOR) / 2), (0.0, 0.0, 0.0)),
+    )
+    body = ElementTree.fromstring(body_urdf("body", walker.mass, [shape], [(shape, COLOR)], folder)).find("link")
+    assert body is not None
+    robot.append(body)
+    for parent, child, slide, axis in (
+        ("world", "carrier", SLIDES[0], "1 0 0"),
+        ("carrier", "body", SLIDES[1], "0 1 0"),
+    ):
+        joint = ElementTree.SubElement(robot, "joint", name=slide, type="prismatic")
+        ElementTree.SubElement(joint, "parent", link=parent)
+        ElementTree.SubElement(joint, "child", link=child)
+        ElementTree.SubElement(joint, "axis", xyz=axis)
+        limit = {"lower": str(-_REACH), "upper": str(_REACH), "effort": str(_EFFORT), "velocity": str(_VELOCITY)}
+        ElementTree.SubElement(joint, "limit", limit)
+    ElementTree.indent(robot)
+    return ElementTree.tostring(robot, encoding="unicode")
+
+
+def _carrier() -> ElementTree.Element:
+    link = ElementTree.Element("link", name="carrier")
+    inertial = ElementTree.SubElement(link, "inertial")
+    ElementTree.SubElement(inertial, "mass", value=str(_CARRIER_MASS))
+    inertia = {"ixx": "0.01", "ixy": "0", "ixz": "0", "iyy": "0.01", "iyz": "0", "izz": "0.01"}
+    ElementTree.SubElement(inertial, "inertia", inertia)
+    return link

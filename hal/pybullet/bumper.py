@@ -23,14 +23,9 @@ class SimulatedBumper(SimulatedSensor[BumperReading], Bumper):
     def __init__(self, name: str, model: MountedBumper, _: np.random.Generator | None = None) -> None:
         super().__init__(name, model.part.rate, model.part.latency)
         self._mounted, self._model = model, model.part
-        self._zones = tuple(BumperZone(start, end) for start, end in model.zones)
-        self._middles = np.array([zone.middle for zone in self._zones])
-        self._halves = np.array([(np.array(zone.end) - np.array(zone.start)) / 2 for zone in self._zones])
-
-    @property
-    def zones(self) -> tuple[BumperZone, ...]:
-        """The strips."""
-        return self._zones
+        self.zones = tuple(BumperZone(start, end) for start, end in model.zones)
+        self._middles = np.array([zone.middle for zone in self.zones])
+        self._halves = np.array([(np.array(zone.end) - np.array(zone.start)) / 2 for zone in self.zones])
 
     def begin(self, simulation: Simulation) -> Callable[[], BumperReading]:
         """Which strips are pressed."""
@@ -42,7 +37,7 @@ class SimulatedBumper(SimulatedSensor[BumperReading], Bumper):
 
     def _measure(self, simulation: Simulation, reader: Reader, links: frozenset[int]) -> BumperReading:
         robot, floor = simulation.built.robot, simulation.built.floor
-        forces = np.zeros(len(self._zones))
+        forces = np.zeros(len(self.zones))
         base_from_map = None
         for contact in simulation.contacts(reader):
             _, first_body, second_body, first_link, second_link, on_first, on_second, *_ = contact

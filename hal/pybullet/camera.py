@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from enum import Enum
 from functools import cached_property
 
@@ -15,7 +16,7 @@ from hal.api import Camera, NoDataError
 from hal.pybullet.client import Reader, ReadPurpose
 from hal.pybullet.lens import Lens
 from hal.pybullet.package import pybullet
-from hal.pybullet.sensor_pipeline import SensorPipeline
+from hal.pybullet.sensor_pipeline import SimulatedSensor
 from hal.pybullet.simulation import Simulation
 
 NUDGE = 1e-4
@@ -36,28 +37,18 @@ class CameraFault(Enum):
     FROZEN = "frozen"
 
 
-class SimulatedCamera(Camera):
+class SimulatedCamera(SimulatedSensor[RGBDImage], Camera):
     """Renders when asked, with a latency all the time; the true pose of its link is used for that alone.
 
     ``fault``: set it to make the camera fail from now on, None to repair it.
     """
 
     def __init__(self, name: str, model: CameraPart, rng: np.random.Generator) -> None:
-        super().__init__(name)
+        super().__init__(name, model.rate, model.latency, on_demand=True)
         self._model, self._rng = model, rng
+        self.intrinsics, self.optical_frame = model.intrinsics, model.optical_frame
         self._last: RGBDImage | None = None
-        self._line: SensorPipeline[RGBDImage] = SensorPipeline(name, model.rate, model.latency, on_demand=True)
         self.fault: CameraFault | None = None
-
-    @property
-    def intrinsics(self) -> CameraIntrinsics:
-        """The camera model: a pinhole, with the distortion of its lens if it has any."""
-        return self._model.intrinsics
-
-    @property
-    def optical_frame(self) -> str:
-        """The frame of the images."""
-        return self._model.optical_frame
 
     def capture(self) -> RGBDImage:
         """Render colour and depth, and spoil the depth as the model says."""
@@ -65,18 +56,14 @@ class SimulatedCamera(Camera):
             raise NoDataError(f"{self.name} delivers no images")
         if self.fault is CameraFault.FROZEN and self._last is not None:
             return self._last
-        self._last = self._line.read()
+        self._last = self.read()
         return self._last
 
-    def attach(self, simulation: Simulation) -> None:
+    def begin(self, simulation: Simulation) -> Callable[[], RGBDImage]:
         """Look into this simulation."""
         reader = simulation.client.reader(ReadPurpose.SENSOR)
-        self._line.attach(simulation, lambda: self._film(simulation, reader))
         self._last = None
-
-    def detach(self) -> None:
-        """Let go."""
-        self._line.detach()
+        return lambda: self._film(simulation, reader)
 
     def _film(self, simulation: Simulation, reader: Reader) -> RGBDImage:
         model = self._model

@@ -10,7 +10,7 @@ from bestman_bt.messages import Pose
 from hal.pybullet.audit_record import DisturbanceEvent, Finding
 from hal.pybullet.client import ReadPurpose, SimulationError
 from hal.pybullet.contact_refresh import DEFAULT_FILTER, EVERYTHING
-from hal.pybullet.leaf_push import Hand, Push
+from hal.pybullet.doors import Hand, Push
 from hal.pybullet.package import pybullet
 from hal.pybullet.robot import PyBulletRobot
 

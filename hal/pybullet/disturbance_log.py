@@ -8,34 +8,24 @@ from hal.pybullet.audit_record import DisturbanceEvent, Finding
 class DisturbanceLog:
     """``events``: what was done; none is ever taken back. ``log``: what came of it, in words.
 
-    A event may rest, before its time is over: then nothing is forgiven for it.
+    An event may rest, before its time is over: then nothing is forgiven for it.
     """
 
     def __init__(self) -> None:
-        self._deeds: tuple[DisturbanceEvent, ...] = ()
-        self._log: tuple[Finding, ...] = ()
+        self.events: tuple[DisturbanceEvent, ...] = ()
+        self.log: tuple[Finding, ...] = ()
         self._resting: set[DisturbanceEvent] = set()
-
-    @property
-    def events(self) -> tuple[DisturbanceEvent, ...]:
-        """All up to now."""
-        return self._deeds
-
-    @property
-    def log(self) -> tuple[Finding, ...]:
-        """What was told up to now, apart from the events' own words."""
-        return self._log
 
     def announce(self, event: DisturbanceEvent) -> None:
         """Something is done now."""
-        self._deeds += (event,)
+        self.events += (event,)
 
     def tell(self, event: Finding) -> None:
-        """Say what came of a event."""
-        self._log += (event,)
+        """Say what came of an event."""
+        self.log += (event,)
 
     def rest(self, event: DisturbanceEvent) -> None:
-        """What a event leads to waits or is over."""
+        """What an event leads to waits or is over."""
         self._resting.add(event)
 
     def resume(self, event: DisturbanceEvent) -> None:

@@ -52,7 +52,7 @@ class DoorWatcher:
 
     A leaf has then moved by exactly its velocity. It has gained speed only if something presses on it, its weight
     pulls, or it leaves an end stop that it was pressed into. The motor of its joint, which stands for dry friction and
-    the latch (``hal.pybullet.latches``), has exerted their effort against the motion, no more, and while it slides no
+    the latch (``hal.pybullet.doors``), has exerted their effort against the motion, no more, and while it slides no
     less.
     """
 

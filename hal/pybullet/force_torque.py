@@ -7,7 +7,7 @@ fingers aside would hardly be felt; contacts, weight and inertia give the same w
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,7 +17,7 @@ from bestman_bt.messages import Wrench
 from bestman_bt.robot_model import MountedForceTorque
 from hal.api import ForceTorque
 from hal.pybullet.client import Reader, ReadPurpose, SimulationError
-from hal.pybullet.sensor_pipeline import SensorPipeline
+from hal.pybullet.sensor_pipeline import SimulatedSensor
 from hal.pybullet.simulation import Simulation
 
 GRAVITY = 9.81
@@ -34,7 +34,7 @@ class _Motion:
     stamp: float
 
 
-class SimulatedForceTorque(ForceTorque):
+class SimulatedForceTorque(SimulatedSensor[Wrench], ForceTorque):
     """Measures when asked, at most ``rate`` times a second.
 
     The wrench is what the world does to all that hangs on the sensor, weight and inertia included, about the
@@ -44,24 +44,19 @@ class SimulatedForceTorque(ForceTorque):
     """
 
     def __init__(self, name: str, model: MountedForceTorque, rng: np.random.Generator) -> None:
-        super().__init__(name)
+        super().__init__(name, model.part.rate, model.part.latency, on_demand=True)
         self._mounted, self._model, self._rng = model, model.part, rng
+        self.frame = model.part.frame
         self._offset = rng.standard_normal(6) * np.repeat([model.part.offset_force, model.part.offset_torque], 3)
-        self.line: SensorPipeline[Wrench] = SensorPipeline(name, model.part.rate, model.part.latency, on_demand=True)
         self._masses: dict[int, float] = {}
         self._latest: Wrench | None = None
         self._motion: _Motion | None = None
-
-    @property
-    def frame(self) -> str:
-        """The frame of the wrenches."""
-        return self._model.frame
 
     def wrench(self) -> Wrench:
         """The latest wrench, with offset and noise."""
         return self.line.read()
 
-    def attach(self, simulation: Simulation) -> None:
+    def begin(self, simulation: Simulation) -> Callable[[], Wrench]:
         """Find what hangs on the sensor."""
         built, client = simulation.built, simulation.client
         missing = [joint for joint in self._mounted.joints if joint not in built.joints]
@@ -74,11 +69,7 @@ class SimulatedForceTorque(ForceTorque):
         self._masses = {index: client.getDynamicsInfo(built.robot, index)[0] for index in sorted(carried)}
         self._latest = self._motion = None
         reader = client.reader(ReadPurpose.SENSOR)
-        self.line.attach(simulation, lambda: self._measure(simulation, reader))
-
-    def detach(self) -> None:
-        """Let go."""
-        self.line.detach()
+        return lambda: self._measure(simulation, reader)
 
     def _measure(self, simulation: Simulation, reader: Reader) -> Wrench:
         model, now = self._model, simulation.now

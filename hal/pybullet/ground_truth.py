@@ -13,17 +13,13 @@ class GroundTruth:
     """True poses in the map frame. Make it right after ``robot.connect()``, before time runs.
 
     One that is made later works, too, but each of its reads counts as a ``ground_truth_read`` in the audit: so a
-    skill cannot look at the truth unnoticed.
+    skill cannot look at the truth unnoticed. ``trusted``: whether reads are free.
     """
 
     def __init__(self, robot: PyBulletRobot) -> None:
         self._simulation = robot.simulation
         self._reader = robot.simulation.client.reader(ReadPurpose.EVALUATION)
-
-    @property
-    def trusted(self) -> bool:
-        """Whether reads are free: it was made before time ran."""
-        return self._reader.trusted
+        self.trusted = self._reader.trusted
 
     @property
     def object_names(self) -> tuple[str, ...]:

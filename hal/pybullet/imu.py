@@ -25,17 +25,12 @@ class SimulatedImu(SimulatedSensor[ImuReading], Imu):
 
     def __init__(self, name: str, model: ImuPart, rng: np.random.Generator) -> None:
         super().__init__(name, model.rate, model.latency)
-        self._model, self._rng = model, rng
+        self.frame, self._model, self._rng = model.frame, model, rng
         self._deviations = np.repeat([model.noise_angular_velocity, model.noise_acceleration], 3)
         self._most = np.repeat([model.max_angular_velocity, model.max_acceleration], 3)
         bias = np.repeat([model.bias_angular_velocity, model.bias_acceleration], 3)
         self._bias = bias * rng.standard_normal(6)
         self._before: tuple[float, NDArray[np.float64]] | None = None
-
-    @property
-    def frame(self) -> str:
-        """The frame of the readings."""
-        return self._model.frame
 
     def begin(self, simulation: Simulation) -> Callable[[], ImuReading]:
         """The mean motion since the reading before."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -9,34 +11,28 @@ from bestman_bt.messages import LaserScan, Pose
 from bestman_bt.robot_model import BaseModel, LidarPart, joints_above
 from hal.api import Lidar
 from hal.pybullet.client import Reader, ReadPurpose
-from hal.pybullet.sensor_pipeline import SensorPipeline
+from hal.pybullet.sensor_pipeline import SimulatedSensor
 from hal.pybullet.simulation import Simulation
 
 
-class SimulatedLidar(Lidar):
+class SimulatedLidar(SimulatedSensor[LaserScan], Lidar):
     """Casts its beams when asked; a beam that the robot's own body blocks sees nothing. ``line.fault``: it fails.
 
     One that is built into a base looks out through a slot: its beams begin where they leave the outline of the base.
     """
 
     def __init__(self, name: str, model: LidarPart, rng: np.random.Generator) -> None:
-        super().__init__(name)
-        self._model, self._rng = model, rng
-        self.line: SensorPipeline[LaserScan] = SensorPipeline(name, model.rate, model.latency, on_demand=True)
+        super().__init__(name, model.rate, model.latency, on_demand=True)
+        self.frame, self._model, self._rng = model.frame, model, rng
         angles = model.angle_min + (model.angle_max - model.angle_min) / model.beams * np.arange(model.beams)
         self._directions = np.column_stack([np.cos(angles), np.sin(angles), np.zeros(model.beams)])
-
-    @property
-    def frame(self) -> str:
-        """The frame of the scans."""
-        return self._model.frame
 
     def scan(self) -> LaserScan:
         """One scan; noise is normal, with the model's standard deviation."""
         return self.line.read()
 
-    def attach(self, simulation: Simulation) -> None:
-        """Scan in this simulation."""
+    def begin(self, simulation: Simulation) -> Callable[[], LaserScan]:
+        """Find where the beams begin."""
         reader = simulation.client.reader(ReadPurpose.SENSOR)
         starts = np.full(self._model.beams, self._model.range_min)
         if not joints_above(simulation.model, self._model.frame) & set(simulation.joint_names):
@@ -44,11 +40,7 @@ class SimulatedLidar(Lidar):
             for base in simulation.model.of(BaseModel).values():
                 base_from_lidar = simulation.link_pose(reader, base.frame).inverse() @ lidar
                 starts = np.maximum(starts, self._leaving(np.array(base.footprint), base_from_lidar))
-        self.line.attach(simulation, lambda: self._cast(simulation, reader, starts))
-
-    def detach(self) -> None:
-        """Let go."""
-        self.line.detach()
+        return lambda: self._cast(simulation, reader, starts)
 
     def _leaving(self, outline: NDArray[np.float64], base_from_lidar: Pose) -> NDArray[np.float64]:
         """Metres along each beam (N,) to where it leaves a convex outline (M, 2); 0 where it begins beyond it."""

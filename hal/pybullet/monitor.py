@@ -41,7 +41,7 @@ class AuditMonitor:
         self._motions = MotionWatcher(simulation, reader)
         self._leaves = DoorWatcher(simulation, world, reader)
         self._open_hand = AttachmentCheck(simulation, client, reader)
-        self._tampering = IntegrityCheck(simulation, client, reader)
+        self._integrity = IntegrityCheck(simulation, client, reader)
         self.disturbance_log = DisturbanceLog()
         self._events: tuple[DisturbanceEvent, ...] = ()
         self._new: list[DisturbanceEvent] = []
@@ -51,10 +51,10 @@ class AuditMonitor:
 
     def record(self) -> AuditRecord:
         """What was seen up to now."""
-        simulation, motions, leaves, tampering = self._simulation, self._motions, self._leaves, self._tampering
+        simulation, motions, leaves, integrity = self._simulation, self._motions, self._leaves, self._integrity
         stamp = simulation.steps * simulation.parameters.time_step
-        self._take_in_deeds()
-        tampering.watch_everything(stamp, self._forgiven("slip", stamp))
+        self._take_in_events()
+        integrity.watch_everything(stamp, self._forgiven("slip", stamp))
         counts = simulation.client.counts
         return AuditRecord(
             duration=stamp,
@@ -63,9 +63,9 @@ class AuditMonitor:
             truth_reads=counts["truth_reads"],
             tampering=counts["tampering"],
             calls=dict(simulation.client.calls),
-            jumps=tuple(sorted([*motions.jumps, *leaves.jumps, *tampering.jumps], key=lambda finding: finding.stamp)),
-            hidden_constraints=tuple(tampering.hidden_constraints),
-            changes=tuple(tampering.changes),
+            jumps=tuple(sorted([*motions.jumps, *leaves.jumps, *integrity.jumps], key=lambda finding: finding.stamp)),
+            hidden_constraints=tuple(integrity.hidden_constraints),
+            changes=tuple(integrity.changes),
             unexplained_forces=(*motions.unexplained_forces, *leaves.unexplained_forces),
             joint_limits=tuple(motions.joint_limits),
             velocity_limits=tuple(motions.velocity_limits),
@@ -89,7 +89,7 @@ class AuditMonitor:
         )
 
     def _after_step(self) -> None:
-        self._take_in_deeds()
+        self._take_in_events()
         self._motions.integrate()
         self._leaves.watch_step(self._forgiven("push", self._simulation.steps * self._simulation.parameters.time_step))
         self._steps += 1
@@ -102,12 +102,12 @@ class AuditMonitor:
         put_down = self._put_down(observation)
         motions.watch(observation, contacts.touched, contacts.robot_forces, put_down)
         self._open_hand.watch(observation, contacts.robot_forces, put_down)
-        self._tampering.watch_constraints(observation.stamp)
+        self._integrity.watch_constraints(observation.stamp)
         self._looks += 1
         if self._looks % FULL_CHECK_EVERY == 0:
-            self._tampering.watch_everything(observation.stamp, slipping)
+            self._integrity.watch_everything(observation.stamp, slipping)
 
-    def _take_in_deeds(self) -> None:
+    def _take_in_events(self) -> None:
         """After every step, and never forgotten."""
         events = self.disturbance_log.events
         if events != self._events:

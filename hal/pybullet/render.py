@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hal.pybullet.client import Reader, ReadPurpose
+from bestman_bt.messages import PlacedShape
+from hal.pybullet.body_urdf import body_urdf
+from hal.pybullet.client import PhysicsClient, Reader, ReadPurpose
 from hal.pybullet.package import pybullet
 from hal.pybullet.robot import PyBulletRobot
 
@@ -76,3 +81,23 @@ def smooth_picture(
     blocks = rgb.reshape(height, oversampling, width, oversampling, 3).mean(axis=(1, 3))
     picture: NDArray[np.uint8] = np.round(blocks).astype(np.uint8)
     return picture
+
+
+def render_object(
+    parts: Sequence[tuple[PlacedShape, tuple[float, float, float]]],
+    viewpoint: Viewpoint,
+    width: int = 480,
+    height: int = 480,
+) -> NDArray[np.uint8]:
+    """Shapes and their colours before white: (height, width, 3) uint8."""
+    client = PhysicsClient()
+    client.connect()
+    try:
+        with TemporaryDirectory() as folder:
+            urdf = body_urdf("render_object", 0.0, (), [(part, (*color, 1.0)) for part, color in parts], Path(folder))
+            file = Path(folder) / "render_object.urdf"
+            file.write_text(urdf, encoding="utf-8")
+            client.loadURDF(str(file), useFixedBase=True)
+        return smooth_picture(client.reader(ReadPurpose.RECORDING), viewpoint, width, height)
+    finally:
+        client.disconnect()

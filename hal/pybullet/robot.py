@@ -26,7 +26,7 @@ from bestman_bt.robot_model import (
     payload,
 )
 from bestman_bt.scene import World
-from hal.api import NotConnectedError, Part, Robot
+from hal.api import NotConnectedError, Robot
 from hal.parts import (
     CommandedGripper,
     DrivenBase,
@@ -40,25 +40,20 @@ from hal.parts import (
     ToolLimits,
 )
 from hal.pybullet.audit_record import AuditRecord
-from hal.pybullet.camera import SimulatedCamera
-from hal.pybullet.client import PhysicsClient
+from hal.pybullet.client import PhysicsClient, RawCallGuard
 from hal.pybullet.disturbance_log import DisturbanceLog
 from hal.pybullet.encoders import Encoders
 from hal.pybullet.finger_motors import FingerMotors
-from hal.pybullet.force_torque import SimulatedForceTorque
 from hal.pybullet.imu import SimulatedImu
 from hal.pybullet.joint_motors import JointMotors
 from hal.pybullet.leg_drive import LEGS_CANNOT, LegDrive
-from hal.pybullet.lidar import SimulatedLidar
 from hal.pybullet.monitor import AuditMonitor
 from hal.pybullet.parameters import PhysicsParameters
-from hal.pybullet.raw_call_guard import RawCallGuard
 from hal.pybullet.sensor_pipeline import SimulatedSensor
 from hal.pybullet.simulation import Simulation
 from hal.pybullet.suction import SuctionPump
 from hal.pybullet.wheel_drive import WheelDrive
 
-AnySensor = SimulatedCamera | SimulatedForceTorque | SimulatedLidar | SimulatedSensor[Any]
 Actuator = CommandedGripper | DrivenBase | StreamedJointGroup
 Channel = FingerMotors | JointMotors | LegDrive | SuctionPump | WheelDrive
 JOINTS = StreamingParameters(latency=0.0)
@@ -83,9 +78,9 @@ class PyBulletRobot(Robot):
         seed: int = 0,
         parameters: PhysicsParameters | None = None,
     ) -> None:
-        self._model, self._world, self._gui, self._seed = model, world, gui, seed
+        self.model, self._world, self._gui, self._seed = model, world, gui, seed
         self._parameters = parameters or PhysicsParameters()
-        self._clock = SimulatedClock(self._parameters.time_step)
+        self.clock = SimulatedClock(self._parameters.time_step)
         self._simulation: Simulation | None = None
         self._monitor: AuditMonitor | None = None
         self._guard: RawCallGuard | None = None
@@ -93,22 +88,12 @@ class PyBulletRobot(Robot):
         self._lock = threading.RLock()
         self._channels: dict[str, Channel] = {}
         self._actuators: dict[str, Actuator] = {}
-        self._sensors: dict[str, AnySensor] = {}
+        self._sensors: dict[str, SimulatedSensor[Any]] = {}
         self._make_sensors()
         self._make_actuators()
-        self._parts = MappingProxyType({**self._actuators, **self._sensors})
+        self.parts = MappingProxyType({**self._actuators, **self._sensors})
 
     # Description
-
-    @property
-    def clock(self) -> SimulatedClock:
-        """Simulated time."""
-        return self._clock
-
-    @property
-    def model(self) -> RobotModel:
-        """The robot model."""
-        return self._model
 
     @property
     def world(self) -> World:
@@ -116,11 +101,6 @@ class PyBulletRobot(Robot):
         if self._simulation is not None:
             self._simulation.client.note_truth_read("PyBulletRobot.world")
         return self._world
-
-    @property
-    def parts(self) -> Mapping[str, Part]:
-        """All parts by name."""
-        return self._parts
 
     def encoders(self, part: str) -> Encoders:
         """Those that programs read of a base on wheels, an arm or a group of joints; KeyError for other parts."""
@@ -139,7 +119,7 @@ class PyBulletRobot(Robot):
     @property
     def unsupported(self) -> Mapping[str, str]:
         """Legs cannot do all that wheels can."""
-        return LEGS_CANNOT if self._model.of(LeggedBaseModel) else {}
+        return LEGS_CANNOT if self.model.of(LeggedBaseModel) else {}
 
     def audit_record(self) -> AuditRecord:
         """What the monitor has seen since the scene was built; NotConnectedError without a connection."""
@@ -169,28 +149,28 @@ class PyBulletRobot(Robot):
         client = PhysicsClient()
         client.connect(self._gui)
         try:
-            simulation = Simulation(client, self._model, self._world, self._parameters)
+            simulation = Simulation(client, self.model, self._world, self._parameters)
             self._monitor = AuditMonitor(simulation, self._world)
             self._attach(simulation)
         except BaseException:
             self._detach_all()
             client.disconnect()
             raise
-        simulation.epoch = self._clock.now()
+        simulation.epoch = self.clock.now()
         self._simulation = simulation
         self._guard = RawCallGuard(client)
         self._guard.install()
-        self._clock.step = self._step
-        self._clock.sleep(self._parameters.settle_time)
-        self._clock.step = self._first_step
+        self.clock.step = self._step
+        self.clock.sleep(self._parameters.settle_time)
+        self.clock.step = self._first_step
 
     def disconnect(self) -> None:
         """End motions and periodic calls and close the physics server; idempotent."""
         if self._simulation is None:
             return
         self._detach_all()
-        self._clock.step = None
-        self._clock.cancel_timers()
+        self.clock.step = None
+        self.clock.cancel_timers()
         if self._guard is not None:
             self._guard.remove()
         self._simulation.client.disconnect()
@@ -200,7 +180,7 @@ class PyBulletRobot(Robot):
         """Bring all parts to rest and latch; safe from any thread, at once in effect."""
         with self._lock:
             self._latch.set()
-            for part in self._parts.values():
+            for part in self.parts.values():
                 part.stop()
 
     def clear_stop(self) -> None:
@@ -218,7 +198,7 @@ class PyBulletRobot(Robot):
             "implementation": "PyBullet",
             "connected": "yes" if self._simulation is not None else "no",
             "stopped": "yes" if self._latch else "no",
-            "time": f"{self._clock.now():.2f} s",
+            "time": f"{self.clock.now():.2f} s",
             "world": f"{self._world.scene}, seed {self._world.seed}",
         }
         if self._simulation is not None:
@@ -252,7 +232,7 @@ class PyBulletRobot(Robot):
     def _first_step(self) -> None:
         """Time begins to run under somebody's control."""
         self.close_truth()
-        self._clock.step = self._step
+        self.clock.step = self._step
         self._step()
 
     def _generator(self, part: str) -> np.random.Generator:
@@ -261,14 +241,14 @@ class PyBulletRobot(Robot):
 
     def _make_sensors(self) -> None:
         sensors = SIMULATED_SENSORS.names()
-        for name, part in self._model.parts.items():
+        for name, part in self.model.parts.items():
             described = part.part if isinstance(part, MountedForceTorque | MountedBumper) else part
             if isinstance(described, PartConfig) and described.kind in sensors:
-                make: Callable[..., AnySensor] = SIMULATED_SENSORS.resolve(described.kind)
+                make: Callable[..., SimulatedSensor[Any]] = SIMULATED_SENSORS.resolve(described.kind)
                 self._sensors[name] = make(name, part, self._generator(name))
 
     def _make_actuators(self) -> None:
-        for name, part in self._model.parts.items():
+        for name, part in self.model.parts.items():
             made = self._actuator(name, part)
             if made is not None:
                 self._channels[name], self._actuators[name] = made
@@ -282,13 +262,13 @@ class PyBulletRobot(Robot):
                 return wheels, DrivenBase(name, part, wheels, latch)
             case LeggedBaseModel():
                 imu = next(sensor for sensor in self._sensors.values() if isinstance(sensor, SimulatedImu))
-                body = payload(self._model, part.part.root or "", self._model.postures.get("home"))
+                body = payload(self.model, part.part.root or "", self.model.postures.get("home"))
                 legs = LegDrive(part, parameters, imu, body)
                 return legs, DrivenBase(name, part, legs, latch, LEGS)
             case ArmModel():
                 motors = JointMotors(name, part, parameters, rng)
-                tool = ToolLimits(self._model, name, self._model.safety)
-                period, now = parameters.control_period, self._clock.now
+                tool = ToolLimits(self.model, name, self.model.safety)
+                period, now = parameters.control_period, self.clock.now
                 return motors, StreamedArm(name, part, motors, latch, period, tool, JOINTS, now)
             case GripperModel(part=SuctionPart() as cup):
                 pump = SuctionPump(cup, parameters)

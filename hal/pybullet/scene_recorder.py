@@ -29,17 +29,13 @@ class SceneSnapshot:
 
 
 class SceneRecorder:
-    """Takes snapshots for the runtime's recorder. As GroundTruth, it has to be made before time runs to be trusted."""
+    """Takes snapshots for the runtime's recorder; to be ``trusted``, it has to be made before time runs."""
 
     def __init__(self, robot: PyBulletRobot) -> None:
         self._robot = robot
         self._simulation = robot.simulation
         self._reader = robot.simulation.client.reader(ReadPurpose.RECORDING)
-
-    @property
-    def trusted(self) -> bool:
-        """Whether snapshots are free: it was made before time ran."""
-        return self._reader.trusted
+        self.trusted = self._reader.trusted
 
     def scene_snapshot(self) -> SceneSnapshot:
         """The scene as it is now."""

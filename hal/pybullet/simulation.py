@@ -13,8 +13,7 @@ from bestman_bt.messages import Pose
 from bestman_bt.robot_model import BaseModel, GripperModel, JointedModel, RobotModel
 from bestman_bt.scene import World
 from hal.pybullet.client import PhysicsClient, Reader, SimulationError
-from hal.pybullet.latches import Latches
-from hal.pybullet.moving_doors import MovingDoors
+from hal.pybullet.doors import Latches, MovingDoors
 from hal.pybullet.parameters import PhysicsParameters
 from hal.pybullet.walkers import Walkers
 from hal.pybullet.world_builder import BuiltWorld, build_world

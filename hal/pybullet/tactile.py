@@ -31,15 +31,10 @@ class SimulatedTactile(SimulatedSensor[TactileReading], Tactile):
 
     def __init__(self, name: str, model: TactilePart, rng: np.random.Generator) -> None:
         super().__init__(name, model.rate, model.latency)
-        self._model, self._rng = model, rng
+        self.frame, self._model, self._rng = model.frame, model, rng
         width, height = model.size
         self._x = (np.arange(model.columns) + 0.5) / model.columns * width - width / 2
         self._y = (np.arange(model.rows) + 0.5) / model.rows * height - height / 2
-
-    @property
-    def frame(self) -> str:
-        """The middle of the pad, z out of it."""
-        return self._model.frame
 
     def begin(self, simulation: Simulation) -> Callable[[], TactileReading]:
         """What presses on the pad."""

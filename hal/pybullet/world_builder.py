@@ -10,12 +10,11 @@ from bestman_bt.messages import Box, PlacedShape, Pose
 from bestman_bt.robot_model import BaseModel, GripperModel, LeggedBaseModel, MimicJoint, RobotModel, WheeledBaseModel
 from bestman_bt.robot_model.bare_frames import without_bare_frames
 from bestman_bt.scene import PlacedFurniture, PlacedObject, Walker, World, wall_box
-from hal.pybullet.body_urdf import Color, body_urdf
+from hal.pybullet.body_urdf import SLIDES, Color, body_urdf, walker_urdf
 from hal.pybullet.client import PhysicsClient, SimulationError
 from hal.pybullet.furniture_urdf import furniture_urdf, joint_name
 from hal.pybullet.package import pybullet
 from hal.pybullet.parameters import PhysicsParameters
-from hal.pybullet.walker_body import SLIDES, walker_urdf
 
 WALL_COLOR: Color = (0.87, 0.87, 0.83, 1.0)
 FLOOR_COLOR: Color = (0.62, 0.58, 0.53, 1.0)

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import contextlib
+import ctypes
 import threading
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from types import ModuleType
 from typing import Any, ClassVar
 
 import numpy as np
@@ -16,7 +18,6 @@ from hal.api import Failure, NoDataError, Part
 from hal.hardware import Connection, HardwareCamera, RemoteTime
 from hal.parts import ConnectionFailedError
 from hal.realsense.options import RealSenseOptions
-from hal.realsense.sdk import realsense_sdk
 
 POLLS = 3.0
 """How many times per frame the SDK is asked for one."""
@@ -128,3 +129,14 @@ class RealSenseConnection(Connection):
             return RGBDImage(rgb, metres.astype(np.float32), self._model.intrinsics, stamp)
         except ValueError as error:
             raise NoDataError(f"{self._camera}: an image cannot be used: {error}") from error
+
+
+def realsense_sdk(load: Callable[[str], ModuleType]) -> ModuleType:
+    """The SDK; ``load`` imports a module, and raises ConnectionFailedError where it cannot.
+
+    Slim systems have no libusb: the one that the extra brings is loaded first, under the name that the SDK looks for.
+    """
+    libusb = load("libusb_package").get_library_path()
+    if libusb is not None:
+        ctypes.CDLL(str(libusb), mode=ctypes.RTLD_GLOBAL)
+    return load("pyrealsense2")

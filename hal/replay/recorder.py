@@ -14,7 +14,6 @@ from types import MappingProxyType
 from typing import Any
 
 from hal.api import (
-    Clock,
     ForceTorque,
     Gripper,
     JointGroup,
@@ -48,27 +47,13 @@ class RecordedRobot(Robot):
         self._file = io.TextIOWrapper(gzip.GzipFile(path, "wb", compresslevel=1), encoding="utf-8")
         self._pending: list[RecordedMotion] = []
         self._commands = 0
-        clock = robot.clock
+        self.clock = clock = robot.clock
+        self.model = robot.model
         step = clock.time_step if isinstance(clock, SimulatedClock) else DEFAULT_TIME_STEP
         self._simulated = isinstance(clock, SimulatedClock)
         self._write({"robot": robot.model.name, "start": clock.now(), "time_step": step, "parts": self._description()})
-        self._parts = MappingProxyType({name: self._seen_through(part) for name, part in robot.parts.items()})
+        self.parts = MappingProxyType({name: self._seen_through(part) for name, part in robot.parts.items()})
         self._timer: Timer | None = clock.every(SAMPLE_PERIOD, self.sample)
-
-    @property
-    def clock(self) -> Clock:
-        """The robot's time."""
-        return self._robot.clock
-
-    @property
-    def model(self) -> Any:
-        """The robot model."""
-        return self._robot.model
-
-    @property
-    def parts(self) -> Mapping[str, Part]:
-        """All parts by name."""
-        return self._parts
 
     @property
     def unsupported(self) -> Mapping[str, str]:
@@ -134,7 +119,7 @@ class RecordedRobot(Robot):
             interface = interface_of(type(part))
             if interface.kind is Sensor:
                 continue  # of a plug-in: nobody here knows what it tells
-            told = {name: to_json(getattr(part, name)) for name in interface.properties}
+            told = {name: to_json(getattr(part, name)) for name in interface.attributes}
             parts[name] = {"kind": interface.kind.__name__, "description": told}
         return parts
 
@@ -143,20 +128,19 @@ class RecordedRobot(Robot):
         if interface.kind is Sensor:
             return part
 
-        def described(name: str) -> property:
-            return property(lambda seen: getattr(part, name))
-
         def reading(name: str) -> Callable[[Part], Any]:
             return lambda seen: self._read(part, name)
 
         def command(name: str) -> Callable[..., Any]:
             return lambda seen, *arguments, **keywords: self._command(part, name, arguments, keywords)
 
-        members: dict[str, Any] = {name: described(name) for name in interface.properties}
-        members |= {name: reading(name) for name in interface.readings}
+        members: dict[str, Any] = {name: reading(name) for name in interface.readings}
         members |= {name: command(name) for name in interface.commands}
-        members |= {"stop": lambda seen: part.stop(), "model": described("model")}
+        members["stop"] = lambda seen: part.stop()
         seen: Part = type(f"Recorded{interface.kind.__name__}", (interface.kind,), members)(part.name)
+        for name in ("model", *interface.attributes):
+            if hasattr(part, name):  # sensors have no model of their own
+                setattr(seen, name, getattr(part, name))
         return seen
 
     def _read(self, part: Part, name: str) -> Any:

@@ -9,7 +9,10 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
+import numpy as np
+
 import hal.api
+from bestman_bt.messages import JointTrajectory
 from bestman_bt.robot_model import RobotModel
 from bestman_bt.scene import World
 from hal.api import (
@@ -25,7 +28,6 @@ from hal.api import (
 )
 from hal.parts import ConnectionFailedError, SimulatedClock, interface_of
 from hal.replay.encoding import error_from_json, from_json
-from hal.replay.matching import in_words, same_target
 from hal.replay.tape import Readings, RecordedCommand, Tape, read_tape
 
 SAME_MOMENT = 1e-6
@@ -53,7 +55,7 @@ class ReplayRobot(Robot):
     def __init__(
         self, model: RobotModel, world: World | None = None, *, recording: Path, seed: int = 0, gui: bool = False
     ) -> None:
-        self._model, self._recording = model, Path(recording)
+        self.model, self._recording = model, Path(recording)
         self._connected = self._stopped = False
         self._offset = 0.0  # of the recording's time from the clock's
         self._used: dict[tuple[str, str], int] = {}
@@ -69,11 +71,6 @@ class ReplayRobot(Robot):
     def clock(self) -> SimulatedClock:
         """Simulated time, in the steps of the recording."""
         return SimulatedClock(self.tape.time_step)
-
-    @property
-    def model(self) -> RobotModel:
-        """The robot model."""
-        return self._model
 
     @cached_property
     def tape(self) -> Tape:
@@ -101,8 +98,8 @@ class ReplayRobot(Robot):
         """Begin to play; ConnectionFailedError where there is no recording, or one of another robot; idempotent."""
         if self._connected:
             return
-        if self.tape.robot != self._model.name:
-            raise ConnectionFailedError(f"this is a recording of {self.tape.robot!r}, not of {self._model.name!r}")
+        if self.tape.robot != self.model.name:
+            raise ConnectionFailedError(f"this is a recording of {self.tape.robot!r}, not of {self.model.name!r}")
         self._offset = self.tape.start - self.clock.now()
         self._used, self._motions, self._streamed, self._stream_begun, self._seen = {}, {}, {}, {}, {}
         self.clock.step = lambda: None
@@ -145,21 +142,19 @@ class ReplayRobot(Robot):
         kind_name, description = self.tape.parts[name]
         interface = interface_of(getattr(hal.api, kind_name))
 
-        def described(what: str) -> property:
-            return property(lambda part: description[what])
-
         def reading(what: str) -> Callable[[Part], Any]:
             return lambda part: self._read(name, what)
 
         def command(what: str) -> Callable[..., Any]:
             return lambda part, *arguments, **keywords: self._command(name, what, arguments, keywords)
 
-        members: dict[str, Any] = {what: described(what) for what in interface.properties}
-        members |= {what: reading(what) for what in interface.readings}
+        members: dict[str, Any] = {what: reading(what) for what in interface.readings}
         members |= {what: command(what) for what in interface.commands}
-        members["model"] = property(lambda part: self.model.parts[name])
         members["stop"] = lambda part: self._end_motion(name, MotionStatus.CANCELED, MotionErrorCode.STOPPED, "stopped")
-        part: Part = type(f"Replayed{interface.kind.__name__}", (interface.kind,), members)(name)
+        part: Any = type(f"Replayed{interface.kind.__name__}", (interface.kind,), members)(name)
+        part.model = self.model.parts[name]
+        for attribute in interface.attributes:
+            setattr(part, attribute, description[attribute])
         return part
 
     def _read(self, part: str, what: str) -> Any:
@@ -264,3 +259,39 @@ class ReplayedMotion(Motion[None]):
 
 def _refusal(part: str, command: str, why: str) -> CommandRefusedError:
     return CommandRefusedError(f"{part} refused {command}: {why}", part)
+
+
+POSITION_TOLERANCE = 0.05
+"""Radians or metres by which targets may differ: motion planning may take another way, the place is the same."""
+
+
+def same_target(asked: tuple[Any, ...], recorded: tuple[Any, ...]) -> bool:
+    """Whether the first arguments of two commands, which say where to, agree; others (speeds, forces) may differ."""
+    if not asked or not recorded:
+        return len(asked) == len(recorded)
+    return _near(_target(asked[0]), _target(recorded[0]))
+
+
+def in_words(name: str, arguments: tuple[Any, ...], keywords: Mapping[str, Any]) -> str:
+    """A command, for people."""
+    told = [_short(value) for value in arguments] + [f"{key}={_short(value)}" for key, value in keywords.items()]
+    return f"{name}({', '.join(told)})"
+
+
+def _target(value: Any) -> Any:
+    return value.positions[-1] if isinstance(value, JointTrajectory) else value
+
+
+def _near(asked: Any, recorded: Any) -> bool:
+    try:
+        a, b = np.asarray(asked, dtype=float), np.asarray(recorded, dtype=float)
+    except (TypeError, ValueError):
+        return False
+    return a.shape == b.shape and bool(np.all(np.abs(a - b) <= POSITION_TOLERANCE))
+
+
+def _short(value: Any) -> str:
+    target = _target(value)
+    if isinstance(target, (np.ndarray, list, tuple)):
+        return "[" + ", ".join(f"{float(number):.2f}" for number in np.ravel(target)) + "]"
+    return f"{target:.3f}" if isinstance(target, float) else repr(target)

@@ -13,9 +13,33 @@ from bestman_bt.robot_model import GripperModel
 from hal.api import Clock, Failure, MotionErrorCode, NoDataError
 from hal.hardware import LatencyMonitor
 from hal.parts import ConnectionFailedError, GripperChannel, GripperReading
-from hal.robotiq.faults import fault_of
 from hal.robotiq.options import RobotiqOptions
 from hal.robotiq.wire import RobotiqStatus, RobotiqWire
+
+WORDS = {
+    5: "an action waits for the activation",
+    7: "it is not activated",
+    8: "it is too hot",
+    9: "it had no communication for a second",
+    10: "its supply voltage is too low",
+    11: "it releases automatically",
+    12: "internal fault",
+    13: "its activation failed",
+    14: "overcurrent",
+    15: "it has released automatically",
+}
+HARMLESS = frozenset({0, 5, 9})
+"""None; an order that came during the activation; and a pause of ours, which the next round trip ends."""
+
+
+def fault_of(number: int) -> Failure | None:
+    """The fault for number ``gFLT``, None where the gripper is well."""
+    if number in HARMLESS:
+        return None
+    return Failure(
+        MotionErrorCode.FAULT, f"gripper: {WORDS.get(number, 'unknown fault')}", vendor_code=f"gFLT {number}"
+    )
+
 
 Answer = TypeVar("Answer")
 ACTIVE = 3

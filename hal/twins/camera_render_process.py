@@ -43,7 +43,7 @@ class WorldState:
     leaves: dict[str, float]
 
 
-class Exposure:
+class StateCapture:
     """Takes states of a running simulation; made before time runs, used in the world's thread."""
 
     def __init__(self, robot: PyBulletRobot) -> None:
@@ -84,7 +84,7 @@ class CameraRenderProcess:
             self.close()
             raise TwinError("the camera_render_process for the cameras did not start")
 
-    def develop(self, camera: str, state: WorldState) -> RGBDImage:
+    def render(self, camera: str, state: WorldState) -> RGBDImage:
         """The picture; LookupError for an unknown camera, TwinError where the camera_render_process is gone."""
         with self._lock:
             try:

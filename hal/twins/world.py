@@ -13,7 +13,7 @@ from bestman_bt.messages import RGBDImage
 from bestman_bt.robot_model import RobotModel
 from bestman_bt.scene import World
 from hal.pybullet import GroundTruth, PhysicsParameters, PyBulletRobot
-from hal.twins.camera_render_process import CameraRenderProcess, Exposure
+from hal.twins.camera_render_process import CameraRenderProcess, StateCapture
 from hal.twins.errors import TwinError
 
 Result = TypeVar("Result")
@@ -44,8 +44,8 @@ class TwinWorld:
         self._drawing = model, world, seed
         self._cameras = cameras
         self._truth: GroundTruth | None = None
-        self._exposure: Exposure | None = None
-        self._darkroom: CameraRenderProcess | None = None
+        self._capture: StateCapture | None = None
+        self._renderer: CameraRenderProcess | None = None
         self._work: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
         self._closing = threading.Event()
         self._thread: int | None = None
@@ -81,28 +81,28 @@ class TwinWorld:
         return future.result(timeout)
 
     def photograph(self, camera: str) -> tuple[RGBDImage, float]:
-        """What a camera sees now, and the machine's wall time of the exposure; from any thread but the world's.
+        """What a camera sees now, and the machine's wall time of the capture; from any thread but the world's.
 
         Physics goes on meanwhile: it takes about 0.2 s.
         """
-        if self._exposure is None or self._darkroom is None:
+        if self._capture is None or self._renderer is None:
             raise TwinError("this world was made without cameras, or does not run yet")
-        state = self.call(self._exposure.take)
-        return self._darkroom.develop(camera, state), state.wall_time
+        state = self.call(self._capture.take)
+        return self._renderer.render(camera, state), state.wall_time
 
     def run(self, ready: Callable[[], None]) -> None:
         """Build the world, call ``ready``, and step until ``close()``."""
         self._thread = threading.get_ident()
         try:
             with self.robot as robot:
-                self._truth, self._exposure = GroundTruth(robot), Exposure(robot)
+                self._truth, self._capture = GroundTruth(robot), StateCapture(robot)
                 if self._cameras:
-                    self._darkroom = CameraRenderProcess(*self._drawing)
+                    self._renderer = CameraRenderProcess(*self._drawing)
                 ready()
                 self._step(robot.simulation.parameters.time_step)
         finally:
-            if self._darkroom is not None:
-                self._darkroom.close()
+            if self._renderer is not None:
+                self._renderer.close()
 
     def close(self) -> None:
         """End ``run()``; from any thread or a signal handler."""

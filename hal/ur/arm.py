@@ -13,7 +13,6 @@ from bestman_bt.robot_model import ArmModel
 from hal.api import Failure, Motion, MotionErrorCode
 from hal.parts import (
     ConnectionFailedError,
-    Hold,
     JointChannel,
     Setpoints,
     StopLatch,
@@ -77,14 +76,14 @@ class URArm(StreamedArm):
             self._connection.check_command("move_path")
             rows = [self._checks.positions("move_path", row) for row in np.atleast_2d(np.asarray(positions, float))]
             scale = self._checks.speed_scale("move_path", speed_scale)
-            speed, acceleration = scale * float(min(self._model.velocity)), scale * float(min(self._model.acceleration))
+            speed, acceleration = scale * float(min(self.model.velocity)), scale * float(min(self.model.acceleration))
             share, start = 1.0, self.positions()
             for row in rows:
                 fault = self._tool.outside_on_the_way(start, row)
                 if fault is not None:
                     raise self._connection.refuse("move_path", fault)
-                course = Trapezoid(start, row, np.full(len(row), speed), np.full(len(row), acceleration))
-                share, start = min(share, self._slow_down(course)), row
+                profile = Trapezoid(start, row, np.full(len(row), speed), np.full(len(row), acceleration))
+                share, start = min(share, self._slow_down(profile)), row
             numbers = (speed * share, acceleration * share**2)
             path = [[*row.tolist(), *numbers, blend if row is not rows[-1] else 0.0] for row in rows]
             return self._begin_own(
@@ -102,7 +101,7 @@ class URArm(StreamedArm):
             wanted = self._checks.velocities("speed_joints", velocities)
             if self._tool.slow_down(self.positions()[None], wanted[None]) < 1.0:
                 raise self._connection.refuse("speed_joints", "the tool would be faster than its limit")
-            arguments = (wanted.tolist(), float(min(self._model.acceleration)), float(duration))
+            arguments = (wanted.tolist(), float(min(self.model.acceleration)), float(duration))
             return self._begin_speed("speed_joints", arguments)
 
     def speed_tool(self, twist: ArrayLike, duration: float) -> Motion[None]:
@@ -211,7 +210,7 @@ class URArm(StreamedArm):
         self._leave(own)
 
     def _wrong(self, report: Report) -> str | None:
-        fast = np.abs(report.velocities) > SPEED_MARGIN * self._model.velocity
+        fast = np.abs(report.velocities) > SPEED_MARGIN * self.model.velocity
         if np.any(fast):
             return f"{self.joint_names[int(np.argmax(fast))]} is faster than its limit"
         return self._tool.outside(np.array(report.positions))
@@ -226,8 +225,7 @@ class URArm(StreamedArm):
             else:
                 own.motion.fail(MotionErrorCode.FAULT, "the path ended elsewhere")
             self._own = None
-            self._position = np.clip(measured, self._model.lower, self._model.upper)
-            self._velocity, self._setpoints = np.zeros_like(measured), Hold(self._position)
+            self._hold_measured()
 
     def _take_over(self, setpoints: Setpoints, motion: Motion[None] | None) -> None:
         if self._own is not None:

@@ -5,17 +5,72 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import ClassVar
 
+import numpy as np
+from numpy.typing import NDArray
+
 from bestman_bt.robot_model import ArmModel, MountedForceTorque
-from hal.api import Failure, MotionErrorCode, Part
+from hal.api import Failure, MotionErrorCode, NoDataError, Part
 from hal.hardware import Connection
-from hal.parts import ConnectionFailedError, ToolLimits
+from hal.parts import ConnectionFailedError, JointChannel, JointReading, ToolLimits
 from hal.ur.arm import URArm
 from hal.ur.digital_io import URDigitalIO
 from hal.ur.force_torque import URForceTorque
-from hal.ur.joints import URJoints
 from hal.ur.link import URLink
-from hal.ur.modes import fault_of
 from hal.ur.options import UROptions
+from hal.ur.sdk_process import PLAYING, RUNNING, Report
+
+SAFETY_MODES = {
+    1: "normal",
+    2: "reduced",
+    3: "protective stop",
+    4: "recovery mode",
+    5: "safeguard stop",
+    6: "system emergency stop",
+    7: "robot emergency stop",
+    8: "violation of a safety limit",
+    9: "fault of the safety system",
+    10: "joint identification",
+    11: "undefined safety mode",
+    12: "automatic mode safeguard stop",
+    13: "three-position enabling stop",
+}
+ROBOT_MODES = {
+    -1: "no controller",
+    0: "disconnected",
+    1: "safety to be confirmed",
+    2: "booting",
+    3: "power off",
+    4: "powering on",
+    5: "idle, with closed brakes",
+    6: "backdrive",
+    7: "running",
+    8: "updating firmware",
+}
+WELL = frozenset({1, 2})
+PROTECTIVE_STOP = 3
+STOPPED_BY_PEOPLE = frozenset({5, 6, 7, 12, 13})
+
+
+def fault_of(report: Report) -> Failure | None:
+    """Why the controller cannot be commanded, None where it can."""
+    safety, mode = report.safety_mode, report.robot_mode
+    if safety not in WELL:
+        if safety == PROTECTIVE_STOP:
+            code = MotionErrorCode.COLLISION
+        elif safety in STOPPED_BY_PEOPLE:
+            code = MotionErrorCode.STOPPED
+        else:
+            code = MotionErrorCode.FAULT
+        return Failure(code, SAFETY_MODES.get(safety, "unknown safety mode"), vendor_code=f"safety mode {safety}")
+    if mode != RUNNING:
+        return Failure(
+            MotionErrorCode.FAULT, ROBOT_MODES.get(mode, "unknown robot mode"), vendor_code=f"robot mode {mode}"
+        )
+    if report.runtime_state != PLAYING and not report.busy:
+        text = "the program on the controller has ended"
+        return Failure(MotionErrorCode.FAULT, text, vendor_code=f"runtime state {report.runtime_state}")
+    return None
+
 
 JOINTS = 6
 READY_TIME = 35.0
@@ -117,3 +172,35 @@ class URConnection(Connection):
             settings["payload"] = options.payload
             settings |= {f"payload_{axis}": at for axis, at in zip("xyz", options.payload_center, strict=True)}
         return settings
+
+
+Array = NDArray[np.float64]
+
+
+class URJoints(JointChannel):
+    """Set-points by ``servoJ``; the torques are those that the controller's model wants."""
+
+    def __init__(self, link: URLink) -> None:
+        self._link = link
+        self._of: Report | None = None
+        self._reading: JointReading | None = None
+
+    @property
+    def age(self) -> float:
+        """Readings come whether set-points are sent or not."""
+        return self._link.age
+
+    def read(self) -> JointReading:
+        """The newest reading."""
+        report = self._link.report
+        if report is None:
+            raise NoDataError("the UR has told no joint positions yet")
+        reading = self._reading
+        if reading is None or report is not self._of:
+            reading = JointReading(*(np.array(v) for v in (report.positions, report.velocities, report.torques)))
+            self._of, self._reading = report, reading
+        return reading
+
+    def send(self, positions: Array, velocities: Array) -> None:
+        """One set-point, radians; it does not wait."""
+        self._link.send(positions.tolist())

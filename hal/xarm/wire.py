@@ -2,19 +2,106 @@
 
 from __future__ import annotations
 
+import contextlib
+import io
+import logging
+import socket
+import struct
+import sys
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from types import ModuleType
-from typing import Any
+from typing import Any, TextIO
 
 from hal.api import Clock, Failure, MotionErrorCode
 from hal.parts import ConnectionFailedError
 from hal.xarm.arm_identity import ArmIdentity
-from hal.xarm.errors import controller_fault, gripper_fault
 from hal.xarm.options import XArmOptions
-from hal.xarm.probe import answers
-from hal.xarm.sdk import discreet, import_sdk
+
+
+class _SilentHere(io.TextIOBase):
+    """A standard output that swallows what one thread writes and passes on what others do."""
+
+    def __init__(self, original: TextIO) -> None:
+        self._original, self._thread = original, threading.get_ident()
+
+    def write(self, text: str) -> int:
+        if threading.get_ident() == self._thread:
+            return len(text)
+        return self._original.write(text)
+
+    def flush(self) -> None:
+        self._original.flush()
+
+
+@contextlib.contextmanager
+def discreet() -> Iterator[None]:
+    """While the SDK is imported or connects: it prints the controller's address, and changes all sockets' timeout."""
+    timeout = socket.getdefaulttimeout()
+    try:
+        with contextlib.redirect_stdout(_SilentHere(sys.stdout)):
+            yield
+    finally:
+        socket.setdefaulttimeout(timeout)
+
+
+def import_sdk(load: Callable[[str], ModuleType]) -> Any:
+    """The package ``xarm``; its log, which names the address, is kept for what is critical."""
+    with discreet():
+        package = load("xarm")
+        log = load("xarm.core.utils.log")
+    log.logger.setLevel(logging.CRITICAL)
+    logging.getLogger("origin.print").setLevel(logging.CRITICAL)
+    return package
+
+
+COLLISION = frozenset({22, 31})
+"""Self-collision, and the current that a collision caused: the controller's protective stop."""
+TRACKING = frozenset({30, 38})
+"""Feedback speed beyond its limit, abnormal joint angle."""
+STOP_BUTTONS = frozenset({1, 2, 3})
+
+
+def controller_fault(number: int, load: Callable[[str], ModuleType]) -> Failure:
+    """The fault for error ``C<number>`` of the controller; its words are the vendor's."""
+    if number in COLLISION:
+        code = MotionErrorCode.COLLISION
+    elif number in TRACKING:
+        code = MotionErrorCode.TRACKING
+    elif number in STOP_BUTTONS:
+        code = MotionErrorCode.STOPPED
+    else:
+        code = MotionErrorCode.FAULT
+    words = load("xarm.core.config.x_code").ControllerErrorCodeMap
+    return Failure(code, _title(words, number), vendor_code=f"C{number}")
+
+
+def gripper_fault(number: int, load: Callable[[str], ModuleType]) -> Failure:
+    """The fault for error ``G<number>`` of the gripper."""
+    words = load("xarm.core.config.x_code").GripperErrorCodeMap
+    return Failure(MotionErrorCode.FAULT, _title(words, number), vendor_code=f"G{number}")
+
+
+def _title(words: dict[object, dict[str, dict[str, str]]], number: int) -> str:
+    return words.get(number, words["other"])["en"]["title"]
+
+
+CONTROL_PORT = 502
+GET_VERSION = struct.pack(">HHHB", 1, 2, 1, 1)
+"""Transaction 1 of UFACTORY's private protocol (2), one byte: register 1."""
+
+
+def answers(address: str, timeout: float) -> bool:
+    """Whether the control box at ``address`` tells its version within ``timeout`` seconds."""
+    try:
+        with socket.create_connection((address, CONTROL_PORT), timeout) as wire:
+            wire.settimeout(timeout)
+            wire.sendall(GET_VERSION)
+            return bool(wire.recv(64))
+    except OSError:
+        return False
+
 
 SERVO_MODE = 1
 READY, STOPPED = 0, (4, 5)

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from bestman_bt.robot_model.bumper_ring import mounted_bumper
+from bestman_bt.robot_model.describe import mounted_bumper
 
 
 def zones(count: int) -> tuple[tuple[tuple[float, float], tuple[float, float]], ...]:

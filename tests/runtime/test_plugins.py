@@ -189,7 +189,7 @@ def test_the_driver_guards_the_physics_before_a_plug_in_can_take_a_call_of_it(tm
     program = "from bestman_bt.configuration import load_run\nfrom bestman_bt.runtime.setup import prepare\n"
     program += f"prepare(load_run('fetch_cup', plugins=[{str(path)!r}]))\n"
     ran = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
-    assert ran.stdout.splitlines()[-1] == "hal.pybullet.raw_call_guard"
+    assert ran.stdout.splitlines()[-1] == "hal.pybullet.client"
 
 
 DECORATED = """

@@ -56,23 +56,13 @@ class ArmController:
         guarded: GuardedMoveParameters | None = None,
         following: ConstraintFollowingParameters | None = None,
     ) -> None:
-        self._arm = arm
+        self._arm, self.name, self.joint_names = arm, arm.name, arm.joint_names
         self._clock = clock
         self._guard_period = guard_period
         self._kinematics, self._wrist = kinematics, wrist
         self._contact = contact or ContactMonitorParameters()
         self._streaming, self._guarded, self._following = streaming or ToolStreamParameters(), guarded, following
         self._stream: _Stream | None = None
-
-    @property
-    def name(self) -> str:
-        """The arm's name in its robot."""
-        return self._arm.name
-
-    @property
-    def joint_names(self) -> tuple[str, ...]:
-        """Names of the n joints."""
-        return self._arm.joint_names
 
     def positions(self) -> NDArray[np.float64]:
         """Measured positions, (n,) radians."""

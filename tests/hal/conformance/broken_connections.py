@@ -12,7 +12,7 @@ from tests.robot_models import with_limits, with_part
 
 
 def a_part_that_is_not_mentioned(robot: Any) -> None:
-    del robot._parts["lidar"]
+    del robot.parts["lidar"]
 
 
 def any_part_will_do(robot: Any) -> None:

@@ -37,14 +37,8 @@ def of(part: str, method: str, around: Callable[..., Any]) -> Break:
 
 
 def telling(part: str, name: str, value: Callable[[Any], Any]) -> Break:
-    """Breaks a property of a part: ``value(what it should be)``."""
-
-    def act(robot: Any) -> None:
-        base = type(robot.parts[part])
-        found = getattr(base, name)
-        changed(robot.parts[part], **{name: property(lambda self: value(found.fget(self)))})
-
-    return act
+    """Breaks an attribute of a part: ``value(what it should be)``."""
+    return lambda robot: setattr(robot.parts[part], name, value(getattr(robot.parts[part], name)))
 
 
 class OneMotion(Motion[None]):

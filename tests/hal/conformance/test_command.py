@@ -22,7 +22,7 @@ from memory_robot import MemoryRobot
 class Blind(MemoryRobot):
     def __init__(self, model, world, *, seed, gui):
         super().__init__(model, world, seed=seed, gui=gui)
-        del self._parts["lidar"]
+        del self.parts["lidar"]
 
 class Honest(Blind):
     @property

@@ -109,7 +109,7 @@ def test_a_base_that_drives_on_and_says_that_it_stands_is_found_out(make: Make) 
 
 def test_what_is_declared_missing_is_not_asked_for(make: Make) -> None:
     robot = make()
-    del robot._parts["lidar"]
+    del robot.parts["lidar"]
     changed(robot, unsupported=property(lambda self: {"lidar": "it is being repaired"}))
     (lidars,) = (check for check in CHECKS if check.name == "lidars give ranges within theirs")
     assert lidars.why_not(robot) == "it is being repaired"

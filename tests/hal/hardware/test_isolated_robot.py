@@ -10,7 +10,7 @@ from collections.abc import Iterator
 import pytest
 
 from hal.api import NotConnectedError
-from hal.hardware.isolated_robot import _Wire
+from hal.hardware.isolated_robot import RpcConnection
 
 
 @pytest.fixture
@@ -34,7 +34,7 @@ def test_after_an_interrupt_between_question_and_answer_the_next_question_gets_i
         theirs.send(f"answer to {question}")
         theirs.send(f"answer to {theirs.recv()}")
 
-    wire = _Wire(ours)
+    wire = RpcConnection(ours)
     server = threading.Thread(target=serve)
     server.start()
     with pytest.raises(KeyboardInterrupt):

@@ -79,7 +79,7 @@ def test_an_event_of_a_stolen_injector_is_tampering_even_if_its_trace_is_wiped_o
     event = run.stolen_injector().move_object("can", Pose(run.aside), "table/top")
     assert event is not None
     run.robot.clock.sleep(0.1)
-    run.robot._monitor.disturbance_log._deeds = ()
+    run.robot._monitor.disturbance_log.events = ()
     judged = run.judged()
     assert judged.tampering == 1
     assert not judged.honest
@@ -88,7 +88,7 @@ def test_an_event_of_a_stolen_injector_is_tampering_even_if_its_trace_is_wiped_o
 
 def test_a_deed_whose_trace_is_wiped_out_before_the_monitor_looks_is_a_teleport(run: Run) -> None:
     assert run.stolen_injector().move_object("can", Pose(run.aside), "table/top")
-    run.robot._monitor.disturbance_log._deeds = ()
+    run.robot._monitor.disturbance_log.events = ()
     assert run.judged().teleports == 1
 
 

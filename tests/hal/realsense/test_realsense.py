@@ -17,7 +17,7 @@ from hal.conformance.promises import MakeRobot, PromisesAboutConnecting
 from hal.conformance.sensor_checks import SENSOR_CHECKS
 from hal.hardware import HardwareRobot
 from hal.parts import ConnectionFailedError
-from hal.realsense.sdk import realsense_sdk
+from hal.realsense.connection import realsense_sdk
 
 pytestmark = pytest.mark.real_time
 ROBOT = """

@@ -9,8 +9,8 @@ import pytest
 
 from hal.api import CommandRefusedError, Failure, MotionErrorCode, NoDataError
 from hal.parts import StopLatch
+from hal.ur.connection import fault_of
 from hal.ur.digital_io import URDigitalIO
-from hal.ur.modes import fault_of
 from hal.ur.sdk_process import Report
 
 

@@ -21,7 +21,7 @@ from hal.api import Arm, CommandRefusedError, MotionErrorCode, MotionStatus
 from hal.hardware import HardwareRobot
 from hal.parts import ToolLimits
 from hal.twins import TwinProcess
-from hal.xarm.sdk import discreet
+from hal.xarm.wire import discreet
 from tests.hal.twinned import wait_for
 
 pytestmark = [pytest.mark.real_time, pytest.mark.slow]
