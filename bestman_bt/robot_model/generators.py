@@ -141,22 +141,12 @@ def built_in_lidar(name: str, d: BuiltInLidar) -> list[ET.Element]:
 
 
 @dataclass(frozen=True)
-class SensingFlange:
-    """A sensor between flange and hand, too flat to count: nothing but a frame."""
-
-
-def sensing_flange(name: str, _: SensingFlange) -> list[ET.Element]:
-    """The link ``<name>_link``, on which the hand is mounted; z leaves the flange."""
-    return [link(f"{name}_link")]
-
-
-@dataclass(frozen=True)
 class BuiltInSensor:
-    """A sensor or battery inside or on the surface of what carries it: nothing but a frame."""
+    """A sensor or battery inside or on the surface of what carries it, or too flat to count: nothing but a frame."""
 
 
 def built_in_sensor(name: str, _: BuiltInSensor) -> list[ET.Element]:
-    """The link ``<name>_link``."""
+    """The link ``<name>_link``; of a sensor between flange and hand, which carries the hand, z leaves the flange."""
     return [link(f"{name}_link")]
 
 
@@ -170,6 +160,6 @@ GENERATORS: dict[str, tuple[type, Callable[[str, Any], list[ET.Element] | Subtre
     "steered_base": (SteeredBase, steered_base),
     "suction_cup": (SuctionCup, suction_cup),
     "swinging_hand": (SwingingHand, swinging_hand),
-    "sensing_flange": (SensingFlange, sensing_flange),
+    "sensing_flange": (BuiltInSensor, built_in_sensor),
     "built_in_sensor": (BuiltInSensor, built_in_sensor),
 }

@@ -4,8 +4,7 @@ from hal.hardware.clock import RealTimeClock
 from hal.hardware.connection import Connection
 from hal.hardware.control_loop import ControlLoop
 from hal.hardware.isolated_robot import IsolatedRobot
-from hal.hardware.latency_monitor import LatencyMonitor
-from hal.hardware.remote_time import RemoteTime
+from hal.hardware.remote_time import LatencyMonitor, RemoteTime
 from hal.hardware.robot import HardwareRobot
 from hal.hardware.sensors import (
     HardwareBattery,

@@ -119,7 +119,7 @@ _REACH, _EFFORT, _VELOCITY = 30.0, 1000.0, 10.0  # URDF asks for limits
 
 
 def walker_urdf(walker: Walker, folder: Path) -> str:
-    """The slides are at 0 where the round begins; the cylinder does not touch the floor."""
+    """An upright cylinder on two slides, along x and y, that motors move; they are at 0 where its round begins."""
     robot = ElementTree.Element("robot", name=walker.name)
     ElementTree.SubElement(robot, "link", name="world")
     robot.append(_carrier())

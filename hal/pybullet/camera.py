@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from enum import Enum
 from functools import cached_property
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
@@ -13,8 +15,7 @@ from scipy import ndimage
 from bestman_bt.messages import CameraIntrinsics, Pose, RGBDImage
 from bestman_bt.robot_model import CameraPart
 from hal.api import Camera, NoDataError
-from hal.pybullet.client import Reader, ReadPurpose
-from hal.pybullet.lens import Lens
+from hal.pybullet.client import Reader, ReadPurpose, SimulationError
 from hal.pybullet.package import pybullet
 from hal.pybullet.sensor_pipeline import SimulatedSensor
 from hal.pybullet.simulation import Simulation
@@ -134,3 +135,48 @@ def spoil_depth(depth: NDArray[np.float64], model: CameraPart, rng: np.random.Ge
     if model.depth_step > 0.0:
         noisy = np.round(noisy / model.depth_step) * model.depth_step
     return np.clip(noisy, 0.0, None).astype(np.float32)
+
+
+MARGIN = 2
+"""Pixels rendered beyond what the lens needs, for interpolation."""
+LARGEST = 3.0
+"""How many times wider than the image the ideal field may become; no lens that the model fits needs more."""
+ITERATIONS = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 100, 1e-10)
+
+
+class Lens:
+    """``ideal``: the pinhole to render, wide enough for every pixel of the image that ``intrinsics`` describe.
+
+    D. Brown, "Decentering distortion of lenses", 1966, in the form and order of OpenCV: k1, k2, p1, p2, k3. Raises
+    SimulationError if the distortion cannot be inverted all over the image.
+    """
+
+    def __init__(self, intrinsics: CameraIntrinsics) -> None:
+        k = intrinsics
+        u, v = np.meshgrid(np.arange(k.width, dtype=float), np.arange(k.height, dtype=float))
+        pixels = np.stack([u, v], axis=-1).reshape(-1, 1, 2)
+        distortion = np.array(k.distortion)
+        rays = cv2.undistortPoints(pixels, k.matrix, distortion, criteria=ITERATIONS)
+        back, _ = cv2.projectPoints(
+            np.concatenate([rays, np.ones_like(rays[..., :1])], axis=-1), np.zeros(3), np.zeros(3), k.matrix, distortion
+        )
+        sources = rays.reshape(k.height, k.width, 2) * (k.fx, k.fy) + (k.cx, k.cy)
+        lower = np.floor(sources.min(axis=(0, 1))) - MARGIN
+        size = np.ceil(sources.max(axis=(0, 1))) + MARGIN + 1 - lower
+        invertible = np.isfinite(back).all() and np.abs(back - pixels).max() < 0.01
+        if not invertible or not (size < (LARGEST * k.width, LARGEST * k.height)).all():
+            raise SimulationError(
+                f"the lens distortion {k.distortion} folds the image of {k.width} × {k.height} pixels; "
+                "coefficients k1, k2, p1, p2, k3 of a real lens are expected"
+            )
+        width, height = (math.ceil(extent) for extent in size)
+        self.ideal = CameraIntrinsics(width, height, k.fx, k.fy, k.cx - float(lower[0]), k.cy - float(lower[1]))
+        self._columns, self._rows = np.moveaxis((sources - lower).astype(np.float32), -1, 0)
+
+    def color(self, ideal: NDArray[np.uint8]) -> NDArray[np.uint8]:
+        """The (H, W, 3) image of an ideal rendering, interpolated."""
+        return np.asarray(cv2.remap(ideal, self._columns, self._rows, cv2.INTER_LINEAR), dtype=np.uint8)
+
+    def depth(self, ideal: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The (H, W) depth along the optical axis of an ideal one: that of the nearest pixel, so that edges stay."""
+        return np.asarray(cv2.remap(ideal, self._columns, self._rows, cv2.INTER_NEAREST), dtype=np.float64)

@@ -9,10 +9,9 @@ import numpy as np
 
 from bestman_bt.scene import World
 from hal.pybullet.attachment_check import AttachmentCheck
-from hal.pybullet.audit_record import AuditRecord, DisturbanceEvent, Finding
+from hal.pybullet.audit_record import AuditRecord, DisturbanceEvent, DisturbanceLog, Finding
 from hal.pybullet.client import ReadPurpose
 from hal.pybullet.contact_watcher import ContactWatcher
-from hal.pybullet.disturbance_log import DisturbanceLog
 from hal.pybullet.door_watcher import DoorWatcher
 from hal.pybullet.integrity_check import IntegrityCheck
 from hal.pybullet.motion_watcher import MotionWatcher

@@ -39,9 +39,8 @@ from hal.parts import (
     StreamingParameters,
     ToolLimits,
 )
-from hal.pybullet.audit_record import AuditRecord
+from hal.pybullet.audit_record import AuditRecord, DisturbanceLog
 from hal.pybullet.client import PhysicsClient, RawCallGuard
-from hal.pybullet.disturbance_log import DisturbanceLog
 from hal.pybullet.encoders import Encoders
 from hal.pybullet.finger_motors import FingerMotors
 from hal.pybullet.imu import SimulatedImu

@@ -8,13 +8,13 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from bestman_bt.robot_model import ArmModel, MountedForceTorque
+from bestman_bt.messages import Wrench
+from bestman_bt.robot_model import ArmModel, ForceTorquePart, MountedForceTorque
 from hal.api import Failure, MotionErrorCode, NoDataError, Part
-from hal.hardware import Connection
-from hal.parts import ConnectionFailedError, JointChannel, JointReading, ToolLimits
+from hal.hardware import Connection, HardwareForceTorque
+from hal.parts import ConnectionFailedError, JointChannel, JointReading, StopLatch, ToolLimits
 from hal.ur.arm import URArm
 from hal.ur.digital_io import URDigitalIO
-from hal.ur.force_torque import URForceTorque
 from hal.ur.link import URLink
 from hal.ur.options import UROptions
 from hal.ur.sdk_process import PLAYING, RUNNING, Report
@@ -204,3 +204,21 @@ class URJoints(JointChannel):
     def send(self, positions: Array, velocities: Array) -> None:
         """One set-point, radians; it does not wait."""
         self._link.send(positions.tolist())
+
+
+class URForceTorque(HardwareForceTorque):
+    """Raw readings (``ft_raw_wrench``), weight of the hand included, in the frame of the flange.
+
+    The part is to be mounted on the arm's ``tool0`` without an offset.
+    """
+
+    def __init__(self, name: str, model: ForceTorquePart, link: URLink, latch: StopLatch) -> None:
+        super().__init__(name, model, latch, self._newest)
+        self._link = link
+
+    def _newest(self) -> Wrench:
+        report = self._link.report
+        if report is None:
+            raise NoDataError(f"{self.name} has told no wrench yet")
+        values = np.array(report.wrench)
+        return Wrench(values[:3], values[3:], self._link.heard)

@@ -93,7 +93,7 @@ GET_VERSION = struct.pack(">HHHB", 1, 2, 1, 1)
 
 
 def answers(address: str, timeout: float) -> bool:
-    """Whether the control box at ``address`` tells its version within ``timeout`` seconds."""
+    """Whether the control box at ``address`` tells its version within ``timeout`` s; the SDK would try for minutes."""
     try:
         with socket.create_connection((address, CONTROL_PORT), timeout) as wire:
             wire.settimeout(timeout)

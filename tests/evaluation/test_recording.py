@@ -93,7 +93,7 @@ def test_a_planned_grasp_is_marked_where_the_tool_will_be() -> None:
         has=lambda kind: True,
         base=SimpleNamespace(path=None, last_scan=None),
         world=SimpleNamespace(objects={}),
-        gripper_model=SimpleNamespace(finger_depth=0.04),
+        gripper_model=SimpleNamespace(part=SimpleNamespace(finger_depth=0.04)),
     )
     session: Any = SimpleNamespace(
         setup=SimpleNamespace(robot_model=load_robot_model("diff_panda")),

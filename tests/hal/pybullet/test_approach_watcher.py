@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hal.pybullet.approach_watcher import ApproachWatcher
+from hal.pybullet.contact_watcher import ApproachWatcher
 from hal.pybullet.observation import BodyState, Observation
 
 ROBOT, WALKER, LINK = 1, 2, 4

@@ -12,9 +12,8 @@ from bestman_bt.messages import CameraIntrinsics
 from bestman_bt.robot_model import CameraPart
 from hal.api import Camera, NoDataError
 from hal.pybullet import PyBulletRobot
-from hal.pybullet.camera import CameraFault, SimulatedCamera
+from hal.pybullet.camera import CameraFault, Lens, SimulatedCamera
 from hal.pybullet.client import SimulationError
-from hal.pybullet.lens import Lens
 
 DISTORTION = (-0.25, 0.08, 0.001, -0.0008, 0.01)
 SMALL = CameraIntrinsics(320, 240, 216.0, 216.0, 159.5, 119.5)
