@@ -59,7 +59,8 @@ def a_base_is_as_the_model_says(robot: Robot) -> None:
     """Speeds in m/s and rad/s, a footprint in metres, and a dead-man timeout."""
     for base in parts_of(robot, MobileBase):
         described, model = base.model, robot.model.of(BaseModel).get(base.name)
-        require(model is not None, f"the model has no base called {base.name!r}")
+        if model is None:
+            raise ConformanceError(f"the model has no base called {base.name!r}")
         for what in ("max_vx", "max_vy", "max_wz", "max_acceleration", "max_angular_acceleration"):
             value, limit = getattr(described.part, what), getattr(model.part, what)
             require(0.0 <= value <= limit + 1e-9, f"{base.name} says {what} = {value}, its model {limit}")
@@ -73,7 +74,8 @@ def a_gripper_is_as_the_model_says(robot: Robot) -> None:
     """Widths in metres, speed in m/s, force in newtons."""
     for gripper in parts_of(robot, Gripper):
         described, model = gripper.model, robot.model.of(GripperModel).get(gripper.name)
-        require(model is not None, f"the model has no gripper called {gripper.name!r}")
+        if model is None:
+            raise ConformanceError(f"the model has no gripper called {gripper.name!r}")
         widths = (described.part.min_width, described.max_width)
         require(widths[1] > widths[0], f"{gripper.name} should open")
         same = np.allclose(widths, (model.part.min_width, model.max_width), rtol=0.0, atol=1e-6)

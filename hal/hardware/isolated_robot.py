@@ -33,6 +33,8 @@ class IsolatedRobot(Robot):
     fail as DISCONNECTED and its controllers get no more set-points.
     """
 
+    clock: RealTimeClock  # the other process stamps readings by the same one
+
     def __init__(self, model: RobotModel, world: World | None = None, *, seed: int = 0, gui: bool = False) -> None:
         start = time.monotonic()
         self._start, self.clock = start, RealTimeClock(start)

@@ -28,8 +28,12 @@ class HardwareRobot(Robot):
     Any fault of any controller stops all parts and latches: the motions behind the faulty one fail with its code and
     the vendor's, all others are cancelled as stopped. ``clear_stop()`` clears faults, and connects again what was lost.
 
-    ``world``, ``seed`` and ``gui`` are those of simulated drivers, which this one has no use for.
+    ``world``, ``seed`` and ``gui`` are those of simulated drivers, which this one has no use for. ``connections``: the
+    controllers by name. ``stopped_at``: when all parts were last told to stop, seconds of the clock; kept by
+    ``clear_stop()``; None: never.
     """
+
+    clock: RealTimeClock
 
     def __init__(
         self,

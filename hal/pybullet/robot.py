@@ -68,6 +68,8 @@ class PyBulletRobot(Robot):
     bit-identical runs.
     """
 
+    clock: SimulatedClock
+
     def __init__(
         self,
         model: RobotModel,

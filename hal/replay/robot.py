@@ -68,7 +68,7 @@ class ReplayRobot(Robot):
     # Description
 
     @cached_property
-    def clock(self) -> SimulatedClock:
+    def clock(self) -> SimulatedClock:  # type: ignore[override] # read when it is first asked for
         """Simulated time, in the steps of the recording."""
         return SimulatedClock(self.tape.time_step)
 
@@ -78,7 +78,7 @@ class ReplayRobot(Robot):
         return read_tape(self._recording)
 
     @cached_property
-    def parts(self) -> Mapping[str, Part]:
+    def parts(self) -> Mapping[str, Part]:  # type: ignore[override] # read when they are first asked for
         """The parts of the recorded robot."""
         return MappingProxyType({name: self._part(name) for name in self.tape.parts})
 
@@ -155,7 +155,8 @@ class ReplayRobot(Robot):
         part.model = self.model.parts[name]
         for attribute in interface.attributes:
             setattr(part, attribute, description[attribute])
-        return part
+        made: Part = part
+        return made
 
     def _read(self, part: str, what: str) -> Any:
         self._check_connected(part)

@@ -28,11 +28,7 @@ class RemoteTruth(GroundTruth):
 
     def __init__(self, judge: Path) -> None:
         self._judge = judge
-
-    @property
-    def trusted(self) -> bool:
-        """The judge was there before time ran."""
-        return True
+        self.trusted = True  # the judge was there before time ran
 
     def now(self) -> float:
         """Seconds of the twins' world."""

@@ -54,7 +54,7 @@ class Lite6Gripper(CommandedGripper):
 
     def move(self, width: float, force: float | None = None, speed: float | None = None) -> Motion[None]:
         """Open or close fully; CommandRefusedError for widths between."""
-        model = self._model
+        model = self.model
         if model.part.min_width + AT_END < width < model.max_width - AT_END:
             why = f"width = {width} m: a Lite 6's gripper opens ({model.max_width:.4g} m) and closes, nothing between"
             raise self._connection.refuse("move", why)

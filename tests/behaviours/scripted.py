@@ -86,9 +86,8 @@ def scripted_skills(task: str = "fetch_cup", base: Pose2D = ASKEW, *settings: st
     arm, gripper = next(iter(setup.robot_model.of(ArmModel))), next(iter(setup.robot_model.of(GripperModel)))
     skills.arm_name = arm
     skills.arm = ScriptedController("follow", "move_until", "follow_constraint", name=arm)
-    skills.gripper = ScriptedController(
-        "open", "close", "release", name=gripper, description=SimpleNamespace(max_force=70.0, max_width=0.08)
-    )
+    hand = setup.robot_model.of(GripperModel)[gripper]
+    skills.gripper = ScriptedController("open", "close", "release", name=gripper, model=hand)
     skills.gripper.width, skills.gripper.pressing = lambda: 0.08, lambda: True
     skills.base = ScriptedController("follow", "drive", "turn", "rotate_to", "park", stuck=False)
     skills.base.localisation = SimpleNamespace(lost=False)
