@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Generic, TypeVar
 
 from bestman_bt.messages import LaserScan, RGBDImage, Wrench
-from bestman_bt.robot_model import CameraPart, ForceTorquePart, ImuPart, LidarPart
+from bestman_bt.robot_model import CameraPart, ForceTorquePart, ImuPart, LidarPart, PartConfig
 from hal.api import Battery, BatteryReading, Camera, Failure, ForceTorque, Imu, ImuReading, Lidar
 from hal.parts import ControlledPart, PartConnection, StopLatch
 
@@ -20,8 +20,9 @@ class HardwareSensor(ControlledPart, Generic[Reading]):
     NoDataError where there is none.
     """
 
-    def __init__(self, name: str, latch: StopLatch, read: Callable[[], Reading]) -> None:
+    def __init__(self, name: str, model: PartConfig, latch: StopLatch, read: Callable[[], Reading]) -> None:
         super().__init__(name)
+        self.model = model
         self._connection, self._read = PartConnection(name, latch), read
 
     def read(self) -> Reading:
@@ -54,7 +55,7 @@ class HardwareCamera(HardwareSensor[RGBDImage], Camera):
     """A camera."""
 
     def __init__(self, name: str, model: CameraPart, latch: StopLatch, read: Callable[[], RGBDImage]) -> None:
-        super().__init__(name, latch, read)
+        super().__init__(name, model, latch, read)
         self.intrinsics, self.optical_frame = model.intrinsics, model.optical_frame
 
     def capture(self) -> RGBDImage:
@@ -66,7 +67,7 @@ class HardwareLidar(HardwareSensor[LaserScan], Lidar):
     """A planar lidar."""
 
     def __init__(self, name: str, model: LidarPart, latch: StopLatch, read: Callable[[], LaserScan]) -> None:
-        super().__init__(name, latch, read)
+        super().__init__(name, model, latch, read)
         self.frame = model.frame
 
     def scan(self) -> LaserScan:
@@ -78,7 +79,7 @@ class HardwareForceTorque(HardwareSensor[Wrench], ForceTorque):
     """A force-torque sensor."""
 
     def __init__(self, name: str, model: ForceTorquePart, latch: StopLatch, read: Callable[[], Wrench]) -> None:
-        super().__init__(name, latch, read)
+        super().__init__(name, model, latch, read)
         self.frame = model.frame
 
     def wrench(self) -> Wrench:
@@ -90,7 +91,7 @@ class HardwareImu(HardwareSensor[ImuReading], Imu):
     """An inertial unit."""
 
     def __init__(self, name: str, model: ImuPart, latch: StopLatch, read: Callable[[], ImuReading]) -> None:
-        super().__init__(name, latch, read)
+        super().__init__(name, model, latch, read)
         self.frame = model.frame
 
 

@@ -62,7 +62,7 @@ def lame_the_second_time(robot: Any) -> None:
 
 def leaves_motions_running(robot: Any) -> None:
     line = robot.parts["arm"]._connection
-    wrapped(line, "close", lambda do: setattr(line, "_open", False))
+    wrapped(line, "close", lambda do: setattr(line, "connected", False))
 
 
 def forgets_a_stop(robot: Any) -> None:
