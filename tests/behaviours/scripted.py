@@ -22,6 +22,7 @@ from bestman_bt.runtime.algorithms import Algorithms
 from bestman_bt.runtime.setup import Setup, prepare
 from bestman_bt.world_model import BasePose
 from tests.behaviours.at_the_table import PERIOD, tree_of
+from tests.robot_models import with_part
 
 UNDER_WAY = object()
 """How a command comes out that a test ends itself, or that a halt cancels."""
@@ -86,7 +87,7 @@ def scripted_skills(task: str = "fetch_cup", base: Pose2D = ASKEW, *settings: st
     arm, gripper = next(iter(setup.robot_model.of(ArmModel))), next(iter(setup.robot_model.of(GripperModel)))
     skills.arm_name = arm
     skills.arm = ScriptedController("follow", "move_until", "follow_constraint", name=arm)
-    hand = setup.robot_model.of(GripperModel)[gripper]
+    hand = with_part(setup.robot_model.of(GripperModel)[gripper], max_force=70.0)
     skills.gripper = ScriptedController("open", "close", "release", name=gripper, model=hand)
     skills.gripper.width, skills.gripper.pressing = lambda: 0.08, lambda: True
     skills.base = ScriptedController("follow", "drive", "turn", "rotate_to", "park", stuck=False)
