@@ -11,6 +11,7 @@ import pytest
 
 from bestman_bt.configuration import ConfigurationError, data_names, load_task
 from bestman_bt.evaluation import evaluation as evaluation_module
+from bestman_bt.evaluation.episode import run_episode
 from bestman_bt.evaluation.evaluation import Evaluation
 from bestman_bt.evaluation.markdown import markdown
 from bestman_bt.evaluation.report.many_runs import groups_by_name
@@ -146,3 +147,14 @@ def test_the_suite_of_manipulation_has_its_own_seeds_and_controls_that_may_not_s
     for entry in suite.entries:
         assert entry.asked is not None
         assert (entry.asked.successes.at_most == 0) == entry.control
+
+
+@pytest.mark.parametrize("policy", ["policy_reach", "policy_pick"])
+@pytest.mark.parametrize("altered", ["null", "wrong_goal"])
+def test_an_altered_policy_fails_for_the_reason_that_its_control_names(policy: str, altered: str) -> None:
+    (entry,) = (entry for entry in load_suite("manipulation").entries if entry.name == f"{policy}_{altered}")
+    assert entry.asked is not None
+    result = run_episode(entry.config)
+    assert result.outcome == "failure"
+    assert result.failure is not None
+    assert result.failure.error_code in entry.asked.causes

@@ -71,5 +71,5 @@ class AlterPolicies(Explained, SyncAction):
     def on_tick(self) -> int:
         """Wrap what finds them."""
         find, alter = self.skills.policies, ALTERATIONS[self.get_input("how")]
-        self.skills.policies = lambda name: alter(find(name))
+        self.skills.policies = lambda name, folders: alter(find(name, folders))
         return self.succeed()
