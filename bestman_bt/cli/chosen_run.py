@@ -48,11 +48,12 @@ def chosen(run: str | None) -> tuple[Path, dict[str, Any]]:
     if not running:
         print("nothing is running", file=sys.stderr)
         sys.exit(1)
-    named = running if run is None else [one for one in running if run in _names(*one)]
+    named = running if run is None else [one for one in running if _is_named(run, *one)]
     if len(named) == 1:
         return named[0]
     told = "\n".join(f"  {name_of(path, status)}" for path, status in running)
-    which = "several executions run" if run is None else f"{len(named) or 'no'} running execution is named {run!r}"
+    which = f"{len(named)} running executions are named {run!r}" if named else f"no running execution is named {run!r}"
+    which = "several executions run" if run is None else which
     raise InputError(f"{which}; name one of these by process id or run folder:\n{told}")
 
 
@@ -77,9 +78,11 @@ def waits_at(status: dict[str, Any]) -> str:
     return f", {held_at['when']} {held_at['node']}" if held_at is not None and held_at["node"] is not None else ""
 
 
-def _names(path: Path, status: dict[str, Any]) -> set[str]:
-    names = {path.name, path.stem, str(status["pid"]), status["task"]}
+def _is_named(run: str, path: Path, status: dict[str, Any]) -> bool:
+    """Whether ``run`` names an execution; its folder may be told from the working directory."""
+    names = {path.name, path.stem, str(path), str(status["pid"]), status["task"]}
     if status.get("folder"):
         folder = Path(status["folder"])
-        names |= {folder.name, str(folder), str(folder.resolve()), str(folder).rstrip("/") + "/"}
-    return names
+        if run == folder.name or Path(run).resolve() == folder.resolve():
+            return True
+    return run in names

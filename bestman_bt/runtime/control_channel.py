@@ -35,7 +35,7 @@ from bestman_bt.errors import Error
 from bestman_bt.monitor.control_client import socket_folder
 from bestman_bt.monitor.events import TOPICS, BreakpointsEvent, Topic
 from bestman_bt.runtime.breakpoints import BreakpointError, Breakpoints
-from bestman_bt.runtime.executor import Executor
+from bestman_bt.runtime.executor import Executor, Hold
 from bestman_bt.runtime.outbox import Outbox
 from bestman_bt.runtime.telemetry import Telemetry
 
@@ -108,14 +108,15 @@ class ControlChannel:
         ) as error:  # the last two: of converters
             return {"ok": False, "error": str(error)}
         executor = self._executor
-        held_at = executor.held_at
+        paused = executor.paused
+        held_at = (executor.held_at or Hold()) if paused else None
         return {
             "ok": True,
             "task": self._telemetry.run.task,
             "pid": os.getpid(),
             "ticks": executor.ticks,
             "time": self._telemetry.now(),
-            "paused": executor.paused,
+            "paused": paused,
             "held_at": None if held_at is None else asdict(held_at),
             "root": status_name(executor.tree.root.state),
             "breakpoints": self._breakpoints.documents(),

@@ -155,6 +155,7 @@ class Executor:
             EngineError: the execution was cancelled meanwhile.
         """
         self._step = False  # a step ends here
+        self._hold = hold  # before the pause: who sees that is to see the reason, too
         self._go.clear()
         self._stepped.set()
         self.tree.publish()

@@ -92,8 +92,15 @@ def test_of_several_runs_one_is_named_by_task_or_folder_and_stopped_alone(
     assert bestman_bt("step", "fetsh").err.startswith("bestman-bt: no running execution is named 'fetsh'; name one of")
     assert bestman_bt("pause", "tidy").code == 0
     assert (first.paused, second.paused) == (False, True)
+    for name in ("/runs/1-tidy", f"{os.path.relpath('/runs/1-tidy')}/"):
+        assert bestman_bt("resume", name).out.startswith("resumed tidy")
     assert bestman_bt("stop", "1-fetch").out.startswith("stopped fetch")
     assert len(bestman_bt("stop", "--all").out.splitlines()) in (1, 2)  # the first may have ended already
+
+
+def test_a_task_that_runs_twice_is_no_name_of_one(bestman_bt: Command, start: Callable[[str], Executor]) -> None:
+    start("fetch"), start("fetch")
+    assert "2 running executions are named 'fetch'" in bestman_bt("pause", "fetch").err
 
 
 def test_where_nothing_runs_the_exit_code_is_1(bestman_bt: Command) -> None:

@@ -294,6 +294,10 @@ def test_halt_cancels_the_execution_and_leaves_the_robot_its_commands(served: Se
 
 
 def test_pause_step_and_resume(served: Served) -> None:
+    for _ in range(20):  # answered before the executor's thread has taken notice
+        paused, resumed = served.ask("pause"), served.ask("resume")
+        assert (paused["paused"], paused["held_at"]) == (True, {"reason": "asked", "node": None, "when": None})
+        assert (resumed["paused"], resumed["held_at"]) == (False, None)
     assert served.ask("pause")["paused"]
     time.sleep(0.1)
     ticks = served.ask("status")["ticks"]
