@@ -21,13 +21,16 @@ STATUS_NAMES: Final = ("IDLE", "RUNNING", "SUCCESS", "FAILURE", "SKIPPED")
 
 
 class NodeStatus(enum.IntEnum):
-    """Type of ports that carry a status (``if_empty``, ``else``); members equal the module constants."""
+    """Type of ``Tree.status`` and of ports that carry a status; members equal the constants, and print as names."""
 
     IDLE = IDLE
     RUNNING = RUNNING
     SUCCESS = SUCCESS
     FAILURE = FAILURE
     SKIPPED = SKIPPED
+
+    def __str__(self) -> str:
+        return self.name
 
 
 TO_PY_TREES: Final = {

@@ -20,7 +20,7 @@ from bestman_bt.engine.clock import Clock, WakeableClock, WallClock
 from bestman_bt.engine.errors import EngineError, NodeError
 from bestman_bt.engine.node import Node
 from bestman_bt.engine.node_errors import wrapped
-from bestman_bt.engine.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS
+from bestman_bt.engine.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS, NodeStatus
 
 if TYPE_CHECKING:
     from bestman_bt.engine.decorators.subtree import SubTree
@@ -97,7 +97,7 @@ class Tree:
         self.origin: tuple[str | Path, tuple[Path, ...]] | None = None
         self.left_out: set[str] = set()
         self.shared: SharedEntries | None = None
-        self.status = IDLE
+        self._status: int = IDLE
         self._root: Node | None = None
         self._wake = threading.Event()
         self._listeners: list[Listener] = []
@@ -235,6 +235,11 @@ class Tree:
         if self.shared is not None:
             self.shared.take_over()
 
+    @property
+    def status(self) -> NodeStatus:
+        """Status of the root after the last tick; IDLE after a halt. Equals the constants, as in ``== RUNNING``."""
+        return NodeStatus(self._status)
+
     # ---- ticking
 
     def tick_exactly_once(self) -> int:
@@ -339,7 +344,7 @@ class Tree:
         store.observed = PyTreesBlackboard.activity_stream is not None or bool(store.watchers)
 
     def _finished(self, status: int) -> int:
-        self.status = status
+        self._status = status
         return status
 
     def halt(self) -> None:
@@ -358,7 +363,7 @@ class Tree:
                 self.publish()
         for node in self.nodes:
             node._s = IDLE
-        self.status = IDLE
+        self._status = IDLE
 
     # ---- py_trees' side
 
@@ -376,7 +381,7 @@ class Tree:
         if status == SKIPPED:
             node._s = -FAILURE if isinstance(node.parent, Selector) else -SUCCESS
         if node is self._root:
-            self.status = status
+            self._status = status
         yield from list(visited)
 
     def add_visitor(self, visitor: VisitorBase) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import logging
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from functools import cache, partial
 from pathlib import Path
@@ -33,7 +33,7 @@ from bestman_bt.runtime.run_facts import describe_run
 from bestman_bt.runtime.setup import Setup, load_for, prepare
 from bestman_bt.runtime.telemetry import Telemetry
 from bestman_bt.runtime.tree_checks import unfilled_entries
-from hal.api import Robot, Sensor
+from hal.api import NotConnectedError, Robot, Sensor
 
 _LOG = logging.getLogger(__name__)
 
@@ -63,13 +63,15 @@ COMPUTATION_COSTS = {
 class Session:
     """A connected robot and its skills.
 
-    ``entries``: root blackboard entries of the configured task, which every tree gets.
+    ``entries``: root blackboard entries of the configured task, which every tree gets. ``ended``: after its ``with``
+    block; then it loads and runs nothing more.
     """
 
     setup: Setup
     robot: Robot
     skills: SkillContext
     entries: dict[str, Any]
+    ended: bool = False
 
     def load(self, tree: str | Path | Behaviour | None = None) -> Tree:
         """Load a tree for this robot: a shipped name, a file, XML text, a node or a py_trees behaviour; by default the
@@ -80,8 +82,10 @@ class Session:
         Raises TreeLoadError with everything that is wrong, also with names that nothing in scene, map and robot bears
         and nodes that need a part which the robot lacks, and ConfigurationError for a task whose goal this scene does
         not have; warns of entries that are read and that nobody has filled yet. Controllers and sensors of what the
-        nodes need are made now.
+        nodes need are made now. Raises NotConnectedError in a session that has ended.
         """
+        if self.ended:
+            raise NotConnectedError("the session has ended, its robot is disconnected: run trees inside the with block")
         with told_to_programs():
             loaded = load_for(self.setup, tree, context=self.skills, clock=self.robot.clock)
         setup = self._setup_for(tree)
@@ -176,15 +180,33 @@ def open_session(
         localised = skills.has("base") and skills.has("lidar")
         if localised:
             skills.base.start()
+        opened = Session(setup, robot, skills, dict(setup.entries))
         try:
-            yield Session(setup, robot, skills, dict(setup.entries))
+            yield opened
         finally:
+            opened.ended = True
             if localised:
                 skills.base.close()
             robot.stop()
 
 
-@contextmanager
+class UnopenedSession(AbstractContextManager[Session]):
+    """What ``session()`` returns: ``with`` opens the session."""
+
+    def __init__(self, opening: AbstractContextManager[Session]) -> None:
+        self._opening = opening
+
+    def __enter__(self) -> Session:
+        return self._opening.__enter__()
+
+    def __exit__(self, *raised: Any) -> bool | None:
+        return self._opening.__exit__(*raised)
+
+    def __getattr__(self, name: str) -> Any:
+        opened = f"with bestman_bt.session(...) as s: s.{name}"
+        raise AttributeError(f"the session is not open: it has {name!r} inside a with block, as in `{opened}`")
+
+
 def session(
     robot: str | Path | None = None,
     scene: str | Path | None = None,
@@ -194,7 +216,7 @@ def session(
     plugins: Iterable[str] = (),
     driver: str = "pybullet",
     gui: bool = False,
-) -> Iterator[Session]:
+) -> UnopenedSession:
     """A session in one line: ``with session(scene="kitchen", seed=1) as s: s.run("fetch_cup")``.
 
     The task gives goal and limits, and robot and scene where none are named. Without a task there is no goal, and the
@@ -202,11 +224,17 @@ def session(
     """
     if task is None:
         scene, robot = scene or "kitchen", robot or "diff_panda"
-    with told_to_programs():
-        config = load_run(task, scene=scene, robot=robot, seed=seed, settings=settings, plugins=plugins, driver=driver)
-        setup = prepare(config)
-    with open_session(setup, gui=gui) as opened:
-        yield opened
+
+    @contextmanager
+    def opening() -> Iterator[Session]:
+        with told_to_programs():
+            setup = prepare(
+                load_run(task, scene=scene, robot=robot, seed=seed, settings=settings, plugins=plugins, driver=driver)
+            )
+        with open_session(setup, gui=gui) as opened:
+            yield opened
+
+    return UnopenedSession(opening())
 
 
 def _skills(setup: Setup, robot: Robot) -> SkillContext:

@@ -173,3 +173,13 @@ def test_a_tree_that_was_halted_or_has_ended_begins_anew(kind: str) -> None:
             assert execution(begin(xml, seed, logged=True, at=7.0), count) == fresh, xml
             tree.clock.advance(1 / 32)
     assert tried > EXAMPLES // 2
+
+
+def test_the_status_of_a_tree_prints_its_name_and_equals_the_constant() -> None:
+    tree = load_tree('<root BTCPP_format="4"><BehaviorTree ID="Main"><Sleep msec="1"/></BehaviorTree></root>')
+    told = [str(tree.status)]
+    for change in (tree.tick_once, tree.halt):
+        change()
+        told.append(f"{tree.status}")
+    assert told == ["IDLE", "RUNNING", "IDLE"]
+    assert tree.tick_once() == RUNNING == tree.status

@@ -92,9 +92,9 @@ def test_what_a_task_can_ask_is_accepted(field: str, asked: str, tmp_path: Path)
 
 
 def test_the_programs_of_a_session_run(capsys: pytest.CaptureFixture[str]) -> None:
-    _, ticked = fences("docs/running.md", "python")
+    _, ticked, _ = fences("docs/running.md", "python")
     exec(compile(ticked, "running.md", "exec"), {})
-    assert capsys.readouterr().out == "2 []\n"
+    assert capsys.readouterr().out == "SUCCESS []\n"
 
 
 @pytest.mark.parametrize("page", ["docs/writing_a_skill.md", "README.md"])

@@ -30,6 +30,15 @@ def test_a_session_with_a_task_gives_trees_its_goal_and_runs_them_to_their_end()
             '<root BTCPP_format="4"><BehaviorTree ID="Main"><MoveArm posture="carry"/></BehaviorTree></root>'
         )
         assert (execution.ending, execution.succeeded) == (Ending.FINISHED, True)
+    with pytest.raises(NotConnectedError, match="the session has ended"):
+        opened.run(HEAD)
+
+
+def test_a_session_that_is_not_open_says_how_to_open_it() -> None:
+    with pytest.raises(
+        AttributeError, match=r"inside a with block, as in `with bestman_bt\.session\(\.\.\.\) as s: s\.run`"
+    ):
+        bestman_bt.session(scene="kitchen").run("fetch_cup")
 
 
 def test_a_session_without_a_task_has_no_goal_whatever_its_scene() -> None:
