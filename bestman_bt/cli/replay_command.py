@@ -61,7 +61,9 @@ def _recording(run: Path) -> Path:
     if not path.is_file():
         message = "there is no such run folder or file"
         if run.is_dir():
-            message = f"has no {RECORDING_NAME}; runs with --record have one, bestman-bt monitor shows the others"
+            message = (
+                f"has no {RECORDING_NAME}; simulated runs with --record have one, bestman-bt monitor shows the others"
+            )
         raise ConfigurationError([Problem(str(run), None, "", message)])
     try:
         check_recording(path)

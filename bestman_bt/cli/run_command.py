@@ -71,7 +71,10 @@ def command(
     settings: Settings = None,
     plugins: Plugins = None,
     record: Annotated[
-        bool, typer.Option("--record", help="Write recording.rrd for the Rerun viewer, and readings to replay.")
+        bool,
+        typer.Option(
+            "--record", help="Write recording.rrd (of simulated runs) for the Rerun viewer, and readings to replay."
+        ),
     ] = False,
     recording: Annotated[
         Path | None, typer.Option(metavar="RUN", help="With --driver replay: a run folder made with --record.")
@@ -111,6 +114,13 @@ def command(
         file = find_data("tree", setup.config.task.tree)
         for warning in validate_file(file, setup.registry, search_path=shipped_trees(), given=filled):
             print(warning, file=sys.stderr)
+        if record and driver != "pybullet":
+            kept = (
+                f"no {RECORDING_NAME}, only the readings for --driver replay"
+                if config.record
+                else "nothing of a replay"
+            )
+            print(f"--record: writes {kept}: the world is seen in simulation alone", file=sys.stderr)
         if monitor:
             show_in_monitor(monitor_port)
         result, _ = execute(setup, runs, pictures, gui, judge, groot2_port, live, real_time)

@@ -236,7 +236,14 @@ def run_episode(
             result = _judge(session, execution, verdict, audited, time.perf_counter() - wall_start, failed.node)
             result = replace(result, durations=durations.seconds)
             if recorded is not None and recorded.why:
-                result = replace(result, outcome=Outcome.ERROR, failure=NodeFailure("", RECORDING_OVER, recorded.why))
+                result = replace(
+                    result,
+                    outcome=Outcome.ERROR,
+                    failure=NodeFailure("", RECORDING_OVER, recorded.why),
+                    not_judged=result.not_judged
+                    if judge is None
+                    else "not judged: the recording was over before its tree",
+                )
             why = result.failure.why if result.failure is not None else result.not_judged
             telemetry.end(str(result.outcome), result.tree_status, why, execution.sim_time_s)
             if folder is not None:

@@ -51,8 +51,9 @@ def test_a_controller_that_does_not_answer_is_told_in_words_and_leaves_no_run(
         f"robot.connections.platform.address={NOBODY}",
         "robot.connections.arm_controller.options.connect_timeout=0.3",
     )
-    answer = bestman_bt(*RUN, *(argument for setting in settings for argument in ("--set", setting)))
+    answer = bestman_bt(*RUN, "--record", *(argument for setting in settings for argument in ("--set", setting)))
     assert answer.code == 2, answer.err
+    assert "--record: writes no recording.rrd, only the readings for --driver replay" in answer.err
     assert "bestman-bt: nothing was started: arm_controller" in answer.err
     assert "Traceback" not in answer.err
     assert NOBODY not in answer.err + answer.out

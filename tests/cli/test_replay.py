@@ -37,6 +37,18 @@ def transitions(runs: Path) -> list[tuple[int, int]]:
     return [(entry.uid, entry.status) for entry in read_btlog(folder / "transitions.btlog").transitions]
 
 
+@pytest.mark.slow
+def test_a_goal_is_not_judged_where_the_recording_is_over(bestman_bt: Answers, folder: Path) -> None:
+    tree = folder / "posture.xml"
+    text = TREE.replace('<DetectObject object="cup" surface="table/top"/>', "")
+    tree.write_text(text)
+    bestman_bt("run", tree, "--task", "pick_place_table", "--record", "--runs", folder / "runs")
+    tree.write_text(text.replace("</Sequence>", '<Sleep msec="600000"/></Sequence>'))
+    over = bestman_bt("run", tree, "--driver", "replay", "--recording", next((folder / "runs").iterdir()), "--json")
+    assert over.document["failure"]["error_code"] == "recording_over"
+    assert over.document["not_judged"] == "not judged: the recording was over before its tree"
+
+
 def test_a_tree_goes_the_same_way_over_its_recording(bestman_bt: Answers, folder: Path) -> None:
     tree = folder / "look_around.xml"
     tree.write_text(TREE)

@@ -15,7 +15,9 @@ from tests.cli.command_line import Program
 
 
 def test_a_folder_without_a_recording_is_told_with_what_shows_it(tmp_path: Path) -> None:
-    with pytest.raises(ConfigurationError, match=r"has no recording\.rrd; runs with --record .*bestman-bt monitor"):
+    with pytest.raises(
+        ConfigurationError, match=r"has no recording\.rrd; simulated runs with --record .*bestman-bt monitor"
+    ):
         command([tmp_path])
 
 
