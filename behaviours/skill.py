@@ -238,6 +238,15 @@ class Skill(Explained, StatefulAction):
             self._steps.close()
             self._steps = None
 
+    def _bring_about(self) -> None:
+        """Note what an ability declares to bring about: facts that have no function are believed by that."""
+        effects = "; ".join(self.DECLARATION.effects)
+        if self.DECLARATION.parameters is None or not effects:
+            return
+        for port in self.DECLARATION.parameters:
+            effects = effects.replace(f"{{{port}}}", str(self.get_input(port)))
+        self.robot_skills.world.bring_about(effects)
+
     def _advance(self, value: Any, error: Error | None) -> int:
         steps = self._steps
         assert steps is not None
@@ -246,6 +255,7 @@ class Skill(Explained, StatefulAction):
                 pending = steps.send(value) if error is None else steps.throw(error)
             except StopIteration:
                 self._steps = self._pending = None
+                self._bring_about()
                 return self.succeed(self.feedback_message)
             except (SkillFailure, *ALGORITHM_ERRORS) as failure:
                 self._steps = self._pending = None

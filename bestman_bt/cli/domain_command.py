@@ -14,7 +14,7 @@ from bestman_bt.configuration import ConfigurationError
 from bestman_bt.configuration import Problem as Fault
 from bestman_bt.runtime import node_registry
 from bestman_bt.task_planning.domain import Domain
-from bestman_bt.task_planning.predicates import Beliefs
+from bestman_bt.task_planning.predicates import Beliefs, PredicateError
 from bestman_bt.task_planning.symbolic import Operator, Problem, goal_as_facts
 from bestman_bt.task_planning.symbolic.pddl_writing import PddlText
 
@@ -48,7 +48,11 @@ def command(
     goal = None if goal is None else goal_as_facts(goal)
     setup, beliefs = planning_state(task, scene, robot, seed, settings, plugins, world)
     domain = Domain.of(setup.registry)
-    problem = domain.problem(Beliefs(beliefs), goal)
+    try:
+        problem = domain.problem(Beliefs(beliefs), goal)
+    except PredicateError as error:
+        print(f"bestman-bt: {error}", file=sys.stderr)
+        sys.exit(1)
     with json_output(as_json) as tell:
         if pddl:
             _write(problem, output)

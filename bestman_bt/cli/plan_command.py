@@ -109,8 +109,8 @@ def command(
                 raise _wrong_input("bestman-bt plan", "give a text, --goal, or a --task with a plan")
             goal = setup.config.task.plan.goal
         asked = PlanQuestion(setup, beliefs, builder, allowed)
-        asked.give(given or ())
         try:
+            asked.give(given or ())
             problem, plan = asked.answer(text, goal, planner, Transcript(record, replay))
             made = asked.tree(problem, plan)
         except InputError:  # a goal that makes no sense, a planner that is not installed: nothing could be tried

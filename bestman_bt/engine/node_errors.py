@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from py_trees.common import Status as PyTreesStatus
 
 from bestman_bt.engine.errors import NodeError
-from bestman_bt.engine.own_files import own_line
+from bestman_bt.engine.own_files import in_words
 from bestman_bt.engine.status import IDLE, STATUS_NAMES
 
 if TYPE_CHECKING:
@@ -25,11 +25,9 @@ def describe_bad_status(status: object) -> str:
 
 def wrapped(error: Exception, node: Node) -> NodeError:
     """Return a ``NodeError`` that says in which node ``error`` was raised."""
-    text = str(error) or type(error).__name__
     if type(error).__module__.startswith("bestman_bt.engine"):
-        return node.error(text)
-    place = own_line(error)
-    return node.error(f"{type(error).__name__}: {text}" + (f" (at {place})" if place else ""))
+        return node.error(str(error) or type(error).__name__)
+    return node.error(in_words(error))
 
 
 def odd_status(status: object, child: Node) -> NodeError:

@@ -7,10 +7,11 @@ from __future__ import annotations
 
 import importlib
 import importlib.util
+import inspect
 import sys
 import traceback
 import zlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from types import ModuleType
@@ -130,6 +131,20 @@ def own_line(error: BaseException) -> str:
         if Path(frame.filename).resolve().parent in _names:
             return f"{frame.filename}:{frame.lineno}"
     return ""
+
+
+def defined_at(function: Callable[..., object]) -> str:
+    """``file:line`` of a function or method."""
+    code = inspect.unwrap(getattr(function, "__func__", function)).__code__
+    return f"{code.co_filename}:{code.co_firstlineno}"
+
+
+def in_words(error: BaseException) -> str:
+    """The kind and the text of an error, and its line in a user's file if it has one."""
+    place = own_line(error)
+    text = str(error)
+    kind = type(error).__name__
+    return (f"{kind}: {text}" if text else kind) + (f" (at {place})" if place else "")
 
 
 def _is_from(name: str, module: ModuleType, folder: Path) -> bool:

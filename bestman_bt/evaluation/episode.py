@@ -372,7 +372,7 @@ def _judge(
 
 def _why_not_judged(config: RunConfig, execution: Execution) -> str:
     if not config.task.predicates:
-        return NO_GOAL
+        return NO_GOAL if config.task.plan is None else f"not judged: nobody sees whether {config.task.plan.goal}"
     if execution.ending is Ending.CANCELLED:
         return "not judged: it was cancelled"
     return "not judged: nobody knows what is true here"

@@ -9,7 +9,6 @@ from pathlib import Path
 from bestman_bt.configuration import ConfigurationError, load_run, told_to_programs
 from bestman_bt.configuration import Problem as WrongInput
 from bestman_bt.engine import Problem as Fault
-from bestman_bt.registry import BUILDERS
 from bestman_bt.runtime.executor import Execution
 from bestman_bt.runtime.setup import Setup, prepare
 from bestman_bt.task_planning.base import TaskPlanner
@@ -17,7 +16,7 @@ from bestman_bt.task_planning.builders import PlanTree
 from bestman_bt.task_planning.builders.replanning import with_replanning
 from bestman_bt.task_planning.domain import Domain
 from bestman_bt.task_planning.limits import PlanLimits, plan_within
-from bestman_bt.task_planning.planners import made_planner
+from bestman_bt.task_planning.planners import made_builder, made_planner
 from bestman_bt.task_planning.predicates import UNSEEN, Beliefs
 from bestman_bt.task_planning.symbolic import Action, GoalError, PlanningError, Problem, TaskPlan, goal_as_facts
 from bestman_bt.task_planning.verification import verify
@@ -129,8 +128,7 @@ class PlanQuestion:
     def tree(self, problem: Problem, plan: TaskPlan) -> PlanTree:
         """The tree of a plan."""
         leaves = [ability.name for ability in self.domain.abilities if not ability.is_subtree]
-        made: PlanTree = BUILDERS.resolve(self.builder)().build(plan, problem.goal, leaves)
-        return made
+        return made_builder(self.builder).build(plan, problem.goal, leaves)
 
     def xml(self, made: PlanTree, problem: Problem, plan: TaskPlan, planner: str) -> str:
         """The tree as a file of its own; where the plan rests on an assumption, it plans anew if that is wrong."""

@@ -11,7 +11,8 @@ from behaviours.context import DRIVEN, SkillContext
 from behaviours.names import ArticulationName, ObjectName, SurfaceName
 from behaviours.skill import SkillCondition
 from bestman_bt.engine.bounds import BoundedPort
-from bestman_bt.registry import UnknownNameError
+from bestman_bt.registry import PREDICATES, UnknownNameError
+from bestman_bt.task_planning.domain import Domain
 from bestman_bt.task_planning.predicates import Beliefs
 from bestman_bt.task_planning.state import holds
 from bestman_bt.task_planning.symbolic.facts import parse_literals
@@ -39,6 +40,8 @@ class Holds(SkillCondition):
         "unknown_name": "name what there is on the map",
     }
 
+    _brought_about: frozenset[str] | None = None
+
     def check(self) -> tuple[str, str] | None:
         """Asks the beliefs; takes no picture."""
         values = {f"{{{port}}}": self.get_input(port) for port in ("object", "place", "container")}
@@ -46,13 +49,19 @@ class Holds(SkillCondition):
         try:
             for literal in parse_literals(self.get_input("fact")):
                 asked = literal.bound({port: name for port, name in values.items() if name})
-                if holds(beliefs, asked.fact) == asked.negated:
+                if holds(beliefs, asked.fact, self._declared(asked.fact.predicate)) == asked.negated:
                     return "not_believed", f"it is not believed that {asked}"
         except GoalError as error:
             return "bad_input", str(error)
         except (UnknownNameError, KeyError) as error:
             return "unknown_name", str(error.args[0])
         return None
+
+    def _declared(self, predicate: str) -> frozenset[str]:
+        """Predicates of abilities; they are only looked up for one that is not declared as such."""
+        if self._brought_about is None and predicate not in PREDICATES.names():
+            self._brought_about = frozenset(Domain.of(self.owner.registry).signatures)
+        return self._brought_about or frozenset()
 
 
 def beliefs_of(skills: SkillContext) -> Beliefs:

@@ -32,7 +32,7 @@ _NUMBER = re.compile(r"_\d+$")
 
 @dataclass(frozen=True)
 class Domain:
-    """``abilities``: what planners order. ``predicates``: what has a function; others are true once brought about."""
+    """``abilities``: what planners order. ``predicates``: declared ones; others hold once brought about."""
 
     abilities: tuple[Ability, ...]
     predicates: Mapping[str, Predicate] = field(default_factory=known_predicates)

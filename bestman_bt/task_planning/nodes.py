@@ -8,14 +8,14 @@ from py_trees.ports import PortInformation
 
 from behaviours.skill import Explained, OnRobot, Skill, SkillFailure, Steps
 from bestman_bt.engine import RUNNING, SUCCESS, StatefulAction, SubTree, Tree, TreeLoadError
-from bestman_bt.registry import BUILDERS, UnknownNameError
+from bestman_bt.registry import UnknownNameError
 from bestman_bt.task_planning.base import TaskPlanner
-from bestman_bt.task_planning.builders import PlanTree, TreeBuilder
+from bestman_bt.task_planning.builders import PlanTree
 from bestman_bt.task_planning.conditions import beliefs_of
 from bestman_bt.task_planning.domain import Domain
 from bestman_bt.task_planning.limits import PlanLimits, plan_within
 from bestman_bt.task_planning.monitoring import PlanMonitor
-from bestman_bt.task_planning.planners import made_planner
+from bestman_bt.task_planning.planners import made_builder, made_planner
 from bestman_bt.task_planning.symbolic import GoalError, PlanningError, Problem, TaskPlan, Unsolvable
 from bestman_bt.task_planning.verification import verify
 
@@ -128,7 +128,7 @@ class ExecutePlan(_Planning, Explained, StatefulAction):
 
     def _built(self, domain: Domain, problem: Problem, plan: TaskPlan) -> PlanTree:
         try:
-            builder: TreeBuilder = BUILDERS.resolve(self.get_input("builder"))()
+            builder = made_builder(self.get_input("builder"))
         except UnknownNameError as error:
             raise SkillFailure("unknown_name", str(error)) from error
         return builder.build(plan, problem.goal, [one.name for one in domain.abilities if not one.is_subtree])

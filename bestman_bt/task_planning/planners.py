@@ -1,11 +1,13 @@
-"""Planners by name. They may be anybody's: one that fails, or returns what is no plan, is told with its name."""
+"""Planners and tree builders by name. They may be anybody's: one that fails, or returns no plan, is told by name."""
 
 from __future__ import annotations
 
 import inspect
 
-from bestman_bt.registry import PLANNERS, UnknownNameError
+from bestman_bt.engine.own_files import in_words
+from bestman_bt.registry import BUILDERS, PLANNERS, UnknownNameError
 from bestman_bt.task_planning.base import TaskPlanner
+from bestman_bt.task_planning.builders import TreeBuilder
 from bestman_bt.task_planning.symbolic import Action, PlanningError, Problem, TaskPlan
 
 
@@ -16,7 +18,7 @@ def planner_class(name: str) -> type[TaskPlanner]:
     except UnknownNameError:
         raise
     except (Exception, SystemExit) as error:  # of a third party: whatever it is, the run goes on
-        raise PlanningError(f"the planner {name!r} cannot be imported: {_words(error)}") from error
+        raise PlanningError(f"the planner {name!r} cannot be imported: {in_words(error)}") from error
     if not inspect.isclass(found) or not issubclass(found, TaskPlanner):
         raise PlanningError(f"the planner {name!r} should be a subclass of TaskPlanner, got {found!r:.100}")
     return found
@@ -28,7 +30,20 @@ def made_planner(name: str) -> TaskPlanner:
     try:
         return made()
     except (Exception, SystemExit) as error:  # of a third party: whatever it is, the run goes on
-        raise PlanningError(f"the planner {name!r} cannot be made: {_words(error)}") from error
+        raise PlanningError(f"the planner {name!r} cannot be made: {in_words(error)}") from error
+
+
+def made_builder(name: str) -> TreeBuilder:
+    """A tree builder by name; UnknownNameError, or PlanningError where it cannot be made or is none."""
+    made: object = None
+    found = BUILDERS.resolve(name)
+    try:
+        made = found()
+    except Exception as error:  # of a third party
+        raise PlanningError(f"the tree builder {name!r} cannot be made: {in_words(error)}") from error
+    if not isinstance(made, TreeBuilder):
+        raise PlanningError(f"the tree builder {name!r} should be a subclass of TreeBuilder, got {found!r:.100}")
+    return made
 
 
 def actions_of(planner: TaskPlanner, problem: Problem) -> tuple[Action, ...]:
@@ -39,14 +54,10 @@ def actions_of(planner: TaskPlanner, problem: Problem) -> tuple[Action, ...]:
     except PlanningError:
         raise
     except (Exception, SystemExit) as error:  # of a third party: whatever it is, the run goes on
-        raise PlanningError(f"{who} failed: {_words(error)}") from error
+        raise PlanningError(f"{who} failed: {in_words(error)}") from error
     if not isinstance(found, TaskPlan):
         raise PlanningError(f"{who} should return a TaskPlan, got {type(found).__name__}")
     actions: object = found.actions
     if not isinstance(actions, tuple) or not all(isinstance(action, Action) for action in actions):
         raise PlanningError(f"{who} should return a TaskPlan of a tuple of Action, got {actions!r:.100}")
     return actions
-
-
-def _words(error: BaseException) -> str:
-    return f"{type(error).__name__}: {error}"

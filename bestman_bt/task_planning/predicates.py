@@ -9,12 +9,17 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
+from bestman_bt.engine.own_files import in_words, own_line
 from bestman_bt.task_planning.symbolic.facts import parse_fact
-from bestman_bt.task_planning.symbolic.problem import Fact
+from bestman_bt.task_planning.symbolic.problem import Fact, PlanningError
 from bestman_bt.world_model import MapFurniture, WorldModel, containers_before, is_open, is_shut
 
 NEAR = 1.2
 """Metres between the middle of the base and the footprint of furniture at which the base stands at it."""
+
+
+class PredicateError(PlanningError):
+    """A predicate of a user has raised: nobody knows whether it holds."""
 
 
 @dataclass(frozen=True)
@@ -29,8 +34,8 @@ class Beliefs:
 class Predicate:
     """``parameters``: name → type. ``words``: what it says, with its parameters in braces.
 
-    ``holds``: decides by beliefs, its arguments in the order of the parameters. ``means``: the condition that it is
-    short for, if it is.
+    ``holds``: decides by beliefs, its arguments in the order of the parameters; None: it holds once an ability has
+    brought it about. ``means``: the condition that it is short for, if it is.
 
     What goals may say of it, with its parameters in braces. ``excludes``: facts other than itself that cannot hold
     together with it; ``_`` is anything: ``on({object}, _)``. ``known_if``: the fact without which its negation is only
@@ -41,7 +46,7 @@ class Predicate:
     name: str
     parameters: Mapping[str, str]
     words: str
-    holds: Callable[..., bool]
+    holds: Callable[..., bool] | None = None
     means: str = ""
     excludes: tuple[str, ...] = ()
     known_if: str = ""
@@ -60,6 +65,17 @@ class Predicate:
             and all(asked in ("_", given) for asked, given in zip(pattern.arguments, other.arguments, strict=True))
             for pattern in (self.bound(text, fact.arguments) for text in self.excludes)
         )
+
+    def holds_in(self, beliefs: Beliefs, arguments: Sequence[str]) -> bool:
+        """What ``holds`` says; PredicateError, with file and line, where it raises."""
+        assert self.holds is not None
+        try:
+            return self.holds(beliefs, *arguments)
+        except Exception as error:  # may be anybody's
+            if not own_line(error):
+                raise
+            fact = Fact(self.name, tuple(arguments))
+            raise PredicateError(f"the predicate of {fact} raised {in_words(error)}") from error
 
     @property
     def types(self) -> tuple[str, ...]:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from itertools import product
 
 from bestman_bt.registry import PREDICATES
 from bestman_bt.task_planning.predicates import Beliefs, Predicate, surfaces
-from bestman_bt.task_planning.symbolic.problem import Fact
+from bestman_bt.task_planning.symbolic.facts import parse_conditions
+from bestman_bt.task_planning.symbolic.problem import Fact, Literal
 from bestman_bt.world_model import WorldModel
 
 SUPERTYPES: dict[str, tuple[str, ...]] = {"drawer": ("place", "container")}
@@ -15,7 +16,7 @@ SUPERTYPES: dict[str, tuple[str, ...]] = {"drawer": ("place", "container")}
 
 
 def known_predicates() -> dict[str, Predicate]:
-    """All predicates that have a function, by name: the shipped ones and those of entry points."""
+    """All predicates that are declared as such, by name: the shipped ones, those of plug-ins and of entry points."""
     return {name: _predicate(name) for name in PREDICATES.names()}
 
 
@@ -31,23 +32,58 @@ def things(world: WorldModel) -> dict[str, str]:
     return found
 
 
-def holds(beliefs: Beliefs, fact: Fact) -> bool:
-    """Whether a fact is believed; UnknownNameError for a predicate that has no function."""
-    return _predicate(fact.predicate).holds(beliefs, *fact.arguments)
+def holds(beliefs: Beliefs, fact: Fact, declared: Collection[str] = ()) -> bool:
+    """Whether a fact is believed. ``declared``: predicates that abilities bring about, without a function.
+
+    Raises UnknownNameError for any other predicate, PredicateError where a user's own raises.
+    """
+    if fact.predicate in declared and fact.predicate not in PREDICATES.names():
+        return fact in brought_about(beliefs)
+    predicate = _predicate(fact.predicate)
+    return fact in brought_about(beliefs) if predicate.holds is None else predicate.holds_in(beliefs, fact.arguments)
+
+
+def brought_about(beliefs: Beliefs) -> set[Fact]:
+    """The facts without a function that abilities have brought about, and none has undone since."""
+    functions = {name: predicate for name, predicate in known_predicates().items() if predicate.holds is not None}
+    kinds = things(beliefs.world)
+    believed: set[Fact] = set()
+
+    def is_given(fact: Fact | None) -> bool:
+        if fact is None:
+            return True
+        known = functions.get(fact.predicate)
+        return fact in believed if known is None else known.holds_in(beliefs, fact.arguments)
+
+    for effects in beliefs.world.brought_about:
+        literals: list[Literal] = []
+        for condition in parse_conditions(effects):
+            if isinstance(condition, Literal):
+                literals.append(condition)
+                continue
+            for name, kind in kinds.items():
+                if condition.type in (kind, *SUPERTYPES.get(kind, ())):
+                    bound = condition.bound({condition.variable: name})
+                    literals += [bound.then] if is_given(bound.given) else []
+        own = [literal for literal in literals if literal.fact.predicate not in functions]
+        believed -= {literal.fact for literal in own if literal.negated}
+        believed |= {literal.fact for literal in own if not literal.negated}
+    return believed
 
 
 def read_state(beliefs: Beliefs, objects: Mapping[str, str] | None = None) -> frozenset[Fact]:
     """All facts that are believed, of the given things or of all."""
     kinds: dict[str, list[str]] = {}
-    for name, kind in (things(beliefs.world) if objects is None else objects).items():
+    objects = things(beliefs.world) if objects is None else objects
+    for name, kind in objects.items():
         for each in (kind, *SUPERTYPES.get(kind, ())):
             kinds.setdefault(each, []).append(name)
-    state = set()
+    state = {fact for fact in brought_about(beliefs) if objects.keys() >= set(fact.arguments)}
     for predicate in known_predicates().values():
-        if predicate.means:  # only short for others
+        if predicate.means or predicate.holds is None:  # short for others; brought about
             continue
         for arguments in product(*(kinds.get(kind, ()) for kind in predicate.types)):
-            if predicate.holds(beliefs, *arguments):
+            if predicate.holds_in(beliefs, arguments):
                 state.add(Fact(predicate.name, arguments))
     return frozenset(state)
 

@@ -116,7 +116,8 @@ class SavedBeliefs:
 
     ``searched``: object → surface → when, in vain since it was lost. ``told``: object → surface where
     somebody said that it is. ``locked``: doors and drawers that did not open. ``blocked``: surfaces that could be
-    reached from nowhere, doors and drawers that could not be opened for now.
+    reached from nowhere, doors and drawers that could not be opened for now. ``brought_about``: effects of abilities of
+    your own that have succeeded.
     """
 
     base: SavedBase | None = None
@@ -128,6 +129,7 @@ class SavedBeliefs:
     told: Mapping[str, str] = field(default_factory=dict)
     locked: tuple[str, ...] = ()
     blocked: tuple[str, ...] = ()
+    brought_about: tuple[str, ...] = ()
 
 
 def saved(world: WorldModel, mapped: SemanticMap) -> dict[str, Any]:
@@ -153,6 +155,8 @@ def saved(world: WorldModel, mapped: SemanticMap) -> dict[str, Any]:
         "locked": sorted(world.locked),
         "blocked": sorted(world.blocked),
     }
+    if world.brought_about:
+        document["brought_about"] = list(world.brought_about)
     if world.hands:
         document["hands"] = {
             arm: {
@@ -187,6 +191,7 @@ def restored(beliefs: SavedBeliefs, document: Document, start: WorldModel) -> Wo
     base = beliefs.base
     world = WorldModel(known, dict(start.models), start.base, told=dict(beliefs.told))
     world.locked, world.blocked = set(beliefs.locked), set(beliefs.blocked)
+    world.brought_about = list(beliefs.brought_about)
     if base is not None:
         world.base = BasePose(Pose2D(base.x, base.y, base.theta), base.position_std, base.heading_std, base.stamp)
     world.articulations.update(beliefs.openings)

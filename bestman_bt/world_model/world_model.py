@@ -119,7 +119,8 @@ class WorldModel:
     map frame; None before any scan. ``searched``: (object, surface) → seconds, when it was looked for there in vain.
     ``told``: object → surface where somebody said that it is. ``locked``: doors and drawers that did not open.
     ``blocked``: surfaces that could be reached from nowhere, and doors and drawers that could not be opened for want
-    of something that may change; until a door or drawer moves.
+    of something that may change; until a door or drawer moves. ``brought_about``: the effects of abilities of your own
+    that have succeeded, as facts, the latest last.
     """
 
     map: SemanticMap
@@ -136,6 +137,7 @@ class WorldModel:
     told: dict[str, str] = field(default_factory=dict)
     locked: set[str] = field(default_factory=set)
     blocked: set[str] = field(default_factory=set)
+    brought_about: list[str] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         for piece in self.map.furniture.values():
@@ -146,6 +148,10 @@ class WorldModel:
     def as_at_the_start(self) -> WorldModel:
         """What is known before anything has been seen: the map, the models, what was told, and roughly where it is."""
         return WorldModel(map=self.map, models=dict(self.models), base=self.base, told=dict(self.told))
+
+    def bring_about(self, effects: str) -> None:
+        """An ability has succeeded; ``effects``: what it declares, with its parameters filled in."""
+        self.brought_about = [*(known for known in self.brought_about if known != effects), effects]
 
     def may_be_on(self, name: str, surface: str) -> bool:
         """Whether an object whose place is not known may be on a surface: not looked for there since it was lost.

@@ -25,7 +25,7 @@ from bestman_bt.engine import (
     load_tree,
 )
 from bestman_bt.messages import Box, ObjectModel, PlacedShape, Pose, Pose2D
-from bestman_bt.registry import PLANNERS
+from bestman_bt.registry import BUILDERS, PLANNERS, PREDICATES
 from bestman_bt.robot_model import RobotModel
 from bestman_bt.runtime.plugins import node_registry
 from bestman_bt.task_planning.base import TaskPlanner
@@ -33,9 +33,12 @@ from bestman_bt.task_planning.builders import ReactiveBuilder, SequenceBuilder
 from bestman_bt.task_planning.builders.replanning import with_replanning
 from bestman_bt.task_planning.conditions import TUCKED, beliefs_of
 from bestman_bt.task_planning.domain import Domain
-from bestman_bt.task_planning.predicates import Beliefs
+from bestman_bt.task_planning.predicates import Beliefs, Predicate, PredicateError
+from bestman_bt.task_planning.state import read_state
 from bestman_bt.task_planning.symbolic import Problem, SymbolicPlanner, TaskPlan
+from bestman_bt.task_planning.symbolic.facts import parse_fact
 from bestman_bt.world_model import MapFurniture, MapSurface, ObjectBelief, SemanticMap, WorldModel
+from bestman_bt.world_model.saved_beliefs import SavedBeliefs, restored
 from tests.robot_models import arm_model, base_model
 
 CUP = ObjectModel("cup", (1.0, 0.0, 0.0), 0.1, 0.5, (PlacedShape(Box((0.06, 0.06, 0.1)), Pose()),))
@@ -93,6 +96,25 @@ class LookFor(Skill):
         self.skills.world.objects[name] = believed(name, place)
 
 
+class Wipe(Skill):
+    """Wipe, or soil: changes a fact that has no function."""
+
+    INPUT_PORTS: ClassVar = {"place": PortInformation(str)}
+    DECLARATION = Declaration(effects=("clean({place})", "not soiled({place})"), parameters={"place": "place"})
+
+    def execute(self) -> Steps:
+        """Nothing to wait for."""
+        yield from ()
+
+
+class Soil(Wipe):
+    """The contrary."""
+
+    DECLARATION = Declaration(
+        effects=("forall p - place: not clean(p)", "soiled({place})"), parameters={"place": "place"}
+    )
+
+
 def believed(name: str, place: str) -> ObjectBelief:
     """An object that was seen on a surface."""
     return ObjectBelief(name, CUP, Pose(), 1.0, 0.01, 0.0, place)
@@ -106,10 +128,12 @@ def piece(name: str, x: float) -> MapFurniture:
 
 @pytest.fixture(scope="module")
 def library() -> NodeRegistry:
-    """All shipped nodes, ``Bring`` and ``LookFor``."""
+    """All shipped nodes, and those of this file."""
     registry = node_registry()
     registry.register(Bring)
     registry.register(LookFor)
+    registry.register(Wipe)
+    registry.register(Soil)
     return registry
 
 
@@ -433,3 +457,71 @@ def test_the_tree_of_a_plan_is_a_file_of_its_own_that_loads_again(skills: Any, l
     tree, again = made.load(library), load_tree(made.xml(library), library)
     assert [node.path for node in again.nodes] == [node.path for node in tree.nodes]
     assert [node.attributes for node in again.nodes] == [node.attributes for node in tree.nodes]
+
+
+def test_a_fact_without_a_function_holds_from_the_ability_that_brings_it_about_to_the_one_that_undoes_it(
+    skills: Any, library: NodeRegistry
+) -> None:
+    assert run(planned(skills, library, "clean(table)")) == SUCCESS
+    fact = parse_fact("clean(table/top)")
+    assert fact in read_state(Beliefs(skills.world))
+    saved_world = restored(SavedBeliefs(brought_about=tuple(skills.world.brought_about)), None, skills.world)
+    assert fact in read_state(Beliefs(saved_world))
+    assert run(planned(skills, library, "soiled(desk)")) == SUCCESS
+    assert read_state(Beliefs(skills.world)) >= {parse_fact("soiled(desk/top)")}
+    assert fact not in read_state(Beliefs(skills.world))
+
+
+def test_a_predicate_may_be_declared_without_a_function_and_an_unknown_one_is_told(
+    skills: Any, library: NodeRegistry, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(PREDICATES._entries, "clean", Predicate("clean", {"place": "place"}, "the {place} is clean"))
+    assert run(planned(skills, library, "clean(table)")) == SUCCESS
+    asked = load_tree(
+        '<root BTCPP_format="4"><BehaviorTree ID="Main"><Holds fact="claen(table/top)"/></BehaviorTree></root>',
+        library,
+        context=skills,
+        clock=skills.clock,
+    )
+    assert run(asked) == FAILURE
+    assert "did you mean 'clean'?" in skills.failures[-1].why
+
+
+OWN = """
+from bestman_bt.registry import tree_builder
+from bestman_bt.task_planning.builders import TreeBuilder
+from bestman_bt.task_planning.predicates import Predicate
+
+@tree_builder("raises")
+class Raises(TreeBuilder):
+    def root(self, plan, goal, writer):
+        return 1 / 0
+
+@tree_builder("nothing")
+class Nothing(TreeBuilder):
+    def root(self, plan, goal, writer):
+        return None
+
+BAD = Predicate("bad", {"object": "object"}, "the {object} is bad", lambda beliefs, name: 1 / 0)
+"""
+
+
+def test_mistakes_in_own_builders_and_predicates_are_one_line_with_their_file(
+    skills: Any, library: NodeRegistry, tmp_path: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for registry in (BUILDERS, PREDICATES):
+        monkeypatch.setattr(registry, "_entries", dict(registry._entries))
+    file = tmp_path / "own.py"
+    file.write_text(OWN)
+    node_registry([str(file)])
+    place = f"(at {file}:"
+    with pytest.raises(PredicateError, match="the predicate of bad.cup. raised ZeroDivisionError") as raised:
+        Domain.of(library).problem(Beliefs(skills.world), "clean(table)")
+    assert f"{place}16)" in str(raised.value)
+    PREDICATES._entries.pop("bad")
+    for builder, words in (
+        ("raises", f"Raises.root raised ZeroDivisionError: division by zero {place}9)"),
+        ("nothing", f"Nothing.root should return an XmlElement, got NoneType {place}13)"),
+    ):
+        assert run(planned(skills, library, "clean(desk)", builder)) == FAILURE
+        assert words in str([failure.why for failure in skills.failures])

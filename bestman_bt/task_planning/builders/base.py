@@ -6,8 +6,9 @@ from abc import ABC, abstractmethod
 from collections.abc import Collection, Iterable
 
 from bestman_bt.engine import XmlElement
+from bestman_bt.engine.own_files import defined_at, in_words
 from bestman_bt.task_planning.builders.plan_tree import PlanTree, Writer
-from bestman_bt.task_planning.symbolic import Literal, TaskPlan
+from bestman_bt.task_planning.symbolic import Literal, PlanningError, TaskPlan
 
 
 class TreeBuilder(ABC):
@@ -16,10 +17,18 @@ class TreeBuilder(ABC):
     def build(self, plan: TaskPlan, goal: Iterable[Literal], leaves: Collection[str] = ()) -> PlanTree:
         """``goal``: all that the plan is for. ``leaves``: abilities that are leaves, not subtrees.
 
-        Raises PlanningError where the actions do not fit together.
+        Raises PlanningError where the actions do not fit together, and where ``root`` fails or returns no element.
         """
-        goal, writer = tuple(goal), Writer(leaves)
-        element = self.root(plan, goal, writer) if plan.actions else writer.holds("goal", goal)
+        goal, writer, who = tuple(goal), Writer(leaves), f"{type(self).__name__}.root"
+        try:
+            element: object = self.root(plan, goal, writer) if plan.actions else writer.holds("goal", goal)
+        except PlanningError:
+            raise
+        except Exception as error:  # may be anybody's
+            raise PlanningError(f"{who} raised {in_words(error)}") from error
+        if not isinstance(element, XmlElement):
+            place = defined_at(self.root)
+            raise PlanningError(f"{who} should return an XmlElement, got {type(element).__name__} (at {place})")
         return PlanTree(plan, element)
 
     @abstractmethod
