@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+from collections import Counter
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Annotated, Any
@@ -151,7 +152,8 @@ def _refuse_other_suite(summary: Path, suite: Suite) -> None:
 def _tell(document: dict[str, Any]) -> None:
     print(
         f"{document['evaluation']}: {verdict(document)}; {document['episodes']} episodes, "
-        f"{document['false_successes']} false successes, audit {'clean' if document['audit_clean'] else 'NOT CLEAN'}"
+        f"{document['false_successes']} false successes, {document['unearned']} unearned successes, "
+        f"audit {'clean' if document['audit_clean'] else 'NOT CLEAN'}"
     )
     for entry in document["entries"]:
         low, high = entry["interval"]
@@ -159,6 +161,8 @@ def _tell(document: dict[str, Any]) -> None:
             f"{entry['name']}: {entry['succeeded']} of {entry['episodes']} succeeded "
             f"({entry['success_rate']:.0%}, 95 % interval {low:.0%} to {high:.0%})"
         )
+        for why, count in Counter(one["why"] for one in entry["unearned"]).items():
+            print(f"  of which {count} unearned: {why}")
         if len(document["entries"]) == 1:
             for name, spread in {**entry["accuracy"], **entry["durations"]}.items():
                 print(f"  {name:16} median / p95 {spread_words(spread)}")

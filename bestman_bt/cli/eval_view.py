@@ -52,8 +52,9 @@ class EvaluationView:
         if not result.success and not entry.control:
             why = f"{result.failure.named}: {result.failure.why}" if result.failure else str(result.outcome)
             self._print(f"{entry.name}, seed {result.seed}: {why}")
-        elif self._live is None or (result.success and entry.control):
-            self._print(f"{entry.name}, seed {result.seed}: {result.outcome}")
+        elif self._live is None or result.unearned or (result.success and entry.control):
+            unearned = f", but {result.unearned}" if result.unearned else ""
+            self._print(f"{entry.name}, seed {result.seed}: {result.outcome}{unearned}")
         if self._live is not None:
             self._live.update(self._picture(), refresh=True)
 

@@ -90,7 +90,9 @@ class RunView:
             Outcome.ERROR: "[bold red]error",
         }[result.outcome]
         table.add_row(f"{result.task}, seed {result.seed}", look)
-        for goal in goals if result.success and result.judged else ():
+        if result.unearned:
+            table.add_row("note", f"{result.unearned}: the success is not the robot's")
+        for goal in goals if result.success and result.judged and not result.unearned else ():
             table.add_row("fetched", f"the {goal.object} from the {goal.source} to the {goal.surface}")
         if result.failure is not None:
             named = result.failure.named
@@ -112,6 +114,8 @@ class RunView:
                 for name in ("teleports", "grasp_constraints", "ground_truth_reads", "collisions")
             )
             table.add_row("audit", f"{counts}, deepest contact {result.audit['max_penetration_mm']:.2f} mm")
+            for told in result.audit["disturbances"]:
+                table.add_row("disturbance", told)
         table.add_row("files", str(folder))
         for path in sorted(folder.iterdir()):
             table.add_row("", path.name)

@@ -8,7 +8,8 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
-from pydantic import Field
+from pydantic import AfterValidator, Field
+from pydantic_core import PydanticCustomError
 
 from bestman_bt.configuration.checked import check, salvage
 from bestman_bt.configuration.data import beside, data_names, find_data
@@ -30,6 +31,15 @@ from bestman_bt.registry import suggestion
 
 T = TypeVar("T")
 _TEN_DEGREES = math.radians(10.0)
+
+
+def _no_more_than_half_a_turn(angle: float) -> float:
+    if angle > math.pi + 1e-9:
+        raise PydanticCustomError("tolerance", "should be at most 180 deg")
+    return angle
+
+
+AngleTolerance = Annotated[PositiveAngle, AfterValidator(_no_more_than_half_a_turn)]
 Count = Annotated[int, Field(ge=0, le=1000)]
 TickRate = Annotated[Frequency, Field(le=1000)]  # physics takes steps of about a millisecond
 
@@ -126,8 +136,8 @@ class TolerancesConfig:
     """How near a success has to come: metres, radians (``yaw`` None: any), seconds of rest before it is judged."""
 
     position: PositiveLength = 0.02
-    tilt: PositiveAngle = _TEN_DEGREES
-    yaw: PositiveAngle | None = None
+    tilt: AngleTolerance = _TEN_DEGREES
+    yaw: AngleTolerance | None = None
     rest_time: Time = 1.0
 
 

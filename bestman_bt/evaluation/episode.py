@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection, Iterable
 from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
@@ -19,7 +19,7 @@ from bestman_bt.evaluation.driven_path import DrivenPath
 from bestman_bt.evaluation.durations import Durations
 from bestman_bt.evaluation.motion import MotionLog
 from bestman_bt.evaluation.pictures import Pictures
-from bestman_bt.evaluation.predicates import Verdict, find_judge
+from bestman_bt.evaluation.predicates import Verdict, find_judge, subjects
 from bestman_bt.evaluation.recording import Recording
 from bestman_bt.evaluation.result import NO_GOAL, Outcome, RunResult
 from bestman_bt.evaluation.versions import versions
@@ -222,6 +222,9 @@ def run_episode(
             telemetry = stack.enter_context(session.telemetry(executor, folder))
             stack.enter_context(session.control_channel(executor, telemetry).serving(folder))
             to_the_end.enter_context(executor.interrupts())
+            at_start: Verdict | None = None
+            if judge is not None and observers.truth is not None:
+                at_start = judge(session, observers.truth, None, 0.0)
             execution = executor.run()
             verdict: Verdict | None = None
             if execution.ending is Ending.CANCELLED:
@@ -232,9 +235,15 @@ def run_episode(
                 verdict = judge(session, observers.truth, session.robot.clock, driven)
             if observers.pictures is not None:
                 observers.pictures.take("end", _object(setup))
-            audited = _audit(setup, observers)
+            record = observers.audit_record()
+            audited = _audit(setup, observers, record) if record is not None else None
             result = _judge(session, execution, verdict, audited, time.perf_counter() - wall_start, failed.node)
-            result = replace(result, durations=durations.seconds)
+            result = replace(
+                result,
+                durations=durations.seconds,
+                held_at_start=at_start.holds if at_start is not None else None,
+                moved_by_others=_moved_by_others(setup, observers.script, record) if record is not None else [],
+            )
             if recorded is not None and recorded.why:
                 result = replace(
                     result,
@@ -323,10 +332,14 @@ def _picture_of_the_grasp(session: Session, pictures: Pictures) -> Callable[[], 
     return after_tick
 
 
-def _audit(setup: Setup, observers: _Observers) -> Audit | None:
-    record = observers.audit_record()
-    if record is None:
-        return None
+def _moved_by_others(setup: Setup, script: Collection[DisturbanceEvent], record: AuditRecord) -> list[str]:
+    """What the goal is about, a disturbance moved, and the robot, or what it held, never pressed on."""
+    moved = {event.name for event in script}
+    touched = {name for contact in record.contacts for name in (contact.first, contact.second, contact.leaf)}
+    return [name for name in subjects(setup) if name in moved - touched]
+
+
+def _audit(setup: Setup, observers: _Observers, record: AuditRecord) -> Audit:
     declared = observers.contacts.declared if observers.contacts is not None else ()
     models = {thing.name: thing.model.name for thing in setup.world.objects}
     return audit(record, setup.config.task.allowed_contacts, observers.script, declared, models, observers.began)

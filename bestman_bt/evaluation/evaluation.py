@@ -83,6 +83,7 @@ class Evaluation:
             "interrupted": self._interrupted,
             "episodes": sum(entry["episodes"] for entry in entries),
             "false_successes": sum(entry["false_successes"] for entry in entries),
+            "unearned": sum(len(entry["unearned"]) for entry in entries),
             "audit_clean": all(entry["audit_clean"] for entry in entries),
             "code": self._code,
             "commit": self._commit,

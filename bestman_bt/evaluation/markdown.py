@@ -23,8 +23,8 @@ def _lines(document: dict[str, Any]) -> Iterator[str]:
     clean = "clean" if document["audit_clean"] else "NOT CLEAN"
     yield (
         f"**{verdict(document).capitalize()}.** {document['episodes']} episodes, "
-        f"{document['false_successes']} false successes, audit {clean}. Code {document['code']}"
-        + (f", commit {document['commit']}." if document["commit"] else ".")
+        f"{document['false_successes']} false successes, {document['unearned']} unearned successes, "
+        f"audit {clean}. Code {document['code']}" + (f", commit {document['commit']}." if document["commit"] else ".")
     )
     for note in document["notes"]:
         yield f"\n**Note:** {note}."
@@ -42,6 +42,7 @@ def _lines(document: dict[str, Any]) -> Iterator[str]:
         yield ""
         for name, given in settings.items():
             yield f"- {name}: " + ", ".join(f"`{key}={value}`" for key, value in given.items())
+    yield from _unearned(document["entries"])
     yield from _details(document["entries"])
 
 
@@ -94,6 +95,12 @@ def target_words(entry: dict[str, Any]) -> str:
     if not missed:
         return "met" if own_targets(entry) else "none asked"
     return "missed: " + "; ".join(f"{t['what']} {t['found']}, asked {t['asked']}" for t in missed)
+
+
+def _unearned(entries: list[dict[str, Any]]) -> Iterator[str]:
+    told = [f"- {entry['name']}, seed {one['seed']}: {one['why']}" for entry in entries for one in entry["unearned"]]
+    if told:
+        yield from ("", "## Successes that are not the robot's", "", *told)
 
 
 def _details(entries: list[dict[str, Any]]) -> Iterator[str]:

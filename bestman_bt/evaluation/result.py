@@ -31,7 +31,9 @@ class RunResult:
     """One run, judged.
 
     ``success``: the tree succeeded, the audit is clean and, where the run was judged, the predicate holds.
-    ``predicate``: None where it was not; ``not_judged``: why not, in words.
+    ``predicate``: None where it was not; ``not_judged``: why not, in words. ``held_at_start``: whether it held before
+    the first tick, None where nobody judged. ``moved_by_others``: objects, doors and drawers of the goal that a
+    disturbance moved and the robot never touched.
     ``audit``: see ``evaluation.audit``. ``metrics``: name → value, for example ``place_error_mm``.
     ``durations``: simulated seconds by kind of work (``evaluation.durations``); of kinds that overlap, in both.
     """
@@ -50,11 +52,23 @@ class RunResult:
     versions: dict[str, str] = field(default_factory=dict)
     durations: dict[str, float] = field(default_factory=dict)
     not_judged: str = ""
+    held_at_start: bool | None = None
+    moved_by_others: list[str] = field(default_factory=list)
 
     @property
     def judged(self) -> bool:
         """Whether somebody has compared what is true with a goal."""
         return self.predicate is not None
+
+    @property
+    def unearned(self) -> str:
+        """Why the success is not the robot's doing, in words; empty where it is, or where there is none."""
+        if not self.success:
+            return ""
+        if self.held_at_start:
+            return "the goal held before the run began"
+        moved = ", ".join(f"the {name}" for name in self.moved_by_others)
+        return f"a disturbance moved {moved}; the robot never touched it" if moved else ""
 
     @property
     def real_time_factor(self) -> float:

@@ -18,7 +18,8 @@ def summarize(task: str, first_seed: int, results: Sequence[RunResult], wall_tim
     """The document that ``eval --json`` prints; ``results`` in the order of their seeds.
 
     ``errors``: runs in which something raised. ``false_successes``: runs whose tree reported success while the
-    predicate does not hold.
+    predicate does not hold. ``unearned``: successes that are not the robot's doing, and why; they count in
+    ``succeeded``.
     ``audit_clean``: no cheat in any run; a run that could not be audited is not clean. ``interval``: Wilson, 95 %.
     ``metrics``: median, its 95 % interval and 95th percentile over the runs that have the metric; ``accuracy`` and
     ``durations``: over those of them whose tree reported success. ``causes``: error code → how many failed so, the
@@ -42,6 +43,7 @@ def summarize(task: str, first_seed: int, results: Sequence[RunResult], wall_tim
         "unclean_seeds": unclean,
         "errors": sum(result.outcome is Outcome.ERROR for result in results),
         "false_successes": sum(r.tree_status == "SUCCESS" and r.predicate is False for r in results),
+        "unearned": [{"seed": result.seed, "why": result.unearned} for result in results if result.unearned],
         "failures": failures,
         "causes": dict(Counter(failure["error_code"] for failure in failures).most_common()),
         "slowest": {"seed": slowest.seed, "sim_time_s": slowest.sim_time_s} if slowest else None,

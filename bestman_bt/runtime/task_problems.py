@@ -7,6 +7,8 @@ from collections.abc import Collection, Iterable, Iterator
 from difflib import get_close_matches
 from xml.etree import ElementTree
 
+import numpy as np
+
 from bestman_bt.configuration import DisturbanceConfig, Problem, RunConfig
 from bestman_bt.configuration.document import FieldPath
 from bestman_bt.configuration.quantity import parse_quantity
@@ -48,9 +50,24 @@ def task_problems(
     if task.lift is not None:
         yield from _unknown_object(config, ("lift", "object"), task.lift.object, known)
         yield from _unknown(config, ("lift", "source"), task.lift.source, _surfaces(known), "the map has no surface")
+    yield from _tolerance_problems(config, world)
     for index, disturbance in enumerate(task.disturbances):
         yield from _disturbance_problems(config, ("disturbances", index), disturbance, known, absent)
     yield from _contact_problems(config, world, [*known.models, *known.map.furniture, *absent], robot)
+
+
+def _tolerance_problems(config: RunConfig, world: World) -> Iterator[Problem]:
+    """A tolerance of position that no place in the scene is outside of."""
+    places = [wall.start for wall in world.walls] + [wall.end for wall in world.walls]
+    places += [(world.robot_start.x, world.robot_start.y)]
+    for piece in world.furniture:
+        reach = math.hypot(*piece.model.footprint) / 2
+        places += [(piece.actual.x + sign * reach, piece.actual.y + sign * reach) for sign in (-1.0, 1.0)]
+    extent = float(np.linalg.norm(np.ptp(np.array(places), axis=0)))
+    asked = config.task.tolerances.position
+    if extent > 0.0 and asked > extent:
+        message = f"should be less than the scene's extent, {extent:.1f} m, got {asked:g} m: it would allow any place"
+        yield config.problem(("tolerances", "position"), message)
 
 
 def _opening_problems(config: RunConfig, asked: OpeningConfig, world: World) -> Iterator[Problem]:

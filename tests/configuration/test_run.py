@@ -171,6 +171,8 @@ def test_a_slot_that_there_is_not_or_without_an_algorithm_is_refused(
         ("max_penetration: -2 mm", "max_penetration: should be greater than 0, got '-2 mm'"),
         ("tolerances: {position: -2 cm}", "tolerances.position: should be greater than 0, got '-2 cm'"),
         ("tolerances: {tilt: -10 deg}", "tolerances.tilt: should be greater than 0, got '-10 deg'"),
+        ("tolerances: {tilt: 200 deg}", "tolerances.tilt: should be at most 180 deg, got '200 deg'"),
+        ("tolerances: {yaw: 4}", "tolerances.yaw: should be at most 180 deg, got 4"),
         ("tolerances: {yaw: 0}", "tolerances.yaw: should be greater than 0, got 0"),
         ("tolerances: {rest_time: -1 s}", "tolerances.rest_time: should be greater than or equal to 0, got '-1 s'"),
         ("time_limit: 0 s", "time_limit: should be greater than 0, got '0 s'"),

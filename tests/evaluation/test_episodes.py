@@ -52,7 +52,8 @@ class Stop(StatefulAction):
 DOCUMENT = [
     "name", "control", "config", "settings", "asked_episodes", "met", "targets",
     "task", "episodes", "first_seed", "succeeded", "success_rate", "interval", "audit_clean", "unclean_seeds",
-    "errors", "false_successes", "failures", "causes", "slowest", "sim_time_s", "wall_time_s", "real_time_factor",
+    "errors", "false_successes", "unearned", "failures", "causes", "slowest", "sim_time_s", "wall_time_s",
+    "real_time_factor",
     "metrics", "accuracy", "durations",
 ]  # fmt: skip
 WALL_TIMES = ("wall_time_s", "real_time_factor")

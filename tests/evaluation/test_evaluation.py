@@ -83,7 +83,7 @@ def test_an_interrupted_evaluation_goes_on_where_it_stopped(suite_file: Path, tm
     rows = groups_by_name([read_story(folder) for folder in run_folders(tmp_path / "out")])
     assert [name.split(" · ")[0] for name in rows] == ["fail", "control"]
     text = markdown(document)
-    assert "**Not all targets met.** 4 episodes, 0 false successes, audit clean." in text
+    assert "**Not all targets met.** 4 episodes, 0 false successes, 0 unearned successes, audit clean." in text
     assert "missed: successes 0 of 3, asked ≥ 2 of 3" in text
 
 

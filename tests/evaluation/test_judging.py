@@ -9,13 +9,13 @@ from typing import Any
 
 import pytest
 
-from bestman_bt.configuration import load_run
+from bestman_bt.configuration import ConfigurationError, find_data, load_run
 from bestman_bt.engine import Tree
 from bestman_bt.evaluation import episode
 from bestman_bt.evaluation.episode import run_episode
 from bestman_bt.evaluation.result import Outcome, RunResult
 from bestman_bt.runtime import Ending, Execution, Session
-from hal.pybullet import PyBulletRobot
+from hal.pybullet import ContactIncident, DisturbanceEvent, PyBulletRobot
 
 COUNTER_AS_MAPPED = ("scene.furniture.counter.offset=0", "scene.furniture.counter.turn=0")
 GOAL_IN_THE_MIDDLE = (
@@ -66,6 +66,7 @@ def test_a_cup_at_its_goal_and_a_tree_that_succeeds_are_a_success(tmp_path: Path
     assert (result.success, result.outcome, result.predicate, result.failure) == (True, Outcome.SUCCESS, True, None)
     assert result.metrics["place_error_mm"] == pytest.approx(0.0, abs=0.5)
     assert result.metrics["tilt_deg"] == pytest.approx(0.0, abs=0.1)
+    assert (result.held_at_start, result.unearned) == (True, "the goal held before the run began")
 
 
 def test_a_tree_that_fails_is_no_success_even_where_the_cup_is_at_its_goal(tmp_path: Path) -> None:
@@ -114,9 +115,28 @@ def test_a_cup_that_was_left_where_it_was_is_judged_in_words(tmp_path: Path) -> 
     result = judged("<AlwaysSuccess/>", tmp_path)
     assert result.tree_status == "SUCCESS"
     assert not result.success
+    assert result.held_at_start is False
     assert result.failure is not None
     assert (result.failure.node, result.failure.error_code) == ("judge", "predicate")
     assert "mm from the goal, not standing on the counter" in result.failure.why
+
+
+@pytest.mark.parametrize(("pressed", "moved"), [("can", ["cup"]), ("cup", [])])
+def test_a_cup_that_somebody_else_moved_and_the_robot_never_touched_is_told(pressed: str, moved: list[str]) -> None:
+    setup = episode.prepare_episode(load_run("fetch_cup", seed=1))
+    events = [DisturbanceEvent(1.0, 1.0, "put", name, "") for name in ("cup", "can")]
+    contacts = (ContactIncident("panda_leftfinger", pressed, ("fingers", "object"), 2.0, 3.0, 9.0),)
+    record: Any = SimpleNamespace(contacts=contacts)
+    assert episode._moved_by_others(setup, events, record) == moved
+
+
+def test_a_tolerance_larger_than_the_scene_is_refused_with_its_line(tmp_path: Path) -> None:
+    task = tmp_path / "mine.yaml"
+    shipped = find_data("task", "fetch_cup").read_text(encoding="utf-8")
+    task.write_text(shipped.replace("position: 2 cm", "position: 10 m"))
+    line = 1 + task.read_text().splitlines().index("tolerances: {position: 10 m, tilt: 10 deg, rest_time: 1 s}")
+    with pytest.raises(ConfigurationError, match=rf"mine.yaml:{line}: tolerances.position: .*, 9.0 m, got 10 m"):
+        episode.prepare_episode(load_run(task, seed=1))
 
 
 def test_a_scene_without_the_cup_cannot_be_a_success(tmp_path: Path) -> None:

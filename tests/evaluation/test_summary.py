@@ -59,6 +59,15 @@ def test_a_tree_that_claims_success_against_the_judge_is_a_false_success():
     assert [failure["seed"] for failure in document["failures"]] == [8]
 
 
+def test_successes_that_are_not_the_robots_are_counted_and_told():
+    held = replace(result(7), held_at_start=True)
+    moved = replace(result(8), held_at_start=False, moved_by_others=["cup"])
+    failed = replace(result(9, predicate=False), held_at_start=True, moved_by_others=["cup"])
+    document = summarize("fetch_cup", 7, [held, moved, failed], 9.0)
+    assert (document["succeeded"], [one["seed"] for one in document["unearned"]]) == (2, [7, 8])
+    assert document["unearned"][1]["why"] == "a disturbance moved the cup; the robot never touched it"
+
+
 def test_every_count_of_a_batch_is_of_its_own_kind():
     """Two successes, a failure, a false success, an error and one that nobody judged."""
     error = replace(result(12, tree="IDLE", predicate=None), outcome=Outcome.ERROR, failure=None, sim_time_s=0.0)

@@ -26,9 +26,9 @@ def at_goal(evidence: Evidence) -> Verdict:
         faults.append(f"{1e3 * distance:.0f} mm from the goal")
     if tolerances.yaw is not None and turn > tolerances.yaw:
         faults.append(f"turned away by {math.degrees(turn):.1f}°")
-    costmap = true_costmap(setup.world, setup.robot_model)
-    shortest = shortest_length(setup.world.robot_start.xy, goal.xy, costmap, costmap.footprint.inscribed_radius)
     metrics = {"final_error_mm": 1e3 * distance, "final_yaw_deg": math.degrees(turn)}
     if not faults:
+        costmap = true_costmap(setup.world, setup.robot_model)
+        shortest = shortest_length(setup.world.robot_start.xy, goal.xy, costmap, costmap.footprint.inscribed_radius)
         metrics["path_ratio"] = evidence.driven / shortest
     return Verdict(not faults, "the base is " + ", ".join(faults) if faults else "", metrics)

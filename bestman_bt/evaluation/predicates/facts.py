@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 
 from bestman_bt.configuration import Problem, RunConfig
 from bestman_bt.evaluation.predicates.standing import is_over, rest_faults, tilt_fault
@@ -47,11 +47,6 @@ def fact_problems(config: RunConfig) -> Iterator[Problem]:
     for literal in literals:
         message = f"{literal} cannot be judged; {suggestion(literal.fact.predicate, list(_JUDGED))}"
         yield config.problem(("plan", "goal"), message)
-
-
-def objects_of(goal: Iterable[Literal]) -> list[str]:
-    """The objects whose place is judged."""
-    return [literal.fact.arguments[0] for literal in goal if literal.fact.predicate in ("on", "holding")]
 
 
 def _judged(evidence: Evidence, literal: Literal) -> Verdict:

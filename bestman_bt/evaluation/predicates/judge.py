@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 
 from bestman_bt.configuration import ConfigurationError, Problem, RunConfig
 from bestman_bt.evaluation.predicates.at_goal import at_goal
-from bestman_bt.evaluation.predicates.facts import fact_problems, facts, objects_of
+from bestman_bt.evaluation.predicates.facts import fact_problems, facts
 from bestman_bt.evaluation.predicates.inside import inside
 from bestman_bt.evaluation.predicates.lifted import lifted
 from bestman_bt.evaluation.predicates.opened import opened
@@ -15,7 +15,7 @@ from bestman_bt.evaluation.predicates.tidied import tidied
 from bestman_bt.evaluation.predicates.tool_at import tool_at
 from bestman_bt.evaluation.predicates.verdict import Evidence, Predicate, Verdict, joined
 from bestman_bt.registry import suggestion
-from bestman_bt.runtime import Session
+from bestman_bt.runtime import Session, Setup
 from hal.api import Clock
 from hal.pybullet import GroundTruth
 
@@ -51,8 +51,8 @@ METRICS: dict[str, tuple[str, ...]] = {
 }
 """What each predicate may measure; of several goals also one by one, the object's name behind."""
 
-Judge = Callable[[Session, GroundTruth, Clock, float], Verdict]
-"""Of a session, the truth, the clock, and the metres that the base has driven."""
+Judge = Callable[[Session, GroundTruth, Clock | None, float], Verdict]
+"""Of a session, the truth, the clock by which the world rests first (None: judged as it is), and the metres driven."""
 
 
 def find_judge(config: RunConfig) -> Judge | None:
@@ -67,19 +67,26 @@ def find_judge(config: RunConfig) -> Judge | None:
     if not predicates:
         return None
 
-    def judge(session: Session, truth: GroundTruth, clock: Clock, driven: float) -> Verdict:
-        """Let the world rest, then ask all predicates."""
-        tidy, lift = session.setup.config.task.tidy, session.setup.config.task.lift
-        named = [*(goal.object for goal in session.setup.goals), *(tidy.objects if tidy is not None else ())]
-        named += [lift.object] if lift is not None else []
-        named += objects_of(session.setup.plan_goal)
-        before = {name: truth.object_pose(name) for name in named if name in truth.object_names}
-        clock.sleep(session.setup.config.task.tolerances.rest_time)
+    def judge(session: Session, truth: GroundTruth, clock: Clock | None, driven: float) -> Verdict:
+        there = truth.object_names
+        before = {name: truth.object_pose(name) for name in subjects(session.setup) if name in there}
+        if clock is not None:
+            clock.sleep(session.setup.config.task.tolerances.rest_time)
         positions = {name: tuple(float(x) for x in pose.position) for name, pose in before.items()}
         evidence = Evidence(session, truth, {name: (x, y, z) for name, (x, y, z) in positions.items()}, driven)
         return joined(predicate(evidence) for predicate in predicates)
 
     return judge
+
+
+def subjects(setup: Setup) -> list[str]:
+    """The objects, doors and drawers whose state the task's goal is about."""
+    tidy, lift, opening = setup.config.task.tidy, setup.config.task.lift, setup.config.task.opening
+    named = [*(goal.object for goal in setup.goals), *(tidy.objects if tidy is not None else ())]
+    named += [lift.object] if lift is not None else []
+    named += [opening.articulation] if opening is not None else []
+    named += [name for literal in setup.plan_goal for name in literal.fact.arguments[:1]]
+    return list(dict.fromkeys(named))
 
 
 def metric_names(config: RunConfig) -> list[str]:
