@@ -43,6 +43,9 @@ VERBS = {
     "version": "print the versions of this package and of what it stands on",
 }
 
+NUMBERS = {"int": "whole number", "int range": "whole number", "float": "number", "float range": "number"}
+"""What typer calls the types of options → what people do."""
+
 STARTING = ("demo", "run", "plan", "eval", "look", "twin", "monitor", "render", "replay", "robot", "calibrate")
 """Verbs that start something: where their input is wrong, they say that nothing was started."""
 
@@ -62,15 +65,24 @@ class Verbs(TyperGroup):
             ctx.fail(f"unknown command {cmd_name!r}; {suggestion(cmd_name, list(VERBS))}")
         module = import_module(f"bestman_bt.cli.{cmd_name}_command")
         if hasattr(module, "verbs"):
-            return typer.main.get_command(module.verbs)
+            return _in_plain_words(typer.main.get_command(module.verbs))
         verb = typer.Typer(add_completion=False, rich_markup_mode=None)
         verb.command(name=cmd_name, help=VERBS[cmd_name].capitalize() + ".", epilog=module.__doc__)(module.command)
-        return typer.main.get_command(verb)
+        return _in_plain_words(typer.main.get_command(verb))
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
         """List the verbs without importing them."""
         with formatter.section("Commands"):
             formatter.write_dl(list(VERBS.items()))
+
+
+def _in_plain_words(command: Any) -> Any:
+    """The command, whose numbers are not called ``int range`` in help and faults."""
+    for inner in getattr(command, "commands", {}).values():
+        _in_plain_words(inner)
+    for parameter in command.params:
+        parameter.type.name = NUMBERS.get(parameter.type.name, parameter.type.name)
+    return command
 
 
 app = typer.Typer(

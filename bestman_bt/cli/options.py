@@ -35,7 +35,7 @@ def _writable_png(path: Path | None) -> Path | None:
     return writable_file(path)
 
 
-Seed = Annotated[int, typer.Option(min=0, help="Decides the scene, the noise and every sample; a whole number.")]
+Seed = Annotated[int, typer.Option(min=0, help="Decides the scene, the noise and every sample.")]
 Settings = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="KEY=VALUE", help="Override a setting: scene.…, robot.… or a field of the task."),

@@ -239,6 +239,10 @@ def _configuration(
     record: bool,
     faults: list[Problem],
 ) -> RunConfig:
+    if tree is None and task is None and driver == "replay":
+        raise ConfigurationError(
+            [Problem("--driver replay", None, "", "give --recording RUN, a run made with --record")]
+        )
     if tree is None and task is None:
         raise ConfigurationError([Problem("bestman-bt run", None, "", "give a tree, or --task, or both")])
     if tree is not None and task is None:

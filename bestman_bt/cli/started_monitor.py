@@ -68,8 +68,9 @@ def _start(port: int) -> str:
     told, _, address = line.partition(" ")
     if told != "monitor:":
         process.terminate()
-        why = line.removeprefix("bestman-bt: ") or f"it does not answer within {START_WAIT:g} s"
-        raise _wrong(f"the monitor does not start: {why}")
+        why = line.rpartition(f"--port {port}: ")[2].removeprefix("bestman-bt: nothing was started: ")
+        why = why or f"it does not answer within {START_WAIT:g} s"
+        raise _wrong(f"the monitor does not start on port {port}: {why}; --monitor-port chooses another")
     return address
 
 

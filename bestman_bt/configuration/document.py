@@ -86,7 +86,11 @@ def read_document(path: Path, faults: list[Problem] | None = None) -> Document:
     """Read a YAML file that holds a mapping; raises and ``faults`` as of ``parse_document``."""
     try:
         text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
+    except UnicodeDecodeError as error:
+        line = error.object.count(b"\n", 0, error.start) + 1
+        message = f"is not UTF-8 text (byte {error.object[error.start]:#04x}): save the file as UTF-8"
+        raise ConfigurationError([Problem(_display(path), line, "", message)]) from error
+    except OSError as error:
         raise ConfigurationError([Problem(str(path), None, "", f"cannot be read: {error}")]) from error
     return parse_document(text, _display(path), faults)
 

@@ -25,6 +25,9 @@ def read_cloud(path: Path) -> PointCloud:
     if not path.is_file():
         raise PerceptionError(f"{path}: no such file")
     library = open3d()
+    with path.open("rb") as file:
+        if path.suffix.lower() == ".ply" and file.read(3) != b"ply":  # of which Open3D would print words of its own
+            raise PerceptionError(f"{path}: is no PLY file, which begins with the line 'ply'")
     with library.utility.VerbosityContextManager(library.utility.VerbosityLevel.Error):
         cloud = library.io.read_point_cloud(str(path), remove_nan_points=True, remove_infinite_points=True)
     if cloud.is_empty():

@@ -298,4 +298,5 @@ def combine(base: str, arm: str, hand: str, column: str = "column") -> RobotMode
         "arm": {"part": arm, "mount": "column"},
         "gripper": {"part": hand, "mount": "arm"},
     }
-    return compose_robot("+".join((base, arm, hand)), Document({"parts": parts}))
+    name = "+".join((base, arm, hand))
+    return compose_robot(name, Document({"parts": parts}, {(): (name, None)}))

@@ -341,6 +341,9 @@ def _driver_problems(config: RunConfig) -> Iterable[Problem]:
 
 def _connection_problems(config: RunConfig, model: RobotModel) -> Iterable[Problem]:
     """Every controller has to have its vendor's package and an address before any of them is connected."""
+    if model.parts and not any(connection.parts for connection in model.connections.values()):
+        message = f"is missing, so no part of {model.name} is there for the driver hardware: see docs/hardware.md"
+        yield Problem(str(config.task.robot), None, "connections", message)
     for name, connection in model.connections.items():
         driver: Any = CONNECTIONS.resolve(connection.driver)
         if driver.needs_address and not connection.address:

@@ -50,11 +50,11 @@ def known_names(world: WorldModel, robot: RobotModel, absent: Iterable[str] = ()
 def lacking_parts(tree: Tree, robot: RobotModel, there: Collection[str]) -> list[Problem]:
     """Nodes that require parts (``REQUIRES``) which the robot lacks, each where the tree has it.
 
-    ``there``: names of the parts that are there; a real robot's others are behind no connection.
+    ``there``: names of the parts that are there; a real robot's others are behind no connection. Without any, the
+    robot's file is at fault, not the tree.
     """
     if robot.parts and not there:
-        message = f"robot {robot.name} has no `connections`, so no part of it is there: see docs/hardware.md"
-        return [problem_at(tree.root, "", message, "")]
+        return []
     has = parts_by_kind(robot, there)
     problems = []
     for node in tree.nodes:

@@ -128,7 +128,8 @@ def test_a_port_that_another_program_has_is_told(free_port: int) -> None:
     with socket.socket() as other:
         other.bind(("127.0.0.1", free_port))
         other.listen()
-        with pytest.raises(ConfigurationError, match="--monitor: the monitor does not start: .*cannot listen there"):
+        told = f"^--monitor: the monitor does not start on port {free_port}: cannot listen there: .*--monitor-port"
+        with pytest.raises(ConfigurationError, match=told):
             show_in_monitor(free_port)
 
 

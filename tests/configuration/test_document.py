@@ -127,8 +127,8 @@ def test_exponents_are_numbers_without_a_point_too() -> None:
 
 def test_a_file_that_is_not_text_is_refused_by_name(tmp_path: Path) -> None:
     path = tmp_path / "x.yaml"
-    path.write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(ConfigurationError, match=r"x\.yaml: cannot be read"):
+    path.write_bytes(b"a: 1\nb: \xff\n")
+    with pytest.raises(ConfigurationError, match=r"x\.yaml:2: is not UTF-8 text \(byte 0xff\): save the file as UTF-8"):
         read_document(path)
 
 
