@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from types import TracebackType
 
@@ -12,6 +12,7 @@ from rich.live import Live
 from rich.table import Table
 
 from bestman_bt.engine import StateChanges, Tree
+from bestman_bt.evaluation.audit import CHEATS, counter_words
 from bestman_bt.evaluation.result import Outcome, RunResult
 from bestman_bt.runtime import Session, Setup
 from bestman_bt.visualization import describe_changes, describe_tree
@@ -23,6 +24,8 @@ CONSOLE = Console(stderr=True)
 """How something comes along."""
 RESULTS = Console()
 """What came of it; with ``--json``, which has standard output for itself, on standard error, too."""
+
+_UNITS = {"mm": " mm", "deg": "°"}
 
 
 class RunView:
@@ -100,19 +103,15 @@ class RunView:
             table.add_row("why", f"{where}{result.failure.why} ({result.failure.error_code})")
         if result.not_judged:
             table.add_row("judge", result.not_judged)
-        if "place_error_mm" in result.metrics and result.success:
-            turn = f", tilt {result.metrics['tilt_deg']:.1f}°" if "tilt_deg" in result.metrics else ""
-            table.add_row("place error", f"{result.metrics['place_error_mm']:.1f} mm{turn}")
+        if result.metrics:
+            table.add_row("measured", _metric_words(result.metrics))
         time_taken = f"{result.sim_time_s:.1f} s of real time"
         if self._simulated:
             speed = f"{result.real_time_factor:.1f} × real time"
             time_taken = f"{result.sim_time_s:.1f} s simulated in {result.wall_time_s:.1f} s, {speed}"
         table.add_row("time", time_taken)
         if result.audit:
-            counts = ", ".join(
-                f"{name.replace('_', ' ')} {result.audit[name]}"
-                for name in ("teleports", "grasp_constraints", "ground_truth_reads", "collisions")
-            )
+            counts = ", ".join(f"{counter_words(name)} {result.audit[name]}" for name in (*CHEATS, "collisions"))
             table.add_row("audit", f"{counts}, deepest contact {result.audit['max_penetration_mm']:.2f} mm")
             for told in result.audit["disturbances"]:
                 table.add_row("disturbance", told)
@@ -121,3 +120,16 @@ class RunView:
             table.add_row("", path.name)
         RESULTS.print()
         RESULTS.print(table, highlight=False)
+
+
+def _metric_words(metrics: Mapping[str, float]) -> str:
+    """``place error 3.1 mm, tilt 0.2°``: those of single objects are left out where there is one over all."""
+    told = []
+    for name, value in metrics.items():
+        if not any(name.startswith(f"{other}_") for other in metrics):
+            words, _, unit = name.rpartition("_")
+            if unit in _UNITS:
+                told.append(f"{words.replace('_', ' ')} {value:.1f}{_UNITS[unit]}")
+            else:
+                told.append(f"{name.replace('_', ' ')} {value:.3g}")
+    return ", ".join(told)

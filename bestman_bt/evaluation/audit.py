@@ -17,9 +17,16 @@ TIMES = ("stamp", "start", "end", "until")
 """What times are called in records."""
 LISTED = 20
 """How many details of a kind are listed; the counters count them all."""
+TOLD = 3
+"""How many of them the reason of a failure tells."""
 
 CHEATS = ("teleports", "grasp_constraints", "ground_truth_reads", "tampering", "object_follows_open_hand")
 """The counters that an honest run leaves at 0."""
+
+
+def counter_words(cheat: str) -> str:
+    """A counter's name, for people."""
+    return cheat.replace("_", " ")
 
 
 @dataclass(frozen=True)
@@ -82,6 +89,12 @@ class Audit:
                 f"{pair} overlap by {self.max_penetration_mm:.2f} mm, {1e3 * max_penetration:.2f} are allowed"
             )
         return tuple(faults)
+
+    def objections(self, max_penetration: float) -> tuple[str, ...]:
+        """Why an episode fails: first what was faked, how often and how, then ``faults``."""
+        cheats = [f"{counter_words(cheat)} {getattr(self, cheat)}" for cheat in CHEATS if getattr(self, cheat)]
+        found = self.findings[:TOLD] + (("…",) if len(self.findings) > TOLD else ())
+        return ((", ".join(cheats), *found) if cheats else ()) + self.faults(max_penetration)
 
     def to_document(self) -> dict[str, Any]:
         """The ``audit`` of ``result.json``: counters first, then their details."""

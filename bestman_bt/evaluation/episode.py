@@ -408,7 +408,7 @@ def _failure(
     if verdict is not None and not verdict.holds:
         return NodeFailure("judge", "predicate", verdict.why)
     if audited is not None:
-        faults = audited.faults(session.setup.config.task.max_penetration)
-        if faults or not audited.honest:
-            return NodeFailure("audit", "audit", "; ".join(faults) or "; ".join(audited.findings))
+        objections = audited.objections(session.setup.config.task.max_penetration)
+        if objections:
+            return NodeFailure("audit", "audit", "; ".join(objections))
     return None

@@ -6,20 +6,25 @@ import json
 import stat
 import threading
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import pytest
+from rich.console import Console
 
 from bestman_bt.cli.run_command import no_faster_than_real_time
 from bestman_bt.cli.run_view import RunView
 from bestman_bt.configuration import load_run
 from bestman_bt.engine import RUNNING, ManualClock, NodeRegistry, StatefulAction, Tree, load_tree
+from bestman_bt.evaluation.audit import audit
 from bestman_bt.evaluation.episode import run_episode
+from bestman_bt.evaluation.result import Outcome, RunResult
 from bestman_bt.monitor.control_client import request
 from bestman_bt.runtime import Session
 from hal.api import MobileBase
-from hal.pybullet import PyBulletRobot
+from hal.pybullet import AuditRecord, PyBulletRobot
 from tests.cli.command_line import Answer, Program, wait_for
 
 Command = Callable[..., Answer]
@@ -272,3 +277,25 @@ def test_the_terminal_tells_what_a_tree_within_a_leaf_does_in_seconds_of_the_run
         tree.tick_once()
     told = capsys.readouterr().err.splitlines()
     assert told == ["[   0.00 s] ▶ plans running", "[   0.25 s] ✓ open success", "[   0.25 s] ✓ plans success"]
+
+
+def test_the_summary_tells_what_was_measured_every_cheat_and_whose_success_it_is(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("bestman_bt.cli.run_view.RESULTS", Console(width=200))
+    audited = audit(AuditRecord(10.0, 0, 0, 0, 40, {}, (), (), (), (), (), (), (), (), ())).to_document()
+    audited["disturbances"] = ["13.00 s: somebody moves the cup by 5.05 m, on counter/top"]
+    metrics = {"final_error_mm": 2.34, "path_ratio": 1.0432, "tilt_deg": 0.26, "tilt_deg_cup": 0.2}
+    result = RunResult("drive", 7, True, Outcome.SUCCESS, "SUCCESS", True, None, audited, metrics, 1.0, 1.0)
+    setup: Any = SimpleNamespace(goals=[SimpleNamespace(object="cup", source="table", surface="counter")])
+    rows = []
+    for one in (result, replace(result, held_at_start=True)):
+        RunView("drive").summary(one, setup, tmp_path)
+        rows.append([" ".join(line.split()) for line in capsys.readouterr().out.splitlines()])
+    assert "fetched the cup from the table to the counter" in rows[0]
+    assert "measured final error 2.3 mm, path ratio 1.04, tilt 0.3°" in rows[0]
+    assert "disturbance 13.00 s: somebody moves the cup by 5.05 m, on counter/top" in rows[0]
+    counters = "teleports 0, grasp constraints 0, ground truth reads 0, tampering 40, object follows open hand 0"
+    assert f"audit {counters}, collisions 0, deepest contact 0.00 mm" in rows[0]
+    assert set(rows[1]) - set(rows[0]) == {"note the goal held before the run began: the success is not the robot's"}
+    assert "fetched the cup from the table to the counter" not in rows[1]

@@ -23,6 +23,16 @@ def findings(*stamps: float) -> tuple[Finding, ...]:
     return tuple(Finding(stamp, f"seen at {stamp:g}") for stamp in stamps)
 
 
+def test_what_was_faked_is_told_before_what_went_wrong() -> None:
+    overlap = (Penetration("cup", "can", 0.045, 3.0),)
+    seen = audit(replace(NOTHING, resets=3, truth_reads=15, jumps=findings(1, 2, 3, 4), penetrations=overlap))
+    first, *others = seen.objections(0.002)
+    assert first == "teleports 4, ground truth reads 15"
+    assert others[:2] == ["1.00 s: seen at 1", "2.00 s: seen at 2"]
+    assert others[3:] == ["…", "cup and can overlap by 45.00 mm, 2.00 are allowed"]
+    assert audit(replace(NOTHING, penetrations=overlap)).objections(0.002) == tuple(others[-1:])
+
+
 def test_a_record_of_nothing_is_honest_and_has_no_faults() -> None:
     judged = audit(NOTHING)
     document = judged.to_document()

@@ -95,5 +95,7 @@ def _number(value: Any) -> str:
 
 def _told(value: Any) -> str:
     if isinstance(value, Mapping):
-        return ", ".join(f"{key} {_number(v) if isinstance(v, float) else v}" for key, v in value.items())
-    return str(value)
+        return ", ".join(f"{key} {_told(v)}" for key, v in value.items())
+    if isinstance(value, list | tuple):
+        return " and ".join(_told(v) for v in value)
+    return _number(value) if isinstance(value, float) else str(value)

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import json
 import re
 from datetime import datetime
 from html.parser import HTMLParser
@@ -106,6 +107,19 @@ def test_the_page_of_a_run_tells_outcome_failure_audit_metrics_and_nodes(tmp_pat
 
     for told in ("fetch_cup, seed 1", "failure", "slipped", "ground truth reads", "place error mm", "second try"):
         assert told in text
+
+
+def test_the_page_tells_contacts_in_words_and_a_success_that_is_not_the_robots(tmp_path: Path) -> None:
+    folder = write_run(tmp_path / "run")
+    result = json.loads((folder / "result.json").read_text())
+    contact = {"pair": ["fingers", "can"], "start_s": 1.5}
+    result |= {"held_at_start": True, "audit": result["audit"] | {"declared_contacts": [contact]}}
+    (folder / "result.json").write_text(json.dumps(result))
+
+    text = _page(folder).text
+
+    assert "pair fingers and can, start_s 1.5" in text
+    assert "the goal held before the run began: the success is not the robot's" in text
 
 
 def test_an_interrupted_run_is_called_so(tmp_path: Path) -> None:
