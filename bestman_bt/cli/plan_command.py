@@ -4,6 +4,7 @@ bestman-bt plan "bring the mug from the drawer to the table" --planner language 
 
 from __future__ import annotations
 
+import shlex
 import sys
 from pathlib import Path
 from typing import Annotated, Any
@@ -23,8 +24,9 @@ from bestman_bt.cli.options import (
     refuse_unwritable_folder,
     writable_file,
 )
-from bestman_bt.configuration import ConfigurationError
+from bestman_bt.configuration import ConfigurationError, RunConfig
 from bestman_bt.configuration import Problem as WrongInput
+from bestman_bt.configuration.secret import shown_setting
 from bestman_bt.engine import render_svg
 from bestman_bt.errors import InputError
 from bestman_bt.registry import BUILDERS
@@ -130,7 +132,11 @@ def command(
             tell(document)
             sys.exit(1)
         if output is not None:
-            output.write_text(asked.xml(made, problem, plan, planner), encoding="utf-8")
+            output.write_text(_said_where(setup.config, asked.xml(made, problem, plan, planner)), encoding="utf-8")
+            where = {"--task": task, "--scene": scene, "--robot": robot}
+            if task is None:
+                where |= {"--scene": setup.config.task.scene, "--robot": setup.config.task.robot}
+            print(f"run it: {_to_run(output, where, setup.config.seed, settings, plugins)}", file=sys.stderr)
             if assumed(plan):
                 print(f"{output} plans anew (ReachGoal) where the plan fails", file=sys.stderr)
         if svg is not None:
@@ -159,6 +165,24 @@ def _limits(text: str) -> PlanLimits:
         return PlanLimits.from_string(text)
     except ValueError as error:
         raise _wrong_input("--limits", str(error)) from error
+
+
+def _said_where(config: RunConfig, xml: str) -> str:
+    """The tree with a comment that tells where it is to run; a comment of XML holds no two hyphens in a row."""
+    where = f"Planned for the scene {config.task.scene}, the robot {config.task.robot} and the seed {config.seed}."
+    return f"<!-- {where.replace('--', '- -')} -->\n{xml}"
+
+
+def _to_run(
+    tree: Path, where: dict[str, str | None], seed: int, settings: list[str] | None, plugins: list[Path] | None
+) -> str:
+    """The command that runs the saved tree where it was planned for."""
+    words = ["bestman-bt", "run", str(tree)]
+    words += [word for option, name in where.items() if name is not None for word in (option, name)]
+    words += ["--seed", str(seed)] if seed else []
+    words += [word for setting in settings or () for word in shown_setting(setting).split(" ", 1)]
+    words += [word for plugin in plugins or () for word in ("--plugin", str(plugin))]
+    return shlex.join(words)
 
 
 def _show(plan: TaskPlan) -> None:
