@@ -24,7 +24,7 @@ from bestman_bt.registry import suggestion
 from bestman_bt.scene.apartment_generator.furnish import NEEDED
 from bestman_bt.scene.furniture_file import read_furniture
 from bestman_bt.scene.object_file import read_object
-from bestman_bt.scene.placement_faults import placement_faults
+from bestman_bt.scene.placement_faults import placement_faults, written_texts
 from bestman_bt.scene.scene import FurnitureModel, Surface
 from bestman_bt.scene.scene_config import SceneFile
 from bestman_bt.scene.scene_faults import scene_faults
@@ -140,8 +140,8 @@ def _resolved(name: str, file: SceneFile, document: Document, problems: list[Pro
     goal_models: dict[str, ObjectModel] = {}
     unmapped: dict[str, FurnitureModel] = {}
     for kind, piece, model, pieces in [
-        *(("furniture", name, placement.model, furniture) for name, placement in file.furniture.items()),
-        *(("unmapped", name, new.model, unmapped) for name, new in file.unmapped.items()),
+        *(("furniture", name, model, furniture) for name, model in written_texts(document, "furniture", "model")),
+        *(("unmapped", name, model, unmapped) for name, model in written_texts(document, "unmapped", "model")),
     ]:
         try:
             pieces[piece] = read_furniture(model, document.problem((kind, piece, "model"), ""))
@@ -155,8 +155,8 @@ def _resolved(name: str, file: SceneFile, document: Document, problems: list[Pro
     named_otherwise = {placement.model for key, placement in file.objects.items() if key != Path(placement.model).stem}
     # goals first: an object of the scene that bears the name of a goal's model decides what it means
     for kind, key, model in [
-        *(("goals", goal, placement.model) for goal, placement in file.goals.items()),
-        *(("objects", thing, placement.model) for thing, placement in file.objects.items()),
+        *(("goals", goal, model) for goal, model in written_texts(document, "goals", "model")),
+        *(("objects", thing, model) for thing, model in written_texts(document, "objects", "model")),
     ]:
         try:
             found = read_object(model, document.problem((kind, key, "model"), ""))

@@ -37,6 +37,15 @@ def placement_faults(scene: SceneConfig, document: Document, found: Sequence[Pro
             yield document.problem(("furniture", later, "at"), message)
 
 
+def written_texts(document: Document, kind: str, field: str) -> Iterator[tuple[str, str]]:
+    """Name and text in ``field`` of all that a scene's file places, also of what other faults leave out."""
+    placed = document.data.get(kind)
+    for name, placement in placed.items() if isinstance(placed, dict) else ():
+        text = placement.get(field) if isinstance(placement, dict) else None
+        if isinstance(text, str):
+            yield name, text
+
+
 def _choice_faults(scene: SceneConfig, document: Document) -> Iterator[Problem]:
     for thing in scene.file.objects:
         written = document.data["objects"][thing]
@@ -62,22 +71,27 @@ def _opening_faults(scene: SceneConfig, document: Document) -> Iterator[Problem]
 
 
 def _surface_faults(scene: SceneConfig, document: Document) -> Iterator[Problem]:
-    placed: list[tuple[str, str, ObjectPlacement | GoalPlacement]] = []
-    placed += [("objects", name, item) for name, item in scene.file.objects.items()]
-    placed += [("goals", name, item) for name, item in scene.file.goals.items()]
-    for kind, name, item in placed:
+    checked: dict[str, Mapping[str, ObjectPlacement | GoalPlacement]] = {
+        "objects": scene.file.objects,
+        "goals": scene.file.goals,
+    }
+    surfaces = [(kind, *named) for kind in checked for named in written_texts(document, kind, "surface")]
+    for kind, name, asked in surfaces:
         try:
-            _, surface = scene.surface(item.surface)
+            _, surface = scene.surface(asked)
         except KeyError as error:
-            if _is_known(item.surface, scene, document):
+            if _is_known(asked, scene, document):
                 yield document.problem((kind, name, "surface"), str(error.args[0]))
+            continue
+        item = checked[kind].get(name)
+        if item is None:
             continue
         at = item.at if isinstance(item, ObjectPlacement) else None
         if at is not None and _is_beside([(at[0], at[0]), (at[1], at[1])], surface):
-            yield document.problem((kind, name, "at"), _beside(item.surface, surface))
+            yield document.problem((kind, name, "at"), _beside(asked, surface))
         if item.region is not None and _is_beside([item.region.x, item.region.y], surface):
-            yield document.problem((kind, name, "region"), _beside(item.surface, surface))
-    names = list(scene.file.furniture)
+            yield document.problem((kind, name, "region"), _beside(asked, surface))
+    names = [name for name, _ in written_texts(document, "furniture", "model")]
     for name, piece in scene.file.furniture.items():
         if piece.on is None:
             continue
@@ -87,7 +101,7 @@ def _surface_faults(scene: SceneConfig, document: Document) -> Iterator[Problem]
             if _is_known(piece.on, scene, document):
                 yield document.problem(("furniture", name, "on"), str(error.args[0]))
             continue
-        if names.index(standing_on) >= names.index(name):
+        if standing_on in names and names.index(standing_on) >= names.index(name):
             message = f"{standing_on!r} should be named above what stands on it, got {piece.on!r}"
             yield document.problem(("furniture", name, "on"), message)
 
