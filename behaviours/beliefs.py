@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -45,7 +45,8 @@ def believe_objects(
     things = [cluster for cluster in scene.unknown if not _part_of_furniture(skills, view, cluster, surface)]
     clusters = [*(found.cluster for found in scene.detections), *things]
     sightings = [_sighting(view, found, surface) for found in scene.detections]
-    sightings += [_thing(view, cluster, surface) for cluster in things]
+    models = {model.name for model in world.models.values()}
+    sightings += [_thing(view, cluster, surface, models) for cluster in things]
     tracked = skills.tracking.update(
         world.objects,
         sightings,
@@ -131,8 +132,11 @@ def _sighting(view: RGBDView, found: Detection, surface: str | None) -> ObjectBe
     )
 
 
-def _thing(view: RGBDView, cluster: Cluster, surface: str | None) -> ObjectBelief:
-    """A thing that no model explains, named where a detector has a name for it: its box is its model."""
+def _thing(view: RGBDView, cluster: Cluster, surface: str | None, models: Collection[str]) -> ObjectBelief:
+    """A thing that no model explains, named where a detector has a name for it: its box is its model.
+
+    ``models``: their names. What bears one of these and was not fitted has confidence 0.
+    """
     from bestman_bt.perception.detection import LabelledCluster
     from bestman_bt.perception.tracking import THING
 
@@ -146,7 +150,7 @@ def _thing(view: RGBDView, cluster: Cluster, surface: str | None) -> ObjectBelie
         name=name,
         model=model,
         pose=view.map_from_base @ placed.pose,
-        confidence=1.0,
+        confidence=0.0 if name in models else 1.0,
         position_std=THING_STD,
         stamp=view.stamp,
         surface=surface,

@@ -95,7 +95,8 @@ class DetectObject(Skill):
         self.set_output("yaw_width", belief.yaw_set.width)
         if belief.score is not None:
             self.set_output("score", belief.score)
-        self.feedback_message = f"{name} with confidence {belief.confidence:.2f}{score_words(belief.score)}"
+        how = f"with confidence {belief.confidence:.2f}" if belief.recognised else "by its measured box, no model fits"
+        self.feedback_message = f"{name} {how}{score_words(belief.score)}"
 
 
 def _look(leaf: DetectObject | DetectObjects) -> StepsTo[tuple[RGBDView, DetectedScene]]:

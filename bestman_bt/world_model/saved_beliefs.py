@@ -259,7 +259,7 @@ def _held_elsewhere(beliefs: SavedBeliefs, document: Document) -> Iterator[Probl
 
 
 def _saved_model(model: ObjectModel, world: WorldModel) -> dict[str, Any]:
-    if any(known.name == model.name for known in world.models.values()):
+    if any(known == model for known in world.models.values()):  # the box of what does not fit has its name, too
         return {"model": model.name}
     return {"size": [_number(extent) for extent in model.size]}
 

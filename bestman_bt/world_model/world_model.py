@@ -23,6 +23,8 @@ MOVED = 0.01
 class ObjectBelief:
     """An object as last seen: ``pose`` in the map frame, ``confidence`` 0 to 1, ``stamp`` seconds.
 
+    The confidence is that of the fitted model; 1 of a thing without one, 0 where a model of its name does not fit.
+
     ``name``: its identity: the model's name, with a number where several are known (``can_2``); ``thing_1`` for what no
     model explains. ``position_std``: metres. ``surface``: the name of the surface that it stands on, if any.
     ``yaw_set``: the yaws that it may have. ``since``: seconds, when it came to stand there, as far as was seen.

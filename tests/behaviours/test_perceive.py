@@ -9,8 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from behaviours import beliefs
 from bestman_bt.engine import FAILURE, SUCCESS
 from bestman_bt.messages import Pose, YawSet
+from bestman_bt.perception.detection import LabelledCluster
+from bestman_bt.perception.segmentation import SupportPlane
 from bestman_bt.world_model import ObjectBelief
 from tests.behaviours.scripted import ASKEW, codes, load, map_from, run, scripted_skills
 
@@ -33,7 +36,7 @@ def skills(monkeypatch: pytest.MonkeyPatch) -> Any:
 
     def believe(skills_of_leaf: Any, *_: Any) -> tuple[str, ...]:
         if skills.after_view is not None:
-            skills.world.objects["cup"] = skills.after_view
+            skills.world.objects[skills.after_view.name] = skills.after_view
         return tuple(skills.world.objects)
 
     view = SimpleNamespace(map_from_base=ASKEW.to_pose(), in_base=None, stamp=skills.clock.now())
@@ -101,6 +104,24 @@ def test_views_that_fit_together_less_surely_than_is_asked_change_no_belief(
     assert run(skills, load(skills, '<SecondLook object="cup" min_confidence="0.6"/>')) == status
     assert (skills.world.objects["cup"] is before) is (status == FAILURE)
     assert codes(skills) == (["object_lost"] if status == FAILURE else [])
+
+
+@pytest.mark.parametrize(("name", "confidence"), [("cup", 0.0), ("banana", 1.0)])
+def test_a_named_thing_that_its_model_does_not_fit_has_no_confidence_and_one_without_a_model_is_a_box(
+    skills: Any, name: str, confidence: float
+) -> None:
+    points = np.random.default_rng(0).uniform(0.0, 0.1, (200, 3))
+    plane = SupportPlane(Pose(), (1.0, 1.0), points, 0.001)
+    cluster = LabelledCluster(points, np.zeros((200, 3), np.uint8), plane, False, name, 0.6)
+    in_map = SimpleNamespace(viewpoint=np.zeros(3))
+    view: Any = SimpleNamespace(map_from_base=Pose(), in_map=in_map, stamp=skills.clock.now())
+    thing = beliefs._thing(view, cluster, "table", [model.name for model in skills.world.models.values()])
+    assert (thing.confidence, thing.recognised) == (confidence, False)
+    skills.after_view = thing
+    tree = load(skills, DETECT.replace("cup", name))
+    assert run(skills, tree) == (SUCCESS if confidence else FAILURE)
+    if confidence:
+        assert tree.root.feedback_message == "banana by its measured box, no model fits, score 0.60"
 
 
 def test_the_score_of_a_detector_is_told_beside_the_confidence(skills: Any) -> None:

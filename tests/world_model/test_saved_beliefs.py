@@ -42,6 +42,10 @@ def world(setup: Setup) -> WorldModel:
     box = ObjectModel(NASTY, (0.1, 0.2, 0.3), 0.1, 0.5, (PlacedShape(Box((0.05, 0.06, 0.07)), Pose()),))
     cloud = PointCloud(np.zeros((500, 3)))
     world.objects[NASTY] = ObjectBelief(NASTY, box, pose, 1.0, 0.01, 40.0, "counter", recognised=False, cloud=cloud)
+    unfitted = dataclasses.replace(box, name="bowl")
+    world.objects["bowl"] = ObjectBelief(
+        "cup", unfitted, pose, 0.0, 0.01, 40.0, "counter", recognised=False, cloud=cloud
+    )
     world.hands["arm"] = HeldObject("can", world.models["can"], Pose(np.array([0.0, 0.01, 0.02])), 0.053)
     world.articulations["drawer_chest/drawer_2"] = 0.28
     world.searched = {("cup", "table/top"): 30.0, ("cup", "shelf/top"): 5.0, ("mug", "shelf/top"): 3.0}
@@ -65,6 +69,7 @@ def test_what_is_read_is_believed_as_it_was_written(setup: Setup, world: WorldMo
     thing = read.objects[NASTY]
     assert thing.model.size.tolist() == [0.05, 0.06, 0.07]
     assert not thing.recognised
+    assert not read.objects["bowl"].recognised, "a box is not the model whose name it has"
     held = read.hands["arm"]
     assert (held.name, held.width, held.model) == ("can", 0.053, setup.world_model.models["can"])
     table = read.map.furniture["table"]
