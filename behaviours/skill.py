@@ -19,7 +19,7 @@ from behaviours.parts import PartKind
 from bestman_bt.control import READING_ERRORS, Motion, MotionStatus
 from bestman_bt.engine import FAILURE, RUNNING, SUCCESS, Condition, Node, StatefulAction, SyncAction
 from bestman_bt.engine.bounds import BoundedPort
-from bestman_bt.errors import Error, MissingExtraError
+from bestman_bt.errors import Error, MissingExtraError, WrongResultError
 from bestman_bt.manipulation.errors import ManipulationError
 from bestman_bt.messages import Failure, Goals, Pose, Pose2D
 from bestman_bt.perception.errors import PerceptionError
@@ -33,7 +33,7 @@ Steps: TypeAlias = Generator[Motion[Any], Any, None]
 StepsTo: TypeAlias = Generator[Motion[Any], Any, Result]
 """A part of a skill that takes time and hands a value back to ``yield from``."""
 
-ALGORITHM_ERRORS = (ManipulationError, PerceptionError, MissingExtraError, *READING_ERRORS)
+ALGORITHM_ERRORS = (ManipulationError, PerceptionError, MissingExtraError, WrongResultError, *READING_ERRORS)
 """What a skill may meet that computes, looks and reads; what it does not catch ends it with FAILURE and its code."""
 
 
@@ -177,6 +177,7 @@ class Skill(Explained, StatefulAction):
         **SEEING_FAILS,
         "failed": "an algorithm has nothing to work with: the message says what it lacks",
         "missing_extra": "install what the message names",
+        "wrong_result": "an algorithm of your own breaks its interface: correct it at the line that the message names",
     }
     DECLARATION: ClassVar[Declaration] = Declaration()
 

@@ -27,6 +27,12 @@ class AlgorithmError(Error):
     """An algorithm got something that it cannot work with, or found no result."""
 
 
+class WrongResultError(AlgorithmError):
+    """A user's algorithm has returned what its interface does not allow; the message has its class, file and line."""
+
+    code = "wrong_result"
+
+
 class MissingExtraError(InputError, ImportError):
     """A package that is needed is not installed; the message names the extra that brings it."""
 

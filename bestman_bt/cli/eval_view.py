@@ -50,7 +50,8 @@ class EvaluationView:
     def told(self, entry: Entry, result: RunResult) -> None:
         """One more episode is done."""
         if not result.success and not entry.control:
-            why = f"{result.failure.named}: {result.failure.why}" if result.failure else str(result.outcome)
+            why = result.failure.why if result.failure else str(result.outcome)
+            why = f"{result.failure.named}: {why}" if result.failure and result.failure.named else why
             self._print(f"{entry.name}, seed {result.seed}: {why}")
         elif self._live is None or result.unearned or (result.success and entry.control):
             unearned = f", but {result.unearned}" if result.unearned else ""

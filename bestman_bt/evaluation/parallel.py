@@ -16,6 +16,7 @@ from pathlib import Path
 
 from behaviours.failure import NodeFailure
 from bestman_bt.configuration import RunConfig
+from bestman_bt.engine.own_files import in_words
 from bestman_bt.evaluation.episode import prepare_episode, run_episode
 from bestman_bt.evaluation.result import Outcome, RunResult
 from bestman_bt.evaluation.run_folder import make_run_folder
@@ -74,7 +75,7 @@ def run_or_tell(config: RunConfig, folder: Path | None) -> RunResult:
             setup = prepare_episode(config)
         return run_episode(setup, run_folder)
     except Exception as error:  # noqa: BLE001 - one episode that breaks is a failed episode, not the end of the batch
-        result = _broken(config, f"{type(error).__name__}: {error}", time.perf_counter() - start)
+        result = _broken(config, in_words(error), time.perf_counter() - start)
     if run_folder is not None:
         result.write(run_folder / "result.json")
     return result

@@ -41,6 +41,7 @@ from bestman_bt.perception.tracking import Tracker
 from bestman_bt.perception.view_planning import ViewPlanner
 from bestman_bt.registry import ALGORITHMS, UnknownNameError, suggestion
 from bestman_bt.robot_model import ArmModel, BaseModel, ImuPart, RobotModel, WheeledBaseModel
+from bestman_bt.runtime.own_results import with_checked_results
 from bestman_bt.runtime.tree_checks import literals
 from bestman_bt.world_model import SemanticMap
 
@@ -184,7 +185,7 @@ def make_algorithm(
     if algorithm.__module__.startswith("bestman_bt."):
         return algorithm(*needs, **given)
     try:
-        return algorithm(*needs, **given)
+        return with_checked_results(algorithm(*needs, **given), SLOTS[slot][0])
     except Exception as error:  # a user's class may raise anything
         source = inspect.getsourcefile(algorithm) or algorithm.__module__
         file, line, words = described(error, Path(source))

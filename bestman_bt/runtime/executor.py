@@ -17,6 +17,8 @@ from typing import Literal, Protocol
 
 from bestman_bt.engine import IDLE, RUNNING, EngineError, Tree, status_name
 from bestman_bt.engine.clock import Clock
+from bestman_bt.engine.own_files import in_words
+from bestman_bt.errors import InputError
 from hal.api import RobotError
 
 MAX_WAKE_UPS = 1000
@@ -185,10 +187,15 @@ class Executor:
                     ending, status, why = self._loop(start)
                 finally:
                     self._looping = False
-            except (EngineError, RobotError) as error:
-                ending, why = Ending.ERROR, str(error)
+            except InputError:  # told as such, by those who started it
+                raise
+            except Exception as error:  # a user's part may raise anything, in a node or between ticks
+                known = isinstance(error, (EngineError, RobotError))
+                ending, why = Ending.ERROR, str(error) if known else in_words(error)
                 if self._cancel_reason:
                     ending, why = Ending.CANCELLED, self._cancel_reason
+                elif not known or error.__cause__ is not None:
+                    logging.getLogger(__name__).error("the execution ended in an error", exc_info=error)
             except KeyboardInterrupt:  # in the middle of a tick
                 if not self._cancel_reason:
                     raise

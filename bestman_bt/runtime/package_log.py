@@ -19,7 +19,7 @@ class PackageLog(logging.Handler):
     def __init__(self, tell: Callable[[LogEvent], None], now: Callable[[], float]) -> None:
         super().__init__(logging.INFO)
         self._tell, self._now = tell, now
-        self._stack = ExitStack()
+        self._stack, self._formatter = ExitStack(), logging.Formatter()
 
     def __enter__(self) -> PackageLog:
         for name in PACKAGES:
@@ -38,7 +38,8 @@ class PackageLog(logging.Handler):
         try:
             message = record.getMessage()
             if record.exc_info and record.exc_info[1] is not None:
-                message = f"{message}: {record.exc_info[1]!r}"
+                trace = self._formatter.formatException(record.exc_info)
+                message = f"{message}: {record.exc_info[1]!r}\n{trace}"
         except Exception:  # noqa: BLE001 - as logging's own handlers: a wrong format is told, and harms nobody
             self.handleError(record)
             return

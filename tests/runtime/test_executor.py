@@ -424,3 +424,16 @@ def test_the_feedback_of_a_native_leaf_is_the_reason_of_its_failure() -> None:
     tree.subscribe(lambda changes: failed.extend(code >> 3 for code in failure_codes(tree).intersection(changes.codes)))
     Executor(tree, tree.clock).run()
     assert FailureLines().of(tree, failed) == [NodeFailure("scale", "", "no answer from the scale")]
+
+
+def test_what_an_own_algorithm_raises_between_ticks_ends_the_execution_and_its_traceback_is_logged(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    def raises() -> None:
+        raise IndexError("list index out of range")
+
+    tree = build_tree(Work("work"))
+    execution = Executor(tree, ManualClock(), after_tick=raises).run()
+    assert (execution.ending, execution.why) == (Ending.ERROR, "IndexError: list index out of range")
+    assert tree.root.state == IDLE
+    assert caplog.records[-1].exc_info is not None

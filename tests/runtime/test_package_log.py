@@ -45,7 +45,10 @@ def test_each_line_has_time_level_logger_and_the_exception_that_it_tells_of(hal:
         except OSError:
             arm.exception("it broke")
     arm.error("after the run")
-    assert [(line.level, line.message) for line in told] == [
+    words, _, trace = told[-1].message.partition("\n")
+    assert trace.startswith("Traceback")
+    assert trace.endswith("OSError: no answer")
+    assert [(line.level, line.message) for line in told[:-1]] + [(told[-1].level, words)] == [
         ("warning", "at 90 %"),
         ("warning", "between two levels"),
         ("error", "it broke: OSError('no answer')"),

@@ -21,6 +21,7 @@ from bestman_bt.control.wheeled.localisation_cycle import (
     PlacedScan,
 )
 from bestman_bt.control.wheeled.velocity_gate import VelocityGate
+from bestman_bt.errors import WrongResultError
 from bestman_bt.messages import Failure, MotionErrorCode, Path2D, Pose2D, Twist2D, wrap_angle
 from bestman_bt.navigation.global_planning import Costmap, Footprint
 from bestman_bt.navigation.local_planning import (
@@ -308,6 +309,11 @@ class BaseController:
                     self._advance(self._action)
             except CommandRefusedError as error:
                 self._end(MotionStatus.CANCELED, replace(error.failure, code=MotionErrorCode.STOPPED))
+            except WrongResultError as error:
+                if self._action is None:
+                    raise
+                self._base.stop()
+                self._end(MotionStatus.FAILED, Failure(error.code, str(error)))
             except READING_ERRORS as error:
                 if self._action is not None:
                     with contextlib.suppress(*READING_ERRORS):  # the base itself may be what is gone

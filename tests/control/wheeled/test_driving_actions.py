@@ -12,6 +12,7 @@ import pytest
 from bestman_bt.control import MotionStatus
 from bestman_bt.control.lidar import LidarSensor
 from bestman_bt.control.wheeled import BaseController, CollisionMonitor
+from bestman_bt.errors import WrongResultError
 from bestman_bt.messages import LaserScan, MotionErrorCode, Path2D, Pose, Pose2D, Twist2D, wrap_angle
 from bestman_bt.navigation.global_planning import Costmap, Footprint
 from bestman_bt.navigation.local_planning import (
@@ -155,6 +156,18 @@ def test_a_drive_ends_where_it_should_and_no_faster_than_it_is_asked(distance, s
     assert it.base.true_pose.distance_to(START @ Pose2D(distance, 0.0, 0.0)) < 0.01
     fastest = max(abs(twist.vx) for twist in it.base.told)
     assert fastest == pytest.approx(speed, abs=1e-9) if speed else 0.3 < fastest <= 0.6
+
+
+def test_a_follower_that_breaks_its_interface_fails_the_drive_with_the_base_at_rest():
+    class Breaks(Ends):
+        def compute(self, pose: Pose2D, velocity: Twist2D, dt: float) -> FollowerCommand:
+            raise WrongResultError("Breaks.compute should return FollowerCommand, got NoneType")
+
+    it = driven(follower=Breaks())
+    handle = it.wait(it.controller.follow(here_to(START @ Pose2D(0.5, 0.0, 0.0))))
+    assert (handle.status, handle.failure.code) == (MotionStatus.FAILED, "wrong_result")
+    assert handle.failure.text.startswith("Breaks.compute should return")
+    assert it.base.told[-1:] in ([], [Twist2D()])
 
 
 def test_a_turn_goes_to_a_heading_of_the_map_or_by_an_angle_of_the_odometry():
