@@ -64,7 +64,8 @@ def add(
         )
         gripper_name, gripper = _gripper(robot)
         made = import_object(mesh, new, gripper, gripper_name, into or own_objects(), force)
-        facts = _facts(made.model, made.files["object"]) | {
+        facts = _facts(made.model, made.files["object"]) | _why_no_grasps(made.model, robot, gripper)
+        facts |= {
             "triangles": made.triangles,
             "watertight": made.watertight,
             "files": {kind: str(path) for kind, path in made.files.items()},
@@ -74,8 +75,6 @@ def add(
             _tell(facts)
             for kind, path in made.files.items():
                 print(f"  {kind:<10} {path}")
-            if not made.model.grasps:
-                print(f"  no grasp was found: the gripper of {robot} opens to {gripper.max_width * 1e3:.0f} mm")
 
 
 @verbs.command(name="list")
@@ -128,7 +127,8 @@ def grasps(
     with json_output(as_json) as write:
         path = find_data("object", name)
         gripper_name, gripper = _gripper(robot)
-        facts = _facts(write_grasps(path, gripper, gripper_name), path)
+        found = write_grasps(path, gripper, gripper_name)
+        facts = _facts(found, path) | _why_no_grasps(found, robot, gripper)
         write(facts)
         if not as_json:
             _tell(facts)
@@ -148,12 +148,26 @@ def _facts(model: ObjectModel, path: Path | None) -> dict[str, Any]:
     } | ({} if path is None else {"file": str(path)})
 
 
+def _why_no_grasps(model: ObjectModel, robot: str, gripper: GripperModel) -> dict[str, str]:
+    if model.grasps:
+        return {}
+    narrowest, opening = 1e3 * float(min(model.size)), 1e3 * gripper.max_width
+    reason = (
+        "no two faces that it can hold face each other"
+        if narrowest < opening
+        else f"its sides are {narrowest:.0f} mm or more"
+    )
+    return {"why_no_grasps": f"no grasp was found: the gripper of {robot} opens to {opening:.0f} mm, {reason}"}
+
+
 def _tell(facts: dict[str, Any]) -> None:
     size = " × ".join(f"{extent * 1e3:.0f}" for extent in facts["size_m"])
     print(
         f"{facts['name']}: {size} mm, {facts['mass_kg'] * 1e3:.0f} g, symmetry: {facts['symmetry']}, "
         f"convex parts: {facts['convex_parts']}, grasps: {facts['grasps']}"
     )
+    if "why_no_grasps" in facts:
+        print(f"  {facts['why_no_grasps']}")
 
 
 def _gripper(robot: str) -> tuple[str, GripperModel]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,8 @@ import trimesh
 from PIL import Image
 
 from benchmarks.rendered_table import TrueObject, render_table
-from bestman_bt.messages import Pose
+from bestman_bt.cli import object_command
+from bestman_bt.messages import Cylinder, ObjectGrasp, PlacedShape, Pose
 from bestman_bt.perception.detection import ModelRegistration
 from bestman_bt.scene import draw_world, load_scene, read_object
 from tests.cli.command_line import Answer
@@ -150,3 +152,16 @@ def test_grasps_are_found_anew_and_named_in_the_file(bestman_bt: Command, folder
     assert bestman_bt("object", "grasps", "brick.yaml").code == 0
     assert (folder / "brick.grasps.json").read_text() == once
     assert (folder / "brick.yaml").read_text().count("grasps:") == 1
+
+
+def test_without_grasps_it_is_said_how_far_the_gripper_opens_and_how_wide_the_object_is() -> None:
+    gripper = object_command._gripper("diff_panda")[1]
+    bowl, can = (replace(read_object(name), grasps=()) for name in ("bowl", "can"))
+    opens = "no grasp was found: the gripper of diff_panda opens to 80 mm"
+    drum = replace(bowl, collision=(PlacedShape(Cylinder(0.045, 0.09), Pose()),))
+    assert object_command._why_no_grasps(drum, "diff_panda", gripper) == {
+        "why_no_grasps": f"{opens}, its sides are 90 mm or more"
+    }
+    assert opens in object_command._why_no_grasps(can, "diff_panda", gripper)["why_no_grasps"]
+    held = replace(can, grasps=(ObjectGrasp(Pose(), 0.05, 1.0),))
+    assert object_command._why_no_grasps(held, "diff_panda", gripper) == {}

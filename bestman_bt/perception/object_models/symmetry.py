@@ -16,6 +16,9 @@ from bestman_bt.messages import Mesh
 ORDERS = (10, 8, 6, 4, 2)
 """Orders that are tried, the highest first. Odd ones are none: their axis misses the middle of the bounding box."""
 
+EXACT = 0.2
+"""Share of the tolerance within which a turn is no approximation of another one."""
+
 
 @dataclass(frozen=True)
 class SymmetryParameters:
@@ -45,7 +48,10 @@ def symmetry_order(mesh: Mesh, parameters: SymmetryParameters | None = None) -> 
     # Half a step of each prism: where its corners come to lie over the middles of its faces.
     if all(surface.falls_on_itself(math.pi / sides, round_within) for sides in range(2, 13)):
         return 0
-    return next((n for n in ORDERS if surface.falls_on_itself(2 * math.pi / n, parameters.tolerance)), 1)
+    # An octagonal prism of 56 mm is within the tolerance of tenth turns, too: only multiples of the exact turns count.
+    exact = next((n for n in ORDERS if surface.falls_on_itself(2 * math.pi / n, EXACT * parameters.tolerance)), 1)
+    multiples = [n for n in ORDERS if n % exact == 0]
+    return next((n for n in multiples if surface.falls_on_itself(2 * math.pi / n, parameters.tolerance)), exact)
 
 
 class _Surface:

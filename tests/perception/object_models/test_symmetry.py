@@ -38,6 +38,10 @@ def test_a_cylinder_of_twelve_sides_or_more_looks_the_same_at_any_angle(sides: i
     assert symmetry_order(mesh_of(create.cylinder(0.033, 0.1, sections=sides))) == 0
 
 
+def test_of_turns_that_look_alike_the_exact_one_is_told() -> None:
+    assert symmetry_order(mesh_of(create.cylinder(0.028, 0.09, sections=8))) == 8  # tenth turns: 1.36 mm off
+
+
 @pytest.mark.parametrize(("sides", "order"), [(3, 1), (4, 4), (5, 1), (6, 6), (8, 8), (10, 10)])
 def test_a_prism_turns_as_often_as_it_has_sides_and_not_at_all_for_an_odd_number(sides: int, order: int) -> None:
     assert symmetry_order(mesh_of(create.cylinder(0.05, 0.1, sections=sides))) == order
