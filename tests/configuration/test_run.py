@@ -71,6 +71,15 @@ def test_a_dumped_run_is_read_back_unchanged(run: RunConfig, tmp_path: Path) -> 
     assert dump_run(again) == dump_run(run)
 
 
+def test_a_dumped_run_with_a_disturbance_of_each_kind_is_read_back(tmp_path: Path) -> None:
+    kinds = [f"{{kind: {kind}, object: cup}}" for kind in ("moved", "elsewhere", "slips")]
+    kinds.append("{kind: shut, articulation: counter/drawer}")
+    run = load_run("fetch_cup", settings=[f"disturbances=[{', '.join(kinds)}]"])
+    path = tmp_path / "config.yaml"
+    path.write_text(dump_run(run), encoding="utf-8")
+    assert read_run(path).task.disturbances == run.task.disturbances
+
+
 def test_a_run_that_names_files_from_the_working_directory_can_be_read_anywhere(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -90,7 +90,7 @@ Frame = tuple[RobotSnapshot, Viewpoint]
 def _photographed(
     stage: Stage, frames: Sequence[Frame], options: RenderOptions, tell: Callable[[str], None]
 ) -> list[NDArray[np.uint8]]:
-    """By the simulator's own renderer: about a second a picture."""
+    """By the simulator's own renderer: a few seconds a picture of 960×720."""
     pictures = []
     for snapshot, view in frames:
         stage.set(snapshot)
