@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Generator, Iterator, Mapping
+from collections.abc import Callable, Generator, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar, TypeAlias, TypeVar
@@ -17,8 +17,9 @@ from behaviours.failure import MOTION_FAILS, READING_FAILS, SEEING_FAILS, NodeFa
 from behaviours.names import ArmName
 from behaviours.parts import PartKind
 from bestman_bt.control import READING_ERRORS, Motion, MotionStatus
-from bestman_bt.engine import FAILURE, RUNNING, SUCCESS, Condition, Node, StatefulAction, SyncAction
+from bestman_bt.engine import FAILURE, RUNNING, SUCCESS, Condition, Node, NodeError, StatefulAction, SyncAction
 from bestman_bt.engine.bounds import BoundedPort
+from bestman_bt.engine.own_files import defined_at
 from bestman_bt.errors import Error, MissingExtraError, WrongResultError
 from bestman_bt.manipulation.errors import ManipulationError
 from bestman_bt.messages import Failure, Goals, Pose, Pose2D
@@ -157,6 +158,10 @@ class Explained(OnRobot):
         skills.failures.append(NodeFailure(self.path, code, why, self.where, now, part, vendor_code))
         return FAILURE
 
+    def _mistake(self, method: Callable[..., object], what: str) -> NodeError:
+        """A method that does not do what its base class asks for, with its line."""
+        return self.error(f"{type(self).__name__}.{method.__name__} {what} (at {defined_at(method)})")
+
     def explain_error(self, error: Error) -> int:
         """The same for an error, with the failure that it carries."""
         return self.explain(str(error.code), str(error), getattr(error, "failure", None))
@@ -213,8 +218,11 @@ class Skill(Explained, StatefulAction):
     def on_start(self) -> int:
         """Begin ``execute``."""
         self.feedback_message = ""
-        self._steps = self.execute()
-        self._pending = None
+        steps: object = self.execute()
+        if not isinstance(steps, Generator):
+            got = f"it has no yield and returned {steps!r:.60}"
+            raise self._mistake(self.execute, f"should wait by yield, at least once (yield from ()); {got}")
+        self._steps, self._pending = steps, None
         return self._advance(None, None)
 
     def on_running(self) -> int:
@@ -239,6 +247,15 @@ class Skill(Explained, StatefulAction):
             self._steps.close()
             self._steps = None
 
+    def _not_awaited(self, steps: Steps, value: object) -> NodeError:
+        """A yield of something that nobody can wait for, with its line."""
+        inner: Any = steps
+        while isinstance(inner.gi_yieldfrom, Generator):
+            inner = inner.gi_yieldfrom
+        place = f"{inner.gi_code.co_filename}:{inner.gi_frame.f_lineno}"
+        what = "a Motion, as controllers and self.compute() return"
+        return self.error(f"{type(self).__name__}.execute should yield {what}, got {value!r:.60} (at {place})")
+
     def _bring_about(self) -> None:
         """Note what an ability declares to bring about: facts that have no function are believed by that."""
         effects = "; ".join(self.DECLARATION.effects)
@@ -261,6 +278,8 @@ class Skill(Explained, StatefulAction):
             except (SkillFailure, *ALGORITHM_ERRORS) as failure:
                 self._steps = self._pending = None
                 return self.explain_error(failure)
+            if not isinstance(pending, Motion):
+                raise self._not_awaited(steps, pending)
             self._pending = pending
             value, error = None, None
             try:
@@ -286,7 +305,11 @@ class SkillCondition(Explained, Condition):
             refusal = self.check()
         except (SkillFailure, *READING_ERRORS) as error:
             return self.explain_error(error)
-        return self.succeed() if refusal is None else self.explain(*refusal)
+        if refusal is None:
+            return self.succeed()
+        if not isinstance(refusal, tuple) or [type(words) for words in refusal] != [str, str]:
+            raise self._mistake(self.check, f"should return None where it holds, else (code, why); got {refusal!r:.60}")
+        return self.explain(*refusal)
 
 
 class InstantSkill(Explained, SyncAction, ABC):

@@ -35,6 +35,7 @@ class Registry:
     def __init__(self, group: str, what: str, entries: dict[str, str]) -> None:
         self.group = group
         self.what = what
+        self.shipped = tuple(entries)
         self._entries: dict[str, Any] = dict(entries)
         self._discovered = False
 
@@ -211,6 +212,9 @@ ALGORITHMS = Registry(
 )
 """``slot/name`` → class; its parameters are the dataclass ``<Class>Parameters`` beside it."""
 
+ALGORITHM_SLOTS = frozenset(name.partition("/")[0] for name in ALGORITHMS.shipped)
+"""What an algorithm may be for."""
+
 BEHAVIOURS = Registry(
     "bestman_bt.behaviours",
     "behaviour",
@@ -357,8 +361,22 @@ BUILDERS = Registry(
 
 
 def algorithm(name: str) -> Callable[[T], T]:
-    """``@algorithm("slot/name")`` before a class: an algorithm that configurations may choose."""
+    """``@algorithm("slot/name")`` before a class: an algorithm that configurations may choose.
+
+    UnknownNameError for a slot that there is not.
+    """
+    fault = slot_fault(name)
+    if fault:
+        raise UnknownNameError(f"@algorithm({name!r}): {fault}")
     return ALGORITHMS.adding(name)
+
+
+def slot_fault(name: str) -> str:
+    """What is wrong with the slot in the name of an algorithm, in words; empty where nothing is."""
+    slot, _, own = name.partition("/")
+    if not own:
+        return "a slot and a name are accepted, as 'global_planning/mine'"
+    return "" if slot in ALGORITHM_SLOTS else f"unknown slot {slot!r}; {suggestion(slot, list(ALGORITHM_SLOTS))}"
 
 
 def part(kind: str) -> Callable[[T], T]:

@@ -12,7 +12,7 @@ from typing import Any
 from bestman_bt.configuration import ConfigurationError, Problem
 from bestman_bt.engine import Node, NodeRegistry
 from bestman_bt.engine.own_files import described, importable, load_file, plugin_module
-from bestman_bt.registry import BEHAVIOURS, PREDICATES, Registry
+from bestman_bt.registry import ALGORITHMS, BEHAVIOURS, PREDICATES, Registry, slot_fault
 
 logger = logging.getLogger(__name__)
 
@@ -21,13 +21,16 @@ _COULD_BRING = (
     "@algorithm, @task_planner or @tree_builder"
 )
 
+_useful: set[Path] = set()
+"""Plug-ins that have brought something: what files beside them add is not added again when they are loaded again."""
+
 
 def node_registry(plugins: Iterable[str] = ()) -> NodeRegistry:
     """All nodes that trees may name: the engine's, the skill library's and those of plug-ins.
 
     A plug-in is a Python file; every node class that it defines becomes a leaf, every ``Predicate`` one for goals, and
     its ``register(registry)``, if it has one, is called with the registry. Decorators of ``bestman_bt.registry`` name
-    all else. Raises ConfigurationError with file and line where one raises; one that brings nothing is logged.
+    all else. Raises ConfigurationError with file and line where one raises or brings nothing.
     """
     registry = NodeRegistry()
     for name in BEHAVIOURS:
@@ -35,6 +38,10 @@ def node_registry(plugins: Iterable[str] = ()) -> NodeRegistry:
     problems = [problem for plugin in plugins if (problem := _load(plugin, registry)) is not None]
     if problems:
         raise ConfigurationError(problems)
+    for name in ALGORITHMS:  # those of entry points, and what was added without the decorator
+        fault = slot_fault(name)
+        if fault:
+            logger.warning("the algorithm %r cannot be chosen: %s", name, fault)
     return registry
 
 
@@ -59,8 +66,9 @@ def _load(plugin: str, registry: NodeRegistry) -> Problem | None:
             _add_predicates(module)
             if hasattr(module, "register"):
                 module.register(registry)
-            elif not leaves and Registry.additions == before:
-                logger.warning("--plugin %s brings nothing; %s", plugin, _COULD_BRING)
+            elif not leaves and Registry.additions == before and path.resolve() not in _useful:
+                return Problem(f"--plugin {plugin}", None, "", f"brings nothing; {_COULD_BRING}")
+            _useful.add(path.resolve())
     except (Exception, SystemExit) as error:  # noqa: BLE001 - a plug-in may raise anything; told with file and line
         sys.modules.pop(name, None)
         file, line, words = described(error, path)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import math
 from typing import Any, ClassVar
 
@@ -10,7 +11,7 @@ from py_trees.ports import PortInformation
 
 from behaviours.contacts import Contact
 from behaviours.skill import Skill, SkillCondition, SkillFailure, Steps
-from bestman_bt.engine import FAILURE, RUNNING, SUCCESS, Node, NodeError, Tree, load_tree
+from bestman_bt.engine import FAILURE, RUNNING, SUCCESS, Node, NodeError, Tree, build_tree, load_tree
 from bestman_bt.manipulation.errors import ManipulationError
 from bestman_bt.runtime import Session
 from hal.pybullet.sensor_pipeline import SensorFault
@@ -247,3 +248,50 @@ def test_skills_say_what_context_they_need(bystander: Session) -> None:
     tree = load_tree(tree_of('<MoveArm posture="carry"/>'), bystander.setup.registry, context="no robot")
     with pytest.raises(NodeError, match="skills need a SkillContext as the tree's context, not str"):
         tree.tick_once()
+
+
+class NoYield(Skill):
+    """A common mistake."""
+
+    def execute(self) -> Any:
+        return None
+
+
+class YieldsFive(Skill):
+    """Another, in a part of the skill."""
+
+    def execute(self) -> Any:
+        yield from self.part()
+
+    def part(self) -> Any:
+        yield 5
+
+
+class HoldsTrue(SkillCondition):
+    """A third."""
+
+    def check(self) -> Any:
+        return True
+
+
+@pytest.mark.parametrize(
+    ("leaf", "method", "words"),
+    [
+        (
+            NoYield,
+            NoYield.execute,
+            "NoYield.execute should wait by yield, at least once (yield from ()); it has no yield",
+        ),
+        (YieldsFive, YieldsFive.part, "YieldsFive.execute should yield a Motion, as controllers and"),
+        (HoldsTrue, HoldsTrue.check, "HoldsTrue.check should return None where it holds, else (code, why); got True"),
+    ],
+)
+def test_mistakes_of_a_skills_author_are_told_with_the_remedy_and_their_line(
+    leaf: type[Node], method: Any, words: str
+) -> None:
+    tree = build_tree(leaf("mine"))
+    with pytest.raises(NodeError) as raised:
+        tree.tick_once()
+    line = inspect.getsourcelines(method)[1] + (leaf is YieldsFive)
+    assert words in str(raised.value)
+    assert str(raised.value).endswith(f"(at {__file__}:{line})")

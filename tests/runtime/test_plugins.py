@@ -5,6 +5,7 @@ from __future__ import annotations
 import subprocess
 import sys
 from collections.abc import Iterator
+from contextlib import nullcontext
 from pathlib import Path
 
 import pytest
@@ -150,20 +151,41 @@ def test_a_plug_in_that_raises_is_named_with_its_line(
         ("from bestman_bt.engine import SyncAction\n\n\nclass Nod(SyncAction): ...\n", True),
         ("def register(registry): ...\n", True),
         ("from bestman_bt.registry import algorithm\n\n\n@algorithm('slam/mine')\nclass Mine: ...\n", True),
+        ("import beside\n", True),
     ],
 )
-def test_a_plug_in_that_brings_nothing_is_told_what_it_could_bring(
-    text: str, brings: bool, tmp_path: Path, caplog: pytest.LogCaptureFixture
+def test_a_plug_in_that_brings_nothing_is_refused_and_told_what_it_could_bring(
+    text: str, brings: bool, tmp_path: Path
 ) -> None:
+    (tmp_path / "beside.py").write_text(
+        "from bestman_bt.registry import algorithm\n\n\n@algorithm('slam/mine')\nclass Mine: ...\n"
+    )
     (tmp_path / "p.py").write_text(text)
     try:
         for _ in range(2):
-            node_registry([str(tmp_path / "p.py")])
+            with nullcontext() if brings else pytest.raises(ConfigurationError, match=r"p\.py: brings nothing; it"):
+                node_registry([str(tmp_path / "p.py")])
     finally:
         ALGORITHMS._entries.pop("slam/mine", None)
-    assert len(caplog.messages) == (0 if brings else 2)
-    for message in caplog.messages:
-        assert "p.py brings nothing; it could define leaves" in message
+
+
+def test_a_misspelt_slot_is_a_fault_of_the_plug_in_and_one_that_came_otherwise_is_warned_of(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(ALGORITHMS, "_entries", dict(ALGORITHMS._entries))
+    plug_in = tmp_path / "p.py"
+    for name, words in (
+        ("global_planing/x", "unknown slot 'global_planing'; did you mean 'global_planning'?"),
+        ("nothing", "a slot and a name are accepted, as 'global_planning/mine'"),
+    ):
+        plug_in.write_text(f"from bestman_bt.registry import algorithm\n\n\n@algorithm({name!r})\nclass X: ...\n")
+        with pytest.raises(ConfigurationError) as raised:
+            node_registry([str(plug_in)])
+        assert f"p.py:4: the plug-in raised UnknownNameError: @algorithm({name!r}): {words}" in str(raised.value)
+    assert not caplog.messages
+    ALGORITHMS.add("global_planing/x", "nowhere:X")
+    node_registry()
+    assert "'global_planing/x' cannot be chosen: unknown slot" in caplog.messages[-1]
 
 
 def test_a_plug_in_that_is_not_there_is_named() -> None:
