@@ -207,7 +207,9 @@ def test_a_plug_in_may_bring_the_driver(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_the_driver_guards_the_physics_before_a_plug_in_can_take_a_call_of_it(tmp_path: Path) -> None:
     path = tmp_path / "cheat.py"
-    path.write_text("from pybullet import resetJointState\nprint(resetJointState.__module__)\n")
+    path.write_text(
+        "from pybullet import resetJointState\nprint(resetJointState.__module__)\ndef register(registry): ...\n"
+    )
     program = "from bestman_bt.configuration import load_run\nfrom bestman_bt.runtime.setup import prepare\n"
     program += f"prepare(load_run('fetch_cup', plugins=[{str(path)!r}]))\n"
     ran = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
