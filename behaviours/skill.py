@@ -159,7 +159,7 @@ class Explained(OnRobot):
         return FAILURE
 
     def _mistake(self, method: Callable[..., object], what: str) -> NodeError:
-        """A method that does not do what its base class asks for, with its line."""
+        """The error for a method that breaks the interface of its base class, with file and line."""
         return self.error(f"{type(self).__name__}.{method.__name__} {what} (at {defined_at(method)})")
 
     def explain_error(self, error: Error) -> int:
@@ -248,7 +248,7 @@ class Skill(Explained, StatefulAction):
             self._steps = None
 
     def _not_awaited(self, steps: Steps, value: object) -> NodeError:
-        """A yield of something that nobody can wait for, with its line."""
+        """The error for a yielded value that is no Motion, with file and line."""
         inner: Any = steps
         while isinstance(inner.gi_yieldfrom, Generator):
             inner = inner.gi_yieldfrom

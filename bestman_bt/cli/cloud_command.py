@@ -10,9 +10,8 @@ import numpy as np
 import typer
 
 from bestman_bt.cli.json_output import json_output
+from bestman_bt.cli.option_values import number, wrong_input
 from bestman_bt.cli.options import Json, Png
-from bestman_bt.configuration import ConfigurationError, Problem
-from bestman_bt.configuration.quantity import parse_quantity
 from bestman_bt.messages import CameraIntrinsics, PointCloud, Pose
 from bestman_bt.perception.clouds import (
     cloud_picture,
@@ -42,7 +41,7 @@ def command(
 ) -> None:
     """Show what a cloud holds; thin it, clean it, convert it, draw it."""
     with json_output(as_json) as write:
-        edge = None if voxel is None else _edge(voxel)
+        edge = None if voxel is None else number("--voxel", voxel, "length")
         try:
             read = cloud = read_cloud(file)
             if edge is not None:
@@ -54,7 +53,7 @@ def command(
                 above = np.array([*(lower + upper)[:2] / 2, upper[2] + 10.0 * max(np.ptp(cloud.points, axis=0))])
                 write_cloud(out, cloud, estimated_normals(cloud.points, above, (edge or 0.005) * 4))
         except PerceptionError as error:
-            raise ConfigurationError([Problem(str(file), None, "", str(error).removeprefix(f"{file}: "))]) from error
+            raise wrong_input(str(file), str(error).removeprefix(f"{file}: ")) from error
         facts: dict[str, Any] = {
             "points_read": len(read),
             "points": len(cloud),
@@ -75,16 +74,6 @@ def command(
                 print(f"  {axis}  {low:8.3f} to {high:.3f} m")
             for path in facts["files"]:
                 print(f"  {path}")
-
-
-def _edge(text: str) -> float:
-    try:
-        edge = float(parse_quantity(text, "length"))
-    except ValueError as error:
-        raise ConfigurationError([Problem("--voxel", None, "", str(error))]) from error
-    if not (edge > 0.0 and math.isfinite(edge)):
-        raise ConfigurationError([Problem("--voxel", None, "", f"{text}: a length above 0 is wanted, such as 5mm")])
-    return edge
 
 
 def _picture(cloud: PointCloud) -> np.ndarray:

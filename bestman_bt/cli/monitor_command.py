@@ -11,8 +11,8 @@ from typing import Annotated
 
 import typer
 
+from bestman_bt.cli.option_values import wrong_input
 from bestman_bt.cli.options import MONITOR_PORT
-from bestman_bt.configuration import ConfigurationError, Problem
 from bestman_bt.monitor.address import TOKEN_VARIABLE, page_address
 
 
@@ -46,16 +46,16 @@ def command(
     for folder in folders or ():
         found = run_folders(folder)
         if not found:
-            raise _wrong(str(folder), "is no run folder, and holds none")
+            raise wrong_input(str(folder), "is no run folder, and holds none")
         recorded += found
     if token is not None and len(token) < SHORTEST_TOKEN:
-        raise _wrong("--token", f"a token has at least {SHORTEST_TOKEN} characters, or others guess it")
+        raise wrong_input("--token", f"a token has at least {SHORTEST_TOKEN} characters, or others guess it")
     if token is None and not is_loopback(host):
         token = new_token()
     try:
         listening = bind(host, port)
     except OSError as error:
-        raise _wrong(f"--host {host} --port {port}", f"cannot listen there: {error.strerror or error}") from error
+        raise wrong_input(f"--host {host} --port {port}", f"cannot listen there: {error.strerror or error}") from error
     port = listening.getsockname()[1]
     config = ServerConfig(host, port, token, read_only, tuple(folders or ()), end_when_idle)
     address = page_address(socket.gethostname() if _is_any(host) else host, port, token)
@@ -77,7 +77,3 @@ def _is_any(host: str) -> bool:
         return ipaddress.ip_address(host).is_unspecified
     except ValueError:
         return False
-
-
-def _wrong(source: str, message: str) -> ConfigurationError:
-    return ConfigurationError([Problem(source, None, "", message)])

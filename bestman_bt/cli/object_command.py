@@ -9,9 +9,9 @@ import numpy as np
 import typer
 
 from bestman_bt.cli.json_output import json_output
+from bestman_bt.cli.option_values import number, wrong_input
 from bestman_bt.cli.options import Json, Png
-from bestman_bt.configuration import ConfigurationError, Problem, data_names, find_data, own_objects
-from bestman_bt.configuration.quantity import parse_quantity
+from bestman_bt.configuration import data_names, find_data, own_objects
 from bestman_bt.messages import ObjectModel
 from bestman_bt.robot_model import GripperModel, load_robot_model
 from bestman_bt.scene import read_object
@@ -53,11 +53,11 @@ def add(
     with json_output(as_json) as write:
         new = NewObject(
             name=name,
-            scale=_number("--scale", scale, "length"),
+            scale=number("--scale", scale, "length"),
             up=_one_of("--up", up, ("x", "y", "z")),
-            mass=None if mass is None else _number("--mass", mass, "mass"),
+            mass=None if mass is None else number("--mass", mass, "mass"),
             color=None if color is None else _color(color),
-            friction=_number("--friction", friction, allow_zero=True),
+            friction=number("--friction", friction, allow_zero=True),
             symmetry=_one_of("--symmetry", symmetry, ("auto", *SYMMETRY_ORDERS)),
             open_surface=open_surface,
             library=_one_of("--library", library, ("trimesh", "open3d")),
@@ -174,26 +174,12 @@ def _gripper(robot: str) -> tuple[str, GripperModel]:
     model = load_robot_model(robot)
     for name, gripper in model.of(GripperModel).items():
         return f"{robot}/{name}", gripper
-    raise _wrong("--robot", f"{robot} has no gripper")
-
-
-def _wrong(option: str, message: str) -> ConfigurationError:
-    return ConfigurationError([Problem(option, None, "", message)])
-
-
-def _number(option: str, text: str, *dimensions: str, allow_zero: bool = False) -> float:
-    try:
-        value = parse_quantity(text, *dimensions)
-    except ValueError as error:
-        raise _wrong(option, str(error)) from error
-    if value < 0.0 or (value == 0.0 and not allow_zero):
-        raise _wrong(option, f"should be {'0 or more' if allow_zero else 'more than 0'}, got {text}")
-    return value
+    raise wrong_input("--robot", f"{robot} has no gripper")
 
 
 def _one_of(option: str, text: str, allowed: tuple[str, ...]) -> Any:
     if text not in allowed:
-        raise _wrong(option, f"should be one of {', '.join(allowed)}, got {text!r}")
+        raise wrong_input(option, f"should be one of {', '.join(allowed)}, got {text!r}")
     return text
 
 
@@ -201,8 +187,8 @@ def _color(text: str) -> tuple[float, float, float]:
     try:
         values = np.array([float(part) for part in text.split(",")])
     except ValueError as error:
-        raise _wrong("--color", f"should be three numbers R,G,B, got {text!r}") from error
+        raise wrong_input("--color", f"should be three numbers R,G,B, got {text!r}") from error
     if values.shape != (3,) or not ((values >= 0.0) & (values <= 1.0)).all():
-        raise _wrong("--color", f"should be three numbers of 0 to 1, got {text!r}")
+        raise wrong_input("--color", f"should be three numbers of 0 to 1, got {text!r}")
     red, green, blue = (float(value) for value in values)
     return (red, green, blue)

@@ -13,6 +13,7 @@ import typer
 
 from bestman_bt.cli.json_output import json_output
 from bestman_bt.cli.log_output import shown_log
+from bestman_bt.cli.option_values import wrong_input
 from bestman_bt.cli.options import (
     Json,
     Plugins,
@@ -24,8 +25,7 @@ from bestman_bt.cli.options import (
     refuse_unwritable_folder,
     writable_file,
 )
-from bestman_bt.configuration import ConfigurationError, RunConfig
-from bestman_bt.configuration import Problem as WrongInput
+from bestman_bt.configuration import RunConfig
 from bestman_bt.configuration.secret import shown_setting
 from bestman_bt.engine import render_svg
 from bestman_bt.errors import InputError
@@ -83,19 +83,19 @@ def command(
 ) -> None:
     """Plan for a goal, make a tree of the plan, and check it."""
     if text is not None and goal is not None:
-        raise _wrong_input("bestman-bt plan", "give a text or --goal, one of them")
+        raise wrong_input("bestman-bt plan", "give a text or --goal, one of them")
     if text is not None and not text.strip():
-        raise _wrong_input("bestman-bt plan", "the text is empty; say what is wanted")
+        raise wrong_input("bestman-bt plan", "the text is empty; say what is wanted")
     if goal is not None:
         goal = goal_as_facts(goal)  # an error in it is reported before a world is built
     if run and world is not None:
-        raise _wrong_input(f"--world {world}", "is for planning; --run has its own beliefs")
+        raise wrong_input(f"--world {world}", "is for planning; --run has its own beliefs")
     if run and text is not None and not yes and not sys.stdin.isatty():
-        raise _wrong_input(
+        raise wrong_input(
             "--run", "a model's reading of a text is run when you agree, and nobody can be asked here; give --yes"
         )
     if ":" in planner:
-        raise _wrong_input("--planner", "one of your own is brought by --plugin FILE.py and named by its decorator")
+        raise wrong_input("--planner", "one of your own is brought by --plugin FILE.py and named by its decorator")
     allowed = _limits(limits)
     if run:
         refuse_unwritable_folder(runs, "--runs")
@@ -104,11 +104,11 @@ def command(
         try:  # plug-ins may bring them
             planner_class(planner)
         except PlanningError as error:
-            raise _wrong_input("--planner", str(error)) from error
+            raise wrong_input("--planner", str(error)) from error
         BUILDERS.resolve(builder)
         if text is None and goal is None:
             if setup.config.task.plan is None:
-                raise _wrong_input("bestman-bt plan", "give a text, --goal, or a --task with a plan")
+                raise wrong_input("bestman-bt plan", "give a text, --goal, or a --task with a plan")
             goal = setup.config.task.plan.goal
         asked = PlanQuestion(setup, beliefs, builder, allowed)
         try:
@@ -156,19 +156,15 @@ def command(
         sys.exit(exit_code(result))
 
 
-def _wrong_input(source: str, message: str) -> ConfigurationError:
-    return ConfigurationError([WrongInput(source, None, "", message)])
-
-
 def _limits(text: str) -> PlanLimits:
     try:
         return PlanLimits.from_string(text)
     except ValueError as error:
-        raise _wrong_input("--limits", str(error)) from error
+        raise wrong_input("--limits", str(error)) from error
 
 
 def _said_where(config: RunConfig, xml: str) -> str:
-    """The tree with a comment that tells where it is to run; a comment of XML holds no two hyphens in a row."""
+    """The tree with a comment that names its scene and robot; an XML comment may not contain two hyphens in a row."""
     where = f"Planned for the scene {config.task.scene}, the robot {config.task.robot} and the seed {config.seed}."
     return f"<!-- {where.replace('--', '- -')} -->\n{xml}"
 

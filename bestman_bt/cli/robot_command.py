@@ -9,6 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from bestman_bt.cli.json_output import json_output
+from bestman_bt.cli.option_values import wrong_input
 from bestman_bt.cli.options import Json, Png
 from bestman_bt.configuration import ConfigurationError, Problem, own_parts, pybullet_data
 from bestman_bt.robot_model import ArmModel, JointGroupModel
@@ -150,14 +151,14 @@ def import_urdf(
 
     with json_output(as_json) as write:
         if group is not None and srdf is None:
-            raise _wrong("--group", "is one of an SRDF: give --srdf, too")
+            raise wrong_input("--group", "is one of an SRDF: give --srdf, too")
         wanted = urdf.stem if name is None else name
         strange = name_fault(wanted)
         if strange is not None:
-            raise _wrong("--name", strange)
+            raise wrong_input("--name", strange)
         file = (into or own_parts()) / f"{wanted}.yaml"
         if file.exists() and not force:
-            raise _wrong("--name", f"there is a part {wanted!r} already ({file}); --force replaces it")
+            raise wrong_input("--name", f"there is a part {wanted!r} already ({file}); --force replaces it")
         request = PartRequest(wanted, kind, group, tuple(packages or ()), tuple(cut or ()))
         try:
             part = import_part(urdf, request, None if srdf is None else read_srdf(srdf))
@@ -197,7 +198,3 @@ def _tell(facts: dict[str, Any]) -> None:
             print(f"{key:<22} {'; '.join(map(str, value)) or 'none'}")
         else:
             print(f"{key:<22} {value}")
-
-
-def _wrong(where: str, message: str) -> ConfigurationError:
-    return ConfigurationError([Problem(where, None, "", message)])

@@ -18,7 +18,7 @@ TIMES = ("stamp", "start", "end", "until")
 LISTED = 20
 """How many details of a kind are listed; the counters count them all."""
 TOLD = 3
-"""How many of them the reason of a failure tells."""
+"""How many of them the reason of a failure names."""
 
 CHEATS = ("teleports", "grasp_constraints", "ground_truth_reads", "tampering", "object_follows_open_hand")
 """The counters that an honest run leaves at 0."""

@@ -125,7 +125,7 @@ class _CancelsAt:
 
 
 class _EndsWithRecording:
-    """Cancels an execution that goes on after the recording that it replays; ``why`` then tells when and where."""
+    """Cancels an execution that goes on after the recording that it replays; ``why``: when, and at which node."""
 
     def __init__(self, executor: Executor, robot: ReplayRobot) -> None:
         self._executor, self._robot = executor, robot

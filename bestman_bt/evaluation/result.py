@@ -62,7 +62,7 @@ class RunResult:
 
     @property
     def unearned(self) -> str:
-        """Why the success is not the robot's doing, in words; empty where it is, or where there is none."""
+        """Why the success was not brought about by the robot, in words; empty where it was, or where there is none."""
         if not self.success:
             return ""
         if self.held_at_start:

@@ -189,7 +189,7 @@ class Executor:
                     self._looping = False
             except InputError:  # told as such, by those who started it
                 raise
-            except Exception as error:  # a user's part may raise anything, in a node or between ticks
+            except Exception as error:  # a user's code may raise anything; it is reported and logged below
                 known = isinstance(error, (EngineError, RobotError))
                 ending, why = Ending.ERROR, str(error) if known else in_words(error)
                 if self._cancel_reason:

@@ -1,4 +1,4 @@
-"""What a user's algorithm returns is looked at once, where it comes back, and told in its author's words."""
+"""Checks what the methods of a user's algorithm return, against the types of the interface."""
 
 from __future__ import annotations
 
@@ -29,17 +29,18 @@ def with_checked_results(algorithm: Any, base: type[Any]) -> Any:
         method = getattr(type(algorithm), name, None)
         if inspect.isfunction(method):
             hint = get_type_hints(getattr(base, name)).get("return", Any)
-            object.__setattr__(algorithm, name, _checked(getattr(algorithm, name), name, hint))
+            object.__setattr__(
+                algorithm, name, _checked(getattr(algorithm, name), f"{type(algorithm).__name__}.{name}", hint)
+            )
     return algorithm
 
 
-def _checked(method: Callable[..., Any], name: str, hint: Any) -> Callable[..., Any]:
+def _checked(method: Callable[..., Any], who: str, hint: Any) -> Callable[..., Any]:
     @wraps(method)
     def call(*arguments: Any, **options: Any) -> Any:
         result = method(*arguments, **options)
         fault = _fault(result, hint, (*arguments, *options.values()))
         if fault:
-            who = f"{type(method.__self__).__name__}.{name}"  # type: ignore[attr-defined]
             raise WrongResultError(f"{who} {fault} (at {defined_at(method)})")
         return result
 

@@ -39,7 +39,7 @@ def made_builder(name: str) -> TreeBuilder:
     found = BUILDERS.resolve(name)
     try:
         made = found()
-    except Exception as error:  # of a third party
+    except Exception as error:  # of a third party: whatever it is, it is reported by name
         raise PlanningError(f"the tree builder {name!r} cannot be made: {in_words(error)}") from error
     if not isinstance(made, TreeBuilder):
         raise PlanningError(f"the tree builder {name!r} should be a subclass of TreeBuilder, got {found!r:.100}")

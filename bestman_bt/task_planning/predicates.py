@@ -71,7 +71,7 @@ class Predicate:
         assert self.holds is not None
         try:
             return self.holds(beliefs, *arguments)
-        except Exception as error:  # may be anybody's
+        except Exception as error:  # a user's function may raise anything; reported with its line
             if not own_line(error):
                 raise
             fact = Fact(self.name, tuple(arguments))

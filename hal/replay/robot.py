@@ -68,7 +68,7 @@ class ReplayRobot(Robot):
     # Description
 
     @cached_property
-    def clock(self) -> SimulatedClock:  # type: ignore[override] # read when it is first asked for
+    def clock(self) -> SimulatedClock:  # type: ignore[override] # a property: read from the recording on first use
         """Simulated time, in the steps of the recording."""
         return SimulatedClock(self.tape.time_step)
 
@@ -78,7 +78,7 @@ class ReplayRobot(Robot):
         return read_tape(self._recording)
 
     @cached_property
-    def parts(self) -> Mapping[str, Part]:  # type: ignore[override] # read when they are first asked for
+    def parts(self) -> Mapping[str, Part]:  # type: ignore[override] # a property: read from the recording on first use
         """The parts of the recorded robot."""
         return MappingProxyType({name: self._part(name) for name in self.tape.parts})
 

@@ -10,18 +10,13 @@ import pytest
 import trimesh
 
 from bestman_bt.cli.main import main
-from bestman_bt.errors import MissingExtraError
-from bestman_bt.extras import open3d
 from bestman_bt.messages import CameraIntrinsics, Mesh, PointCloud, Pose
 from bestman_bt.perception import clouds
 from bestman_bt.perception.errors import PerceptionError
 from bestman_bt.perception.object_models import simplified
 from bestman_bt.scene.mesh_file import MeshError, read_triangles
 
-try:
-    open3d()
-except MissingExtraError as missing:
-    pytest.skip(f"open3d or a system library that it loads is not here: {missing}", allow_module_level=True)
+pytestmark = pytest.mark.usefixtures("needs_open3d")
 
 RNG = np.random.default_rng(5)
 SHEET = np.column_stack([RNG.uniform(-0.3, 0.3, (4000, 2)), RNG.normal(0.7, 0.001, 4000)])

@@ -27,7 +27,7 @@ class _Counting(Decorator):
         """Tick the child until it runs, ends the node, or the count is reached.
 
         Between two rounds that each took one tick the node returns RUNNING and wakes the loop. A failure after several
-        ticks is told to the listeners before the next round begins, which changes what the leaves say of it.
+        ticks is reported to the listeners before the next round begins, which overwrites the feedback of the leaves.
         """
         child = self.child
         limit = self.get_input(self.PORT)

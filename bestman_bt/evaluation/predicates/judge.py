@@ -52,7 +52,7 @@ METRICS: dict[str, tuple[str, ...]] = {
 """What each predicate may measure; of several goals also one by one, the object's name behind."""
 
 Judge = Callable[[Session, GroundTruth, Clock | None, float], Verdict]
-"""Of a session, the truth, the clock by which the world rests first (None: judged as it is), and the metres driven."""
+"""Arguments: session, ground truth, the clock by which the world rests first (None: judged as it is), metres driven."""
 
 
 def find_judge(config: RunConfig) -> Judge | None:

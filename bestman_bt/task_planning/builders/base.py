@@ -24,7 +24,7 @@ class TreeBuilder(ABC):
             element: object = self.root(plan, goal, writer) if plan.actions else writer.holds("goal", goal)
         except PlanningError:
             raise
-        except Exception as error:  # may be anybody's
+        except Exception as error:  # a user's builder may raise anything; reported with its line
             raise PlanningError(f"{who} raised {in_words(error)}") from error
         if not isinstance(element, XmlElement):
             place = defined_at(self.root)

@@ -9,8 +9,6 @@ import numpy as np
 import pytest
 
 from benchmarks.rendered_table import RenderedTable, TrueObject
-from bestman_bt.errors import MissingExtraError
-from bestman_bt.extras import open3d
 from bestman_bt.messages import Pose, RGBDImage
 from bestman_bt.perception import NoSurfaceError, View
 from bestman_bt.perception.segmentation import Open3DDbscan, PlaneDbscan, Region, SegmentedScene
@@ -23,22 +21,20 @@ ALGORITHMS = [PlaneDbscan, pytest.param(Open3DDbscan, marks=pytest.mark.slow)]
 
 
 @pytest.fixture(params=ALGORITHMS)
-def segment(request: pytest.FixtureRequest) -> Segment:
+def algorithm(request: pytest.FixtureRequest) -> type[PlaneDbscan]:
+    if request.param is Open3DDbscan:
+        request.getfixturevalue("needs_open3d")
+    return request.param
+
+
+@pytest.fixture
+def segment(algorithm: type[PlaneDbscan]) -> Segment:
     """How scenes are segmented, each once."""
-    return partial(segmented, request.param)
-
-
-def skip_without_its_library(algorithm: type[PlaneDbscan]) -> None:
-    if algorithm is Open3DDbscan:
-        try:
-            open3d()
-        except MissingExtraError as missing:
-            pytest.skip(f"open3d or a system library that it loads is not here: {missing}")
+    return partial(segmented, algorithm)
 
 
 @cache
 def segmented(algorithm: type[PlaneDbscan], scene: RenderedTable) -> SegmentedScene:
-    skip_without_its_library(algorithm)
     return algorithm().segment(scene.view, scene.region, np.random.default_rng(0))
 
 
@@ -93,9 +89,7 @@ def test_the_bounding_box_of_a_box_is_its_size_and_place(table: Tables, segment:
         np.testing.assert_allclose(box.pose.position, item.pose.position, atol=0.006)
 
 
-@pytest.mark.parametrize("algorithm", ALGORITHMS)
 def test_equal_input_gives_equal_output(table: Tables, algorithm: type[PlaneDbscan]) -> None:
-    skip_without_its_library(algorithm)
     scene = table(1)
     first, second = (algorithm().segment(scene.view, scene.region, np.random.default_rng(0)) for _ in range(2))
     np.testing.assert_array_equal(first.planes[0].frame_from_plane.matrix, second.planes[0].frame_from_plane.matrix)

@@ -1,0 +1,22 @@
+"""Values of options that typer does not check, and the error for what is wrong with one."""
+
+from __future__ import annotations
+
+from bestman_bt.configuration import ConfigurationError, Problem
+from bestman_bt.configuration.quantity import parse_quantity
+
+
+def wrong_input(source: str, message: str) -> ConfigurationError:
+    """The error for an option, or a file, that is wrong."""
+    return ConfigurationError([Problem(source, None, "", message)])
+
+
+def number(option: str, text: str, *dimensions: str, allow_zero: bool = False) -> float:
+    """A quantity above 0 in SI units, such as ``5mm`` of the dimension ``length``. Raises ConfigurationError."""
+    try:
+        value = parse_quantity(text, *dimensions)
+    except ValueError as error:
+        raise wrong_input(option, str(error)) from error
+    if value < 0.0 or (value == 0.0 and not allow_zero):
+        raise wrong_input(option, f"should be {'0 or more' if allow_zero else 'more than 0'}, got {text}")
+    return value
