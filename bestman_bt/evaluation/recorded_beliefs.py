@@ -10,7 +10,7 @@ from bestman_bt.control.wheeled.localisation_cycle import PlacedScan
 from bestman_bt.engine import Tree
 from bestman_bt.manipulation.kinematics import ForwardKinematics
 from bestman_bt.messages import Path2D, Pose, Pose2D
-from bestman_bt.monitor.shown_value import show_value
+from bestman_bt.records.shown_value import show_value
 from bestman_bt.robot_model import LidarPart
 from bestman_bt.runtime import Session
 from bestman_bt.runtime.blackboard_changes import BlackboardChanges, WrittenEntry

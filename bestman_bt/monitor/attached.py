@@ -9,10 +9,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from bestman_bt.monitor.events import Event, EventError, ImageEvent, RunEvent, Topic, from_line
-from bestman_bt.monitor.history import RunHistory
 from bestman_bt.monitor.recorded import read_into
 from bestman_bt.monitor.run import MonitoredRun, RunError
+from bestman_bt.records.events import Event, EventError, ImageEvent, RunEvent, Topic, from_line
+from bestman_bt.records.history import RunHistory
 
 LONGEST_LINE = 16 << 20
 """Bytes of one event."""

@@ -5,8 +5,8 @@ from __future__ import annotations
 from itertools import zip_longest
 from typing import Any
 
-from bestman_bt.monitor.history import RunHistory
-from bestman_bt.monitor.outcomes import Outcome, result_words
+from bestman_bt.records.history import RunHistory
+from bestman_bt.records.outcomes import Outcome, result_words
 
 
 def compare(a: RunHistory, b: RunHistory) -> dict[str, Any]:

@@ -7,9 +7,9 @@ from typing import Any
 
 from bestman_bt.engine.spelling import closest
 from bestman_bt.engine.status import FAILURE, STATUS_NAMES, SUCCESS
-from bestman_bt.monitor.events import MAIN_TREE, EventError
-from bestman_bt.monitor.nodes import NodeList
 from bestman_bt.monitor.run import MonitoredRun, RunError
+from bestman_bt.records.events import MAIN_TREE, EventError
+from bestman_bt.records.nodes import NodeList
 
 LONGEST_TEXT = 4096
 Request = dict[str, Any]

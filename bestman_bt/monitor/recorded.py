@@ -19,7 +19,8 @@ from bestman_bt.engine import EngineError
 from bestman_bt.engine.logs import LoggedNode, logged_nodes, read_btlog
 from bestman_bt.engine.logs.regular_file import read_regular
 from bestman_bt.engine.logs.segmented_file import first_segment, read_segment
-from bestman_bt.monitor.events import (
+from bestman_bt.monitor.run import MonitoredRun, RunError
+from bestman_bt.records.events import (
     MAIN_TREE,
     Category,
     DescribedNode,
@@ -31,9 +32,8 @@ from bestman_bt.monitor.events import (
     TreeEvent,
     from_line,
 )
-from bestman_bt.monitor.history import RunHistory
-from bestman_bt.monitor.run import MonitoredRun, RunError
-from bestman_bt.monitor.run_log import EVENTS_FILE, LOG_FILE, STATES_FILE, read_events, read_log
+from bestman_bt.records.history import RunHistory
+from bestman_bt.records.run_log import EVENTS_FILE, LOG_FILE, STATES_FILE, read_events, read_log
 
 RESULT_FILE = "result.json"
 PICTURES_FOLDER = "pictures"

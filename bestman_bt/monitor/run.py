@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from typing import Any
 
 from bestman_bt.errors import Error
-from bestman_bt.monitor.history import RunHistory
+from bestman_bt.records.history import RunHistory
 
 TOLD = ("task", "tree", "scene", "robot", "seed", "pid", "folder", "started", "tick_rate", "clock")
 

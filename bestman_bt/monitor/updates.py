@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from bestman_bt.monitor.events import MAIN_TREE
-from bestman_bt.monitor.history import Picture
 from bestman_bt.monitor.run import MonitoredRun
+from bestman_bt.records.events import MAIN_TREE
+from bestman_bt.records.history import Picture
 
 STATISTICS_PERIOD = 0.5
 EXTENT_PERIOD = 1.0

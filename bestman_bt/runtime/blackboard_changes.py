@@ -6,8 +6,8 @@ from typing import Any, NamedTuple
 
 from bestman_bt.engine import Tree
 from bestman_bt.engine.blackboard import Slot
-from bestman_bt.monitor.events import BlackboardEvent, ShownEntry
-from bestman_bt.monitor.shown_value import REMOVED, show_value
+from bestman_bt.records.events import BlackboardEvent, ShownEntry
+from bestman_bt.records.shown_value import REMOVED, show_value
 
 
 class WrittenEntry(NamedTuple):

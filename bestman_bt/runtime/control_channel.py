@@ -10,7 +10,7 @@ One JSON object a line in each direction. Requests, which are answered by ``{"ok
   waits there, within the tick; nodes are named by uid or path
 - ``{"do": "clear_breakpoint", "node": …, "when": …}``, ``{"do": "breakpoints"}``
 - ``{"do": "force", "node": …, "result": "SUCCESS" or "FAILURE"}``: what the node's next tick returns
-- ``{"do": "subscribe", "topics": […]}``: after the answer come events, see ``bestman_bt.monitor.events``: first how
+- ``{"do": "subscribe", "topics": […]}``: after the answer come events, see ``bestman_bt.records.events``: first how
   all stands, then what happens, until the execution ends; without ``topics`` those of all
 """
 
@@ -33,7 +33,7 @@ from bestman_bt.engine import RUNNING, EngineError, status_name
 from bestman_bt.engine.spelling import closest
 from bestman_bt.errors import Error
 from bestman_bt.monitor.control_client import socket_folder
-from bestman_bt.monitor.events import TOPICS, BreakpointsEvent, Topic
+from bestman_bt.records.events import TOPICS, BreakpointsEvent, Topic
 from bestman_bt.runtime.breakpoints import BreakpointError, Breakpoints
 from bestman_bt.runtime.executor import Executor, Hold
 from bestman_bt.runtime.outbox import Outbox

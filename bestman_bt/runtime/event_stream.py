@@ -9,8 +9,8 @@ import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
-from bestman_bt.monitor.events import DroppedEvent, Event, LogEvent, Topic, to_line, topic_of
-from bestman_bt.monitor.run_log import RunLogWriter
+from bestman_bt.records.events import DroppedEvent, Event, LogEvent, Topic, to_line, topic_of
+from bestman_bt.records.run_log import RunLogWriter
 from bestman_bt.runtime.outbox import Outbox
 from bestman_bt.runtime.standing import Standing
 

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 
 from behaviours.failure import NodeFailure
 from bestman_bt.engine import FAILURE, Tree
-from bestman_bt.monitor.described_tree import category_of
+from bestman_bt.records.described_tree import category_of
 
 
 class FailureLines:

@@ -6,7 +6,7 @@ import logging
 from collections.abc import Callable
 from contextlib import ExitStack
 
-from bestman_bt.monitor.events import Level, LogEvent
+from bestman_bt.records.events import Level, LogEvent
 
 PACKAGES = ("bestman_bt", "behaviours", "hal")
 _LEVELS: dict[int, Level] = {logging.ERROR: "error", logging.WARNING: "warning", logging.INFO: "info"}

@@ -13,7 +13,7 @@ from PIL import Image
 
 from behaviours.context import SkillContext
 from bestman_bt.control.rgbd import RGBDView
-from bestman_bt.monitor.events import ImageEvent, Topic
+from bestman_bt.records.events import ImageEvent, Topic
 from bestman_bt.runtime.event_stream import Tell
 
 FOLDER = "pictures"

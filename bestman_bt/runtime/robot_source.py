@@ -12,7 +12,7 @@ from behaviours.context import SkillContext
 from bestman_bt.control.joint_state import JointStateError, JointStateSensor
 from bestman_bt.control.wheeled.localisation_cycle import PlacedScan
 from bestman_bt.messages import Path2D, Pose2D
-from bestman_bt.monitor.events import MapEvent, MapPiece, PathEvent, RobotEvent, ScanEvent, Topic
+from bestman_bt.records.events import MapEvent, MapPiece, PathEvent, RobotEvent, ScanEvent, Topic
 from bestman_bt.robot_model import RobotModel
 from bestman_bt.runtime.event_stream import Tell
 from bestman_bt.world_model import BasePose, SemanticMap

@@ -6,7 +6,7 @@ import os
 import time
 from pathlib import Path
 
-from bestman_bt.monitor.events import RunEvent
+from bestman_bt.records.events import RunEvent
 from bestman_bt.runtime.executor import Executor
 from bestman_bt.runtime.setup import Setup
 from hal.parts import SimulatedClock

@@ -6,7 +6,7 @@ from collections.abc import Collection, Iterator
 from dataclasses import dataclass, field
 
 from bestman_bt.engine import IDLE
-from bestman_bt.monitor.events import (
+from bestman_bt.records.events import (
     BlackboardEvent,
     BreakpointsEvent,
     EndEvent,

@@ -13,7 +13,7 @@ from typing import Protocol
 
 from behaviours.failure import NodeFailure
 from bestman_bt.engine import RUNNING, Node, Tree
-from bestman_bt.monitor.events import (
+from bestman_bt.records.events import (
     EndEvent,
     Event,
     Level,
@@ -24,7 +24,7 @@ from bestman_bt.monitor.events import (
     StatesEvent,
     Topic,
 )
-from bestman_bt.monitor.run_log import RunLogWriter
+from bestman_bt.records.run_log import RunLogWriter
 from bestman_bt.runtime.blackboard_changes import BlackboardChanges, blackboard_event
 from bestman_bt.runtime.event_stream import EventStream, Tell
 from bestman_bt.runtime.executor import Ending, Execution, Executor, Hold

@@ -6,8 +6,8 @@ from collections.abc import Callable, Iterable
 from functools import partial
 
 from bestman_bt.engine import RUNNING, Node, StateChanges, Tree
-from bestman_bt.monitor.described_tree import describe_tree
-from bestman_bt.monitor.events import MAIN_TREE, Event, StatesEvent
+from bestman_bt.records.described_tree import describe_tree
+from bestman_bt.records.events import MAIN_TREE, Event, StatesEvent
 from bestman_bt.runtime.event_stream import Tell
 from bestman_bt.runtime.failure_lines import failure_codes
 

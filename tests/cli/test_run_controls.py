@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from bestman_bt.engine import WallClock, load_tree
-from bestman_bt.monitor.events import RunEvent
+from bestman_bt.records.events import RunEvent
 from bestman_bt.runtime import ControlChannel, Executor
 from bestman_bt.runtime.telemetry import Telemetry
 from tests.cli.command_line import Answer

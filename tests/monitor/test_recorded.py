@@ -16,12 +16,12 @@ import pytest
 
 from bestman_bt.engine import ManualClock, NodeRegistry, load_tree
 from bestman_bt.engine.logs import BtLogWriter
-from bestman_bt.monitor.events import LogEvent, RunEvent, from_line
-from bestman_bt.monitor.history import RunHistory
 from bestman_bt.monitor.recorded import LARGEST_FILE, RecordedRun, read_into, read_picture, run_folders
 from bestman_bt.monitor.run import RunError
 from bestman_bt.monitor.run_list import MAX_LOADED, RunList
-from bestman_bt.monitor.run_log import MOST_READ, RunLogWriter, read_events, read_log
+from bestman_bt.records.events import LogEvent, RunEvent, from_line
+from bestman_bt.records.history import RunHistory
+from bestman_bt.records.run_log import MOST_READ, RunLogWriter, read_events, read_log
 from tests.monitor.conftest import FakeExecutor, Message, Monitor, run_event, states_event, tree_event
 
 EVIL = "<script>alert(1)</script>"

@@ -17,8 +17,8 @@ import pytest
 from websockets.exceptions import ConnectionClosed
 
 from bestman_bt.monitor.control_client import socket_folder
-from bestman_bt.monitor.timeline import Timeline
 from bestman_bt.monitor.viewer import MOST_CONTROLS, MOST_OPEN
+from bestman_bt.records.timeline import Timeline
 from tests.monitor.conftest import FakeExecutor, Message, Monitor, Page, states_event, wait_until
 
 pytestmark = pytest.mark.real_time

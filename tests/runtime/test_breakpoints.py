@@ -15,7 +15,7 @@ import pytest
 
 from bestman_bt.engine import IDLE, RUNNING, SUCCESS, ManualClock, NodeRegistry, StatefulAction, load_tree
 from bestman_bt.monitor.control_client import ControlError, request
-from bestman_bt.monitor.events import RunEvent, from_line
+from bestman_bt.records.events import RunEvent, from_line
 from bestman_bt.runtime import ControlChannel, Ending, Execution, Executor
 from bestman_bt.runtime.breakpoints import BreakpointError, Breakpoints
 from bestman_bt.runtime.executor import Hold

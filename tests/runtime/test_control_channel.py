@@ -22,7 +22,7 @@ from py_trees.common import Access, Status
 from behaviours.failure import NodeFailure
 from bestman_bt.engine import RUNNING, SUCCESS, ManualClock, NodeRegistry, StatefulAction, build_tree, load_tree
 from bestman_bt.monitor.control_client import ControlError, request, running_executors, socket_folder
-from bestman_bt.monitor.events import EndEvent, Event, RunEvent, StatesEvent, from_line
+from bestman_bt.records.events import EndEvent, Event, RunEvent, StatesEvent, from_line
 from bestman_bt.runtime import ControlChannel, Ending, Execution, Executor, control_channel
 from bestman_bt.runtime.blackboard_changes import BlackboardChanges
 from bestman_bt.runtime.telemetry import Telemetry

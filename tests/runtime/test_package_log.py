@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from bestman_bt.monitor.events import LogEvent
+from bestman_bt.records.events import LogEvent
 from bestman_bt.runtime.package_log import PACKAGES, PackageLog
 
 

@@ -12,7 +12,7 @@ import bestman_bt
 from behaviours.move_arm import MoveArm
 from behaviours.skill import Explained
 from bestman_bt.engine import Sequence, SyncAction
-from bestman_bt.monitor.events import (
+from bestman_bt.records.events import (
     EndEvent,
     Event,
     ImageEvent,
@@ -21,7 +21,7 @@ from bestman_bt.monitor.events import (
     RunEvent,
     ScanEvent,
 )
-from bestman_bt.monitor.run_log import read_events, read_log
+from bestman_bt.records.run_log import read_events, read_log
 from bestman_bt.runtime import Session
 
 

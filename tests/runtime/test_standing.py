@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from bestman_bt.monitor.events import (
+from bestman_bt.records.events import (
     BlackboardEvent,
     PausedEvent,
     ResumedEvent,

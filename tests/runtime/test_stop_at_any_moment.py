@@ -13,7 +13,7 @@ import pytest
 
 from bestman_bt.control.robot_stop import HELD, RobotStop
 from bestman_bt.engine import FAILURE, SUCCESS, NodeRegistry, SyncAction, WallClock, load_tree
-from bestman_bt.monitor.events import RunEvent
+from bestman_bt.records.events import RunEvent
 from bestman_bt.runtime import ControlChannel, Ending, Executor
 from bestman_bt.runtime.telemetry import Telemetry
 from hal.api import CommandRefusedError, Failure, MotionErrorCode

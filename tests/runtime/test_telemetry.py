@@ -18,7 +18,7 @@ import pytest
 from behaviours.failure import NodeFailure
 from bestman_bt.engine import FAILURE, IDLE, RUNNING, ManualClock, NodeRegistry, StatefulAction, Tree, load_tree
 from bestman_bt.engine.logs.btlog import read_btlog
-from bestman_bt.monitor.events import (
+from bestman_bt.records.events import (
     BlackboardEvent,
     DroppedEvent,
     EndEvent,
@@ -28,7 +28,7 @@ from bestman_bt.monitor.events import (
     TreeEvent,
     from_line,
 )
-from bestman_bt.monitor.run_log import read_events, read_log
+from bestman_bt.records.run_log import read_events, read_log
 from bestman_bt.runtime import Executor
 from bestman_bt.runtime.event_stream import EventStream
 from bestman_bt.runtime.outbox import Outbox
@@ -221,7 +221,7 @@ KILLED = """
 import sys, time
 from pathlib import Path
 from bestman_bt.engine import WallClock, load_tree
-from bestman_bt.monitor.events import RunEvent
+from bestman_bt.records.events import RunEvent
 from bestman_bt.runtime import Executor
 from bestman_bt.runtime.telemetry import Telemetry
 folder = Path(sys.argv[1])

@@ -29,8 +29,8 @@ from bestman_bt.evaluation.report.story import (
     StoryPicture,
 )
 from bestman_bt.evaluation.result import DERIVED, RunResult
-from bestman_bt.monitor.events import EndEvent, Event, ImageEvent, LogEvent, RunEvent, StatesEvent, TreeEvent
-from bestman_bt.monitor.run_log import EVENTS_FILE, LOG_FILE, STATES_FILE, read_events, read_log
+from bestman_bt.records.events import EndEvent, Event, ImageEvent, LogEvent, RunEvent, StatesEvent, TreeEvent
+from bestman_bt.records.run_log import EVENTS_FILE, LOG_FILE, STATES_FILE, read_events, read_log
 
 RESULT, CONFIG = "result.json", "config.yaml"
 PARTS = (RESULT, CONFIG, STATES_FILE, EVENTS_FILE, LOG_FILE)

@@ -12,7 +12,7 @@ from typing import Any
 
 from bestman_bt.engine import Blackboard, Tree
 from bestman_bt.monitor.groot2.errors import RequestError
-from bestman_bt.monitor.shown_value import show_value
+from bestman_bt.records.shown_value import show_value
 
 ROOT = "ROOT"
 """The name by which the topmost blackboard comes with that of any SubTree."""

@@ -12,8 +12,8 @@ from bestman_bt.engine import load_tree
 from bestman_bt.engine.clock import Clock
 from bestman_bt.engine.status import RUNNING
 from bestman_bt.evaluation.result import Outcome, RunResult
-from bestman_bt.monitor.events import EndEvent, Event, ImageEvent, LogEvent, RunEvent, StatesEvent
-from bestman_bt.monitor.run_log import RunLogWriter
+from bestman_bt.records.events import EndEvent, Event, ImageEvent, LogEvent, RunEvent, StatesEvent
+from bestman_bt.records.run_log import RunLogWriter
 
 HOSTILE = "<script>alert(1)</script>"
 TREE = """

@@ -17,7 +17,7 @@ from bestman_bt.evaluation.report.page import report_page
 from bestman_bt.evaluation.report.run_reader import read_story
 from bestman_bt.evaluation.report.story import NodeKey, StoryNode
 from bestman_bt.evaluation.result import Outcome
-from bestman_bt.monitor.described_tree import describe_tree
+from bestman_bt.records.described_tree import describe_tree
 from tests.evaluation.report.run_folders import TREE, failure_with_picture, picture, write_run
 
 NOW = datetime(2026, 3, 4, 5, 6)

@@ -12,7 +12,7 @@ from bestman_bt.engine.logs.btlog import BtLogWriter
 from bestman_bt.engine.status import FAILURE, RUNNING, SUCCESS
 from bestman_bt.evaluation.report.run_reader import MAX_BYTES, ReportError, read_story, run_folders
 from bestman_bt.evaluation.result import Outcome
-from bestman_bt.monitor.events import DescribedNode, ImageEvent, LogEvent, StatesEvent, TreeEvent
+from bestman_bt.records.events import DescribedNode, ImageEvent, LogEvent, StatesEvent, TreeEvent
 from tests.evaluation.report.run_folders import HOSTILE, SteppedClock, failure_with_picture, picture, write_run
 
 

@@ -8,7 +8,7 @@ import sys
 import time
 
 from bestman_bt.engine import ManualClock, load_tree
-from bestman_bt.monitor.events import RunEvent
+from bestman_bt.records.events import RunEvent
 from bestman_bt.runtime import ControlChannel, Executor
 from bestman_bt.runtime.telemetry import Telemetry
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from bestman_bt.engine.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS
-from bestman_bt.monitor.node_states import NO
+from bestman_bt.records.node_states import NO
 
 MAX_SPANS = 20_000
 """Beyond it the timeline gets coarser: spans that are nearer than the resolution become one."""

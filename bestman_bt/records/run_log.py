@@ -16,7 +16,7 @@ from typing import get_args
 from bestman_bt.engine import Tree
 from bestman_bt.engine.logs.btlog import BtLogWriter
 from bestman_bt.engine.logs.segmented_file import SegmentedFile, read_segments
-from bestman_bt.monitor.events import (
+from bestman_bt.records.events import (
     MAIN_TREE,
     Event,
     EventError,

@@ -6,7 +6,7 @@ from bestman_bt.engine import EngineError, Node, Tree
 from bestman_bt.engine.conversion import text_of
 from bestman_bt.engine.decorators.subtree import SubTree
 from bestman_bt.engine.xml.writer import XmlError, full_tree_xml
-from bestman_bt.monitor.events import MAIN_TREE, Category, DescribedNode, TreeEvent
+from bestman_bt.records.events import MAIN_TREE, Category, DescribedNode, TreeEvent
 
 LONGEST_PORT = 500
 """Characters of a port's text."""

@@ -10,7 +10,8 @@ from typing import Any
 import pytest
 
 from bestman_bt.monitor.comparison import compare
-from bestman_bt.monitor.events import (
+from bestman_bt.monitor.updates import Updates
+from bestman_bt.records.events import (
     BlackboardEvent,
     EndEvent,
     Event,
@@ -23,12 +24,11 @@ from bestman_bt.monitor.events import (
     StatesEvent,
     from_line,
 )
-from bestman_bt.monitor.history import MAX_LOG_LINES, MAX_PICTURES, MAX_VALUES_A_KEY, RunHistory
-from bestman_bt.monitor.robot_history import SERIES_POINTS
-from bestman_bt.monitor.samples import Freshness, Samples
-from bestman_bt.monitor.shown_value import REMOVED
-from bestman_bt.monitor.timeline import Timeline
-from bestman_bt.monitor.updates import Updates
+from bestman_bt.records.history import MAX_LOG_LINES, MAX_PICTURES, MAX_VALUES_A_KEY, RunHistory
+from bestman_bt.records.robot_history import SERIES_POINTS
+from bestman_bt.records.samples import Freshness, Samples
+from bestman_bt.records.shown_value import REMOVED
+from bestman_bt.records.timeline import Timeline
 from tests.monitor.conftest import tree_event
 
 IDLE, RUNNING, SUCCESS, FAILURE, NO = 0, 1, 2, 3, 5

@@ -10,7 +10,7 @@ import numpy as np
 
 from bestman_bt.engine import EngineError
 from bestman_bt.engine.conversion import text_of, type_name
-from bestman_bt.monitor.events import ShownEntry
+from bestman_bt.records.events import ShownEntry
 
 LONGEST_TEXT = 2000
 """Characters of a value's text."""

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from itertools import chain
 from typing import Any
 
-from bestman_bt.monitor.events import RobotEvent, ScanEvent
-from bestman_bt.monitor.samples import Samples
+from bestman_bt.records.events import RobotEvent, ScanEvent
+from bestman_bt.records.samples import Samples
 
 MAX_SAMPLES = 36_000
 """An hour at 10 a second; what is older gets coarser."""

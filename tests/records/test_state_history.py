@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from bestman_bt.monitor.state_history import BYTES_A_NODE, HistoryLimits, StateHistory
+from bestman_bt.records.state_history import BYTES_A_NODE, HistoryLimits, StateHistory
 
 IDLE, RUNNING, SUCCESS, FAILURE = 0, 1, 2, 3
 

@@ -10,7 +10,7 @@ from itertools import islice, takewhile
 from typing import Any
 
 from bestman_bt.engine.status import FAILURE, SKIPPED
-from bestman_bt.monitor.events import (
+from bestman_bt.records.events import (
     MAIN_TREE,
     BlackboardEvent,
     BreakpointsEvent,
@@ -31,13 +31,13 @@ from bestman_bt.monitor.events import (
     StatesEvent,
     TreeEvent,
 )
-from bestman_bt.monitor.node_states import NO
-from bestman_bt.monitor.nodes import NodeList
-from bestman_bt.monitor.outcomes import Outcomes
-from bestman_bt.monitor.robot_history import RobotHistory
-from bestman_bt.monitor.samples import Freshness, Samples
-from bestman_bt.monitor.state_history import HistoryLimits, StateHistory
-from bestman_bt.monitor.timeline import Timeline
+from bestman_bt.records.node_states import NO
+from bestman_bt.records.nodes import NodeList
+from bestman_bt.records.outcomes import Outcomes
+from bestman_bt.records.robot_history import RobotHistory
+from bestman_bt.records.samples import Freshness, Samples
+from bestman_bt.records.state_history import HistoryLimits, StateHistory
+from bestman_bt.records.timeline import Timeline
 
 MAX_LOG_LINES = 20_000
 MAX_MESSAGES_A_NODE = 500

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bestman_bt.monitor.shown_value import LONGEST_TEXT, show_value
+from bestman_bt.records.shown_value import LONGEST_TEXT, show_value
 
 
 class Rude:

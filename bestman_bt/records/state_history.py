@@ -7,7 +7,7 @@ from bisect import bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from bestman_bt.monitor.node_states import NodeStates
+from bestman_bt.records.node_states import NodeStates
 
 
 @dataclass(frozen=True)

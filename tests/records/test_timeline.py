@@ -1,7 +1,7 @@
 from __future__ import annotations
 
 from bestman_bt.engine.status import FAILURE, IDLE, RUNNING, SUCCESS
-from bestman_bt.monitor.timeline import Timeline
+from bestman_bt.records.timeline import Timeline
 
 
 def test_spans_that_became_one_say_so_and_tell_what_the_work_came_to() -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import asdict
 from typing import Any
 
-from bestman_bt.monitor.events import MAIN_TREE, EventError, TreeEvent
+from bestman_bt.records.events import MAIN_TREE, EventError, TreeEvent
 
 MAX_NODES = 100_000
 

@@ -6,7 +6,7 @@ import json
 
 import pytest
 
-from bestman_bt.monitor.events import (
+from bestman_bt.records.events import (
     BlackboardEvent,
     EventError,
     LogEvent,

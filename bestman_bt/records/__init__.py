@@ -1,0 +1,1 @@
+"""One record of a run: its events, their writer, the reader of run folders, and exports of what was read."""
