@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -29,6 +28,15 @@ PATIENCE = 60.0
 """Seconds after which a test gives up on what has to come about, however busy the machine is."""
 
 
+def twin_settings(twin: TwinProcess, **changes: Any) -> dict[str, Any]:
+    """Settings of a robot's file that meets ``twin``, with the tests' watchdog; ``changes`` write ``__`` for a dot."""
+    return {
+        **twin.settings,
+        "safety.watchdog": WATCHDOG,
+        **{name.replace("__", "."): value for name, value in changes.items()},
+    }
+
+
 def fixtures_of(robot_file: Path, sdk: str, extra: str, faults: dict[str, tuple[str, ...]]) -> tuple[Any, ...]:
     """Fixtures ``twin``, ``twin_model``, ``make_robot``, ``shared_robot``, ``isolated_robot``, ``robot`` of a conftest.
 
@@ -45,8 +53,7 @@ def fixtures_of(robot_file: Path, sdk: str, extra: str, faults: dict[str, tuple[
 
     @pytest.fixture(scope="module")
     def twin_model(twin: TwinProcess) -> RobotModel:
-        model = load_robot_model(robot_file, twin.settings)
-        return replace(model, safety=replace(model.safety, watchdog=WATCHDOG))
+        return load_robot_model(robot_file, twin_settings(twin))
 
     @pytest.fixture(scope="module")
     def make_robot(twin_model: RobotModel) -> MakeRobot:

@@ -13,6 +13,7 @@ import pytest
 from hal.twins import TwinProcess
 from hal.twins.remote_truth import RemoteTruth
 from tests.cli.command_line import Program, wait_for
+from tests.hal.twinned import twin_settings
 
 pytestmark = [pytest.mark.slow, pytest.mark.real_time, pytest.mark.alone]
 
@@ -76,7 +77,7 @@ def test_a_robot_that_drives_behind_its_twins(tmp_path: Path) -> None:
     with TwinProcess("diff_xarm6", "kitchen", seed=1) as twin:
         truth = RemoteTruth(twin.judge_socket)
         start = truth.base_pose().position
-        settings = [word for key, value in twin.settings.items() for word in ("--set", f"robot.{key}={value}")]
+        settings = [word for key, value in twin_settings(twin).items() for word in ("--set", f"robot.{key}={value}")]
         arguments = ("run", "drive.xml", "--robot", "diff_xarm6", "--scene", "kitchen", "--seed", 1)
         run = Program(*arguments, "--driver", "hardware", *settings, "--json", folder=tmp_path)
         made = stopped_while_it_drives(run, tmp_path)

@@ -17,7 +17,7 @@ from hal.hardware import HardwareRobot
 from hal.parts import ToolLimits
 from hal.twins import TwinProcess
 from hal.ur import URArm
-from tests.hal.twinned import ended
+from tests.hal.twinned import ended, twin_settings
 
 pytestmark = pytest.mark.real_time
 
@@ -27,8 +27,7 @@ STEP = np.array([0.3, 0, 0, 0, 0, 0])
 
 @contextmanager
 def connected(twin: TwinProcess, **settings: Any) -> Iterator[tuple[HardwareRobot, URArm]]:
-    changes = {key.replace("__", "."): value for key, value in settings.items()}
-    with HardwareRobot(load_robot_model(ROBOT, {**twin.settings, **changes})) as robot:
+    with HardwareRobot(load_robot_model(ROBOT, twin_settings(twin, **settings))) as robot:
         yield robot, robot.part("arm", URArm)
 
 

@@ -18,7 +18,7 @@ from hal.conformance import CHECKS, settle
 from hal.hardware import HardwareRobot
 from hal.parts import ConnectionFailedError
 from hal.twins import TwinProcess
-from tests.hal.twinned import disconnected
+from tests.hal.twinned import disconnected, twin_settings
 
 pytestmark = [pytest.mark.real_time, pytest.mark.slow]
 # `make test` installs it; another installation may be without the vendor's SDK.
@@ -37,7 +37,7 @@ def hosted(request: pytest.FixtureRequest) -> Iterator[tuple[TwinProcess, Path]]
 @pytest.fixture(scope="module")
 def robot(hosted: tuple[TwinProcess, Path]) -> Iterator[HardwareRobot]:
     twin, file = hosted
-    with HardwareRobot(load_robot_model(file, twin.settings)) as robot:
+    with HardwareRobot(load_robot_model(file, twin_settings(twin))) as robot:
         yield robot
 
 
@@ -94,12 +94,12 @@ def test_a_controller_of_another_arm_is_refused_before_anything_moves(
 ) -> None:
     twin, file = hosted
     arm = {"arm": "lite6" if file is XARM7 else "xarm"}
-    other = load_robot_model(file, {**twin.settings, "connections.arm_controller.options": arm})
+    other = load_robot_model(file, {**twin_settings(twin), "connections.arm_controller.options": arm})
     with disconnected(robot), pytest.raises(ConnectionFailedError, match="the option 'arm' says"):
         HardwareRobot(other).connect()
     limits = robot.model.of(ArmModel)["arm"]
     wide = {name: [float(value) for value in getattr(limits, name)] for name in ("velocity", "acceleration", "effort")}
     wide |= {"lower": [-6.28] * len(limits.lower), "upper": [6.28] * len(limits.upper)}
-    wider = load_robot_model(file, {**twin.settings, "parts.arm.set.limits": wide})
+    wider = load_robot_model(file, {**twin_settings(twin), "parts.arm.set.limits": wide})
     with disconnected(robot), pytest.raises(ConnectionFailedError, match=r"joint2 goes from .* 'set' its limits"):
         HardwareRobot(wider).connect()

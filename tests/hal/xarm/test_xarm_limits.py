@@ -22,7 +22,7 @@ from hal.hardware import HardwareRobot
 from hal.parts import ToolLimits
 from hal.twins import TwinProcess
 from hal.xarm.wire import discreet
-from tests.hal.twinned import wait_for
+from tests.hal.twinned import twin_settings, wait_for
 
 pytestmark = [pytest.mark.real_time, pytest.mark.slow]
 
@@ -32,8 +32,7 @@ SIDEWAYS = np.array([0.4, 0, 0, 0, 0, 0])
 
 @contextmanager
 def connected(twin: TwinProcess, **settings: Any) -> Iterator[HardwareRobot]:
-    changes = {key.replace("__", "."): value for key, value in settings.items()}
-    with HardwareRobot(load_robot_model(ROBOT, {**twin.settings, **changes})) as robot:
+    with HardwareRobot(load_robot_model(ROBOT, twin_settings(twin, **settings))) as robot:
         yield robot
 
 
