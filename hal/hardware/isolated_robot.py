@@ -186,6 +186,8 @@ class RpcConnection:
     def __init__(self, connection: Connection) -> None:
         self._connection = connection
         self._thread = ThreadPoolExecutor(1, "wire")
+        # Begun here: an executor that is interrupted while it begins its thread forgets it and begins a second one.
+        self._thread.submit(lambda: None).result()
 
     def ask(self, question: Any) -> Any:
         """The answer; NotConnectedError where the other process is gone."""
