@@ -17,6 +17,11 @@ class SecretMark:
 Secret = Annotated[str, SecretMark()]
 
 
+def may_tell_secret(key: str) -> bool:
+    """Whether the value of an option ``--set`` with that key is left out of messages and files."""
+    return _TELLING.search(key) is not None
+
+
 def shown_setting(setting: str) -> str:
     """``key=value`` of an option ``--set`` for messages: the value of a key that may tell a secret is left out."""
     key, equals, _ = setting.partition("=")

@@ -23,6 +23,7 @@ from bestman_bt.configuration import (
     read_document,
 )
 from bestman_bt.configuration.quantity import Factor, WholeNumber
+from bestman_bt.configuration.secret import may_tell_secret
 from bestman_bt.engine import TreeLoadError
 from bestman_bt.evaluation.episode import prepare_episode
 from bestman_bt.evaluation.predicates import metric_names
@@ -97,14 +98,14 @@ class Entry:
 
     @property
     def settings(self) -> dict[str, str]:
-        """What it lays over its task, as ``--set`` names it: settings, and another tree and plug-ins."""
+        """What it lays over its task, as ``--set`` names it: settings, and another tree and plug-ins; no secrets."""
         asked = self.asked or EntryConfig()
         given = dict(setting.partition("=")[::2] for setting in asked.settings)
         if asked.tree is not None:
             given["tree"] = asked.tree
         if asked.plugins:
             given["plugins"] = ", ".join(asked.plugins)
-        return {key.strip(): value.strip() for key, value in given.items()}
+        return {key.strip(): "…" if may_tell_secret(key) else value.strip() for key, value in given.items()}
 
     def configs(self) -> list[RunConfig]:
         """One per episode."""

@@ -62,6 +62,15 @@ def test_an_evaluation_is_read_from_its_folder_entry_by_entry(tmp_path: Path) ->
         read_entries(str(tmp_path))
 
 
+def test_what_is_written_of_an_evaluation_holds_no_secret_of_a_controller(tmp_path: Path) -> None:
+    finished_evaluation(tmp_path, {"arm": "robot.connections.arm.token=HIDDEN", "rrt": RRT})
+    arm, _ = read_entries(str(tmp_path))
+    assert arm.settings == {"robot.connections.arm.token": "…"}
+    written = [path for path in tmp_path.rglob("*") if path.is_file()]
+    assert written
+    assert not [path for path in written if b"HIDDEN" in path.read_bytes()]
+
+
 def test_a_picture_has_a_panel_for_success_and_each_metric_with_a_line_per_pair(tmp_path: Path) -> None:
     (compared,) = within([entry("a"), entry("b", shift=1.0)])
     compared.draw(tmp_path / "picture.svg")
