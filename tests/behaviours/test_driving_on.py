@@ -27,16 +27,17 @@ def path_of(length: float) -> Path2D:
 
 
 class Behind:
-    """Free for so many metres behind the base, and nowhere else."""
+    """Free for so many metres behind the base, but for ``taken`` metres behind it, and nowhere else."""
 
-    def __init__(self, metres: float) -> None:
-        self._metres = metres
+    def __init__(self, metres: float, taken: float = np.inf) -> None:
+        self._metres, self._taken = metres, taken
 
     def footprint_clearance(self, poses: np.ndarray) -> np.ndarray:
         away = np.linalg.norm(poses[:, :2] - ASKEW.xy, axis=1)
         straight = [map_from(ASKEW, -metres, 0.0, 0.0)[:2] for metres in away]
         beside = np.linalg.norm(poses[:, :2] - straight, axis=1) + abs(poses[:, 2] - ASKEW.theta)
-        return np.where((beside < 1e-6) & (away < self._metres + 1e-6), 1.0, -1.0)
+        free = (away < self._metres + 1e-6) & (np.abs(away - self._taken) > 0.01)
+        return np.where((beside < 1e-6) & free, 1.0, -1.0)
 
 
 @pytest.fixture
@@ -203,9 +204,14 @@ def test_a_recovery_gives_time_and_goes_on_where_it_fails_itself_unless_the_robo
     assert codes(skills) == ["stopped"]
 
 
-@pytest.mark.parametrize(("room", "back"), [(0.52, 0.5), (9.0, 0.8), (0.04, None)])
-def test_it_backs_up_straight_as_far_as_is_free(skills: Any, room: float, back: float | None) -> None:
-    skills.seen_costmap = lambda: Behind(room)
+@pytest.mark.parametrize(
+    ("room", "taken", "back"),
+    [(0.52, np.inf, 0.5), (9.0, np.inf, 0.8), (0.04, np.inf, None), (9.0, 0.35, 0.3), (9.0, 0.05, None)],
+)
+def test_it_backs_up_straight_as_far_as_is_free_and_through_nothing(
+    skills: Any, room: float, taken: float, back: float | None
+) -> None:
+    skills.seen_costmap = lambda: Behind(room, taken)
     skills.base.ends["follow"] = [BLOCKED]
     assert run(skills, to_goal(skills)) == SUCCESS
     drives = [-asked[1] for asked in skills.base.asked if asked[0] == "drive"]

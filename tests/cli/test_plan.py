@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Callable
 from pathlib import Path
 from xml.etree import ElementTree
 
+from bestman_bt.cli.plan_command import _to_run
 from bestman_bt.engine import load_tree
 from bestman_bt.registry import BUILDERS, PLANNERS
 from bestman_bt.runtime.plugins import node_registry
@@ -54,6 +56,14 @@ def test_by_default_it_is_planned_in_the_furnished_kitchen_and_a_drawer_needs_no
     assert "run it: bestman-bt run tree.xml --scene kitchen_furnished --robot diff_panda\n" in answer.err
     assert "the scene kitchen_furnished, the robot diff_panda and" in (folder / "tree.xml").read_text().split("\n")[0]
     assert load_tree(folder / "tree.xml", node_registry()).root.name == "as_planned_or_anew"
+
+
+def test_the_command_that_runs_a_saved_plan_tells_no_secret_of_a_controller() -> None:
+    settings = ["robot.connections.arm.address=HIDDEN", "robot.connections.arm.token=HIDDEN", "robot.name=my robot"]
+    told = _to_run(Path("tree.xml"), {"--scene": "kitchen", "--robot": None}, 3, settings, [Path("my leaves.py")])
+    words = ["bestman-bt", "run", "tree.xml", "--scene", "kitchen", "--seed", "3"]
+    words += ["--set", "robot.connections.arm.address=…", "--set", "robot.connections.arm.token=…"]
+    assert shlex.split(told) == [*words, "--set", "robot.name=my robot", "--plugin", "my leaves.py"]
 
 
 def test_what_is_given_is_where_a_thing_is_searched_for(bestman_bt: Command) -> None:

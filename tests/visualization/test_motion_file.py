@@ -51,8 +51,10 @@ def test_what_was_written_is_read_back_counted_from_the_first_moment(path: Path)
 def test_between_two_moments_everything_is_in_proportion(path: Path) -> None:
     _write(path, _moment(0.0, 1.0, 0.0, -0.1), _moment(0.2, 2.0, 0.8, 0.1))
 
-    halfway = read_motion(path).at(0.1)
+    motion = read_motion(path)
+    halfway = motion.at(0.1)
 
+    assert [motion.at(time).tick for time in (0.0, 0.1, 0.19, 0.2)] == [0, 0, 0, 4]
     assert halfway.map_from_base.position == pytest.approx([1.5, 0.0, 0.0])
     assert halfway.joint_positions["elbow"] == pytest.approx(0.4)
     assert halfway.body_poses["cup"].quaternion == pytest.approx([0, 0, 0, 1])

@@ -186,14 +186,22 @@ def test_a_new_start_knows_what_was_known_at_the_first_and_shares_nothing(mapped
 
 
 @pytest.mark.parametrize(
-    ("depth", "width", "before"), [(0.6, 0.3, ["case/left"]), (0.1, 0.6, ["case/left", "case/right"])]
+    ("depth", "width", "place", "before"),
+    [
+        (0.6, 0.3, (0.25, 0.4), ["case/left"]),
+        (0.6, 0.3, (-0.25, 0.4), ["case/right"]),
+        (0.1, 0.6, (0.25, 0.4), ["case/left", "case/right"]),
+        (0.1, 0.6, (-0.25, 0.4), ["case/left", "case/right"]),
+        (0.6, 0.3, (0.25, 0.06), ["case/left"]),
+        (0.6, 0.3, (0.25, 0.04), []),  # below the doors
+    ],
 )
-def test_a_door_stands_before_a_board_behind_it_however_deep_that_is(depth, width, before) -> None:
+def test_a_door_stands_before_a_board_behind_it_however_deep_that_is(depth, width, place, before) -> None:
     def door(name: str, y: float) -> MapLeaf:
-        front = PlacedShape(Box((0.02, 0.4, 1.0)), Pose([-0.3, y, 0.5]))
+        front = PlacedShape(Box((0.02, 0.4, 0.9)), Pose([-0.3, y, 0.5]))
         return MapLeaf(name, "revolute", (-0.3, 2 * y, 0.5), (0.0, 0.0, 1.0), 1.6, (front,))
 
-    board = MapSurface("board", Pose([0.0, 0.25, 0.4]), (depth, width))
+    board = MapSurface("board", Pose([0.0, *place]), (depth, width))
     top = MapSurface("top", Pose([0.0, 0.0, 1.0]), (0.6, 0.8))
     case = MapFurniture(
         "case", Pose2D(), (0.6, 0.8), 1.0, (top, board), True, leaves=(door("left", 0.2), door("right", -0.2))

@@ -3,10 +3,12 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
+from bestman_bt.evaluation.predicates.standing import surface_pose
 from bestman_bt.evaluation.predicates.tidied import tidied
 from bestman_bt.messages import Pose
 from bestman_bt.runtime import Session
@@ -111,6 +113,19 @@ def test_the_worst_of_several_things_is_told_and_all_that_are_wrong_are_named(co
         assert tidied(counter.evidence()).why == f"the {first} is not above counter/top; the {second} is not let go"
     finally:
         counter.truth.touched.clear()
+
+
+@pytest.mark.parametrize(("z", "tidy"), [(0.299, True), (0.301, False)])
+def test_what_stands_on_the_next_board_above_is_not_tidy(
+    counter: ScriptedEnd, monkeypatch: pytest.MonkeyPatch, z: float, tidy: bool
+) -> None:
+    def under_a_board(*asked: Any) -> tuple[Any, ...]:
+        return (*surface_pose(*asked)[:3], 0.3)
+
+    monkeypatch.setattr("bestman_bt.evaluation.predicates.tidied.surface_pose", under_a_board)
+    for name in counter.truth.poses:
+        stand(counter, name, -0.1, 0.2, z)
+    assert tidied(counter.evidence()).holds is tidy
 
 
 def test_where_none_of_the_things_is_there_nothing_is_tidy(counter: ScriptedEnd) -> None:

@@ -103,6 +103,14 @@ def test_an_effect_on_all_things_of_a_type_does_not_undo_what_the_action_brings_
     assert Fact("near", ("drawer",)) in action.delete
     assert Fact("near", ("table",)) in action.applied_to(problem.state)
     assert planned(problem) == ["Pick(cup, table)"]
+    leave = operator("Leave", {}, "not near(table)", "gone")
+    for place, can_leave in (("drawer", True), ("table", False)):  # near the table it stays there
+        near = kitchen("gone and holding(cup)", f"on(cup, table); hand_empty; near({place})", (PICK, leave))
+        if can_leave:
+            assert planned(near) == ["Leave()", "Pick(cup, table)"]
+        else:
+            with pytest.raises(Unsolvable):
+                planned(near)
 
 
 def test_a_cheaper_plan_is_looked_for():
