@@ -38,15 +38,33 @@ def test_where_there_is_all_the_room_that_is_wanted_it_is_preferred_to_the_slack
     assert float(room.distance_at(found.approach)) >= wanted
 
 
-@pytest.mark.parametrize(("x", "backwards"), [(2.7, True), (3.3, False)])
-def test_a_base_leaves_a_narrow_place_by_its_nearer_end(x: float, backwards: bool) -> None:
-    """Two wide rooms with a passage between them, from x = 2 m to x = 4 m."""
+def two_rooms(*across: float) -> StraightEnds:
+    """Two wide rooms with a passage from x = 2 m to x = 4 m, in which walls stand across at ``across``."""
     outline = [(0.0, -1.5), (2.0, -1.5), (2.0, -0.5), (4.0, -0.5), (4.0, -1.5), (6.0, -1.5)]
     outline += [(x, -y) for x, y in reversed(outline)]
-    walls = np.array([(*a, *b) for a, b in zip(outline, outline[1:] + outline[:1], strict=True)])
-    costmap = Costmap.from_map(SemanticMap(walls, {}), BASE)
-    ends = StraightEnds(costmap, StraightEndsParameters(max_straight=2.5), turning_distance=0.6)
-    found = ends.between(Pose2D(x, 0.0, 0.0), Pose2D(5.0, 0.0, 0.0))
+    walls = [(*a, *b) for a, b in zip(outline, outline[1:] + outline[:1], strict=True)]
+    walls += [(x, -0.5, x, 0.5) for x in across]
+    costmap = Costmap.from_map(SemanticMap(np.array(walls), {}), BASE)
+    return StraightEnds(costmap, StraightEndsParameters(max_straight=2.5), turning_distance=0.6)
+
+
+@pytest.mark.parametrize(
+    ("start", "goal", "reason"),
+    [(1.0, 3.3, PlanningFailureReason.GOAL_BLOCKED), (3.3, 1.0, PlanningFailureReason.START_BLOCKED)],
+)
+def test_no_straight_end_goes_through_a_wall_to_the_room_behind_it(
+    start: float, goal: float, reason: PlanningFailureReason
+) -> None:
+    poses = Pose2D(start, 0.0, 0.0), Pose2D(goal, 0.0, 0.0)
+    assert isinstance(two_rooms().between(*poses), Ends)
+    found = two_rooms(2.6, 3.9).between(*poses)
+    assert isinstance(found, PlanningFailure)
+    assert found.reason is reason
+
+
+@pytest.mark.parametrize(("x", "backwards"), [(2.7, True), (3.3, False)])
+def test_a_base_leaves_a_narrow_place_by_its_nearer_end(x: float, backwards: bool) -> None:
+    found = two_rooms().between(Pose2D(x, 0.0, 0.0), Pose2D(5.0, 0.0, 0.0))
     assert isinstance(found, Ends)
     assert found.backwards == backwards
     assert abs(found.leave[0] - 3.0) > 1.0
