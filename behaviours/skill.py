@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Generator, Iterator, Mapping
 from contextlib import contextmanager
@@ -24,6 +25,7 @@ from bestman_bt.errors import Error, MissingExtraError, WrongResultError
 from bestman_bt.manipulation.errors import ManipulationError
 from bestman_bt.messages import Failure, Goals, Pose, Pose2D
 from bestman_bt.perception.errors import PerceptionError
+from bestman_bt.registry import PREDICATES
 
 Result = TypeVar("Result")
 
@@ -36,6 +38,10 @@ StepsTo: TypeAlias = Generator[Motion[Any], Any, Result]
 
 ALGORITHM_ERRORS = (ManipulationError, PerceptionError, MissingExtraError, WrongResultError, *READING_ERRORS)
 """What a skill may meet that computes, looks and reads; what it does not catch ends it with FAILURE and its code."""
+
+
+_ONE = re.compile(r"\band\b|;")
+"""Between the facts of one effect."""
 
 
 class SkillFailure(Error):
@@ -258,7 +264,7 @@ class Skill(Explained, StatefulAction):
 
     def _bring_about(self) -> None:
         """Note what an ability declares to bring about: facts that have no function are believed by that."""
-        effects = "; ".join(self.DECLARATION.effects)
+        effects = "; ".join(filter(_has_no_function, self.DECLARATION.effects))
         if self.DECLARATION.parameters is None or not effects:
             return
         for port in self.DECLARATION.parameters:
@@ -328,6 +334,14 @@ class InstantSkill(Explained, SyncAction, ABC):
         except (SkillFailure, *READING_ERRORS) as error:
             return self.explain_error(error)
         return self.succeed(self.feedback_message)
+
+
+def _has_no_function(effect: str) -> bool:
+    """Whether an effect, ``forall p - place: in(p) -> not clean(p)``, says a fact that no function decides."""
+    said = [re.split(r"->|:|\bnot\b", one)[-1].strip(" (").partition("(")[0].strip() for one in _ONE.split(effect)]
+    return any(
+        name not in PREDICATES.names() or getattr(PREDICATES.resolve(name), "holds", None) is None for name in said
+    )
 
 
 def _numbers(value: Any) -> Iterator[float]:

@@ -4,8 +4,10 @@ bestman-bt plan "bring the mug from the drawer to the table" --planner language 
 
 from __future__ import annotations
 
+import json
 import shlex
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -134,9 +136,9 @@ def command(
         if output is not None:
             output.write_text(_said_where(setup.config, asked.xml(made, problem, plan, planner)), encoding="utf-8")
             where = {"--task": task, "--scene": scene, "--robot": robot}
-            if task is None:
-                where |= {"--scene": setup.config.task.scene, "--robot": setup.config.task.robot}
-            print(f"run it: {_to_run(output, where, setup.config.seed, settings, plugins)}", file=sys.stderr)
+            wanted = {"goal": " and ".join(map(str, problem.goal)), "told": asked.told(problem)}
+            needed = [*(settings or ()), *([f"plan={json.dumps(wanted)}"] if given else ())]
+            print(f"run it: {_to_run(output, where, setup.config, needed)}", file=sys.stderr)
             if assumed(plan):
                 print(f"{output} plans anew (ReachGoal) where the plan fails", file=sys.stderr)
         if svg is not None:
@@ -169,15 +171,19 @@ def _said_where(config: RunConfig, xml: str) -> str:
     return f"<!-- {where.replace('--', '- -')} -->\n{xml}"
 
 
-def _to_run(
-    tree: Path, where: dict[str, str | None], seed: int, settings: list[str] | None, plugins: list[Path] | None
-) -> str:
-    """The command that runs the saved tree where it was planned for."""
+def _to_run(tree: Path, where: dict[str, str | None], config: RunConfig, settings: Sequence[str]) -> str:
+    """The command that runs the saved tree as it was planned for."""
+    if where["--task"] is None:
+        where = {"--scene": config.task.scene, "--robot": config.task.robot}
+        of_world = {f"scene.{key}": value for key, value in config.scene_settings.items()}
+        planned = {"time_limit": f"{config.task.time_limit:g} s", **of_world}
+        given = {setting.partition("=")[0].strip() for setting in settings}
+        settings = [*(f"{key}={value}" for key, value in planned.items() if key not in given), *settings]
     words = ["bestman-bt", "run", str(tree)]
     words += [word for option, name in where.items() if name is not None for word in (option, name)]
-    words += ["--seed", str(seed)] if seed else []
-    words += [word for setting in settings or () for word in shown_setting(setting).split(" ", 1)]
-    words += [word for plugin in plugins or () for word in ("--plugin", str(plugin))]
+    words += ["--seed", str(config.seed)] if config.seed else []
+    words += [word for setting in settings for word in shown_setting(setting).split(" ", 1)]
+    words += [word for plugin in config.task.plugins for word in ("--plugin", plugin)]
     return shlex.join(words)
 
 

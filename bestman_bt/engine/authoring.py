@@ -23,7 +23,7 @@ from bestman_bt.engine.blackboard import Blackboard
 from bestman_bt.engine.clock import Clock
 from bestman_bt.engine.decorators.subtree import SubTree
 from bestman_bt.engine.errors import Problem, TreeLoadError
-from bestman_bt.engine.leaves.native import PyTreesBehaviour, adapted, is_taken, take_over
+from bestman_bt.engine.leaves.native import PyTreesBehaviour, adapted, is_taken, lines_noted, take_over
 from bestman_bt.engine.loading import MAX_NODES, Builder, check_documents, main_tree_of, raise_if_any, words_of
 from bestman_bt.engine.node import Node
 from bestman_bt.engine.own_files import described, importable, load_file
@@ -98,7 +98,7 @@ def load_python_tree(path: Path) -> Behaviour:
     name = f"bestman_bt_tree_{path.stem}"
     forget_dropped_trees()
     try:
-        with importable(path.parent):
+        with importable(path.parent), lines_noted():
             build = getattr(load_file(path, name), "build", None)
             if not callable(build):
                 raise fail("it defines no function build() that returns the root node")
@@ -216,9 +216,8 @@ class _Adopter(Builder):
         check_values(info, node.attributes, self.tree.registry, self.tree.compiler, report)
 
     def _where_made(self, node: Node, place: Place) -> Place:
-        """The place, with the file that has made the node; native behaviours do not tell theirs."""
-        if isinstance(node, PyTreesBehaviour):
-            node.line = 0
+        """The place, with the file that has made the node, where that is known."""
+        if not node.line:
             return place
         file = named_from(self.tree.file, node.made_in)
         if file == place.file:

@@ -12,15 +12,17 @@ if TYPE_CHECKING:
     from bestman_bt.engine.node import Node
 
 
-def line_that_makes(node: Node) -> tuple[str, int]:
-    """File and line of the call that makes a node, outside of its own ``__init__``."""
+def line_that_makes(node: Behaviour) -> tuple[str, int]:
+    """File and line of the call that makes a node, outside of its own ``__init__`` and of py_trees' idioms."""
     frame = sys._getframe(1)
-    while frame.f_back is not None and frame.f_code.co_name in ("_set_up", "__init__") and _is_of(frame, node):
+    while frame.f_back is not None and (_makes(frame, node) or frame.f_globals.get("__package__") == "py_trees"):
         frame = frame.f_back
     return frame.f_code.co_filename, frame.f_lineno
 
 
-def _is_of(frame: FrameType, node: Node) -> bool:
+def _makes(frame: FrameType, node: Behaviour) -> bool:
+    if frame.f_code.co_name not in ("_set_up", "__init__"):
+        return False
     return frame.f_code.co_argcount > 0 and frame.f_locals.get(frame.f_code.co_varnames[0]) is node
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import time
 from collections.abc import Callable, Collection, Iterable
 from contextlib import ExitStack
@@ -26,7 +27,7 @@ from bestman_bt.evaluation.versions import versions
 from bestman_bt.extras import is_installed, missing_extra
 from bestman_bt.robot_model import GripperModel
 from bestman_bt.runtime import Ending, Execution, Executor, Session, Setup, open_session, prepare
-from bestman_bt.runtime.executor import Hold
+from bestman_bt.runtime.executor import ExecutionWatcher
 from bestman_bt.runtime.world_file import WORLD_NAME, write_world
 from bestman_bt.visualization.rerun import RECORDING_NAME
 from hal.api import Robot
@@ -110,28 +111,22 @@ class _FailedLeaf:
         self.node = next((self._leaves[code] for code in reversed(changes.codes) if code in self._leaves), self.node)
 
 
-class _CancelsAt:
-    """Cancels an execution where the one that it replays was cancelled: nothing is recorded of how it went on."""
+class _EndsWithRecording(ExecutionWatcher):
+    """Cancels an execution where the one that it replays was cancelled, or when it goes on after the recording.
 
-    def __init__(self, executor: Executor, after: float) -> None:
-        self._executor, self._end = executor, executor.clock.now() + after
+    ``last_tick``: seconds until where it was cancelled, None where it was not: nothing is recorded of how it went on.
+    ``why``: when, and at which node, it went on after the recording; empty where it did not.
+    """
 
-    def after_tick(self) -> None:
-        if self._executor.clock.now() >= self._end:
-            self._executor.cancel("the run that is replayed was cancelled here")
-
-    def held(self, hold: Hold | None) -> None:
-        """Nothing to do."""
-
-
-class _EndsWithRecording:
-    """Cancels an execution that goes on after the recording that it replays; ``why``: when, and at which node."""
-
-    def __init__(self, executor: Executor, robot: ReplayRobot) -> None:
+    def __init__(self, executor: Executor, robot: ReplayRobot, last_tick: float | None) -> None:
         self._executor, self._robot = executor, robot
+        self._cancelled_at = math.inf if last_tick is None else executor.clock.now() + last_tick
         self.why = ""
 
     def after_tick(self) -> None:
+        if self._executor.clock.now() >= self._cancelled_at:
+            self._executor.cancel("the run that is replayed was cancelled here")
+            return
         end = self._robot.tape.end
         if self._robot.moment() <= end + AFTER_RECORDING:
             return
@@ -142,9 +137,6 @@ class _EndsWithRecording:
                 f"the recording is over at {end - self._robot.tape.start:.2f} s, and {', '.join(running)} still ran"
             )
             self._executor.cancel(self.why)
-
-    def held(self, hold: Hold | None) -> None:
-        """Nothing to do."""
 
 
 def _last_tick_replayed(config: RunConfig) -> float | None:
@@ -213,11 +205,9 @@ def run_episode(
             durations, failed = Durations(tree), _FailedLeaf(tree)
             after_tick = _after_tick(stack, session, tree, observers, folder, watch, recording, durations)
             executor = session.executor(tree, after_tick)
-            last_tick = _last_tick_replayed(setup.config)
-            if last_tick is not None:
-                executor.watchers.append(_CancelsAt(executor, last_tick))
-            recorded = _EndsWithRecording(executor, session.robot) if isinstance(session.robot, ReplayRobot) else None
-            if recorded is not None:
+            recorded: _EndsWithRecording | None = None
+            if isinstance(session.robot, ReplayRobot):
+                recorded = _EndsWithRecording(executor, session.robot, _last_tick_replayed(setup.config))
                 executor.watchers.append(recorded)
             telemetry = stack.enter_context(session.telemetry(executor, folder))
             stack.enter_context(session.control_channel(executor, telemetry).serving(folder))

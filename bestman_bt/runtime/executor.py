@@ -73,7 +73,8 @@ class ExecutionWatcher(Protocol):
         """A tick has ended."""
 
     def held(self, hold: Hold | None) -> None:
-        """The execution waits now; None: it goes on."""
+        """The execution waits now; None: it goes on. Need not be defined."""
+        return
 
 
 class Executor:

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Callable
+from itertools import pairwise
 from pathlib import Path
 from xml.etree import ElementTree
 
 from bestman_bt.cli.plan_command import _to_run
+from bestman_bt.configuration import load_run
+from bestman_bt.configuration.task import PlanConfig
 from bestman_bt.engine import load_tree
 from bestman_bt.registry import BUILDERS, PLANNERS
 from bestman_bt.runtime.plugins import node_registry
@@ -53,23 +56,44 @@ def test_by_default_it_is_planned_in_the_furnished_kitchen_and_a_drawer_needs_no
     assert "hopes that it is there" in answer.err
     assert answer.document["assumes"] == ["Search(mug, table/top)"]
     assert "tree.xml plans anew (ReachGoal)" in answer.err
-    assert "run it: bestman-bt run tree.xml --scene kitchen_furnished --robot diff_panda\n" in answer.err
+    assert "run it: bestman-bt run tree.xml --scene kitchen_furnished --robot diff_panda " in answer.err
     assert "the scene kitchen_furnished, the robot diff_panda and" in (folder / "tree.xml").read_text().split("\n")[0]
     assert load_tree(folder / "tree.xml", node_registry()).root.name == "as_planned_or_anew"
 
 
 def test_the_command_that_runs_a_saved_plan_tells_no_secret_of_a_controller() -> None:
     settings = ["robot.connections.arm.address=HIDDEN", "robot.connections.arm.token=HIDDEN", "robot.name=my robot"]
-    told = _to_run(Path("tree.xml"), {"--scene": "kitchen", "--robot": None}, 3, settings, [Path("my leaves.py")])
-    words = ["bestman-bt", "run", "tree.xml", "--scene", "kitchen", "--seed", "3"]
+    config = load_run("fetch_cup", seed=3, plugins=["my leaves.py"])
+    told = _to_run(Path("tree.xml"), {"--task": "fetch_cup", "--scene": "kitchen", "--robot": None}, config, settings)
+    words = ["bestman-bt", "run", "tree.xml", "--task", "fetch_cup", "--scene", "kitchen", "--seed", "3"]
     words += ["--set", "robot.connections.arm.address=…", "--set", "robot.connections.arm.token=…"]
     assert shlex.split(told) == [*words, "--set", "robot.name=my robot", "--plugin", "my leaves.py"]
 
 
 def test_what_is_given_is_where_a_thing_is_searched_for(bestman_bt: Command) -> None:
-    answer = bestman_bt("plan", "--goal", GOAL, "--given", "on(cup, table)", "--json")
+    answer = bestman_bt("plan", "--goal", GOAL, "--given", "on(cup, table)", "-o", "tree.xml", "--json")
     assert [step["ability"] for step in answer.document["plan"]] == ["Search", "PickUp", "PutAt"]
     assert answer.document["plan"][0]["place"] == "table/top"
+    run = load_run(tree="fetch_cup", scene="kitchen", robot="diff_panda", settings=settings_of(answer.err))
+    assert run.task.plan == PlanConfig("on(cup, counter/top)", {"cup": "table/top"})
+
+
+def test_the_command_that_runs_a_saved_tree_has_all_that_it_was_planned_with(bestman_bt: Command, folder: Path) -> None:
+    (folder / "seen.yaml").write_text(SEEN + "scene_settings: {finger_friction: 0.7}\n")
+    (folder / "own.py").write_text("from bestman_bt.registry import task_planner as mine\nmine('none')(object)\n")
+    options = ("--goal", GOAL, "--world", "seen.yaml", "--plugin", "own.py", "-o", "tree.xml")
+    answer = bestman_bt("plan", *options, "--set", "tick_rate=10")
+    assert answer.code == 0, answer.err
+    assert settings_of(answer.err) == ["time_limit=1200 s", "scene.finger_friction=0.7", "tick_rate=10"]
+    assert "--scene kitchen --robot diff_panda --seed 3 --set" in answer.err
+    assert answer.err.strip().endswith(" --plugin own.py")
+    assert "--set 'time_limit=2 min' --plugin" in bestman_bt("plan", *options, "--set", "time_limit=2 min").err
+
+
+def settings_of(printed: str) -> list[str]:
+    """The settings of the command that runs a saved tree."""
+    words = shlex.split(next(line for line in printed.splitlines() if line.startswith("run it: ")))
+    return [setting for option, setting in pairwise(words) if option == "--set"]
 
 
 def test_what_the_robot_has_seen_elsewhere_cannot_be_given(bestman_bt: Command, folder: Path) -> None:

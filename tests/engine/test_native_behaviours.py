@@ -261,7 +261,7 @@ def test_a_setup_that_fails_or_hangs_is_an_error_with_the_node_and_nothing_is_ti
     with pytest.raises(NodeError, match=r"gripper .*setup\(\) failed: no device at /dev/ttyUSB0"):
         build_tree(Sequence([Device("a", log), Broken("gripper", log)])).tick_exactly_once()
     assert [entry[0] for entry in log] == ["setup"]
-    with pytest.raises(NodeError, match=r"'slow'.*timed out"):
+    with pytest.raises(NodeError, match=r"node slow .*timed out"):
         build_tree(Hangs("slow", log)).setup(timeout=0.05)
 
 
@@ -386,8 +386,51 @@ def test_an_error_in_a_native_leaf_names_the_leaf() -> None:
             raise ZeroDivisionError("by nothing")
 
     tree = build_tree(composites.Sequence("s", True, [Breaks("leaf")]))
-    with pytest.raises(NodeError, match="'leaf'.*by nothing"):
+    with pytest.raises(NodeError, match="node leaf .*by nothing"):
         tree.tick_exactly_once()
+
+
+OWN_LEAVES = """import py_trees
+from bestman_bt.engine import Sequence
+
+class Fails(py_trees.behaviour.Behaviour):
+    def __init__(self, name):
+        super().__init__(name)
+
+    def update(self):
+        return py_trees.common.Status.FAILURE
+
+LEFT = py_trees.behaviours.Failure("left")
+
+def build():
+    idiom = py_trees.idioms.oneshot(Fails("once"), "done", "key", py_trees.common.OneShotPolicy.ON_COMPLETION)
+    return Sequence(
+        [LEFT, py_trees.decorators.Inverter("not", Fails("inner")), idiom],
+    )
+"""
+
+
+def test_native_nodes_are_called_by_the_line_that_makes_them(tmp_path: Path) -> None:
+    (tmp_path / "own.py").write_text(OWN_LEAVES)
+    made_by, tree = Behaviour.__init__, load_tree(tmp_path / "own.py")
+    assert [tree.node(name).where for name in ("left", "not", "inner", "once", "done")] == [
+        "left (own.py:11)",
+        "not (own.py:16)",
+        "inner (own.py:16)",
+        "once (own.py:14)",
+        "done (own.py:14)",
+    ]
+    assert Behaviour.__init__ is made_by
+
+
+def test_a_native_leaf_that_a_script_has_made_is_called_by_the_line_of_its_class() -> None:
+    class Breaks(Behaviour):
+        def update(self) -> Status:
+            return Status.FAILURE
+
+    tree = build_tree(Sequence([Breaks("own"), behaviours.Failure("theirs")]))
+    line = Breaks.update.__code__.co_firstlineno
+    assert [tree.node(name).where.partition(":")[2] for name in ("own", "theirs")] == [f"{line})", ""]
 
 
 def test_a_native_behaviour_belongs_to_one_tree() -> None:

@@ -472,6 +472,11 @@ def test_a_fact_without_a_function_holds_from_the_ability_that_brings_it_about_t
     assert fact not in read_state(Beliefs(skills.world))
 
 
+def test_of_the_effects_of_abilities_only_facts_without_a_function_are_kept(skills: Any, library: NodeRegistry) -> None:
+    assert run(planned(skills, library, "on(cup, desk) and clean(table)")) == SUCCESS
+    assert skills.world.brought_about == ["clean(table/top); not soiled(table/top)"]
+
+
 def test_a_predicate_may_be_declared_without_a_function_and_an_unknown_one_is_told(
     skills: Any, library: NodeRegistry, monkeypatch: pytest.MonkeyPatch
 ) -> None:

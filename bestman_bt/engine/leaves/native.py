@@ -9,16 +9,19 @@ from __future__ import annotations
 import inspect
 import time
 from collections.abc import Iterator
+from contextlib import contextmanager
 from contextvars import ContextVar
 from functools import partial
 from operator import attrgetter
 from typing import TYPE_CHECKING, Any, ClassVar, Final
+from weakref import WeakKeyDictionary
 
 from py_trees import behaviours, composites, decorators, timers
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status as PyTreesStatus
 
 from bestman_bt.engine.node import Node
+from bestman_bt.engine.node_arguments import line_that_makes
 from bestman_bt.engine.status import FAILURE, RUNNING, SKIPPED, SUCCESS, TO_PY_TREES, from_py_trees
 
 if TYPE_CHECKING:
@@ -34,6 +37,7 @@ class PyTreesBehaviour(Node, Behaviour):
         super().__init__(name=" ".join(behaviour.name.split()))
         self.behaviour = behaviour
         self.is_set_up = False
+        self.made_in, self.line = _lines.get(behaviour) or _class_at(behaviour)
 
     if not TYPE_CHECKING:
         id = property(attrgetter("behaviour.id"))
@@ -152,6 +156,34 @@ _ADAPTERS: Final[dict[Any, type[PyTreesBehaviour]]] = {
     behaviours.CheckBlackboardVariableValues: NativeCondition,
     behaviours.CompareBlackboardVariables: NativeCondition,
 }
+
+
+_lines: WeakKeyDictionary[Behaviour, tuple[str, int]] = WeakKeyDictionary()
+"""Native behaviour → file and line of the call that made it, of those that were made while lines were noted."""
+
+
+@contextmanager
+def lines_noted() -> Iterator[None]:
+    """Native behaviours that are made meanwhile are called by the line that makes them, as our nodes are."""
+    original = Behaviour.__init__
+
+    def __init__(self: Behaviour, *args: Any, **kwargs: Any) -> None:
+        _lines[self] = line_that_makes(self)
+        original(self, *args, **kwargs)
+
+    Behaviour.__init__ = __init__  # type: ignore[method-assign]
+    try:
+        yield
+    finally:
+        Behaviour.__init__ = original  # type: ignore[method-assign]
+
+
+def _class_at(behaviour: Behaviour) -> tuple[str, int]:
+    """File and line of the ``update`` of a user's class; none of a class of py_trees."""
+    code = getattr(type(behaviour).update, "__code__", None)
+    if code is None or (type(behaviour).update.__module__ or "").startswith("py_trees."):
+        return "", 0
+    return code.co_filename, code.co_firstlineno
 
 
 def adapted(behaviour: Behaviour) -> PyTreesBehaviour:
