@@ -44,7 +44,9 @@ class RunPolicy(OnArm, Skill):
     REQUIRES = ("arm", "gripper")
     USES = ("camera", "wrist_camera")
     INPUT_PORTS: ClassVar = {
-        "policy": PortInformation(str, description="a shipped name, an .onnx file or the .yaml of a policy server"),
+        "policy": PortInformation(
+            str, description="a shipped name, an .onnx file, the .yaml of a policy server or file.py:Class"
+        ),
         "goal": PortInformation(
             Pose, required=False, description="where the tool shall be, or what it shall pick, in the map frame"
         ),

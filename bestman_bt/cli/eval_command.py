@@ -16,7 +16,14 @@ from bestman_bt.cli.json_output import json_output
 from bestman_bt.cli.options import MONITOR_PORT, Json, Monitor, MonitorPort, Plugins, Robot, Scene, Settings
 from bestman_bt.cli.run_view import CONSOLE
 from bestman_bt.cli.started_monitor import show_in_monitor
-from bestman_bt.configuration import ConfigurationError, Problem, ProblemCollector, RunConfig, data_names, load_run
+from bestman_bt.configuration import (
+    ConfigurationError,
+    Problem,
+    ProblemCollector,
+    RunConfig,
+    data_names,
+    run_of_options,
+)
 from bestman_bt.evaluation.comparison import within
 from bestman_bt.evaluation.episode import prepare_episode
 from bestman_bt.evaluation.evaluation import Evaluation
@@ -79,7 +86,7 @@ def _config(
     plugins: list[Path] | None,
 ) -> RunConfig:
     given = [str(plugin) for plugin in plugins or ()]
-    return load_run(task, scene=scene, robot=robot, seed=seed, settings=settings or (), plugins=given)
+    return run_of_options(task, scene=scene, robot=robot, seed=seed, settings=settings or (), plugins=given)
 
 
 def _suite(

@@ -41,8 +41,8 @@ from bestman_bt.configuration import (
     RunConfig,
     data_names,
     find_data,
-    load_run,
     read_run,
+    run_of_options,
     shipped_trees,
     task_of_tree,
 )
@@ -257,7 +257,7 @@ def _configuration(
                 message = f"unknown tree; did you mean the task {close[0]!r}? bestman-bt run --task {close[0]}"
                 raise ConfigurationError([Problem(tree, None, "", message)])
             scene, robot = scene or "kitchen", robot or "diff_panda"
-    return load_run(
+    return run_of_options(
         task,
         tree=tree,
         scene=scene,

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from bestman_bt.configuration.checked import check, override, salvage
     from bestman_bt.configuration.disturbance import DisturbanceConfig
     from bestman_bt.configuration.document import Document, dotted, parse_document, parse_value, read_document
-    from bestman_bt.configuration.run import RunConfig, dump_run, load_run, parse_settings, read_run
+    from bestman_bt.configuration.run import RunConfig, dump_run, load_run, parse_settings, read_run, run_of_options
     from bestman_bt.configuration.task import (
         GoalConfig,
         OpeningConfig,
@@ -59,6 +59,7 @@ _HOMES = {
     "parse_value": "document",
     "read_document": "document",
     "read_run": "run",
+    "run_of_options": "run",
     "salvage": "checked",
     "task_of_tree": "task",
 }
@@ -97,6 +98,7 @@ __all__ = [
     "pybullet_data",
     "read_document",
     "read_run",
+    "run_of_options",
     "salvage",
     "shipped_trees",
     "task_of_tree",

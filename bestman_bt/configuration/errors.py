@@ -44,7 +44,7 @@ class ConfigurationError(InputError, ValueError):
 
 
 _PARAMETERS = {"set": "settings", "plugin": "plugins"}
-_OPTION = r"--(robot|scene|seed|task|world|set|plugin)\b"
+_OPTION = r"--(robot|scene|seed|task|world|set|plugin|driver)\b"
 _GIVEN = re.compile(rf"{_OPTION} (.*)", re.DOTALL)
 _NAMED = re.compile(rf"{_OPTION}(?: ([^\s;,)]*[^\s:;,)]))?")
 
@@ -58,16 +58,20 @@ def told_to_programs() -> Iterator[None]:
         problems = getattr(error, "problems", None)
         if problems is None:
             raise
-        raise type(error)([_in_python(problem) for problem in problems]) from error
+        raise type(error)([_problem_in_python(problem) for problem in problems]) from error
 
 
-def _in_python(problem: Any) -> Any:
+def in_python(text: str) -> str:
+    """A text that names options of the command line, with the parameters of Python functions for them."""
+    if text == "command line":
+        return "arguments"
+    return (_GIVEN if _GIVEN.fullmatch(text) else _NAMED).sub(_as_parameter, text)
+
+
+def _problem_in_python(problem: Any) -> Any:
     """A Problem of a configuration, or of a tree."""
     texts = {name: getattr(problem, name) for name in ("source", "message", "suggestion") if hasattr(problem, name)}
-    told = {
-        name: (_GIVEN if _GIVEN.fullmatch(text) else _NAMED).sub(_as_parameter, text) for name, text in texts.items()
-    }
-    return replace(problem, **told)
+    return replace(problem, **{name: in_python(text) for name, text in texts.items()})
 
 
 def _as_parameter(option: re.Match[str]) -> str:

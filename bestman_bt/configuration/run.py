@@ -16,7 +16,7 @@ import yaml
 from bestman_bt.configuration.checked import check, override
 from bestman_bt.configuration.data import find_data
 from bestman_bt.configuration.document import Document, FieldPath, Origins, parse_value, read_document
-from bestman_bt.configuration.errors import ConfigurationError, Problem, ProblemCollector
+from bestman_bt.configuration.errors import ConfigurationError, Problem, ProblemCollector, in_python, told_to_programs
 from bestman_bt.configuration.quantity import WholeNumber
 from bestman_bt.configuration.secret import shown_setting
 from bestman_bt.configuration.task import TaskConfig, check_task, task_document, with_default_algorithms
@@ -64,14 +64,46 @@ def load_run(
     plugins: Iterable[str] = (),
     record: bool = False,
     driver: str = "pybullet",
-    faults: list[Problem] | None = None,
 ) -> RunConfig:
-    """Merge a task (or, without one, a tree, a scene and a robot) with what the command line says.
+    """Merge a task (or, without one, a tree, a scene and a robot) with the other arguments.
 
     Without a task and a tree, the run's ``tree`` is empty: a session is given its trees later.
     ``settings``: ``key=value``, where ``scene.…`` and ``robot.…`` reach into those and anything else into the task.
-    Raises ConfigurationError; scene and robot settings are checked when those are loaded. With ``faults`` what is wrong
-    is added there and left out, if the rest can be checked further: a tree, scene or robot that is not there is empty.
+    Raises ConfigurationError, which names arguments; scene and robot settings are checked when those are loaded.
+    """
+    with told_to_programs():
+        run = run_of_options(
+            task,
+            tree=tree,
+            scene=scene,
+            robot=robot,
+            seed=seed,
+            settings=settings,
+            plugins=plugins,
+            record=record,
+            driver=driver,
+        )
+    origins = {path: (in_python(source), line) for path, (source, line) in run.written.origins.items()}
+    return _remembering(run, dataclasses.replace(run.written, origins=origins))
+
+
+def run_of_options(
+    task: str | Path | None = None,
+    *,
+    tree: str | Path | None = None,
+    scene: str | Path | None = None,
+    robot: str | Path | None = None,
+    seed: int = 0,
+    settings: Iterable[str] = (),
+    plugins: Iterable[str] = (),
+    record: bool = False,
+    driver: str = "pybullet",
+    faults: list[Problem] | None = None,
+) -> RunConfig:
+    """As ``load_run``, for the command line: what is wrong names its options.
+
+    With ``faults`` what is wrong is added there and left out, if the rest can be checked further: a tree, scene or
+    robot that is not there is empty.
     """
     choices = {"tree": "" if tree is None and task is None else tree, "scene": scene, "robot": robot}
     source = {key: str(value) for key, value in choices.items() if value is not None}

@@ -11,7 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from behaviours.failure import NodeFailure
-from bestman_bt.configuration import Problem, ProblemCollector, RunConfig
+from bestman_bt.configuration import Problem, ProblemCollector, RunConfig, told_to_programs
 from bestman_bt.engine import FAILURE, RUNNING, Node, StateChanges, Tree
 from bestman_bt.evaluation.audit import Audit, audit
 from bestman_bt.evaluation.declared_contacts import ContactLog
@@ -193,7 +193,8 @@ def run_episode(
     a view of the truth whose reads are not counted. ``recording``: where a simulated run is recorded, whatever the
     configuration asks for. Raises as ``prepare_episode``, before anything is started.
     """
-    setup = prepare_episode(config) if isinstance(config, RunConfig) else config
+    with told_to_programs():
+        setup = prepare_episode(config) if isinstance(config, RunConfig) else config
     judge = find_judge(setup.config)
     disturbed = bool(setup.config.task.disturbances)
     observers = _Observers(disturbed, folder if pictures else None, twin_judge, prepare_robot)

@@ -19,8 +19,8 @@ from bestman_bt.configuration import (
     check,
     data_names,
     find_data,
-    load_run,
     read_document,
+    run_of_options,
 )
 from bestman_bt.configuration.quantity import Factor, WholeNumber
 from bestman_bt.configuration.secret import may_tell_secret
@@ -201,7 +201,7 @@ def _prepared(path: Path, entered: Entered, seed: int, settings: tuple[str, ...]
     entry = entered.entry
     faults = ProblemCollector()
     try:
-        config = load_run(
+        config = run_of_options(
             beside(path, "task", entry.task or entered.key),
             tree=None if entry.tree is None else beside(path, "tree", entry.tree),
             seed=seed,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import partial
 from importlib import import_module
 from pathlib import Path
@@ -146,9 +146,14 @@ def algorithm_by_name(config: RunConfig, slot: str, name: str, folders: tuple[Pa
     try:
         return make_algorithm(config, slot, name=name, folders=folders)
     except ConfigurationError as error:
-        problem = error.problems[0]
-        where = f"{problem.source}:{problem.line}: " if problem.line and problem.source.endswith(".py") else ""
-        raise UnknownNameError(where + problem.message) from error
+        raise UnknownNameError(told_by_tree(error)) from error
+
+
+def told_by_tree(error: ConfigurationError) -> str:
+    """What a tree says of a class that it names and that cannot be made: the message, and its line in that file."""
+    problem = error.problems[0]
+    where = f"{problem.source}:{problem.line}: " if problem.line and problem.source.endswith(".py") else ""
+    return where + problem.message
 
 
 def algorithm_problems(tree: Tree, config: RunConfig) -> Iterator[TreeProblem]:
@@ -184,13 +189,7 @@ def make_algorithm(
     given = parts if parameters is None else {"parameters": parameters, **parts}
     if algorithm.__module__.startswith("bestman_bt."):
         return algorithm(*needs, **given)
-    try:
-        return with_checked_results(algorithm(*needs, **given), SLOTS[slot][0])
-    except Exception as error:  # a user's class may raise anything
-        source = inspect.getsourcefile(algorithm) or algorithm.__module__
-        file, line, words = described(error, Path(source))
-        field, message = f"algorithms.{slot}", f"{algorithm.__name__} cannot be made: {words}"
-        raise ConfigurationError([Problem(file, line or None, field, message)]) from error
+    return made_of_own(algorithm, SLOTS[slot][0], f"algorithms.{slot}", *needs, **given)
 
 
 def _choose(config: RunConfig, slot: str, name: str = "", folders: tuple[Path, ...] = ()) -> tuple[type[Any], Any]:
@@ -202,14 +201,14 @@ def _choose(config: RunConfig, slot: str, name: str = "", folders: tuple[Path, .
     algorithms = _in_slot(slot)
     name = name.removeprefix(f"{SLOTS[slot][1]}/")
     if ":" in name:
-        algorithms = {name: _class_at(config, slot, name, folders)}
+        algorithms = {name: class_at(name, folders, partial(config.problem, ("algorithms", slot, "algorithm")))}
     if name not in algorithms:
         message = f"unknown algorithm {name!r}; {suggestion(name, list(algorithms))}"
         if "known: " not in message:
             message += f" (known: {', '.join(sorted(algorithms))})"
         raise ConfigurationError([config.problem(("algorithms", slot, "algorithm"), message)])
     algorithm = algorithms[name]
-    _refuse_unfinished(config, slot, algorithm)
+    refuse_unfinished(algorithm, SLOTS[slot][0], f"algorithms.{slot}")
     with module_of(algorithm) as module:
         parameters_type = getattr(module, f"{algorithm.__name__}Parameters", None)
     if parameters_type is None:
@@ -242,27 +241,29 @@ def _in_slot(slot: str) -> dict[str, type[Any]]:
     }
 
 
-def _class_at(config: RunConfig, slot: str, name: str, folders: tuple[Path, ...]) -> type[Any]:
-    """The class that ``file.py:Class`` or ``module:Class`` names; ConfigurationError where there is none."""
+def class_at(name: str, folders: tuple[Path, ...], problem: Callable[[str], Problem]) -> type[Any]:
+    """The class that ``file.py:Class`` or ``module:Class`` names; ConfigurationError where there is none.
+
+    ``folders``: where it is looked for first. ``problem``: the fault of what names it, with a message.
+    """
     place, _, attribute = name.rpartition(":")
     path = Path(in_folders(place, folders))
     is_file = path.suffix == ".py"
-    field = ("algorithms", slot, "algorithm")
     if is_file and not path.is_file():
-        raise ConfigurationError([config.problem(field, f"no such file: {place}")])
+        raise ConfigurationError([problem(f"no such file: {place}")])
     try:
         module = load_file(path, plugin_module(path)) if is_file else _module_at(place, folders)
     except (Exception, SystemExit) as error:
         if not is_file:
-            message = f"{place} cannot be imported: {type(error).__name__}: {error}"
-            raise ConfigurationError([config.problem(field, message)]) from error
+            raise ConfigurationError(
+                [problem(f"{place} cannot be imported: {type(error).__name__}: {error}")]
+            ) from error
         file, line, words = described(error, path)
         raise ConfigurationError([Problem(file, line or None, "", f"it raised {words}")]) from error
     found = getattr(module, attribute, None)
     if not isinstance(found, type):
         classes = [key for key, value in vars(module).items() if isinstance(value, type)]
-        message = f"{place} has no class {attribute!r}; {suggestion(attribute, classes)}"
-        raise ConfigurationError([config.problem(field, message)])
+        raise ConfigurationError([problem(f"{place} has no class {attribute!r}; {suggestion(attribute, classes)}")])
     return found
 
 
@@ -276,9 +277,8 @@ def _module_at(name: str, folders: tuple[Path, ...]) -> ModuleType:
     return import_module(name)
 
 
-def _refuse_unfinished(config: RunConfig, slot: str, algorithm: type[Any]) -> None:
-    """A class that is not what the slot holds, or lacks methods of it."""
-    base = SLOTS[slot][0]
+def refuse_unfinished(algorithm: type[Any], base: type[Any], field: str) -> None:
+    """ConfigurationError for a class that is no ``base``, as the slot holds, or lacks methods of it."""
     missing = sorted(getattr(algorithm, "__abstractmethods__", ()))
     if issubclass(algorithm, base) and not missing:
         return
@@ -286,7 +286,18 @@ def _refuse_unfinished(config: RunConfig, slot: str, algorithm: type[Any]) -> No
     message = f"{algorithm.__name__} should be a subclass of {base.__module__}.{base.__name__}"
     if issubclass(algorithm, base):
         message = f"{algorithm.__name__} does not define {', '.join(missing)}, as a {base.__name__} has to"
-    raise ConfigurationError([Problem(str(source), line, f"algorithms.{slot}", message)])
+    raise ConfigurationError([Problem(str(source), line, field, message)])
+
+
+def made_of_own(algorithm: type[Any], base: type[Any], field: str, *needs: Any, **given: Any) -> Any:
+    """An instance of a user's class whose results are checked; ConfigurationError, with its line, where it raises."""
+    try:
+        return with_checked_results(algorithm, base)(*needs, **given)
+    except Exception as error:  # a user's class may raise anything
+        source = inspect.getsourcefile(algorithm) or algorithm.__module__
+        file, line, words = described(error, Path(source))
+        message = f"{algorithm.__name__} cannot be made: {words}"
+        raise ConfigurationError([Problem(file, line or None, field, message)]) from error
 
 
 def _placed(config: RunConfig, slot: str, problem: Problem) -> Problem:

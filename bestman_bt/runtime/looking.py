@@ -14,7 +14,7 @@ from behaviours.context import SkillContext
 from behaviours.failure import NodeFailure
 from behaviours.grasp_candidates import grasp_candidates, handle_grasp_candidates
 from behaviours.surfaces import SLAB_GROWTH
-from bestman_bt.configuration import RunConfig, load_run
+from bestman_bt.configuration import RunConfig, run_of_options
 from bestman_bt.control.rgbd import RGBDView
 from bestman_bt.messages import Box, Pose, Pose2D
 from bestman_bt.runtime.robot_session import open_session
@@ -47,7 +47,7 @@ class Look:
 
 def furniture_to_look_at(scene: str | Path, seed: int, settings: Iterable[str] = ()) -> dict[str, MapFurniture]:
     """The furniture on the robot's map of a scene, by name; raises as ``load_scene`` and ``draw_world``."""
-    config = load_run(tree=TREE, scene=scene, robot="diff_panda", seed=seed, settings=settings)
+    config = run_of_options(tree=TREE, scene=scene, robot="diff_panda", seed=seed, settings=settings)
     return dict(semantic_map(draw_world(load_scene(config.task.scene, config.scene_settings), seed)).furniture)
 
 
@@ -86,9 +86,9 @@ def standing_before(
 ) -> RunConfig:
     """A run whose robot starts straight before the furniture, at the best distance at which there is room.
 
-    Raises SceneError where there is none, else as ``load_run`` and ``load_scene``.
+    Raises SceneError where there is none, else as ``run_of_options`` and ``load_scene``.
     """
-    config = load_run(tree=TREE, scene=scene, robot=robot, seed=seed, settings=settings)
+    config = run_of_options(tree=TREE, scene=scene, robot=robot, seed=seed, settings=settings)
     world = draw_world(load_scene(config.task.scene, config.scene_settings), seed)
     obstacles = [wall_rectangle(wall) for wall in world.walls]
     obstacles += [rectangle(piece.actual, piece.model.footprint) for piece in world.furniture]
@@ -102,7 +102,7 @@ def standing_before(
             start = {"x": stand.x, "y": stand.y, "yaw": stand.theta}
             placed = [f"scene.robot_start.{axis}=[{value}, {value}]" for axis, value in start.items()]
             placed.append(f"scene.start_clearance={ROOM}")
-            return load_run(tree=TREE, scene=scene, robot=robot, seed=seed, settings=[*placed, *settings])
+            return run_of_options(tree=TREE, scene=scene, robot=robot, seed=seed, settings=[*placed, *settings])
     raise SceneError(
         f"no room for the robot before the {furniture.name}: nowhere from {min(distances)} m to {max(distances)} m "
         f"before it are {ROOM} m free on all sides"

@@ -6,7 +6,7 @@ import dataclasses
 import inspect
 from collections.abc import Callable, Mapping, Sequence
 from functools import wraps
-from types import NoneType, UnionType
+from types import NoneType, UnionType, new_class
 from typing import Any, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
@@ -20,25 +20,37 @@ from bestman_bt.navigation.local_planning import FollowerCommand
 _SEQUENCES = (tuple, list, Sequence)
 
 
-def with_checked_results(algorithm: Any, base: type[Any]) -> Any:
-    """The algorithm, whose methods of the interface ``base`` raise WrongResultError for what that does not allow.
+def with_checked_results(algorithm: type[Any], base: type[Any]) -> type[Any]:
+    """The class, whose methods and properties of the interface ``base`` raise WrongResultError for what that does not
+    allow.
 
     Looked at are types, numbers that are none, paths that leave the costmap and commands that are not finite.
     """
-    for name in sorted(base.__abstractmethods__):
-        method = getattr(type(algorithm), name, None)
-        if inspect.isfunction(method):
-            hint = get_type_hints(getattr(base, name)).get("return", Any)
-            object.__setattr__(
-                algorithm, name, _checked(getattr(algorithm, name), f"{type(algorithm).__name__}.{name}", hint)
-            )
-    return algorithm
+    checked: dict[str, Any] = {
+        "__module__": algorithm.__module__,
+        "__qualname__": algorithm.__qualname__,
+        "__slots__": (),
+    }
+    for name in dir(base):
+        own = inspect.getattr_static(algorithm, name, None)
+        if name.startswith("_") or own is inspect.getattr_static(base, name):
+            continue
+        if isinstance(own, property) and own.fget is not None:
+            checked[name] = property(_checked(own.fget, f"{algorithm.__name__}.{name}", _returned(base, name)))
+        elif inspect.isfunction(own):
+            checked[name] = _checked(own, f"{algorithm.__name__}.{name}", _returned(base, name))
+    return new_class(algorithm.__name__, (algorithm,), exec_body=lambda namespace: namespace.update(checked))
+
+
+def _returned(base: type[Any], name: str) -> Any:
+    declared = getattr(base, name)
+    return get_type_hints(declared.fget if isinstance(declared, property) else declared).get("return", Any)
 
 
 def _checked(method: Callable[..., Any], who: str, hint: Any) -> Callable[..., Any]:
     @wraps(method)
-    def call(*arguments: Any, **options: Any) -> Any:
-        result = method(*arguments, **options)
+    def call(itself: Any, *arguments: Any, **options: Any) -> Any:
+        result = method(itself, *arguments, **options)
         fault = _fault(result, hint, (*arguments, *options.values()))
         if fault:
             raise WrongResultError(f"{who} {fault} (at {defined_at(method)})")

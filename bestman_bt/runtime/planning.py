@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from bestman_bt.configuration import ConfigurationError, load_run, told_to_programs
+from bestman_bt.configuration import ConfigurationError, run_of_options, told_to_programs
 from bestman_bt.configuration import Problem as WrongInput
 from bestman_bt.engine import Problem as Fault
 from bestman_bt.runtime.executor import Execution
@@ -52,7 +52,7 @@ def planning_state(
     if task is None:
         scene, robot = scene or "kitchen_furnished", robot or "diff_panda"
         settings = (f"time_limit={TIME_LIMIT}", *(settings or ()))
-    config = load_run(
+    config = run_of_options(
         task,
         tree="plan_and_execute",
         scene=scene,

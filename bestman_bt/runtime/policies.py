@@ -1,4 +1,4 @@
-"""Learned policies by name: shipped ones, or a user's file."""
+"""Learned policies by name: shipped ones, or a user's file or class."""
 
 from __future__ import annotations
 
@@ -7,24 +7,38 @@ from pathlib import Path
 
 from behaviours.run_policy import RunPolicy
 from bestman_bt.configuration import ConfigurationError, find_data, in_folders
+from bestman_bt.configuration import Problem as WrongInput
 from bestman_bt.engine import Tree
 from bestman_bt.engine.errors import Problem
 from bestman_bt.engine.unwritten import problem_at
-from bestman_bt.errors import MissingExtraError
+from bestman_bt.errors import MissingExtraError, WrongResultError
 from bestman_bt.manipulation.policy import Policy, PolicyError, PolicyModelError, load_policy
+from bestman_bt.runtime.algorithms import class_at, made_of_own, refuse_unfinished, told_by_tree
 from bestman_bt.runtime.tree_checks import literals
 
 
 def find_policy(name: str, folders: Iterable[Path] = ()) -> Policy:
-    """The policy of a bare name (a shipped one), an .onnx or a .yaml file; PolicyModelError suggests the closest.
+    """The policy of a bare name (a shipped one), an .onnx or a .yaml file, or the class ``file.py:Class``.
 
-    ``folders``: where a file is looked for first.
+    ``folders``: where a file is looked for first. Raises PolicyModelError, which suggests the closest name.
     """
+    if ":" in name:
+        return _own_policy(name, tuple(folders))
     try:
         path = find_data("policy", in_folders(name, folders))
     except ConfigurationError as error:
         raise PolicyModelError(error.problems[0].message) from error
     return load_policy(path)
+
+
+def _own_policy(name: str, folders: tuple[Path, ...]) -> Policy:
+    try:
+        made_by = class_at(name, folders, lambda message: WrongInput(name, None, "", message))
+        refuse_unfinished(made_by, Policy, "")
+        policy: Policy = made_of_own(made_by, Policy, "")
+    except ConfigurationError as error:
+        raise PolicyModelError(told_by_tree(error)) from error
+    return policy
 
 
 def policy_problems(tree: Tree) -> Iterator[Problem]:
@@ -36,7 +50,7 @@ def policy_problems(tree: Tree) -> Iterator[Problem]:
         for place, port, name in literals(node, "policy", tree):
             try:
                 _ = find_policy(name, node.folders).specification
-            except (PolicyError, MissingExtraError) as error:
+            except (PolicyError, MissingExtraError, WrongResultError) as error:
                 if (place.uid, port) not in told:
                     told.add((place.uid, port))
                     yield problem_at(place, port, str(error), "")

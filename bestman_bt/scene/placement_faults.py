@@ -92,17 +92,15 @@ def _surface_faults(scene: SceneConfig, document: Document) -> Iterator[Problem]
         if item.region is not None and _is_beside([item.region.x, item.region.y], surface):
             yield document.problem((kind, name, "region"), _beside(asked, surface))
     names = [name for name, _ in written_texts(document, "furniture", "model")]
-    for name, piece in scene.file.furniture.items():
-        if piece.on is None:
-            continue
+    for name, asked in written_texts(document, "furniture", "on"):
         try:
-            standing_on, _ = scene.surface(piece.on)
+            below, _ = scene.surface(asked)
         except KeyError as error:
-            if _is_known(piece.on, scene, document):
+            if _is_known(asked, scene, document):
                 yield document.problem(("furniture", name, "on"), str(error.args[0]))
             continue
-        if standing_on in names and names.index(standing_on) >= names.index(name):
-            message = f"{standing_on!r} should be named above what stands on it, got {piece.on!r}"
+        if {below, name} <= {*names} and names.index(below) >= names.index(name):
+            message = f"{below!r} should be named above what stands on it, got {asked!r}"
             yield document.problem(("furniture", name, "on"), message)
 
 

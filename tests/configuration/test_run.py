@@ -110,7 +110,7 @@ def test_the_command_line_replaces_what_the_task_names() -> None:
 def test_without_a_task_tree_scene_and_robot_are_enough() -> None:
     run = load_run(tree="fetch_cup", scene="kitchen", robot="diff_panda")
     assert (run.name, run.task.goal, run.task.predicate) == ("fetch_cup", None, None)
-    assert problems(tree="fetch_cup", scene="kitchen") == ["command line: robot: is missing"]
+    assert problems(tree="fetch_cup", scene="kitchen") == ["arguments: robot: is missing"]
 
 
 def test_a_trees_default_task_is_the_one_that_names_it() -> None:
@@ -132,15 +132,18 @@ def test_another_algorithm_in_a_slot_does_not_inherit_parameters(tmp_path: Path)
     ("arguments", "message"),
     [
         ({"task": "fetch_cip"}, "unknown task 'fetch_cip'; did you mean 'fetch_cup'?"),
-        ({"task": "fetch_cup", "scene": "kichen"}, "--scene kichen: unknown scene 'kichen'; did you mean"),
-        ({"task": "fetch_cup", "robot": "diff_pand"}, "--robot diff_pand: unknown robot 'diff_pand'; did you"),
+        ({"task": "fetch_cup", "scene": "kichen"}, "scene='kichen': unknown scene 'kichen'; did you mean"),
+        ({"task": "fetch_cup", "robot": "diff_pand"}, "robot='diff_pand': unknown robot 'diff_pand'; did you"),
         ({"task": "fetch_cup", "tree": "fetch_cop"}, "fetch_cop: unknown tree 'fetch_cop'; did you mean"),
         ({"task": "fetch_cup", "tree": "/nowhere/x.xml"}, "/nowhere/x.xml: no such tree file"),
-        ({"task": "fetch_cup", "seed": "seven"}, "--seed seven: seed: should be a whole number, got 'seven'"),
-        ({"task": "fetch_cup", "seed": -1}, "--seed -1: seed: should be greater than or equal to 0"),
-        ({"task": "fetch_cup", "settings": ["tick_rat=3"]}, "--set tick_rat=3: unknown key 'tick_rat'; did you mean"),
-        ({"task": "fetch_cup", "settings": ["tick_rate"]}, "--set tick_rate: should have the form key=value"),
-        ({"task": "fetch_cup", "settings": ["tick_rate=[1"]}, "--set tick_rate=[1: the value is not YAML"),
+        ({"task": "fetch_cup", "seed": "seven"}, "seed=seven: seed: should be a whole number, got 'seven'"),
+        ({"task": "fetch_cup", "seed": -1}, "seed=-1: seed: should be greater than or equal to 0"),
+        (
+            {"task": "fetch_cup", "settings": ["tick_rat=3"]},
+            "settings=['tick_rat=3']: unknown key 'tick_rat'; did you mean",
+        ),
+        ({"task": "fetch_cup", "settings": ["tick_rate"]}, "settings=['tick_rate']: should have the form key=value"),
+        ({"task": "fetch_cup", "settings": ["tick_rate=[1"]}, "settings=['tick_rate=[1']: the value is not YAML"),
         ({"task": "fetch_cup", "settings": ["tick_rate=3 kg"]}, "tick_rate: expected a frequency in Hz (Hz, kHz)"),
         (
             {"task": "fetch_cup", "settings": ["algorithms.motion_plannin.a=1"]},

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 
-from bestman_bt.configuration import ConfigurationError, load_run, load_task
+from bestman_bt.configuration import ConfigurationError, load_run, load_task, run_of_options
 
 TASK = "tree: fetch_cup\nscene: kitchen\nrobot: diff_panda\n"
 GOAL = "{name: there, object: cup, source: table, surface: counter}"
@@ -114,9 +115,12 @@ def test_parameters_without_a_name_are_of_the_shipped_algorithm(tmp_path: Path) 
 
 
 def test_a_run_tells_where_each_field_of_its_task_was_written() -> None:
-    run = load_run("fetch_cup", scene="kitchen_without_cup", settings=["tick_rate=10"])
-    assert str(run.problem(("scene",), "is odd")) == "--scene kitchen_without_cup: scene: is odd"
-    assert str(run.problem(("tick_rate",), "is odd")) == "--set tick_rate=10: tick_rate: is odd"
+    asked: dict[str, Any] = {"scene": "kitchen_without_cup", "settings": ["tick_rate=10"]}
+    run, typed = load_run("fetch_cup", **asked), run_of_options("fetch_cup", **asked)
+    assert str(run.problem(("scene",), "is odd")) == "scene='kitchen_without_cup': scene: is odd"
+    assert str(typed.problem(("scene",), "is odd")) == "--scene kitchen_without_cup: scene: is odd"
+    assert str(run.problem(("tick_rate",), "is odd")) == "settings=['tick_rate=10']: tick_rate: is odd"
+    assert str(typed.problem(("tick_rate",), "is odd")) == "--set tick_rate=10: tick_rate: is odd"
     tree = run.problem(("tree",), "is odd")
     assert tree.source.endswith("fetch_cup.yaml")
     assert tree.line is not None
@@ -127,4 +131,4 @@ def test_plug_ins_that_there_are_not_are_told_beside_other_faults_and_the_others
     there.write_text("")
     with pytest.raises(ConfigurationError) as error:
         load_run("fetch_cup", settings=["tick_rate=0"], plugins=[str(there), "not_there.py"])
-    assert [str(problem).split(": ")[0] for problem in error.value.problems][1:] == ["--plugin not_there.py"]
+    assert [str(problem).split(": ")[0] for problem in error.value.problems][1:] == ["plugins=['not_there.py']"]

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import inspect
 import math
+import re
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,12 +13,17 @@ import pytest
 
 from bestman_bt.errors import WrongResultError
 from bestman_bt.manipulation.motion_planning import MotionPlanner
-from bestman_bt.messages import Path2D, Pose2D, Twist2D
+from bestman_bt.manipulation.policy import Observation, Policy, PolicyModelError
+from bestman_bt.messages import Path2D, Pose, Pose2D, Twist2D
 from bestman_bt.navigation.global_planning import Costmap, Footprint, GlobalPlanner, PlanningFailure
 from bestman_bt.navigation.local_planning import FollowerCommand, PathFollower
+from bestman_bt.navigation.localization import Localizer
+from bestman_bt.navigation.slam import FrontierExplorer
 from bestman_bt.perception.detection import Detector
 from bestman_bt.perception.grasp_pose import GraspPlanner
+from bestman_bt.runtime.algorithms import SLOTS
 from bestman_bt.runtime.own_results import with_checked_results
+from bestman_bt.runtime.policies import find_policy
 from bestman_bt.world_model import SemanticMap
 
 GOAL = Pose2D(1.0, 0.0, 0.0)
@@ -64,7 +71,7 @@ def path(*points: tuple[float, float]) -> Path2D:
     ],
 )
 def test_a_planner_that_returns_no_path_of_the_map_is_told(costmap: Costmap, found: Any, words: str) -> None:
-    planner = with_checked_results(Plans(found), GlobalPlanner)
+    planner = with_checked_results(Plans, GlobalPlanner)(found)
     with pytest.raises(WrongResultError) as raised:
         planner.plan(Pose2D(), GOAL, costmap)
     assert words in str(raised.value)
@@ -73,12 +80,12 @@ def test_a_planner_that_returns_no_path_of_the_map_is_told(costmap: Costmap, fou
 
 def test_a_path_on_the_map_and_a_failure_pass(costmap: Costmap) -> None:
     for found in (path((0.0, 0.0), (1.0, 0.0)), PlanningFailure.no_path(Pose2D(), GOAL)):
-        assert with_checked_results(Plans(found), GlobalPlanner).plan(Pose2D(), GOAL, costmap) is found
+        assert with_checked_results(Plans, GlobalPlanner)(found).plan(Pose2D(), GOAL, costmap) is found
 
 
 @pytest.mark.parametrize("found", [None, FollowerCommand(Twist2D(math.inf, 0.0, 0.0), False, 1.0)])
 def test_a_follower_that_commands_nothing_or_without_end_is_told(found: Any) -> None:
-    follower = with_checked_results(Follows(found), PathFollower)
+    follower = with_checked_results(Follows, PathFollower)(found)
     follower.reset(path((0.0, 0.0)))
     with pytest.raises(WrongResultError, match=r"Follows\.compute (should return Foll|returned the vel)"):
         follower.compute(Pose2D(), Twist2D(0.0, 0.0, 0.0), 0.05)
@@ -90,9 +97,73 @@ def test_a_follower_that_commands_nothing_or_without_end_is_told(found: Any) -> 
         (Detector, "detect", "DetectedScene"),
         (GraspPlanner, "plan", "tuple of GraspCandidate"),
         (MotionPlanner, "plan", "MotionPlan"),
+        (FrontierExplorer, "tour", "list of FrontierView"),
     ],
 )
 def test_each_interface_is_checked_by_its_annotations(base: type, method: str, words: str) -> None:
-    made = type("Mine", (base,), {method: lambda self, *arguments: [3]})()
+    made = type("Mine", (base,), {method: lambda self, *arguments: [3]})
     with pytest.raises(WrongResultError, match=rf"Mine\.{method} should return {words}, got list of int"):
-        getattr(with_checked_results(made, base), method)()
+        getattr(with_checked_results(made, base)(), method)()
+
+
+def test_properties_of_an_interface_are_checked_too() -> None:
+    class Lost(Localizer):
+        reset = predict = correct = lambda self, *arguments: None
+
+        @property
+        def estimate(self) -> Any:
+            return (0.0, 0.0, math.nan)
+
+    localizer = with_checked_results(Lost, Localizer)()
+    line = inspect.getsourcelines(Lost.__dict__["estimate"].fget)[1]
+    with pytest.raises(WrongResultError, match=rf"Lost\.estimate should return .*got tuple of float \(at .*:{line}\)"):
+        _ = localizer.estimate
+
+
+def test_what_is_annotated_is_found_for_each_slot() -> None:
+    for base in {base for base, _ in SLOTS.values()} | {Policy}:
+        own = {name: (lambda self: None) for name in vars(base) if not name.startswith("_")}
+        checked = with_checked_results(type("Mine", (base,), own), base)
+        assert all(vars(checked)[name].__wrapped__ is method for name, method in own.items())
+
+
+def test_a_policy_of_a_users_own_is_named_by_its_file_and_checked(tmp_path: Path) -> None:
+    (tmp_path / "mine.py").write_text(OWN_POLICY)
+    policy = find_policy("mine.py:Mine", [tmp_path])
+    assert policy.specification.joint_names == ("a",)
+    policy.reset()
+    with pytest.raises(
+        WrongResultError, match=r"Mine\.act should return ActionChunk, got ndarray \(at .*mine\.py:16\)"
+    ):
+        policy.act(Observation(np.zeros(1), Pose()))
+    for name, words in (
+        ("mine.py:Mime", "mine.py has no class 'Mime'; did you mean 'Mine'?"),
+        ("mine.py:Unfinished", "mine.py:20: Unfinished does not define act, as a Policy has to"),
+        ("their.py:Mine", "no such file: their.py"),
+    ):
+        with pytest.raises(PolicyModelError, match=f"{re.escape(words)}$"):
+            find_policy(name, [tmp_path])
+
+
+OWN_POLICY = """import numpy as np
+
+from bestman_bt.manipulation.policy import Policy, PolicySpecification
+
+
+class Mine(Policy):
+    @property
+    def specification(self):
+        return PolicySpecification(("a",), "joint_positions", 8, 0.1)
+
+    def reset(self):
+        return
+
+    # the actions alone, without their chunk
+
+    def act(self, observation):
+        return np.zeros((8, 1))
+
+
+class Unfinished(Mine):
+    act = Policy.act
+"""

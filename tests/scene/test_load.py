@@ -173,12 +173,12 @@ def test_all_faults_of_a_scene_are_told_at_once_in_the_order_of_its_lines(tmp_pa
 furniture:
   table: {model: table, at: [1, 0, 0]}
   desk: {model: table, at: [1, 0]}
-  rack: {model: tabel, at: [1, 0]}
+  rack: {model: tabel, at: [1, 0], on: dseks/top}
 robot_start: {x: [1, -1], y: [0, 0]}
 objects:
   cup: {model: cup, surface: table/top, at: [0, 0, 0]}
   can: {model: can, surface: table/top, at: [1 cm, 0, 0]}
-  box: {model: bx, surface: table/top, at: [0, 20 cm, 0]}
+  box: {model: bx, surface: tabel/top, at: [0, 20 cm, 0]}
   mug: {model: mug, surface: table/top, at: [2.5, 0, 0]}
   bowl: {model: bowl, surface: desk/tpo, at: [0, 0, 0]}
   jar: {model: can, surface: rack/tpo, at: [0, 0, 0]}
@@ -189,13 +189,16 @@ colour: red
     )
     found = problems(path)
     lines = [int(problem.split("yaml:")[1].split(":")[0]) for problem in found]
-    assert lines == [4, 5, 5, 6, 9, 10, 11, 12, 15, 16]  # nobody knows the surfaces of the rack
+    assert lines == [4, 5, 5, 5, 6, 9, 10, 10, 11, 12, 15, 16]  # nobody knows the surfaces of the rack
     assert "furniture.rack.at[2]: is missing" in found[1]
     assert "furniture.rack.model: unknown furniture 'tabel'; did you mean 'table'?" in found[2]
-    assert "objects.can.at: stands 4.9 cm deep in 'cup'; each object needs a place of its own" in found[4]
-    assert "objects.mug.at: lies beside 'table/top', which reaches from -40 to 40 cm along its x" in found[6]
-    assert "objects.bowl.surface: unknown surface 'desk/tpo'; did you mean 'desk/top'?" in found[7]
-    assert "goals.place.region: lies beside 'table/top'" in found[8]
+    assert "furniture.rack.on: unknown surface 'dseks/top'; did you mean 'desk/top'?" in found[3]
+    assert "objects.can.at: stands 4.9 cm deep in 'cup'; each object needs a place of its own" in found[5]
+    assert "objects.box.model: unknown object 'bx'; did you mean 'box'?" in found[6]
+    assert "objects.box.surface: unknown surface 'tabel/top'; did you mean 'table/top'?" in found[7]
+    assert "objects.mug.at: lies beside 'table/top', which reaches from -40 to 40 cm along its x" in found[8]
+    assert "objects.bowl.surface: unknown surface 'desk/tpo'; did you mean 'desk/top'?" in found[9]
+    assert "goals.place.region: lies beside 'table/top'" in found[10]
 
 
 BENCH_ROOM = """walls: {height: 1 m, thickness: 8 cm, lines: [[[-2.5, -2.5], [3.0, -2.5]]]}
