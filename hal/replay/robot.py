@@ -167,6 +167,8 @@ class ReplayRobot(Robot):
             self._go_on_to_image(part, found)
         moment = self.moment()
         taken, told = found.at(moment, SAME_MOMENT)
+        if what == "trajectory_time" and part in self._motions and not self._motions[part].holds(taken):
+            return None  # it is that of the motion before
         if abs(taken - moment) > LONGEST_GAP:
             end = "; its end is missing" if self.tape.cut else ""
             raise NoDataError(
@@ -249,6 +251,10 @@ class ReplayedMotion(Motion[None]):
     def __init__(self, part: str, robot: ReplayRobot, command: RecordedCommand) -> None:
         super().__init__(part)
         self._robot, self._command = robot, command
+
+    def holds(self, moment: float) -> bool:
+        """Whether a moment of the recording is after the start of this motion."""
+        return moment >= self._command.time - SAME_MOMENT
 
     def _look(self) -> None:
         moment, end = self._robot.moment(), self._command.end

@@ -75,6 +75,23 @@ def test_a_command_that_was_not_given_is_refused_with_the_one_that_was(replay: R
             replay.part("arm", Arm).servo(replay.part("arm", Arm).positions())
 
 
+def test_how_far_a_trajectory_was_is_not_told_of_the_one_after_it(
+    recorded: tuple[Path, Story], robot_model: RobotModel, tmp_path: Path
+) -> None:
+    lines = [json.loads(line) for line in gzip.decompress((recorded[0] / TAPE_NAME).read_bytes()).splitlines()]
+    begins = next(line["t"] for line in lines if line.get("command") == "move_to")
+    for moment, told in ((begins - 0.01, 1.4), (begins + 0.1, 0.1)):
+        lines.append({"part": "arm", "read": "trajectory_time", "value": told, "t": moment})
+    edited = "".join(json.dumps(line) + "\n" for line in sorted(lines, key=lambda line: line.get("t", -1.0)))
+    (tmp_path / TAPE_NAME).write_bytes(gzip.compress(edited.encode()))
+    with ReplayRobot(robot_model, recording=tmp_path) as replay:
+        arm = replay.part("arm", Arm)
+        assert not arm.move_to(target(arm)).done
+        assert arm.trajectory_time() is None
+        replay.clock.sleep(0.11)
+        assert arm.trajectory_time() == 0.1
+
+
 def test_the_recording_waits_for_a_program_that_thinks_longer(
     replay: ReplayRobot, recorded: tuple[Path, Story]
 ) -> None:
