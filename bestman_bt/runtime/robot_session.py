@@ -20,7 +20,7 @@ from behaviours.localise import KNOWN_POSITION_STD
 from behaviours.skill import OnRobot
 from bestman_bt.configuration import RunConfig, load_run, task_of_tree, told_to_programs
 from bestman_bt.control.robot_stop import RobotStop
-from bestman_bt.engine import Tree, TreeLoadError
+from bestman_bt.engine import Problem, Tree, TreeLoadError
 from bestman_bt.registry import DRIVERS
 from bestman_bt.runtime.algorithms import Algorithms, algorithm_by_name
 from bestman_bt.runtime.control_channel import ControlChannel
@@ -86,11 +86,12 @@ class Session:
         """
         if self.ended:
             raise NotConnectedError("the session has ended, its robot is disconnected: run trees inside the with block")
+        wrong: list[Problem] = []
         with told_to_programs():
-            loaded = load_for(self.setup, tree, context=self.skills, clock=self.robot.clock)
+            loaded = load_for(self.setup, tree, context=self.skills, clock=self.robot.clock, faults=wrong)
         setup = self._setup_for(tree)
         entries = self.entries if setup is self.setup else setup.entries
-        self.check(loaded, entries)
+        self.check(loaded, entries, wrong)
         needed = {kind for node in loaded.nodes if isinstance(node, OnRobot) for kind in (*node.REQUIRES, *node.USES)}
         for arm in self.skills.robot.arm_names or ("",):
             self.skills.for_arm(arm).make(needed)
@@ -128,11 +129,11 @@ class Session:
         told, usual = self.robot.diagnostics(), "stopped" if self.robot.stopped else "ok"
         return {"parts": {name: told.get(name, usual) for name in self.robot.parts}, "robot": told}
 
-    def check(self, tree: Tree, entries: Mapping[str, Any]) -> None:
-        """As ``load`` says; ``entries``: what a task fills."""
-        missing = self.setup.missing_in(tree)
-        if missing:
-            raise TreeLoadError(missing)
+    def check(self, tree: Tree, entries: Mapping[str, Any], known: Iterable[Problem] = ()) -> None:
+        """As ``load`` says; ``entries``: what a task fills; ``known``: what is wrong with the tree already."""
+        wrong = [*known, *self.setup.missing_in(tree)]
+        if wrong:
+            raise TreeLoadError(sorted(wrong, key=lambda one: (one.file, one.line)))
         for problem in unfilled_entries(tree, entries, self.setup.config.name if self.entries else None):
             _LOG.warning("%s", dataclasses.replace(problem, severity="warning"))
 

@@ -423,7 +423,8 @@ def test_the_feedback_of_a_native_leaf_is_the_reason_of_its_failure() -> None:
     failed: list[int] = []
     tree.subscribe(lambda changes: failed.extend(code >> 3 for code in failure_codes(tree).intersection(changes.codes)))
     Executor(tree, tree.clock).run()
-    assert FailureLines().of(tree, failed) == [NodeFailure("scale", "", "no answer from the scale")]
+    where = f"scale (test_executor.py:{Device.update.__code__.co_firstlineno})"
+    assert FailureLines().of(tree, failed) == [NodeFailure("scale", "", "no answer from the scale", where)]
 
 
 def test_what_an_own_algorithm_raises_between_ticks_ends_the_execution_and_its_traceback_is_logged(

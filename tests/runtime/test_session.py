@@ -60,11 +60,21 @@ def test_without_a_task_a_shipped_tree_brings_the_goal_of_its_own() -> None:
         assert "object" not in opened.load(HEAD).blackboard
 
 
-def test_a_shipped_tree_that_is_refused_leaves_no_facts_behind() -> None:
+def test_a_refused_tree_leaves_no_facts_behind_and_all_that_is_wrong_with_it_is_told_at_once() -> None:
     with session(robot="turtle", scene="kitchen", seed=3) as opened:
         with pytest.raises(TreeLoadError, match="arm"):
             opened.load("fetch_cup")
         assert opened.skills.world.told == {}
+        wrong = (
+            '<NavigateTo goal="1;2"/>\n<FindStandPose surface="countr" stand="{stand}"/>\n<NavigateTo gaol="1;2;0"/>'
+        )
+        with pytest.raises(TreeLoadError) as raised:
+            opened.load(
+                f'<root BTCPP_format="4"><BehaviorTree ID="T"><Sequence>{wrong}</Sequence></BehaviorTree></root>'
+            )
+        told = [(one.line, one.message) for one in raised.value.problems]
+        assert (2, "there is no surface 'countr'") in told
+        assert [line for line, _ in told if line != 2] == [1, 3, 3]
 
 
 def test_a_task_brings_its_own_scene_and_robot() -> None:
