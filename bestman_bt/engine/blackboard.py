@@ -342,6 +342,15 @@ class Blackboard:
         middle = f"{self.path}/" if self.path else ""
         return f"/{self.store.name}/{middle}{key}"
 
+    def shared_key(self, key: str) -> str:
+        """How an entry of a blackboard that is shared with py_trees is called here: ``steps`` for ``/steps``."""
+        return key.lstrip("/") if self.store.found is not None and not self.path else key
+
+    def is_registered(self, key: str) -> bool:
+        """Whether a client of py_trees has registered an entry, which need not have a value yet."""
+        metadata = PyTreesBlackboard.metadata.get(self.local_path(key))
+        return metadata is not None and not isinstance(metadata, TreeKey)
+
     def share(self) -> None:
         """Make the entries of this blackboard, a tree's topmost, those of py_trees' blackboard."""
         store = self.store

@@ -191,9 +191,10 @@ class ControlChannel:
             raise RefusedError(f"there is no SubTree {scope!r}")
 
         notes: dict[str, str] = {}
+        key = board.shared_key(key)
 
         def write() -> None:
-            if key not in board:
+            if not board.is_registered(key) and key not in board:
                 meant = closest(key, [*board.keys(), *board.remapping, *board.root.keys()])
                 hint = f"; did you mean {meant!r}?" if meant else ""
                 notes["note"] = f"{key!r} is a new entry, which no node of the tree names{hint}"

@@ -237,6 +237,7 @@ class Counts(Behaviour):
         self.blackboard = self.attach_blackboard_client("counts")
         self.blackboard.register_key("steps", access=Access.WRITE)
         self.blackboard.register_key("odometer", access=Access.EXCLUSIVE_WRITE)
+        self.blackboard.register_key("limit", access=Access.READ)
         self.blackboard.steps = 0
 
     def update(self) -> Status:
@@ -251,7 +252,8 @@ def test_what_is_set_reaches_native_behaviours_or_is_refused_with_the_reason() -
     executor.pause()
     running = threading.Thread(target=executor.run)
     running.start()
-    ok = channel.answer({"do": "set", "key": "steps", "value": 1_000_000})
+    ok = channel.answer({"do": "set", "key": "/steps", "value": 1_000_000})
+    limit = channel.answer({"do": "set", "key": "limit", "value": 9})
     refused = channel.answer({"do": "set", "key": "odometer", "value": 3})
     executor.resume()
     while executor.ticks < 2:
@@ -259,10 +261,11 @@ def test_what_is_set_reaches_native_behaviours_or_is_refused_with_the_reason() -
     executor.cancel()
     running.join(5.0)
     assert ok["ok"]
+    assert "note" not in {*ok, *limit}  # both are entries that a node of the tree names
     assert executor.tree.blackboard["steps"] > 1_000_000
     assert not refused["ok"]
     assert "the py_trees client 'counts' has exclusive write access" in refused["error"]
-    assert [entry.key for entry in BlackboardChanges(executor.tree).collect()] == ["steps"]
+    assert [entry.key for entry in BlackboardChanges(executor.tree).collect()] == ["steps", "limit"]
 
 
 def test_serving_leaves_the_rights_of_new_files_as_they_were(served: Served, tmp_path: Path) -> None:
