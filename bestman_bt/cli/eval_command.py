@@ -85,8 +85,13 @@ def _config(
     settings: list[str] | None,
     plugins: list[Path] | None,
 ) -> RunConfig:
-    given = [str(plugin) for plugin in plugins or ()]
-    return run_of_options(task, scene=scene, robot=robot, seed=seed, settings=settings or (), plugins=given)
+    """Everything of the task is checked; ConfigurationError tells all that is wrong."""
+    given, known = [str(plugin) for plugin in plugins or ()], list[Problem]()
+    config = run_of_options(
+        task, scene=scene, robot=robot, seed=seed, settings=settings or (), plugins=given, faults=known
+    )
+    prepare_episode(config, known)
+    return config
 
 
 def _suite(
@@ -113,9 +118,7 @@ def _suite(
             faults.problems.append(Problem(name, None, "", f"unknown; did you mean the suite {suite[0]!r}?"))
             continue
         with faults.step():
-            config = _config(name, seed or 0, scene, robot, settings, plugins)
-            prepare_episode(config)
-            entries.append(Entry(name, config, episodes or 10))
+            entries.append(Entry(name, _config(name, seed or 0, scene, robot, settings, plugins), episodes or 10))
     faults.raise_if_any()
     file = str(Path(tasks[0]).resolve()) if len(entries) == 1 and Path(tasks[0]).is_file() else ""
     return Suite("+".join(Path(name).stem for name in dict.fromkeys(tasks)), tuple(entries), file=file)

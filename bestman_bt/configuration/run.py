@@ -122,9 +122,10 @@ def run_of_options(
     inner = {kind: _below(values, kind) for kind in ("scene", "robot")}
     merged: TaskConfig | None = None
     if known:
-        with found.step():
-            own = {key: value for key, value in values.items() if not key.startswith(("scene.", "robot."))}
-            document = override(document, TaskConfig, own)
+        for key, value in values.items():
+            if not key.startswith(("scene.", "robot.")):
+                with found.step():
+                    document = override(document, TaskConfig, {key: value})
         with found.step():
             merged = check_task(document, found.problems)
     absent: dict[str, Any] = {}

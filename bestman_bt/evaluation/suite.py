@@ -199,7 +199,7 @@ class Entered:
 def _prepared(path: Path, entered: Entered, seed: int, settings: tuple[str, ...]) -> RunConfig:
     """The configuration of an entry's runs with everything checked; ConfigurationError names the suite's lines."""
     entry = entered.entry
-    faults = ProblemCollector()
+    faults, wrong = ProblemCollector(), list[Problem]()
     try:
         config = run_of_options(
             beside(path, "task", entry.task or entered.key),
@@ -207,6 +207,7 @@ def _prepared(path: Path, entered: Entered, seed: int, settings: tuple[str, ...]
             seed=seed,
             settings=(*entry.settings, *settings),
             plugins=[str(path.parent / plugin) for plugin in entry.plugins],
+            faults=wrong,
         )
         known = metric_names(config)
         faults.problems += [
@@ -214,7 +215,7 @@ def _prepared(path: Path, entered: Entered, seed: int, settings: tuple[str, ...]
             for name in entry.accuracy
             if name not in known
         ]
-        prepare_episode(config)
+        prepare_episode(config, wrong)
     except ConfigurationError as error:
         faults.problems += [entered.placed(problem) for problem in error.problems]
     except TreeLoadError as error:

@@ -120,6 +120,10 @@ def test_all_faults_of_a_suite_are_told_at_once(tmp_path: Path) -> None:
         "  other: {task: fetch_cup, successes: {of: 2}}\n"
         "controls:\n"
         "  other: {task: fetch_cup, settings: [scene.finger_fraction=1], successes: {at_most: 0, of: 2}}\n"
+        "  mine: {task: mine.yaml, settings: [algorithms.global_planning.algorithm=prn, tick_rat=3]}\n"
+    )
+    (tmp_path / "mine.yaml").write_text(
+        "tree: navigate\nscene: kitchen\nrobot: diff_panda\ndrive: {to: 3}\npredicate: arrived\n"
     )
     with pytest.raises(ConfigurationError) as caught:
         load_suite(path)
@@ -129,6 +133,10 @@ def test_all_faults_of_a_suite_are_told_at_once(tmp_path: Path) -> None:
     assert "bad.yaml:4: tasks.other.successes: one of 'at_least' and 'at_most' should be given" in told
     assert "bad.yaml:6: controls.other: is the name of a task of this suite, too" in told
     assert "finger_fraction" in told
+    assert "bad.yaml:7: controls.mine.settings[0]: unknown algorithm 'prn'; did you mean 'prm'?" in told
+    assert "bad.yaml:7: controls.mine.settings[1]: unknown key 'tick_rat'; did you mean 'tick_rate'?" in told
+    assert "mine.yaml:4: drive.to: unknown field" in told
+    assert "mine.yaml:5: predicate: unknown predicate 'arrived'" in told
 
 
 def test_a_suite_is_told_from_a_task() -> None:
