@@ -27,7 +27,7 @@ from benchmarks.rendered_table import RenderedTable, TrueObject, random_table
 from bestman_bt.evaluation.versions import versions
 from bestman_bt.perception import clouds
 from bestman_bt.perception.segmentation import Open3DDbscan, PlaneDbscan
-from bestman_bt.perception.segmentation.horizontal_plane import HorizontalPlaneParameters, fit_plane
+from bestman_bt.perception.segmentation.horizontal_plane import HorizontalPlane
 from bestman_bt.perception.segmentation.plane_dbscan import dbscan
 from bestman_bt.perception.segmentation.voxels import voxel_means
 
@@ -72,7 +72,7 @@ def measured(scenes: list[RenderedTable]) -> dict[str, dict[str, float]]:
 
 def operations(scene: RenderedTable) -> dict[str, tuple[Callable[[], Any], Callable[[], Any]]]:
     """Each operation on a view, ours and Open3D's."""
-    p = HorizontalPlaneParameters()
+    p = HorizontalPlane()
     surface_from_frame = scene.region.frame_from_surface.inverse()
     cloud = scene.view.seen_from(surface_from_frame).cloud(surface_from_frame.apply(scene.region.corners()))
     band = cloud.points[np.abs(cloud.points[:, 2]) <= scene.region.tolerance]
@@ -84,7 +84,7 @@ def operations(scene: RenderedTable) -> dict[str, tuple[Callable[[], Any], Calla
     return {
         "voxels": (lambda: voxel_means(cloud, 0.004), lambda: clouds.thinned(cloud, 0.004)),
         "plane": (
-            lambda: fit_plane(band, np.random.default_rng(0), p, p.min_plane_points),
+            lambda: p.fit_plane(band, np.random.default_rng(0), p.min_plane_points),
             lambda: clouds.largest_plane(band, p.ransac_distance, p.ransac_samples, 0),
         ),
         "dbscan": (lambda: dbscan(thin, 0.015, 4), lambda: clouds.density_clusters(thin, 0.015, 4)),

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from bestman_bt.configuration import find_data, read_document
-from bestman_bt.runtime.algorithms import algorithms_by_slot
+from bestman_bt.runtime.algorithms import algorithms_by_slot, parameters_of
 
 PAGE = Path(__file__).parents[1] / "docs" / "parameters.md"
 HEAD = """# Parameters of the algorithms
@@ -37,7 +37,7 @@ The path in the tables is that of the slot with this algorithm in it: of another
 `algorithms.SLOT.algorithm` too. A parameter that is not given keeps the default below. Unit `-`: a pure number, a
 count, a choice.
 """
-_UNIT = re.compile(r"Annotated\[.*, [\"'](.+)[\"']\]")
+_UNIT = re.compile(r"Annotated\[.*, [\"']([^\"']+)[\"']\]")
 _NAMES = re.compile(r"((?:``\w+``(?: \([^)]*\))?(?:, | and )?)+)(?: \([^)]*\))?: ")
 
 
@@ -51,9 +51,10 @@ def _slot(slot: str, algorithms: dict[str, type[Any]]) -> str:
     text = f"\n## {slot}\n"
     for name in sorted(algorithms, key=lambda name: (name != default, name)):
         algorithm = algorithms[name]
-        kind = getattr(import_module(algorithm.__module__), f"{algorithm.__name__}Parameters", None)
+        beside = getattr(import_module(algorithm.__module__), f"{algorithm.__name__}Parameters", None)
+        kind = beside or parameters_of(algorithm, slot)
         text += f"\n### {name}{' (default)' if name == default else ''}\n\n{_first_paragraph(algorithm)}\n"
-        rows = [] if kind is None else list(_rows(kind(), f"algorithms.{slot}"))
+        rows = [] if kind is None else list(_rows(kind(), beside or algorithm, f"algorithms.{slot}"))
         if not rows:
             text += "\nNo parameters.\n"
             continue
@@ -62,16 +63,17 @@ def _slot(slot: str, algorithms: dict[str, type[Any]]) -> str:
     return text
 
 
-def _rows(parameters: Any, path: str, prefix: str = "") -> Iterator[tuple[str, ...]]:
-    described = _descriptions(type(parameters))
+def _rows(parameters: Any, kind: type[Any], path: str, prefix: str = "") -> Iterator[tuple[str, ...]]:
+    """``kind``: the class whose docstring and annotations describe the fields of ``parameters``."""
+    described = _descriptions(kind)
     for field in dataclasses.fields(parameters):
         value = getattr(parameters, field.name)
         if dataclasses.is_dataclass(value):
-            yield from _rows(value, f"{path}.{field.name}", f"{prefix}{field.name}.")
+            yield from _rows(value, type(value), f"{path}.{field.name}", f"{prefix}{field.name}.")
             continue
         told = described.get(field.name, "")
         words = told or field.name.replace("_", " ")
-        unit = _unit(type(parameters), field.name)
+        unit = _unit(kind, field.name)
         yield f"`{prefix}{field.name}`", f"`{_value(value)}`", unit, words, f"`{path}.{field.name}=`"
 
 

@@ -40,8 +40,7 @@ def test_every_algorithm_is_a_concrete_class_in_the_folder_of_its_slot(name: str
     algorithm = ALGORITHMS.resolve(name)
     assert not inspect.isabstract(algorithm)
     assert slot in algorithm.__module__.split(".")
-    module = import_module(algorithm.__module__)
-    assert inspect.getdoc(getattr(module, f"{algorithm.__name__}Parameters", algorithm))
+    assert inspect.getdoc(algorithm)
 
 
 @pytest.mark.parametrize("name", DRIVERS.names())

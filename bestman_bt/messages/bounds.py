@@ -1,4 +1,4 @@
-"""Numbers with a range, for the fields of parameter dataclasses: wrong ones are refused where a configuration is read.
+"""Numbers with a range, for the parameters of algorithms: wrong ones are refused where a configuration is read.
 
 The types say what a value may be and cost nothing at run time. Every number of a configuration has to be finite, so no
 type says that.
@@ -6,6 +6,8 @@ type says that.
 
 from __future__ import annotations
 
+import typing
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import Annotated
 
@@ -22,6 +24,13 @@ Count = Annotated[int, Ge(1)]
 Several = Annotated[int, Ge(2)]
 
 
+@dataclass(frozen=True)
+class NotBelow:
+    """Annotates a number that should not be smaller than that of ``field``: ``Annotated[float, NotBelow("least")]``."""
+
+    field: str
+
+
 class OrderError(Error, ValueError):
     """Two ``fields`` are each right, and wrong together."""
 
@@ -36,3 +45,11 @@ def check_order(parameters: object, *names: str) -> None:
         smaller, larger = getattr(parameters, low), getattr(parameters, high)
         if smaller > larger:
             raise OrderError(f"{low} ({smaller:g}) should not be larger than {high} ({larger:g})", (low, high))
+
+
+def check_bounds(parameters: object) -> None:
+    """OrderError where a field of a dataclass is smaller than the one that its ``NotBelow`` names."""
+    for name, hint in typing.get_type_hints(type(parameters), include_extras=True).items():
+        for mark in getattr(hint, "__metadata__", ()):
+            if isinstance(mark, NotBelow):
+                check_order(parameters, mark.field, name)

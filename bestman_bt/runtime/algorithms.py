@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import dataclasses
 import inspect
 from collections.abc import Callable, Iterator
-from functools import partial
+from dataclasses import dataclass
+from functools import cache, partial
 from importlib import import_module
 from pathlib import Path
 from types import ModuleType
@@ -27,6 +29,7 @@ from bestman_bt.manipulation.collision import CollisionModel
 from bestman_bt.manipulation.kinematics import InverseKinematics
 from bestman_bt.manipulation.motion_planning import MotionPlanner, TimedMotionPlanner
 from bestman_bt.manipulation.trajectory import TimeParametrization
+from bestman_bt.messages.bounds import check_bounds
 from bestman_bt.navigation.global_planning import GlobalPlanner, LayeredCostmap
 from bestman_bt.navigation.local_planning import PathFollower
 from bestman_bt.navigation.localization import GlobalLocalizer, Localizer, OdometryFilter
@@ -45,33 +48,46 @@ from bestman_bt.runtime.own_results import with_checked_results
 from bestman_bt.runtime.tree_checks import literals
 from bestman_bt.world_model import SemanticMap
 
-SLOTS: dict[str, tuple[type[Any], str]] = {
-    "segmentation": (Segmentation, "segmentation"),
-    "surfaces": (SupportSurfaces, "segmentation"),
-    "pose_estimation": (PoseEstimator, "pose_estimation"),
-    "multi_view": (MultiView, "pose_estimation"),
-    "detection": (Detector, "detection"),
-    "tracking": (Tracker, "tracking"),
-    "view_planning": (ViewPlanner, "view_planning"),
-    "affordance": (HandleDetector, "affordance"),
-    "occupancy": (OccupancyMapper, "occupancy"),
-    "grasp_pose": (GraspPlanner, "grasp_pose"),
-    "unknown_grasp_pose": (GraspPlanner, "grasp_pose"),
-    "handle_grasp_pose": (GraspPlanner, "grasp_pose"),
-    "kinematics": (InverseKinematics, "kinematics"),
-    "collision": (CollisionModel, "collision"),
-    "motion_planning": (MotionPlanner, "motion_planning"),
-    "trajectory": (TimeParametrization, "trajectory"),
-    "costmap": (LayeredCostmap, "global_planning"),
-    "global_planning": (GlobalPlanner, "global_planning"),
-    "local_planning": (PathFollower, "local_planning"),
-    "localization": (Localizer, "localization"),
-    "slam": (Slam, "slam"),
-    "exploration": (FrontierExplorer, "slam"),
-    "global_localization": (GlobalLocalizer, "localization"),
-    "odometry": (OdometryFilter, "localization"),
+
+@dataclass(frozen=True)
+class Slot:
+    """What a slot of ``algorithms:`` holds: a subclass of ``base``, registered as ``kind/NAME``.
+
+    ``given``: fields of the algorithm that the session fills: the robot, the map, other algorithms. All its other
+    fields are parameters.
+    """
+
+    base: type[Any]
+    kind: str
+    given: tuple[str, ...] = ()
+
+
+SLOTS: dict[str, Slot] = {
+    "segmentation": Slot(Segmentation, "segmentation"),
+    "surfaces": Slot(SupportSurfaces, "segmentation"),
+    "pose_estimation": Slot(PoseEstimator, "pose_estimation"),
+    "multi_view": Slot(MultiView, "pose_estimation"),
+    "detection": Slot(Detector, "detection", ("segmentation", "pose_estimator")),
+    "tracking": Slot(Tracker, "tracking"),
+    "view_planning": Slot(ViewPlanner, "view_planning"),
+    "affordance": Slot(HandleDetector, "affordance"),
+    "occupancy": Slot(OccupancyMapper, "occupancy"),
+    "grasp_pose": Slot(GraspPlanner, "grasp_pose"),
+    "unknown_grasp_pose": Slot(GraspPlanner, "grasp_pose"),
+    "handle_grasp_pose": Slot(GraspPlanner, "grasp_pose"),
+    "kinematics": Slot(InverseKinematics, "kinematics", ("robot", "arm", "fixed")),
+    "collision": Slot(CollisionModel, "collision", ("robot",)),
+    "motion_planning": Slot(MotionPlanner, "motion_planning"),
+    "trajectory": Slot(TimeParametrization, "trajectory"),
+    "costmap": Slot(LayeredCostmap, "global_planning"),
+    "global_planning": Slot(GlobalPlanner, "global_planning"),
+    "local_planning": Slot(PathFollower, "local_planning"),
+    "localization": Slot(Localizer, "localization", ("planar_map",)),
+    "slam": Slot(Slam, "slam"),
+    "exploration": Slot(FrontierExplorer, "slam"),
+    "global_localization": Slot(GlobalLocalizer, "localization"),
+    "odometry": Slot(OdometryFilter, "localization"),
 }
-"""Slot → what it holds, and the kind under which that is registered."""
 
 
 class Algorithms:
@@ -178,28 +194,61 @@ def algorithm_problems(tree: Tree, config: RunConfig) -> Iterator[TreeProblem]:
 def make_algorithm(
     config: RunConfig, slot: str, *needs: Any, name: str = "", folders: tuple[Path, ...] = (), **parts: Any
 ) -> Any:
-    """The algorithm in ``slot``, made as ``Class(*needs, parameters=…, **parts)``.
+    """The algorithm in ``slot``, made as ``Class(*needs, **parameters, **parts)``.
 
     ``name``: another one than the configured, which then has its own default parameters. ``folders``: where files and
-    modules that it names are looked for first. ``parts``: other algorithms that it stands on. Its parameters are
-    checked against the dataclass ``<Class>Parameters`` of the class's module.
+    modules that it names are looked for first. ``parts``: other algorithms that it stands on.
     Raises ConfigurationError that names the slot, the field and what would be right.
     """
     algorithm, parameters = _choose(config, slot, name, folders)
-    given = parts if parameters is None else {"parameters": parameters, **parts}
     if algorithm.__module__.startswith("bestman_bt."):
-        return algorithm(*needs, **given)
-    return made_of_own(algorithm, SLOTS[slot][0], f"algorithms.{slot}", *needs, **given)
+        return algorithm(*needs, **parameters, **parts)
+    return made_of_own(algorithm, SLOTS[slot].base, f"algorithms.{slot}", *needs, **parameters, **parts)
 
 
-def _choose(config: RunConfig, slot: str, name: str = "", folders: tuple[Path, ...] = ()) -> tuple[type[Any], Any]:
-    """The class in a slot and its parameters, None where it takes none; raises as ``make_algorithm``."""
+def parameters_of(algorithm: type[Any], slot: str = "") -> type[Any] | None:
+    """A dataclass of the parameters alone of an algorithm in ``slot``; None where it has none.
+
+    They are the fields of the algorithm's dataclass but for those that the session gives.
+    """
+    kind: Any = algorithm  # mypy takes the types of dataclasses for unhashable
+    given = SLOTS[slot].given if slot else ()
+    return _parameters_of(kind, given) if dataclasses.is_dataclass(algorithm) else None
+
+
+@cache
+def _parameters_of(algorithm: Any, given: tuple[str, ...]) -> type[Any] | None:
+    own = [field for field in dataclasses.fields(algorithm) if field.init and field.name not in given]
+    if not own:
+        return None
+    hints: dict[str, Any] = {}
+    classes: list[Any] = [base for base in reversed(algorithm.__mro__) if dataclasses.is_dataclass(base)]
+    for one in classes:
+        with module_of(one):
+            hints |= inspect.get_annotations(one, eval_str=True)
+    return dataclasses.make_dataclass(
+        algorithm.__name__,
+        [(each.name, hints[each.name], _default(each)) for each in own],
+        namespace={"__post_init__": check_bounds},
+        frozen=True,
+        kw_only=True,
+    )
+
+
+def _default(field: dataclasses.Field[Any]) -> Any:
+    return dataclasses.field(default=field.default, default_factory=field.default_factory)
+
+
+def _choose(
+    config: RunConfig, slot: str, name: str = "", folders: tuple[Path, ...] = ()
+) -> tuple[type[Any], dict[str, Any]]:
+    """The class in a slot and the parameters that are set for it; raises as ``make_algorithm``."""
     configured, values = config.task.algorithm(slot)
     if name and name != configured:
         values = {}
     name = name or configured
     algorithms = _in_slot(slot)
-    name = name.removeprefix(f"{SLOTS[slot][1]}/")
+    name = name.removeprefix(f"{SLOTS[slot].kind}/")
     if ":" in name:
         algorithms = {name: class_at(name, folders, partial(config.problem, ("algorithms", slot, "algorithm")))}
     if name not in algorithms:
@@ -208,19 +257,24 @@ def _choose(config: RunConfig, slot: str, name: str = "", folders: tuple[Path, .
             message += f" (known: {', '.join(sorted(algorithms))})"
         raise ConfigurationError([config.problem(("algorithms", slot, "algorithm"), message)])
     algorithm = algorithms[name]
-    refuse_unfinished(algorithm, SLOTS[slot][0], f"algorithms.{slot}")
+    refuse_unfinished(algorithm, SLOTS[slot].base, f"algorithms.{slot}")
     with module_of(algorithm) as module:
-        parameters_type = getattr(module, f"{algorithm.__name__}Parameters", None)
-    if parameters_type is None:
-        if values:
-            message = f"{name} takes no parameters, got {', '.join(values)}"
-            raise ConfigurationError([config.problem(("algorithms", slot), message)])
-        return algorithm, None
-    try:
-        with module_of(parameters_type):  # its annotations are looked up there
-            return algorithm, algorithm_parameters(slot, values, parameters_type)
-    except ConfigurationError as error:
-        raise ConfigurationError([_placed(config, slot, problem) for problem in error.problems]) from error
+        beside = getattr(module, f"{algorithm.__name__}Parameters", None)
+        if beside is not None and not algorithm.__module__.startswith("bestman_bt."):
+            source, line = inspect.getsourcefile(beside), inspect.getsourcelines(beside)[1]
+            message = f"the fields of {beside.__name__} should be those of {algorithm.__name__}, as a dataclass"
+            raise ConfigurationError([Problem(str(source), line, f"algorithms.{slot}", message)])
+        parameters_type = beside or parameters_of(algorithm, slot)
+        if parameters_type is None:
+            if values:
+                message = f"{name} takes no parameters, got {', '.join(values)}"
+                raise ConfigurationError([config.problem(("algorithms", slot), message)])
+            return algorithm, {}
+        try:
+            checked = algorithm_parameters(slot, values, parameters_type)
+        except ConfigurationError as error:
+            raise ConfigurationError([_placed(config, slot, problem) for problem in error.problems]) from error
+    return algorithm, {"parameters": checked} if beside else {field: getattr(checked, field) for field in values}
 
 
 def algorithms_by_slot() -> dict[str, dict[str, type[Any]]]:
@@ -230,9 +284,9 @@ def algorithms_by_slot() -> dict[str, dict[str, type[Any]]]:
 
 def _in_slot(slot: str) -> dict[str, type[Any]]:
     """The registered algorithms that a slot may hold, by name."""
-    base, kind = SLOTS[slot]
+    base, kind = SLOTS[slot].base, SLOTS[slot].kind
     named = {name: ALGORITHMS.resolve(name) for name in ALGORITHMS if name.startswith(f"{kind}/")}
-    bases = {other for other, of_kind in SLOTS.values() if of_kind == kind}
+    bases = {other.base for other in SLOTS.values() if other.kind == kind}
     # What is of another slot of its kind is not offered; what is of none is, to be told that it is none.
     return {
         name.removeprefix(f"{kind}/"): cls

@@ -11,7 +11,7 @@ from bestman_bt.navigation.global_planning.grid_astar import GridAStar
 from bestman_bt.navigation.global_planning.theta_star import ThetaStar
 from bestman_bt.registry import ALGORITHMS, UnknownNameError
 from bestman_bt.robot_model import load_robot_model
-from bestman_bt.runtime.algorithms import Algorithms, algorithm_by_name
+from bestman_bt.runtime.algorithms import Algorithms, algorithm_by_name, algorithms_by_slot, parameters_of
 
 WITHOUT_PARAMETERS = ("collision/coal_world", "localization/wheel_odometry")
 
@@ -86,7 +86,10 @@ def test_faults_of_several_slots_are_told_at_once() -> None:
 @pytest.mark.parametrize("name", [name for name in ALGORITHMS.names() if name not in WITHOUT_PARAMETERS])
 def test_the_defaults_lie_within_their_own_bounds(name: str) -> None:
     algorithm = ALGORITHMS.resolve(name)
-    parameters = getattr(import_module(algorithm.__module__), f"{algorithm.__name__}Parameters")
+    beside = getattr(import_module(algorithm.__module__), f"{algorithm.__name__}Parameters", None)
+    slot = next((slot for slot, algorithms in algorithms_by_slot().items() if algorithm in algorithms.values()), "")
+    parameters = beside or parameters_of(algorithm, slot)
+    assert parameters is not None
     defaults = {k: v for k, v in vars(parameters()).items() if _is_plain(v)}
     assert defaults
     checked = vars(algorithm_parameters(name, defaults, parameters))

@@ -46,16 +46,11 @@ def shout(word: str) -> bool:
 
 
 @dataclass(frozen=True)
-class StraightLineParameters:
+class StraightLine(GlobalPlanner):
     points: int = 2
 
-
-class StraightLine(GlobalPlanner):
-    def __init__(self, parameters: StraightLineParameters | None = None) -> None:
-        self.parameters = parameters or StraightLineParameters()
-
     def plan(self, start, goal, costmap):
-        points = np.linspace(start.xy, goal.xy, self.parameters.points)
+        points = np.linspace(start.xy, goal.xy, self.points)
         return Path2D(points, goal)
 
 
@@ -99,7 +94,7 @@ def test_a_configuration_chooses_an_algorithm_of_a_plug_in_with_its_parameters(p
     with session(seed=3, settings=settings, plugins=[plugin]) as opened:
         planner = opened.skills.global_planning
         assert type(planner).__name__ == "StraightLine"
-        assert planner.parameters.points == 7
+        assert planner.points == 7
         pose = opened.skills.world.base.pose
         ahead = f"{pose.x + 0.2};{pose.y};{pose.theta}"
         body = f'<NavigateTo goal="{ahead}" path="{{path}}"/>'
@@ -224,13 +219,10 @@ from bestman_bt.task_planning.base import TaskPlanner
 from bestman_bt.task_planning.builders import SequenceBuilder
 from bestman_bt.task_planning.predicates import Predicate
 from bestman_bt.task_planning.symbolic import TaskPlan
-from parameters_of import MineParameters
+from stepping import Stepping
 
 @algorithm("global_planning/mine")
-class Mine(GlobalPlanner):
-    def __init__(self, parameters=None):
-        self.parameters = parameters or MineParameters()
-
+class Mine(Stepping, GlobalPlanner):
     def plan(self, start, goal, costmap):
         return Path2D([start.xy, goal.xy], goal)
 
@@ -251,7 +243,7 @@ from dataclasses import dataclass
 Metres = float
 
 @dataclass(frozen=True)
-class MineParameters:
+class Stepping:
     step: Metres = 0.5
 """
 
@@ -260,7 +252,7 @@ class MineParameters:
 def decorated(tmp_path: Path) -> Iterator[Path]:
     before = [(registry, dict(registry._entries)) for registry in (ALGORITHMS, PLANNERS, BUILDERS, PREDICATES)]
     (tmp_path / "mine.py").write_text(DECORATED)
-    (tmp_path / "parameters_of.py").write_text(BESIDE)
+    (tmp_path / "stepping.py").write_text(BESIDE)
     yield tmp_path / "mine.py"
     for registry, entries in before:
         registry._entries.clear()
@@ -272,7 +264,7 @@ def test_decorators_of_a_plug_in_name_its_algorithms_planners_and_builders(decor
     config = load_run("fetch_cup", settings=settings, plugins=[str(decorated)])
     setup = prepare(config)
     planner = Algorithms(config, setup.robot_model).global_planning
-    assert (type(planner).__name__, planner.parameters.step) == ("Mine", 0.25)
+    assert (type(planner).__name__, planner.step) == ("Mine", 0.25)
     assert type(made_planner("nothing_to_do")).__name__ == "Nothing"
     assert BUILDERS.resolve("in_a_row").__name__ == "InARow"
     assert known_predicates()["stale"].words == "{object} is old"
@@ -299,7 +291,7 @@ def test_a_tasks_algorithm_file_is_counted_from_the_tasks_folder(decorated: Path
     chosen = "algorithms:\n  global_planning: {algorithm: 'mine.py:Mine', step: 0.1}\n"
     task.write_text("tree: fetch_cup\nscene: kitchen\nrobot: diff_panda\n" + chosen)
     config = load_run(task)
-    assert make_algorithm(config, "global_planning").parameters.step == 0.1
+    assert make_algorithm(config, "global_planning").step == 0.1
 
 
 @pytest.mark.parametrize(
@@ -311,6 +303,12 @@ def test_a_tasks_algorithm_file_is_counted_from_the_tasks_folder(decorated: Path
             "from bestman_bt.navigation.global_planning import GlobalPlanner\n\nclass A(GlobalPlanner): ...\n",
             "p.py:A",
             "p.py:3: algorithms.global_planning: A does not define plan, as a GlobalPlanner has to",
+        ),
+        (
+            "class AParameters: ...\nfrom bestman_bt.navigation.global_planning import GlobalPlanner\n"
+            "class A(GlobalPlanner):\n    def plan(self, start, goal, costmap): ...\n",
+            "p.py:A",
+            "p.py:1: algorithms.global_planning: the fields of AParameters should be those of A, as a dataclass",
         ),
         ("import numpy\nnumpy.zeros(-1)\n", "p.py:A", "p.py:2: it raised ValueError"),
         ("x = (\n", "p.py:A", "p.py:1: it raised SyntaxError"),

@@ -8,10 +8,10 @@ from bestman_bt.perception.detection.aruco import (
 )
 from bestman_bt.perception.detection.base import DetectedScene, Detection, Detector, LabelledCluster
 from bestman_bt.perception.detection.by_marker import ByMarker, ByMarkerParameters
-from bestman_bt.perception.detection.color_shape import ColorShape, ColorShapeParameters
+from bestman_bt.perception.detection.color_shape import ColorShape
 from bestman_bt.perception.detection.from_image import FromImage, FromImageParameters
 from bestman_bt.perception.detection.image_detector import ImageDetection, ImageDetector
-from bestman_bt.perception.detection.model_registration import ModelRegistration, ModelRegistrationParameters
+from bestman_bt.perception.detection.model_registration import ModelRegistration
 from bestman_bt.perception.detection.onnx_detector import OnnxDetector, OnnxDetectorParameters, OnnxImageDetector
 from bestman_bt.perception.detection.remote_detector import (
     RemoteDetector,
@@ -23,7 +23,6 @@ __all__ = [
     "ByMarker",
     "ByMarkerParameters",
     "ColorShape",
-    "ColorShapeParameters",
     "DetectedScene",
     "Detection",
     "Detector",
@@ -36,7 +35,6 @@ __all__ = [
     "MarkerDetector",
     "MarkerDetectorParameters",
     "ModelRegistration",
-    "ModelRegistrationParameters",
     "OnnxDetector",
     "OnnxDetectorParameters",
     "OnnxImageDetector",

@@ -12,8 +12,8 @@ from bestman_bt.perception.segmentation import Cluster, SegmentedScene
 
 
 @dataclass(frozen=True)
-class NamingParameters:
-    """``min_confidence``: below it a cluster is unknown.
+class Naming:
+    """Names clusters by their hypotheses. ``min_confidence``: below it a cluster is unknown.
 
     ``absorb_share``: a cluster belongs to a detected object where this share of its points lies in the object's
     bounding box, grown by ``absorb_margin`` metres (a cup may fall into its near and its far wall).
@@ -23,28 +23,24 @@ class NamingParameters:
     absorb_share: float = 0.8
     absorb_margin: Annotated[float, "m"] = 0.01
 
+    def named_scene(
+        self, scene: SegmentedScene, found: Sequence[tuple[Cluster, tuple[PoseHypothesis, ...]]]
+    ) -> DetectedScene:
+        """Name each cluster by its first hypothesis where that is sure enough; the surest clusters come first."""
+        order = sorted(found, key=lambda item: -item[1][0].confidence if item[1] else 0.0)
+        detections: list[Detection] = []
+        unknown = []
+        for cluster, hypotheses in order:
+            if any(self._belongs(cluster, detection) for detection in detections):
+                continue
+            if hypotheses and hypotheses[0].confidence >= self.min_confidence:
+                detections.append(Detection(cluster, hypotheses[0], hypotheses[1:]))
+            else:
+                unknown.append(cluster)
+        return DetectedScene(scene, tuple(detections), tuple(unknown))
 
-def named_scene(
-    scene: SegmentedScene,
-    found: Sequence[tuple[Cluster, tuple[PoseHypothesis, ...]]],
-    p: NamingParameters,
-) -> DetectedScene:
-    """Each cluster has the name of its first hypothesis where that is sure enough; the surest clusters come first."""
-    order = sorted(found, key=lambda item: -item[1][0].confidence if item[1] else 0.0)
-    detections: list[Detection] = []
-    unknown = []
-    for cluster, hypotheses in order:
-        if any(_belongs(cluster, detection, p) for detection in detections):
-            continue
-        if hypotheses and hypotheses[0].confidence >= p.min_confidence:
-            detections.append(Detection(cluster, hypotheses[0], hypotheses[1:]))
-        else:
-            unknown.append(cluster)
-    return DetectedScene(scene, tuple(detections), tuple(unknown))
-
-
-def _belongs(cluster: Cluster, detection: Detection, p: NamingParameters) -> bool:
-    lower, upper = detection.hypothesis.model.bounds()
-    points = detection.pose.inverse().apply(cluster.points)
-    inside = ((points > lower - p.absorb_margin) & (points < upper + p.absorb_margin)).all(axis=1)
-    return bool(inside.mean() >= p.absorb_share)
+    def _belongs(self, cluster: Cluster, detection: Detection) -> bool:
+        lower, upper = detection.hypothesis.model.bounds()
+        points = detection.pose.inverse().apply(cluster.points)
+        inside = ((points > lower - self.absorb_margin) & (points < upper + self.absorb_margin)).all(axis=1)
+        return bool(inside.mean() >= self.absorb_share)

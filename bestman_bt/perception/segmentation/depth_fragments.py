@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 
 @dataclass(frozen=True)
-class DepthFragmentParameters:
-    """Lengths in metres.
+class DepthFragments:
+    """How a depth image is cut into smooth pieces. Lengths in metres.
 
     ``jump``: of the depth from pixel to pixel, beyond the slope beside it. ``valley``: how deep one must be between
     two points that lie ``valley_reach`` to its left and right (or above and below); beyond 1 m in proportion deeper.
@@ -34,7 +34,7 @@ class DepthFragmentParameters:
 
 
 def depth_fragments(
-    depth: NDArray[np.float32], mask: NDArray[np.bool_], focal_length: float, p: DepthFragmentParameters
+    depth: NDArray[np.float32], mask: NDArray[np.bool_], focal_length: float, p: DepthFragments
 ) -> NDArray[np.int32]:
     """Labels (h, w) of the pieces of ``depth`` (metres, 0 unknown) inside ``mask``: from 1; 0 is none.
 
@@ -102,7 +102,7 @@ def _components(mask: NDArray[np.bool_], min_pixels: int = 1) -> NDArray[np.int3
 
 
 def _filled(
-    labels: NDArray[np.int32], mask: NDArray[np.bool_], z: NDArray[np.float32], p: DepthFragmentParameters
+    labels: NDArray[np.int32], mask: NDArray[np.bool_], z: NDArray[np.float32], p: DepthFragments
 ) -> NDArray[np.int32]:
     """Give the pixels on cuts to the nearest piece, where the depth agrees."""
     if not labels.any():

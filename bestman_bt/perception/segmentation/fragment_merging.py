@@ -20,8 +20,8 @@ from bestman_bt.perception.segmentation.footprints import footprint, overlaps
 
 
 @dataclass(frozen=True)
-class FragmentMergingParameters:
-    """Lengths in metres.
+class FragmentMerging:
+    """Which smooth pieces are one thing. Lengths in metres.
 
     ``merge_overlap``: two pieces are one thing where their footprints share this part of the smaller one.
     ``hollow_depth``: how far the middle of a hollow inside lies behind its sides; ``rim_tolerance``: how much its rim's
@@ -57,7 +57,7 @@ def merge_fragments(
     local: NDArray[np.float64],
     depth: NDArray[np.float32],
     eye: NDArray[np.float64],
-    p: FragmentMergingParameters,
+    p: FragmentMerging,
 ) -> NDArray[np.int32]:
     """Labels (h, w) of whole things, from 1, for those of pieces.
 
@@ -98,7 +98,7 @@ def _borders(
     labels: NDArray[np.int32],
     depth: NDArray[np.float32],
     local: NDArray[np.float64],
-    p: FragmentMergingParameters,
+    p: FragmentMerging,
     count: int,
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """(n, n) numbers of pixel pairs, up to four pixels apart: that touch; and in which row i is hidden by column j."""
@@ -127,7 +127,7 @@ def _hollow_inside(
     fragments: list[_Fragment],
     hides: NDArray[np.int64],
     eye: NDArray[np.float64],
-    p: FragmentMergingParameters,
+    p: FragmentMerging,
 ) -> int | None:
     """The piece of whose inside ``i`` is the far wall: it stands before it and its rim is as high."""
     if not hides[i].any():
@@ -156,7 +156,7 @@ def _floats(
     fragment: _Fragment,
     labels: NDArray[np.int32],
     depth: NDArray[np.float32],
-    p: FragmentMergingParameters,
+    p: FragmentMerging,
 ) -> bool:
     """Whether the lower end of piece ``i`` is in view and above the surface."""
     if float(np.percentile(fragment.local[:, 2], 3.0)) <= p.foot_height:

@@ -6,9 +6,8 @@ Fischler and Bolles, "Random Sample Consensus", 1981; for a plane that is nearly
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Annotated, TypeAlias
+from typing import Annotated
 
 import cv2
 import numpy as np
@@ -19,9 +18,17 @@ from bestman_bt.perception.errors import NoSurfaceError
 from bestman_bt.perception.segmentation.base import Region, SupportPlane
 
 
+def inside_region(local: NDArray[np.float64], region: Region) -> NDArray[np.bool_]:
+    """Which points (..., 3) of the region's own frame lie in its box; NaN lies in none."""
+    x, y, z = local[..., 0], local[..., 1], local[..., 2]
+    half_x, half_y = region.size[0] / 2, region.size[1] / 2
+    inside: NDArray[np.bool_] = (np.abs(x) <= half_x) & (np.abs(y) <= half_y)
+    return inside & (z >= -region.tolerance) & (z <= region.height)
+
+
 @dataclass(frozen=True)
-class HorizontalPlaneParameters:
-    """Lengths in metres, angles in radians.
+class HorizontalPlane:
+    """Fits planes that are nearly horizontal to points. Lengths in metres, angles in radians.
 
     ``min_plane_points``: pixels that a surface must at least fill; at most about ``max_plane_points`` are used.
     ``max_tilt``: of the plane. ``ransac_samples``, ``ransac_points``: triples tried, points that judge them;
@@ -35,81 +42,60 @@ class HorizontalPlaneParameters:
     ransac_points: int = 1500
     ransac_distance: Annotated[float, "m"] = 0.008
 
+    def find_plane(
+        self, local: NDArray[np.float64], region: Region, rng: np.random.Generator, pixels_per_point: int = 1
+    ) -> SupportPlane:
+        """The plane through the points (N, 3) of the region's own frame that lie near the expected height.
 
-PlaneFit: TypeAlias = Callable[
-    [NDArray[np.float64], np.random.Generator, HorizontalPlaneParameters, int], tuple[NDArray[np.float64] | None, int]
-]
-"""What finds a plane among points, as ``fit_plane`` does."""
+        The result is in the frame of the region's pose. Raises NoSurfaceError, in words, where there is none.
+        """
+        band = local[np.abs(local[:, 2]) <= region.tolerance]
+        if len(band) * pixels_per_point < self.min_plane_points:
+            raise NoSurfaceError(_no_surface(region, len(band) * pixels_per_point, self.min_plane_points))
+        step = max(1, len(band) // self.max_plane_points)
+        band, pixels_per_point = band[::step], pixels_per_point * step
+        plane, found = self.fit_plane(band, rng, self.min_plane_points // pixels_per_point)
+        if plane is None:
+            raise NoSurfaceError(_no_surface(region, found * pixels_per_point, self.min_plane_points))
+        residuals = above_plane(band, plane)
+        inlier = np.abs(residuals) < self.ransac_distance
+        tall = local[above_plane(local, plane) > 2 * self.ransac_distance]
+        surface_from_plane, size = rectangle(_beside(band[inlier], tall, 0.012), plane)
+        inliers = region.frame_from_surface.apply(band[inlier])
+        rms = float(np.sqrt(np.mean(residuals[inlier] ** 2)))
+        return SupportPlane(region.frame_from_surface @ surface_from_plane, size, inliers, rms)
 
+    def fit_plane(
+        self, points: NDArray[np.float64], rng: np.random.Generator, needed: int
+    ) -> tuple[NDArray[np.float64] | None, int]:
+        """(a, b, c) of the nearly horizontal plane z = a x + b y + c with most of the points (N, 3), and their number.
 
-def inside_region(local: NDArray[np.float64], region: Region) -> NDArray[np.bool_]:
-    """Which points (..., 3) of the region's own frame lie in its box; NaN lies in none."""
-    x, y, z = local[..., 0], local[..., 1], local[..., 2]
-    half_x, half_y = region.size[0] / 2, region.size[1] / 2
-    inside: NDArray[np.bool_] = (np.abs(x) <= half_x) & (np.abs(y) <= half_y)
-    return inside & (z >= -region.tolerance) & (z <= region.height)
+        None where fewer than ``needed`` points lie on it.
+        """
+        judges = points[:: max(1, len(points) // self.ransac_points)]
+        triples = judges[rng.integers(len(judges), size=(self.ransac_samples, 3))]
+        matrices = np.concatenate([triples[:, :, :2], np.ones((self.ransac_samples, 3, 1))], axis=2)
+        usable = np.abs(np.linalg.det(matrices)) > 1e-4
+        planes = np.linalg.solve(matrices[usable], triples[usable][:, :, 2:])[:, :, 0]
+        planes = planes[np.hypot(planes[:, 0], planes[:, 1]) <= math.tan(self.max_tilt)]
+        if len(planes) == 0:
+            return None, 0
+        distances = np.abs(planes[:, :2] @ judges[:, :2].T + planes[:, 2:] - judges[:, 2])
+        return self.refined_plane(
+            planes[int(np.argmax((distances < self.ransac_distance).sum(axis=1)))], points, needed
+        )
 
-
-def find_plane(
-    local: NDArray[np.float64],
-    region: Region,
-    rng: np.random.Generator,
-    p: HorizontalPlaneParameters,
-    pixels_per_point: int = 1,
-    fit: PlaneFit | None = None,
-) -> SupportPlane:
-    """The plane through the points (N, 3) of the region's own frame that lie near the expected height.
-
-    The result is in the frame of the region's pose. ``fit``: called as ``fit_plane``, in place of it. Raises
-    NoSurfaceError, in words, where there is none.
-    """
-    band = local[np.abs(local[:, 2]) <= region.tolerance]
-    if len(band) * pixels_per_point < p.min_plane_points:
-        raise NoSurfaceError(_no_surface(region, len(band) * pixels_per_point, p.min_plane_points))
-    step = max(1, len(band) // p.max_plane_points)
-    band, pixels_per_point = band[::step], pixels_per_point * step
-    plane, found = (fit or fit_plane)(band, rng, p, p.min_plane_points // pixels_per_point)
-    if plane is None:
-        raise NoSurfaceError(_no_surface(region, found * pixels_per_point, p.min_plane_points))
-    residuals = above_plane(band, plane)
-    inlier = np.abs(residuals) < p.ransac_distance
-    tall = local[above_plane(local, plane) > 2 * p.ransac_distance]
-    surface_from_plane, size = rectangle(_beside(band[inlier], tall, 0.012), plane)
-    inliers = region.frame_from_surface.apply(band[inlier])
-    rms = float(np.sqrt(np.mean(residuals[inlier] ** 2)))
-    return SupportPlane(region.frame_from_surface @ surface_from_plane, size, inliers, rms)
-
-
-def fit_plane(
-    points: NDArray[np.float64], rng: np.random.Generator, p: HorizontalPlaneParameters, needed: int
-) -> tuple[NDArray[np.float64] | None, int]:
-    """(a, b, c) of the nearly horizontal plane z = a x + b y + c with most of the points (N, 3), and their number.
-
-    None where fewer than ``needed`` points lie on it.
-    """
-    judges = points[:: max(1, len(points) // p.ransac_points)]
-    triples = judges[rng.integers(len(judges), size=(p.ransac_samples, 3))]
-    matrices = np.concatenate([triples[:, :, :2], np.ones((p.ransac_samples, 3, 1))], axis=2)
-    usable = np.abs(np.linalg.det(matrices)) > 1e-4
-    planes = np.linalg.solve(matrices[usable], triples[usable][:, :, 2:])[:, :, 0]
-    planes = planes[np.hypot(planes[:, 0], planes[:, 1]) <= math.tan(p.max_tilt)]
-    if len(planes) == 0:
-        return None, 0
-    distances = np.abs(planes[:, :2] @ judges[:, :2].T + planes[:, 2:] - judges[:, 2])
-    return refined_plane(planes[int(np.argmax((distances < p.ransac_distance).sum(axis=1)))], points, p, needed)
-
-
-def refined_plane(
-    plane: NDArray[np.float64], points: NDArray[np.float64], p: HorizontalPlaneParameters, needed: int
-) -> tuple[NDArray[np.float64] | None, int]:
-    """The least-squares plane through the points (N, 3) near ``plane`` (a, b, c), and their number: see fit_plane."""
-    for limit in (1.5 * p.ransac_distance, p.ransac_distance, p.ransac_distance):
-        inlier = np.abs(above_plane(points, plane)) < limit
-        found = int(inlier.sum())
-        if found < max(3, needed):
-            return None, found
-        plane = least_squares_plane(points[inlier])
-    return plane, found
+    def refined_plane(
+        self, plane: NDArray[np.float64], points: NDArray[np.float64], needed: int
+    ) -> tuple[NDArray[np.float64] | None, int]:
+        """As ``fit_plane``: the least-squares plane through the points (N, 3) near ``plane`` (a, b, c)."""
+        for limit in (1.5 * self.ransac_distance, self.ransac_distance, self.ransac_distance):
+            inlier = np.abs(above_plane(points, plane)) < limit
+            found = int(inlier.sum())
+            if found < max(3, needed):
+                return None, found
+            plane = least_squares_plane(points[inlier])
+        return plane, found
 
 
 def least_squares_plane(points: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -10,20 +10,19 @@ from numpy.typing import NDArray
 
 from bestman_bt.messages import PointCloud
 from bestman_bt.perception.clouds import density_clusters, estimated_normals, largest_plane, thinned, without_outliers
-from bestman_bt.perception.segmentation.base import Region, SupportPlane
-from bestman_bt.perception.segmentation.horizontal_plane import HorizontalPlaneParameters, find_plane, refined_plane
-from bestman_bt.perception.segmentation.plane_dbscan import PlaneDbscan, PlaneDbscanParameters
+from bestman_bt.perception.segmentation.plane_dbscan import PlaneDbscan
 
 _UP = np.array([0.0, 0.0, 1e3])
 
 
 @dataclass(frozen=True)
-class Open3DDbscanParameters(PlaneDbscanParameters):
-    """Those of PlaneDbscan, and of what Open3D does besides.
+class Open3DDbscan(PlaneDbscan):
+    """Normals, a seeded RANSAC plane, a voxel filter, an outlier filter and DBSCAN of Open3D (the extra ``open3d``).
 
-    ``normal_radius``: of the points by which a normal is estimated. ``max_normal_tilt``: points whose normals are
-    farther from vertical are not of the surface. ``outlier_neighbours``, ``outlier_ratio``: a point of a thing is
-    dropped whose mean distance to that many neighbours is that many standard deviations above the usual.
+    Beside the parameters of PlaneDbscan: ``normal_radius``: of the points by which a normal is estimated.
+    ``max_normal_tilt``: points whose normals are farther from vertical are not of the surface. ``outlier_neighbours``,
+    ``outlier_ratio``: a point of a thing is dropped whose mean distance to that many neighbours is that many standard
+    deviations above the usual.
     """
 
     normal_radius: Annotated[float, "m"] = 0.02
@@ -31,34 +30,23 @@ class Open3DDbscanParameters(PlaneDbscanParameters):
     outlier_neighbours: int = 8
     outlier_ratio: float = 6.0
 
-
-class Open3DDbscan(PlaneDbscan):
-    """Normals, a seeded RANSAC plane, a voxel filter, an outlier filter and DBSCAN of Open3D (the extra ``open3d``)."""
-
-    def __init__(self, parameters: Open3DDbscanParameters | None = None) -> None:
-        self.parameters: Open3DDbscanParameters = parameters or Open3DDbscanParameters()
-
-    def _plane(self, local: PointCloud, region: Region, rng: np.random.Generator) -> SupportPlane:
-        return find_plane(local.points, region, rng, self.parameters, fit=self._fit)
-
-    def _fit(
-        self, points: NDArray[np.float64], rng: np.random.Generator, p: HorizontalPlaneParameters, needed: int
+    def fit_plane(
+        self, points: NDArray[np.float64], rng: np.random.Generator, needed: int
     ) -> tuple[NDArray[np.float64] | None, int]:
-        own = self.parameters
-        thin = thinned(PointCloud(points), own.normal_radius / 4).points
-        level = thin[estimated_normals(thin, _UP, own.normal_radius)[:, 2] >= np.cos(own.max_normal_tilt)]
+        """As ``HorizontalPlane.fit_plane``, by points whose normals are vertical."""
+        thin = thinned(PointCloud(points), self.normal_radius / 4).points
+        level = thin[estimated_normals(thin, _UP, self.normal_radius)[:, 2] >= np.cos(self.max_normal_tilt)]
         if len(level) < 3:
             return None, len(level)
-        a, b, c, d = largest_plane(level, p.ransac_distance, p.ransac_samples, int(rng.integers(2**31)))
-        if abs(c) < np.cos(p.max_tilt):
+        a, b, c, d = largest_plane(level, self.ransac_distance, self.ransac_samples, int(rng.integers(2**31)))
+        if abs(c) < np.cos(self.max_tilt):
             return None, 0
-        return refined_plane(np.array([-a / c, -b / c, -d / c]), points, p, needed)
+        return self.refined_plane(np.array([-a / c, -b / c, -d / c]), points, needed)
 
     def _thinned(self, cloud: PointCloud) -> PointCloud:
         if len(cloud) == 0:
             return cloud
-        p = self.parameters
-        return without_outliers(thinned(cloud, p.voxel), p.outlier_neighbours, p.outlier_ratio)
+        return without_outliers(thinned(cloud, self.voxel), self.outlier_neighbours, self.outlier_ratio)
 
     def _labels(self, points: NDArray[np.float64]) -> NDArray[np.int64]:
-        return density_clusters(points, self.parameters.cluster_distance, self.parameters.core_points)
+        return density_clusters(points, self.cluster_distance, self.core_points)

@@ -18,14 +18,16 @@ from scipy.spatial import cKDTree
 from bestman_bt.messages import PointCloud
 from bestman_bt.perception.segmentation.base import Cluster, Region, Segmentation, SegmentedScene, SupportPlane
 from bestman_bt.perception.segmentation.footprints import footprint, overlaps
-from bestman_bt.perception.segmentation.horizontal_plane import HorizontalPlaneParameters, find_plane, inside_region
+from bestman_bt.perception.segmentation.horizontal_plane import HorizontalPlane, inside_region
 from bestman_bt.perception.segmentation.voxels import voxel_means
 from bestman_bt.perception.view import View
 
 
 @dataclass(frozen=True)
-class PlaneDbscanParameters(HorizontalPlaneParameters):
-    """Lengths in metres, angles in radians; those of the plane as in HorizontalPlaneParameters.
+class PlaneDbscan(HorizontalPlane, Segmentation):
+    """One plane near the expected height; what is above its rectangle falls into clusters by distance.
+
+    Lengths in metres, angles in radians; those of the plane as in HorizontalPlane.
 
     ``min_height``: of things above the plane; three times the plane's rms where that is more.
     ``edge_margin``: a strip along the surface's edge in which nothing is sought (there a wall may begin).
@@ -47,43 +49,31 @@ class PlaneDbscanParameters(HorizontalPlaneParameters):
     merge_distance: Annotated[float, "m"] = 0.012
     merge_overlap: float = 0.15
 
-
-class PlaneDbscan(Segmentation):
-    """One plane near the expected height; what is above its rectangle falls into clusters by distance."""
-
-    def __init__(self, parameters: PlaneDbscanParameters | None = None) -> None:
-        self.parameters = parameters or PlaneDbscanParameters()
-
     def segment(self, view: View, region: Region, rng: np.random.Generator) -> SegmentedScene:
         """See Segmentation."""
         surface_from_frame = region.frame_from_surface.inverse()
         local = view.seen_from(surface_from_frame).cloud(surface_from_frame.apply(region.corners()))
         local = local.selected(inside_region(local.points, region))
-        plane = self._plane(local, region, rng)
+        plane = self.find_plane(local.points, region, rng)
         above = self._things_above(local, plane, region)
         clusters = self._clusters(above, plane, view)
         clusters.sort(key=lambda cluster: float(np.linalg.norm(cluster.points.mean(axis=0) - view.viewpoint)))
         return SegmentedScene((plane,), tuple(clusters))
 
-    def _plane(self, local: PointCloud, region: Region, rng: np.random.Generator) -> SupportPlane:
-        """The surface among points of the region's frame; NoSurfaceError where there is none."""
-        return find_plane(local.points, region, rng, self.parameters)
-
     def _thinned(self, cloud: PointCloud) -> PointCloud:
         """One point per voxel."""
-        return voxel_means(cloud, self.parameters.voxel)
+        return voxel_means(cloud, self.voxel)
 
     def _labels(self, points: NDArray[np.float64]) -> NDArray[np.int64]:
         """The cluster of each point, from 0; -1 for none."""
-        return dbscan(points, self.parameters.cluster_distance, self.parameters.core_points)
+        return dbscan(points, self.cluster_distance, self.core_points)
 
     def _things_above(self, cloud: PointCloud, plane: SupportPlane, region: Region) -> PointCloud:
         """``cloud`` is in the region's frame; the result in the view's."""
-        p = self.parameters
         local = (plane.frame_from_plane.inverse() @ region.frame_from_surface).apply(cloud.points)
-        half = np.array(plane.size) / 2 - p.edge_margin
+        half = np.array(plane.size) / 2 - self.edge_margin
         above = (
-            (local[:, 2] > max(p.min_height, 3 * plane.rms))
+            (local[:, 2] > max(self.min_height, 3 * plane.rms))
             & (local[:, 2] < region.height)
             & (np.abs(local[:, 0]) < half[0])
             & (np.abs(local[:, 1]) < half[1])
@@ -91,26 +81,24 @@ class PlaneDbscan(Segmentation):
         return self._thinned(cloud.selected(above)).transformed(region.frame_from_surface)
 
     def _clusters(self, cloud: PointCloud, plane: SupportPlane, view: View) -> list[Cluster]:
-        p = self.parameters
         if len(cloud) == 0:
             return []
-        flattened = plane.frame_from_plane.inverse().apply(cloud.points) * (1.0, 1.0, p.height_weight)
+        flattened = plane.frame_from_plane.inverse().apply(cloud.points) * (1.0, 1.0, self.height_weight)
         labels = self._labels(flattened)
         parts = [cloud.selected(labels == label) for label in range(labels.max() + 1)]
         parts = self._merged([part for part in parts if len(part) >= 5], plane)
         clusters = []
         for part in parts:
-            rises = float(np.percentile(plane.heights(part.points), 95.0)) >= p.min_cluster_height
-            if len(part) >= p.min_cluster_points and rises and part.colors is not None:
+            rises = float(np.percentile(plane.heights(part.points), 95.0)) >= self.min_cluster_height
+            if len(part) >= self.min_cluster_points and rises and part.colors is not None:
                 clusters.append(Cluster(part.points, part.colors, plane, _at_border(part.points, view)))
         return clusters
 
     def _merged(self, parts: list[PointCloud], plane: SupportPlane) -> list[PointCloud]:
         """Join clusters that overlap seen from above: two things on one surface do not, rim and inside of a cup do."""
-        p = self.parameters
         plane_from_frame = plane.frame_from_plane.inverse()
-        outlines = [footprint(plane_from_frame.apply(part.points)[:, :2], p.merge_distance) for part in parts]
-        count, group = connected_components(coo_matrix(overlaps(outlines) >= p.merge_overlap), directed=False)
+        outlines = [footprint(plane_from_frame.apply(part.points)[:, :2], self.merge_distance) for part in parts]
+        count, group = connected_components(coo_matrix(overlaps(outlines) >= self.merge_overlap), directed=False)
         merged = []
         for label in range(count):
             members = [parts[i] for i in np.flatnonzero(group == label)]

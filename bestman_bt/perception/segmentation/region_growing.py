@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from bestman_bt.messages import PointCloud, Pose
 from bestman_bt.perception.segmentation.base import Cluster, Region, Segmentation, SegmentedScene, SupportPlane
-from bestman_bt.perception.segmentation.depth_fragments import DepthFragmentParameters, depth_fragments
-from bestman_bt.perception.segmentation.fragment_merging import FragmentMergingParameters, merge_fragments
-from bestman_bt.perception.segmentation.horizontal_plane import HorizontalPlaneParameters, find_plane, inside_region
+from bestman_bt.perception.segmentation.depth_fragments import DepthFragments, depth_fragments
+from bestman_bt.perception.segmentation.fragment_merging import FragmentMerging, merge_fragments
+from bestman_bt.perception.segmentation.horizontal_plane import HorizontalPlane, inside_region
 from bestman_bt.perception.segmentation.voxels import voxel_means
 from bestman_bt.perception.view import View
 
@@ -26,8 +26,10 @@ _BORDER = 3
 
 
 @dataclass(frozen=True)
-class RegionGrowingParameters(HorizontalPlaneParameters, DepthFragmentParameters, FragmentMergingParameters):
-    """Lengths in metres; others as in the classes from which they come.
+class RegionGrowing(HorizontalPlane, DepthFragments, FragmentMerging, Segmentation):
+    """One plane near the expected height; what rises above its rectangle falls into things by jumps and valleys.
+
+    Lengths in metres; others as in the classes from which they come.
 
     ``min_height``: of things above the plane; three times the plane's rms where that is more.
     ``edge_margin``: a strip along the surface's edge in which nothing is sought (there a wall may begin).
@@ -42,33 +44,25 @@ class RegionGrowingParameters(HorizontalPlaneParameters, DepthFragmentParameters
     min_cluster_points: Annotated[int, "voxels"] = 30
     min_cluster_height: Annotated[float, "m"] = 0.015
 
-
-class RegionGrowing(Segmentation):
-    """One plane near the expected height; what rises above its rectangle falls into things by jumps and valleys."""
-
-    def __init__(self, parameters: RegionGrowingParameters | None = None) -> None:
-        self.parameters = parameters or RegionGrowingParameters()
-
     def segment(self, view: View, region: Region, rng: np.random.Generator) -> SegmentedScene:
         """See Segmentation."""
-        p = self.parameters
         surface_from_frame = region.frame_from_surface.inverse()
         of_surface = view.seen_from(surface_from_frame)
         points, depth, (rows, columns) = of_surface.organised(surface_from_frame.apply(region.corners()))
         inside = inside_region(points, region)
         some = (slice(None, None, _PLANE_STEP), slice(None, None, _PLANE_STEP))
-        plane = find_plane(points[some][inside[some]], region, rng, p, _PLANE_STEP**2)
+        plane = self.find_plane(points[some][inside[some]], region, rng, _PLANE_STEP**2)
         plane_from_region = plane.frame_from_plane.inverse() @ region.frame_from_surface
         height = _along(points, plane_from_region, 2)
-        above = inside & (height > max(p.min_height, 3 * plane.rms)) & (height < region.height)
+        above = inside & (height > max(self.min_height, 3 * plane.rms)) & (height < region.height)
         if not above.any():
             return SegmentedScene((plane,), ())
         window = _window(above)
         local = np.stack([_along(points[window], plane_from_region, axis) for axis in range(3)], axis=-1)
-        half = np.array(plane.size) / 2 - p.edge_margin
+        half = np.array(plane.size) / 2 - self.edge_margin
         on = above[window] & (np.abs(local[..., 0]) < half[0]) & (np.abs(local[..., 1]) < half[1])
         eye = plane.frame_from_plane.inverse().apply(view.viewpoint)
-        labels = merge_fragments(self._pieces(depth[window], on, view), local, depth[window], eye, p)
+        labels = merge_fragments(self._pieces(depth[window], on, view), local, depth[window], eye, self)
         first = rows.start + window[0].start, columns.start + window[1].start
         clusters = self._clusters(labels, local, first, plane, view)
         clusters.sort(key=lambda cluster: float(np.linalg.norm(cluster.points.mean(axis=0) - view.viewpoint)))
@@ -79,7 +73,7 @@ class RegionGrowing(Segmentation):
             return np.zeros(on.shape, dtype=np.int32)
         window = _window(on)
         pieces = np.zeros(on.shape, dtype=np.int32)
-        pieces[window] = depth_fragments(depth[window], on[window], view.image.intrinsics.fx, self.parameters)
+        pieces[window] = depth_fragments(depth[window], on[window], view.image.intrinsics.fx, self)
         return pieces
 
     def _clusters(
@@ -91,17 +85,16 @@ class RegionGrowing(Segmentation):
         view: View,
     ) -> list[Cluster]:
         """``first``: row and column of the image at which ``labels`` begins."""
-        p = self.parameters
         height, width = view.image.depth.shape
         clusters = []
         for label in range(1, int(labels.max()) + 1):
             rows, columns = np.nonzero(labels == label)
-            if len(rows) < p.min_cluster_points:
+            if len(rows) < self.min_cluster_points:
                 continue
             v, u = rows + first[0], columns + first[1]
-            cloud = voxel_means(PointCloud(local[rows, columns], view.image.rgb[v, u]), p.voxel)
-            rises = float(np.percentile(cloud.points[:, 2], 95.0)) >= p.min_cluster_height
-            if len(cloud) < p.min_cluster_points or not rises or cloud.colors is None:
+            cloud = voxel_means(PointCloud(local[rows, columns], view.image.rgb[v, u]), self.voxel)
+            rises = float(np.percentile(cloud.points[:, 2], 95.0)) >= self.min_cluster_height
+            if len(cloud) < self.min_cluster_points or not rises or cloud.colors is None:
                 continue
             at_border = min(v.min(), u.min(), height - 1 - v.max(), width - 1 - u.max()) < _BORDER
             points = plane.frame_from_plane.apply(cloud.points)

@@ -22,9 +22,8 @@ from bestman_bt.messages import Pose
 from bestman_bt.perception.errors import NoSurfaceError
 from bestman_bt.perception.segmentation.base import Region, SupportPlane
 from bestman_bt.perception.segmentation.horizontal_plane import (
-    HorizontalPlaneParameters,
+    HorizontalPlane,
     above_plane,
-    fit_plane,
     least_squares_plane,
     rectangle,
 )
@@ -33,9 +32,24 @@ from bestman_bt.perception.segmentation.surface_sides import surface_sides
 from bestman_bt.perception.view import View
 
 
+@dataclass(frozen=True, eq=False)
+class _Piece:
+    """``plane``: z = a x + b y + c through ``core``, (M, 3) points whose windows are flat; ``points``: (N, 3), all.
+
+    A wall behind a surface and the front below it come within the tolerance of the plane, on one side each: they would
+    tilt it.
+    """
+
+    plane: NDArray[np.float64]
+    core: NDArray[np.float64]
+    points: NDArray[np.float64]
+
+
 @dataclass(frozen=True)
-class SupportSurfacesParameters(HorizontalPlaneParameters):
-    """Lengths in metres, angles in radians; those of the planes as in HorizontalPlaneParameters.
+class SupportSurfaces(HorizontalPlane):
+    """Finds all horizontal surfaces of a view, whatever their heights.
+
+    Lengths in metres, angles in radians; those of the planes as in HorizontalPlane.
 
     ``min_height``: above the frame's origin: the floor is no support. ``min_size``: shorter and longer side of a
     surface's rectangle; ``min_fill``: share of its rectangle that was seen or hidden by things on it.
@@ -61,26 +75,6 @@ class SupportSurfacesParameters(HorizontalPlaneParameters):
     join_height: Annotated[float, "m"] = 0.015
     join_gap: Annotated[float, "m"] = 0.40
 
-
-@dataclass(frozen=True, eq=False)
-class _Piece:
-    """``plane``: z = a x + b y + c through ``core``, (M, 3) points whose windows are flat; ``points``: (N, 3), all.
-
-    A wall behind a surface and the front below it come within the tolerance of the plane, on one side each: they would
-    tilt it.
-    """
-
-    plane: NDArray[np.float64]
-    core: NDArray[np.float64]
-    points: NDArray[np.float64]
-
-
-class SupportSurfaces:
-    """Finds all horizontal surfaces of a view, whatever their heights."""
-
-    def __init__(self, parameters: SupportSurfacesParameters | None = None) -> None:
-        self.parameters = parameters or SupportSurfacesParameters()
-
     def find(self, view: View, rng: np.random.Generator) -> tuple[SupportPlane, ...]:
         """The surfaces, lowest first; x of each rectangle points away from the camera.
 
@@ -92,7 +86,7 @@ class SupportSurfaces:
         pieces = self._joined(self._pieces(points, depth, view, rng), view)
         found = [surface for piece in pieces if (surface := self._surface(piece, view)) is not None]
         if not found:
-            p = self.parameters
+            p = self
             raise NoSurfaceError(
                 f"no surface in view: nothing horizontal above {p.min_height:.2f} m measures "
                 f"{p.min_size[0]:.2f} m by {p.min_size[1]:.2f} m"
@@ -103,34 +97,32 @@ class SupportSurfaces:
     def _pieces(
         self, points: NDArray[np.float64], depth: NDArray[np.float32], view: View, rng: np.random.Generator
     ) -> list[_Piece]:
-        p = self.parameters
-        normals, residual = plane_normals(depth, view.image.intrinsics, p.window)
+        normals, residual = plane_normals(depth, view.image.intrinsics, self.window)
         up = normals @ view.frame_from_camera.rotation[2].astype(np.float32)
-        noise = p.noise_base + p.noise_quadratic * np.maximum(depth - 0.4, 0.0) ** 2
-        high = points[..., 2] > p.min_height
-        flat = (up > math.cos(p.max_normal_tilt)) & (residual < p.max_residual * noise) & high
+        noise = self.noise_base + self.noise_quadratic * np.maximum(depth - 0.4, 0.0) ** 2
+        high = points[..., 2] > self.min_height
+        flat = (up > math.cos(self.max_normal_tilt)) & (residual < self.max_residual * noise) & high
         count, labels, stats, _ = cv2.connectedComponentsWithStats(flat.astype(np.uint8), connectivity=4)
-        kernel = np.ones((2 * p.grow + 1, 2 * p.grow + 1), dtype=np.uint8)
+        kernel = np.ones((2 * self.grow + 1, 2 * self.grow + 1), dtype=np.uint8)
         pieces = []
         for label in range(1, count):
             column, row, width, height, area = (int(value) for value in stats[label])
-            if area < p.min_piece_points:
+            if area < self.min_piece_points:
                 continue
             window = (
-                slice(max(0, row - p.grow), row + height + p.grow),
-                slice(max(0, column - p.grow), column + width + p.grow),
+                slice(max(0, row - self.grow), row + height + self.grow),
+                slice(max(0, column - self.grow), column + width + self.grow),
             )
             mask, around = labels[window] == label, points[window]
-            plane, _ = fit_plane(around[mask], rng, p, p.min_piece_points)
+            plane, _ = self.fit_plane(around[mask], rng, self.min_piece_points)
             if plane is None:
                 continue
             near = cv2.dilate(mask.astype(np.uint8), kernel) > 0
-            on = np.abs(above_plane(around, plane)) < p.ransac_distance
+            on = np.abs(above_plane(around, plane)) < self.ransac_distance
             pieces.append(_Piece(plane, around[mask & on], around[near & on]))
         return pieces
 
     def _joined(self, pieces: list[_Piece], view: View) -> list[_Piece]:
-        p = self.parameters
         n = len(pieces)
         hulls = [cv2.convexHull(piece.points[:, :2].astype(np.float32))[:, 0].astype(np.float64) for piece in pieces]
         middles = [piece.points.mean(axis=0) for piece in pieces]
@@ -140,17 +132,19 @@ class SupportSurfaces:
                 # Seen from the larger piece, since the plane of a small one is uncertain far away.
                 large, small = (i, j) if len(pieces[i].points) >= len(pieces[j].points) else (j, i)
                 apart = abs(float(above_plane(middles[small], pieces[large].plane)))
-                links[i, j] = apart < p.join_height and self._one_surface(hulls[i], hulls[j], pieces[large].plane, view)
+                links[i, j] = apart < self.join_height and self._one_surface(
+                    hulls[i], hulls[j], pieces[large].plane, view
+                )
         _, group = connected_components(coo_matrix(links), directed=False) if n else (0, np.zeros(0, dtype=int))
         joined = []
         for label in range(int(group.max()) + 1 if n else 0):
             members = [pieces[i] for i in np.flatnonzero(group == label)]
             core = np.concatenate([member.core for member in members])
             plane = least_squares_plane(core)
-            core = core[np.abs(above_plane(core, plane)) < p.ransac_distance]
+            core = core[np.abs(above_plane(core, plane)) < self.ransac_distance]
             points = np.concatenate([member.points for member in members])
-            points = points[np.abs(above_plane(points, plane)) < p.ransac_distance]
-            if len(core) >= p.min_piece_points and len(points) >= p.min_plane_points:
+            points = points[np.abs(above_plane(points, plane)) < self.ransac_distance]
+            if len(core) >= self.min_piece_points and len(points) >= self.min_plane_points:
                 joined.append(_Piece(least_squares_plane(core), core, points))
         return joined
 
@@ -159,7 +153,7 @@ class SupportSurfaces:
     ) -> bool:
         """Whether nothing lower is seen through the gap between two pieces of a plane, whose hulls are given."""
         a, b = _nearest(first, second)
-        if float(np.linalg.norm(a - b)) > self.parameters.join_gap:
+        if float(np.linalg.norm(a - b)) > self.join_gap:
             return False
         between = a + np.linspace(0.0, 1.0, 15)[1:-1, None] * (b - a)
         gap = np.column_stack([between, between @ plane[:2] + plane[2]])
@@ -170,23 +164,22 @@ class SupportSurfaces:
 
     def _surface(self, piece: _Piece, view: View) -> SupportPlane | None:
         """The piece with its extents, x away from the camera; None where it is too small."""
-        p = self.parameters
         away = piece.points[:, :2].mean(axis=0) - view.viewpoint[:2]
         turned = Pose.from_xyz_rpy((0.0, 0.0, 0.0), (0.0, 0.0, math.atan2(away[1], away[0])))
         local = turned.inverse().apply(piece.points)
         pose, size = rectangle(local, least_squares_plane(turned.inverse().apply(piece.core)), math.pi / 4)
-        frame_from_plane, size = _trimmed(turned @ pose, piece.points, p.trim)
-        if min(size) < p.min_size[0] or max(size) < p.min_size[1]:
+        frame_from_plane, size = _trimmed(turned @ pose, piece.points, self.trim)
+        if min(size) < self.min_size[0] or max(size) < self.min_size[1]:
             return None
         on_plane = frame_from_plane.inverse().apply(piece.points)
         half = np.array(size) / 2
         kept = np.clip(on_plane[:, :2], -half, half)
         outline = cv2.convexHull(kept.astype(np.float32))[:, 0].astype(np.float64)
         area = cv2.contourArea((1000.0 * outline).astype(np.float32)) * 1e-6
-        if area < p.min_fill * size[0] * size[1]:
+        if area < self.min_fill * size[0] * size[1]:
             return None
         rms = float(np.sqrt(np.mean(on_plane[:, 2] ** 2)))
-        inliers = piece.points[:: max(1, len(piece.points) // p.max_plane_points)]
+        inliers = piece.points[:: max(1, len(piece.points) // self.max_plane_points)]
         sides = surface_sides(view, frame_from_plane, size)
         return SupportPlane(frame_from_plane, size, inliers, rms, outline, sides)
 

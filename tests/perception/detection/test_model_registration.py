@@ -8,7 +8,7 @@ import pytest
 from benchmarks.rendered_table import RenderedTable, TrueObject, known_models, render_table
 from bestman_bt.messages import Pose
 from bestman_bt.perception.detection import DetectedScene, ModelRegistration
-from bestman_bt.perception.segmentation import PlaneDbscan, PlaneDbscanParameters
+from bestman_bt.perception.segmentation import PlaneDbscan
 from bestman_bt.scene import read_object
 
 Tables = Callable[..., RenderedTable]
@@ -66,7 +66,7 @@ def test_near_and_far_wall_of_a_cup_are_one_thing_even_where_the_segmentation_pa
     table = Pose.from_xyz_rpy((0.75, 0.0, 0.75))
     item = TrueObject(cup, table @ Pose.from_xyz_rpy((0.05, 0.1, 0.05)), True)
     scene = render_table([item], table, (0.8, 1.2), np.random.default_rng(100))
-    parting = PlaneDbscan(PlaneDbscanParameters(height_weight=1.0, merge_overlap=2.0))
+    parting = PlaneDbscan(height_weight=1.0, merge_overlap=2.0)
     assert len(parting.segment(scene.view, scene.region, np.random.default_rng(0)).clusters) == 2
     assert len(PlaneDbscan().segment(scene.view, scene.region, np.random.default_rng(0)).clusters) == 1
     detector = ModelRegistration(segmentation=parting)

@@ -9,7 +9,7 @@ import pytest
 
 from bestman_bt.messages import Box, ObjectModel, PlacedShape, Pose, YawSet
 from bestman_bt.perception.detection import DetectedScene, ImageDetection, LabelledCluster
-from bestman_bt.perception.detection.naming import NamingParameters, named_scene
+from bestman_bt.perception.detection.naming import Naming
 from bestman_bt.perception.pose_estimation import PoseHypothesis
 from bestman_bt.perception.segmentation import Cluster, SegmentedScene, SupportPlane
 
@@ -41,7 +41,7 @@ def test_the_surest_come_first_and_what_is_unsure_or_has_no_fit_is_unknown() -> 
         (cluster(3.0), ()),
         (cluster(4.0), (fit(4.0, 0.5, "d"),)),
     ]
-    scene = named_scene(EMPTY, found, NamingParameters())
+    scene = Naming().named_scene(EMPTY, found)
     assert names(scene) == ["b", "a", "d"]
     assert [thing.points[0, 0] for thing in scene.unknown] == [2.0, 3.0]
     assert [one.model.name for one in scene.find("a").alternatives] == ["z"]
@@ -54,9 +54,9 @@ def test_the_surest_come_first_and_what_is_unsure_or_has_no_fit_is_unknown() -> 
 def test_a_piece_within_a_centimetre_of_a_found_object_belongs_to_it(x: float, absorbed: bool) -> None:
     """The box is 10 cm long, turned by a quarter: along y of the frame it is as long, along x 6 cm."""
     found = [(cluster(0.0), (fit(0.0, 0.9),)), (cluster(x), ())]
-    assert len(named_scene(EMPTY, found, NamingParameters()).unknown) == (0 if absorbed else 1)
+    assert len(Naming().named_scene(EMPTY, found).unknown) == (0 if absorbed else 1)
     turned = [(cluster(0.0), (fit(0.0, 0.9, yaw=math.pi / 2),)), (cluster(x), ())]
-    assert len(named_scene(EMPTY, turned, NamingParameters()).unknown) == 1
+    assert len(Naming().named_scene(EMPTY, turned).unknown) == 1
 
 
 @pytest.mark.parametrize(("share", "absorbed"), [(0.81, True), (0.79, False)])
@@ -65,7 +65,7 @@ def test_most_of_a_piece_has_to_lie_there(share: float, absorbed: bool) -> None:
     points[round(100 * share) :, 0] = 0.5
     piece = Cluster(points, np.zeros((100, 3), np.uint8), PLANE)
     found = [(cluster(0.0), (fit(0.0, 0.9),)), (piece, ())]
-    assert len(named_scene(EMPTY, found, NamingParameters()).unknown) == (0 if absorbed else 1)
+    assert len(Naming().named_scene(EMPTY, found).unknown) == (0 if absorbed else 1)
 
 
 def test_the_thing_with_the_highest_score_of_a_label_is_told() -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from bestman_bt.perception.segmentation.fragment_merging import FragmentMergingParameters, merge_fragments
+from bestman_bt.perception.segmentation.fragment_merging import FragmentMerging, merge_fragments
 
 
 @pytest.mark.parametrize(("last_row", "things"), [(30, 1), (36, 2), (39, 2)])
@@ -18,5 +18,5 @@ def test_a_piece_whose_lower_end_the_picture_cuts_off_may_stand_there_and_does_n
     rows, columns = np.indices(labels.shape)
     local = np.stack([0.005 * columns, np.zeros((40, 40)), 0.03 + 0.005 * (last_row - rows)], axis=-1)
     depth = np.where(labels > 0, np.float32(1.0), np.float32(0.0))
-    merged = merge_fragments(labels, local, depth, np.array([0.1, -1.0, 0.5]), FragmentMergingParameters())
+    merged = merge_fragments(labels, local, depth, np.array([0.1, -1.0, 0.5]), FragmentMerging())
     assert merged.max() == things

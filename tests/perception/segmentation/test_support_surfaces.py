@@ -17,7 +17,6 @@ from bestman_bt.perception.segmentation import (
     RegionGrowing,
     SupportPlane,
     SupportSurfaces,
-    SupportSurfacesParameters,
     surface_regions,
 )
 from bestman_bt.perception.segmentation.surface_sides import surface_sides
@@ -113,7 +112,7 @@ def test_what_is_smaller_than_the_least_size_is_no_surface_and_neither_is_the_fl
     parts = [(crate, (0.2, 0.5, 0.3)), (floor, (0.5, 0.5, 0.5))]
     view = render_view(parts, camera_pose(0.0, 0.0, 0.8), np.random.default_rng(0))
     assert len(SupportSurfaces().find(view, np.random.default_rng(0))) == 1
-    choosy = SupportSurfaces(SupportSurfacesParameters(min_size=(0.3, 0.4)))
+    choosy = SupportSurfaces(min_size=(0.3, 0.4))
     with pytest.raises(NoSurfaceError, match=r"nothing horizontal above 0.10 m measures 0.30 m by 0.40 m"):
         choosy.find(view, np.random.default_rng(0))
 
