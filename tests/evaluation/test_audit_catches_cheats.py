@@ -172,6 +172,13 @@ def test_a_constraint_past_every_wrapper_is_seen(robot, cup, server, judge) -> N
     assert judge().grasp_constraints == 1
 
 
+def test_a_constraint_of_the_robot_that_is_taken_away_past_every_wrapper_is_seen(robot, server, judge) -> None:
+    """Its fingers are geared by one."""
+    geared = pybullet.getConstraintUniqueId(0, physicsClientId=server)
+    _unguarded("removeConstraint")(geared, physicsClientId=server)
+    assert judge().grasp_constraints == 1
+
+
 def test_an_object_that_follows_an_open_hand_is_seen(robot, cup, judge) -> None:
     """Fixed below the finger tips, the cup moves as the hand does, and nothing presses on it."""
     arm = robot.part("arm", Arm)

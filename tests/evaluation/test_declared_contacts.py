@@ -126,6 +126,13 @@ def test_all_fingers_that_hold_a_thing_hold_it_until_the_last_has_let_go() -> No
     assert collisions(grasp("cup"), held, again, later, anew) == [UNDECLARED]
 
 
+def test_several_contacts_of_a_declaration_are_told_from_the_first_to_the_last_and_as_hard_as_at_most() -> None:
+    right = replace(FINGERS_ON_CUP, first="right_finger", start=1.1, end=1.9, peak_force=5.0)
+    for contacts in ((FINGERS_ON_CUP, right), (replace(right, start=0.95), FINGERS_ON_CUP)):
+        (told,) = judged(grasp("cup"), *contacts).declared_contacts
+        assert (told["start_s"], told["end_s"], told["peak_force_n"]) == (contacts[0].start, 2.0, 40.0)
+
+
 def test_a_thing_is_known_by_its_looks_and_stands_for_one_object() -> None:
     other_can = replace(FINGERS_ON_CUP, second="counter_can")
     assert collisions(grasp("can"), other_can) == [], "of the same model: the robot cannot tell them apart"

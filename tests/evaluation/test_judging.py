@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -14,7 +16,7 @@ from bestman_bt.engine import Tree
 from bestman_bt.evaluation import episode
 from bestman_bt.evaluation.episode import run_episode
 from bestman_bt.evaluation.result import Outcome, RunResult
-from bestman_bt.runtime import Ending, Execution, Session
+from bestman_bt.runtime import Ending, Execution, Session, Setup
 from hal.pybullet import ContactIncident, DisturbanceEvent, PyBulletRobot
 
 COUNTER_AS_MAPPED = ("scene.furniture.counter.offset=0", "scene.furniture.counter.turn=0")
@@ -121,12 +123,32 @@ def test_a_cup_that_was_left_where_it_was_is_judged_in_words(tmp_path: Path) -> 
     assert "mm from the goal, not standing on the counter" in result.failure.why
 
 
-@pytest.mark.parametrize(("pressed", "moved"), [("can", ["cup"]), ("cup", [])])
-def test_a_cup_that_somebody_else_moved_and_the_robot_never_touched_is_told(pressed: str, moved: list[str]) -> None:
-    setup = episode.prepare_episode(load_run("fetch_cup", seed=1))
-    events = [DisturbanceEvent(1.0, 1.0, "put", name, "") for name in ("cup", "can")]
-    contacts = (ContactIncident("panda_leftfinger", pressed, ("fingers", "object"), 2.0, 3.0, 9.0),)
-    record: Any = SimpleNamespace(contacts=contacts)
+FINGERS = ContactIncident("panda_leftfinger", "can", ("fingers", "object"), 2.0, 3.0, 9.0)
+ON_THE_CHEST = replace(FINGERS, second="drawer_chest", kinds=("fingers", "furniture"))
+DRAWER = "drawer_chest/drawer_3"
+
+
+@cache
+def prepared(task: str) -> Setup:
+    return episode.prepare_episode(load_run(task, seed=1))
+
+
+@pytest.mark.parametrize(
+    ("task", "contact", "moved"),
+    [
+        ("fetch_cup", FINGERS, ["cup"]),
+        ("fetch_cup", replace(FINGERS, second="cup"), []),
+        ("fetch_cup", replace(FINGERS, first="cup", second="table", kinds=("object", "furniture")), []),  # in the hand
+        ("open_drawer", replace(ON_THE_CHEST, leaf="drawer_chest/drawer_1"), [DRAWER]),
+        ("open_drawer", replace(ON_THE_CHEST, leaf=DRAWER), []),
+    ],
+)
+def test_what_somebody_else_moved_and_the_robot_or_what_it_held_never_touched_is_told(
+    task: str, contact: ContactIncident, moved: list[str]
+) -> None:
+    setup = prepared(task)
+    events = [DisturbanceEvent(1.0, 1.0, "put", name, "") for name in ("cup", "can", DRAWER)]
+    record: Any = SimpleNamespace(contacts=(contact,))
     assert episode._moved_by_others(setup, events, record) == moved
 
 

@@ -498,6 +498,19 @@ def test_efforts_act_at_once_and_end_with_a_stop_from_where_the_joints_are(latch
     assert group.resting
 
 
+def test_a_controller_that_connects_anew_holds_the_joints_where_efforts_have_left_them(latch: StopLatch) -> None:
+    channel = Torques(2)
+    channel.stream_at_rest = True
+    group = StreamedJointGroup("head", MODEL, channel, latch, PERIOD)
+    group.attach()
+    group.command(efforts=[3.0, -2.0])
+    channel.at = np.array([0.3, -0.2])
+    group.attach()
+    assert group.resting
+    run(group, PERIOD)
+    assert channel.sent[-1][0] == pytest.approx([0.3, -0.2])
+
+
 @pytest.mark.parametrize("efforts", [[11.0, 0.0], [0.0, float("nan")], [1.0]])
 def test_efforts_beyond_the_limits_are_refused(latch: StopLatch, efforts: list[float]) -> None:
     channel = Torques(2)

@@ -183,7 +183,7 @@ def test_a_robot_that_pushes_on_into_who_came_into_it_is_blamed_for_that(
             assert [incident.by_walker for incident in watcher.incidents()] == [not blamed]
 
 
-def test_a_contact_is_as_hard_as_it_was_at_most_and_after_a_quarter_of_a_second_it_is_another(
+def test_a_contact_is_as_hard_and_as_deep_as_it_was_at_most_and_after_a_quarter_of_a_second_it_is_another(
     model: RobotModel, world_with: Callable[..., World]
 ) -> None:
     """Looks as the monitor has them: seconds, and newtons with which a walker presses on the front."""
@@ -194,10 +194,12 @@ def test_a_contact_is_as_hard_as_it_was_at_most_and_after_a_quarter_of_a_second_
         bodies = {built.robot: BodyState(still, (0.0, 0.0, 0.0, 1.0), still, still)}
         watcher = ContactWatcher(simulation)
         for stamp, force in ((0.0, 2.0), (0.1, 30.0), (0.2, 5.0), (0.4, 4.0), (0.66, 0.0), (0.7, 8.0), (0.8, 0.9)):
-            pressing = (0, built.robot, walker, link, -1, front, front, (-1.0, 0.0, 0.0), 0.0, force)
+            pressing = (0, built.robot, walker, link, -1, front, front, (-1.0, 0.0, 0.0), -1e-4 * force, force)
             watcher.watch(Observation(stamp, bodies, [pressing], simulation.joint_states(), {}))
         found = [(incident.start, incident.end, incident.peak_force) for incident in watcher.incidents()]
+        (deepest,) = watcher.penetrations()
     assert found == [(0.0, 0.4, 30.0), (0.7, 0.7, 8.0)]
+    assert (deepest.depth, deepest.stamp) == (pytest.approx(0.003), 0.1)
 
 
 def test_a_robot_that_drives_away_is_not_blamed_for_who_runs_it_down(

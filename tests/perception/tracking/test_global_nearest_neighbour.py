@@ -240,3 +240,14 @@ def test_presence_is_told_from_depth_beyond_the_margin(behind: float, state: Pre
     wall = PlacedShape(Box((0.02, 3.0, 3.0)), Pose(np.array([1.009 + behind, 0.0, 0.0])))
     seen = render_view([(wall, (0.5, 0.5, 0.5))], ahead, np.random.default_rng(0))
     assert presence(board, Pose(np.array([1.0, 0.0, 0.0])), seen) is state
+
+
+@pytest.mark.parametrize(("open_from", "state"), [(-0.01, Presence.GONE), (0.01, Presence.POSSIBLE)])
+def test_what_is_looked_through_by_less_than_half_may_be_there(open_from: float, state: Presence) -> None:
+    """A thin board of 10 cm, and a wall: at its front up to ``open_from`` on its left, and far behind beside that."""
+    board = ObjectModel("board", (1, 1, 1), 0.3, 0.6, (PlacedShape(Box((0.002, 0.1, 0.1)), Pose()),))
+    ahead = Pose.from_matrix([[0, 0, 1, 0], [-1, 0, 0, 0], [0, -1, 0, 0], [0, 0, 0, 1.0]])
+    near = PlacedShape(Box((0.02, 1.0, 3.0)), Pose(np.array([1.009, open_from - 0.5, 0.0])))
+    far = PlacedShape(Box((0.02, 3.0, 3.0)), Pose(np.array([1.3, 0.0, 0.0])))
+    seen = render_view([(near, (0.5, 0.5, 0.5)), (far, (0.5, 0.5, 0.5))], ahead, np.random.default_rng(0))
+    assert presence(board, Pose(np.array([1.0, 0.0, 0.0])), seen) is state
