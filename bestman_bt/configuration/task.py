@@ -298,8 +298,14 @@ def _contradictions(task: TaskConfig, document: Document) -> Iterator[Problem]:
 
 
 def task_of_tree(tree: str) -> str | None:
-    """The shipped task that names a tree, the first in the order of names; None if there is none."""
+    """The shipped task that names a shipped tree, the first in the order of names; None if there is none.
+
+    ``tree``: its name or its file. A file of the same name elsewhere is another tree.
+    """
     wanted = Path(tree).stem
+    is_file = Path(tree).name != tree or Path(tree).suffix
+    if wanted not in data_names("tree") or (is_file and Path(tree).resolve() != find_data("tree", wanted).resolve()):
+        return None
     for name in data_names("task"):
         if Path(str(read_document(find_data("task", name)).data.get("tree", ""))).stem == wanted:
             return name

@@ -13,6 +13,7 @@ from bestman_bt.configuration import (
     RunConfig,
     algorithm_parameters,
     dump_run,
+    find_data,
     load_run,
     load_task,
     read_run,
@@ -113,10 +114,11 @@ def test_without_a_task_tree_scene_and_robot_are_enough() -> None:
     assert problems(tree="fetch_cup", scene="kitchen") == ["arguments: robot: is missing"]
 
 
-def test_a_trees_default_task_is_the_one_that_names_it() -> None:
+def test_a_trees_default_task_is_the_one_that_names_it(tmp_path: Path) -> None:
     assert task_of_tree("fetch_cup") == "fetch_cup"
-    assert task_of_tree("trees/fetch_cup.xml") == "fetch_cup"
+    assert task_of_tree(str(find_data("tree", "fetch_cup"))) == "fetch_cup"
     assert task_of_tree("no_such_tree") is None
+    assert task_of_tree(str(tmp_path / "fetch_cup.xml")) is None  # a user's own, which has another goal
 
 
 def test_another_algorithm_in_a_slot_does_not_inherit_parameters(tmp_path: Path) -> None:
