@@ -11,7 +11,7 @@ import pytest
 
 from bestman_bt.evaluation.audit import audit
 from bestman_bt.messages import Pose2D
-from bestman_bt.robot_model import RobotModel, load_robot_model
+from bestman_bt.robot_model import GripperModel, RobotModel, load_robot_model
 from bestman_bt.scene import Walker, World, draw_world, load_scene
 from hal.api import Lidar, MobileBase
 from hal.pybullet import GroundTruth, PyBulletRobot
@@ -200,6 +200,30 @@ def test_a_contact_is_as_hard_and_as_deep_as_it_was_at_most_and_after_a_quarter_
         (deepest,) = watcher.penetrations()
     assert found == [(0.0, 0.4, 30.0), (0.7, 0.7, 8.0)]
     assert (deepest.depth, deepest.stamp) == (pytest.approx(0.003), 0.1)
+
+
+@pytest.mark.parametrize("walker_first", [True, False])
+@pytest.mark.parametrize("fingers", [1, 2])
+def test_what_two_fingers_press_on_is_held_and_what_presses_on_that_is_noted_whichever_body_is_told_first(
+    model: RobotModel, world_with: Callable[..., World], fingers: int, walker_first: bool
+) -> None:
+    world = replace(world_with(considerate=False), objects=draw_world(load_scene("kitchen"), 0).objects)
+    with running(model, world) as (robot, _):
+        simulation, still = robot.simulation, (0.0, 0.0, 0.0)
+        built, (hand,) = simulation.built, model.of(GripperModel).values()
+        cup, walker = built.objects["cup"], built.walkers["walker_1"][0]
+
+        def pressing(body_a: int, link_a: int, body_b: int) -> tuple[object, ...]:
+            return (0, body_a, body_b, link_a, -1, still, still, (-1.0, 0.0, 0.0), 0.0, 5.0)
+
+        contacts = [pressing(built.robot, built.links[link], cup) for link in hand.part.finger_links[:fingers]]
+        contacts += [pressing(walker, -1, cup) if walker_first else pressing(cup, -1, walker)]
+        bodies = {built.robot: BodyState(still, (0.0, 0.0, 0.0, 1.0), still, still)}
+        watcher = ContactWatcher(simulation)
+        watcher.watch(Observation(0.0, bodies, contacts, simulation.joint_states(), {}))
+        found = {(incident.first, incident.second) for incident in watcher.incidents()}
+    held = {("cup", "walker_1")} if fingers == 2 else set()
+    assert found == {(link, "cup") for link in hand.part.finger_links[:fingers]} | held
 
 
 def test_a_robot_that_drives_away_is_not_blamed_for_who_runs_it_down(
