@@ -34,16 +34,18 @@ FIRST_SEED = 900_000
 SAMPLE_PERIOD = 0.002
 
 PROJECT = f"{Path(__file__).resolve().parents[1]}{os.sep}"
-STAGES = {
-    "hal/pybullet/simulation.py": "physics",
-    "hal/pybullet/monitor.py": "monitor",
-    "hal/pybullet/observation.py": "monitor",
-    "hal/pybullet/contact_watcher.py": "monitor",
-    "hal/pybullet/motion_watcher.py": "monitor",
-    "hal/pybullet/attachment_check.py": "monitor",
-    "hal/pybullet/integrity_check.py": "monitor",
-    "hal/pybullet/camera.py": "rendering",
-    "hal/pybullet/lidar.py": "lidar and localisation",
+STAGES: dict[str, str | None] = {
+    "hal/simulation/simulation.py": "physics",
+    "hal/simulation/monitor.py": "monitor",
+    "hal/simulation/observation.py": "monitor",
+    "hal/simulation/contact_watcher.py": "monitor",
+    "hal/simulation/motion_watcher.py": "monitor",
+    "hal/simulation/attachment_check.py": "monitor",
+    "hal/simulation/integrity_check.py": "monitor",
+    "hal/simulation/camera.py": "rendering",
+    "hal/simulation/lidar.py": "lidar and localisation",
+    "hal/simulation/guards.py": None,
+    "hal/pybullet/": None,
     "hal/pybullet/world_builder.py": "set-up",
     "hal/": "control",
     "bestman_bt/control/lidar.py": "lidar and localisation",
@@ -61,7 +63,7 @@ STAGES = {
     "bestman_bt/scene/": "set-up",
     "bestman_bt/configuration/": "set-up",
 }
-"""Which stage a file or a folder belongs to; the longest entry that fits counts. What is not here is its caller's."""
+"""Which stage a file or a folder belongs to; the longest entry that fits counts. None, or not here: its caller's."""
 
 
 @dataclass(frozen=True)

@@ -25,10 +25,10 @@ from bestman_bt.robot_model import ArmModel, CameraPart, GripperModel, RobotMode
 from bestman_bt.scene import World
 from bestman_bt.world_model import SemanticMap, WorldModel
 from hal.api import Arm, Camera, CommandRefusedError, Gripper, Motion, MotionStatus
-from hal.pybullet import GroundTruth, PyBulletRobot, ScenePhotographer, Viewpoint
-from hal.pybullet.camera import projection_matrix
-from hal.pybullet.client import ReadPurpose
-from hal.pybullet.simulation import Simulation
+from hal.pybullet import PyBulletRobot
+from hal.pybullet.pictures import projection_matrix
+from hal.simulation import GroundTruth, ScenePhotographer, Viewpoint
+from hal.simulation.simulation import Simulation
 
 GANTRY = Path(__file__).with_name("gantry")
 WRIST_FROM_TOOL = Pose.from_xyz_rpy((0.0, 0.0, 0.0), (math.pi, 0.0, -math.pi / 2))
@@ -103,7 +103,7 @@ class GraspRig:
     def __enter__(self) -> GraspRig:
         self._robot.connect()
         self.truth, self.photographer = GroundTruth(self._robot), ScenePhotographer(self._robot)
-        self._reader = self.simulation.client.reader(ReadPurpose.EVALUATION)
+        self._pybullet = self._robot.client.free()  # before time runs
         self._wait(self.parameters.settle)
         return self
 
@@ -153,7 +153,7 @@ class GraspRig:
         model = self.model.of(CameraPart)[camera]
         pose, k = self._sensors[camera].base_from_camera(), model.intrinsics
         forward, up = pose.rotation[:, 2], -pose.rotation[:, 1]
-        image = self._reader.getCameraImage(
+        image = self._pybullet.getCameraImage(
             k.width,
             k.height,
             viewMatrix=pybullet.computeViewMatrix(pose.position, pose.position + forward, up),

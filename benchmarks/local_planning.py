@@ -34,7 +34,8 @@ from bestman_bt.runtime.drive_goals import base_footprint
 from bestman_bt.scene import FurnitureModel, PlacedFurniture, World, draw_world, load_scene, semantic_map
 from bestman_bt.world_model import BasePose, Obstacle, WorldModel
 from hal.api import Lidar, MobileBase
-from hal.pybullet import GroundTruth, PyBulletRobot
+from hal.pybullet import PyBulletRobot
+from hal.simulation import GroundTruth
 
 PLANNERS: dict[str, type[PathFollower]] = {"pure_pursuit": PurePursuit, "dwa": DWA, "mppi": MPPI}
 TIME_LIMIT = 90.0

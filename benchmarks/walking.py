@@ -24,7 +24,8 @@ from bestman_bt.messages import Pose2D, wrap_angle
 from bestman_bt.robot_model import load_robot_model
 from bestman_bt.scene import World
 from hal.api import MobileBase, MotionStatus
-from hal.pybullet import GroundTruth, PyBulletRobot, ScenePhotographer, Viewpoint
+from hal.pybullet import PyBulletRobot
+from hal.simulation import GroundTruth, ScenePhotographer, Viewpoint
 
 DISTANCE, TURN = 3.0, math.pi / 2
 FRICTION = (0.5, 1.0)

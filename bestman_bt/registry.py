@@ -142,13 +142,13 @@ SIMULATED_SENSORS = Registry(
     "bestman_bt.simulated_sensors",
     "simulated sensor",
     {
-        "battery": "hal.pybullet.battery:SimulatedBattery",
-        "bumper": "hal.pybullet.bumper:SimulatedBumper",
-        "camera": "hal.pybullet.camera:SimulatedCamera",
-        "force_torque": "hal.pybullet.force_torque:SimulatedForceTorque",
-        "imu": "hal.pybullet.imu:SimulatedImu",
-        "lidar": "hal.pybullet.lidar:SimulatedLidar",
-        "tactile": "hal.pybullet.tactile:SimulatedTactile",
+        "battery": "hal.simulation.battery:SimulatedBattery",
+        "bumper": "hal.simulation.bumper:SimulatedBumper",
+        "camera": "hal.simulation.camera:SimulatedCamera",
+        "force_torque": "hal.simulation.force_torque:SimulatedForceTorque",
+        "imu": "hal.simulation.imu:SimulatedImu",
+        "lidar": "hal.simulation.lidar:SimulatedLidar",
+        "tactile": "hal.simulation.tactile:SimulatedTactile",
     },
 )
 """Kind of part → its sensor in PyBullet, made of name, part and a generator for its noise."""
@@ -385,7 +385,7 @@ def part(kind: str) -> Callable[[T], T]:
 
 
 def simulated_sensor(kind: str) -> Callable[[T], T]:
-    """``@simulated_sensor("kind")`` before a subclass of ``hal.pybullet.SimulatedSensor``: that part in simulation."""
+    """``@simulated_sensor("kind")`` before a ``hal.simulation.SimulatedSensor``: that part in simulation."""
     return SIMULATED_SENSORS.adding(kind)
 
 

@@ -11,7 +11,8 @@ from bestman_bt.messages import Pose2D
 from bestman_bt.runtime import Session, open_session
 from bestman_bt.runtime.setup import Setup
 from hal.api import Robot
-from hal.pybullet import GroundTruth, PyBulletRobot
+from hal.pybullet import PyBulletRobot
+from hal.simulation import GroundTruth
 
 
 @dataclass

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 from behaviours.contacts import Contact
 
 if TYPE_CHECKING:
-    from hal.pybullet import ContactIncident
+    from hal.simulation import ContactIncident
 
 BEFORE = 0.1
 """Seconds before the tick after which a declaration is seen at which it may have been made: two ticks at 20 Hz."""

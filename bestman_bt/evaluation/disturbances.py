@@ -15,7 +15,7 @@ from bestman_bt.evaluation.new_places import NewPlace, NewPlaces
 from bestman_bt.messages import JointKind
 from bestman_bt.runtime import Session
 from bestman_bt.world_model import is_open, leaf_called, openness_of
-from hal.pybullet import DisturbanceEvent, DisturbanceInjector, GroundTruth
+from hal.simulation import DisturbanceEvent, DisturbanceInjector, GroundTruth
 
 HAND_AWAY = 0.6
 """Metres between the robot's hand and an object that somebody else takes."""

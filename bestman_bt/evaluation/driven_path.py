@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from bestman_bt.messages import Pose2D
-from hal.pybullet import GroundTruth
+from hal.simulation import GroundTruth
 
 
 class DrivenPath:

@@ -31,8 +31,9 @@ from bestman_bt.runtime.executor import ExecutionWatcher
 from bestman_bt.runtime.world_file import WORLD_NAME, write_world
 from bestman_bt.visualization.rerun import RECORDING_NAME
 from hal.api import Robot
-from hal.pybullet import AuditRecord, DisturbanceEvent, DisturbanceInjector, GroundTruth, PyBulletRobot, SceneRecorder
+from hal.pybullet import PyBulletRobot
 from hal.replay import TAPE_NAME, RecordedRobot, ReplayRobot
+from hal.simulation import AuditRecord, DisturbanceEvent, DisturbanceInjector, GroundTruth, SceneRecorder
 from hal.twins.remote_truth import RemoteTruth
 
 Watcher = Callable[[Session, Tree], Callable[[], None]]

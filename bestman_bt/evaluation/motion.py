@@ -7,7 +7,7 @@ from pathlib import Path
 from bestman_bt.messages import Pose
 from bestman_bt.visualization import RobotSnapshot
 from bestman_bt.visualization.motion_file import MOTION_NAME, MotionWriter
-from hal.pybullet import SceneRecorder, SceneSnapshot
+from hal.simulation import SceneRecorder, SceneSnapshot
 
 
 class MotionLog:

@@ -15,7 +15,7 @@ from bestman_bt.runtime import Session
 from bestman_bt.scene import PlacedObject, planar_radius
 from bestman_bt.scene.placing import gap_to_furniture, gap_to_objects, standing_on
 from bestman_bt.scene.plane_geometry import depth_inside, rectangle
-from hal.pybullet import GroundTruth
+from hal.simulation import GroundTruth
 
 EDGE = 0.04
 """Metres between an object and the edge of what it is put on: the map may have that 3 cm elsewhere."""

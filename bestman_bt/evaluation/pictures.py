@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from bestman_bt.messages import Pose
-from hal.pybullet import GroundTruth, PyBulletRobot, ScenePhotographer, Viewpoint
+from hal.pybullet import PyBulletRobot
+from hal.simulation import GroundTruth, ScenePhotographer, Viewpoint
 
 CLOSE = 1.5
 """Metres between robot and object up to which a picture closes in on both."""

@@ -20,7 +20,7 @@ from bestman_bt.runtime import Session
 from bestman_bt.scene import Articulation, PlacedFurniture, Walker, World, wall_box
 from bestman_bt.visualization import RecordedBody, describe_changes, describe_tree
 from bestman_bt.visualization.rerun import RecordedCamera, RerunRecorder
-from hal.pybullet import SceneRecorder
+from hal.simulation import SceneRecorder
 
 WALL_COLOR = (0.85, 0.85, 0.82, 0.35)
 WALKER_COLOR = (0.45, 0.5, 0.75, 1.0)
@@ -118,14 +118,14 @@ def recorded_bodies(world: World) -> list[RecordedBody]:
 
 
 def _person(walker: Walker) -> RecordedBody:
-    """In a frame on the floor, as hal.pybullet.SceneSnapshot gives its pose."""
+    """In a frame on the floor, as hal.simulation.SceneSnapshot gives its pose."""
     shape = PlacedShape(Cylinder(walker.radius, walker.height), Pose(np.array([0.0, 0.0, walker.height / 2])))
     x, y = walker.route[0]
     return RecordedBody(walker.name, (shape,), (WALKER_COLOR,), Pose(np.array([x, y, 0.0])))
 
 
 def _leaf(furniture: PlacedFurniture, articulation: Articulation) -> RecordedBody:
-    """A door or drawer in a frame at its joint, as hal.pybullet.SceneSnapshot gives its pose."""
+    """A door or drawer in a frame at its joint, as hal.simulation.SceneSnapshot gives its pose."""
     joint = Pose(np.array(articulation.origin))
     shapes = tuple(PlacedShape(part.shape, joint.inverse() @ part.pose) for part in articulation.parts)
     name = f"{furniture.name}/{articulation.name}"

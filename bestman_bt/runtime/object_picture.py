@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from bestman_bt.messages import Box, Cylinder, ObjectGrasp, ObjectModel, PlacedShape, Pose
 from bestman_bt.robot_model import GripperModel
-from hal.pybullet import Viewpoint, render_object
+from hal.pybullet import render_object
+from hal.simulation import Viewpoint
 
 Part = tuple[PlacedShape, tuple[float, float, float]]
 AXES = (

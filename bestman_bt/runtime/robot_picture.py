@@ -18,7 +18,8 @@ from bestman_bt.robot_model.footprint import origin_pose
 from bestman_bt.robot_model.shape_outline import outline
 from bestman_bt.robot_model.urdf_elements import child_of, fixed_joint, link
 from bestman_bt.scene import World
-from hal.pybullet import PhysicsParameters, PyBulletRobot, ScenePhotographer, Viewpoint
+from hal.pybullet import PhysicsParameters, PyBulletRobot
+from hal.simulation import ScenePhotographer, Viewpoint
 
 Picture = NDArray[np.uint8]
 FROM = (1.0, -1.15, 0.45)

@@ -16,7 +16,8 @@ from bestman_bt.messages import Pose2D
 from bestman_bt.robot_model import ArmModel, GripperModel, RobotModel, payload
 from bestman_bt.scene import Wall, World
 from hal.api import Arm, MotionStatus
-from hal.pybullet import GroundTruth, PyBulletRobot
+from hal.pybullet import PyBulletRobot
+from hal.simulation import GroundTruth
 
 Array = NDArray[np.float64]
 

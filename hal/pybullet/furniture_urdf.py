@@ -4,16 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
-import trimesh
 from numpy.typing import NDArray
 
-from bestman_bt.messages import Box, Cylinder, PlacedShape, Pose, Sphere
+from bestman_bt.messages import PlacedShape, Pose
 from bestman_bt.scene import Articulation, FurnitureModel
 from hal.pybullet.body_urdf import body_urdf
+from hal.simulation.mass_distribution import mass_distribution
 
 _EFFORT, _VELOCITY = 1000.0, 10.0  # URDF asks for limits; nothing here drives the joints
 
@@ -62,29 +61,6 @@ def _leaf(name: str, articulation: Articulation, folder: Path) -> ElementTree.El
     terms = {f"i{'xyz'[i]}{'xyz'[j]}": repr(float(inertia[i, j])) for i in range(3) for j in range(i, 3)}
     ElementTree.SubElement(inertial, "inertia", terms)
     return link
-
-
-def mass_distribution(parts: Sequence[PlacedShape], mass: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Centre of mass (3,) in the frame of the parts and inertia (3, 3) about it, kg m²; the parts are equally dense."""
-    solids = [_solid(part) for part in parts]
-    whole: Any = trimesh.util.concatenate(solids)
-    whole.density = mass / sum(part.volume for part in solids)
-    return np.asarray(whole.center_mass), np.asarray(whole.moment_inertia)
-
-
-def _solid(part: PlacedShape) -> trimesh.Trimesh:
-    solid: trimesh.Trimesh
-    match part.shape:
-        case Box():
-            solid = trimesh.creation.box(part.shape.size)
-        case Cylinder():
-            solid = trimesh.creation.cylinder(part.shape.radius, part.shape.length)
-        case Sphere():
-            solid = trimesh.creation.icosphere(radius=part.shape.radius)
-        case _:
-            solid = trimesh.Trimesh(part.shape.vertices, part.shape.faces).convex_hull
-    solid.apply_transform(part.pose.matrix)
-    return solid
 
 
 def _text(values: Sequence[float] | NDArray[np.float64]) -> str:

@@ -1,74 +1,22 @@
-"""A robot in PyBullet: the Robotics API over one drawn world."""
+"""A robot in PyBullet."""
 
 from __future__ import annotations
 
-import threading
-from collections.abc import Callable, Mapping
-from functools import partial
-from types import MappingProxyType
-from typing import Any
-from zlib import crc32
+from typing import ClassVar
 
-import numpy as np
-
-from bestman_bt.registry import SIMULATED_SENSORS
-from bestman_bt.robot_model import (
-    ArmModel,
-    GripperModel,
-    JointGroupModel,
-    LeggedBaseModel,
-    MountedBumper,
-    MountedForceTorque,
-    PartConfig,
-    RobotModel,
-    SuctionPart,
-    WheeledBaseModel,
-    payload,
-)
+from bestman_bt.robot_model import RobotModel
 from bestman_bt.scene import World
-from hal.api import NotConnectedError, Robot
-from hal.parts import (
-    CommandedGripper,
-    DrivenBase,
-    DrivingParameters,
-    MotionProfileParameters,
-    SimulatedClock,
-    StopLatch,
-    StreamedArm,
-    StreamedJointGroup,
-    StreamingParameters,
-    ToolLimits,
-)
-from hal.pybullet.audit_record import AuditRecord, DisturbanceLog
-from hal.pybullet.client import PhysicsClient, RawCallGuard
-from hal.pybullet.encoders import Encoders
-from hal.pybullet.finger_motors import FingerMotors
-from hal.pybullet.imu import SimulatedImu
-from hal.pybullet.joint_motors import JointMotors
-from hal.pybullet.leg_drive import LEGS_CANNOT, LegDrive
-from hal.pybullet.monitor import AuditMonitor
+from hal.pybullet.client import PhysicsClient
+from hal.pybullet.engine import PyBulletEngine
 from hal.pybullet.parameters import PhysicsParameters
-from hal.pybullet.sensor_pipeline import SimulatedSensor
-from hal.pybullet.simulation import Simulation
-from hal.pybullet.suction import SuctionPump
-from hal.pybullet.wheel_drive import WheelDrive
-
-Actuator = CommandedGripper | DrivenBase | StreamedJointGroup
-Channel = FingerMotors | JointMotors | LegDrive | SuctionPump | WheelDrive
-JOINTS = StreamingParameters(latency=0.0)
-"""A reading shows the set-point of the control period before: nothing lies between, as a vendor's controller does."""
-LEGS = DrivingParameters(stop_time=0.08, profile=MotionProfileParameters(arrived=0.005))
-"""A base on legs needs most of half a second to set its feet down, and comes to rest less exactly than on wheels."""
+from hal.simulation import SimulatedRobot
 
 
-class PyBulletRobot(Robot):
-    """A simulated robot. ``connect()`` builds the world anew and lets it settle; time goes on across connections.
+class PyBulletRobot(SimulatedRobot):
+    """See ``SimulatedRobot``; ``client``: pybullet's functions, for whoever sets up or disturbs a world with them."""
 
-    ``seed`` decides sensor noise and the calibration errors of odometry. Equal models, worlds, seeds and commands give
-    bit-identical runs.
-    """
-
-    clock: SimulatedClock
+    engine_name: ClassVar[str] = "PyBullet"
+    client: PhysicsClient
 
     def __init__(
         self,
@@ -79,205 +27,10 @@ class PyBulletRobot(Robot):
         seed: int = 0,
         parameters: PhysicsParameters | None = None,
     ) -> None:
-        self.model, self._world, self._gui, self._seed = model, world, gui, seed
-        self._parameters = parameters or PhysicsParameters()
-        self.clock = SimulatedClock(self._parameters.time_step)
-        self._simulation: Simulation | None = None
-        self._monitor: AuditMonitor | None = None
-        self._guard: RawCallGuard | None = None
-        self._latch = StopLatch()
-        self._lock = threading.RLock()
-        self._channels: dict[str, Channel] = {}
-        self._actuators: dict[str, Actuator] = {}
-        self._sensors: dict[str, SimulatedSensor[Any]] = {}
-        self._make_sensors()
-        self._make_actuators()
-        self.parts = MappingProxyType({**self._actuators, **self._sensors})
+        self._physics = parameters or PhysicsParameters()
+        super().__init__(model, world, gui=gui, seed=seed, parameters=self._physics)
 
-    # Description
-
-    @property
-    def world(self) -> World:
-        """The world that was asked for, with the true poses at the start: reading it once time runs is counted."""
-        if self._simulation is not None:
-            self._simulation.client.note_truth_read("PyBulletRobot.world")
-        return self._world
-
-    def encoders(self, part: str) -> Encoders:
-        """Those that programs read of a base on wheels, an arm or a group of joints; KeyError for other parts."""
-        channel = self._channels[part]
-        if isinstance(channel, JointMotors | WheelDrive):
-            return channel.encoders
-        raise KeyError(part)
-
-    @property
-    def simulation(self) -> Simulation:
-        """The running simulation, for monitors and ground truth; NotConnectedError without a connection."""
-        if self._simulation is None:
-            raise NotConnectedError("the robot is not connected; call connect()")
-        return self._simulation
-
-    @property
-    def unsupported(self) -> Mapping[str, str]:
-        """Legs cannot do all that wheels can."""
-        return LEGS_CANNOT if self.model.of(LeggedBaseModel) else {}
-
-    def audit_record(self) -> AuditRecord:
-        """What the monitor has seen since the scene was built; NotConnectedError without a connection."""
-        if self._simulation is None or self._monitor is None:
-            raise NotConnectedError("the robot is not connected: ask for its record before disconnect()")
-        return self._monitor.record()
-
-    def disturbance_log(self) -> DisturbanceLog:
-        """Where somebody who disturbs tells the monitor of it; once the truth is closed, nobody listens there."""
-        if self._monitor is None or self.simulation.client.truth_closed:
-            return DisturbanceLog()
-        return self._monitor.disturbance_log
-
-    def close_truth(self) -> None:
-        """Everybody who evaluates has a view of the truth: whoever opens one from now on is counted. NotConnectedError.
-
-        The first step of time closes it, too; a judged run closes it before its tree is loaded.
-        """
-        self.simulation.client.close_truth()
-
-    # Life
-
-    def connect(self) -> None:
-        """Build the world and let it settle; idempotent. A latched stop stays latched."""
-        if self._simulation is not None:
-            return
-        client = PhysicsClient()
-        client.connect(self._gui)
-        try:
-            simulation = Simulation(client, self.model, self._world, self._parameters)
-            self._monitor = AuditMonitor(simulation, self._world)
-            self._attach(simulation)
-        except BaseException:
-            self._detach_all()
-            client.disconnect()
-            raise
-        simulation.epoch = self.clock.now()
-        self._simulation = simulation
-        self._guard = RawCallGuard(client)
-        self._guard.install()
-        self.clock.step = self._step
-        self.clock.sleep(self._parameters.settle_time)
-        self.clock.step = self._first_step
-
-    def disconnect(self) -> None:
-        """End motions and periodic calls and close the physics server; idempotent."""
-        if self._simulation is None:
-            return
-        self._detach_all()
-        self.clock.step = None
-        self.clock.cancel_timers()
-        if self._guard is not None:
-            self._guard.remove()
-        self._simulation.client.disconnect()
-        self._simulation = None
-
-    def stop(self) -> None:
-        """Bring all parts to rest and latch; safe from any thread, at once in effect."""
-        with self._lock:
-            self._latch.set()
-            for part in self.parts.values():
-                part.stop()
-
-    def clear_stop(self) -> None:
-        """Accept commands again; nothing moves by itself."""
-        self._latch.clear()
-
-    @property
-    def stopped(self) -> bool:
-        """Whether the stop is latched."""
-        return bool(self._latch)
-
-    def diagnostics(self) -> dict[str, str]:
-        """Short texts by subject."""
-        texts = {
-            "implementation": "PyBullet",
-            "connected": "yes" if self._simulation is not None else "no",
-            "stopped": "yes" if self._latch else "no",
-            "time": f"{self.clock.now():.2f} s",
-            "world": f"{self._world.scene}, seed {self._world.seed}",
-        }
-        if self._simulation is not None:
-            counts = self._simulation.client.counts
-            texts["honesty"] = ", ".join(f"{kind} {count}" for kind, count in sorted(counts.items())) or "clean"
-        return texts
-
-    # Private
-
-    def _attach(self, simulation: Simulation) -> None:
-        """The simulation's loop drives the parts, as a connection's loop does on hardware."""
-        for name, part in self._actuators.items():
-            self._channels[name].attach(simulation)
-            part.attach()
-            simulation.controls.append(partial(part.cycle, self._parameters.control_period))
-        for sensor in self._sensors.values():
-            sensor.attach(simulation)
-
-    def _detach_all(self) -> None:
-        for part in self._actuators.values():
-            part.detach()
-        for channel in self._channels.values():
-            channel.detach()
-        for sensor in self._sensors.values():
-            sensor.detach()
-
-    def _step(self) -> None:
-        with self._lock:
-            self.simulation.step()
-
-    def _first_step(self) -> None:
-        """Time begins to run under somebody's control."""
-        self.close_truth()
-        self.clock.step = self._step
-        self._step()
-
-    def _generator(self, part: str) -> np.random.Generator:
-        """Noise of a part; its own stream, so that one part's use does not change another's."""
-        return np.random.default_rng([self._seed, crc32(part.encode())])
-
-    def _make_sensors(self) -> None:
-        sensors = SIMULATED_SENSORS.names()
-        for name, part in self.model.parts.items():
-            described = part.part if isinstance(part, MountedForceTorque | MountedBumper) else part
-            if isinstance(described, PartConfig) and described.kind in sensors:
-                make: Callable[..., SimulatedSensor[Any]] = SIMULATED_SENSORS.resolve(described.kind)
-                self._sensors[name] = make(name, part, self._generator(name))
-
-    def _make_actuators(self) -> None:
-        for name, part in self.model.parts.items():
-            made = self._actuator(name, part)
-            if made is not None:
-                self._channels[name], self._actuators[name] = made
-
-    def _actuator(self, name: str, part: Any) -> tuple[Channel, Actuator] | None:
-        """The channel of a part that moves, and its law; None for other parts."""
-        latch, parameters, rng = self._latch, self._parameters, self._generator(name)
-        match part:
-            case WheeledBaseModel():
-                wheels = WheelDrive(name, part, parameters, rng)
-                return wheels, DrivenBase(name, part, wheels, latch)
-            case LeggedBaseModel():
-                imu = next(sensor for sensor in self._sensors.values() if isinstance(sensor, SimulatedImu))
-                body = payload(self.model, part.part.root or "", self.model.postures.get("home"))
-                legs = LegDrive(part, parameters, imu, body)
-                return legs, DrivenBase(name, part, legs, latch, LEGS)
-            case ArmModel():
-                motors = JointMotors(name, part, parameters, rng)
-                tool = ToolLimits(self.model, name, self.model.safety)
-                period, now = parameters.control_period, self.clock.now
-                return motors, StreamedArm(name, part, motors, latch, period, tool, JOINTS, now)
-            case GripperModel(part=SuctionPart() as cup):
-                pump = SuctionPump(cup, parameters)
-                return pump, CommandedGripper(name, part, pump, latch)
-            case GripperModel():
-                fingers = FingerMotors(part, parameters)
-                return fingers, CommandedGripper(name, part, fingers, latch)
-            case JointGroupModel():
-                motors = JointMotors(name, part, parameters, rng)
-                return motors, StreamedJointGroup(name, part, motors, latch, parameters.control_period, JOINTS)
-        return None
+    def build(self, model: RobotModel, world: World, gui: bool) -> PyBulletEngine:
+        """Start a physics server and fill it; SimulationError if there is none to be had."""
+        self.client = PhysicsClient()
+        return PyBulletEngine(self.client, model, world, self._physics, gui)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -11,10 +10,11 @@ from bestman_bt.robot_model import BaseModel, GripperModel, LeggedBaseModel, Mim
 from bestman_bt.robot_model.bare_frames import without_bare_frames
 from bestman_bt.scene import PlacedFurniture, PlacedObject, Walker, World, wall_box
 from hal.pybullet.body_urdf import SLIDES, Color, body_urdf, walker_urdf
-from hal.pybullet.client import PhysicsClient, SimulationError
+from hal.pybullet.client import PhysicsClient
 from hal.pybullet.furniture_urdf import furniture_urdf, joint_name
 from hal.pybullet.package import pybullet
 from hal.pybullet.parameters import PhysicsParameters
+from hal.simulation import BuiltWorld, SimulationError
 
 WALL_COLOR: Color = (0.87, 0.87, 0.83, 1.0)
 FLOOR_COLOR: Color = (0.62, 0.58, 0.53, 1.0)
@@ -26,42 +26,8 @@ OBJECT_FLAGS = (*BODY_FLAGS, "URDF_ENABLE_SLEEPING")
 ROBOT_FLAGS = (*BODY_FLAGS, "URDF_USE_INERTIA_FROM_FILE")
 
 
-@dataclass(frozen=True)
-class BuiltWorld:
-    """Body ids by name, and the robot's joint and link indices by name (its root link is -1).
-
-    ``frames``: of the robot, those that are no links here: frame → (link, link_from_frame). ``articulations``: of
-    doors and drawers, ``furniture/name`` → (body, joint index). ``walkers``: body and the joint indices of its slides.
-    """
-
-    floor: int
-    walls: dict[str, int]
-    furniture: dict[str, int]
-    objects: dict[str, int]
-    robot: int
-    joints: dict[str, int]
-    links: dict[str, int]
-    frames: dict[str, tuple[str, Pose]]
-    constraints: int
-    articulations: dict[str, tuple[int, int]] = field(default_factory=dict)
-    walkers: dict[str, tuple[int, tuple[int, int]]] = field(default_factory=dict)
-
-    @property
-    def body_names(self) -> dict[int, str]:
-        """Names of all bodies but the robot, by id."""
-        names = {self.floor: "floor"}
-        for bodies in (self.walls, self.furniture, self.objects):
-            names |= {body: name for name, body in bodies.items()}
-        names |= {body: name for name, (body, _) in self.walkers.items()}
-        return names
-
-
 def build_world(client: PhysicsClient, model: RobotModel, world: World, parameters: PhysicsParameters) -> BuiltWorld:
-    """Fill an empty physics server. Raises SimulationError if two bodies share a name."""
-    names = ["floor", "robot", *(f.name for f in world.furniture), *(o.name for o in world.objects)]
-    names += [walker.name for walker in world.walkers]
-    if len(set(names)) < len(names):
-        raise SimulationError(f"bodies of a world need names of their own, but got {', '.join(sorted(names))}")
+    """Fill an empty physics server; SimulationError where pybullet cannot load a body."""
     client.setGravity(0.0, 0.0, -9.81)
     client.setTimeStep(parameters.time_step)
     client.setPhysicsEngineParameter(numSolverIterations=parameters.solver_iterations, deterministicOverlappingPairs=1)
@@ -80,9 +46,23 @@ def build_world(client: PhysicsClient, model: RobotModel, world: World, paramete
         # A robot without a base that drives is bolted to where it stands.
         robot = _load(client, "robot", urdf, world.robot_start.to_pose(), folder, not model.of(BaseModel), ROBOT_FLAGS)
     joints, links = _names(client, robot)
-    constraints = _set_up_robot(client, model, world, parameters, robot, joints, links)
+    _set_up_robot(client, model, world, parameters, robot, joints, links)
+    described = {index: client.getJointInfo(robot, index) for index in joints.values()}
     return BuiltWorld(
-        floor, walls, furniture, objects, robot, joints, links, frames, constraints, articulations, walkers
+        floor,
+        walls,
+        furniture,
+        objects,
+        robot,
+        joints,
+        links,
+        frames,
+        parents={index: info[16] for index, info in described.items()},
+        link_masses={index: client.getDynamicsInfo(robot, index)[0] for index in described},
+        object_masses={body: client.getDynamicsInfo(body, -1)[0] for body in objects.values()},
+        max_efforts={index: info[10] for index, info in described.items()},
+        articulations=articulations,
+        walkers=walkers,
     )
 
 
@@ -201,8 +181,8 @@ def _set_up_robot(
     robot: int,
     joints: dict[str, int],
     links: dict[str, int],
-) -> int:
-    """Frictions, the start posture and the finger gears; returns how many constraints there are now."""
+) -> None:
+    """Frictions, the start posture and the finger gears."""
     for wheeled in model.of(WheeledBaseModel).values():
         base = wheeled.part
         for link in base.caster_links:
@@ -243,5 +223,3 @@ def _set_up_robot(
             # PyBullet ignores <mimic>; its own motor at a follower would work against the gear.
             client.setJointMotorControl2(robot, joints[follower.joint], pybullet.VELOCITY_CONTROL, force=0.0)
             _gear(client, robot, joints, follower, parameters.linkage_erp, parameters.linkage_force)
-    constraints: int = client.getNumConstraints()
-    return constraints

@@ -11,14 +11,13 @@ import threading
 import time
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
-from typing import Any
 
 from bestman_bt.messages import RGBDImage
 from bestman_bt.robot_model import RobotModel
 from bestman_bt.scene import World
 from hal.api import Camera
 from hal.pybullet import PyBulletRobot
-from hal.pybullet.client import ReadPurpose
+from hal.simulation import ReadPurpose
 from hal.twins.errors import TwinError
 
 START_TIME = 60.0
@@ -49,20 +48,20 @@ class StateCapture:
     def __init__(self, robot: PyBulletRobot) -> None:
         self._robot = robot
         self._built = robot.simulation.built
-        self._reader = robot.simulation.client.reader(ReadPurpose.SENSOR)
+        self._reader = robot.simulation.reader(ReadPurpose.SENSOR)
 
     def take(self) -> WorldState:
         """The present state; a few hundred microseconds."""
-        built, reader = self._built, self._reader
-        pose, robot = reader.getBasePositionAndOrientation, built.robot
+        built, reader, leaves = self._built, self._reader, self._built.articulations.items()
+        pose, robot = reader.body_pose, built.robot
         indices = list(range(max(built.joints.values()) + 1))
         return WorldState(
             stamp=self._robot.clock.now(),
             wall_time=time.time(),
             robot=pose(robot),
-            joints=tuple(state[0] for state in reader.getJointStates(robot, indices)),
+            joints=tuple(reader.joint_states(robot, indices)[0]),
             objects={name: pose(body) for name, body in built.objects.items()},
-            leaves={name: reader.getJointState(*place)[0] for name, place in built.articulations.items()},
+            leaves={name: reader.joint_states(body, [leaf])[0][0] for name, (body, leaf) in leaves},
         )
 
 
@@ -131,9 +130,8 @@ def _picture(robot: PyBulletRobot, camera: str, state: WorldState) -> RGBDImage 
 
 def _put(robot: PyBulletRobot, state: WorldState) -> None:
     """Nobody acts in this copy: poses are set, not reached."""
-    built, client = robot.simulation.built, robot.simulation.client
-    place: Any = client.function("resetBasePositionAndOrientation")
-    set_joint: Any = client.function("resetJointState")
+    built = robot.simulation.built
+    place, set_joint = robot.client.resetBasePositionAndOrientation, robot.client.resetJointState
     place(built.robot, *state.robot)
     for index, position in enumerate(state.joints):
         set_joint(built.robot, index, position)

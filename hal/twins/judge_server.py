@@ -16,7 +16,7 @@ from hal.twins.world import TwinWorld
 class JudgeServer(JsonLineServer):
     """Answers ``{"ask": QUESTION, "name": NAME}`` by ``{"answer": …}``.
 
-    Questions are the methods of ``hal.pybullet.GroundTruth``, ``audit_record``, ``time``, ``joints`` (of a part:
+    Questions are the methods of ``hal.simulation.GroundTruth``, ``audit_record``, ``time``, ``joints`` (of a part:
     true positions and velocities) and ``width`` (of a gripper).
     """
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from bestman_bt.messages import Pose
-from hal.pybullet import AuditRecord, ContactIncident, DisturbanceEvent, Finding, GroundTruth, Penetration
+from hal.simulation import AuditRecord, ContactIncident, DisturbanceEvent, Finding, GroundTruth, Penetration
 from hal.twins.json_lines import ask
 
 FINDINGS = (

@@ -12,7 +12,8 @@ from typing import TypeVar
 from bestman_bt.messages import RGBDImage
 from bestman_bt.robot_model import RobotModel
 from bestman_bt.scene import World
-from hal.pybullet import GroundTruth, PhysicsParameters, PyBulletRobot
+from hal.pybullet import PhysicsParameters, PyBulletRobot
+from hal.simulation import GroundTruth
 from hal.twins.camera_render_process import CameraRenderProcess, StateCapture
 from hal.twins.errors import TwinError
 

@@ -10,7 +10,7 @@ import pytest
 
 from bestman_bt.configuration import load_run
 from bestman_bt.runtime import Session, session
-from hal.pybullet import GroundTruth
+from hal.simulation import GroundTruth
 from tests.behaviours.at_the_table import standing_at_a_table
 from tests.behaviours.driving import BEFORE_THE_DOORWAY
 from tests.behaviours.truth import THINGS, known_world

@@ -10,8 +10,8 @@ import pytest
 from bestman_bt.engine import FAILURE, SUCCESS
 from bestman_bt.runtime import Session
 from bestman_bt.world_model import HeldObject
-from hal.pybullet import GroundTruth
-from hal.pybullet.camera import CameraFault
+from hal.simulation import GroundTruth
+from hal.simulation.camera import CameraFault
 from tests.behaviours.at_the_table import failures_of, tick, tree_of
 from tests.behaviours.truth import known_world, put, succeeds, table_with, why_not
 

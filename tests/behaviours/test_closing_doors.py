@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import math
 
-import pybullet
 import pytest
 
 from bestman_bt.engine import RUNNING, SUCCESS
 from bestman_bt.runtime import Session
-from hal.pybullet import GroundTruth
+from hal.simulation import GroundTruth
 from tests.behaviours.at_the_table import fastest, tick, tree_of
 from tests.behaviours.driving import BEHIND_THE_DOORWAY, at, to
 from tests.behaviours.truth import audited, why_not
@@ -39,7 +38,7 @@ def somebody_opens_it(session: Session) -> None:
     """With a motor that is no stronger than a hand."""
     simulation = session.robot.simulation
     body, joint = simulation.built.articulations[LEAF]
-    simulation.client.setJointMotorControl2(body, joint, pybullet.VELOCITY_CONTROL, targetVelocity=1.0, force=12.0)
+    simulation.engine.turn(body, [joint], [1.0], [12.0])
 
 
 def belief_error(session: Session, truth: GroundTruth) -> float:

@@ -9,7 +9,7 @@ import pytest
 from bestman_bt.configuration import load_run
 from bestman_bt.engine import FAILURE, SUCCESS
 from bestman_bt.runtime import Session, open_session
-from hal.pybullet.camera import CameraFault
+from hal.simulation.camera import CameraFault
 from tests.behaviours.at_the_table import failures_of, standing_at_a_table, tick, tree_of
 
 DETECT = '<Sequence><LookAt surface="table"/><DetectObject object="cup" surface="table"/></Sequence>'

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from bestman_bt.runtime import Session
-from hal.pybullet import GroundTruth
+from hal.simulation import GroundTruth
 from tests.behaviours.truth import audited, known_world, succeeds, table_with
 
 pytestmark = pytest.mark.slow

@@ -16,7 +16,7 @@ from bestman_bt.navigation.localization import Place
 from bestman_bt.runtime import Session
 from bestman_bt.world_model import SemanticMap
 from hal.api import Lidar
-from hal.pybullet import GroundTruth
+from hal.simulation import GroundTruth
 from tests.behaviours.truth import audited, known_world, succeeds, why_not
 
 pytestmark = pytest.mark.slow

@@ -11,7 +11,7 @@ from behaviours.push import HEIGHT, STANDOFF, push_tool_poses, spread
 from bestman_bt.messages import Pose
 from bestman_bt.runtime import Session
 from bestman_bt.scene import load_scene
-from hal.pybullet import GroundTruth
+from hal.simulation import GroundTruth
 from tests.behaviours.truth import audited, known_world, put, succeeds, table_with, why_not
 
 SEE = '<LookAt object="{name}" surface="table"/><DetectObject object="{name}" surface="table"/>'

@@ -11,8 +11,8 @@ from bestman_bt.engine import SUCCESS
 from bestman_bt.messages import VOXEL_FREE, VOXEL_OCCUPIED
 from bestman_bt.runtime import Session
 from bestman_bt.runtime.looking import furniture_to_look_at, standing_before
-from hal.pybullet import GroundTruth
-from hal.pybullet.camera import CameraFault
+from hal.simulation import GroundTruth
+from hal.simulation.camera import CameraFault
 from tests.behaviours.at_the_table import tick, tree_of
 from tests.behaviours.truth import known_world, put, succeeds, table_with, why_not
 

@@ -11,7 +11,7 @@ import pytest
 
 from bestman_bt.messages import wrap_angle
 from bestman_bt.runtime import Session
-from hal.pybullet import GroundTruth
+from hal.simulation import GroundTruth
 from tests.behaviours.truth import audited, known_world, succeeds, table_with, why_not
 
 pytestmark = pytest.mark.slow

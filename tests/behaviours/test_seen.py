@@ -12,7 +12,7 @@ from bestman_bt.configuration import load_run
 from bestman_bt.engine import FAILURE, SUCCESS
 from bestman_bt.messages import Pose
 from bestman_bt.runtime import Session, open_session
-from hal.pybullet import GroundTruth
+from hal.simulation import GroundTruth
 from tests.behaviours.at_the_table import failures_of, standing_at_a_table, tick, tree_of
 
 LOOK = """<Sequence>

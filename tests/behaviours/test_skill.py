@@ -14,7 +14,7 @@ from behaviours.skill import Skill, SkillCondition, SkillFailure, Steps
 from bestman_bt.engine import FAILURE, RUNNING, SUCCESS, Node, NodeError, Tree, build_tree, load_tree
 from bestman_bt.manipulation.errors import ManipulationError
 from bestman_bt.runtime import Session
-from hal.pybullet.sensor_pipeline import SensorFault
+from hal.simulation.sensor_pipeline import SensorFault
 from tests.behaviours.at_the_table import PERIOD, failures_of, tick, tree_of
 
 

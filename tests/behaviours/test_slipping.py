@@ -30,7 +30,7 @@ def grease(session: Session, name: str) -> None:
     """From now on nothing holds the thing by friction."""
     robot = session.robot
     assert isinstance(robot, PyBulletRobot)
-    built, client = robot.simulation.built, robot.simulation.client
+    built, client = robot.simulation.built, robot.client
     client.changeDynamics(built.objects[name], -1, lateralFriction=0.0, spinningFriction=0.0, rollingFriction=0.0)
     gripper = next(iter(session.setup.robot_model.of(GripperModel).values()))
     for link in gripper.part.finger_links:

@@ -12,7 +12,7 @@ from bestman_bt.engine import FAILURE, SUCCESS, Tree
 from bestman_bt.messages import Pose
 from bestman_bt.runtime import Session
 from bestman_bt.world_model import HeldObject
-from hal.pybullet import GroundTruth
+from hal.simulation import GroundTruth
 from tests.behaviours.at_the_table import failures_of, tick, tree_of
 from tests.behaviours.truth import known_world, succeeds, table_with
 

@@ -13,7 +13,8 @@ from bestman_bt.configuration import RunConfig, load_run
 from bestman_bt.engine import SUCCESS
 from bestman_bt.evaluation.audit import Audit, audit
 from bestman_bt.runtime import Session, load_for, open_session
-from hal.pybullet import GroundTruth, PyBulletRobot
+from hal.pybullet import PyBulletRobot
+from hal.simulation import GroundTruth
 from tests.behaviours.at_the_table import failures_of, standing_at_a_table, tick, tree_of
 
 THINGS = """
@@ -76,7 +77,7 @@ def why_not(session: Session, body: str) -> tuple[str, str]:
 def put(session: Session, name: str, shift: ArrayLike) -> None:
     """Someone takes a thing and puts it elsewhere, (x, y, z) metres away."""
     simulation = session.robot.simulation  # type: ignore[attr-defined]
-    body, client = simulation.built.objects[name], simulation.client
+    body, client = simulation.built.objects[name], simulation.engine.client
     position, quaternion = client.getBasePositionAndOrientation(body)
     client.resetBasePositionAndOrientation(body, np.add(position, shift).tolist(), quaternion)
     session.robot.clock.sleep(0.3)

@@ -24,7 +24,8 @@ from bestman_bt.evaluation.result import Outcome, RunResult
 from bestman_bt.monitor.control_client import request
 from bestman_bt.runtime import Session
 from hal.api import MobileBase
-from hal.pybullet import AuditRecord, PyBulletRobot
+from hal.pybullet import PyBulletRobot
+from hal.simulation import AuditRecord
 from tests.cli.command_line import Answer, Program, wait_for
 
 Command = Callable[..., Answer]

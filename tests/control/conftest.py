@@ -19,7 +19,8 @@ from bestman_bt.robot_model import ArmModel, CameraPart, RobotModel, load_robot_
 from bestman_bt.scene import FurnitureModel, PlacedFurniture, World, draw_world, load_scene, semantic_map
 from bestman_bt.world_model import BasePose, SemanticMap, WorldModel
 from hal.api import Arm, Gripper, JointGroup, Lidar, MobileBase
-from hal.pybullet import GroundTruth, PyBulletRobot
+from hal.pybullet import PyBulletRobot
+from hal.simulation import GroundTruth
 
 
 @dataclass

@@ -8,8 +8,8 @@ from typing import Any
 import pytest
 
 from bestman_bt.evaluation.audit import CHEATS, LISTED, audit
-from hal.pybullet import AuditRecord, ContactIncident, DisturbanceEvent, Finding
-from hal.pybullet.audit_record import Penetration
+from hal.simulation import AuditRecord, ContactIncident, DisturbanceEvent, Finding
+from hal.simulation.audit_record import Penetration
 
 NOTHING = AuditRecord(10.0, 0, 0, 0, 0, {}, (), (), (), (), (), (), (), (), ())
 CONTACT = ContactIncident("panda_hand", "cup", ("robot", "object"), 1.0, 1.25, 40.0)

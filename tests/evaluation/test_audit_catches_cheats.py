@@ -12,8 +12,9 @@ from bestman_bt.evaluation.audit import Audit, audit
 from bestman_bt.robot_model import load_robot_model
 from bestman_bt.scene import draw_world, load_scene
 from hal.api import Arm, MobileBase
-from hal.pybullet import GroundTruth, PyBulletRobot
-from hal.pybullet.client import _FUNCTIONS, ReadPurpose
+from hal.pybullet import PyBulletRobot
+from hal.pybullet.client import _FUNCTIONS
+from hal.simulation import GroundTruth, ReadPurpose
 
 
 @pytest.fixture
@@ -25,7 +26,7 @@ def robot() -> Iterator[PyBulletRobot]:
 
 @pytest.fixture
 def server(robot: PyBulletRobot) -> int:
-    return robot.simulation.client.id
+    return robot.client.id
 
 
 @pytest.fixture
@@ -84,11 +85,27 @@ def test_a_view_of_the_truth_made_in_time_is_free() -> None:
 
 
 def test_reading_poses_through_the_client_is_counted(robot, cup, judge) -> None:
-    client = robot.simulation.client
+    client = robot.client
     client.getBasePositionAndOrientation(cup)
     client.getLinkState(robot.simulation.built.robot, 3)
     client.getJointState(robot.simulation.built.robot, 3)  # an encoder: free
     assert judge().ground_truth_reads == 2
+
+
+def test_reading_poses_through_the_engine_is_counted(robot, cup, judge) -> None:
+    engine, built = robot.simulation.engine, robot.simulation.built
+    engine.body_pose(cup)
+    engine.contacts()
+    engine.joint_states(built.robot, [3])  # an encoder: free
+    engine.joint_states(body=built.walls["wall_0"], joints=[])
+    assert judge().ground_truth_reads == 3
+
+
+def test_an_object_that_is_put_through_the_engine_is_counted(robot, cup, judge) -> None:
+    robot.simulation.engine.put(cup, (0.0, 0.0, 1.0), (0.0, 0.0, 0.0, 1.0))
+    judged = judge()
+    assert robot.simulation.ledger.counts["resets"] == 1
+    assert any("cup jumped" in finding for finding in judged.findings)
 
 
 def test_reading_poses_past_the_client_is_counted(cup, server, judge) -> None:
@@ -97,7 +114,7 @@ def test_reading_poses_past_the_client_is_counted(cup, server, judge) -> None:
 
 
 def test_a_teleported_object_is_counted(robot, cup, judge) -> None:
-    robot.simulation.client.resetBasePositionAndOrientation(cup, [0.0, 0.0, 1.0], [0.0, 0.0, 0.0, 1.0])
+    robot.client.resetBasePositionAndOrientation(cup, [0.0, 0.0, 1.0], [0.0, 0.0, 0.0, 1.0])
     judged = judge()
     assert judged.teleports >= 1
     assert any("cup jumped" in finding for finding in judged.findings)
@@ -108,7 +125,7 @@ def test_a_teleport_past_every_wrapper_is_seen_by_its_effect(robot, cup, server,
     hidden = _unguarded("resetBasePositionAndOrientation")
     hidden(cup, [0.0, 0.0, 1.0], [0.0, 0.0, 0.0, 1.0], physicsClientId=server)
     judged = judge()
-    assert robot.simulation.client.counts["resets"] == 0
+    assert robot.simulation.ledger.counts["resets"] == 0
     assert judged.teleports >= 1
 
 
@@ -149,7 +166,7 @@ def test_moved_furniture_is_seen(robot, server, judge) -> None:
 
 
 def test_a_restored_state_is_seen(robot, judge) -> None:
-    client = robot.simulation.client
+    client = robot.client
     state = client.saveState()
     base = robot.part("base", MobileBase)
     motion = base.rotate(0.5)
@@ -161,7 +178,7 @@ def test_a_restored_state_is_seen(robot, judge) -> None:
 
 def test_a_constraint_between_hand_and_object_is_counted(robot, cup, judge) -> None:
     built = robot.simulation.built
-    _fix(robot.simulation.client.createConstraint, built.robot, built.links["panda_hand"], cup)
+    _fix(robot.client.createConstraint, built.robot, built.links["panda_hand"], cup)
     assert judge().grasp_constraints == 1
 
 
@@ -185,7 +202,7 @@ def test_an_object_that_follows_an_open_hand_is_seen(robot, cup, judge) -> None:
     motion = arm.move_to(robot.model.posture("home", arm.joint_names), 0.5)
     while not motion.done:
         robot.clock.sleep(0.05)
-    built, client = robot.simulation.built, robot.simulation.client
+    built, client = robot.simulation.built, robot.client
     hand = client.getLinkState(built.robot, built.links["panda_hand"])
     below = pybullet.multiplyTransforms(hand[0], hand[1], [0.0, 0.0, 0.19], [0.0, 0.0, 0.0, 1.0])
     client.resetBasePositionAndOrientation(cup, *below)
@@ -290,7 +307,7 @@ def test_who_uses_pybullet_beside_the_robot_or_after_it_is_not_counted(robot, ju
     other = pybullet.connect(pybullet.DIRECT)
     try:
         pybullet.setGravity(0.0, 0.0, -1.0, physicsClientId=other)
-        client = robot.simulation.client
+        client = robot.client
         counted = only(judge())
         server = client.id
         robot.disconnect()
@@ -300,7 +317,7 @@ def test_who_uses_pybullet_beside_the_robot_or_after_it_is_not_counted(robot, ju
     finally:
         pybullet.disconnect(physicsClientId=other)
     assert counted == set()
-    assert client.counts["tampering"] == 0
+    assert client.ledger.counts["tampering"] == 0
 
 
 def _unguarded(name: str) -> Callable:
@@ -321,5 +338,5 @@ def test_a_monitor_that_was_switched_off_is_noticed(robot, cup, judge) -> None:
 
 
 def test_a_reader_that_calls_itself_a_sensor_during_a_run_is_counted(robot, cup, judge) -> None:
-    robot.simulation.client.reader(ReadPurpose.SENSOR).getBasePositionAndOrientation(cup)
+    robot.simulation.reader(ReadPurpose.SENSOR).body_pose(cup)
     assert judge().ground_truth_reads == 1

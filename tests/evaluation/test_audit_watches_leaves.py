@@ -19,8 +19,9 @@ from bestman_bt.robot_model import load_robot_model
 from bestman_bt.runtime import Session
 from bestman_bt.scene import World, draw_world, load_scene
 from hal.api import Robot
-from hal.pybullet import GroundTruth, PyBulletRobot
-from hal.pybullet.client import _FUNCTIONS, ReadPurpose
+from hal.pybullet import PyBulletRobot
+from hal.pybullet.client import _FUNCTIONS
+from hal.simulation import GroundTruth, ReadPurpose
 
 # As a plug-in takes them: before any robot connects.
 getBasePositionAndOrientation = pybullet.getBasePositionAndOrientation
@@ -50,7 +51,7 @@ def door(robot: PyBulletRobot) -> tuple[int, int]:
 @pytest.fixture
 def hidden(robot: PyBulletRobot) -> Callable[[str], Callable[..., Any]]:
     """Functions as a cheat has them who took them before the simulation was imported: only effects are seen."""
-    return lambda name: partial(_FUNCTIONS[name], physicsClientId=robot.simulation.client.id)
+    return lambda name: partial(_FUNCTIONS[name], physicsClientId=robot.client.id)
 
 
 def judged(robot: PyBulletRobot, seconds: float = 0.1) -> Audit:
@@ -76,8 +77,8 @@ def test_a_door_that_is_reset_open_is_seen(robot, door, hidden) -> None:
 
 
 def test_a_reset_that_was_taken_from_the_module_early_is_counted(robot, door) -> None:
-    resetJointState(*door, 1.5, physicsClientId=robot.simulation.client.id)
-    assert robot.simulation.client.counts["resets"] == 1
+    resetJointState(*door, 1.5, physicsClientId=robot.client.id)
+    assert robot.simulation.ledger.counts["resets"] == 1
 
 
 def test_a_door_that_creeps_open_is_seen(robot, door, hidden) -> None:
@@ -91,22 +92,22 @@ def test_a_door_that_creeps_open_is_seen(robot, door, hidden) -> None:
 def test_a_motor_on_the_hinge_is_seen(robot, door, hidden, force) -> None:
     hidden("setJointMotorControl2")(*door, pybullet.VELOCITY_CONTROL, targetVelocity=1.0, force=force)
     verdict = judged(robot)
-    assert robot.simulation.client.counts["tampering"] == 0
+    assert robot.simulation.ledger.counts["tampering"] == 0
     assert verdict.tampering >= 1
     assert says(verdict, "driven")
 
 
 def test_a_motor_that_was_taken_from_the_module_early_is_counted(robot, door) -> None:
-    server = robot.simulation.client.id
+    server = robot.client.id
     setJointMotorControl2(*door, pybullet.VELOCITY_CONTROL, targetVelocity=1.0, force=500, physicsClientId=server)
-    assert robot.simulation.client.counts["tampering"] == 1
+    assert robot.simulation.ledger.counts["tampering"] == 1
 
 
 def test_what_the_wrapper_hands_out_during_a_run_is_counted(robot, door) -> None:
-    client = robot.simulation.client
-    client.function("resetJointState")(*door, 1.5)
-    client.function("getBasePositionAndOrientation")(door[0])
-    assert client.counts == {"resets": 1, "truth_reads": 1}
+    engine = robot.simulation.actor()
+    engine.put(door[0], (1.5, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
+    engine.body_pose(door[0])
+    assert robot.simulation.ledger.counts == {"resets": 1, "truth_reads": 1}
     assert judged(robot).teleports >= 1
 
 
@@ -156,7 +157,7 @@ def test_a_monitor_that_is_kept_from_the_steps_is_noticed(robot) -> None:
 
 
 def test_a_read_that_was_taken_from_the_module_early_is_counted(robot, door) -> None:
-    getBasePositionAndOrientation(door[0], physicsClientId=robot.simulation.client.id)
+    getBasePositionAndOrientation(door[0], physicsClientId=robot.client.id)
     assert judged(robot).ground_truth_reads == 1
 
 
@@ -165,13 +166,13 @@ def test_the_truth_is_closed_as_soon_as_those_who_evaluate_have_it(world) -> Non
     with PyBulletRobot(load_robot_model("diff_panda"), world) as robot:
         early = GroundTruth(robot)
         robot.close_truth()
-        late = robot.simulation.client.reader(ReadPurpose.SENSOR)
+        late = robot.simulation.reader(ReadPurpose.SENSOR)
         assert early.trusted
         assert not late.trusted
         early.articulation_position(DOOR)
-        assert robot.simulation.client.counts["truth_reads"] == 0
-        late.getBasePositionAndOrientation(robot.simulation.built.furniture["fridge"])
-        assert robot.simulation.client.counts["truth_reads"] == 1
+        assert robot.simulation.ledger.counts["truth_reads"] == 0
+        late.body_pose(robot.simulation.built.furniture["fridge"])
+        assert robot.simulation.ledger.counts["truth_reads"] == 1
 
 
 def test_a_judged_run_closes_the_truth_before_its_first_tick(tmp_path: Path) -> None:

@@ -20,7 +20,7 @@ from bestman_bt.evaluation.result import Outcome, RunResult
 from bestman_bt.evaluation.suite import Entry, EntryConfig, Successes, Suite
 from bestman_bt.messages import Pose, Pose2D
 from bestman_bt.visualization.motion_file import read_motion
-from hal.pybullet import SceneSnapshot
+from hal.simulation import SceneSnapshot
 from tests.evaluation.test_summary import result
 
 Episode = Callable[[RunConfig], RunResult]

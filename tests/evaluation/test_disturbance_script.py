@@ -14,7 +14,7 @@ from bestman_bt.evaluation.new_places import NewPlaces
 from bestman_bt.messages import Pose
 from bestman_bt.scene import planar_radius
 from bestman_bt.world_model import HeldObject, ObjectBelief
-from hal.pybullet import DisturbanceEvent
+from hal.simulation import DisturbanceEvent
 from tests.evaluation.predicates.scripted import ScriptedEnd, shifted
 
 PERIOD = 0.05

@@ -15,7 +15,8 @@ from bestman_bt.evaluation.episode import prepare_episode, run_episode
 from bestman_bt.messages import Pose
 from bestman_bt.runtime import Session, open_session
 from bestman_bt.world_model import HeldObject, ObjectBelief
-from hal.pybullet import DisturbanceInjector, GroundTruth, PyBulletRobot
+from hal.pybullet import PyBulletRobot
+from hal.simulation import DisturbanceInjector, GroundTruth
 
 DRAWER = "drawer_chest/drawer_3"
 

@@ -17,7 +17,8 @@ from bestman_bt.evaluation import episode
 from bestman_bt.evaluation.episode import run_episode
 from bestman_bt.evaluation.result import Outcome, RunResult
 from bestman_bt.runtime import Ending, Execution, Session, Setup
-from hal.pybullet import ContactIncident, DisturbanceEvent, PyBulletRobot
+from hal.pybullet import PyBulletRobot
+from hal.simulation import ContactIncident, DisturbanceEvent
 
 COUNTER_AS_MAPPED = ("scene.furniture.counter.offset=0", "scene.furniture.counter.turn=0")
 GOAL_IN_THE_MIDDLE = (
@@ -263,7 +264,7 @@ def test_a_run_that_nobody_judges_succeeds_with_its_tree_but_not_with_a_cheat(tm
     tree = tmp_path / "tree.xml"
 
     def cheat(session: Session, _: Tree) -> Callable[[], None]:
-        client = session.robot.simulation.client
+        client = session.robot.client
         cup = session.robot.simulation.built.objects["cup"]
         return lambda: client.resetBaseVelocity(cup, [0.0, 0.0, 0.0])
 

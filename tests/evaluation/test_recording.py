@@ -18,7 +18,7 @@ from bestman_bt.evaluation.recording import Recording, goal_points
 from bestman_bt.messages import Pose, Pose2D
 from bestman_bt.robot_model import load_robot_model
 from bestman_bt.runtime import open_session
-from hal.pybullet import SceneRecorder
+from hal.simulation import SceneRecorder
 
 NOTHING_TO_DO = '<root BTCPP_format="4"><BehaviorTree ID="Main"><AlwaysSuccess/></BehaviorTree></root>'
 

@@ -18,6 +18,8 @@ from hal.conformance.promises import MakeRobot, PromisesAboutConnecting, Promise
 from hal.conformance.room import empty_room
 from hal.conformance.stop_checks import STOP_CHECKS
 from hal.pybullet import PyBulletRobot
+from hal.simulation import SimulatedRobot
+from tests.hal.simulation.kinematic_engine import KinematicRobot
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "driver_in_memory"
 
@@ -32,28 +34,29 @@ def in_memory() -> MakeRobot:
     return lambda: driver(model)
 
 
-def in_pybullet(robot: str, **parts: tuple[str, str]) -> MakeRobot:
+def simulated(driver: type[SimulatedRobot], robot: str, **parts: tuple[str, str]) -> MakeRobot:
     """``parts``: more of them, name → part and the link that carries it."""
     more = Document({"parts": {name: {"part": part, "mount": link} for name, (part, link) in parts.items()}})
     model = compose_robot(robot, read_document(find_data("robot", robot)).merged(more))
-    return lambda: PyBulletRobot(model, empty_room(), seed=1)
+    return lambda: driver(model, empty_room(), seed=1)
 
 
+SENSORS = {
+    "imu": ("imu", "base_link"),
+    "pad": ("tactile_pad", "panda_leftfinger"),
+    "bumper": ("bumper", "base_link"),
+    "battery": ("battery", "base_link"),
+}
 ROBOTS = {
     "in memory": in_memory,
-    "diff_panda in pybullet": lambda: in_pybullet(
-        "diff_panda",
-        imu=("imu", "base_link"),
-        pad=("tactile_pad", "panda_leftfinger"),
-        bumper=("bumper", "base_link"),
-        battery=("battery", "base_link"),
-    ),
+    "diff_panda without forces": lambda: simulated(KinematicRobot, "diff_panda", **SENSORS),
+    "diff_panda in pybullet": lambda: simulated(PyBulletRobot, "diff_panda", **SENSORS),
 }
 
 
 @pytest.fixture(
     scope="module",
-    params=["in memory", pytest.param("diff_panda in pybullet", marks=pytest.mark.slow)],
+    params=["in memory", *(pytest.param(name, marks=pytest.mark.slow) for name in list(ROBOTS)[1:])],
 )
 def make_robot(request: pytest.FixtureRequest) -> MakeRobot:
     return ROBOTS[request.param]()
@@ -69,7 +72,7 @@ class TestConnecting(PromisesAboutConnecting):
 
 @pytest.fixture(scope="module")
 def omnidirectional() -> Iterator[Robot]:
-    with in_pybullet("omni_ur5")() as robot:
+    with simulated(PyBulletRobot, "omni_ur5")() as robot:
         yield robot
 
 

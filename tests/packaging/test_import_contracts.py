@@ -32,6 +32,7 @@ FORBIDDEN_IMPORTS = [
     ("bestman_bt/control", "import bestman_bt.engine", "control"),
     ("bestman_bt/control", "import hal.pybullet", "control"),
     ("hal/pybullet", "import bestman_bt.world_model", "drivers"),
+    ("hal/simulation", "import hal.pybullet", "floors"),
     ("behaviours", "import hal.api", "skills"),
     ("behaviours", "import bestman_bt.evaluation", "floors"),
 ]

@@ -32,7 +32,7 @@ def test_a_cup_that_is_lost_on_the_way_is_found_and_brought_all_the_same(tmp_pat
         goal = truth.object_pose("cup").position + np.array([0.0, 0.25, 0.0])
         tree.blackboard.set("goal", Pose(goal))
         simulation = session.robot.simulation
-        cup, client = simulation.built.objects["cup"], simulation.client
+        cup, client = simulation.built.objects["cup"], simulation.engine.client
         stood = client.getBasePositionAndOrientation(cup)
         lifted_for, taken = 0, False
         status = RUNNING

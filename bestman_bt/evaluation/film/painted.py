@@ -12,7 +12,7 @@ from bestman_bt.evaluation.recording import recorded_bodies
 from bestman_bt.scene import Wall, World
 from bestman_bt.visualization import RobotSnapshot
 from bestman_bt.visualization.blender import Finish, PaintedBody, PaintedFrame, PaintedRobot, PaintJob
-from hal.pybullet import Viewpoint
+from hal.simulation import Viewpoint
 
 BEHIND = 0.35
 """Metres behind what is looked at in which a wall still hides it."""

@@ -19,7 +19,7 @@ from bestman_bt.evaluation.film.shot import best_frame, plan_shot
 from bestman_bt.evaluation.film.stage import Stage
 from bestman_bt.visualization import RobotSnapshot
 from bestman_bt.visualization.blender import blender_python, paint
-from hal.pybullet import Viewpoint
+from hal.simulation import Viewpoint
 
 LARGEST_STILL = 600_000
 LARGEST_FILM = 6_000_000

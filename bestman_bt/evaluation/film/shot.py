@@ -12,7 +12,7 @@ from scipy.ndimage import gaussian_filter1d
 from bestman_bt.evaluation.film.filmed_run import FilmedRun
 from bestman_bt.evaluation.film.stage import Stage
 from bestman_bt.visualization import RobotSnapshot
-from hal.pybullet import Viewpoint
+from hal.simulation import Viewpoint
 
 RATE = 12
 """Frames per second."""

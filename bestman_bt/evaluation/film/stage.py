@@ -17,10 +17,9 @@ from bestman_bt.messages import Pose, wrap_angle
 from bestman_bt.robot_model import GripperModel
 from bestman_bt.scene import Articulation, PlacedFurniture
 from bestman_bt.visualization import RobotSnapshot
-from hal.pybullet import PyBulletRobot, Viewpoint
-from hal.pybullet.client import ReadPurpose
-from hal.pybullet.package import pybullet
-from hal.pybullet.render import smooth_picture
+from hal.pybullet import PyBulletRobot
+from hal.simulation import ReadPurpose, Viewpoint
+from hal.simulation.photographer import smooth
 
 
 class Stage:
@@ -38,7 +37,7 @@ class Stage:
 
     def __enter__(self) -> Stage:
         self._robot.connect()
-        self._reader = self._robot.simulation.client.reader(ReadPurpose.RECORDING)
+        self._reader = self._robot.simulation.reader(ReadPurpose.RECORDING)
         return self
 
     def __exit__(
@@ -49,7 +48,7 @@ class Stage:
     def set(self, snapshot: RobotSnapshot) -> None:
         """Put everything where it was."""
         simulation = self._robot.simulation
-        client, built = simulation.client, simulation.built
+        client, built = self._robot.client, simulation.built
         for name, pose in snapshot.body_poses.items():
             if name in self._leaves:
                 client.resetJointState(*built.articulations[name], opening(*self._leaves[name], pose))
@@ -61,7 +60,7 @@ class Stage:
                 body = built.objects[name]
                 client.resetBasePositionAndOrientation(body, pose.position.tolist(), pose.quaternion.tolist())
         now = simulation.link_pose(self._reader, simulation.model.base_frame)
-        position, quaternion = self._reader.getBasePositionAndOrientation(built.robot)
+        position, quaternion = self._reader.body_pose(built.robot)
         root = snapshot.map_from_base @ now.inverse() @ Pose(np.array(position), np.array(quaternion))
         client.resetBasePositionAndOrientation(built.robot, root.position.tolist(), root.quaternion.tolist())
         unknown = set(snapshot.joint_positions) - set(built.joints)
@@ -79,34 +78,21 @@ class Stage:
     ) -> tuple[float, float]:
         """Shares of a small picture that show the fingers, and the subjects: objects, or doors and drawers."""
         built = self._robot.simulation.built
-        view = pybullet.computeViewMatrix(viewpoint.eye, viewpoint.target, [0.0, 0.0, 1.0])
-        projection = pybullet.computeProjectionMatrixFOV(viewpoint.field_of_view, width / height, viewpoint.near, 30.0)
-        image = self._reader.getCameraImage(
-            width,
-            height,
-            viewMatrix=view,
-            projectionMatrix=projection,
-            shadow=0,
-            renderer=pybullet.ER_TINY_RENDERER,
-            flags=pybullet.ER_SEGMENTATION_MASK_OBJECT_AND_LINKINDEX,
-        )
-        mask = np.asarray(image[4], dtype=np.int64).reshape(-1)
-        bodies, links = mask & ((1 << 24) - 1), (mask >> 24) - 1
+        bodies, links = self._reader.segments(viewpoint, width, height)
         hand = [built.links[link] for link in self._shown if link in built.links]
         of_hand = (bodies == built.robot) & np.isin(links, hand)
-        of_subjects = np.zeros(len(mask), bool)
+        of_subjects = np.zeros_like(of_hand)
         for name in subjects:
             if name in built.objects:
                 of_subjects |= bodies == built.objects[name]
             elif name in built.articulations:
                 body, link = built.articulations[name]
                 of_subjects |= (bodies == body) & (links == link)
-        visible = mask >= 0
-        return float(np.mean(of_hand & visible)), float(np.mean(of_subjects & visible))
+        return float(np.mean(of_hand)), float(np.mean(of_subjects))
 
     def picture(self, viewpoint: Viewpoint, width: int, height: int, oversampling: int = 1) -> NDArray[np.uint8]:
         """(height, width, 3) uint8."""
-        return smooth_picture(self._reader, viewpoint, width, height, oversampling)
+        return smooth(self._reader.photo(viewpoint, width * oversampling, height * oversampling), oversampling)
 
 
 def opening(furniture: PlacedFurniture, leaf: Articulation, map_from_leaf: Pose) -> float:

@@ -17,7 +17,7 @@ from bestman_bt.evaluation.predicates.verdict import Evidence, Predicate, Verdic
 from bestman_bt.registry import suggestion
 from bestman_bt.runtime import Session, Setup
 from hal.api import Clock
-from hal.pybullet import GroundTruth
+from hal.simulation import GroundTruth
 
 PREDICATES: dict[str, Predicate] = {
     "at_goal": at_goal,

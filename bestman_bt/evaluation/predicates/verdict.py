@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 
 from bestman_bt.runtime import Session
-from hal.pybullet import GroundTruth
+from hal.simulation import GroundTruth
 
 
 @dataclass(frozen=True)

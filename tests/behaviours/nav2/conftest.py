@@ -10,7 +10,7 @@ import pytest
 
 from bestman_bt.configuration import load_run
 from bestman_bt.runtime import Session
-from hal.pybullet import GroundTruth
+from hal.simulation import GroundTruth
 from tests.behaviours.truth import known_world
 
 START = (

@@ -16,7 +16,8 @@ from bestman_bt.manipulation.kinematics import DampedLeastSquares, ForwardKinema
 from bestman_bt.messages import Handle, Pose, Pose2D
 from bestman_bt.scene import PlacedFurniture, World, read_furniture
 from hal.api import Arm, ForceTorque, Gripper
-from hal.pybullet import GroundTruth, PyBulletRobot
+from hal.pybullet import PyBulletRobot
+from hal.simulation import GroundTruth
 
 BEFORE = 0.06  # metres that the hand starts in front of the handle
 TURN_OVER = Pose(np.zeros(3), np.array([0.0, 0.0, 1.0, 0.0]))

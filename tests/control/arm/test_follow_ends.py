@@ -23,7 +23,7 @@ def test_a_drawer_that_jams_half_way_is_told_within_the_force_limit_and_how_far_
     while scene.opened < 0.10:
         scene.robot.clock.sleep(0.05)
     body, joint = scene.robot.simulation.built.articulations[scene.joint]
-    server = scene.robot.simulation.client.id
+    server = scene.robot.client.id
     pybullet.setJointMotorControl2(
         body, joint, pybullet.VELOCITY_CONTROL, targetVelocity=0.0, force=500.0, physicsClientId=server
     )

@@ -15,7 +15,8 @@ from bestman_bt.messages import MotionErrorCode, Pose, Pose2D
 from bestman_bt.robot_model import ArmModel, GripperModel, load_robot_model
 from bestman_bt.scene import World
 from hal.api import Arm
-from hal.pybullet import GroundTruth, PhysicsParameters, PyBulletRobot
+from hal.pybullet import PhysicsParameters, PyBulletRobot
+from hal.simulation import GroundTruth
 
 
 class Pushed:
@@ -36,7 +37,7 @@ class Pushed:
 
         def push() -> None:
             at, force = self.tool.position.tolist(), self.force.tolist()
-            simulation.client.applyExternalForce(simulation.built.robot, link, force, at, pybullet.WORLD_FRAME)
+            simulation.engine.client.applyExternalForce(simulation.built.robot, link, force, at, pybullet.WORLD_FRAME)
 
         simulation.effort_controls.append(push)
 

@@ -76,7 +76,7 @@ def test_it_closes_on_a_rod_with_the_force_that_is_asked_for(hand_with_rod: PyBu
         assert outcome.closure < 0.9
         hand_with_rod.clock.sleep(0.3)
         assert np.abs(group.efforts()).max() <= force * 0.09 + 0.01
-        contacts = hand_with_rod.simulation.client.getContactPoints(
+        contacts = hand_with_rod.simulation.engine.client.getContactPoints(
             hand_with_rod.simulation.built.robot, hand_with_rod.simulation.built.furniture["rod"]
         )
         presses.append(sum(contact[9] for contact in contacts))

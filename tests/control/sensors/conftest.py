@@ -9,7 +9,8 @@ from bestman_bt.manipulation.kinematics import ForwardKinematics
 from bestman_bt.messages import Pose2D
 from bestman_bt.robot_model import RobotModel, load_robot_model
 from bestman_bt.scene import World, draw_world, load_scene
-from hal.pybullet import GroundTruth, PyBulletRobot
+from hal.pybullet import PyBulletRobot
+from hal.simulation import GroundTruth
 
 
 @pytest.fixture(scope="session")

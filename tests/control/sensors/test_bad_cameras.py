@@ -15,7 +15,7 @@ from bestman_bt.robot_model import CameraPart
 from bestman_bt.scene import semantic_map
 from bestman_bt.world_model import WorldModel
 from hal.api import Camera
-from hal.pybullet.camera import CameraFault, SimulatedCamera
+from hal.simulation.camera import CameraFault, SimulatedCamera
 
 
 @pytest.fixture

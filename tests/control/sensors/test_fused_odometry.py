@@ -11,7 +11,8 @@ from bestman_bt.navigation.localization import OdometryEkf, OdometryFilter, Whee
 from bestman_bt.robot_model import compose_robot
 from bestman_bt.scene import draw_world, load_scene
 from hal.api import Imu, MobileBase
-from hal.pybullet import GroundTruth, PyBulletRobot
+from hal.pybullet import PyBulletRobot
+from hal.simulation import GroundTruth
 
 
 class Remembering(OdometryFilter):

@@ -12,7 +12,7 @@ from bestman_bt.navigation.global_planning import Costmap, Footprint, GridAStar
 from bestman_bt.scene import FurnitureModel, PlacedFurniture, draw_world, load_scene, semantic_map
 from bestman_bt.world_model import SemanticMap
 from hal.api import MobileBase
-from hal.pybullet.sensor_pipeline import SensorFault
+from hal.simulation.sensor_pipeline import SensorFault
 
 
 def stand_pose(simulated, furniture: str) -> Pose2D:

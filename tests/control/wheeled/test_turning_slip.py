@@ -14,7 +14,8 @@ from bestman_bt.messages import Pose2D, Twist2D, wrap_angle
 from bestman_bt.robot_model import BaseModel, RobotModel, compose_robot
 from bestman_bt.scene import World
 from hal.api import Imu, ImuReading, MobileBase
-from hal.pybullet import GroundTruth, PyBulletRobot
+from hal.pybullet import PyBulletRobot
+from hal.simulation import GroundTruth
 from tests.control.scripted_parts import ScriptedBase
 
 FLOOR = World("floor", 0, (), (), (), Pose2D(), {})

@@ -11,7 +11,8 @@ from bestman_bt.evaluation.film.stage import Stage
 from bestman_bt.evaluation.motion import MotionLog
 from bestman_bt.evaluation.run_folder import make_run_folder
 from bestman_bt.runtime import prepare
-from hal.pybullet import PyBulletRobot, SceneRecorder
+from hal.pybullet import PyBulletRobot
+from hal.simulation import SceneRecorder
 
 
 @pytest.fixture(scope="session")

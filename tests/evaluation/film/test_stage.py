@@ -11,7 +11,7 @@ from bestman_bt.evaluation.film.stage import Stage, opening
 from bestman_bt.messages import Pose
 from bestman_bt.robot_model import GripperModel
 from bestman_bt.visualization.blender import PaintedRobot
-from hal.pybullet import Viewpoint
+from hal.simulation import Viewpoint
 
 DOOR = "fridge/upper_door"
 

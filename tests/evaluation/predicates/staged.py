@@ -31,7 +31,7 @@ class Staged:
     def __call__(self, session: Session, tree: Tree) -> Callable[[], None]:
         """Called before the first tick."""
         simulation = session.robot.simulation  # type: ignore[attr-defined]
-        server, built = simulation.client.id, simulation.built
+        server, built = simulation.engine.client.id, simulation.built
         for name, position in self.opened.items():
             pybullet.resetJointState(*built.articulations[name], position, physicsClientId=server)
         for name, where in self.moved.items():

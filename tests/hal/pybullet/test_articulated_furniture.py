@@ -13,8 +13,9 @@ import pytest
 from bestman_bt.messages import Box, Cylinder, ObjectModel, PlacedShape, Pose, Pose2D
 from bestman_bt.robot_model import RobotModel
 from bestman_bt.scene import LATCH_TRAVEL, Articulation, PlacedFurniture, PlacedObject, World, read_furniture
-from hal.pybullet import GroundTruth, PyBulletRobot, SceneRecorder, SimulationError
-from hal.pybullet.furniture_urdf import mass_distribution
+from hal.pybullet import PyBulletRobot
+from hal.simulation import GroundTruth, SceneRecorder, SimulationError
+from hal.simulation.mass_distribution import mass_distribution
 
 PLACES = {
     "drawer_chest": Pose2D(1.8, 1.2, 0.3),
@@ -63,7 +64,7 @@ def pull(robot: PyBulletRobot, articulation: Articulation, name: str, share: flo
     """Pull at the handle, in the direction in which it opens, with a share of what overcomes friction and latch."""
     simulation = robot.simulation
     body, link = simulation.built.articulations[name]
-    server = simulation.client.id
+    server = simulation.engine.client.id
     from_leaf = Pose(-np.array(articulation.origin)) @ articulation.handle.pose
     lever = 1.0
     if articulation.kind == "revolute":
@@ -93,7 +94,7 @@ def test_what_stands_open_at_the_start_stays_so_without_a_reset_on_record(
         for name in LEAVES:
             piece, _, part = name.partition("/")
             assert truth.articulation_position(name) == pytest.approx(opened.get(piece, {}).get(part, 0.0), abs=2e-3)
-        assert robot.simulation.client.counts["resets"] == 0
+        assert robot.simulation.ledger.counts["resets"] == 0
 
 
 def test_a_piece_may_be_named_like_its_door(robot_model: RobotModel, empty_world: World) -> None:
@@ -109,7 +110,7 @@ def test_all_stays_closed_while_nobody_pulls(robot: PyBulletRobot, truth: Ground
     robot.clock.sleep(2.0)
     assert max(abs(truth.articulation_position(name)) for name in LEAVES) < 1e-4
     body, _ = robot.simulation.built.articulations["fridge/upper_door"]
-    assert not pybullet.getContactPoints(bodyA=body, physicsClientId=robot.simulation.client.id)
+    assert not pybullet.getContactPoints(bodyA=body, physicsClientId=robot.client.id)
 
 
 @pytest.mark.parametrize("name", _the_others_slow(LEAVES))
@@ -159,7 +160,7 @@ def push_sideways(robot: PyBulletRobot, articulation: Articulation, name: str, f
     across = np.cross(handle.outward, np.array(articulation.axis))
     from_leaf = Pose(-np.array(articulation.origin)) @ handle.pose
     for _ in range(round(seconds * 240)):
-        state = pybullet.getLinkState(body, link, computeForwardKinematics=True, physicsClientId=simulation.client.id)
+        state = pybullet.getLinkState(body, link, computeForwardKinematics=True, physicsClientId=robot.client.id)
         map_from_leaf = Pose(np.array(state[4]), np.array(state[5]))
         pybullet.applyExternalForce(
             body,
@@ -167,7 +168,7 @@ def push_sideways(robot: PyBulletRobot, articulation: Articulation, name: str, f
             (force * map_from_leaf.rotation @ across).tolist(),
             (map_from_leaf @ from_leaf).position.tolist(),
             pybullet.WORLD_FRAME,
-            physicsClientId=simulation.client.id,
+            physicsClientId=robot.client.id,
         )
         robot.clock.sleep(1 / 240)
 
@@ -189,7 +190,7 @@ def test_a_latch_takes_a_harder_first_pull_and_nothing_afterwards(
         assert opened > LATCH_TRAVEL["revolute"]
         pull(robot, articulation, name, share=min(0.85, 1.3 * free / held), seconds=0.3)
         assert truth.articulation_position(name) > opened + 0.05
-        assert "setJointMotorControl2" not in robot.simulation.client.calls
+        assert "setJointMotorControl2" not in robot.simulation.ledger.calls
 
 
 def test_a_recording_sees_the_door_turn(robot_model: RobotModel, world: World) -> None:
@@ -230,12 +231,12 @@ def test_the_truth_names_the_doors_that_there_are(truth: GroundTruth) -> None:
 
 def test_a_motor_on_a_door_is_tampering(robot_model: RobotModel, world: World) -> None:
     with PyBulletRobot(robot_model, world) as robot:
-        client = robot.simulation.client
+        client = robot.client
         body, joint = robot.simulation.built.articulations["fridge/upper_door"]
         robot.clock.sleep(0.1)
-        assert client.counts["tampering"] == 0
+        assert client.ledger.counts["tampering"] == 0
         client.setJointMotorControl2(body, joint, pybullet.VELOCITY_CONTROL, targetVelocity=1.0, force=100.0)
-        assert client.counts["tampering"] == 1
+        assert client.ledger.counts["tampering"] == 1
 
 
 def test_mass_is_spread_as_the_shapes_are() -> None:

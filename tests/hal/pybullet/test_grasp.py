@@ -61,7 +61,7 @@ def test_fingers_press_along_their_way_after_the_hand_has_turned(name, robot_mod
         turned = hand.arm.positions()
         turned[0] += 1.5
         hand.finish(hand.arm.move_to(turned, 0.6))
-        built, client = robot.simulation.built, robot.simulation.client
+        built, client = robot.simulation.built, robot.client
         sideways = []
         for finger in ("panda_leftfinger", "panda_rightfinger"):
             link = built.links[finger]
@@ -90,7 +90,7 @@ def test_an_object_that_sticks_to_the_opened_hand_is_seen(robot_model, table_wor
     with PyBulletRobot(robot_model, table_worlds["box"], seed=3) as robot:
         hand = operator(robot)
         hand.grasp("box")
-        built, client = robot.simulation.built, robot.simulation.client
+        built, client = robot.simulation.built, robot.client
         tool = client.getLinkState(built.robot, built.links["panda_hand"])[:2]
         box = client.getBasePositionAndOrientation(built.objects["box"])
         glue = pybullet.multiplyTransforms(*pybullet.invertTransform(*tool), *box)

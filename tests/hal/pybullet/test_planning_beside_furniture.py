@@ -21,7 +21,7 @@ DRAWER = "drawer_chest/drawer_3"
 
 def state(robot: PyBulletRobot) -> str:
     """A hash of the poses and velocities of all bodies and of all their joints."""
-    client = robot.simulation.client
+    client = robot.client
     values = []
     for body in range(client.getNumBodies()):
         values.append((client.getBasePositionAndOrientation(body), client.getBaseVelocity(body)))
@@ -51,5 +51,5 @@ def test_planning_beside_an_open_drawer_changes_nothing_in_physics(robot_model):
         assert planned.trajectory.duration > 0.5
         assert state(robot) == before
         body, joint = robot.simulation.built.articulations[DRAWER]
-        robot.simulation.client.resetJointState(body, joint, 1e-4)
+        robot.client.resetJointState(body, joint, 1e-4)
         assert state(robot) != before

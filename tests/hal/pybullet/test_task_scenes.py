@@ -7,7 +7,8 @@ import pytest
 
 from bestman_bt.robot_model import RobotModel
 from bestman_bt.scene import draw_world, load_scene
-from hal.pybullet import GroundTruth, PyBulletRobot
+from hal.pybullet import PyBulletRobot
+from hal.simulation import GroundTruth
 
 WITH_OBJECTS = ("cup_in_drawer", "cup_in_fridge", "pick_place_table", "put_away", "set_table", "untidy_table")
 

@@ -10,7 +10,8 @@ import pytest
 from bestman_bt.messages import Cylinder, Mesh, ObjectModel, PlacedShape, Pose
 from bestman_bt.scene import PlacedObject
 from hal.api import NotConnectedError
-from hal.pybullet import GroundTruth, PyBulletRobot, ScenePhotographer, SceneRecorder, SimulationError, Viewpoint
+from hal.pybullet import PyBulletRobot
+from hal.simulation import GroundTruth, ScenePhotographer, SceneRecorder, SimulationError, Viewpoint
 
 
 def test_furniture_stands_where_it_is_and_not_where_the_map_has_it(robot_model, table_worlds) -> None:
@@ -59,7 +60,7 @@ def test_shapes_keep_their_place_and_rotation_in_a_body(robot_model, empty_world
     world = dataclasses.replace(empty_world, objects=objects)
     robot = PyBulletRobot(robot_model, world)
     with robot:
-        built, client = robot.simulation.built, robot.simulation.client
+        built, client = robot.simulation.built, robot.client
         lower, upper = (np.array(corner) for corner in client.getAABB(built.objects["cube"]))
         assert upper - lower == pytest.approx([0.2, 0.4, 0.2], abs=0.02)
         axis = lying.pose.rotation[:, 2]

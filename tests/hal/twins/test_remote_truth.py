@@ -10,7 +10,7 @@ import pytest
 
 from bestman_bt.robot_model import RobotModel
 from bestman_bt.scene import World
-from hal.pybullet import AuditRecord
+from hal.simulation import AuditRecord
 from hal.twins.judge_server import JudgeServer
 from hal.twins.remote_truth import RemoteTruth
 from hal.twins.world import TwinWorld

@@ -1,0 +1,199 @@
+"""PyBullet as an engine of ``hal.simulation``."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bestman_bt.messages import CameraIntrinsics, Pose
+from bestman_bt.robot_model import RobotModel
+from bestman_bt.scene import World
+from hal.pybullet.client import PhysicsClient, RawCallGuard
+from hal.pybullet.package import pybullet
+from hal.pybullet.parameters import PhysicsParameters
+from hal.pybullet.pictures import depth_image, photo, segments
+from hal.pybullet.world_builder import build_world
+from hal.simulation import Contact, Engine, LinkMotion, Viewpoint
+from hal.simulation.bodies import JointStates, Quaternion, Vector
+
+Array = NDArray[np.float64]
+DEFAULT_FILTER, EVERYTHING = 1, -1
+FRICTIONS = (1, 7)
+"""Where lateral and spinning friction are in what pybullet tells of a body."""
+ENGINE_KEYS = ("fixedTimeStep", "gravityAccelerationX", "gravityAccelerationY", "gravityAccelerationZ")
+
+
+class PyBulletEngine(Engine):
+    """A physics server of its own. ``client``: for programs that use pybullet's functions; those are counted."""
+
+    def __init__(
+        self, client: PhysicsClient, model: RobotModel, world: World, parameters: PhysicsParameters, gui: bool = False
+    ) -> None:
+        self._velocity_gain = parameters.joint_velocity_gain
+        self.client, self.ledger = client, client.ledger
+        client.connect(gui)
+        self._free = free = client.free()
+        self._guard = RawCallGuard(client)
+        try:
+            self.built = build_world(free, model, world, parameters)
+        except BaseException:
+            client.disconnect()
+            raise
+        client.robot = self.built.robot
+        self._names = {self.built.robot: "robot", **self.built.body_names}
+        frames = {body: free.getDynamicsInfo(body, -1)[3:5] for body in self._names}
+        self._inertial_from_root = {body: Pose(*map(np.array, frame)).inverse() for body, frame in frames.items()}
+        self._guard.install()
+
+    def step(self) -> None:
+        """One step."""
+        self._free.stepSimulation()
+
+    def close(self) -> None:
+        """Close the physics server."""
+        self._guard.remove()
+        self._free = self.client
+        self.client.disconnect()
+
+    def track(
+        self, joints: Sequence[int], positions: Array, velocities: Array, efforts: Sequence[float], gain: float
+    ) -> None:
+        """Bullet's position motors."""
+        self._free.setJointMotorControlArray(
+            self.built.robot,
+            joints,
+            pybullet.POSITION_CONTROL,
+            targetPositions=positions.tolist(),
+            targetVelocities=velocities.tolist(),
+            forces=efforts,
+            positionGains=[gain] * len(joints),
+            velocityGains=[self._velocity_gain] * len(joints),
+        )
+
+    def approach(self, joint: int, position: float, speed: float, effort: float) -> None:
+        """One of Bullet's position motors, with its default gains."""
+        self._free.setJointMotorControl2(
+            self.built.robot,
+            joint,
+            pybullet.POSITION_CONTROL,
+            targetPosition=position,
+            force=effort,
+            maxVelocity=speed,
+        )
+
+    def turn(self, body: int, joints: Sequence[int], speeds: Sequence[float], efforts: Sequence[float]) -> None:
+        """Bullet's velocity motors."""
+        self._free.setJointMotorControlArray(
+            body, joints, pybullet.VELOCITY_CONTROL, targetVelocities=speeds, forces=efforts
+        )
+
+    def exert(self, joints: Sequence[int], efforts: Array) -> None:
+        """Torques add to what motors exert."""
+        self._free.setJointMotorControlArray(self.built.robot, joints, pybullet.TORQUE_CONTROL, forces=efforts.tolist())
+
+    def push(self, body: int, link: int, force: Vector, point: Vector) -> None:
+        """For one step, as Bullet does."""
+        self._free.applyExternalForce(body, link, force, point, pybullet.WORLD_FRAME)
+
+    def joint_states(self, body: int, joints: Sequence[int]) -> JointStates:
+        """Bullet also tells forces of reaction, when asked to."""
+        if not joints:
+            return (), (), ()
+        positions, velocities, _, efforts = zip(*self._free.getJointStates(body, joints), strict=True)
+        return positions, velocities, efforts
+
+    def body_pose(self, body: int) -> tuple[Vector, Quaternion]:
+        """Of its centre of mass."""
+        pose: tuple[Vector, Quaternion] = self._free.getBasePositionAndOrientation(body)
+        return pose
+
+    def body_velocity(self, body: int) -> tuple[Vector, Vector]:
+        """Of its centre of mass."""
+        velocity: tuple[Vector, Vector] = self._free.getBaseVelocity(body)
+        return velocity
+
+    def link_pose(self, body: int, link: int) -> Pose:
+        """Bullet tells the centre of mass of a root link, and where the others' frames were before the step."""
+        if link >= 0:
+            position, quaternion = self._free.getLinkState(body, link, computeForwardKinematics=1)[4:6]
+            return Pose(np.array(position), np.array(quaternion))
+        position, quaternion = self._free.getBasePositionAndOrientation(body)
+        return Pose(np.array(position), np.array(quaternion)) @ self._inertial_from_root[body]
+
+    def link_motions(self, body: int, links: Collection[int]) -> Sequence[LinkMotion]:
+        """Of their centres of mass."""
+        states = self._free.getLinkStates(body, list(links), computeLinkVelocity=1)
+        return [LinkMotion(state[0], state[6], state[7]) for state in states]
+
+    def contacts(self, body: int | None = None, link: int | None = None, other: int | None = None) -> Sequence[Contact]:
+        """Bullet's points, without their first field, a flag."""
+        which = {"bodyA": body, "linkIndexA": link, "bodyB": other}
+        found = self._free.getContactPoints(**{key: value for key, value in which.items() if value is not None})
+        return [Contact._make(point[1:]) for point in found]
+
+    def gaps(self, body: int, other: int, within: float, link: int | None = None) -> Sequence[float]:
+        """Between convex parts."""
+        which = {} if link is None else {"linkIndexB": link}
+        return [point[8] for point in self._free.getClosestPoints(body, other, within, **which)]
+
+    def cast_rays(self, starts: Array, ends: Array) -> tuple[NDArray[np.intp], Array]:
+        """In one batch."""
+        hits = self._free.rayTestBatch(starts.tolist(), ends.tolist(), numThreads=1)
+        bodies, _, shares, _, _ = zip(*hits, strict=True)
+        return np.array(bodies), np.array(shares)
+
+    def depth_image(
+        self, map_from_optical: Pose, intrinsics: CameraIntrinsics, near: float, far: float
+    ) -> tuple[NDArray[np.uint8], Array]:
+        """By software."""
+        return depth_image(self._free, map_from_optical, intrinsics, near, far)
+
+    def photo(self, viewpoint: Viewpoint, width: int, height: int) -> NDArray[np.uint8]:
+        """By software."""
+        return photo(self._free, viewpoint, width, height)
+
+    def segments(self, viewpoint: Viewpoint, width: int, height: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """By software."""
+        return segments(self._free, viewpoint, width, height)
+
+    def put(self, body: int, position: Sequence[float], quaternion: Sequence[float]) -> None:
+        """Reset, and wake what Bullet has put to sleep."""
+        self._free.resetBasePositionAndOrientation(body, position, quaternion)
+        self._free.resetBaseVelocity(body, [0.0] * 3, [0.0] * 3)
+        self._free.changeDynamics(body, -1, activationState=pybullet.ACTIVATION_STATE_WAKE_UP)
+
+    def friction(self, body: int) -> tuple[float, float]:
+        """As Bullet keeps them."""
+        values = self._free.getDynamicsInfo(body, -1)
+        return values[FRICTIONS[0]], values[FRICTIONS[1]]
+
+    def set_friction(self, body: int, sliding: float, spinning: float) -> None:
+        """Bullet keeps the friction of the contacts that there are: they have to be found afresh."""
+        self._free.changeDynamics(body, -1, lateralFriction=sliding, spinningFriction=spinning)
+        self.forget_contacts(body, -1)
+
+    def forget_contacts(self, body: int, link: int) -> None:
+        """Setting the filter that it has anyway makes Bullet forget and find again what a link touches."""
+        self._free.setCollisionFilterGroupMask(body, link, DEFAULT_FILTER, EVERYTHING)
+
+    def constraint_count(self) -> int:
+        """Gears of the robot among them."""
+        count: int = self._free.getNumConstraints()
+        return count
+
+    def constants(self) -> Mapping[str, tuple[Any, ...]]:
+        """Gravity, time step, and what Bullet tells of the dynamics of each link."""
+        values = self._free.getPhysicsEngineParameters()
+        constants: dict[str, tuple[Any, ...]] = {key: (values[key],) for key in ENGINE_KEYS}
+        constants["the number of bodies"] = (self._free.getNumBodies(),)
+        for body, name in self._names.items():
+            for link in range(-1, self._free.getNumJoints(body)):
+                place = name if link < 0 else f"{name}, link {link}"
+                dynamics = self._free.getDynamicsInfo(body, link)
+                constants[f"friction of {place}"] = tuple(dynamics[at] for at in FRICTIONS)
+                rest = tuple(value for at, value in enumerate(dynamics) if at not in FRICTIONS)
+                constants[f"mass or contact values of {place}"] = rest
+        return constants

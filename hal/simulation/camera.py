@@ -1,0 +1,138 @@
+"""Simulated RGB-D cameras: software rendering, a lens, and the errors of a structured-light sensor."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from enum import Enum
+from functools import cached_property
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from bestman_bt.messages import CameraIntrinsics, Pose, RGBDImage
+from bestman_bt.robot_model import CameraPart
+from hal.api import Camera, NoDataError
+from hal.simulation.bodies import SimulationError
+from hal.simulation.guards import Reader, ReadPurpose
+from hal.simulation.sensor_pipeline import SimulatedSensor
+from hal.simulation.simulation import Simulation
+
+EDGE_CURVATURE = 0.03
+
+
+class CameraFault(Enum):
+    """How a camera can fail: no image at all, a black one, one without depth, or the last one again and again."""
+
+    SILENT = "silent"
+    BLACK = "black"
+    NO_DEPTH = "no_depth"
+    FROZEN = "frozen"
+
+
+class SimulatedCamera(SimulatedSensor[RGBDImage], Camera):
+    """Renders when asked, with a latency all the time; the true pose of its link is used for that alone.
+
+    ``fault``: set it to make the camera fail from now on, None to repair it.
+    """
+
+    def __init__(self, name: str, model: CameraPart, rng: np.random.Generator) -> None:
+        super().__init__(name, model.rate, model.latency, on_demand=True)
+        self._model, self._rng = model, rng
+        self.intrinsics, self.optical_frame = model.intrinsics, model.optical_frame
+        self._last: RGBDImage | None = None
+        self.fault: CameraFault | None = None
+
+    def capture(self) -> RGBDImage:
+        """Render colour and depth, and spoil the depth as the model says."""
+        if self.fault is CameraFault.SILENT:
+            raise NoDataError(f"{self.name} delivers no images")
+        if self.fault is CameraFault.FROZEN and self._last is not None:
+            return self._last
+        self._last = self.read()
+        return self._last
+
+    def begin(self, simulation: Simulation) -> Callable[[], RGBDImage]:
+        """Look into this simulation."""
+        reader = simulation.reader(ReadPurpose.SENSOR)
+        self._last = None
+        return lambda: self._film(simulation, reader)
+
+    def _film(self, simulation: Simulation, reader: Reader) -> RGBDImage:
+        model = self._model
+        rgb, depth = self._seen(reader, simulation.link_pose(reader, model.optical_frame))
+        noisy = spoil_depth(depth, model, self._rng)
+        if self.fault is CameraFault.BLACK:
+            rgb = np.zeros_like(rgb)
+        if self.fault in (CameraFault.BLACK, CameraFault.NO_DEPTH):
+            noisy = np.zeros_like(noisy)
+        return RGBDImage(rgb, noisy, model.intrinsics, simulation.now)
+
+    @cached_property
+    def _lens(self) -> Lens | None:
+        return Lens(self._model.intrinsics) if any(self._model.intrinsics.distortion) else None
+
+    def _seen(self, reader: Reader, map_from_optical: Pose) -> tuple[NDArray[np.uint8], NDArray[np.float64]]:
+        model, lens = self._model, self._lens
+        ideal = model.intrinsics if lens is None else lens.ideal
+        rgb, depth = reader.depth_image(map_from_optical, ideal, model.near, model.far)
+        return (rgb, depth) if lens is None else (lens.color(rgb), lens.depth(depth))
+
+
+def spoil_depth(depth: NDArray[np.float64], model: CameraPart, rng: np.random.Generator) -> NDArray[np.float32]:
+    """Systematic error, noise that grows with the square of the distance, holes at edges and at random, steps."""
+    deviation = model.noise_base + model.noise_quadratic * np.clip(depth - 0.4, 0.0, None) ** 2
+    noisy = model.depth_scale * depth + model.depth_offset + rng.standard_normal(depth.shape) * deviation
+    edges = ndimage.binary_dilation(np.abs(ndimage.laplace(depth)) > EDGE_CURVATURE)
+    holes = rng.random(depth.shape) < np.where(edges, model.edge_dropout, model.dropout)
+    noisy[holes | (depth <= 0.0)] = 0.0
+    if model.depth_step > 0.0:
+        noisy = np.round(noisy / model.depth_step) * model.depth_step
+    return np.clip(noisy, 0.0, None).astype(np.float32)
+
+
+MARGIN = 2
+"""Pixels rendered beyond what the lens needs, for interpolation."""
+LARGEST = 3.0
+"""How many times wider than the image the ideal field may become; no lens that the model fits needs more."""
+ITERATIONS = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 100, 1e-10)
+
+
+class Lens:
+    """``ideal``: the pinhole to render, wide enough for every pixel of the image that ``intrinsics`` describe.
+
+    D. Brown, "Decentering distortion of lenses", 1966, in the form and order of OpenCV: k1, k2, p1, p2, k3. Raises
+    SimulationError if the distortion cannot be inverted all over the image.
+    """
+
+    def __init__(self, intrinsics: CameraIntrinsics) -> None:
+        k = intrinsics
+        u, v = np.meshgrid(np.arange(k.width, dtype=float), np.arange(k.height, dtype=float))
+        pixels = np.stack([u, v], axis=-1).reshape(-1, 1, 2)
+        distortion = np.array(k.distortion)
+        rays = cv2.undistortPoints(pixels, k.matrix, distortion, criteria=ITERATIONS)
+        back, _ = cv2.projectPoints(
+            np.concatenate([rays, np.ones_like(rays[..., :1])], axis=-1), np.zeros(3), np.zeros(3), k.matrix, distortion
+        )
+        sources = rays.reshape(k.height, k.width, 2) * (k.fx, k.fy) + (k.cx, k.cy)
+        lower = np.floor(sources.min(axis=(0, 1))) - MARGIN
+        size = np.ceil(sources.max(axis=(0, 1))) + MARGIN + 1 - lower
+        invertible = np.isfinite(back).all() and np.abs(back - pixels).max() < 0.01
+        if not invertible or not (size < (LARGEST * k.width, LARGEST * k.height)).all():
+            raise SimulationError(
+                f"the lens distortion {k.distortion} folds the image of {k.width} × {k.height} pixels; "
+                "coefficients k1, k2, p1, p2, k3 of a real lens are expected"
+            )
+        width, height = (math.ceil(extent) for extent in size)
+        self.ideal = CameraIntrinsics(width, height, k.fx, k.fy, k.cx - float(lower[0]), k.cy - float(lower[1]))
+        self._columns, self._rows = np.moveaxis((sources - lower).astype(np.float32), -1, 0)
+
+    def color(self, ideal: NDArray[np.uint8]) -> NDArray[np.uint8]:
+        """The (H, W, 3) image of an ideal rendering, interpolated."""
+        return np.asarray(cv2.remap(ideal, self._columns, self._rows, cv2.INTER_LINEAR), dtype=np.uint8)
+
+    def depth(self, ideal: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The (H, W) depth along the optical axis of an ideal one: that of the nearest pixel, so that edges stay."""
+        return np.asarray(cv2.remap(ideal, self._columns, self._rows, cv2.INTER_NEAREST), dtype=np.float64)

@@ -1,0 +1,193 @@
+"""Somebody who disturbs with a run: puts objects elsewhere, pushes drawers shut, makes what is held slip."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from bestman_bt.messages import Pose
+from hal.simulation.audit_record import DisturbanceEvent, Finding
+from hal.simulation.bodies import among
+from hal.simulation.doors import Hand, Push
+from hal.simulation.guards import ReadPurpose
+from hal.simulation.robot import SimulatedRobot
+
+KEEPS_AWAY = 0.10
+"""Metres from the robot, and from what it holds, within which nobody puts anything down or pushes anything."""
+OVERLAP = 1e-3
+"""Metres that an object may overlap with others where it is put; more is no free place."""
+PUTS_DOWN_FROM = 5e-4
+"""Metres above the surface at which an object is let go."""
+OUT_OF_HAND = 0.1
+"""Seconds for which the robot has not touched an object that has slipped out of its hand."""
+SLIP_TIME = 1.5
+"""Seconds after which an object that hangs in the hand without friction has its own again."""
+FALL_TIME = 2.0
+"""Seconds in which what has slipped out of the hand comes to rest."""
+PUSH_TIME = 10.0
+"""Seconds after which somebody gives up pushing: something is in the way."""
+ENDS_WITHIN = 0.1
+"""Seconds after its time in which a slip or a push has ended: it is looked after every control period."""
+PUSH_EFFORT = {"prismatic": 30.0, "revolute": 10.0}
+"""N and N m: what a hand pushes with."""
+
+
+@dataclass
+class _Push:
+    event: DisturbanceEvent
+    push: Push
+    until: float
+
+
+@dataclass
+class _Slip:
+    """``friction``: the object's own, to be given back, at the latest at ``until``.
+
+    ``touched_at``: when the robot last touched it.
+    """
+
+    event: DisturbanceEvent
+    friction: tuple[float, float]
+    until: float
+    touched_at: float
+
+
+class DisturbanceInjector:
+    """The verbs of a scripted disturbance. Make it right after ``robot.connect()``, before ``close_truth``.
+
+    What it does is told in ``AuditRecord.disturbances`` and is no fault of the run, if whoever evaluates the run
+    knows of it: each verb gives back its event, ``audit`` compares them with those that the monitor has forgiven. One
+    that is made later works, too, but is a cheat like any other: each of its acts is counted and seen. It never acts on
+    what is within ``KEEPS_AWAY`` of the robot, but for ``let_slip``; so no contact of the robot is ever its doing.
+    """
+
+    def __init__(self, robot: SimulatedRobot) -> None:
+        self._simulation = simulation = robot.simulation
+        self._reader = simulation.reader(ReadPurpose.SCRIPT)
+        self._log = robot.disturbance_log()
+        self._engine = simulation.actor()
+        self._hand = Hand(self._engine)
+        self._leaves = {
+            f"{piece.name}/{leaf.name}": leaf for piece in robot.world.furniture for leaf in piece.model.articulations
+        }
+        self._pushes: list[_Push] = []
+        self._slips: dict[int, _Slip] = {}
+        self._falls: dict[int, tuple[DisturbanceEvent, float]] = {}
+        simulation.controls.append(self._update)
+
+    def move_object(self, name: str, pose: Pose, surface: str) -> DisturbanceEvent | None:
+        """Lift an object and put it down at ``pose`` in the map frame, at rest; ``surface``: where that is, in words.
+
+        None, and nothing is done, while the robot or another object is at it, or while its new place is not free.
+        """
+        body = among(self._simulation.built.objects, name, "object")
+        before = self._reader.body_pose(body)
+        if self._near_robot(body) or self._touches_objects(body):
+            return None
+        raised = (pose.position + np.array((0.0, 0.0, PUTS_DOWN_FROM))).tolist()
+        self._engine.put(body, raised, pose.quaternion.tolist())
+        if self._near_robot(body) or self._overlaps(body):
+            self._engine.put(body, *before)
+            return None
+        way = float(np.linalg.norm(pose.position - before[0]))
+        text = f"somebody moves the {name} by {way:.2f} m, on {surface}"
+        event = DisturbanceEvent(self._now, self._now, "put", name, text, (*raised, *pose.quaternion.tolist()))
+        self._log.announce(event)
+        return event
+
+    def push_shut(self, articulation: str, speed: float) -> DisturbanceEvent | None:
+        """Begin to push a door or drawer shut with the force of a hand; ``speed``: m/s or rad/s.
+
+        None, and nothing is done, while the robot is near. If it comes near later, the hand waits.
+        """
+        place = among(self._simulation.built.articulations, articulation, "door or drawer")
+        leaf = self._leaves[articulation]
+        if any(running.push.place == place for running in self._pushes) or self._near_robot(*place):
+            return None
+        push = Push(place, leaf, 0.0, speed, PUSH_EFFORT[leaf.kind])
+        until, text = self._now + PUSH_TIME, f"somebody pushes {articulation} shut"
+        event = DisturbanceEvent(self._now, until + ENDS_WITHIN, "push", articulation, text)
+        self._pushes.append(_Push(event, push, until))
+        self._log.announce(event)
+        return event
+
+    def let_slip(self, name: str) -> DisturbanceEvent | None:
+        """Take an object's friction away until it is out of the hand; None if the robot does not touch it."""
+        body = among(self._simulation.built.objects, name, "object")
+        if body in self._slips or not self._touched(body):
+            return None
+        friction, until = self._engine.friction(body), self._now + SLIP_TIME
+        event = DisturbanceEvent(
+            self._now, until + FALL_TIME + ENDS_WITHIN, "slip", name, f"the {name} slips in the hand"
+        )
+        self._slips[body] = _Slip(event, friction, until, self._now)
+        self._log.announce(event)
+        self._engine.set_friction(body, 0.0, 0.0)
+        return event
+
+    @property
+    def _now(self) -> float:
+        """As the monitor's stamps: seconds since the scene was built."""
+        return self._simulation.elapsed
+
+    def _tell(self, text: str) -> None:
+        self._log.tell(Finding(self._now, text))
+
+    def _update(self) -> None:
+        """Before each control period."""
+        self._pushes = [running for running in self._pushes if not self._push_ends(running)]
+        for body, (event, until) in list(self._falls.items()):
+            if self._now > until or self._touched(body):
+                self._log.rest(event)
+                del self._falls[body]
+        for body, slip in list(self._slips.items()):
+            if self._touched(body):
+                slip.touched_at = self._now
+            out = self._now - slip.touched_at > OUT_OF_HAND
+            if out or self._now > slip.until:
+                self._engine.set_friction(body, *slip.friction)
+                del self._slips[body]
+                self._falls[body] = (slip.event, self._now + FALL_TIME)
+                self._tell(f"the {slip.event.name} is {'out of' if out else 'still in'} the hand")
+
+    def _push_ends(self, running: _Push) -> bool:
+        """Push on, or wait where the robot is near; whether that was the last of it."""
+        push, event = running.push, running.event
+        if self._near_robot(*push.place):
+            self._hand.rest(push)
+            self._log.rest(event)
+        elif self._hand.push(push):
+            self._log.rest(event)
+            self._tell(f"somebody has shut {event.name}")
+            return True
+        else:
+            self._log.resume(event)
+        if self._now < running.until:
+            return False
+        self._hand.rest(push)
+        self._log.rest(event)
+        self._tell(f"somebody lets go of {event.name}")
+        return True
+
+    def _touched(self, body: int) -> bool:
+        return bool(self._reader.contacts(self._simulation.built.robot, other=body))
+
+    def _touches_objects(self, body: int) -> bool:
+        others = set(self._simulation.built.objects.values())
+        return any(contact.second in others for contact in self._reader.contacts(body))
+
+    def _near_robot(self, body: int, link: int | None = None) -> bool:
+        """Whether the robot, or an object that it touches, is within ``KEEPS_AWAY`` of a body or one of its links."""
+        built = self._simulation.built
+        held = [other for other in built.objects.values() if other != body and self._touched(other)]
+        return any(self._reader.gaps(other, body, KEEPS_AWAY, link) for other in (built.robot, *held))
+
+    def _overlaps(self, body: int) -> bool:
+        """With anything that stands there: closest points are found where bodies are now."""
+        return any(
+            gap < -OVERLAP
+            for other in self._simulation.built.body_names
+            if other != body
+            for gap in self._reader.gaps(body, other, 0.0)
+        )

@@ -1,0 +1,164 @@
+"""Watches doors and drawers: contacts and their weight move them, dry friction slows them, and nothing else acts."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection
+from dataclasses import dataclass
+
+import numpy as np
+
+from bestman_bt.robot_model import GripperModel
+from bestman_bt.scene import LATCH_TRAVEL, Articulation, PlacedFurniture, World
+from hal.simulation.audit_record import Finding
+from hal.simulation.guards import Reader
+from hal.simulation.mass_distribution import mass_distribution
+from hal.simulation.simulation import Simulation
+
+# Radians or metres, seconds, N m or N. Honest leaves keep to their velocity within 1e-15; in a hand that trembles the
+# solver leaves efforts of any size and sense at up to 0.01 per second, free ones slide against their friction exactly.
+DRIFT = 1e-5
+DRIFT_DECAY = 0.99
+GAIN = 1e-3
+MOVING = 1e-3
+SLIDING = 0.05
+EFFORT_TOLERANCE = (0.02, 0.01)  # share and least
+GRAVITY = 9.81
+
+
+@dataclass
+class _Leaf:
+    """``friction``, ``latched``: efforts of its joint beyond ``travel`` and within; ``falling``: how much speed its
+    weight can give it in one step, and the others how it was after the step before. ``drift``: how far it has moved of
+    late without a velocity.
+    """
+
+    name: str
+    body: int
+    joint: int
+    upper: float
+    friction: float
+    latched: float
+    travel: float
+    falling: float
+    position: float
+    velocity: float
+    drift: float = 0.0
+    accused: bool = False
+
+
+class DoorWatcher:
+    """Looks after every physics step.
+
+    A leaf has then moved by exactly its velocity. It has gained speed only if something presses on it, its weight
+    pulls, or it leaves an end stop that it was pressed into. The motor of its joint, which stands for dry friction and
+    the latch (``hal.simulation.doors``), has exerted their effort against the motion, no more, and while it slides no
+    less.
+    """
+
+    def __init__(self, simulation: Simulation, world: World, reader: Reader) -> None:
+        built = simulation.built
+        self._simulation, self._time_step = simulation, simulation.parameters.time_step
+        self._states, self._contacts, self._robot = reader.joint_states, reader.contacts, built.robot
+        # A cup pulls at what it touches, however lightly.
+        hands = simulation.model.of(GripperModel).values()
+        self._cups = {
+            built.links[link] for hand in hands if hand.part.kind == "suction" for link in hand.part.finger_links
+        }
+        self._pieces: list[tuple[int, list[int], list[_Leaf]]] = []
+        scripted = {door.leaf for door in world.moving_doors}
+        for piece in world.furniture:
+            leaves = []
+            for articulation in piece.model.articulations:
+                name = f"{piece.name}/{articulation.name}"
+                if name in scripted:  # what moves it is told as a disturbance
+                    continue
+                body, joint = built.articulations[name]
+                leaf = _Leaf(
+                    name=name,
+                    body=body,
+                    joint=joint,
+                    upper=articulation.upper,
+                    friction=articulation.friction,
+                    latched=articulation.friction + articulation.latch,
+                    travel=LATCH_TRAVEL[articulation.kind],
+                    falling=_acceleration_by_weight(piece, articulation) * self._time_step,
+                    position=reader.joint_states(body, [joint])[0][0],
+                    velocity=0.0,
+                )
+                leaves.append(leaf)
+            if leaves:
+                self._pieces.append((leaves[0].body, [leaf.joint for leaf in leaves], leaves))
+        self.jumps: list[Finding] = []
+        self.unexplained_forces: list[Finding] = []
+
+    def watch_step(self, pushed: Collection[str] = ()) -> None:
+        """Take in the joints after one physics step; ``pushed``: doors and drawers that somebody has a hand at."""
+        for body, joints, leaves in self._pieces:
+            for leaf, position, velocity, effort in zip(leaves, *self._states(body, joints), strict=True):
+                if velocity != leaf.velocity or position != leaf.position:  # else it rests as it did
+                    self._watch(leaf, position, velocity, effort, leaf.name in pushed)
+
+    def _watch(self, leaf: _Leaf, position: float, velocity: float, effort: float, pushed: bool) -> None:
+        leaf.drift = DRIFT_DECAY * leaf.drift + position - leaf.position - velocity * self._time_step
+        if abs(leaf.drift) > DRIFT:
+            self.jumps.append(Finding(self._stamp, f"{leaf.name} moved by {leaf.drift:.5f} without a velocity"))
+            leaf.drift = 0.0
+        fault = ""
+        if not pushed:  # that is told as a disturbance
+            fault = self._fault_of_motor(leaf, velocity, effort) or self._fault_of_speed(leaf, velocity)
+        if fault and not leaf.accused:
+            self.unexplained_forces.append(Finding(self._stamp, f"{leaf.name} {fault}"))
+        leaf.accused = bool(fault) or (leaf.accused and abs(velocity) > MOVING)
+        leaf.position, leaf.velocity = position, velocity
+
+    def _fault_of_motor(self, leaf: _Leaf, velocity: float, effort: float) -> str:
+        owed = leaf.latched if abs(leaf.position) < leaf.travel else leaf.friction
+        slack = EFFORT_TOLERANCE[0] * owed + EFFORT_TOLERANCE[1]
+        if abs(effort) > owed + slack:
+            return f"is driven by its joint with {abs(effort):.2f}, its friction is {owed:.2f}"
+        if abs(velocity) < MOVING or (effort * velocity < 0.0 and abs(effort) > owed - slack):
+            return ""
+        slides = min(velocity * leaf.velocity, velocity**2) > SLIDING**2
+        if not slides and (self._leaves_stop(leaf, velocity) or self._is_pressed(leaf)):
+            return ""
+        if effort * velocity > 0.0:
+            return f"is driven by its joint with {abs(effort):.2f}"
+        return f"slides against {abs(effort):.2f}, its friction is {owed:.2f}"
+
+    def _fault_of_speed(self, leaf: _Leaf, velocity: float) -> str:
+        gained = abs(velocity) - max(0.0, math.copysign(leaf.velocity, velocity * leaf.velocity))
+        if gained <= GAIN + leaf.falling:
+            return ""
+        if self._leaves_stop(leaf, velocity) or self._is_pressed(leaf):
+            return ""
+        return f"gained {gained:.4f} per second in a step, and nothing pressed on it"
+
+    def _leaves_stop(self, leaf: _Leaf, velocity: float) -> bool:
+        """Whether an end stop that it was pressed into pushes it back, no further than out of the stop."""
+        beyond = max(-leaf.position, leaf.position - leaf.upper)
+        return (velocity > 0.0) is (leaf.position < 0.0) and abs(velocity) * self._time_step < beyond
+
+    def _is_pressed(self, leaf: _Leaf) -> bool:
+        return any(
+            touch.pressure > 0.0 or (touch.second == self._robot and touch.second_link in self._cups)
+            for touch in self._contacts(leaf.body, leaf.joint)
+        )
+
+    @property
+    def _stamp(self) -> float:
+        return self._simulation.elapsed
+
+
+def _acceleration_by_weight(piece: PlacedFurniture, leaf: Articulation) -> float:
+    """The most that the weight of a door or drawer can speed it up along or about its axis, m/s² or rad/s²."""
+    axis = np.array(leaf.axis)
+    upright = abs(float((piece.pose.rotation @ axis)[2]))
+    if leaf.kind == "prismatic":
+        return GRAVITY * upright
+    tilt = math.sqrt(max(0.0, 1.0 - upright**2))
+    if tilt < 1e-6:
+        return 0.0
+    centre, inertia = mass_distribution(leaf.parts, leaf.mass)
+    arm = float(np.linalg.norm(np.cross(axis, centre - np.array(leaf.origin))))
+    return leaf.mass * GRAVITY * arm * tilt / (float(axis @ inertia @ axis) + leaf.mass * arm**2)

@@ -1,0 +1,158 @@
+"""Doors and drawers: their latches, hands that push them, and scripts by which somebody moves them.
+
+A latch is more dry friction near the closed position, as a magnet or a spring catch has it. A hand is a motor of the
+joint with bounded effort.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from bestman_bt.messages import JointKind
+from bestman_bt.scene import LATCH_TRAVEL, Articulation, MovingDoor, World
+from hal.simulation.audit_record import Finding
+from hal.simulation.engine import Engine
+
+
+@dataclass
+class _Latch:
+    body: int
+    joint: int
+    friction: float
+    latched: float
+    travel: float
+    caught: bool = True
+
+
+class Latches:
+    """Gives each latched joint its breakaway effort while it is closed and its plain friction beyond that.
+
+    No latch ever moves anything: it bounds a motor that wants speed 0.
+    """
+
+    def __init__(self, engine: Engine, world: World) -> None:
+        self._engine = engine
+        self._latches = [
+            _Latch(
+                *engine.built.articulations[f"{piece.name}/{leaf.name}"],
+                leaf.friction,
+                leaf.friction + leaf.latch,
+                LATCH_TRAVEL[leaf.kind],
+            )
+            for piece in world.furniture
+            for leaf in piece.model.articulations
+            if leaf.latch > 0.0
+        ]
+        for latch in self._latches:
+            self._apply(latch)
+
+    def __len__(self) -> int:
+        return len(self._latches)
+
+    def update(self) -> None:
+        """Before each physics step."""
+        for latch in self._latches:
+            caught = abs(_position(self._engine, (latch.body, latch.joint))) < latch.travel
+            if caught != latch.caught:
+                latch.caught = caught
+                self._apply(latch)
+
+    def _apply(self, latch: _Latch) -> None:
+        effort = latch.latched if latch.caught else latch.friction
+        self._engine.turn(latch.body, [latch.joint], [0.0], [effort])
+
+
+ARRIVED: dict[JointKind, float] = {"revolute": math.radians(1.0), "prismatic": 0.004}
+"""Radians or metres from its goal at which it lets go; less than a latch holds on."""
+
+
+@dataclass(frozen=True)
+class Push:
+    """``place``: body and joint. It moves ``to`` (radians or metres open) at ``speed`` (per second).
+
+    ``effort``: N m or N at most, beyond the friction of the joint.
+    """
+
+    place: tuple[int, int]
+    leaf: Articulation
+    to: float
+    speed: float
+    effort: float
+
+
+class Hand:
+    """Pushes doors and drawers."""
+
+    def __init__(self, engine: Engine) -> None:
+        self._engine = engine
+
+    def push(self, push: Push) -> bool:
+        """Push on for one control period; True, and lets go, once it has arrived."""
+        left = push.to - _position(self._engine, push.place)
+        if abs(left) < ARRIVED[push.leaf.kind]:
+            self.rest(push)
+            return True
+        self._turn(push, math.copysign(push.speed, left), push.leaf.friction + push.effort)
+        return False
+
+    def rest(self, push: Push) -> None:
+        """Let go of it: its friction, and near the closed position its latch, are what holds it again."""
+        leaf = push.leaf
+        caught = abs(_position(self._engine, push.place)) < LATCH_TRAVEL[leaf.kind]
+        self._turn(push, 0.0, leaf.friction + leaf.latch if caught else leaf.friction)
+
+    def _turn(self, push: Push, speed: float, effort: float) -> None:
+        body, joint = push.place
+        self._engine.turn(body, [joint], [speed], [effort])
+
+
+def _position(engine: Engine, place: tuple[int, int]) -> float:
+    """How far a door or drawer is open, radians or metres."""
+    body, joint = place
+    return float(engine.joint_states(body, [joint])[0][0])
+
+
+@dataclass
+class _Script:
+    """``middle``: of its frame, x and y in the map. ``phase``: 0 waits, 1 moves, 2 rests."""
+
+    door: MovingDoor
+    push: Push
+    middle: tuple[float, float]
+    phase: int = 0
+
+
+class MovingDoors:
+    """Moves the doors of a world's script. ``log``: what was done, to be told with the run as a disturbance of it."""
+
+    def __init__(self, engine: Engine, world: World) -> None:
+        self._engine, self._hand = engine, Hand(engine)
+        self._scripts = []
+        for door in world.moving_doors:
+            piece = next(p for p in world.furniture if p.name == door.leaf.partition("/")[0])
+            leaf = next(a for a in piece.model.articulations if a.name == door.leaf.partition("/")[2])
+            middle = (piece.actual.x, piece.actual.y)
+            push = Push(engine.built.articulations[door.leaf], leaf, door.to, door.speed, door.torque)
+            self._scripts.append(_Script(door, push, middle))
+        self.log: list[Finding] = []
+
+    @property
+    def bodies(self) -> frozenset[int]:
+        """Of the doors that it moves."""
+        return frozenset(script.push.place[0] for script in self._scripts)
+
+    def __len__(self) -> int:
+        return len(self._scripts)
+
+    def update(self, now: float) -> None:
+        """Before each control period; ``now``: seconds since the scene was built."""
+        robot, _ = self._engine.body_pose(self._engine.built.robot)
+        for script in self._scripts:
+            door = script.door
+            if script.phase == 0 and math.dist(robot[:2], script.middle) < door.within:
+                script.phase = 1
+                self.log.append(Finding(now, f"somebody moves {door.leaf} to {math.degrees(door.to):.0f}°"))
+            if script.phase == 1 and self._hand.push(script.push):
+                script.phase = 2
+                self.log.append(Finding(now, f"{door.leaf} has come to {math.degrees(door.to):.0f}°"))

@@ -1,0 +1,70 @@
+"""The motors of parallel fingers as a channel: force-limited; what they hold, they hold by friction."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bestman_bt.robot_model import GripperModel
+from hal.parts import GripperChannel, GripperReading
+from hal.simulation.contact_refresh import ContactRefresh
+from hal.simulation.parameters import SimulationParameters
+from hal.simulation.simulation import SimulatedChannel, Simulation
+
+PRESSING = 0.0015
+"""Metres short of where they were sent: then the fingers press on something, or are on their way."""
+
+
+class FingerMotors(SimulatedChannel, GripperChannel):
+    """Motors at the joints that drive the fingers, gears to those that follow (see the world's builder)."""
+
+    reaction_time = 0.0
+
+    def __init__(self, model: GripperModel, parameters: SimulationParameters) -> None:
+        self._model, self._parameters = model, parameters
+        self._holding_force = min(parameters.gripper_holding_force, model.part.max_force)
+        self._slots: NDArray[np.intp] = np.zeros(0, np.intp)
+        self._indices: list[int] = []
+        self._contacts: ContactRefresh | None = None
+        self._sent_to = model.max_width
+
+    def attach(self, simulation: Simulation) -> None:
+        """Hold the present width."""
+        super().attach(simulation)
+        self._slots = simulation.slots(self._model.part.joints)
+        self._indices = simulation.joints(self._model.part.joints)
+        self._contacts = ContactRefresh(simulation, self._model.part.finger_links, self._parameters.contact_turn)
+        self._drive(self.read().width, self._holding_force, self._model.part.max_speed)
+        simulation.controls.append(self._follow_contacts)
+
+    def read(self) -> GripperReading:
+        """The width by the encoders of the joints."""
+        return GripperReading(self._model.width(self.simulation.joint_states()[0, self._slots]))
+
+    def send(self, width: float, force: float, speed: float) -> None:
+        """Towards a width."""
+        if self._contacts is not None and self._pressing:
+            self._contacts.renew_all()
+        self._drive(width, force, speed)
+
+    def halt(self) -> None:
+        """Hold the present width."""
+        width = float(np.clip(self.read().width, self._model.part.min_width, self._model.max_width))
+        self._drive(width, self._holding_force, self._model.part.max_speed)
+
+    @property
+    def _pressing(self) -> bool:
+        return self.read().width > self._sent_to + PRESSING
+
+    def _follow_contacts(self) -> None:
+        if self._contacts is not None and self._pressing:
+            self._contacts.follow()
+
+    def _drive(self, width: float, force: float, speed: float) -> None:
+        """By virtual work, what the motors exert together gives ``force`` at each finger."""
+        model = self._model
+        self._sent_to = width
+        targets, per_metre = model.joint_positions(width), model.transmission(self.read().width)
+        for joint, index in zip(model.part.joints, self._indices, strict=True):
+            effort = force / (per_metre * len(self._indices))
+            self.simulation.engine.approach(index, targets[joint], speed * per_metre, effort)

@@ -1,0 +1,94 @@
+"""Who may read the truth and act on the world past the Robotics API: what an honest run does not do is counted."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from enum import Enum
+from typing import Any
+
+from hal.simulation.engine import Engine
+
+SIMULATION = "hal.simulation."
+"""What the names of the simulation's modules begin with."""
+
+TRUTH = frozenset(
+    {
+        "joint_states",
+        "body_pose",
+        "body_velocity",
+        "link_pose",
+        "link_motions",
+        "contacts",
+        "gaps",
+        "cast_rays",
+        "depth_image",
+        "photo",
+        "segments",
+    }
+)
+KINDS = {
+    **dict.fromkeys(TRUTH, "truth_reads"),
+    **dict.fromkeys(("turn", "push", "set_friction", "forget_contacts"), "tampering"),
+    "put": "resets",
+}
+"""Functions of an engine that are counted, and as what."""
+OWN = frozenset({"joint_states", "turn"})
+"""Of these, those that are free for the robot's own body: its encoders and motors. Doors and drawers have none, and
+those of walkers are no skill's."""
+
+
+class ReadPurpose(Enum):
+    """Why a part of the simulation reads poses that no robot could know."""
+
+    SENSOR = "sensor"  # to render an image or cast a scan
+    MONITOR = "monitor"  # the audit itself
+    EVALUATION = "evaluation"
+    RECORDING = "recording"
+    WALKER = "walker"  # what people see of the robot
+    SCRIPT = "script"  # what somebody who disturbs sees
+
+
+class GuardedEngine:
+    """An engine as anybody finds it in a robot: its functions are the attributes, and are counted."""
+
+    def __init__(self, engine: Engine) -> None:
+        self._engine = engine
+
+    def __getattr__(self, name: str) -> Any:
+        found = getattr(self._engine, name)
+        if name in KINDS:
+            found = self._counted(name, found)
+        self.__dict__[name] = found  # the next call finds it without coming here
+        return found
+
+    def _counted(self, name: str, call: Callable[..., Any]) -> Callable[..., Any]:
+        ledger, robot = self._engine.ledger, self._engine.built.robot
+
+        def counted(*arguments: Any, **keywords: Any) -> Any:
+            if not (name in OWN and robot in (*arguments[:1], keywords.get("body"))):
+                ledger.note(KINDS[name], name)
+            return call(*arguments, **keywords)
+
+        return counted
+
+
+class Reader:
+    """A view of what is true for one purpose; the functions of TRUTH are its attributes.
+
+    They are free for the module ``owner`` that opened it, and for the simulation that it is handed to. Who finds one
+    in an object of somebody else's and reads with it is counted, and so is who opens one after ``close_truth``.
+    """
+
+    def __init__(self, engine: Engine, guarded: GuardedEngine, purpose: ReadPurpose, owner: str) -> None:
+        self._engine, self._guarded, self._owner = engine, guarded, owner
+        self.purpose = purpose
+        self.trusted = not engine.ledger.truth_closed
+
+    def __getattr__(self, name: str) -> Callable[..., Any]:
+        if name not in TRUTH:
+            raise AttributeError(f"a reader does not offer {name!r}")
+        asks: str = sys._getframe(1).f_globals.get("__name__", "")
+        free = self.trusted and (asks == self._owner or asks.startswith(SIMULATION))
+        read: Callable[..., Any] = getattr(self._engine if free else self._guarded, name)
+        return read

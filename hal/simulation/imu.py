@@ -1,0 +1,53 @@
+"""Simulated inertial measurement units."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bestman_bt.robot_model import ImuPart
+from hal.api import Imu, ImuReading
+from hal.simulation.guards import ReadPurpose
+from hal.simulation.link_motion import FrameTracker
+from hal.simulation.sensor_pipeline import SimulatedSensor
+from hal.simulation.simulation import Simulation
+
+GRAVITY = np.array([0.0, 0.0, -9.81])
+
+
+class SimulatedImu(SimulatedSensor[ImuReading], Imu):
+    """Measures at its rate: angular velocity and specific force, both as means since the reading before.
+
+    Each axis has a bias of its own, drawn once, and normal noise. ``line.fault`` makes it fail.
+    """
+
+    def __init__(self, name: str, model: ImuPart, rng: np.random.Generator) -> None:
+        super().__init__(name, model.rate, model.latency)
+        self.frame, self._model, self._rng = model.frame, model, rng
+        self._deviations = np.repeat([model.noise_angular_velocity, model.noise_acceleration], 3)
+        self._most = np.repeat([model.max_angular_velocity, model.max_acceleration], 3)
+        bias = np.repeat([model.bias_angular_velocity, model.bias_acceleration], 3)
+        self._bias = bias * rng.standard_normal(6)
+        self._before: tuple[float, NDArray[np.float64]] | None = None
+
+    def begin(self, simulation: Simulation) -> Callable[[], ImuReading]:
+        """The mean motion since the reading before."""
+        reader = simulation.reader(ReadPurpose.SENSOR)
+        tracker = FrameTracker(simulation, reader, self._model.frame)
+        self._before = None
+        return lambda: self._measure(tracker, simulation.now)
+
+    def _measure(self, tracker: FrameTracker, now: float) -> ImuReading:
+        motion = tracker.look()
+        acceleration = np.zeros(3)
+        if self._before is not None:
+            stamp, velocity = self._before
+            acceleration = (motion.linear - velocity) / (now - stamp)
+        self._before = now, motion.linear
+        sensor_from_map = motion.pose.rotation.T
+        true = np.concatenate([sensor_from_map @ motion.angular, sensor_from_map @ (acceleration - GRAVITY)])
+        values = true + self._bias + self._deviations * self._rng.standard_normal(6)
+        values = np.clip(values, -self._most, self._most)
+        return ImuReading(values[:3], values[3:], now)

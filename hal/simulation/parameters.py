@@ -1,0 +1,40 @@
+"""The numbers behind a simulated robot, whatever the engine; docs/simulation.md tells what each of them cures."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class SimulationParameters:
+    """SI units. Rates are whole fractions of ``step_rate``: a control period is ``control_every`` physics steps.
+
+    ``joint_gain``, ``wheel_hold_gain``, ``steering_gain``: see ``Engine.track``.
+    ``gripper_holding_force``: newtons at most with which fingers hold their width while nothing is asked of them.
+    ``odometry_calibration``: standard deviation of the relative errors of the wheel radii and the track that odometry
+    believes, drawn once from the robot's seed. ``contact_turn``: radians that a hand and what it holds turn until the
+    contacts between them have been found afresh (see contact_refresh).
+    """
+
+    step_rate: float = 240.0
+    control_every: int = 4
+    monitor_every: int = 4
+    settle_time: float = 0.5
+    joint_gain: float = 0.3
+    wheel_hold_gain: float = 0.1
+    steering_gain: float = 0.3
+    gripper_holding_force: float = 40.0
+    contact_turn: float = math.radians(20.0)
+    odometry_calibration: float = 0.005
+    initial_postures: tuple[str, ...] = ("carry", "home")
+
+    @property
+    def time_step(self) -> float:
+        """Length of one physics step, seconds."""
+        return 1.0 / self.step_rate
+
+    @property
+    def control_period(self) -> float:
+        """Time between two set-points, seconds."""
+        return self.control_every / self.step_rate

@@ -1,0 +1,110 @@
+"""Simulated sensors: rate, latency, and how they can fail."""
+
+from __future__ import annotations
+
+import math
+from abc import abstractmethod
+from collections import deque
+from collections.abc import Callable
+from enum import Enum
+from typing import Generic, TypeVar
+
+from hal.api import NoDataError, NotConnectedError, Sensor
+from hal.simulation.simulation import Simulation
+
+Reading = TypeVar("Reading")
+
+
+class SensorFault(Enum):
+    """How a sensor can fail: no reading at all, or the last one again and again."""
+
+    SILENT = "silent"
+    FROZEN = "frozen"
+
+
+class SensorPipeline(Generic[Reading]):
+    """Brings readings: taken when asked for, or ``rate`` times a second and told ``latency`` seconds later.
+
+    ``on_demand``: a reading is taken when it is asked for, unless there is a latency. ``fault``: set it to make the
+    sensor fail from now on, None to repair it.
+    """
+
+    def __init__(self, name: str, rate: float, latency: float, on_demand: bool = False) -> None:
+        self._name, self._rate, self._latency = name, rate, latency
+        self._on_demand = on_demand and latency == 0.0
+        self._simulation: Simulation | None = None
+        self._take: Callable[[], Reading] | None = None
+        self._on_their_way: deque[tuple[float, Reading]] = deque()
+        self._latest: Reading | None = None
+        self._taken = 0
+        self.fault: SensorFault | None = None
+
+    def attach(self, simulation: Simulation, take: Callable[[], Reading]) -> None:
+        """``take`` measures now."""
+        self._simulation, self._take = simulation, take
+        self._latest = None
+        self._on_their_way.clear()
+        self._taken = self._periods(simulation.now)
+        if not self._on_demand:
+            simulation.step_observers.append(self._sample)
+
+    def detach(self) -> None:
+        """Let go."""
+        self._simulation = self._take = None
+
+    def read(self) -> Reading:
+        """The latest reading; raises NotConnectedError, or NoDataError where there is none."""
+        if self._simulation is None or self._take is None:
+            raise NotConnectedError(f"{self._name} was used while the robot is not connected; call connect()")
+        if self.fault is SensorFault.SILENT:
+            raise NoDataError(f"{self._name} delivers no readings")
+        if self.fault is not SensorFault.FROZEN or self._latest is None:
+            self._receive(self._simulation.now, self._take)
+        if self._latest is None:
+            raise NoDataError(f"{self._name} has measured nothing yet")
+        return self._latest
+
+    def _receive(self, now: float, take: Callable[[], Reading]) -> None:
+        if self._on_demand:
+            self._latest = take()
+        while self._on_their_way and self._on_their_way[0][0] <= now + 1e-9:
+            self._latest = self._on_their_way.popleft()[1]
+
+    def _sample(self) -> None:
+        assert self._simulation is not None
+        assert self._take is not None
+        now = self._simulation.now
+        if self._periods(now) == self._taken:
+            return
+        self._taken = self._periods(now)
+        self._on_their_way.append((now + self._latency, self._take()))
+        # Where nobody reads, only the newest of those that have arrived is worth keeping.
+        while len(self._on_their_way) > 1 and self._on_their_way[1][0] <= now:
+            self._on_their_way.popleft()
+
+    def _periods(self, now: float) -> int:
+        return math.floor(now * self._rate + 1e-6)
+
+
+class SimulatedSensor(Sensor, Generic[Reading]):
+    """A sensor of the simulation; a subclass says in ``begin`` what it measures. ``line.fault`` makes it fail."""
+
+    def __init__(self, name: str, rate: float, latency: float = 0.0, on_demand: bool = False) -> None:
+        super().__init__(name)
+        self.line: SensorPipeline[Reading] = SensorPipeline(name, rate, latency, on_demand)
+
+    @abstractmethod
+    def begin(self, simulation: Simulation) -> Callable[[], Reading]:
+        """Called when the world has been built and is at rest; what it returns is called to measure."""
+
+    def read(self) -> Reading:
+        """The latest reading."""
+        return self.line.read()
+
+    def attach(self, simulation: Simulation) -> None:
+        """Measure in this simulation."""
+        self.line.attach(simulation, self.begin(simulation))
+
+    def detach(self) -> None:
+        """Let go."""
+        self.line.detach()

@@ -1,0 +1,68 @@
+"""What moves with an open hand is suspect, but for what a drawer takes along while the hand pulls that."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import pytest
+
+from bestman_bt.robot_model import load_robot_model
+from bestman_bt.scene import draw_world, load_scene
+from hal.pybullet import PyBulletRobot
+from hal.simulation.attachment_check import AttachmentCheck
+from hal.simulation.bodies import BodyState
+from hal.simulation.observation import Observation
+from hal.simulation.simulation import Simulation
+
+STEP = 0.0005
+"""Metres that cup and finger move between two looks."""
+
+
+class Slide:
+    """How far the drawer is open, as the simulation would tell it."""
+
+    def __init__(self) -> None:
+        self.position = 0.0
+
+    def joint_states(self, body: int, joints: Sequence[int]) -> tuple[tuple[float], ...]:
+        return (self.position,), (0.0,), (0.0,)
+
+
+@pytest.fixture(scope="module")
+def simulation() -> Iterator[Simulation]:
+    with PyBulletRobot(load_robot_model("diff_panda"), draw_world(load_scene("cup_in_drawer"), 3), seed=3) as robot:
+        yield robot.simulation
+
+
+def findings(simulation: Simulation, touches: str, drawer_step: float) -> list[str]:
+    """What is found where the cup, which touches the named drawer, and a finger move alike for half a second."""
+    built, slide = simulation.built, Slide()
+    watcher = AttachmentCheck(simulation, slide)
+    cup, finger = built.objects["cup"], built.links["panda_leftfinger"]
+    body, joint = built.articulations["drawer_chest/drawer_3"]
+    contacts = [(cup, body, -1, joint, 0.0)] if touches == "drawer" else [(cup, body, -1, -1, 0.0)]
+    still = (0.0, 0.0, 0.0)
+    for look in range(120):
+        place = (STEP * look, 0.0, 0.0)
+        slide.position = drawer_step * look
+        state = BodyState(place, (0.0, 0.0, 0.0, 1.0), still, still)
+        watcher.watch(Observation(look / 60, {cup: state}, contacts, simulation.joint_states(), {finger: place}), {})
+    return [finding.text for finding in watcher.findings]
+
+
+@pytest.mark.parametrize(
+    ("touches", "drawer_step", "suspect"),
+    [("drawer", STEP, False), ("drawer", -STEP, False), ("drawer", 0.0, True), ("body", STEP, True)],
+    ids=[
+        "the drawer takes it along",
+        "a drawer that is pushed shut does, too",
+        "the drawer is still",
+        "it stands on the chest, not in the drawer",
+    ],
+)
+def test_a_cup_that_moves_with_a_finger_is_suspect_unless_its_drawer_moves(
+    simulation, touches, drawer_step, suspect
+) -> None:
+    found = findings(simulation, touches, drawer_step)
+    assert bool(found) == suspect
+    assert all("cup moved" in text and "panda_leftfinger" in text for text in found)
