@@ -1,7 +1,11 @@
 """Behavior-tree task execution for mobile manipulators.
 
-``with bestman_bt.session(robot="diff_panda", scene="kitchen", seed=1) as s: s.run("fetch_cup")``
-``bestman_bt.plan("on(cup, counter)", scene="kitchen_furnished").run()``
+import bestman_bt as bt
+
+bt.load_tree("fetch_cup")
+with bt.Session(robot="diff_panda", scene="kitchen", seed=1) as session:
+    print(session.run("fetch_cup").outcome)
+bt.plan("on(cup, counter)", scene="kitchen_furnished").run()
 """
 
 from __future__ import annotations
@@ -10,13 +14,23 @@ import logging
 import sys
 from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from bestman_bt.errors import Error
 
-__all__ = ["Error", "plan", "session"]
+if TYPE_CHECKING:
+    from bestman_bt.api import Session, evaluate, load_tree, nodes
+    from bestman_bt.runtime.planning import plan
 
-_HOMES = {"plan": "bestman_bt.runtime.planning", "session": "bestman_bt.runtime"}
+__all__ = ["Error", "Session", "evaluate", "load_tree", "nodes", "plan"]
+
+_HOMES = {
+    "Session": "bestman_bt.api",
+    "evaluate": "bestman_bt.api",
+    "load_tree": "bestman_bt.api",
+    "nodes": "bestman_bt.api",
+    "plan": "bestman_bt.runtime.planning",
+}
 
 
 def _hiding_files() -> list[str]:
@@ -45,4 +59,5 @@ def __getattr__(name: str) -> Any:
     if name in _HOMES:
         refuse_hidden_packages()
         return getattr(import_module(_HOMES[name]), name)
-    raise AttributeError(f"module 'bestman_bt' has no attribute {name!r}")
+    renamed = "; it is bestman_bt.Session now, whose runs are judged" if name == "session" else ""
+    raise AttributeError(f"module 'bestman_bt' has no attribute {name!r}{renamed}")

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import sys
 from collections import Counter
-from difflib import get_close_matches
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -19,16 +18,11 @@ from bestman_bt.cli.started_monitor import show_in_monitor
 from bestman_bt.configuration import (
     ConfigurationError,
     Problem,
-    ProblemCollector,
-    RunConfig,
-    data_names,
-    run_of_options,
 )
 from bestman_bt.evaluation.comparison import within
-from bestman_bt.evaluation.episode import prepare_episode
 from bestman_bt.evaluation.evaluation import Evaluation
 from bestman_bt.evaluation.markdown import markdown, verdict
-from bestman_bt.evaluation.suite import Entry, Suite, is_suite, load_suite
+from bestman_bt.evaluation.suite import Suite, make_suite
 from bestman_bt.evaluation.summary import spread_words
 
 
@@ -61,7 +55,7 @@ def command(
 ) -> None:
     """Run seeds SEED … SEED + EPISODES - 1 of each task and summarise."""
     with json_output(as_json) as tell:
-        suite = _suite(tasks, episodes, seed, scene, robot, settings, plugins)
+        suite = make_suite(tasks, episodes, seed, scene, robot, settings, plugins)
         if compare and sum(not entry.control for entry in suite.entries) < 2:
             raise ConfigurationError([Problem("--compare", None, "", f"needs two entries, {suite.name} has one")])
         _show(monitor, monitor_port)
@@ -75,53 +69,6 @@ def command(
 def _show(monitor: bool, port: int) -> None:
     if monitor:
         show_in_monitor(port)
-
-
-def _config(
-    task: str,
-    seed: int,
-    scene: str | None,
-    robot: str | None,
-    settings: list[str] | None,
-    plugins: list[Path] | None,
-) -> RunConfig:
-    """Everything of the task is checked; ConfigurationError tells all that is wrong."""
-    given, known = [str(plugin) for plugin in plugins or ()], list[Problem]()
-    config = run_of_options(
-        task, scene=scene, robot=robot, seed=seed, settings=settings or (), plugins=given, faults=known
-    )
-    prepare_episode(config, known)
-    return config
-
-
-def _suite(
-    tasks: list[str],
-    episodes: int | None,
-    seed: int | None,
-    scene: str | None,
-    robot: str | None,
-    settings: list[str] | None,
-    plugins: list[Path] | None,
-) -> Suite:
-    """The suite that is named, or one made of the tasks, which asks that all episodes succeed."""
-    suites = [name for name in tasks if is_suite(name)]
-    if suites and (len(tasks) > 1 or scene or robot or plugins):
-        message = "is a suite: no other task, scene, robot or plug-in can be given with it"
-        raise ConfigurationError([Problem(suites[0], None, "", message)])
-    if suites:
-        return load_suite(suites[0], episodes, seed, settings or ())
-    entries = []
-    faults = ProblemCollector()
-    for name in dict.fromkeys(tasks):
-        suite = get_close_matches(name, data_names("evaluation"), 1)
-        if suite and name not in data_names("task") and not Path(name).exists():
-            faults.problems.append(Problem(name, None, "", f"unknown; did you mean the suite {suite[0]!r}?"))
-            continue
-        with faults.step():
-            entries.append(Entry(name, _config(name, seed or 0, scene, robot, settings, plugins), episodes or 10))
-    faults.raise_if_any()
-    file = str(Path(tasks[0]).resolve()) if len(entries) == 1 and Path(tasks[0]).is_file() else ""
-    return Suite("+".join(Path(name).stem for name in dict.fromkeys(tasks)), tuple(entries), file=file)
 
 
 def _evaluate(suite: Suite, folder: Path, jobs: int, keep_old: bool, compare: bool) -> dict[str, Any]:

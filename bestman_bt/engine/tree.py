@@ -186,6 +186,11 @@ class Tree:
 
         return SubTree(self)
 
+    def bind(self, context: Any, clock: Clock) -> None:
+        """Give the nodes another context and clock; not while it runs."""
+        self.context, self.clock = context, clock
+        self.blackboard.store.now = clock.now()
+
     # ---- native behaviours
 
     def setup(self, timeout: float = SETUP_TIMEOUT, **kwargs: Any) -> None:

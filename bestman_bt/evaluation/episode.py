@@ -5,10 +5,12 @@ from __future__ import annotations
 import json
 import math
 import time
-from collections.abc import Callable, Collection, Iterable
-from contextlib import ExitStack
+from collections.abc import Callable, Collection, Iterable, Iterator
+from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from pathlib import Path
+
+from py_trees.behaviour import Behaviour
 
 from behaviours.failure import NodeFailure
 from bestman_bt.configuration import Problem, ProblemCollector, RunConfig, told_to_programs
@@ -174,6 +176,144 @@ def _missing_extras(config: RunConfig) -> Iterable[Problem]:
         yield Problem("record", None, "", str(missing_extra("a recording", "rerun")))
 
 
+class JudgedSession:
+    """An open session whose runs are judged, one after the other in the same world; the audit is of all of them."""
+
+    def __init__(self, session: Session, observers: _Observers) -> None:
+        self.session, self._observers = session, observers
+        self._watch_contacts: Callable[[], None] | None = None
+
+    def run(
+        self,
+        tree: str | Path | Behaviour | Tree | None = None,
+        folder: Path | None = None,
+        watch: Watcher | None = None,
+        recording: Path | None = None,
+        to_the_end: ExitStack | None = None,
+    ) -> RunResult:
+        """Load a tree, by default that of the task, tick it to its end and judge what has come of it.
+
+        ``folder``, ``watch``, ``recording``: as of ``run_episode``; ``result.json`` is not written yet. ``to_the_end``:
+        keeps Ctrl-C from interrupting what follows. Raises as ``Session.load``, before anything moves.
+        """
+        observers, wall_start = self._observers, time.perf_counter()
+        setup = self.session.setup_for(tree)
+        session = replace(self.session, setup=setup, entries=self.session.entries_of(setup))
+        judge = find_judge(setup.config)
+        with ExitStack() as stack:
+            loaded = session.load(tree)
+            durations, failed = Durations(loaded), _FailedLeaf(loaded)
+            if observers.truth is not None and self._watch_contacts is None:
+                self._watch_contacts = observers.watch_contacts(session)
+            driven_before = observers.driven.length if observers.driven is not None else 0.0
+            after_tick = self._after_tick(stack, loaded, folder, watch, recording, durations)
+            executor = session.executor(loaded, after_tick)
+            recorded: _EndsWithRecording | None = None
+            if isinstance(session.robot, ReplayRobot):
+                recorded = _EndsWithRecording(executor, session.robot, _last_tick_replayed(setup.config))
+                executor.watchers.append(recorded)
+            telemetry = stack.enter_context(session.telemetry(executor, folder))
+            stack.enter_context(session.control_channel(executor, telemetry).serving(folder))
+            (to_the_end or stack).enter_context(executor.interrupts())
+            at_start: Verdict | None = None
+            if judge is not None and observers.truth is not None:
+                at_start = judge(session, observers.truth, None, 0.0)
+            execution = executor.run()
+            verdict: Verdict | None = None
+            if execution.ending is Ending.CANCELLED:
+                session.robot.stop()
+                session.robot.clock.sleep(0.5)
+            elif judge is not None and observers.truth is not None:
+                driven = observers.driven.length - driven_before if observers.driven is not None else 0.0
+                verdict = judge(session, observers.truth, session.robot.clock, driven)
+            if observers.pictures is not None:
+                observers.pictures.take("end", _object(setup))
+            record = observers.audit_record()
+            audited = _audit(setup, observers, record) if record is not None else None
+            wall_time = time.perf_counter() - wall_start
+            result = _judge(session, execution, verdict, audited, wall_time, failed.node)
+            result = replace(
+                result,
+                durations=durations.seconds,
+                held_at_start=at_start.holds if at_start is not None else None,
+                moved_by_others=_moved_by_others(setup, observers.script, record) if record is not None else [],
+            )
+            if recorded is not None and recorded.why:
+                result = replace(
+                    result,
+                    outcome=Outcome.ERROR,
+                    failure=NodeFailure("", RECORDING_OVER, recorded.why),
+                    not_judged=result.not_judged
+                    if judge is None
+                    else "not judged: the recording was over before its tree",
+                )
+            why = result.failure.why if result.failure is not None else result.not_judged
+            telemetry.end(str(result.outcome), result.tree_status, why, execution.sim_time_s)
+            if folder is not None:
+                write_world(folder / WORLD_NAME, setup, session.skills.world)
+        return result
+
+    def _after_tick(
+        self,
+        stack: ExitStack,
+        tree: Tree,
+        folder: Path | None,
+        watch: Watcher | None,
+        recording: Path | None,
+        durations: Durations,
+    ) -> Callable[[], None]:
+        session, observers = self.session, self._observers
+        calls: list[Callable[[], None]] = [durations.after_tick]
+        if folder is not None and observers.scene is not None:
+            motion = MotionLog(folder, observers.scene)
+            motion.open()
+            stack.callback(motion.close)
+            calls.append(motion.after_tick)
+        if recording is None and folder is not None and session.setup.config.record:
+            recording = folder / RECORDING_NAME
+        if observers.scene is not None and recording is not None:
+            recorded = Recording(recording, session, tree, observers.scene)
+            recorded.open()
+            stack.callback(recorded.close)
+            calls.append(recorded.after_tick)
+        if self._watch_contacts is not None:
+            calls.append(self._watch_contacts)
+        if observers.driven is not None and session.setup.config.task.drive is not None:
+            calls.append(observers.driven.after_tick)
+        if observers.injector is not None and observers.truth is not None:
+            observers.disturbances = Disturbances(session, observers.truth, observers.injector)
+            calls.append(observers.disturbances.after_tick)
+        if observers.pictures is not None:
+            calls.append(_picture_of_the_grasp(session, observers.pictures))
+        if watch is not None:
+            calls.append(watch(session, tree))
+
+        def after_tick() -> None:
+            for call in calls:
+                call()
+
+        return after_tick
+
+
+@contextmanager
+def open_judged(
+    config: RunConfig | Setup,
+    folder: Path | None = None,
+    pictures: bool = False,
+    gui: bool = False,
+    twin_judge: Path | None = None,
+    prepare_robot: Callable[[Robot], None] | None = None,
+) -> Iterator[JudgedSession]:
+    """Connect the configured robot for runs that are judged; arguments as of ``run_episode``, which it raises as."""
+    with told_to_programs():
+        setup = prepare_episode(config) if isinstance(config, RunConfig) else config
+    disturbed = bool(setup.config.task.disturbances)
+    observers = _Observers(disturbed, folder if pictures else None, twin_judge, prepare_robot)
+    with ExitStack() as stack:
+        recorder = _recorder(stack, setup, folder)
+        yield JudgedSession(stack.enter_context(open_session(setup, observers.attach, gui, recorder)), observers)
+
+
 def run_episode(
     config: RunConfig | Setup,
     folder: Path | None = None,
@@ -194,61 +334,11 @@ def run_episode(
     a view of the truth whose reads are not counted. ``recording``: where a simulated run is recorded, whatever the
     configuration asks for. Raises as ``prepare_episode``, before anything is started.
     """
-    with told_to_programs():
-        setup = prepare_episode(config) if isinstance(config, RunConfig) else config
-    judge = find_judge(setup.config)
-    disturbed = bool(setup.config.task.disturbances)
-    observers = _Observers(disturbed, folder if pictures else None, twin_judge, prepare_robot)
     wall_start = time.perf_counter()
     with ExitStack() as to_the_end:
-        with ExitStack() as stack:
-            session = stack.enter_context(open_session(setup, observers.attach, gui, _recorder(stack, setup, folder)))
-            tree = session.load()
-            durations, failed = Durations(tree), _FailedLeaf(tree)
-            after_tick = _after_tick(stack, session, tree, observers, folder, watch, recording, durations)
-            executor = session.executor(tree, after_tick)
-            recorded: _EndsWithRecording | None = None
-            if isinstance(session.robot, ReplayRobot):
-                recorded = _EndsWithRecording(executor, session.robot, _last_tick_replayed(setup.config))
-                executor.watchers.append(recorded)
-            telemetry = stack.enter_context(session.telemetry(executor, folder))
-            stack.enter_context(session.control_channel(executor, telemetry).serving(folder))
-            to_the_end.enter_context(executor.interrupts())
-            at_start: Verdict | None = None
-            if judge is not None and observers.truth is not None:
-                at_start = judge(session, observers.truth, None, 0.0)
-            execution = executor.run()
-            verdict: Verdict | None = None
-            if execution.ending is Ending.CANCELLED:
-                session.robot.stop()
-                session.robot.clock.sleep(0.5)
-            elif judge is not None and observers.truth is not None:
-                driven = observers.driven.length if observers.driven is not None else 0.0
-                verdict = judge(session, observers.truth, session.robot.clock, driven)
-            if observers.pictures is not None:
-                observers.pictures.take("end", _object(setup))
-            record = observers.audit_record()
-            audited = _audit(setup, observers, record) if record is not None else None
-            result = _judge(session, execution, verdict, audited, time.perf_counter() - wall_start, failed.node)
-            result = replace(
-                result,
-                durations=durations.seconds,
-                held_at_start=at_start.holds if at_start is not None else None,
-                moved_by_others=_moved_by_others(setup, observers.script, record) if record is not None else [],
-            )
-            if recorded is not None and recorded.why:
-                result = replace(
-                    result,
-                    outcome=Outcome.ERROR,
-                    failure=NodeFailure("", RECORDING_OVER, recorded.why),
-                    not_judged=result.not_judged
-                    if judge is None
-                    else "not judged: the recording was over before its tree",
-                )
-            why = result.failure.why if result.failure is not None else result.not_judged
-            telemetry.end(str(result.outcome), result.tree_status, why, execution.sim_time_s)
-            if folder is not None:
-                write_world(folder / WORLD_NAME, setup, session.skills.world)
+        with open_judged(config, folder, pictures, gui, twin_judge, prepare_robot) as judged:
+            result = judged.run(None, folder, watch, recording, to_the_end)
+            result = replace(result, wall_time_s=round(time.perf_counter() - wall_start, 3))
         if folder is not None:
             result.write(folder / "result.json")
     return result
@@ -265,48 +355,6 @@ def _recorder(stack: ExitStack, setup: Setup, folder: Path | None) -> Callable[[
         return recorded
 
     return see_through
-
-
-def _after_tick(
-    stack: ExitStack,
-    session: Session,
-    tree: Tree,
-    observers: _Observers,
-    folder: Path | None,
-    watch: Watcher | None,
-    recording: Path | None,
-    durations: Durations,
-) -> Callable[[], None]:
-    calls: list[Callable[[], None]] = [durations.after_tick]
-    if folder is not None and observers.scene is not None:
-        motion = MotionLog(folder, observers.scene)
-        motion.open()
-        stack.callback(motion.close)
-        calls.append(motion.after_tick)
-    if recording is None and folder is not None and session.setup.config.record:
-        recording = folder / RECORDING_NAME
-    if observers.scene is not None and recording is not None:
-        recorded = Recording(recording, session, tree, observers.scene)
-        recorded.open()
-        stack.callback(recorded.close)
-        calls.append(recorded.after_tick)
-    if observers.truth is not None:
-        calls.append(observers.watch_contacts(session))
-    if observers.driven is not None and session.setup.config.task.drive is not None:
-        calls.append(observers.driven.after_tick)
-    if observers.injector is not None and observers.truth is not None:
-        observers.disturbances = Disturbances(session, observers.truth, observers.injector)
-        calls.append(observers.disturbances.after_tick)
-    if observers.pictures is not None:
-        calls.append(_picture_of_the_grasp(session, observers.pictures))
-    if watch is not None:
-        calls.append(watch(session, tree))
-
-    def after_tick() -> None:
-        for call in calls:
-            call()
-
-    return after_tick
 
 
 def _picture_of_the_grasp(session: Session, pictures: Pictures) -> Callable[[], None]:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Annotated
 
@@ -130,6 +131,53 @@ def is_suite(name: str) -> bool:
         data = read_document(Path(name)).data
         return not data or bool({"tasks", "controls"} & set(data))
     return name in data_names("evaluation")
+
+
+def make_suite(
+    tasks: Sequence[str],
+    episodes: int | None = None,
+    seed: int | None = None,
+    scene: str | None = None,
+    robot: str | None = None,
+    settings: Iterable[str] | None = None,
+    plugins: Iterable[str | Path] | None = None,
+) -> Suite:
+    """The suite that is named, or one made of the tasks, which asks that all episodes succeed."""
+    suites = [name for name in tasks if is_suite(name)]
+    if suites and (len(tasks) > 1 or scene or robot or plugins):
+        message = "is a suite: no other task, scene, robot or plug-in can be given with it"
+        raise ConfigurationError([Problem(suites[0], None, "", message)])
+    if suites:
+        return load_suite(suites[0], episodes, seed, settings or ())
+    entries = []
+    faults = ProblemCollector()
+    for name in dict.fromkeys(tasks):
+        suite = get_close_matches(name, data_names("evaluation"), 1)
+        if suite and name not in data_names("task") and not Path(name).exists():
+            faults.problems.append(Problem(name, None, "", f"unknown; did you mean the suite {suite[0]!r}?"))
+            continue
+        with faults.step():
+            entries.append(Entry(name, _config(name, seed or 0, scene, robot, settings, plugins), episodes or 10))
+    faults.raise_if_any()
+    file = str(Path(tasks[0]).resolve()) if len(entries) == 1 and Path(tasks[0]).is_file() else ""
+    return Suite("+".join(Path(name).stem for name in dict.fromkeys(tasks)), tuple(entries), file=file)
+
+
+def _config(
+    task: str,
+    seed: int,
+    scene: str | None,
+    robot: str | None,
+    settings: Iterable[str] | None,
+    plugins: Iterable[str | Path] | None,
+) -> RunConfig:
+    """Everything of the task is checked; ConfigurationError tells all that is wrong."""
+    given, known = [str(plugin) for plugin in plugins or ()], list[Problem]()
+    config = run_of_options(
+        task, scene=scene, robot=robot, seed=seed, settings=settings or (), plugins=given, faults=known
+    )
+    prepare_episode(config, known)
+    return config
 
 
 def load_suite(

@@ -73,11 +73,11 @@ class Session:
     entries: dict[str, Any]
     ended: bool = False
 
-    def load(self, tree: str | Path | Behaviour | None = None) -> Tree:
-        """Load a tree for this robot: a shipped name, a file, XML text, a node or a py_trees behaviour; by default the
-        that of the task. In a session without a task, a shipped tree brings the goal of its shipped task, as in
-        ``bestman-bt run TREE``.
+    def load(self, tree: str | Path | Behaviour | Tree | None = None) -> Tree:
+        """Load a tree for this robot: a shipped name, a file, XML text, a node or a py_trees behaviour; by default
+        that of the task. A tree that is loaded already gets the robot's skills and clock, and keeps its entries.
 
+        In a session without a task, a shipped tree brings the goal of its shipped task, as in ``bestman-bt run TREE``.
         Its root blackboard has what the task tells and, where that is known, ``start``: the pose of the base now.
         Raises TreeLoadError with everything that is wrong, also with names that nothing in scene, map and robot bears
         and nodes that need a part which the robot lacks, and ConfigurationError for a task whose goal this scene does
@@ -88,16 +88,20 @@ class Session:
             raise NotConnectedError("the session has ended, its robot is disconnected: run trees inside the with block")
         wrong: list[Problem] = []
         with told_to_programs():
-            loaded = load_for(self.setup, tree, context=self.skills, clock=self.robot.clock, faults=wrong)
-        setup = self._setup_for(tree)
-        entries = self.entries if setup is self.setup else setup.entries
+            if isinstance(tree, Tree):
+                loaded = tree
+                loaded.bind(self.skills, self.robot.clock)
+            else:
+                loaded = load_for(self.setup, tree, context=self.skills, clock=self.robot.clock, faults=wrong)
+        setup = self.setup_for(tree)
+        entries = self.entries_of(setup)
         self.check(loaded, entries, wrong)
         needed = {kind for node in loaded.nodes if isinstance(node, OnRobot) for kind in (*node.REQUIRES, *node.USES)}
         for arm in self.skills.robot.arm_names or ("",):
             self.skills.for_arm(arm).make(needed)
         if setup is not self.setup:
             self.skills.world.told.update(setup.told)
-        return self._filled(loaded, entries)
+        return self._filled(loaded, entries if loaded is not tree else _missing(entries, loaded))
 
     def executor(self, tree: Tree, after_tick: Callable[[], None] | None = None) -> Executor:
         """An executor with the configured tick rate and time limit."""
@@ -107,7 +111,7 @@ class Session:
         )
 
     def run(
-        self, tree: str | Path | Behaviour | None = None, after_tick: Callable[[], None] | None = None
+        self, tree: str | Path | Behaviour | Tree | None = None, after_tick: Callable[[], None] | None = None
     ) -> Execution:
         """Load a tree and tick it to its end, for others to watch and control; the robot rests afterwards.
 
@@ -137,11 +141,16 @@ class Session:
         for problem in unfilled_entries(tree, entries, self.setup.config.name if self.entries else None):
             _LOG.warning("%s", dataclasses.replace(problem, severity="warning"))
 
-    def _setup_for(self, tree: str | Path | Behaviour | None) -> Setup:
+    def setup_for(self, tree: str | Path | Behaviour | Tree | None) -> Setup:
         """That of the session; for a shipped tree in a session without a task, with its shipped task."""
-        shipped = isinstance(tree, (str, Path)) and not self.setup.config.task.tree
-        task = task_of_tree(str(tree)) if shipped else None
+        named = tree.file if isinstance(tree, Tree) else tree
+        shipped = isinstance(named, (str, Path)) and not self.setup.config.task.tree
+        task = task_of_tree(str(named)) if shipped else None
         return self.setup if task is None else self.setup.with_task(task)
+
+    def entries_of(self, setup: Setup) -> dict[str, Any]:
+        """Root blackboard entries of a tree that is run with ``setup``."""
+        return self.entries if setup is self.setup else dict(setup.entries)
 
     def _filled(self, tree: Tree, entries: Mapping[str, Any]) -> Tree:
         for key, value in entries.items():
@@ -156,6 +165,10 @@ class Session:
         sources = (RobotSource(self.robot, self.setup.robot_model, self.skills), PictureSource(self.skills, folder))
         run = describe_run(self.setup, executor, folder)
         return Telemetry(executor, run, folder, self.skills.failures, sources)
+
+
+def _missing(entries: Mapping[str, Any], tree: Tree) -> dict[str, Any]:
+    return {key: value for key, value in entries.items() if key not in tree.blackboard}
 
 
 @contextmanager
@@ -204,8 +217,19 @@ class UnopenedSession(AbstractContextManager[Session]):
         return self._opening.__exit__(*raised)
 
     def __getattr__(self, name: str) -> Any:
-        opened = f"with bestman_bt.session(...) as s: s.{name}"
+        opened = f"with session(...) as s: s.{name}"
         raise AttributeError(f"the session is not open: it has {name!r} inside a with block, as in `{opened}`")
+
+
+def session_config(task: str | Path | None = None, **given: Any) -> RunConfig:
+    """The configuration of a session; ``given``: as of ``load_run``.
+
+    Without a task there is no goal, and the scene is the kitchen and the robot diff_panda where none are named.
+    """
+    if task is None:
+        given["scene"], given["robot"] = given.get("scene") or "kitchen", given.get("robot") or "diff_panda"
+    with told_to_programs():
+        return load_run(task, **given)
 
 
 def session(
@@ -220,17 +244,17 @@ def session(
 ) -> UnopenedSession:
     """A session in one line: ``with session(scene="kitchen", seed=1) as s: s.run("fetch_cup")``.
 
-    The task gives goal and limits, and robot and scene where none are named. Without a task there is no goal, and the
-    scene is the kitchen and the robot diff_panda where none are named. Raises as ``prepare``.
+    The task gives goal and limits, and robot and scene where none are named. Its runs are not judged. Raises as
+    ``prepare``.
     """
-    if task is None:
-        scene, robot = scene or "kitchen", robot or "diff_panda"
 
     @contextmanager
     def opening() -> Iterator[Session]:
         with told_to_programs():
             setup = prepare(
-                load_run(task, scene=scene, robot=robot, seed=seed, settings=settings, plugins=plugins, driver=driver)
+                session_config(
+                    task, scene=scene, robot=robot, seed=seed, settings=settings, plugins=plugins, driver=driver
+                )
             )
         with open_session(setup, gui=gui) as opened:
             yield opened

@@ -18,11 +18,9 @@ from bestman_bt.configuration import (
     Problem,
     ProblemCollector,
     RunConfig,
-    find_data,
     load_run,
-    shipped_trees,
 )
-from bestman_bt.engine import NodeRegistry, Tree, TreeLoadError, build_tree, load_tree
+from bestman_bt.engine import NodeRegistry, Tree, TreeLoadError
 from bestman_bt.engine.errors import Problem as TreeProblem
 from bestman_bt.errors import MissingExtraError
 from bestman_bt.extras import install_command
@@ -37,7 +35,7 @@ from bestman_bt.runtime.algorithms import (
 )
 from bestman_bt.runtime.drive_goals import drive_goal
 from bestman_bt.runtime.plan_goals import plan_goal, plan_problems, told_of_plan
-from bestman_bt.runtime.plugins import node_registry
+from bestman_bt.runtime.plugins import node_registry, read_tree
 from bestman_bt.runtime.policies import policy_problems
 from bestman_bt.runtime.renamed_codes import renamed_codes
 from bestman_bt.runtime.task_goals import TaskGoal, reach_goal, task_goals, told_places
@@ -250,7 +248,7 @@ def _faults_of_tree(tree: str, registry: NodeRegistry, all_entries: bool) -> lis
     """Of a tree alone, where there is no robot or no scene to check it against."""
     wrong: list[TreeProblem] = []
     try:
-        loaded = load_tree(find_data("tree", tree), registry, search_path=shipped_trees(), faults=wrong)
+        loaded = read_tree(tree, registry, faults=wrong)
     except TreeLoadError as error:
         return tree_problems(error)
     if all_entries:
@@ -304,12 +302,7 @@ def load_for(setup: Setup, tree: str | Path | Behaviour | None = None, **options
         raise ConfigurationError(
             [Problem("session", None, "tree", "give a tree: this session has no task to bring one")]
         )
-    if isinstance(source, Behaviour):
-        return build_tree(source, registry=setup.registry, **options)
-    options.setdefault("search_path", shipped_trees())
-    if isinstance(source, str) and source.lstrip().startswith("<"):
-        return load_tree(source, setup.registry, **options)
-    return load_tree(find_data("tree", source), setup.registry, **options)
+    return read_tree(source, setup.registry, **options)
 
 
 def _told_start(config: RunConfig, world: World, robot: RobotModel) -> BasePose:

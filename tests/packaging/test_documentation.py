@@ -92,9 +92,10 @@ def test_what_a_task_can_ask_is_accepted(field: str, asked: str, tmp_path: Path)
 
 
 def test_the_programs_of_a_session_run(capsys: pytest.CaptureFixture[str]) -> None:
-    _, ticked, _ = fences("docs/running.md", "python")
-    exec(compile(ticked, "running.md", "exec"), {})
-    assert capsys.readouterr().out == "SUCCESS []\n"
+    _, ticked, without_robot = fences("docs/running.md", "python")
+    for text in (ticked, without_robot):
+        exec(compile(text, "running.md", "exec"), {})
+    assert capsys.readouterr().out == "SUCCESS []\nFetch 56 x;y;theta in the map frame, metres and radians\n"
 
 
 @pytest.mark.parametrize("page", ["docs/writing_a_skill.md", "README.md"])

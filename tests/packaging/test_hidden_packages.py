@@ -15,10 +15,12 @@ def run(folder: Path, text: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run([sys.executable, str(script)], capture_output=True, text=True, check=False)
 
 
-@pytest.mark.parametrize(("name", "home"), [("behaviours", "bestman_bt"), ("hal", "bestman_bt.runtime")])
-def test_a_script_beside_a_file_that_hides_our_package_is_told_which(name: str, home: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("name", "used"), [("behaviours", "bestman_bt import Session"), ("hal", "bestman_bt.runtime import session")]
+)
+def test_a_script_beside_a_file_that_hides_our_package_is_told_which(name: str, used: str, tmp_path: Path) -> None:
     (tmp_path / f"{name}.py").write_text("class Count: ...\n")
-    ran = run(tmp_path, f"from {home} import session\nsession()\n")
+    ran = run(tmp_path, f"from {used}\n")
     last = ran.stderr.splitlines()[-1]
     assert last.startswith(f"ImportError: {tmp_path / name}.py hides the package '{name}' of bestman-bt")
     assert "is not a package" not in ran.stderr

@@ -7,7 +7,6 @@ from pathlib import Path
 import pytest
 from py_trees import composites
 
-import bestman_bt
 from behaviours.move_arm import MoveArm
 from behaviours.parts import MissingPartError
 from bestman_bt.configuration import ConfigurationError, load_run
@@ -21,7 +20,7 @@ HEAD = '<root BTCPP_format="4"><BehaviorTree ID="Main"><LookAt point="{goal}"/><
 
 
 def test_a_session_with_a_task_gives_trees_its_goal_and_runs_them_to_their_end() -> None:
-    with bestman_bt.session(task="fetch_cup", seed=3) as opened:
+    with session(task="fetch_cup", seed=3) as opened:
         tree = opened.load(HEAD)
         board = tree.blackboard
         assert (board["object"], board["source"], board["target"]) == ("cup", "table", "counter")
@@ -35,10 +34,8 @@ def test_a_session_with_a_task_gives_trees_its_goal_and_runs_them_to_their_end()
 
 
 def test_a_session_that_is_not_open_says_how_to_open_it() -> None:
-    with pytest.raises(
-        AttributeError, match=r"inside a with block, as in `with bestman_bt\.session\(\.\.\.\) as s: s\.run`"
-    ):
-        bestman_bt.session(scene="kitchen").run("fetch_cup")
+    with pytest.raises(AttributeError, match=r"inside a with block, as in `with session\(\.\.\.\) as s: s\.run`"):
+        session(scene="kitchen").run("fetch_cup")
 
 
 def test_a_session_without_a_task_has_no_goal_whatever_its_scene() -> None:
@@ -187,7 +184,7 @@ def test_contacts_may_be_allowed_with_walls_the_robot_and_its_links(tmp_path: Pa
 
 def test_a_session_makes_the_controllers_that_its_trees_need_and_no_others() -> None:
     arm = '<root BTCPP_format="4"><BehaviorTree ID="Main"><MoveArm posture="carry"/></BehaviorTree></root>'
-    with bestman_bt.session(scene="kitchen", seed=3) as opened:
+    with session(scene="kitchen", seed=3) as opened:
         skills = opened.skills
         assert not {"arm", "gripper", "head", "wrist_camera"} & vars(skills).keys()
         opened.load(arm)
@@ -197,7 +194,7 @@ def test_a_session_makes_the_controllers_that_its_trees_need_and_no_others() -> 
 
 
 def test_a_robot_of_base_and_lidar_is_localised_and_says_what_it_lacks() -> None:
-    with bestman_bt.session(scene="kitchen", robot="turtle", seed=3) as opened:
+    with session(scene="kitchen", robot="turtle", seed=3) as opened:
         opened.robot.clock.sleep(1.0)
         assert opened.skills.base.last_scan is not None
         with pytest.raises(MissingPartError, match="robot turtle has no arm; it has base, lidar"):

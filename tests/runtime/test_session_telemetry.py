@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from PIL import Image
 
-import bestman_bt
 from behaviours.move_arm import MoveArm
 from behaviours.skill import Explained
 from bestman_bt.engine import Sequence, SyncAction
@@ -22,7 +21,7 @@ from bestman_bt.records.events import (
     ScanEvent,
 )
 from bestman_bt.records.run_log import read_events, read_log
-from bestman_bt.runtime import Session
+from bestman_bt.runtime import Session, session
 
 
 class LookAndGiveUp(Explained, SyncAction):
@@ -35,7 +34,7 @@ class LookAndGiveUp(Explained, SyncAction):
 
 @pytest.fixture(scope="module")
 def opened() -> Session:
-    with bestman_bt.session(scene="kitchen", seed=3) as opened:
+    with session(scene="kitchen", seed=3) as opened:
         yield opened
 
 
