@@ -196,7 +196,7 @@ def test_a_contact_is_as_hard_and_as_deep_as_it_was_at_most_and_after_a_quarter_
         bodies = {built.robot: BodyState(still, (0.0, 0.0, 0.0, 1.0), still, still)}
         watcher = ContactWatcher(simulation)
         for stamp, force in ((0.0, 2.0), (0.1, 30.0), (0.2, 5.0), (0.4, 4.0), (0.66, 0.0), (0.7, 8.0), (0.8, 0.9)):
-            pressing = (0, built.robot, walker, link, -1, front, front, (-1.0, 0.0, 0.0), -1e-4 * force, force)
+            pressing = (built.robot, walker, link, -1, front, front, (-1.0, 0.0, 0.0), -1e-4 * force, force)
             watcher.watch(Observation(stamp, bodies, [pressing], simulation.joint_states(), {}))
         found = [(incident.start, incident.end, incident.peak_force) for incident in watcher.incidents()]
         (deepest,) = watcher.penetrations()
@@ -216,7 +216,7 @@ def test_what_two_fingers_press_on_is_held_and_what_presses_on_that_is_noted_whi
         cup, walker = built.objects["cup"], built.walkers["walker_1"][0]
 
         def pressing(body_a: int, link_a: int, body_b: int) -> tuple[object, ...]:
-            return (0, body_a, body_b, link_a, -1, still, still, (-1.0, 0.0, 0.0), 0.0, 5.0)
+            return (body_a, body_b, link_a, -1, still, still, (-1.0, 0.0, 0.0), 0.0, 5.0)
 
         contacts = [pressing(built.robot, built.links[link], cup) for link in hand.part.finger_links[:fingers]]
         contacts += [pressing(walker, -1, cup) if walker_first else pressing(cup, -1, walker)]
