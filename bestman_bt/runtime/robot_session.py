@@ -168,7 +168,7 @@ class Session:
 
 
 def _missing(entries: Mapping[str, Any], tree: Tree) -> dict[str, Any]:
-    return {key: value for key, value in entries.items() if key not in tree.blackboard}
+    return {key: value for key, value in entries.items() if tree.blackboard.get(key) is None}
 
 
 @contextmanager
