@@ -101,6 +101,7 @@ from bestman_bt.engine.status import (
 )
 from bestman_bt.engine.substitution import SubstitutionError, SubstitutionRules
 from bestman_bt.engine.tree import Listener, StateChanges, Tree
+from bestman_bt.engine.typed_ports import In, InOut, Out
 from bestman_bt.engine.validation import tree_warnings, validate_file
 from bestman_bt.engine.xml.document import XmlDocument, XmlElement
 from bestman_bt.engine.xml.writer import full_tree_xml, palette_xml, tree_to_xml
@@ -138,6 +139,8 @@ __all__ = [
     "ForceSuccess",
     "FunctionLeafError",
     "IfThenElse",
+    "In",
+    "InOut",
     "Inverter",
     "KeepRunningUntilFailure",
     "Listener",
@@ -155,6 +158,7 @@ __all__ = [
     "NodeStatus",
     "NotZero",
     "OneOf",
+    "Out",
     "Output",
     "Parallel",
     "ParallelAll",

@@ -34,6 +34,7 @@ from bestman_bt.engine.node_errors import describe_bad_status, wrapped
 from bestman_bt.engine.ports import make_reader, make_writer
 from bestman_bt.engine.py_trees_face import PyTreesFace
 from bestman_bt.engine.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS
+from bestman_bt.engine.typed_ports import declare_typed_ports
 
 if TYPE_CHECKING:
     from bestman_bt.engine.blackboard import Blackboard
@@ -104,6 +105,10 @@ class Node(PyTreesFace):
 
     children: list[Behaviour]
     parent: Behaviour | None
+
+    def __init_subclass__(cls, **options: Any) -> None:
+        super().__init_subclass__(**options)
+        declare_typed_ports(cls)
 
     def __init__(self, *args: Any, name: str | None = None, **attributes: Any) -> None:
         name, children = split_arguments(type(self), args, name, attributes)

@@ -1,0 +1,128 @@
+"""Ports as typed attributes of a node: ``goal = In(Pose2D, "where to drive")``, then ``self.goal`` is a ``Pose2D``."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Generic, Literal, TypeVar, get_origin, overload
+
+from py_trees.ports import PortInformation
+
+from bestman_bt.engine.bounds import BoundedPort
+from bestman_bt.engine.errors import EngineError
+
+T = TypeVar("T")
+
+
+class _Declared:
+    """What all kinds of typed ports share. ``port``: the port's name; by default that of the attribute."""
+
+    def __init__(self, data_type: Any, text: str, default: Any, required: bool, port: str) -> None:
+        bounded = data_type in (int, float) or get_origin(data_type) is Annotated
+        self.information = (BoundedPort if bounded else PortInformation)(data_type, required, text, default)
+        self.port = port
+
+    def __set_name__(self, owner: type[Any], name: str) -> None:
+        self.port = self.port or name
+
+
+class In(_Declared, Generic[T]):
+    """An input port; reading the attribute gives its value, converted and checked.
+
+    ``data_type``: a type, or one with bounds, as ``In[float](Annotated[float, Gt(0)], …)``. ``default``: what it is
+    where it is not given; text such as ``"{start}"`` names the entry that is read then. ``required``: False without a
+    default: it is None where it is not given; True with one: an entry that it is mapped to must have a value.
+    ``port``: the port's name, where an attribute of that name would hide one of the node's.
+    """
+
+    @overload
+    def __init__(self: In[T], data_type: type[T], text: str = "", /, *, port: str = "") -> None: ...
+    @overload
+    def __init__(
+        self: In[T], data_type: type[T], text: str = "", /, *, default: T | str, required: bool = ..., port: str = ""
+    ) -> None: ...
+    @overload
+    def __init__(
+        self: In[T | None], data_type: type[T], text: str = "", /, *, required: Literal[False], port: str = ""
+    ) -> None: ...
+    @overload
+    def __init__(
+        self, data_type: Any, text: str = "", /, *, default: Any = None, required: bool = ..., port: str = ""
+    ) -> None: ...
+    def __init__(
+        self, data_type: Any, text: str = "", /, *, default: Any = None, required: bool | None = None, port: str = ""
+    ) -> None:
+        super().__init__(data_type, text, default, default is None if required is None else required, port)
+
+    @overload
+    def __get__(self, node: None, owner: type[Any]) -> In[T]: ...
+    @overload
+    def __get__(self, node: Any, owner: type[Any]) -> T: ...
+    def __get__(self, node: Any, owner: type[Any]) -> Any:
+        return self if node is None else node.get_input(self.port)
+
+    def __set__(self, node: Any, value: Any) -> None:
+        raise AttributeError(f"{type(node).__name__}.{self.port} is an input port: it is read, not written")
+
+
+class Out(_Declared, Generic[T]):
+    """An output port; setting the attribute writes the entry that it is mapped to, if it is mapped.
+
+    Arguments as of ``In``; ``default``: ``"{entry}"`` that is written where it is not mapped.
+    """
+
+    @overload
+    def __init__(
+        self: Out[T], data_type: type[T], text: str = "", /, *, default: str | None = None, port: str = ""
+    ) -> None: ...
+    @overload
+    def __init__(self, data_type: Any, text: str = "", /, *, default: str | None = None, port: str = "") -> None: ...
+    def __init__(self, data_type: Any, text: str = "", /, *, default: str | None = None, port: str = "") -> None:
+        super().__init__(data_type, text, default, False, port)
+
+    @overload
+    def __get__(self, node: None, owner: type[Any]) -> Out[T]: ...
+    @overload
+    def __get__(self, node: Any, owner: type[Any]) -> T: ...
+    def __get__(self, node: Any, owner: type[Any]) -> Any:
+        if node is None:
+            return self
+        raise AttributeError(f"{type(node).__name__}.{self.port} is an output port: it is written, not read")
+
+    def __set__(self, node: Any, value: T) -> None:
+        node.set_output(self.port, value)
+
+
+class InOut(_Declared, Generic[T]):
+    """A port that is read and written. Arguments as of ``In``; without a value it is None."""
+
+    def __init__(self, data_type: type[T], text: str = "", /, *, port: str = "") -> None:
+        super().__init__(data_type, text, None, False, port)
+
+    @overload
+    def __get__(self, node: None, owner: type[Any]) -> InOut[T]: ...
+    @overload
+    def __get__(self, node: Any, owner: type[Any]) -> T | None: ...
+    def __get__(self, node: Any, owner: type[Any]) -> Any:
+        return self if node is None else node.get_input(self.port)
+
+    def __set__(self, node: Any, value: T) -> None:
+        node.set_output(self.port, value)
+
+
+def declare_typed_ports(cls: type[Any]) -> None:
+    """Put the typed ports of a class among its ``INPUT_PORTS`` and ``OUTPUT_PORTS``.
+
+    EngineError where one would hide an attribute that nodes have.
+    """
+    typed = {name: value for name, value in vars(cls).items() if isinstance(value, _Declared)}
+    for name, value in typed.items():
+        hidden = next((base for base in cls.__mro__[1:] if name in vars(base)), None)
+        if hidden is not None and not isinstance(vars(hidden)[name], _Declared):
+            kind = type(value).__name__
+            raise EngineError(
+                f"the port {name!r} of {cls.__name__} would hide {hidden.__name__}.{name}: "
+                f"give the attribute another name, as {name}_ = {kind}(…, port={name!r})"
+            )
+    for kinds, attribute in (((In, InOut), "INPUT_PORTS"), ((Out, InOut), "OUTPUT_PORTS")):
+        found = {one.port: one.information for one in typed.values() if isinstance(one, kinds)}
+        if found:
+            setattr(cls, attribute, {**vars(cls).get(attribute, {}), **found})
