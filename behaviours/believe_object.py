@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-from py_trees.ports import PortInformation
-
 from behaviours.names import ObjectName, SurfaceName
 from behaviours.skill import Declaration, InstantSkill, SkillFailure
 from behaviours.surfaces import UNKNOWN_SURFACE, told_surface
-from bestman_bt.engine.bounds import BoundedPort
+from bestman_bt.engine import In
 from bestman_bt.messages import Pose
 from bestman_bt.messages.bounds import NonNegative
 from bestman_bt.world_model import ObjectBelief
@@ -21,12 +19,10 @@ class BelieveObject(InstantSkill):
     Where a surface is named, it is believed to be as high as the object's lowest point.
     """
 
-    INPUT_PORTS: ClassVar = {
-        "object": BoundedPort(ObjectName, description="an object that the robot has a model of"),
-        "pose": PortInformation(Pose, description="x;y;z;roll;pitch;yaw in the map frame, of the model's origin"),
-        "surface": BoundedPort(SurfaceName, required=False, description="the surface that it stands on"),
-        "position_std": BoundedPort(NonNegative, required=False, default_value=0.002, description="metres"),
-    }
+    object = In[str](ObjectName, "an object that the robot has a model of")
+    pose = In(Pose, "x;y;z;roll;pitch;yaw in the map frame, of the model's origin")
+    surface = In[str | None](SurfaceName, "the surface that it stands on", required=False)
+    position_std = In[float](NonNegative, "metres", default=0.002)
     FAILS: ClassVar = {
         **UNKNOWN_SURFACE,
         "unknown_object": "add a model of it",
@@ -35,11 +31,11 @@ class BelieveObject(InstantSkill):
 
     def act(self) -> None:
         """Takes no picture."""
-        world, name = self.skills.world, self.get_input("object")
+        world, name = self.skills.world, self.object
         model = world.models.get(name)
         if model is None:
             raise SkillFailure("unknown_object", f"no model of {name!r}; there are {', '.join(world.models)}")
-        pose, surface = self.get_input("pose"), self.get_input("surface")
+        pose, surface = self.pose, self.surface
         if surface:
             lowest = float(pose.position[2] + (pose.rotation[2] * model.bounds()).min(axis=0).sum())
             world.obstacles[f"{surface}/surface"] = told_surface(self.skills, surface, lowest)
@@ -48,7 +44,7 @@ class BelieveObject(InstantSkill):
             model=model,
             pose=pose,
             confidence=1.0,
-            position_std=self.get_input("position_std"),
+            position_std=self.position_std,
             stamp=self.skills.clock.now(),
             surface=surface or None,
         )

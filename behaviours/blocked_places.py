@@ -4,34 +4,32 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-from py_trees.ports import PortInformation
-
 from behaviours.names import SurfaceName
 from behaviours.skill import InstantSkill
 from behaviours.surfaces import UNKNOWN_SURFACE, find_surface
-from bestman_bt.engine.bounds import BoundedPort
+from bestman_bt.engine import In, Out
 
 
 class BelieveBlocked(InstantSkill):
     """Remember that there was nowhere to stand from where a surface could be reached."""
 
-    INPUT_PORTS: ClassVar = {"surface": BoundedPort(SurfaceName, description="the surface, such as table")}
+    surface = In[str](SurfaceName, "the surface, such as table")
     FAILS: ClassVar = UNKNOWN_SURFACE
 
     def act(self) -> None:
         """Writes a belief; moves nothing. What moves a door or drawer clears it."""
-        furniture, surface = find_surface(self.skills, self.get_input("surface"))
+        furniture, surface = find_surface(self.skills, self.surface)
         self.skills.world.blocked.add(f"{furniture.name}/{surface.name}")
 
 
 class ForgetBlocked(InstantSkill):
     """Forget which surfaces could not be reached, to try them once more."""
 
-    OUTPUT_PORTS: ClassVar = {"forgotten": PortInformation(int, required=False, description="how many there were")}
+    forgotten = Out(int, "how many there were")
 
     def act(self) -> None:
         """Writes a belief; moves nothing."""
         blocked = self.skills.world.blocked
-        self.set_output("forgotten", len(blocked))
+        self.forgotten = len(blocked)
         self.feedback_message = ", ".join(sorted(blocked))
         blocked.clear()

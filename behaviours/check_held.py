@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-from py_trees.ports import PortInformation
-
 from behaviours.grasp import grip_problem
 from behaviours.names import ObjectName
 from behaviours.skill import Declaration, OnArm, Skill, SkillFailure, Steps
-from bestman_bt.engine.bounds import BoundedPort
+from bestman_bt.engine import In, Out
 from bestman_bt.perception import View
 
 EMPTY = 0.6
@@ -24,14 +22,10 @@ class CheckHeld(OnArm, Skill):
 
     REQUIRES = ("arm", "gripper")
     USES = ("wrist_camera", "tactile")
-    INPUT_PORTS: ClassVar = {
-        "object": BoundedPort(ObjectName, description="the object that the hand should hold"),
-        "look": PortInformation(bool, required=False, default_value=True, description="also use the wrist camera"),
-    }
-    OUTPUT_PORTS: ClassVar = {
-        "width": PortInformation(float, required=False, description="metres between the fingers"),
-        "evidence": PortInformation(str, required=False, description="what was asked: width, touch, sight"),
-    }
+    object = In[str](ObjectName, "the object that the hand should hold")
+    look = In(bool, "also use the wrist camera", default=True)
+    width = Out(float, "metres between the fingers")
+    evidence = Out(str, "what was asked: width, touch, sight")
     FAILS: ClassVar = {
         "not_holding": "take it: DetectObject, PlanGrasp, Grasp",
         "object_lost": "find it again: ScanScene, DetectObject",
@@ -41,21 +35,21 @@ class CheckHeld(OnArm, Skill):
     def execute(self) -> Steps:
         """Ask each sensor in turn, the cheapest first."""
         skills = self.skills
-        name: str = self.get_input("object")
+        name: str = self.object
         held = skills.held
         if held is None or held.name != name:
             raise SkillFailure("not_holding", f"the hand does not hold the {name}")
         width = skills.gripper.width()
-        self.set_output("width", width)
+        self.width = width
         evidence = ["width"]
         problem = grip_problem(width, held.width)
         if not problem and skills.tactile:
             evidence.append("touch")
             problem = self._touch_problem()
-        if not problem and skills.wrist_camera is not None and self.get_input("look"):
+        if not problem and skills.wrist_camera is not None and self.look:
             evidence.append("sight")
             problem = yield self.compute("hand_check", self._sight_problem, width)
-        self.set_output("evidence", ", ".join(evidence))
+        self.evidence = ", ".join(evidence)
         if problem:
             skills.held = None
             raise SkillFailure("object_lost", f"the {name} is no longer in the hand: {problem}")

@@ -5,9 +5,8 @@ from __future__ import annotations
 import math
 from typing import ClassVar
 
-from py_trees.ports import PortInformation
-
 from behaviours.skill import Skill, SkillFailure, Steps
+from bestman_bt.engine import In
 
 
 class ClearStop(Skill):
@@ -17,18 +16,14 @@ class ClearStop(Skill):
     a stop ends the run: it cannot be cleared from here. A button that was pressed has to be released at the robot.
     """
 
-    INPUT_PORTS: ClassVar = {
-        "attempts": PortInformation(int, required=False, default_value=3, description="how often it is tried"),
-        "wait": PortInformation(
-            float, required=False, default_value=5.0, description="seconds between attempts: controllers want time"
-        ),
-    }
+    attempts = In(int, "how often it is tried", default=3)
+    wait = In(float, "seconds between attempts: controllers want time", default=5.0)
     FAILS: ClassVar = {"still_stopped": "somebody has to look: the message says what stops the robot"}
 
     def execute(self) -> Steps:
         """Try, wait, try again; at once done where the robot is not stopped."""
         stop = self.skills.stop
-        attempts, wait = self.get_input("attempts"), self.get_input("wait")
+        attempts, wait = self.attempts, self.wait
         if attempts < 1:
             raise SkillFailure("bad_input", f"attempts is {attempts}; at least 1 is accepted")
         if not (math.isfinite(wait) and wait >= 0.0):

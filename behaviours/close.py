@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
-from py_trees.ports import PortInformation
 
 from behaviours.arm_motion import ARM_PLANNING_FAILS, move_free
 from behaviours.closing import BEFORE, Push, pushes
@@ -18,7 +17,7 @@ from behaviours.names import ArticulationName, PostureName
 from behaviours.skill import ALGORITHM_ERRORS, Declaration, OnArm, Skill, SkillFailure, Steps, StepsTo
 from behaviours.taring import tare_wrist
 from behaviours.withdraw import withdraw, withdraw_after
-from bestman_bt.engine.bounds import BoundedPort
+from bestman_bt.engine import In, Out
 from bestman_bt.messages import Pose
 
 if TYPE_CHECKING:
@@ -54,17 +53,11 @@ class Close(OnArm, Skill):
 
     REQUIRES = ("arm", "gripper")
     USES = ("force_torque",)
-    INPUT_PORTS: ClassVar = {
-        "articulation": BoundedPort(ArticulationName, description="furniture/leaf of the map"),
-        "opening": PortInformation(
-            float, required=False, default_value=0.02, description="how far it may stay open: metres or radians"
-        ),
-        "max_push": PortInformation(float, required=False, default_value=40.0, description="newtons"),
-        "posture": BoundedPort(PostureName, required=False, default_value="carry", description="of the arm at the end"),
-    }
-    OUTPUT_PORTS: ClassVar = {
-        "left": PortInformation(float, required=False, description="how far it may still be open, metres or radians")
-    }
+    articulation = In[str](ArticulationName, "furniture/leaf of the map")
+    opening = In(float, "how far it may stay open: metres or radians", default=0.02)
+    max_push = In(float, "newtons", default=40.0)
+    posture = In[str](PostureName, "of the arm at the end", default="carry")
+    left = Out(float, "how far it may still be open, metres or radians")
     FAILS: ClassVar = {
         **UNKNOWN_ARTICULATION,
         **ARM_PLANNING_FAILS,
@@ -83,8 +76,8 @@ class Close(OnArm, Skill):
         skills = self.skills
         if skills.held is not None:
             raise SkillFailure("hand_not_empty", f"the hand holds the {skills.held.name}")
-        leaf, posture = find_leaf(skills, self.get_input("articulation")), self.get_input("posture")
-        leaf.check_opening("opening", self.get_input("opening"))
+        leaf, posture = find_leaf(skills, self.articulation), self.posture
+        leaf.check_opening("opening", self.opening)
         plan: _Plan | None = yield self.compute("grasp_planning", self._plan, leaf)
         if plan is None:
             raise SkillFailure("no_push", f"the arm cannot push {leaf.articulation} shut from here")
@@ -99,7 +92,7 @@ class Close(OnArm, Skill):
                 yield from withdraw_after(self, leaf, posture, failure)
                 raise
             yield from withdraw(self, leaf, posture)
-        self.set_output("left", left)
+        self.left = left
         self.feedback_message = f"{leaf.articulation} closed, to {left:.3f} by the map"
 
     def _plan(self, leaf: Leaf) -> _Plan | None:
@@ -161,7 +154,7 @@ class Close(OnArm, Skill):
             base @ axis.tangent(tip),
             distance=beyond if axis.kind == "prismatic" else math.inf,
             angle=beyond if axis.kind == "revolute" else math.inf,
-            max_pull=self.get_input("max_push"),
+            max_pull=self.max_push,
             guide=plan.guide,
             axis=replace(axis, point=base_from_map.apply(axis.point[None])[0], direction=base @ axis.direction),
             learns=False,
@@ -175,8 +168,8 @@ class Close(OnArm, Skill):
         if failure is None:
             raise SkillFailure("lost_contact", f"nothing resisted up to where {leaf.articulation} should be shut")
         skills.world.believe_articulation(leaf.articulation, min(left, leaf.leaf.upper))
-        if left > self.get_input("opening"):
-            self.set_output("left", left)
+        if left > self.opening:
+            self.left = left
             code = "jammed" if resisted else error_code(motion.end)
             raise SkillFailure(code, f"{leaf.articulation} is still open by {left:.2f}: {failure}", failure.failure)
         return left

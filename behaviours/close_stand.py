@@ -7,14 +7,13 @@ from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
-from py_trees.ports import PortInformation
 
 from behaviours.closing import BEFORE, Push, pushes
 from behaviours.leaf import UNKNOWN_ARTICULATION, Leaf, find_leaf
 from behaviours.leaf_stand import SAME_STAND, LeafWay, find_stands, room_beside
 from behaviours.names import ArticulationName
 from behaviours.skill import Declaration, OnArm, Skill, SkillFailure, Steps
-from bestman_bt.engine.bounds import BoundedPort
+from bestman_bt.engine import In, Out
 from bestman_bt.messages import Pose2D
 
 if TYPE_CHECKING:
@@ -33,8 +32,8 @@ class FindCloseStand(OnArm, Skill):
     """
 
     REQUIRES = ("base", "lidar", "arm", "gripper")
-    INPUT_PORTS: ClassVar = {"articulation": BoundedPort(ArticulationName, description="furniture/leaf of the map")}
-    OUTPUT_PORTS: ClassVar = {"stand": PortInformation(Pose2D, description="where to stand, in the map frame")}
+    articulation = In[str](ArticulationName, "furniture/leaf of the map")
+    stand = Out(Pose2D, "where to stand, in the map frame", required=True)
     FAILS: ClassVar = {
         **UNKNOWN_ARTICULATION,
         "no_stand": "look where it stands now: FindLookStand, DetectHandle",
@@ -47,13 +46,13 @@ class FindCloseStand(OnArm, Skill):
 
     def execute(self) -> Steps:
         """For one way to push after another, until there is a stand for it."""
-        leaf = find_leaf(self.skills, self.get_input("articulation"))
+        leaf = find_leaf(self.skills, self.articulation)
         stands = yield self.compute("stand_planning", self._rank, leaf)
         if not stands:
             raise SkillFailure("no_stand", f"the arm cannot push {leaf.articulation} shut from anywhere free")
         best = stands[0].pose
         self._tried.append(best)
-        self.set_output("stand", best)
+        self.stand = best
         self.feedback_message = f"stand at {best.x:.2f}, {best.y:.2f}, {np.degrees(best.theta):.0f}°"
 
     def _rank(self, leaf: Leaf) -> Sequence[StandAlong]:

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-from py_trees.ports import PortInformation
-
 from behaviours.leaf import UNKNOWN_ARTICULATION, find_leaf
 from behaviours.names import ArticulationName
 from behaviours.skill import InstantSkill
+from bestman_bt.engine import Out
 from bestman_bt.engine.bounds import BoundedPort
 from bestman_bt.world_model import openness_of
 
@@ -19,22 +18,18 @@ class TakeContainer(InstantSkill):
     """Tell of a door or drawer on which furniture it is, and what open and shut mean for it."""
 
     INPUT_PORTS: ClassVar = {"container": _CONTAINER}
-    OUTPUT_PORTS: ClassVar = {
-        "furniture": PortInformation(str, required=False, description="the piece that it belongs to"),
-        "opening": PortInformation(
-            float, required=False, description="how far it is opened to work behind it, metres or radians"
-        ),
-        "shut": PortInformation(float, required=False, description="up to where it counts as shut, metres or radians"),
-    }
+    furniture = Out(str, "the piece that it belongs to")
+    opening = Out(float, "how far it is opened to work behind it, metres or radians")
+    shut = Out(float, "up to where it counts as shut, metres or radians")
     FAILS: ClassVar = UNKNOWN_ARTICULATION
 
     def act(self) -> None:
         """Asks the map."""
         leaf = find_leaf(self.skills, self.get_input("container"))
         openness = openness_of(leaf.leaf)
-        self.set_output("furniture", leaf.furniture.name)
-        self.set_output("opening", openness.asked)
-        self.set_output("shut", openness.shut)
+        self.furniture = leaf.furniture.name
+        self.opening = openness.asked
+        self.shut = openness.shut
 
 
 class BelieveLocked(InstantSkill):

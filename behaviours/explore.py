@@ -6,12 +6,11 @@ import math
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
-from py_trees.ports import PortInformation
 
 from behaviours.skill import Declaration, Skill, SkillFailure, Steps, StepsTo
 from behaviours.waiting import Until, passed
 from bestman_bt.control import READING_ERRORS, MotionStatus
-from bestman_bt.engine import BoundedPort
+from bestman_bt.engine import In, Out
 from bestman_bt.messages import OccupancyGrid, Path2D, Pose2D, wrap_angle
 from bestman_bt.messages.bounds import Positive
 from bestman_bt.messages.occupancy_grid import FREE
@@ -47,15 +46,11 @@ class ExploreAndMap(Skill):
 
     REQUIRES = ("base", "lidar")
     USES = ("head", "camera")
-    INPUT_PORTS: ClassVar = {
-        "file": PortInformation(str, required=False, description="where to save the map, NAME.yaml; else not saved"),
-        "max_time": BoundedPort(Positive, required=False, default_value=900.0, description="seconds, then it ends"),
-    }
-    OUTPUT_PORTS: ClassVar = {
-        "grid": PortInformation(OccupancyGrid, required=False, description="the map"),
-        "area": PortInformation(float, required=False, description="floor that was found free, m²"),
-        "saved": PortInformation(str, required=False, description="the file, where one was written"),
-    }
+    file = In(str, "where to save the map, NAME.yaml; else not saved", required=False)
+    max_time = In[float](Positive, "seconds, then it ends", default=900.0)
+    grid = Out(OccupancyGrid, "the map")
+    area = Out(float, "floor that was found free, m²")
+    saved = Out(str, "the file, where one was written")
     FAILS: ClassVar = {
         "timeout": "ExploreAndMap with more max_time",
         "no_image": "ExploreAndMap again",
@@ -80,15 +75,15 @@ class ExploreAndMap(Skill):
             self._localise_by(before, told)
         grid = slam.grid
         area = float((grid.data == FREE).sum()) * grid.resolution**2
-        self.set_output("grid", grid)
-        self.set_output("area", area)
-        if self.get_input("file"):
+        self.grid = grid
+        self.area = area
+        if self.file:
             try:
-                self.set_output("saved", str(write_map(grid, self.get_input("file"))))
+                self.saved = str(write_map(grid, self.file))
             except MapFileError as error:
                 raise SkillFailure("not_saved", str(error)) from error
         if not finished:
-            text = f"{area:.0f} m² were mapped in {self.get_input('max_time'):.0f} s, and there is more to see"
+            text = f"{area:.0f} m² were mapped in {self.max_time:.0f} s, and there is more to see"
             raise SkillFailure("timeout", text)
         self.feedback_message = f"{area:.0f} m² of free floor, {slam.estimate.loop_closures} loop closures"
 
@@ -105,7 +100,7 @@ class ExploreAndMap(Skill):
         from bestman_bt.navigation.slam import Overhangs
 
         skills = self.skills
-        end = skills.clock.now() + self.get_input("max_time")
+        end = skills.clock.now() + self.max_time
         slam, explorer = skills.slam, skills.exploration
         if skills.has("head"):
             yield skills.head.look_at(AHEAD)

@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
-from py_trees.ports import PortInformation
 
 from behaviours.arm_motion import ARM_PLANNING_FAILS, follow_path, hand_contacts, move_free, timed_path
 from behaviours.contacts import grasp as grasp_contact
@@ -14,7 +13,7 @@ from behaviours.contacts import support, surface_below
 from behaviours.grasp_candidates import grasp_candidates
 from behaviours.names import ArmName, ObjectName
 from behaviours.skill import ALGORITHM_ERRORS, Declaration, OnArm, Skill, SkillCondition, SkillFailure, Steps
-from bestman_bt.engine.bounds import BoundedPort
+from bestman_bt.engine import In, InOut, Out
 from bestman_bt.messages import Pose
 from bestman_bt.world_model import HeldObject, ObjectBelief
 
@@ -51,11 +50,9 @@ class PlanGrasp(OnArm, Skill):
 
     REQUIRES = ("arm", "gripper")
     USES = ("wrist_camera",)
-    INPUT_PORTS: ClassVar = {
-        "object": BoundedPort(ObjectName, description="a located object"),
-        "count": PortInformation(int, required=False, default_value=4, description="how many to keep"),
-    }
-    OUTPUT_PORTS: ClassVar = {"grasps": PortInformation(list, description="planned grasps, best first")}
+    object = In[str](ObjectName, "a located object")
+    count = In(int, "how many to keep", default=4)
+    grasps = Out(list, "planned grasps, best first", required=True)
     FAILS: ClassVar = {
         "not_found": "DetectObject first",
         "no_grasp": "stand elsewhere: FindStandPose, NavigateTo; or look again: DetectObject",
@@ -64,14 +61,14 @@ class PlanGrasp(OnArm, Skill):
 
     def execute(self) -> Steps:
         """Propose, check, rank."""
-        name: str = self.get_input("object")
+        name: str = self.object
         belief = self.skills.world.objects.get(name)
         if belief is None:
             raise SkillFailure("not_found", f"the {name} has not been seen; detect it first")
-        grasps = yield self.compute("grasp_planning", self._plan, belief, self.get_input("count"))
+        grasps = yield self.compute("grasp_planning", self._plan, belief, self.count)
         if not grasps:
             raise SkillFailure("no_grasp", f"no grasp of the {name} is free and within reach from here")
-        self.set_output("grasps", grasps)
+        self.grasps = grasps
         self.feedback_message = f"{len(grasps)} grasps"
 
     def _plan(self, belief: ObjectBelief, count: int) -> list[PlannedGrasp]:
@@ -120,12 +117,9 @@ class Grasp(OnArm, Skill):
     """
 
     REQUIRES = ("arm", "gripper")
-    INPUT_PORTS: ClassVar = {
-        "object": BoundedPort(ObjectName, description="the object"),
-        "grasps": PortInformation(list, description="planned grasps, best first; used up one by one"),
-        "force": PortInformation(float, required=False, description="closing force, newtons; by default by the weight"),
-    }
-    OUTPUT_PORTS: ClassVar = {"grasps": PortInformation(list, required=False, description="the grasps that are left")}
+    object = In[str](ObjectName, "the object")
+    grasps = InOut(list, "planned grasps, best first; used up one by one")
+    force = In(float, "closing force, newtons; by default by the weight", required=False)
     FAILS: ClassVar = {
         **ARM_PLANNING_FAILS,
         "no_path": "Grasp again: the next planned grasp",
@@ -140,8 +134,8 @@ class Grasp(OnArm, Skill):
 
     def execute(self) -> Steps:
         """Open, approach, close, lift."""
-        name: str = self.get_input("object")
-        grasps: list[PlannedGrasp] = self.get_input("grasps")
+        name: str = self.object
+        grasps: list[PlannedGrasp] = self.grasps
         if not grasps:
             raise self._last_failure or SkillFailure("no_grasp", f"no planned grasp of the {name} is left")
         try:
@@ -155,7 +149,7 @@ class Grasp(OnArm, Skill):
         skills = self.skills
         grasp, rest = grasps[0], grasps[1:]
         belief = skills.world.objects[name]
-        self.set_output("grasps", rest)
+        self.grasps = rest
         skills.held = None
         yield skills.gripper.open(grasp.candidate.opening)
         yield from move_free(self, [grasp.approach.pre])
@@ -167,8 +161,8 @@ class Grasp(OnArm, Skill):
         skills = self.skills
         contact = skills.arm_world(skills.planning_scene(allowed_pairs=hand_contacts(skills, name)))
         yield from follow_path(self, grasp.approach.into, contact, speed=0.35)
-        self.set_output("grasps", [])
-        yield skills.gripper.close(self.get_input("force") or self._force(grasp))
+        self.grasps = []
+        yield skills.gripper.close(self.force or self._force(grasp))
         belief = skills.world.objects[name]
         width = grasp.candidate.width if belief.recognised else None
         try:
@@ -212,14 +206,12 @@ class Grasp(OnArm, Skill):
         if not problem and not self.skills.gripper.pressing():
             problem = "the fingers do not press"
         if problem:
-            raise SkillFailure(
-                "grasp_failed", f"the hand closed but does not hold the {self.get_input('object')}: {problem}"
-            )
+            raise SkillFailure("grasp_failed", f"the hand closed but does not hold the {self.object}: {problem}")
 
     def _force(self, grasp: PlannedGrasp) -> float:
         """Newtons that hold the weight, which turns what is held off its middle out of the pads."""
         gripper = self.skills.gripper
-        mass = self.skills.world.objects[self.get_input("object")].model.mass
+        mass = self.skills.world.objects[self.object].model.mass
         lever = float(np.linalg.norm(grasp.tool_from_object.position[:2]))
         needed = SAFETY * mass * GRAVITY * lever / (self.skills.gripper_model.part.pad_size[1] / 2)
         return min(max(LEAST_FORCE, needed), gripper.model.part.max_force)
@@ -237,12 +229,8 @@ class Holding(SkillCondition):
     """Whether a hand holds an object, by its encoders; forgets an object that has been lost."""
 
     REQUIRES = ("gripper",)
-    INPUT_PORTS: ClassVar = {
-        "object": BoundedPort(ObjectName, description="the object"),
-        "arm": BoundedPort(
-            ArmName, required=False, default_value="", description="the arm whose hand shall hold it; by default any"
-        ),
-    }
+    object = In[str](ObjectName, "the object")
+    arm = In[str](ArmName, "the arm whose hand shall hold it; by default any", default="")
     FAILS: ClassVar = {
         "not_holding": "take it: DetectObject, PlanGrasp, Grasp",
         "object_lost": "find it again: ScanScene, DetectObject",
@@ -250,8 +238,8 @@ class Holding(SkillCondition):
 
     def check(self) -> tuple[str, str] | None:
         """Compares the fingers with the grasp."""
-        name: str = self.get_input("object")
-        arm = self.get_input("arm") or self.skills.world.arm_with(name)
+        name: str = self.object
+        arm = self.arm or self.skills.world.arm_with(name)
         skills = self.skills if arm is None else self.skills_of(arm)
         held = skills.held
         if held is None or held.name != name:
@@ -268,7 +256,7 @@ class Reachable(OnArm, SkillCondition):
 
     REQUIRES = ("arm", "gripper")
     USES = ("wrist_camera",)
-    INPUT_PORTS: ClassVar = {"object": BoundedPort(ObjectName, description="a seen object")}
+    object = In[str](ObjectName, "a seen object")
     FAILS: ClassVar = {
         "not_found": "DetectObject first",
         "out_of_reach": "stand elsewhere: FindStandPose, NavigateTo",
@@ -277,7 +265,7 @@ class Reachable(OnArm, SkillCondition):
     def check(self) -> tuple[str, str] | None:
         """Inverse kinematics for some of the candidates."""
         skills = self.skills
-        name: str = self.get_input("object")
+        name: str = self.object
         belief = skills.world.objects.get(name)
         if belief is None:
             return "not_found", f"the {name} has not been seen"

@@ -5,14 +5,13 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
-from py_trees.ports import PortInformation
 
 from behaviours.furniture_place import believe_place, believe_shut_fronts
 from behaviours.leaf import UNKNOWN_ARTICULATION, Leaf, find_leaf
 from behaviours.leaf_seen import SHUT, opening_by_board, opening_seen, opening_since
 from behaviours.names import ArticulationName, FurnitureName
 from behaviours.skill import Declaration, Skill, SkillFailure, Steps
-from bestman_bt.engine.bounds import BoundedPort
+from bestman_bt.engine import In, Out
 from bestman_bt.messages import Handle, Pose
 from bestman_bt.world_model import HandleBelief, MapFurniture
 
@@ -34,25 +33,15 @@ class DetectHandle(Skill):
     """
 
     REQUIRES = ("camera",)
-    INPUT_PORTS: ClassVar = {
-        "furniture": BoundedPort(FurnitureName, required=False, description="furniture of the map, such as fridge"),
-        "articulation": BoundedPort(
-            ArticulationName,
-            required=False,
-            description="only on this door or drawer, furniture/leaf",
-        ),
-        "near": PortInformation(Pose, required=False, description="choose the handle nearest to this, map frame"),
-        "joint": PortInformation(str, required=False, description="only handles of a revolute or a prismatic joint"),
-        "min_confidence": PortInformation(float, required=False, default_value=0.5, description="0 to 1"),
-    }
-    OUTPUT_PORTS: ClassVar = {
-        "handle": PortInformation(str, required=False, description="the name under which the handle is believed"),
-        "pose": PortInformation(Pose, required=False, description="of the handle, in the map frame"),
-        "count": PortInformation(int, required=False, description="how many were seen"),
-        "opening": PortInformation(
-            float, required=False, description="how far the articulation is open, metres or radians"
-        ),
-    }
+    furniture = In[str | None](FurnitureName, "furniture of the map, such as fridge", required=False)
+    articulation = In[str | None](ArticulationName, "only on this door or drawer, furniture/leaf", required=False)
+    near = In(Pose, "choose the handle nearest to this, map frame", required=False)
+    joint = In(str, "only handles of a revolute or a prismatic joint", required=False)
+    min_confidence = In(float, "0 to 1", default=0.5)
+    handle = Out(str, "the name under which the handle is believed")
+    pose = Out(Pose, "of the handle, in the map frame")
+    count = Out(int, "how many were seen")
+    opening = Out(float, "how far the articulation is open, metres or radians")
     FAILS: ClassVar = {
         **UNKNOWN_ARTICULATION,
         "handle_not_found": "look from elsewhere: FindLookStand, NavigateTo, LookAt",
@@ -67,7 +56,7 @@ class DetectHandle(Skill):
         view = skills.camera.capture()
         scene: HandleScene = yield self.compute("handle_detection", skills.affordance.detect, view.in_base, skills.rng)
         seen = [handle.seen_from(view.map_from_base) for handle in scene.handles]
-        articulation: str = self.get_input("articulation") or ""
+        articulation: str = self.articulation or ""
         if articulation:
             # Whether a leaf is shut that was closed, its neighbours tell better than a map that was never measured.
             closed = skills.world.articulations.get(articulation) == 0.0
@@ -81,15 +70,15 @@ class DetectHandle(Skill):
         for name in chosen:
             if (on := skills.world.handles[name].furniture) is not None:
                 believe_place(skills.world, on, skills.world.handles[name].handle)
-        self.set_output("count", len(chosen))
+        self.count = len(chosen)
         if not chosen:
             on = articulation or (furniture.name if furniture is not None else "")
             where = f" on the {on}" if on else ""
             why = scene.reason or f"{len(scene.handles)} handles in view, none of them as asked"
             raise SkillFailure("handle_not_found", f"no handle{where}: {why}")
         best = min(chosen, key=lambda name: self._rank(skills.world.handles[name].handle))
-        self.set_output("handle", best)
-        self.set_output("pose", skills.world.handles[best].handle.pose)
+        self.handle = best
+        self.pose = skills.world.handles[best].handle.pose
         self.feedback_message = f"{best}: {skills.world.handles[best].handle.kind}, {len(chosen)} in all"
 
     def _on_leaf(self, leaf: Leaf, seen: list[Handle]) -> list[Handle]:
@@ -105,7 +94,7 @@ class DetectHandle(Skill):
                 since = opening_since(leaf, believed, known.handle, handle)
                 opening = opening if since is None else since
             skills.world.believe_articulation(leaf.articulation, opening)
-            self.set_output("opening", opening)
+            self.opening = opening
         return [handle for handle, _ in found]
 
     def _believe_board(self, leaf: Leaf, fronts: list[SupportPlane]) -> None:
@@ -116,10 +105,10 @@ class DetectHandle(Skill):
         opening, world = openings[0], self.skills.world  # the largest plane goes first
         if abs(opening - world.articulations.get(leaf.articulation, 0.0)) > SHUT[leaf.leaf.kind]:
             world.believe_articulation(leaf.articulation, opening)
-        self.set_output("opening", opening)
+        self.opening = opening
 
     def _furniture(self) -> MapFurniture | None:
-        name = self.get_input("furniture")
+        name = self.furniture
         known = self.skills.world.map.furniture
         if name and name not in known:
             raise SkillFailure("unknown_furniture", f"no furniture {name!r} in the map; there are {', '.join(known)}")
@@ -142,15 +131,15 @@ class DetectHandle(Skill):
         return name
 
     def _wanted(self, belief: HandleBelief, furniture: MapFurniture | None) -> bool:
-        joint = self.get_input("joint")
+        joint = self.joint
         return (
-            belief.handle.confidence >= self.get_input("min_confidence")
+            belief.handle.confidence >= self.min_confidence
             and (furniture is None or belief.furniture == furniture.name)
             and (not joint or belief.handle.joint == joint)
         )
 
     def _rank(self, handle: Handle) -> float:
-        near: Pose | None = self.get_input("near")
+        near: Pose | None = self.near
         if near is None:
             return -handle.confidence
         return float(np.linalg.norm(handle.pose.position - near.position))

@@ -5,22 +5,18 @@ from __future__ import annotations
 import math
 from typing import ClassVar
 
-from py_trees.ports import PortInformation
-
 from behaviours.leaf import UNKNOWN_ARTICULATION, find_leaf
 from behaviours.names import ArticulationName
 from behaviours.skill import SkillCondition
-from bestman_bt.engine.bounds import BoundedPort
+from bestman_bt.engine import In
 
 
 class IsOpen(SkillCondition):
     """Whether a door or drawer is believed to be open by at least, or by at most, so much."""
 
-    INPUT_PORTS: ClassVar = {
-        "articulation": BoundedPort(ArticulationName, description="furniture/leaf of the map"),
-        "at_least": PortInformation(float, required=False, default_value=0.0, description="metres or radians"),
-        "at_most": PortInformation(float, required=False, default_value=math.inf, description="metres or radians"),
-    }
+    articulation = In[str](ArticulationName, "furniture/leaf of the map")
+    at_least = In(float, "metres or radians", default=0.0)
+    at_most = In(float, "metres or radians", default=math.inf)
     FAILS: ClassVar = {
         **UNKNOWN_ARTICULATION,
         "not_open": "Open",
@@ -29,8 +25,8 @@ class IsOpen(SkillCondition):
 
     def check(self) -> tuple[str, str] | None:
         """Asks the beliefs; takes no picture."""
-        name: str = self.get_input("articulation")
-        at_least, at_most = self.get_input("at_least"), self.get_input("at_most")
+        name: str = self.articulation
+        at_least, at_most = self.at_least, self.at_most
         leaf = find_leaf(self.skills, name).leaf
         position = self.skills.world.articulations.get(name, 0.0)
         unit = "rad" if leaf.kind == "revolute" else "m"

@@ -7,10 +7,9 @@ from typing import TYPE_CHECKING, Annotated, ClassVar
 
 import numpy as np
 from annotated_types import Gt, Lt
-from py_trees.ports import PortInformation
 
 from behaviours.skill import Declaration, Skill, SkillCondition, SkillFailure, Steps
-from bestman_bt.engine import BoundedPort
+from bestman_bt.engine import In, Out
 from bestman_bt.messages import Pose2D
 from bestman_bt.messages.bounds import Count, Positive
 
@@ -30,21 +29,14 @@ class Relocalise(Skill):
     """
 
     REQUIRES = ("base", "lidar")
-    INPUT_PORTS: ClassVar = {
-        "looks": BoundedPort(Count, required=False, default_value=4, description="scans, with a turn between them"),
-        "turn": BoundedPort(
-            Annotated[float, Gt(-math.pi), Lt(math.pi)],
-            required=False,
-            default_value=math.pi / 2,
-            description="radians between two scans, within a half turn",
-        ),
-        "certainty": BoundedPort(
-            Positive, required=False, default_value=0.95, description="probability that the place must have, below 1"
-        ),
-    }
-    OUTPUT_PORTS: ClassVar = {
-        "pose": PortInformation(Pose2D, required=False, description="where the base was found, in the map frame")
-    }
+    looks = In[int](Count, "scans, with a turn between them", default=4)
+    turn = In[float](
+        Annotated[float, Gt(-math.pi), Lt(math.pi)],
+        "radians between two scans, within a half turn",
+        default=math.pi / 2,
+    )
+    certainty = In[float](Positive, "probability that the place must have, below 1", default=0.95)
+    pose = Out(Pose2D, "where the base was found, in the map frame")
     FAILS: ClassVar = {
         "ambiguous": "drive on and look again: DriveOnHeading, then Relocalise",
         "not_on_map": "the map is of another place, or much has changed: ExploreAndMap",
@@ -55,13 +47,13 @@ class Relocalise(Skill):
     def execute(self) -> Steps:
         """Look, search, turn; then let the tracking settle on what was found."""
         skills = self.skills
-        looks, certainty = self.get_input("looks"), self.get_input("certainty")
+        looks, certainty = self.looks, self.certainty
         scans: list[OdometryScan] = []
         yield skills.base.park()
         for look in range(looks):
             if look:
                 self._check_room(scans[-1])
-                yield skills.base.turn(self.get_input("turn"))
+                yield skills.base.turn(self.turn)
             scans.append(skills.base.scan())
             places: tuple[Place, ...] = yield self.compute(
                 "global_localization",
@@ -80,7 +72,7 @@ class Relocalise(Skill):
         yield skills.base.park()
         if skills.base.localisation.lost:
             raise SkillFailure("not_on_map", f"{_told(places)}, but the scans after that do not fit")
-        self.set_output("pose", skills.world.base.pose)
+        self.pose = skills.world.base.pose
 
     def _check_room(self, seen: OdometryScan) -> None:
         corners = np.array(self.skills.base.model.footprint)
@@ -94,11 +86,7 @@ class InitialPoseReceived(SkillCondition):
     """Whether the base has a pose on the map to go on from: it was told one, or has found it, and has not lost it."""
 
     REQUIRES = ("base", "lidar")
-    INPUT_PORTS: ClassVar = {
-        "max_position_std": BoundedPort(
-            Positive, required=False, default_value=KNOWN_POSITION_STD, description="metres, of the believed position"
-        )
-    }
+    max_position_std = In[float](Positive, "metres, of the believed position", default=KNOWN_POSITION_STD)
     FAILS: ClassVar = {
         "no_pose": "Relocalise",
         "lost": "Relocalise",
@@ -106,7 +94,7 @@ class InitialPoseReceived(SkillCondition):
 
     def check(self) -> tuple[str, str] | None:
         """Asks the localisation."""
-        believed, limit = self.skills.world.base, self.get_input("max_position_std")
+        believed, limit = self.skills.world.base, self.max_position_std
         if believed.position_std > limit:
             return "no_pose", f"the base may be ±{believed.position_std:.1f} m from where it believes to be"
         if self.skills.base.localisation.lost:

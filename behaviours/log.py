@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import logging
 import re
-from typing import Any, ClassVar
+from typing import Any
 
-from py_trees.ports import PortInformation
-
-from bestman_bt.engine import SUCCESS, ConversionError, SyncAction
+from bestman_bt.engine import SUCCESS, ConversionError, In, SyncAction
 from bestman_bt.engine.conversion import text_of
 
 logger = logging.getLogger(__name__)
@@ -28,7 +26,7 @@ class Log(SyncAction):
     The line is the node's feedback and a record of Python's ``logging``: it is shown wherever these are.
     """
 
-    INPUT_PORTS: ClassVar = {"text": PortInformation(object, True, "what to say, such as: the {object} is at {pose}")}
+    text = In(object, "what to say, such as: the {object} is at {pose}")
 
     def on_tick(self) -> int:
         """Put the text together and say it."""

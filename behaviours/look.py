@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-from py_trees.ports import PortInformation
-
 from behaviours.names import ObjectName, SurfaceName
 from behaviours.skill import Declaration, Skill, SkillFailure, Steps
 from behaviours.surfaces import UNKNOWN_SURFACE
-from bestman_bt.engine.bounds import BoundedPort
+from bestman_bt.engine import In
 from bestman_bt.messages import Pose
 
 
@@ -17,11 +15,9 @@ class LookAt(Skill):
     """Turn the head camera to a point, to an object where it was last seen, or else to a surface of the map."""
 
     REQUIRES = ("head", "camera")
-    INPUT_PORTS: ClassVar = {
-        "point": PortInformation(Pose, required=False, description="a pose in the map frame; goes before the others"),
-        "object": BoundedPort(ObjectName, required=False, description="an object; used where it has been seen"),
-        "surface": BoundedPort(SurfaceName, required=False, description="a surface of the map, such as table"),
-    }
+    point = In(Pose, "a pose in the map frame; goes before the others", required=False)
+    object = In[str | None](ObjectName, "an object; used where it has been seen", required=False)
+    surface = In[str | None](SurfaceName, "a surface of the map, such as table", required=False)
     FAILS: ClassVar = {
         **UNKNOWN_SURFACE,
         "no_target": "give a point or a surface, or DetectObject first",
@@ -36,13 +32,13 @@ class LookAt(Skill):
 
     def _target(self) -> Pose:
         world = self.skills.world
-        point: Pose | None = self.get_input("point")
+        point: Pose | None = self.point
         if point is not None:
             return point
-        belief = world.objects.get(self.get_input("object") or "")
+        belief = world.objects.get(self.object or "")
         if belief is not None:
             return belief.pose
-        name = self.get_input("surface")
+        name = self.surface
         if not name:
             raise SkillFailure("no_target", "nothing to look at: no point, no surface, and the object was never seen")
         try:

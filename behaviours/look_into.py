@@ -8,14 +8,13 @@ from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
-from py_trees.ports import PortInformation
 
 from behaviours.arm_motion import ARM_PLANNING_FAILS, move_free
 from behaviours.names import ObjectName, SurfaceName
 from behaviours.perceive import NO_CAMERA, camera_called
 from behaviours.skill import Declaration, OnArm, Skill, SkillFailure, Steps
 from behaviours.surfaces import UNKNOWN_SURFACE, find_surface
-from bestman_bt.engine.bounds import BoundedPort
+from bestman_bt.engine import In
 from bestman_bt.messages import Pose
 
 DISTANCES = (0.48, 0.42, 0.55, 0.36)
@@ -34,11 +33,9 @@ class LookInto(OnArm, Skill):
 
     REQUIRES = ("arm", "wrist_camera")
     USES = ("camera",)
-    INPUT_PORTS: ClassVar = {
-        "surface": BoundedPort(SurfaceName, description="the surface, such as drawer_chest/drawer_3"),
-        "object": BoundedPort(ObjectName, required=False, description="looked at where it has been seen"),
-        "point": PortInformation(Pose, required=False, description="a pose in the map frame; goes before the others"),
-    }
+    surface = In[str](SurfaceName, "the surface, such as drawer_chest/drawer_3")
+    object = In[str | None](ObjectName, "looked at where it has been seen", required=False)
+    point = In(Pose, "a pose in the map frame; goes before the others", required=False)
     FAILS: ClassVar = {
         **UNKNOWN_SURFACE,
         **NO_CAMERA,
@@ -50,7 +47,7 @@ class LookInto(OnArm, Skill):
     def execute(self) -> Steps:
         """Find postures of the arm, go to the first that is reached."""
         camera = camera_called(self.skills, "wrist")
-        surface: str = self.get_input("surface")
+        surface: str = self.surface
         camera_from_tool = camera.base_from_camera().inverse() @ self.skills.base_from_tool()
         postures = yield self.compute("view_planning", self._postures, camera_from_tool)
         if not postures:
@@ -74,7 +71,7 @@ class LookInto(OnArm, Skill):
     def _views(self) -> Iterator[Pose]:
         """Poses of the camera in the base frame, the best first."""
         skills = self.skills
-        furniture, surface = find_surface(skills, self.get_input("surface"))
+        furniture, surface = find_surface(skills, self.surface)
         frame = skills.map_from_base.inverse() @ furniture.pose.to_pose()
         along = 0.0 if surface.size[0] > surface.size[1] else math.pi / 2
         target = self._target(frame)
@@ -91,13 +88,13 @@ class LookInto(OnArm, Skill):
         """The middle of what is to be seen, (3,) metres in the base frame."""
         skills = self.skills
         base_from_map = skills.map_from_base.inverse()
-        point: Pose | None = self.get_input("point")
-        belief = skills.world.objects.get(self.get_input("object") or "")
+        point: Pose | None = self.point
+        belief = skills.world.objects.get(self.object or "")
         if point is not None:
             return (base_from_map @ point).position
         if belief is not None:
             return (base_from_map @ belief.pose).position
-        furniture, surface = find_surface(skills, self.get_input("surface"))
+        furniture, surface = find_surface(skills, self.surface)
         x, y, z = (float(value) for value in surface.pose.position)
         if surface.leaf is not None:
             half = surface.size[0] / 2

@@ -8,14 +8,13 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
-from py_trees.ports import PortInformation
 
 from behaviours.arm_motion import ARM_PLANNING_FAILS, MAX_HELD_TILT, follow_path, hand_contacts, move_free
 from behaviours.carrying import out_of_sight, postures_beside
 from behaviours.contacts import grasp
 from behaviours.names import PostureName
 from behaviours.skill import Declaration, OnArm, Skill, SkillFailure, Steps
-from bestman_bt.engine.bounds import BoundedPort
+from bestman_bt.engine import In
 from bestman_bt.messages import Pose
 from bestman_bt.world_model import HeldObject
 
@@ -41,14 +40,8 @@ class MoveArm(OnArm, Skill):
 
     REQUIRES = ("arm",)
     USES = ("camera",)
-    INPUT_PORTS: ClassVar = {
-        "posture": BoundedPort(PostureName, description="a posture of the robot, such as carry"),
-        "sight": PortInformation(
-            Pose,
-            required=False,
-            description="a place in the map that the head camera shall see past what is held",
-        ),
-    }
+    posture = In[str](PostureName, "a posture of the robot, such as carry")
+    sight = In(Pose, "a place in the map that the head camera shall see past what is held", required=False)
     FAILS: ClassVar = {
         **ARM_PLANNING_FAILS,
         **UNKNOWN_POSTURE,
@@ -57,9 +50,9 @@ class MoveArm(OnArm, Skill):
 
     def execute(self) -> Steps:
         """Plan and follow; at once done where the arm is there already."""
-        place: Pose | None = self.get_input("sight")
+        place: Pose | None = self.sight
         sight = None if place is None else self.skills.map_from_base.inverse().apply(place.position[None])[0]
-        yield from _move_to(self, _postures(self, self.get_input("posture"), sight))
+        yield from _move_to(self, _postures(self, self.posture, sight))
 
 
 class Retreat(OnArm, Skill):
@@ -67,10 +60,8 @@ class Retreat(OnArm, Skill):
 
     REQUIRES = ("arm",)
     USES = ("camera",)
-    INPUT_PORTS: ClassVar = {
-        "posture": BoundedPort(PostureName, required=False, default_value="carry", description="where to end"),
-        "distance": PortInformation(float, required=False, default_value=0.1, description="straight back, metres"),
-    }
+    posture = In[str](PostureName, "where to end", default="carry")
+    distance = In(float, "straight back, metres", default=0.1)
     FAILS: ClassVar = {
         **ARM_PLANNING_FAILS,
         **UNKNOWN_POSTURE,
@@ -83,8 +74,8 @@ class Retreat(OnArm, Skill):
         What was taken from the side may have come from between boards.
         """
         skills = self.skills
-        _posture(self, self.get_input("posture"))  # an unknown one is told before anything moves
-        distance: float = self.get_input("distance")
+        _posture(self, self.posture)  # an unknown one is told before anything moves
+        distance: float = self.distance
         if skills.held is None and distance > 0:
             scene = skills.planning_scene(allowed_pairs=hand_contacts(skills, *skills.world.objects))
             handled = skills.handled
@@ -92,7 +83,7 @@ class Retreat(OnArm, Skill):
                 yield from self._straight_back(skills.arm_world(scene), distance)
         elif skills.held is not None and abs(float(skills.base_from_tool().rotation[2, 2])) < LEVEL:
             yield from self._straight_back(skills.arm_world(skills.planning_scene()), PULL_OUT)
-        yield from _move_to(self, _postures(self, self.get_input("posture")))
+        yield from _move_to(self, _postures(self, self.posture))
 
     def _straight_back(self, world: CollisionWorld, distance: float) -> Steps:
         """As far as that is free."""

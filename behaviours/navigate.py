@@ -12,7 +12,7 @@ from py_trees.ports import PortInformation
 from behaviours.skill import Declaration, Skill, SkillCondition, SkillFailure, Steps, StepsTo
 from behaviours.waiting import Until, passed
 from bestman_bt.control import READING_ERRORS
-from bestman_bt.engine import BoundedPort
+from bestman_bt.engine import In, Out
 from bestman_bt.messages import Path2D, Pose2D, wrap_angle
 from bestman_bt.messages.bounds import Positive, WholeNumber
 from bestman_bt.world_model import BasePose
@@ -59,13 +59,9 @@ class NavigateTo(Skill):
     """
 
     REQUIRES = ("base", "lidar")
-    INPUT_PORTS: ClassVar = {
-        "goal": PortInformation(Pose2D, description="x;y;theta in the map frame, metres and radians"),
-        "max_replans": BoundedPort(
-            WholeNumber, required=False, default_value=5, description="recoveries after a block"
-        ),
-    }
-    OUTPUT_PORTS: ClassVar = {"path": PortInformation(Path2D, required=False, description="the path that is driven")}
+    goal = In(Pose2D, "x;y;theta in the map frame, metres and radians")
+    max_replans = In[int](WholeNumber, "recoveries after a block", default=5)
+    path_ = Out(Path2D, "the path that is driven", port="path")
     FAILS: ClassVar = {
         **DRIVING_FAILS,
         "path_blocked": "something stands in the way for good: BelieveBlocked, or another goal by FindStandPose",
@@ -76,11 +72,11 @@ class NavigateTo(Skill):
 
     def execute(self) -> Steps:
         """Drive there."""
-        yield from self.drive_to(self.get_input("goal"))
+        yield from self.drive_to(self.goal)
 
     def drive_to(self, goal: Pose2D) -> Steps:
         """Drive to ``goal``, with recoveries; SkillFailure where they do not help."""
-        most, spent = PEOPLE * self.get_input("max_replans"), 0
+        most, spent = PEOPLE * self.max_replans, 0
         for attempt in count():
             self._walked_about = False
             try:
@@ -100,7 +96,7 @@ class NavigateTo(Skill):
         path = yield from self._wait_for_path(goal, known, math.inf)
         while True:
             other: Path2D | None = None
-            self.set_output("path", path)
+            self.path_ = path
             self.feedback_message = f"driving {path.length:.1f} m"
             handle = base.follow(path, known)
             try:
@@ -203,14 +199,14 @@ class ReturnToStart(NavigateTo):
     INPUT_PORTS: ClassVar = {
         "goal": PortInformation(
             Pose2D, required=False, description="x;y;theta in the map frame; by default the root entry 'start'"
-        ),
+        )
     }
     FAILS: ClassVar = {"no_start": "where it started is not known: NavigateTo a named pose"}
     DECLARATION = Declaration(effects=("at({goal})",))
 
     def execute(self) -> Steps:
         """Drive there."""
-        goal: Pose2D | None = self.get_input("goal") or self.board.get("@start")
+        goal: Pose2D | None = self.goal or self.board.get("@start")
         if goal is None:
             raise SkillFailure("no_start", "where the robot stood at the start is not known on its map")
         yield from self.drive_to(goal)
@@ -219,19 +215,17 @@ class ReturnToStart(NavigateTo):
 class At(SkillCondition):
     """Whether the base believes to be at a pose."""
 
-    INPUT_PORTS: ClassVar = {
-        "goal": PortInformation(Pose2D, description="x;y;theta in the map frame, metres and radians"),
-        "tolerance": BoundedPort(Positive, required=False, default_value=0.05, description="metres"),
-        "heading_tolerance": BoundedPort(Positive, required=False, default_value=0.1, description="radians"),
-    }
+    goal = In(Pose2D, "x;y;theta in the map frame, metres and radians")
+    tolerance = In[float](Positive, "metres", default=0.05)
+    heading_tolerance = In[float](Positive, "radians", default=0.1)
     FAILS: ClassVar = {"not_at_goal": "NavigateTo"}
 
     def check(self) -> tuple[str, str] | None:
         """Asks the localisation."""
-        goal: Pose2D = self.get_input("goal")
+        goal: Pose2D = self.goal
         pose = self.skills.world.base.pose
         distance = pose.distance_to(goal)
         turn = abs(wrap_angle(pose.theta - goal.theta))
-        if distance > self.get_input("tolerance") or turn > self.get_input("heading_tolerance"):
+        if distance > self.tolerance or turn > self.heading_tolerance:
             return "not_at_goal", f"{distance:.2f} m and {math.degrees(turn):.0f}° from the goal"
         return None

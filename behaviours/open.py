@@ -7,7 +7,6 @@ from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
-from py_trees.ports import PortInformation
 
 from behaviours.arm_motion import ARM_PLANNING_FAILS, follow_path, move_free
 from behaviours.contacts import handle
@@ -21,7 +20,7 @@ from behaviours.opening import Opening, plan_opening
 from behaviours.skill import ALGORITHM_ERRORS, Declaration, OnArm, Skill, SkillFailure, Steps, StepsTo
 from behaviours.taring import tare_wrist
 from behaviours.withdraw import withdraw, withdraw_after
-from bestman_bt.engine.bounds import BoundedPort
+from bestman_bt.engine import In, Out
 from bestman_bt.messages import Pose
 from bestman_bt.world_model import Obstacle
 
@@ -38,19 +37,13 @@ class Open(OnArm, Skill):
 
     REQUIRES = ("arm", "gripper")
     USES = ("force_torque",)
-    INPUT_PORTS: ClassVar = {
-        "articulation": BoundedPort(ArticulationName, description="furniture/leaf of the map"),
-        "handle": PortInformation(str, description="a believed handle"),
-        "opening": PortInformation(
-            float, description="how far it shall be open: metres of a drawer, radians of a door"
-        ),
-        "force": PortInformation(float, required=False, default_value=40.0, description="closing force, newtons"),
-        "max_pull": PortInformation(float, required=False, default_value=45.0, description="newtons"),
-        "posture": BoundedPort(PostureName, required=False, default_value="carry", description="of the arm at the end"),
-    }
-    OUTPUT_PORTS: ClassVar = {
-        "opened": PortInformation(float, required=False, description="how far it is open, metres or radians")
-    }
+    articulation = In[str](ArticulationName, "furniture/leaf of the map")
+    handle = In(str, "a believed handle")
+    opening = In(float, "how far it shall be open: metres of a drawer, radians of a door")
+    force = In(float, "closing force, newtons", default=40.0)
+    max_pull = In(float, "newtons", default=45.0)
+    posture = In[str](PostureName, "of the arm at the end", default="carry")
+    opened = Out(float, "how far it is open, metres or radians")
     FAILS: ClassVar = {
         **UNKNOWN_ARTICULATION,
         **ARM_PLANNING_FAILS,
@@ -69,23 +62,23 @@ class Open(OnArm, Skill):
     def execute(self) -> Steps:
         """Plan, grasp, follow, let go, withdraw."""
         skills = self.skills
-        name: str = self.get_input("handle")
+        name: str = self.handle
         if skills.held is not None:
             raise SkillFailure("hand_not_empty", f"the hand holds the {skills.held.name}")
         belief = skills.world.handles.get(name)
         if belief is None:
             raise SkillFailure("handle_not_found", f"the handle {name} has not been seen; detect it first")
-        opening = plan_opening(skills, self.get_input("articulation"), belief, self.get_input("opening"))
+        opening = plan_opening(skills, self.articulation, belief, self.opening)
         plan: HandlePull | None = yield self.compute("grasp_planning", plan_pull, skills, opening, belief)
         if plan is None:
             raise SkillFailure("no_grasp", f"no grasp of {name} is free and within reach from here")
-        leaf, posture = opening.leaf, self.get_input("posture")
+        leaf, posture = opening.leaf, self.posture
         yield skills.gripper.open(plan.fingers)
         yield from move_free(self, [plan.into[0]], world_at_leaf(skills, leaf, opening.start, "free"))
         yield from tare_wrist(self)
         with self.touching(handle(leaf.articulation)):
             opened = yield from self._pull_open(opening, plan, posture)
-        self.set_output("opened", opened)
+        self.opened = opened
         self.feedback_message = f"{leaf.articulation} open by {opened:.2f}"
 
     def _pull_open(self, opening: Opening, plan: HandlePull, posture: str) -> StepsTo[float]:
@@ -94,7 +87,7 @@ class Open(OnArm, Skill):
         yield from follow_path(self, plan.into, world_at_leaf(skills, leaf, opening.start, "hand"), speed=0.35)
         self._felt: Obstacle | None = None
         try:
-            yield skills.gripper.close(self.get_input("force"))
+            yield skills.gripper.close(self.force)
             self._check_held()
             opened = yield from self._pull(opening, plan)
         except GeneratorExit:
@@ -130,7 +123,7 @@ class Open(OnArm, Skill):
             skills.map_from_base.inverse().rotation @ opening.handle.opening_direction,
             distance=share * opening.distance if opening.angle is None else math.inf,
             angle=math.inf if opening.angle is None else share * opening.angle,
-            max_pull=self.get_input("max_pull"),
+            max_pull=self.max_pull,
             grip=skills.gripper.watch_slip(ROLLS if opening.bar_turns else None),
             hint=leaf.leaf.kind,
             guide=plan.guide,

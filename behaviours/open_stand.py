@@ -7,7 +7,6 @@ from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
-from py_trees.ports import PortInformation
 
 from behaviours.context import DRIVEN
 from behaviours.handle_pull import pull_grasps
@@ -16,7 +15,7 @@ from behaviours.leaf_stand import SAME_STAND, LeafWay, find_stands, room_beside
 from behaviours.names import ArticulationName
 from behaviours.opening import Opening, before, plan_opening, stations
 from behaviours.skill import Declaration, OnArm, Skill, SkillFailure, Steps
-from bestman_bt.engine.bounds import BoundedPort
+from bestman_bt.engine import In, Out
 from bestman_bt.messages import Pose, Pose2D
 from bestman_bt.world_model import MOVED, HandleBelief
 
@@ -37,11 +36,9 @@ class FindLookStand(Skill):
     """Choose where to stand to see the front of a door or drawer of the map, and where to look from there."""
 
     REQUIRES = ("base", "lidar")
-    INPUT_PORTS: ClassVar = {"articulation": BoundedPort(ArticulationName, description="furniture/leaf of the map")}
-    OUTPUT_PORTS: ClassVar = {
-        "stand": PortInformation(Pose2D, description="where to stand, in the map frame"),
-        "front": PortInformation(Pose, description="the middle of its front as it is believed, in the map frame"),
-    }
+    articulation = In[str](ArticulationName, "furniture/leaf of the map")
+    stand = Out(Pose2D, "where to stand, in the map frame", required=True)
+    front = Out(Pose, "the middle of its front as it is believed, in the map frame", required=True)
     FAILS: ClassVar = {
         **UNKNOWN_ARTICULATION,
         "no_stand": "what stands there may have gone: ForgetBlocked, then again",
@@ -59,7 +56,7 @@ class FindLookStand(Skill):
         """
         from bestman_bt.manipulation.kinematics import stands_around
 
-        articulation: str = self.get_input("articulation")
+        articulation: str = self.articulation
         leaf = find_leaf(self.skills, articulation)
         position = self.skills.world.articulations.get(articulation, 0.0)
         if not abs(position - self._position) <= MOVED:
@@ -73,8 +70,8 @@ class FindLookStand(Skill):
             stands = stands_around(front.position[:2], LOOK_DISTANCES, (facing + bearing,), (0.0,))
             stand = next((stand for stand in stands if clearance(stand) > 0.0), None)
             if stand is not None:
-                self.set_output("stand", stand)
-                self.set_output("front", front)
+                self.stand = stand
+                self.front = front
                 return
         raise SkillFailure("no_stand", f"no room to stand before {articulation}")
 
@@ -86,12 +83,10 @@ class FindOpenStand(OnArm, Skill):
     """
 
     REQUIRES = ("base", "lidar", "arm", "gripper")
-    INPUT_PORTS: ClassVar = {
-        "articulation": BoundedPort(ArticulationName, description="furniture/leaf of the map"),
-        "handle": PortInformation(str, description="a believed handle"),
-        "opening": PortInformation(float, description="how far to open: metres of a drawer, radians of a door"),
-    }
-    OUTPUT_PORTS: ClassVar = {"stand": PortInformation(Pose2D, description="where to stand, in the map frame")}
+    articulation = In[str](ArticulationName, "furniture/leaf of the map")
+    handle = In(str, "a believed handle")
+    opening = In(float, "how far to open: metres of a drawer, radians of a door")
+    stand = Out(Pose2D, "where to stand, in the map frame", required=True)
     FAILS: ClassVar = {
         **UNKNOWN_ARTICULATION,
         "handle_not_found": "DetectHandle first",
@@ -105,18 +100,18 @@ class FindOpenStand(OnArm, Skill):
 
     def execute(self) -> Steps:
         """Rank stands around the handle by how well the arm follows the whole way."""
-        name: str = self.get_input("handle")
-        articulation: str = self.get_input("articulation")
+        name: str = self.handle
+        articulation: str = self.articulation
         belief = self.skills.world.handles.get(name)
         if belief is None:
             raise SkillFailure("handle_not_found", f"the handle {name} has not been seen; detect it first")
-        opening = plan_opening(self.skills, articulation, belief, self.get_input("opening"))
+        opening = plan_opening(self.skills, articulation, belief, self.opening)
         stands = yield self.compute("stand_planning", self._rank, opening, belief)
         if not stands:
             raise SkillFailure("no_stand", f"the arm cannot follow {articulation} as far as asked from anywhere free")
         best = stands[0].pose
         self._tried.append(best)
-        self.set_output("stand", best)
+        self.stand = best
         self.feedback_message = f"stand at {best.x:.2f}, {best.y:.2f}, {np.degrees(best.theta):.0f}°"
 
     def _rank(self, opening: Opening, belief: HandleBelief) -> Sequence[StandAlong]:

@@ -5,14 +5,12 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, ClassVar
 
-from py_trees.ports import PortInformation
-
 from behaviours.beliefs import believe_objects, believe_surface, only_nearest, score_words, seen_words
 from behaviours.context import SkillContext
 from behaviours.names import ObjectName, SurfaceName
 from behaviours.skill import Declaration, Skill, SkillFailure, Steps, StepsTo
 from behaviours.surfaces import SURFACE_NOT_SEEN, UNKNOWN_SURFACE, surface_region
-from bestman_bt.engine.bounds import BoundedPort
+from bestman_bt.engine import In, Out
 from bestman_bt.messages import Pose
 from bestman_bt.world_model import ObjectBelief
 
@@ -29,11 +27,9 @@ class DetectObjects(Skill):
 
     REQUIRES = ("camera",)
     USES = ("wrist_camera",)
-    INPUT_PORTS: ClassVar = {
-        "surface": BoundedPort(SurfaceName, description="the surface to look at, such as table"),
-        "camera": PortInformation(str, required=False, default_value="head", description="head, wrist, or its name"),
-    }
-    OUTPUT_PORTS: ClassVar = {"objects": PortInformation(list, required=False, description="names of what was seen")}
+    surface = In[str](SurfaceName, "the surface to look at, such as table")
+    camera = In(str, "head, wrist, or its name", default="head")
+    objects = Out(list, "names of what was seen")
     FAILS: ClassVar = {
         **UNKNOWN_SURFACE,
         **SURFACE_NOT_SEEN,
@@ -44,8 +40,8 @@ class DetectObjects(Skill):
     def execute(self) -> Steps:
         """Capture, detect, believe."""
         view, scene = yield from _look(self)
-        names = believe_surface(self.skills, self.get_input("surface"), view, scene)
-        self.set_output("objects", list(names))
+        names = believe_surface(self.skills, self.surface, view, scene)
+        self.objects = list(names)
         believed = self.skills.world.objects
         scores = [score_words(believed[name].score if name in believed else None) for name in names]
         told = (f"{name} ({score[2:]})" if score else name for name, score in zip(names, scores, strict=True))
@@ -57,17 +53,13 @@ class DetectObject(Skill):
 
     REQUIRES = ("camera",)
     USES = ("wrist_camera",)
-    INPUT_PORTS: ClassVar = {
-        "object": BoundedPort(ObjectName, description="the object to find"),
-        "surface": BoundedPort(SurfaceName, description="the surface to search, such as table"),
-        "min_confidence": PortInformation(float, required=False, default_value=0.5, description="0 to 1"),
-        "camera": PortInformation(str, required=False, default_value="head", description="head, wrist, or its name"),
-    }
-    OUTPUT_PORTS: ClassVar = {
-        "pose": PortInformation(Pose, required=False, description="where the object is, in the map frame"),
-        "yaw_width": PortInformation(float, required=False, description="radians of yaw that the view leaves open"),
-        "score": PortInformation(float, required=False, description="the detector's own, 0 to 1, if it gives one"),
-    }
+    object = In[str](ObjectName, "the object to find")
+    surface = In[str](SurfaceName, "the surface to search, such as table")
+    min_confidence = In(float, "0 to 1", default=0.5)
+    camera = In(str, "head, wrist, or its name", default="head")
+    pose = Out(Pose, "where the object is, in the map frame")
+    yaw_width = Out(float, "radians of yaw that the view leaves open")
+    score = Out(float, "the detector's own, 0 to 1, if it gives one")
     FAILS: ClassVar = {
         **UNKNOWN_SURFACE,
         **SURFACE_NOT_SEEN,
@@ -80,8 +72,8 @@ class DetectObject(Skill):
     def execute(self) -> Steps:
         """Capture, detect, believe."""
         skills = self.skills
-        name: str = self.get_input("object")
-        surface: str = self.get_input("surface")
+        name: str = self.object
+        surface: str = self.surface
         view, scene = yield from _look(self)
         believe_surface(skills, surface, view, scene)
         belief = skills.world.objects.get(name)
@@ -89,12 +81,12 @@ class DetectObject(Skill):
             # It may be a word that an open-vocabulary detector understands, so it is looked for all the same.
             known = ", ".join(sorted(skills.world.models)) or "none"
             raise SkillFailure("unknown_object", f"no model of {name!r} and nothing so called seen; models: {known}")
-        if belief is None or belief.stamp < view.stamp or belief.confidence < self.get_input("min_confidence"):
+        if belief is None or belief.stamp < view.stamp or belief.confidence < self.min_confidence:
             raise SkillFailure("not_found", f"no {name} on the {surface}: {seen_words(scene)}")
-        self.set_output("pose", belief.pose)
-        self.set_output("yaw_width", belief.yaw_set.width)
+        self.pose = belief.pose
+        self.yaw_width = belief.yaw_set.width
         if belief.score is not None:
-            self.set_output("score", belief.score)
+            self.score = belief.score
         how = f"with confidence {belief.confidence:.2f}" if belief.recognised else "by its measured box, no model fits"
         self.feedback_message = f"{name} {how}{score_words(belief.score)}"
 
@@ -115,15 +107,11 @@ class EstimatePose(Skill):
 
     REQUIRES = ("camera",)
     USES = ("wrist_camera",)
-    INPUT_PORTS: ClassVar = {
-        "object": BoundedPort(ObjectName, description="an object that was detected"),
-        "min_confidence": PortInformation(float, required=False, default_value=0.5, description="0 to 1"),
-        "camera": PortInformation(str, required=False, default_value="head", description="head, wrist, or its name"),
-    }
-    OUTPUT_PORTS: ClassVar = {
-        "pose": PortInformation(Pose, required=False, description="where the object is, in the map frame"),
-        "yaw_width": PortInformation(float, required=False, description="radians of yaw that the view leaves open"),
-    }
+    object = In[str](ObjectName, "an object that was detected")
+    min_confidence = In(float, "0 to 1", default=0.5)
+    camera = In(str, "head, wrist, or its name", default="head")
+    pose = Out(Pose, "where the object is, in the map frame")
+    yaw_width = Out(float, "radians of yaw that the view leaves open")
     FAILS: ClassVar = {
         **UNKNOWN_SURFACE,
         **SURFACE_NOT_SEEN,
@@ -136,11 +124,11 @@ class EstimatePose(Skill):
     def execute(self) -> Steps:
         """Capture around the believed place and register the object's own model."""
         skills = self.skills
-        name: str = self.get_input("object")
+        name: str = self.object
         belief = skills.world.objects.get(name)
         if belief is None:
             raise SkillFailure("not_found", f"the {name} has not been seen; detect it first")
-        view = camera_called(skills, self.get_input("camera")).capture()
+        view = camera_called(skills, self.camera).capture()
         base_from_object = view.map_from_base.inverse() @ belief.pose
         region = self._region(belief, base_from_object, view)
         detect = skills.detection.detect
@@ -149,10 +137,10 @@ class EstimatePose(Skill):
         )
         believe_objects(skills, view, only_nearest(scene, belief, base_from_object), belief.surface)
         refined = skills.world.objects.get(name)
-        if refined is None or refined.stamp < view.stamp or refined.confidence < self.get_input("min_confidence"):
+        if refined is None or refined.stamp < view.stamp or refined.confidence < self.min_confidence:
             raise SkillFailure("object_lost", f"no {name} where it was seen: {seen_words(scene)}")
-        self.set_output("pose", refined.pose)
-        self.set_output("yaw_width", refined.yaw_set.width)
+        self.pose = refined.pose
+        self.yaw_width = refined.yaw_set.width
         yaw = f", yaw open by {math.degrees(refined.yaw_set.width):.0f}°" if refined.yaw_set.arcs else ""
         self.feedback_message = f"{name} to ±{1e3 * refined.position_std:.1f} mm{yaw}"
 

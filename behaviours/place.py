@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
-from py_trees.ports import PortInformation
 
 from behaviours.arm_motion import ARM_PLANNING_FAILS, follow_path, hand_contacts, move_free
 from behaviours.beliefs import believe_surface
@@ -16,7 +15,7 @@ from behaviours.names import ObjectName, SurfaceName
 from behaviours.perceive import NO_CAMERA, camera_called
 from behaviours.skill import Declaration, OnArm, Skill, SkillFailure, Steps
 from behaviours.surfaces import SURFACE_NOT_SEEN, UNKNOWN_SURFACE, surface_region
-from bestman_bt.engine.bounds import BoundedPort
+from bestman_bt.engine import In, Out
 from bestman_bt.messages import Pose
 from bestman_bt.world_model import HeldObject, ObjectBelief
 
@@ -58,14 +57,12 @@ class FindPlacePose(Skill):
 
     REQUIRES = ("camera",)
     USES = ("wrist_camera",)
-    INPUT_PORTS: ClassVar = {
-        "object": BoundedPort(ObjectName, description="the object to place"),
-        "surface": BoundedPort(SurfaceName, description="the surface, such as counter"),
-        "goal": PortInformation(Pose, description="x;y;z or x;y;z;roll;pitch;yaw in the map frame; z is measured"),
-        "radius": PortInformation(float, required=False, default_value=0.06, description="of the free disc, metres"),
-        "camera": PortInformation(str, required=False, default_value="head", description="head, wrist, or its name"),
-    }
-    OUTPUT_PORTS: ClassVar = {"pose": PortInformation(Pose, description="of the placed object, in the map frame")}
+    object = In[str](ObjectName, "the object to place")
+    surface = In[str](SurfaceName, "the surface, such as counter")
+    goal = In(Pose, "x;y;z or x;y;z;roll;pitch;yaw in the map frame; z is measured")
+    radius = In(float, "of the free disc, metres", default=0.06)
+    camera = In(str, "head, wrist, or its name", default="head")
+    pose = Out(Pose, "of the placed object, in the map frame", required=True)
     FAILS: ClassVar = {
         **UNKNOWN_SURFACE,
         **SURFACE_NOT_SEEN,
@@ -82,13 +79,13 @@ class FindPlacePose(Skill):
         from bestman_bt.perception.segmentation import surface_coverage
 
         skills = self.skills
-        name: str = self.get_input("object")
-        surface: str = self.get_input("surface")
-        goal: Pose = self.get_input("goal")
+        name: str = self.object
+        surface: str = self.surface
+        goal: Pose = self.goal
         model = skills.world.models.get(name)
         if model is None:
             raise SkillFailure("unknown_object", f"no model of {name!r}")
-        view = camera_called(skills, self.get_input("camera")).capture()
+        view = camera_called(skills, self.camera).capture()
         region = surface_region(skills, surface, view)
         models = list(skills.world.models.values())
         scene: DetectedScene = yield self.compute(
@@ -100,12 +97,12 @@ class FindPlacePose(Skill):
         self._check_room(surface_coverage(view.in_base, region, scene.scene), np.array([x, y]), surface)
         height = scene.plane.height_at(x, y) - float(model.bounds()[0, 2])
         upright = Pose.from_xyz_rpy((x, y, height), (0.0, 0.0, base_from_goal.yaw))
-        self.set_output("pose", view.map_from_base @ upright)
+        self.pose = view.map_from_base @ upright
 
     def _check_room(self, coverage: SurfaceCoverage, point: NDArray[np.float64], surface: str) -> None:
         from bestman_bt.perception.segmentation import FREE, OCCUPIED
 
-        radius: float = self.get_input("radius")
+        radius: float = self.radius
         shares = coverage.disc(point, radius)
         if shares[OCCUPIED] <= MAX_TAKEN and shares[FREE] >= MIN_FREE:
             return
@@ -122,10 +119,8 @@ class PlaceOn(OnArm, Skill):
 
     REQUIRES = ("arm",)
     USES = ("force_torque",)
-    INPUT_PORTS: ClassVar = {
-        "object": BoundedPort(ObjectName, description="the held object"),
-        "pose": PortInformation(Pose, description="where it shall stand, in the map frame"),
-    }
+    object = In[str](ObjectName, "the held object")
+    pose = In(Pose, "where it shall stand, in the map frame")
     FAILS: ClassVar = {
         **ARM_PLANNING_FAILS,
         "not_holding": "find it and take it: DetectObject, PlanGrasp, Grasp",
@@ -137,16 +132,16 @@ class PlaceOn(OnArm, Skill):
     def execute(self) -> Steps:
         """Plan above and down, then move."""
         skills = self.skills
-        name: str = self.get_input("object")
+        name: str = self.object
         held = skills.held
         if held is None or held.name != name:
             raise SkillFailure("not_holding", f"the hand does not hold the {name}")
-        base_from_object = skills.map_from_base.inverse() @ self.get_input("pose")
+        base_from_object = skills.map_from_base.inverse() @ self.pose
         approach: Approach | None = yield self.compute("grasp_planning", self._plan, held, base_from_object)
         if approach is None:
             raise SkillFailure("no_approach", f"no free way of the arm to put the {name} down there from here")
         yield from move_free(self, [approach.pre])
-        with self.touching(grasp(name), support(name, surface_below(skills.world, self.get_input("pose")))):
+        with self.touching(grasp(name), support(name, surface_below(skills.world, self.pose))):
             yield from follow_path(self, approach.into, self._lowering_world(held), speed=0.35)
             if skills.wrist_wrench is not None:
                 yield from self._set_down(name)
@@ -208,10 +203,8 @@ class Release(OnArm, Skill):
 
     REQUIRES = ("arm", "gripper")
     USES = ("force_torque",)
-    INPUT_PORTS: ClassVar = {
-        "object": BoundedPort(ObjectName, description="the held object"),
-        "surface": BoundedPort(SurfaceName, required=False, description="below it, to look for it there later"),
-    }
+    object = In[str](ObjectName, "the held object")
+    surface = In[str | None](SurfaceName, "below it, to look for it there later", required=False)
     FAILS: ClassVar = {
         "not_holding": "there is nothing to let go of",
         "not_released": "it sticks to the fingers: Release again",
@@ -225,13 +218,13 @@ class Release(OnArm, Skill):
         skills = self.skills
         held = skills.held
         if held is None:
-            raise SkillFailure("not_holding", f"the hand does not hold the {self.get_input('object')}")
+            raise SkillFailure("not_holding", f"the hand does not hold the {self.object}")
         map_from_object = skills.map_from_base @ skills.base_from_tool() @ held.tool_from_object
         with self.touching(grasp(held.name), support(held.name, surface_below(skills.world, map_from_object))):
             yield from self._let_go(held)
         skills.held = None
         skills.world.objects[held.name] = ObjectBelief(
-            held.name, held.model, map_from_object, 1.0, 0.005, skills.clock.now(), self.get_input("surface")
+            held.name, held.model, map_from_object, 1.0, 0.005, skills.clock.now(), self.surface
         )
 
     def _let_go(self, held: HeldObject) -> Steps:

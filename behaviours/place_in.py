@@ -5,14 +5,12 @@ from __future__ import annotations
 from typing import ClassVar
 
 import numpy as np
-from py_trees.ports import PortInformation
 
 from behaviours.names import ObjectName, SurfaceName
 from behaviours.place import PlaceOn
 from behaviours.skill import Declaration, Explained, SkillFailure
 from behaviours.surfaces import UNKNOWN_SURFACE, find_surface
-from bestman_bt.engine import SyncAction
-from bestman_bt.engine.bounds import BoundedPort
+from bestman_bt.engine import In, Out, SyncAction
 from bestman_bt.messages import Box, PlacedShape, Pose
 from bestman_bt.world_model import HeldObject, MapFurniture, MapSurface, leaf_shapes
 
@@ -23,41 +21,37 @@ OVER_THE_RIM = 0.03
 class GoalOnSurface(Explained, SyncAction):
     """Tell where a goal is now: in a drawer it is given for the closed one, and goes with it."""
 
-    INPUT_PORTS: ClassVar = {
-        "goal": PortInformation(Pose, description="in the map frame, for the closed drawer"),
-        "surface": BoundedPort(SurfaceName, description="the surface, such as drawer_chest/drawer_3"),
-    }
-    OUTPUT_PORTS: ClassVar = {"now": PortInformation(Pose, description="in the map frame, as far as it is open")}
+    goal = In(Pose, "in the map frame, for the closed drawer")
+    surface = In[str](SurfaceName, "the surface, such as drawer_chest/drawer_3")
+    now = Out(Pose, "in the map frame, as far as it is open", required=True)
     FAILS: ClassVar = UNKNOWN_SURFACE
 
     def on_tick(self) -> int:
         """Asks the beliefs."""
-        goal: Pose = self.get_input("goal")
+        goal: Pose = self.goal
         try:
-            furniture, surface = find_surface(self.skills, self.get_input("surface"))
+            furniture, surface = find_surface(self.skills, self.surface)
         except SkillFailure as failure:
             return self.explain_error(failure)
         if surface.leaf is not None:
             opened = self.skills.world.opening_of(furniture, furniture.leaf(surface.leaf))
             frame = furniture.pose.to_pose()
             goal = frame @ opened @ frame.inverse() @ goal
-        self.set_output("now", goal)
+        self.now = goal
         return self.succeed()
 
 
 class PlaceIn(PlaceOn):
     """Bring the held object over the rim of an open drawer and lower it straight until it all but stands there."""
 
-    INPUT_PORTS: ClassVar = {
-        "object": BoundedPort(ObjectName, description="the held object"),
-        "pose": PortInformation(Pose, description="where it shall stand in the drawer, in the map frame"),
-    }
+    object = In[str](ObjectName, "the held object")
+    pose = In(Pose, "where it shall stand in the drawer, in the map frame")
     FAILS: ClassVar = {"no_drawer": "see that it stands open: IsOpen, Open; ask where the goal is now: GoalOnSurface"}
     DECLARATION = Declaration(pre=("holding({object})", "free({pose})"), effects=("lowered({object}, {pose})",))
 
     def _above(self, held: HeldObject) -> float:
         """So high that nothing of the object is below the rim."""
-        pose: Pose = self.get_input("pose")
+        pose: Pose = self.pose
         furniture, surface = self._drawer(pose)
         assert surface.leaf is not None
         shapes = leaf_shapes(self.skills.world, furniture, furniture.leaf(surface.leaf))

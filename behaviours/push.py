@@ -13,14 +13,13 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
-from py_trees.ports import PortInformation
 
 from behaviours.arm_motion import ARM_PLANNING_FAILS, follow_path, move_free
 from behaviours.contacts import push, support, surface_below
 from behaviours.names import ObjectName
 from behaviours.skill import Declaration, OnArm, Skill, SkillFailure, Steps
 from behaviours.surfaces import UNKNOWN_SURFACE, find_surface
-from bestman_bt.engine.bounds import BoundedPort
+from bestman_bt.engine import In, Out
 from bestman_bt.messages import ObjectModel, Pose
 from bestman_bt.world_model import ObjectBelief
 
@@ -72,17 +71,11 @@ class Push(OnArm, Skill):
     """
 
     REQUIRES = ("arm", "gripper")
-    INPUT_PORTS: ClassVar = {
-        "object": BoundedPort(ObjectName, description="a located object"),
-        "goal": PortInformation(
-            Pose, description="where its middle shall be, in the map frame; height and turn are free"
-        ),
-        "speed": PortInformation(float, required=False, default_value=0.05, description="m/s"),
-        "max_force": PortInformation(float, required=False, default_value=15.0, description="newtons against the hand"),
-    }
-    OUTPUT_PORTS: ClassVar = {
-        "pushed": PortInformation(float, required=False, description="metres that the hand went on with the object")
-    }
+    object = In[str](ObjectName, "a located object")
+    goal = In(Pose, "where its middle shall be, in the map frame; height and turn are free")
+    speed = In(float, "m/s", default=0.05)
+    max_force = In(float, "newtons against the hand", default=15.0)
+    pushed = Out(float, "metres that the hand went on with the object")
     FAILS: ClassVar = {
         **UNKNOWN_SURFACE,
         **ARM_PLANNING_FAILS,
@@ -100,8 +93,8 @@ class Push(OnArm, Skill):
     def execute(self) -> Steps:
         """Plan, set the fingers, approach, push under watch, go back."""
         skills = self.skills
-        name: str = self.get_input("object")
-        goal: Pose = self.get_input("goal")
+        name: str = self.object
+        goal: Pose = self.goal
         if skills.held is not None:
             raise SkillFailure("hand_not_empty", f"the hand holds the {skills.held.name}")
         belief = skills.world.objects.get(name)
@@ -125,11 +118,11 @@ class Push(OnArm, Skill):
         skills, name = self.skills, belief.name
         yield from follow_path(self, plan.into, skills.arm_world(self._untouched(belief)), speed=0.35)
         outcome: GuardedOutcome = yield skills.arm.move_until(
-            plan.direction, self.get_input("speed"), plan.gap + plan.distance, self.get_input("max_force")
+            plan.direction, self.speed, plan.gap + plan.distance, self.max_force
         )
         pushed = max(0.0, outcome.distance - plan.gap)
         self._believe(belief, pushed * plan.direction)
-        self.set_output("pushed", pushed)
+        self.pushed = pushed
         yield from self._withdraw(name, plan)
         way_words = f"{100 * pushed:.0f} of {100 * plan.distance:.0f} cm"
         if outcome.touched:

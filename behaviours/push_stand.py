@@ -22,8 +22,8 @@ class FindPushStand(FindStandPose):
     DECLARATION = Declaration(pre=("visible({object})",), effects=("stand_known({surface})",))
 
     def _targets(self) -> list[StandTarget]:
-        name: str = self.get_input("object") or ""
-        goal: Pose | None = self.get_input("goal")
+        name: str = self.object or ""
+        goal: Pose | None = self.goal
         belief = self.skills.world.objects.get(name)
         if belief is None or goal is None:
             raise SkillFailure("not_found", f"the {name or 'object'} has not been seen, or no goal is given")

@@ -6,12 +6,11 @@ from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
-from py_trees.ports import PortInformation
 
 from behaviours.names import ObjectName, SurfaceName
 from behaviours.skill import InstantSkill, SkillFailure
 from behaviours.surfaces import UNKNOWN_SURFACE, find_surface
-from bestman_bt.engine.bounds import BoundedPort
+from bestman_bt.engine import In, Out
 from bestman_bt.messages import ObjectModel, Pose
 
 STEP = 0.02
@@ -29,14 +28,10 @@ class FindRoomIn(InstantSkill):
     again for the same object it gives another one.
     """
 
-    INPUT_PORTS: ClassVar = {
-        "object": BoundedPort(ObjectName, description="the held object"),
-        "surface": BoundedPort(SurfaceName, description="the surface of the drawer, such as drawer_chest/drawer_3"),
-        "margin": PortInformation(
-            float, required=False, default_value=0.03, description="metres to the drawer's walls and to other things"
-        ),
-    }
-    OUTPUT_PORTS: ClassVar = {"pose": PortInformation(Pose, description="where it shall stand, in the map frame")}
+    object = In[str](ObjectName, "the held object")
+    surface = In[str](SurfaceName, "the surface of the drawer, such as drawer_chest/drawer_3")
+    margin = In(float, "metres to the drawer's walls and to other things", default=0.03)
+    pose = Out(Pose, "where it shall stand, in the map frame", required=True)
     FAILS: ClassVar = {
         **UNKNOWN_SURFACE,
         "not_holding": "take it: DetectObject, PlanGrasp, Grasp",
@@ -51,11 +46,11 @@ class FindRoomIn(InstantSkill):
     def act(self) -> None:
         """Asks the beliefs; takes no picture."""
         world = self.skills.world
-        name: str = self.get_input("object")
+        name: str = self.object
         held = next((one for one in world.hands.values() if one.name == name), None)
         if held is None:
             raise SkillFailure("not_holding", f"the hand does not hold the {name}")
-        furniture, surface = find_surface(self.skills, self.get_input("surface"))
+        furniture, surface = find_surface(self.skills, self.surface)
         map_from_surface = furniture.pose.to_pose() @ surface.pose
         full = f"{furniture.name}/{surface.name}"
         inside = [belief for belief in world.objects.values() if belief.surface == full]
@@ -63,12 +58,12 @@ class FindRoomIn(InstantSkill):
         radii = [_radius(belief.model) for belief in inside]
         places = self._grid(surface.size, float(surface.pose.position[0]) + furniture.footprint[0] / 2)
         room = self._room(places, surface.size, np.reshape(others, (-1, 2)), np.array(radii)) - _radius(held.model)
-        places, room = places[room >= self.get_input("margin")], room[room >= self.get_input("margin")]
+        places, room = places[room >= self.margin], room[room >= self.margin]
         if not len(places):
             raise SkillFailure("surface_full", f"no room for the {name} is believed to be left in the {full}")
         best = self._choose(name, places, room)
         height = -float(held.model.bounds()[0, 2])
-        self.set_output("pose", map_from_surface @ Pose(np.array([*best, height])))
+        self.pose = map_from_surface @ Pose(np.array([*best, height]))
 
     def _choose(self, name: str, places: NDArray[np.float64], room: NDArray[np.float64]) -> NDArray[np.float64]:
         """One of the places (N, 2) that was not given before, as far as there is one."""

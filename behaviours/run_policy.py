@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
-from py_trees.ports import PortInformation
 
 from behaviours.arm_motion import hand_contacts
 from behaviours.contacts import Contact, grasp, support, surface_below
@@ -16,7 +15,7 @@ from behaviours.names import ObjectName
 from behaviours.perceive import NO_CAMERA
 from behaviours.policy_motion import CLOSED, PolicyMotion
 from behaviours.skill import Declaration, OnArm, Skill, SkillFailure, Steps
-from bestman_bt.engine.bounds import BoundedPort
+from bestman_bt.engine import In, Out
 from bestman_bt.manipulation.errors import ManipulationError
 from bestman_bt.messages import Pose
 from bestman_bt.world_model import HeldObject
@@ -43,24 +42,16 @@ class RunPolicy(OnArm, Skill):
 
     REQUIRES = ("arm", "gripper")
     USES = ("camera", "wrist_camera")
-    INPUT_PORTS: ClassVar = {
-        "policy": PortInformation(
-            str, description="a shipped name, an .onnx file, the .yaml of a policy server or file.py:Class"
-        ),
-        "goal": PortInformation(
-            Pose, required=False, description="where the tool shall be, or what it shall pick, in the map frame"
-        ),
-        "object": BoundedPort(ObjectName, required=False, description="a seen object that the policy picks"),
-        "success": PortInformation(str, required=False, default_value="goal", description="goal, holding or lifted"),
-        "lift": PortInformation(float, required=False, default_value=0.1, description="metres, for lifted"),
-        "timeout": PortInformation(float, required=False, default_value=20.0, description="seconds"),
-        "position_tolerance": PortInformation(float, required=False, default_value=0.01, description="metres"),
-        "rotation_tolerance": PortInformation(float, required=False, default_value=0.1, description="radians"),
-        "workspace": PortInformation(
-            str, required=False, default_value="", description="x;y;z;x;y;z in the base frame; the policy's by default"
-        ),
-    }
-    OUTPUT_PORTS: ClassVar = {"chunks": PortInformation(int, required=False, description="how many were carried out")}
+    policy = In(str, "a shipped name, an .onnx file, the .yaml of a policy server or file.py:Class")
+    goal = In(Pose, "where the tool shall be, or what it shall pick, in the map frame", required=False)
+    object = In[str | None](ObjectName, "a seen object that the policy picks", required=False)
+    success = In(str, "goal, holding or lifted", default="goal")
+    lift = In(float, "metres, for lifted", default=0.1)
+    timeout = In(float, "seconds", default=20.0)
+    position_tolerance = In(float, "metres", default=0.01)
+    rotation_tolerance = In(float, "radians", default=0.1)
+    workspace = In(str, "x;y;z;x;y;z in the base frame; the policy's by default", default="")
+    chunks = Out(int, "how many were carried out")
 
     # Of an object only where one is given; of the effects the one that ``success`` asks for.
     FAILS: ClassVar = {
@@ -90,7 +81,7 @@ class RunPolicy(OnArm, Skill):
 
     def execute(self) -> Steps:
         """Ask, check, move, look again while it moves."""
-        policy = self.skills.policies(self.get_input("policy"), self.folders)
+        policy = self.skills.policies(self.policy, self.folders)
         try:
             timeout, goal = self._timeout(), self._goal()
             box = self._check(policy.specification, goal)
@@ -108,7 +99,7 @@ class RunPolicy(OnArm, Skill):
 
     def _contacts(self) -> Iterator[Contact]:
         """Of the object that the hand may touch, where one is given."""
-        name = self.get_input("object")
+        name = self.object
         if name:
             belief = self.skills.world.objects[name]
             yield grasp(name)
@@ -120,7 +111,7 @@ class RunPolicy(OnArm, Skill):
         clock, spec = self.skills.clock, policy.specification
         policy.reset()
         done, still = 0, 0
-        self.set_output("chunks", done)
+        self.chunks = done
         while True:
             if self._succeeded(motion, goal):
                 yield from motion.finish()
@@ -144,18 +135,18 @@ class RunPolicy(OnArm, Skill):
             if still == STILL_CHUNKS:
                 raise SkillFailure("stalled", f"the policy does not move any more{self._distance(goal)}")
             done += 1
-            self.set_output("chunks", done)
+            self.chunks = done
         self._believe_held(motion, goal)
         self.feedback_message = f"{done} chunks"
 
     def _timeout(self) -> float:
-        timeout: float = self.get_input("timeout")
+        timeout: float = self.timeout
         if not 0.0 < timeout < math.inf:
             raise SkillFailure("bad_input", f"timeout is {timeout}; a finite number of seconds above 0 is accepted")
         return timeout
 
     def _goal(self) -> Pose | None:
-        map_from_goal: Pose | None = self.get_input("goal")
+        map_from_goal: Pose | None = self.goal
         return None if map_from_goal is None else self.skills.map_from_base.inverse() @ map_from_goal
 
     def _check(self, spec: PolicySpecification, goal: Pose | None) -> Workspace:
@@ -165,7 +156,7 @@ class RunPolicy(OnArm, Skill):
         skills = self.skills
         if spec.joint_names != skills.arm_model.joint_names or spec.robot not in ("", skills.robot.name):
             raise SkillFailure("other_robot", f"the policy moves {spec.robot} {spec.joint_names}, not this arm")
-        success, name = self.get_input("success"), self.get_input("object")
+        success, name = self.success, self.object
         if success not in SUCCESSES:
             raise SkillFailure("bad_input", f"success should be one of {', '.join(SUCCESSES)} but is {success!r}")
         if name and name not in skills.world.objects:
@@ -174,7 +165,7 @@ class RunPolicy(OnArm, Skill):
             raise SkillFailure("no_goal", "the policy, or the condition of success, needs a goal")
         if spec.goal_size not in (0, 7):
             raise SkillFailure("other_goal", f"the policy takes a goal of {spec.goal_size} numbers, a pose has 7")
-        given: str = self.get_input("workspace")
+        given: str = self.workspace
         if not given and spec.workspace is None:
             raise SkillFailure("no_workspace", "the policy knows no workspace: give one, the tool must stay in it")
         try:
@@ -200,7 +191,7 @@ class RunPolicy(OnArm, Skill):
     def _succeeded(self, motion: PolicyMotion, goal: Pose | None) -> bool:
         from bestman_bt.manipulation.policy import pose_error
 
-        success = self.get_input("success")
+        success = self.success
         if success != "goal":
             if not self.skills.gripper.pressing():
                 return False
@@ -208,18 +199,18 @@ class RunPolicy(OnArm, Skill):
             if success == "holding":
                 return True
             height = self.skills.base_from_tool().position[2]
-            return closed_at is not None and bool(height - closed_at.position[2] >= self.get_input("lift"))
+            return closed_at is not None and bool(height - closed_at.position[2] >= self.lift)
         assert goal is not None
         error = pose_error(goal, self.skills.base_from_tool())
         return bool(
-            np.linalg.norm(error[:3]) <= self.get_input("position_tolerance")
-            and np.linalg.norm(error[3:]) <= self.get_input("rotation_tolerance")
+            np.linalg.norm(error[:3]) <= self.position_tolerance
+            and np.linalg.norm(error[3:]) <= self.rotation_tolerance
         )
 
     def _distance(self, goal: Pose | None) -> str:
         from bestman_bt.manipulation.policy import pose_error
 
-        if goal is None or self.get_input("success") != "goal":
+        if goal is None or self.success != "goal":
             return ""
         error = pose_error(goal, self.skills.base_from_tool())
         return f": {np.linalg.norm(error[:3]):.3f} m and {np.linalg.norm(error[3:]):.2f} rad from the goal"
@@ -260,7 +251,7 @@ class RunPolicy(OnArm, Skill):
             outside = motion.box.first_outside(spliced.trajectory.positions, kinematics)
         if outside is not None:
             raise SkillFailure("workspace", f"the policy would leave the workspace at {np.round(outside, 3).tolist()}")
-        name = self.get_input("object")
+        name = self.object
         allowed = hand_contacts(skills, name) if name else ()
         touch = first_touch(spliced.trajectory, skills.arm_world(skills.planning_scene(allowed_pairs=allowed)))
         if touch is not None:
@@ -269,8 +260,8 @@ class RunPolicy(OnArm, Skill):
 
     def _believe_held(self, motion: PolicyMotion, goal: Pose | None) -> None:
         """The object that was picked is in the hand, as it was seen, but centred between the fingers."""
-        skills, name = self.skills, self.get_input("object")
-        if not name or goal is None or motion.closed_at is None or self.get_input("success") == "goal":
+        skills, name = self.skills, self.object
+        if not name or goal is None or motion.closed_at is None or self.success == "goal":
             return
         tool_from_object = motion.closed_at.inverse() @ goal
         centred = Pose(tool_from_object.position * [1.0, 0.0, 1.0], tool_from_object.quaternion)

@@ -8,13 +8,12 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
-from py_trees.ports import PortInformation
 
 from behaviours.beliefs import believe_objects, believe_surface
 from behaviours.names import SurfaceName
 from behaviours.skill import ALGORITHM_ERRORS, Declaration, Skill, SkillFailure, Steps, StepsTo
 from behaviours.surfaces import SURFACE_NOT_SEEN, UNKNOWN_SURFACE, find_surface, surface_region
-from bestman_bt.engine.bounds import BoundedPort
+from bestman_bt.engine import In, Out
 from bestman_bt.messages import Pose
 
 if TYPE_CHECKING:
@@ -48,21 +47,17 @@ class ScanScene(Skill):
 
     REQUIRES = ("camera",)
     USES = ("head",)
-    INPUT_PORTS: ClassVar = {
-        "surface": BoundedPort(SurfaceName, required=False, description="a surface, such as table; else all in view"),
-        "views": PortInformation(int, required=False, default_value=3, description="how many pictures to take"),
-    }
-    OUTPUT_PORTS: ClassVar = {
-        "objects": PortInformation(list, required=False, description="names of what was seen"),
-        "changes": PortInformation(list, required=False, description="what was noticed: cup moved, can_2 added"),
-    }
+    surface = In[str | None](SurfaceName, "a surface, such as table; else all in view", required=False)
+    views = In(int, "how many pictures to take", default=3)
+    objects = Out(list, "names of what was seen")
+    changes = Out(list, "what was noticed: cup moved, can_2 added")
     FAILS: ClassVar = {**UNKNOWN_SURFACE, **SURFACE_NOT_SEEN}
     DECLARATION = Declaration(effects=("scanned({surface})",))
 
     def execute(self) -> Steps:
         """Look, detect and map, view by view; then join the views of each object."""
         skills = self.skills
-        count: int = self.get_input("views")
+        count: int = self.views
         if count < 1:
             raise SkillFailure("bad_input", f"views should be 1 or more, got {count}")
         noticed = len(skills.world.changes)
@@ -88,14 +83,14 @@ class ScanScene(Skill):
         for name in names:
             yield from self._join(name)
         changes = skills.world.changes[noticed:]
-        self.set_output("objects", names)
-        self.set_output("changes", [f"{change.name} {change.kind}" for change in changes])
+        self.objects = names
+        self.changes = [f"{change.name} {change.kind}" for change in changes]
         self.feedback_message = f"{len(names)} things, {len(changes)} changes"
 
     def _points(self, count: int) -> list[NDArray[np.float64]]:
         """Where to look, (3,) metres in the base frame, the middle first."""
         steps = sorted(np.linspace(-0.5, 0.5, count) if count > 1 else [0.0], key=abs)
-        name = self.get_input("surface")
+        name = self.surface
         if not name:
             turns = [step * TURN * (count - 1) for step in steps]
             return [np.array([AHEAD[0] * np.cos(turn), AHEAD[0] * np.sin(turn), AHEAD[1]]) for turn in turns]
@@ -110,7 +105,7 @@ class ScanScene(Skill):
         from bestman_bt.perception.segmentation import surface_regions
 
         skills = self.skills
-        name = self.get_input("surface")
+        name = self.surface
         if name:
             scene = yield from self._detected(view, surface_region(skills, name, view))
             return believe_surface(skills, name, view, scene)
@@ -146,7 +141,7 @@ class ScanScene(Skill):
         from bestman_bt.perception.occupancy import VoxelRegion
 
         skills = self.skills
-        name = self.get_input("surface")
+        name = self.surface
         if not name:
             centre = Pose(np.array([AHEAD[0], 0.0, AHEAD[1]]))
             return VoxelRegion(skills.map_from_base @ centre, (MAPPED_AROUND, MAPPED_AROUND, 2 * AHEAD[1]))

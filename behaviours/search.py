@@ -7,7 +7,7 @@ from typing import ClassVar
 from behaviours.names import ObjectName, SurfaceName
 from behaviours.skill import SkillCondition
 from behaviours.surfaces import UNKNOWN_SURFACE, find_surface
-from bestman_bt.engine.bounds import BoundedPort
+from bestman_bt.engine import In
 
 
 class FoundOn(SkillCondition):
@@ -16,10 +16,8 @@ class FoundOn(SkillCondition):
     Found on another surface on the way it counts as not found here, and its place is known.
     """
 
-    INPUT_PORTS: ClassVar = {
-        "object": BoundedPort(ObjectName, description="the object that is looked for"),
-        "surface": BoundedPort(SurfaceName, description="the surface that was looked at, such as table"),
-    }
+    object = In[str](ObjectName, "the object that is looked for")
+    surface = In[str](SurfaceName, "the surface that was looked at, such as table")
     FAILS: ClassVar = {
         **UNKNOWN_SURFACE,
         "not_found": "look elsewhere: Plan, or another place",
@@ -28,8 +26,8 @@ class FoundOn(SkillCondition):
     def check(self) -> tuple[str, str] | None:
         """Asks the beliefs; takes no picture."""
         world = self.skills.world
-        name: str = self.get_input("object")
-        furniture, surface = find_surface(self.skills, self.get_input("surface"))
+        name: str = self.object
+        furniture, surface = find_surface(self.skills, self.surface)
         place = f"{furniture.name}/{surface.name}"
         belief = world.objects.get(name)
         if belief is None:

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
-from py_trees.ports import PortInformation
 
 from behaviours.arm_motion import ARM_PLANNING_FAILS, move_free
 from behaviours.beliefs import only_nearest, remember_view
@@ -17,7 +16,7 @@ from behaviours.names import ObjectName
 from behaviours.perceive import NO_CAMERA, region_around
 from behaviours.skill import ALGORITHM_ERRORS, Declaration, OnArm, Skill, SkillFailure, Steps, StepsTo
 from behaviours.surfaces import SURFACE_NOT_SEEN
-from bestman_bt.engine.bounds import BoundedPort
+from bestman_bt.engine import In, Out
 from bestman_bt.messages import PlacedShape, Pose
 from bestman_bt.world_model import ObjectBelief
 
@@ -39,17 +38,11 @@ class SecondLook(OnArm, Skill):
     """Look at an object again from where that tells most about its yaw, and join the views; none if that is known."""
 
     REQUIRES = ("arm", "wrist_camera")
-    INPUT_PORTS: ClassVar = {
-        "object": BoundedPort(ObjectName, description="an object that was located"),
-        "max_yaw_width": PortInformation(
-            float, required=False, default_value=0.35, description="radians of yaw that may stay open"
-        ),
-        "min_confidence": PortInformation(float, required=False, default_value=0.5, description="0 to 1"),
-    }
-    OUTPUT_PORTS: ClassVar = {
-        "pose": PortInformation(Pose, required=False, description="where the object is, in the map frame"),
-        "yaw_width": PortInformation(float, required=False, description="radians of yaw that are still open"),
-    }
+    object = In[str](ObjectName, "an object that was located")
+    max_yaw_width = In(float, "radians of yaw that may stay open", default=0.35)
+    min_confidence = In(float, "0 to 1", default=0.5)
+    pose = Out(Pose, "where the object is, in the map frame")
+    yaw_width = Out(float, "radians of yaw that are still open")
     FAILS: ClassVar = {
         **NO_CAMERA,
         **SURFACE_NOT_SEEN,
@@ -63,11 +56,11 @@ class SecondLook(OnArm, Skill):
     def execute(self) -> Steps:
         """Rank views, reach the best one that can be reached, look, join."""
         skills = self.skills
-        name: str = self.get_input("object")
+        name: str = self.object
         belief = skills.world.objects.get(name)
         if belief is None or not skills.observations.get(name):
             raise SkillFailure("not_found", f"the {name} has not been seen; detect it first")
-        if belief.yaw_set.width > self.get_input("max_yaw_width"):
+        if belief.yaw_set.width > self.max_yaw_width:
             camera = skills.wrist_camera
             if camera is None:
                 raise SkillFailure("no_camera", f"the robot {skills.robot.name} has no camera on its hand to look with")
@@ -77,8 +70,8 @@ class SecondLook(OnArm, Skill):
             yield from self._go(postures)
             belief = yield from self._look(belief, camera)
             skills.world.objects[name] = belief
-        self.set_output("pose", belief.pose)
-        self.set_output("yaw_width", belief.yaw_set.width)
+        self.pose = belief.pose
+        self.yaw_width = belief.yaw_set.width
         self.feedback_message = f"{name}: yaw open by {math.degrees(belief.yaw_set.width):.0f}°"
 
     def _postures(self, belief: ObjectBelief, camera: RGBDSensor) -> list[NDArray[np.float64]]:
@@ -145,7 +138,7 @@ class SecondLook(OnArm, Skill):
         seen = Observation(found[0].cluster.seen_from(view.map_from_base), view.in_map)
         remember_view(skills, belief.name, seen)
         joined = yield self.compute("pose_estimation", self._joined, belief, skills.observations[belief.name])
-        if not joined or joined[0].confidence < self.get_input("min_confidence"):
+        if not joined or joined[0].confidence < self.min_confidence:
             raise SkillFailure("object_lost", f"the views of the {belief.name} do not fit together")
         best: PoseHypothesis = joined[0]
         return replace(

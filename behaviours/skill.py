@@ -10,16 +10,13 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar, TypeAlias, TypeVar
 
-from py_trees.ports import PortInformation
-
 from behaviours.contacts import Contact
 from behaviours.context import SkillContext
 from behaviours.failure import MOTION_FAILS, READING_FAILS, SEEING_FAILS, NodeFailure
 from behaviours.names import ArmName
 from behaviours.parts import PartKind
 from bestman_bt.control import READING_ERRORS, Motion, MotionStatus
-from bestman_bt.engine import FAILURE, RUNNING, SUCCESS, Condition, Node, NodeError, StatefulAction, SyncAction
-from bestman_bt.engine.bounds import BoundedPort
+from bestman_bt.engine import FAILURE, RUNNING, SUCCESS, Condition, In, Node, NodeError, Out, StatefulAction, SyncAction
 from bestman_bt.engine.own_files import defined_at
 from bestman_bt.errors import Error, MissingExtraError, WrongResultError
 from bestman_bt.manipulation.errors import ManipulationError
@@ -111,19 +108,14 @@ class OnRobot(Node):
 class OnArm(OnRobot):
     """A node that works with one arm, its hand and what that holds: ``skills`` are those of the arm that it names."""
 
-    INPUT_PORTS: ClassVar[Mapping[str, PortInformation]] = {
-        "arm": BoundedPort(
-            ArmName,
-            required=False,
-            default_value="",
-            description="which arm, by its name in the robot's file; by default the only one, or its default_arm",
-        ),
-    }
+    arm = In[str](
+        ArmName, "which arm, by its name in the robot's file; by default the only one, or its default_arm", default=""
+    )
 
     @property
     def skills(self) -> SkillContext:
         """Controllers and beliefs of the arm; SkillFailure (``bad_input``) where the robot has none of that name."""
-        return self.skills_of(self.get_input("arm"))
+        return self.skills_of(self.arm)
 
 
 class Explained(OnRobot):
@@ -134,10 +126,8 @@ class Explained(OnRobot):
 
     FAILS: ClassVar[Mapping[str, str]] = {"bad_input": "a port has a value that is not accepted: correct the tree"}
 
-    OUTPUT_PORTS: ClassVar[Mapping[str, PortInformation]] = {
-        "error_code": PortInformation(str, required=False, description="why it failed, for programs; empty if not"),
-        "error_message": PortInformation(str, required=False, description="why it failed, in words"),
-    }
+    error_code = Out(str, "why it failed, for programs; empty if not")
+    error_message = Out(str, "why it failed, in words")
 
     def get_input(self, port: str) -> Any:
         """The value of a port; SkillFailure (``bad_input``) for a number that is none, or a pose too far away."""
@@ -156,8 +146,8 @@ class Explained(OnRobot):
     def explain(self, code: str, why: str, failure: Failure | None = None) -> int:
         """Record why the leaf fails, and which part of the robot did; returns FAILURE."""
         self.feedback_message = why
-        self.set_output("error_code", code)
-        self.set_output("error_message", why)
+        self.error_code = code
+        self.error_message = why
         part, vendor_code = (failure.part, failure.vendor_code) if failure is not None else ("", "")
         skills = self.robot_skills
         now = skills.clock.now()
@@ -175,8 +165,8 @@ class Explained(OnRobot):
     def succeed(self, why: str = "") -> int:
         """Clear the error outputs; returns SUCCESS."""
         self.feedback_message = why
-        self.set_output("error_code", "")
-        self.set_output("error_message", "")
+        self.error_code = ""
+        self.error_message = ""
         return SUCCESS
 
 

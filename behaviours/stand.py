@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
-from py_trees.ports import PortInformation
 
 from behaviours.context import DRIVEN
 from behaviours.grasp_candidates import grasp_candidates
@@ -17,7 +16,7 @@ from behaviours.names import ObjectName, SurfaceName
 from behaviours.place import place_tool_poses
 from behaviours.skill import Declaration, OnArm, Skill, SkillFailure, Steps, StepsTo
 from behaviours.surfaces import UNKNOWN_SURFACE, find_surface, with_open_drawers
-from bestman_bt.engine.bounds import BoundedPort
+from bestman_bt.engine import In, Out
 from bestman_bt.messages import Pose, Pose2D
 from bestman_bt.world_model import BasePose, MapFurniture, MapSurface
 
@@ -53,12 +52,10 @@ class FindStandPose(OnArm, Skill):
 
     REQUIRES = ("base", "lidar", "arm", "gripper")
     USES = ("wrist_camera",)
-    INPUT_PORTS: ClassVar = {
-        "surface": BoundedPort(SurfaceName, description="the surface to stand at, such as table"),
-        "object": BoundedPort(ObjectName, required=False, description="the object to reach, where it has been seen"),
-        "goal": PortInformation(Pose, required=False, description="the place to reach, in the map frame"),
-    }
-    OUTPUT_PORTS: ClassVar = {"stand": PortInformation(Pose2D, description="where to stand, in the map frame")}
+    surface = In[str](SurfaceName, "the surface to stand at, such as table")
+    object = In[str | None](ObjectName, "the object to reach, where it has been seen", required=False)
+    goal = In(Pose, "the place to reach, in the map frame", required=False)
+    stand = Out(Pose2D, "where to stand, in the map frame", required=True)
     FAILS: ClassVar = {
         **UNKNOWN_SURFACE,
         "no_stand": "what stands there may have gone: ForgetBlocked, then again",
@@ -72,7 +69,7 @@ class FindStandPose(OnArm, Skill):
 
     def execute(self) -> Steps:
         """Rank the stands along the furniture by what the arm reaches from them."""
-        furniture, _ = find_surface(self.skills, self.get_input("surface"))
+        furniture, _ = find_surface(self.skills, self.surface)
         targets = self._targets()
         if np.linalg.norm(targets[0].at - self._target) > SAME_TARGET:
             self._target, self._tried = targets[0].at, []
@@ -86,7 +83,7 @@ class FindStandPose(OnArm, Skill):
             )
         best = stands[0].pose
         self._tried.append(best)
-        self.set_output("stand", best)
+        self.stand = best
         self.feedback_message = f"stand at {best.x:.2f}, {best.y:.2f}, {np.degrees(best.theta):.0f}°"
 
     def _first_reached(self, furniture: MapFurniture, targets: Sequence[StandTarget]) -> StepsTo[tuple[StandPose, ...]]:
@@ -100,8 +97,8 @@ class FindStandPose(OnArm, Skill):
     def _targets(self) -> list[StandTarget]:
         """What would do, the best first."""
         skills = self.skills
-        goal: Pose | None = self.get_input("goal")
-        name: str = self.get_input("object") or ""
+        goal: Pose | None = self.goal
+        name: str = self.object or ""
         belief = skills.world.objects.get(name)
         if goal is not None and skills.held is not None:
             on_surface = Pose(np.array([*goal.position[:2], self._object_height()]), goal.quaternion)
@@ -111,7 +108,7 @@ class FindStandPose(OnArm, Skill):
             map_from_base = skills.map_from_base
             grasps = [(map_from_base @ c.pre_grasp, map_from_base @ c.grasp) for c in candidates]
             return [StandTarget(grasps, belief.pose.position[:2])]
-        furniture, surface = find_surface(skills, self.get_input("surface"))
+        furniture, surface = find_surface(skills, self.surface)
         height = self._middle()[2] + HAND_ABOVE
         points = goal.position[None, :2] if goal is not None else self._parts(furniture, surface)
         within = furniture.is_inside(surface) and surface.leaf is None
@@ -126,7 +123,7 @@ class FindStandPose(OnArm, Skill):
         return in_map
 
     def _middle(self) -> NDArray[np.float64]:
-        furniture, surface = find_surface(self.skills, self.get_input("surface"))
+        furniture, surface = find_surface(self.skills, self.surface)
         return (furniture.pose.to_pose() @ surface.pose).position
 
     def _object_height(self) -> float:
@@ -167,9 +164,9 @@ class FindStandPose(OnArm, Skill):
         skills = self.skills
         others = {arm: held for arm, held in skills.world.hands.items() if arm != skills.arm_name}
         there = replace(skills.world, base=BasePose(stand, 0.0, 0.0, skills.clock.now()), hands=others)
-        name: str = self.get_input("object") or ""
+        name: str = self.object or ""
         ignore = [name]
-        if self.get_input("goal") is not None or name not in skills.world.objects:
+        if self.goal is not None or name not in skills.world.objects:
             ignore += [*skills.world.objects, *(n for n in skills.world.obstacles if not n.endswith("/surface"))]
         scene = planning_scene_from_world_model(
             there, skills.robot, skills.joints.positions(), skills.arm.name, ignore=ignore

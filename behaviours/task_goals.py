@@ -2,12 +2,8 @@
 
 from __future__ import annotations
 
-from typing import ClassVar
-
-from py_trees.ports import PortInformation
-
 from behaviours.skill import Explained
-from bestman_bt.engine import SyncAction
+from bestman_bt.engine import In, Out, SyncAction
 from bestman_bt.messages import Pose
 
 FIELDS = ("object", "source", "target", "goal")
@@ -16,19 +12,15 @@ FIELDS = ("object", "source", "target", "goal")
 class TakeGoal(Explained, SyncAction):
     """Take one of a task's goals apart: which object, from where, to which surface, and where on it."""
 
-    INPUT_PORTS: ClassVar = {
-        "entry": PortInformation(dict, description="one of the root entry goals: object, source, target, goal")
-    }
-    OUTPUT_PORTS: ClassVar = {
-        "object": PortInformation(str, description="the object"),
-        "source": PortInformation(str, description="the surface to look for it first"),
-        "target": PortInformation(str, description="the surface where it shall go"),
-        "goal": PortInformation(Pose, description="where it shall stand, in the map frame"),
-    }
+    entry = In(dict, "one of the root entry goals: object, source, target, goal")
+    object = Out(str, "the object", required=True)
+    source = Out(str, "the surface to look for it first", required=True)
+    target = Out(str, "the surface where it shall go", required=True)
+    goal = Out(Pose, "where it shall stand, in the map frame", required=True)
 
     def on_tick(self) -> int:
         """Writes each field to its port."""
-        entry: dict[str, object] = self.get_input("entry")
+        entry: dict[str, object] = self.entry
         missing = [name for name in FIELDS if name not in entry]
         if missing:
             return self.explain("bad_input", f"a goal should have {', '.join(FIELDS)}; {', '.join(missing)} is missing")

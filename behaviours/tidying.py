@@ -14,7 +14,7 @@ from behaviours.context import SkillContext
 from behaviours.names import ObjectName, SurfaceName
 from behaviours.skill import Declaration, Explained, Skill, SkillCondition, SkillFailure, Steps
 from behaviours.surfaces import SURFACE_NOT_SEEN, UNKNOWN_SURFACE, find_surface, surface_region
-from bestman_bt.engine import SyncAction
+from bestman_bt.engine import In, InOut, Out, SyncAction
 from bestman_bt.engine.bounds import BoundedPort
 from bestman_bt.messages import ObjectModel, Pose
 from bestman_bt.world_model import ObjectBelief
@@ -44,37 +44,31 @@ _WHICH: dict[str, PortInformation] = {
 class RememberSeen(Explained, SyncAction):
     """Add those of the named things that are believed to be somewhere to the list of what was seen."""
 
-    INPUT_PORTS: ClassVar = {
-        "objects": _WHICH["objects"],
-        "seen": PortInformation(list, required=False, description="the list; begun where there is none"),
-    }
-    OUTPUT_PORTS: ClassVar = {"seen": PortInformation(list, description="the list")}
+    INPUT_PORTS: ClassVar = {"objects": _WHICH["objects"]}
+    seen = InOut(list, "the list; begun where there is none", required=False)
 
     def on_tick(self) -> int:
         """Asks the beliefs."""
         wanted: Sequence[str] = self.get_input("objects")
-        before: Sequence[str] = self.get_input("seen") or ()
+        before: Sequence[str] = self.seen or ()
         now = [belief.name for belief in self.skills.world.objects.values() if _is_wanted(belief, wanted)]
         seen = list(dict.fromkeys([*before, *now]))
-        self.set_output("seen", seen)
+        self.seen = seen
         return self.succeed(", ".join(seen) or "nothing")
 
 
 class FindUntidy(Explained, SyncAction):
     """List the things, of those that were seen, that are not believed to stand upright within a region of a surface."""
 
-    INPUT_PORTS: ClassVar = {
-        "seen": _WHICH["seen"],
-        **_WHERE,
-        "margin": PortInformation(float, required=False, default_value=0.035, description="metres inside the region"),
-    }
-    OUTPUT_PORTS: ClassVar = {"untidy": PortInformation(list, description="their names")}
+    INPUT_PORTS: ClassVar = {"seen": _WHICH["seen"], **_WHERE}
+    margin = In(float, "metres inside the region", default=0.035)
+    untidy = Out(list, "their names", required=True)
     FAILS: ClassVar = UNKNOWN_SURFACE
 
     def on_tick(self) -> int:
         """Asks the beliefs."""
         untidy = _untidy(self)
-        self.set_output("untidy", untidy)
+        self.untidy = untidy
         return self.succeed(", ".join(untidy) or "nothing")
 
 
@@ -106,21 +100,13 @@ class FindFreePlace(Skill):
     """
 
     REQUIRES = ("camera",)
-    INPUT_PORTS: ClassVar = {
-        "object": BoundedPort(ObjectName, description="the object that shall stand there"),
-        "surface": BoundedPort(SurfaceName, description="the surface, such as counter/top"),
-        "region_x": PortInformation(
-            list, required=False, description="from, to: metres in its frame; all of it by default"
-        ),
-        "region_y": PortInformation(
-            list, required=False, description="from, to: metres in its frame; all of it by default"
-        ),
-        "margin": PortInformation(float, required=False, default_value=0.05, description="metres inside the region"),
-        "clearance": PortInformation(float, required=False, default_value=0.04, description="metres around the object"),
-    }
-    OUTPUT_PORTS: ClassVar = {
-        "goal": PortInformation(Pose, description="the place, in the map frame, z of the surface")
-    }
+    object = In[str](ObjectName, "the object that shall stand there")
+    surface = In[str](SurfaceName, "the surface, such as counter/top")
+    region_x = In(list, "from, to: metres in its frame; all of it by default", required=False)
+    region_y = In(list, "from, to: metres in its frame; all of it by default", required=False)
+    margin = In(float, "metres inside the region", default=0.05)
+    clearance = In(float, "metres around the object", default=0.04)
+    goal = Out(Pose, "the place, in the map frame, z of the surface", required=True)
     FAILS: ClassVar = {
         **UNKNOWN_SURFACE,
         **SURFACE_NOT_SEEN,
@@ -139,8 +125,8 @@ class FindFreePlace(Skill):
         from bestman_bt.perception.segmentation import surface_coverage
 
         skills = self.skills
-        name: str = self.get_input("object")
-        surface: str = self.get_input("surface")
+        name: str = self.object
+        surface: str = self.surface
         model = _model(skills, name)
         if name != self._object:
             self._object, self._given = name, []
@@ -151,7 +137,7 @@ class FindFreePlace(Skill):
             "detection", skills.detection.detect, view.in_base, region, models, skills.rng
         )
         believe_surface(skills, surface, view, scene)
-        radius = float(np.linalg.norm(model.size[:2])) / 2 + self.get_input("clearance")
+        radius = float(np.linalg.norm(model.size[:2])) / 2 + self.clearance
         coverage = surface_coverage(view.in_base, region, scene.scene)
         discs = view.map_from_base.apply(coverage.free_discs(radius, np.array([BEFORE_BASE, 0.0])))
         furniture, mapped = find_surface(skills, surface)
@@ -161,10 +147,10 @@ class FindFreePlace(Skill):
         fresh = [place for place in inside if (np.linalg.norm(given - place[:2], axis=1) > SAME_PLACE).all()]
         if not fresh:
             across = f"{200 * radius:.0f} cm disc for the {name}"
-            where = f"on the {surface}" if self.get_input("region_x") is None else f"in the region of the {surface}"
+            where = f"on the {surface}" if self.region_x is None else f"in the region of the {surface}"
             raise SkillFailure("surface_full", f"no free {across} is left {where}")
         self._given.append(fresh[0])
-        self.set_output("goal", Pose(fresh[0], map_from_surface.quaternion))
+        self.goal = Pose(fresh[0], map_from_surface.quaternion)
         self.feedback_message = f"place for the {name} at {fresh[0][0]:.2f}, {fresh[0][1]:.2f}"
 
 

@@ -6,11 +6,10 @@ from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
-from py_trees.ports import PortInformation
 
 from behaviours.nav2.ports import SERVICE, without_meaning
 from behaviours.skill import InstantSkill
-from bestman_bt.engine import BoundedPort
+from bestman_bt.engine import BoundedPort, In
 from bestman_bt.messages import Pose2D
 from bestman_bt.messages.bounds import Positive
 
@@ -50,10 +49,10 @@ class ClearCostmapAroundRobot(InstantSkill):
 class ClearCostmapAroundPose(ClearCostmapAroundRobot):
     """Forget the obstacles that were seen in a square around a pose."""
 
-    INPUT_PORTS: ClassVar = {"pose": PortInformation(Pose2D, description="x;y;theta in the map frame")}
+    pose = In(Pose2D, "x;y;theta in the map frame")
 
     def _centre(self) -> Pose2D:
-        pose: Pose2D = self.get_input("pose")
+        pose: Pose2D = self.pose
         return pose
 
 

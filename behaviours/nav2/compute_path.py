@@ -5,12 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, ClassVar
 
-from py_trees.ports import PortInformation
-
 from behaviours.nav2.ports import SERVER, PlannerName
 from behaviours.navigate import DRIVING_FAILS
 from behaviours.skill import Skill, SkillFailure, Steps, StepsTo
-from bestman_bt.engine import BoundedPort
+from bestman_bt.engine import In, Out
 from bestman_bt.messages import Goals, Path2D, Pose2D
 
 if TYPE_CHECKING:
@@ -24,36 +22,31 @@ class _ComputePath(Skill):
     """A path that leads through poses; without one the output is cleared, so that nobody drives an old path."""
 
     REQUIRES = ("base", "lidar")
-    INPUT_PORTS: ClassVar = {
-        **SERVER,
-        "start": PortInformation(Pose2D, required=False, description="x;y;theta instead of where the base is"),
-        "planner_id": BoundedPort(
-            PlannerName,
-            required=False,
-            default_value="",
-            description="a global planner, as grid_astar or file.py:Class; the configured one",
-        ),
-    }
-    OUTPUT_PORTS: ClassVar = {"path": PortInformation(Path2D, required=False, description="the path; empty on failure")}
+    INPUT_PORTS: ClassVar = {**SERVER}
+    start = In(Pose2D, "x;y;theta instead of where the base is", required=False)
+    planner_id = In[str](
+        PlannerName, "a global planner, as grid_astar or file.py:Class; the configured one", default=""
+    )
+    path_ = Out[Path2D | None](Path2D, "the path; empty on failure", port="path")
     FAILS: ClassVar = DRIVING_FAILS
 
     def on_halted(self) -> None:
         """Clear the path, as nav2 does."""
         super().on_halted()
-        self.set_output("path", None)
+        self.path_ = None
 
     def _plan(self, start: Pose2D | None, goals: Sequence[Pose2D]) -> StepsTo[tuple[int, PlanningFailure | None]]:
         """Plan through ``goals`` and put the path out; how many of them it can get to, and what ended that."""
         from bestman_bt.navigation.path_pieces import joined
 
         skills = self.skills
-        name = self.get_input("planner_id")
+        name = self.planner_id
         planner = skills.planners(name, self.folders) if name else skills.global_planning
         begin = skills.world.base.pose if start is None else start
         legs: list[Path2D]
         legs, failure = yield self.compute("global_planning", _legs, planner, begin, goals, skills.seen_costmap())
         path = joined(legs) if failure is None else None
-        self.set_output("path", path)
+        self.path_ = path
         if path is not None:
             self.feedback_message = f"{path.length:.1f} m"
         return len(legs), failure
@@ -62,19 +55,17 @@ class _ComputePath(Skill):
 class ComputePathToPose(_ComputePath):
     """Plan a path to a pose, past ``viapoints`` where there are any."""
 
-    INPUT_PORTS: ClassVar = {
-        "goal": PortInformation(Pose2D, description="x;y;theta in the map frame, metres and radians"),
-        "viapoints": PortInformation(Goals, required=False, description="passed on the way: x;y;theta;x;y;theta"),
-        "use_start": PortInformation(bool, required=False, description="false: from where the base is, all the same"),
-    }
+    goal = In(Pose2D, "x;y;theta in the map frame, metres and radians")
+    viapoints = In(Goals, "passed on the way: x;y;theta;x;y;theta", required=False)
+    use_start = In(bool, "false: from where the base is, all the same", required=False)
 
     def execute(self) -> Steps:
         """Plan."""
-        start: Pose2D | None = self.get_input("start")
-        use_start = self.get_input("use_start")
+        start: Pose2D | None = self.start
+        use_start = self.use_start
         if use_start is not None and not use_start:
             start = None
-        _, failure = yield from self._plan(start, [*(self.get_input("viapoints") or ()), self.get_input("goal")])
+        _, failure = yield from self._plan(start, [*(self.viapoints or ()), self.goal])
         if failure is not None:
             raise SkillFailure(failure.reason.value, failure.text)
 
@@ -82,24 +73,18 @@ class ComputePathToPose(_ComputePath):
 class ComputePathThroughPoses(_ComputePath):
     """Plan a path through several poses."""
 
-    INPUT_PORTS: ClassVar = {
-        "goals": PortInformation(Goals, description="x;y;theta;x;y;theta in the map frame, metres and radians")
-    }
-    OUTPUT_PORTS: ClassVar = {
-        "last_reached_index": PortInformation(
-            int, required=False, description="-1: the path leads through all; else the last pose that can be got to"
-        )
-    }
+    goals = In(Goals, "x;y;theta;x;y;theta in the map frame, metres and radians")
+    last_reached_index = Out(int, "-1: the path leads through all; else the last pose that can be got to")
     FAILS: ClassVar = {"no_goals": "give a pose"}
 
     def execute(self) -> Steps:
         """Plan."""
-        goals: Goals = self.get_input("goals")
+        goals: Goals = self.goals
         if not goals:
-            self.set_output("path", None)
+            self.path_ = None
             raise SkillFailure("no_goals", "there is no pose to plan to")
-        reached, failure = yield from self._plan(self.get_input("start"), goals)
-        self.set_output("last_reached_index", ALL_GOALS if failure is None else reached - 1)
+        reached, failure = yield from self._plan(self.start, goals)
+        self.last_reached_index = ALL_GOALS if failure is None else reached - 1
         if failure is not None:
             raise SkillFailure(failure.reason.value, failure.text)
 

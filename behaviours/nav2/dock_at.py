@@ -7,12 +7,11 @@ from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
-from py_trees.ports import PortInformation
 
 from behaviours.names import FurnitureName
 from behaviours.navigate import DRIVING_FAILS
 from behaviours.skill import Declaration, Skill, SkillFailure, Steps, StepsTo
-from bestman_bt.engine import BoundedPort
+from bestman_bt.engine import In, Out
 from bestman_bt.messages import Path2D, Pose2D, wrap_angle
 from bestman_bt.messages.bounds import Count, Positive
 from bestman_bt.world_model import MapFurniture
@@ -32,19 +31,13 @@ class DockAt(Skill):
     """
 
     REQUIRES = ("base", "lidar")
-    INPUT_PORTS: ClassVar = {
-        "goal": PortInformation(Pose2D, description="x;y;theta in the map frame, metres and radians"),
-        "furniture": BoundedPort(FurnitureName, required=False, default_value="", description="whose front it is"),
-        "approach": BoundedPort(Positive, required=False, default_value=0.5, description="metres, driven straight"),
-        "tolerance": BoundedPort(Positive, required=False, default_value=0.006, description="metres"),
-        "heading_tolerance": BoundedPort(
-            Positive, required=False, default_value=math.radians(0.6), description="radians"
-        ),
-        "attempts": BoundedPort(Count, required=False, default_value=3, description="approaches at most"),
-    }
-    OUTPUT_PORTS: ClassVar = {
-        "docked": PortInformation(Pose2D, required=False, description="the goal, by where the furniture was seen")
-    }
+    goal = In(Pose2D, "x;y;theta in the map frame, metres and radians")
+    furniture = In[str](FurnitureName, "whose front it is", default="")
+    approach = In[float](Positive, "metres, driven straight", default=0.5)
+    tolerance = In[float](Positive, "metres", default=0.006)
+    heading_tolerance = In[float](Positive, "radians", default=math.radians(0.6))
+    attempts = In[int](Count, "approaches at most", default=3)
+    docked = Out(Pose2D, "the goal, by where the furniture was seen")
     FAILS: ClassVar = {
         **DRIVING_FAILS,
         "not_docked": "BackUp, then DockAt again",
@@ -59,13 +52,13 @@ class DockAt(Skill):
         # Slow, and steering for a near point: what is off at the side goes away on the way.
         docking = PurePursuitParameters(min_lookahead=0.12, max_lookahead=0.2, max_speed=0.2, position_tolerance=0.002)
         skills = self.skills
-        goal, piece = self.get_input("goal"), self._piece()
-        approach, attempts = self.get_input("approach"), self.get_input("attempts")
+        goal, piece = self.goal, self._piece()
+        approach, attempts = self.approach, self.attempts
         why = ""
         for _ in range(attempts):
             yield from self._stage(goal @ Pose2D(-approach, 0.0, 0.0))
             if piece is not None:
-                goal = yield from self._seen(piece, self.get_input("goal"))
+                goal = yield from self._seen(piece, self.goal)
             begin = skills.world.base.pose
             axis = goal @ Pose2D(-approach / 2, 0.0, 0.0)
             path = Path2D(np.array([begin.xy, axis.xy, goal.xy]), goal)
@@ -76,12 +69,12 @@ class DockAt(Skill):
                     raise
             why = yield from self._improve(goal)
             if not why:
-                self.set_output("docked", goal)
+                self.docked = goal
                 return
         raise SkillFailure("not_docked", f"after {attempts} approaches the base is {why}")
 
     def _piece(self) -> MapFurniture | None:
-        name, known = self.get_input("furniture"), self.skills.world.map.furniture
+        name, known = self.furniture, self.skills.world.map.furniture
         if not name:
             return None
         if name not in known or not known[name].solid_at_lidar:
@@ -121,7 +114,7 @@ class DockAt(Skill):
 
     def _improve(self, goal: Pose2D) -> StepsTo[str]:
         """Turn and drive what is left of the way; in words how far off the base is then, empty if it is not."""
-        base, tolerance, turning = self.skills.base, self.get_input("tolerance"), self.get_input("heading_tolerance")
+        base, tolerance, turning = self.skills.base, self.tolerance, self.heading_tolerance
         for last in (False, True):
             off = goal.inverse() @ self.skills.world.base.pose
             turn = abs(wrap_angle(off.theta))

@@ -10,7 +10,7 @@ from py_trees.ports import PortInformation
 from behaviours.nav2.ports import FRAMES
 from behaviours.navigate import At
 from behaviours.skill import InstantSkill, SkillCondition
-from bestman_bt.engine import BoundedPort, Decorator
+from bestman_bt.engine import Decorator, In, Out
 from bestman_bt.engine.ports import key_of
 from bestman_bt.messages import Goals, Pose2D
 from bestman_bt.messages.bounds import NonNegative, Positive
@@ -24,11 +24,9 @@ WATCHED: dict[str, PortInformation] = {
 class GoalReached(At):
     """Whether the base believes to be at a goal; by default within 25 cm and whichever way it faces, as Nav2's."""
 
-    INPUT_PORTS: ClassVar = {
-        **FRAMES,
-        "tolerance": BoundedPort(Positive, required=False, default_value=0.25, description="metres"),
-        "heading_tolerance": BoundedPort(Positive, required=False, default_value=math.pi, description="radians"),
-    }
+    INPUT_PORTS: ClassVar = {**FRAMES}
+    tolerance_ = In[float](Positive, "metres", default=0.25, port="tolerance")
+    heading_tolerance_ = In[float](Positive, "radians", default=math.pi, port="heading_tolerance")
 
 
 class GoalUpdated(SkillCondition):
@@ -63,38 +61,32 @@ class GlobalUpdatedGoal(GoalUpdated):
 class ArePosesNear(SkillCondition):
     """Whether two poses are within ``tolerance`` metres of one another."""
 
-    INPUT_PORTS: ClassVar = {
-        **FRAMES,
-        "ref_pose": PortInformation(Pose2D, description="x;y;theta"),
-        "target_pose": PortInformation(Pose2D, description="x;y;theta"),
-        "tolerance": BoundedPort(Positive, required=False, default_value=0.5, description="metres"),
-    }
+    INPUT_PORTS: ClassVar = {**FRAMES}
+    ref_pose = In(Pose2D, "x;y;theta")
+    target_pose = In(Pose2D, "x;y;theta")
+    tolerance = In[float](Positive, "metres", default=0.5)
 
     def check(self) -> tuple[str, str] | None:
         """Compares."""
-        distance = self.get_input("ref_pose").distance_to(self.get_input("target_pose"))
-        return None if distance <= self.get_input("tolerance") else ("not_near", f"{distance:.2f} m apart")
+        distance = self.ref_pose.distance_to(self.target_pose)
+        return None if distance <= self.tolerance else ("not_near", f"{distance:.2f} m apart")
 
 
 class RemovePassedGoals(InstantSkill):
     """Take the poses out of a list that the base is near to, in their order; the last one always stays."""
 
-    INPUT_PORTS: ClassVar = {
-        **FRAMES,
-        "input_goals": PortInformation(Goals, description="x;y;theta;x;y;theta, in driving order"),
-        "radius": BoundedPort(
-            NonNegative, required=False, default_value=0.5, description="metres that count as passed"
-        ),
-    }
-    OUTPUT_PORTS: ClassVar = {"output_goals": PortInformation(Goals, description="those that are left")}
+    INPUT_PORTS: ClassVar = {**FRAMES}
+    input_goals = In(Goals, "x;y;theta;x;y;theta, in driving order")
+    radius = In[float](NonNegative, "metres that count as passed", default=0.5)
+    output_goals = Out(Goals, "those that are left", required=True)
 
     def act(self) -> None:
         """Compare with where the base is."""
-        goals: Goals = self.get_input("input_goals")
+        goals: Goals = self.input_goals
         pose, passed = self.skills.world.base.pose, 0
-        while passed < len(goals) - 1 and pose.distance_to(goals[passed]) <= self.get_input("radius"):
+        while passed < len(goals) - 1 and pose.distance_to(goals[passed]) <= self.radius:
             passed += 1
-        self.set_output("output_goals", Goals(goals[passed:]))
+        self.output_goals = Goals(goals[passed:])
 
 
 class GoalUpdater(Decorator):
@@ -104,18 +96,12 @@ class GoalUpdater(Decorator):
     ``blackboard.set``, the control channel. As with Nav2's topics, what is older than the goal does not count.
     """
 
-    INPUT_PORTS: ClassVar = {
-        "input_goal": PortInformation(Pose2D, required=False, description="x;y;theta"),
-        "input_goals": PortInformation(Goals, required=False, description="x;y;theta;x;y;theta"),
-        "goal_update": PortInformation(object, required=False, default_value="{@goal_update}", description="x;y;theta"),
-        "goals_update": PortInformation(
-            object, required=False, default_value="{@goals_update}", description="x;y;theta;x;y;theta"
-        ),
-    }
-    OUTPUT_PORTS: ClassVar = {
-        "output_goal": PortInformation(Pose2D, required=False, description="the newer one of both"),
-        "output_goals": PortInformation(Goals, required=False, description="the newer ones of both"),
-    }
+    input_goal = In(Pose2D, "x;y;theta", required=False)
+    input_goals = In(Goals, "x;y;theta;x;y;theta", required=False)
+    goal_update = In(object, "x;y;theta", default="{@goal_update}")
+    goals_update = In(object, "x;y;theta;x;y;theta", default="{@goals_update}")
+    output_goal = Out(Pose2D, "the newer one of both")
+    output_goals = Out(Goals, "the newer ones of both")
 
     def on_tick(self) -> int:
         """Choose, then tick the child."""

@@ -10,7 +10,7 @@ from annotated_types import Ge, Le
 from behaviours.nav2.ports import SERVER, are_literals, without_meaning
 from behaviours.skill import Skill, SkillFailure, Steps, StepsTo
 from behaviours.waiting import Until
-from bestman_bt.engine import BoundedPort, NotZero
+from bestman_bt.engine import BoundedPort, In, NotZero
 from bestman_bt.messages.bounds import NonNegative
 from bestman_bt.world_model import BasePose
 
@@ -54,14 +54,12 @@ class Spin(_Motion):
     """Turn on the spot; by odometry, so that it also works where the base has lost its way."""
 
     REQUIRES = ("base", "lidar")
-    INPUT_PORTS: ClassVar = {
-        **without_meaning("is_recovery"),
-        "spin_dist": BoundedPort(Turns, required=False, default_value=1.57, description="radians, to the left"),
-    }
+    INPUT_PORTS: ClassVar = {**without_meaning("is_recovery")}
+    spin_dist = In[float](Turns, "radians, to the left", default=1.57)
 
     def execute(self) -> Steps:
         """Turn, a quarter at a time."""
-        left, end = self.get_input("spin_dist"), self.end()
+        left, end = self.spin_dist, self.end()
         while left:
             step = math.copysign(min(abs(left), TURN_AT_ONCE), left)
             yield from self.in_time(self.skills.base.turn(step), end)
@@ -72,15 +70,8 @@ class DriveOnHeading(_Motion):
     """Drive straight on; the collision monitor stops it before whatever is in the way, which ends it as blocked."""
 
     REQUIRES = ("base", "lidar")
-    INPUT_PORTS: ClassVar = {
-        "dist_to_travel": BoundedPort(
-            Moving,
-            required=False,
-            default_value=0.15,
-            description="metres, backwards where it is negative",
-        ),
-        "speed": BoundedPort(Moving, required=False, default_value=0.025, description="m/s, of the distance's sign"),
-    }
+    dist_to_travel = In[float](Moving, "metres, backwards where it is negative", default=0.15)
+    speed = In[float](Moving, "m/s, of the distance's sign", default=0.025)
 
     def on_load(self) -> None:
         """Judge the signs where both are literals."""
@@ -89,7 +80,7 @@ class DriveOnHeading(_Motion):
 
     def _of_two_signs(self) -> str:
         """In words that distance and speed lead to opposite sides; empty if they do not."""
-        distance, speed = self.get_input("dist_to_travel"), self.get_input("speed")
+        distance, speed = self.dist_to_travel, self.speed
         if distance * speed > 0.0:
             return ""
         return f"dist_to_travel is {distance} m and speed {speed} m/s; both of one sign are accepted"
@@ -98,7 +89,7 @@ class DriveOnHeading(_Motion):
         """Drive."""
         if words := self._of_two_signs():
             raise SkillFailure("bad_input", words)
-        distance, speed = self.get_input("dist_to_travel"), abs(self.get_input("speed"))
+        distance, speed = self.dist_to_travel, abs(self.speed)
         yield from self.in_time(self.skills.base.drive(distance, speed), self.end())
 
 
@@ -106,26 +97,22 @@ class BackUp(_Motion):
     """Drive straight back."""
 
     REQUIRES = ("base", "lidar")
-    INPUT_PORTS: ClassVar = {
-        "backup_dist": BoundedPort(Moving, required=False, default_value=0.15, description="metres"),
-        "backup_speed": BoundedPort(Moving, required=False, default_value=0.025, description="m/s"),
-    }
+    backup_dist = In[float](Moving, "metres", default=0.15)
+    backup_speed = In[float](Moving, "m/s", default=0.025)
 
     def execute(self) -> Steps:
         """Drive."""
-        distance, speed = abs(self.get_input("backup_dist")), abs(self.get_input("backup_speed"))
+        distance, speed = abs(self.backup_dist), abs(self.backup_speed)
         yield from self.in_time(self.skills.base.drive(-distance, speed), self.end())
 
 
 class Wait(Skill):
     """Let time pass."""
 
-    INPUT_PORTS: ClassVar = {
-        **SERVER,
-        "wait_duration": BoundedPort(NonNegative, required=False, default_value=1.0, description="seconds"),
-    }
+    INPUT_PORTS: ClassVar = {**SERVER}
+    wait_duration = In[float](NonNegative, "seconds", default=1.0)
 
     def execute(self) -> Steps:
         """Wait."""
-        duration = self.get_input("wait_duration")
+        duration = self.wait_duration
         yield self.skills.computation.submit(lambda: None, duration)

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-from py_trees.ports import PortInformation
-
 from behaviours.nav2.ports import SERVER, without_meaning
 from behaviours.navigate import NavigateTo
 from behaviours.skill import Declaration, SkillFailure, Steps
+from bestman_bt.engine import In
 from bestman_bt.messages import Goals
 
 
@@ -21,17 +20,14 @@ class NavigateToPose(NavigateTo):
 class NavigateThroughPoses(NavigateTo):
     """Drive to several poses in the map frame, one after the other, as ``NavigateToPose`` does to each."""
 
-    INPUT_PORTS: ClassVar = {
-        **SERVER,
-        **without_meaning("goal"),
-        "goals": PortInformation(Goals, description="x;y;theta;x;y;theta in the map frame, metres and radians"),
-    }
+    INPUT_PORTS: ClassVar = {**SERVER, **without_meaning("goal")}
+    goals = In(Goals, "x;y;theta;x;y;theta in the map frame, metres and radians")
     FAILS: ClassVar = {"no_goals": "give a pose"}
     DECLARATION = Declaration()
 
     def execute(self) -> Steps:
         """Drive to each."""
-        goals: Goals = self.get_input("goals")
+        goals: Goals = self.goals
         if not goals:
             raise SkillFailure("no_goals", "there is no pose to drive to")
         for goal in goals:

@@ -5,12 +5,10 @@ from __future__ import annotations
 import math
 from typing import Any, ClassVar
 
-from py_trees.ports import PortInformation
-
 from behaviours.nav2.goals import WATCHED
 from behaviours.nav2.ports import FRAMES, are_literals
 from behaviours.skill import OnRobot
-from bestman_bt.engine import IDLE, RUNNING, SKIPPED, SUCCESS, BoundedPort, Decorator
+from bestman_bt.engine import IDLE, RUNNING, SKIPPED, SUCCESS, Decorator, In
 from bestman_bt.messages import Path2D, Pose2D
 from bestman_bt.messages.bounds import NonNegative, Positive
 
@@ -22,13 +20,11 @@ class SpeedController(OnRobot, Decorator):
     """
 
     REQUIRES = ("base", "lidar")
-    INPUT_PORTS: ClassVar = {
-        **WATCHED,
-        "min_rate": BoundedPort(Positive, required=False, default_value=0.1, description="hertz, above 0"),
-        "max_rate": BoundedPort(Positive, required=False, default_value=1.0, description="hertz"),
-        "min_speed": BoundedPort(NonNegative, required=False, default_value=0.0, description="m/s"),
-        "max_speed": BoundedPort(Positive, required=False, default_value=0.5, description="m/s"),
-    }
+    INPUT_PORTS: ClassVar = {**WATCHED}
+    min_rate = In[float](Positive, "hertz, above 0", default=0.1)
+    max_rate = In[float](Positive, "hertz", default=1.0)
+    min_speed = In[float](NonNegative, "m/s", default=0.0)
+    max_speed = In[float](Positive, "m/s", default=0.5)
 
     def on_load(self) -> None:
         """Begin with no time running; judge the limits where all are literals."""
@@ -42,7 +38,7 @@ class SpeedController(OnRobot, Decorator):
         now, goals = self.clock.now(), (self.get_input("goal"), self.get_input("goals"))
         if self._s <= IDLE or goals != self._goals:
             self._goals, self._since, self._due = goals, now, True
-            self._period = 1.0 / self.get_input("max_rate")
+            self._period = 1.0 / self.max_rate
         self.set_state(RUNNING)
         over = now - self._since >= self._period
         if not (self._due or over or self.child._s == RUNNING):
@@ -60,8 +56,8 @@ class SpeedController(OnRobot, Decorator):
         return float(low + min(max(share, 0.0), 1.0) * (high - low))
 
     def _limits(self) -> tuple[float, float, float, float]:
-        low, high = self.get_input("min_rate"), self.get_input("max_rate")
-        slow, fast = self.get_input("min_speed"), self.get_input("max_speed")
+        low, high = self.min_rate, self.max_rate
+        slow, fast = self.min_speed, self.max_speed
         if low > high:
             raise self.error(f"min_rate is {low} Hz and max_rate {high} Hz, but the minimum is not above the maximum")
         if slow >= fast:
@@ -72,10 +68,8 @@ class SpeedController(OnRobot, Decorator):
 class DistanceController(OnRobot, Decorator):
     """Tick the child where it starts, and whenever the base has come ``distance`` metres farther; RUNNING between."""
 
-    INPUT_PORTS: ClassVar = {
-        **FRAMES,
-        "distance": BoundedPort(Positive, required=False, default_value=1.0, description="metres, as the crow flies"),
-    }
+    INPUT_PORTS: ClassVar = {**FRAMES}
+    distance = In[float](Positive, "metres, as the crow flies", default=1.0)
 
     def on_load(self) -> None:
         """Begin nowhere."""
@@ -88,7 +82,7 @@ class DistanceController(OnRobot, Decorator):
             self._from, self._due = pose, True
         self.set_state(RUNNING)
         travelled = pose.distance_to(self._from)
-        if not (self._due or travelled >= self.get_input("distance") or self.child._s == RUNNING):
+        if not (self._due or travelled >= self.distance or self.child._s == RUNNING):
             return RUNNING
         self._due = False
         status = self.child.execute_tick()
@@ -103,11 +97,9 @@ class PathLongerOnApproach(Decorator):
     That is what a blocked approach looks like: waiting may be better than going all the way round.
     """
 
-    INPUT_PORTS: ClassVar = {
-        "path": PortInformation(Path2D, required=False, description="the path that is planned again and again"),
-        "prox_len": BoundedPort(Positive, required=False, default_value=3.0, description="metres that count as close"),
-        "length_factor": BoundedPort(Positive, required=False, default_value=2.0, description="that counts as longer"),
-    }
+    path_ = In(Path2D, "the path that is planned again and again", required=False, port="path")
+    prox_len = In[float](Positive, "metres that count as close", default=3.0)
+    length_factor = In[float](Positive, "that counts as longer", default=2.0)
 
     def on_load(self) -> None:
         """Begin with no path."""
@@ -120,7 +112,7 @@ class PathLongerOnApproach(Decorator):
 
     def on_tick(self) -> int:
         """Compare the path with the one before."""
-        path: Path2D | None = self.get_input("path")
+        path: Path2D | None = self.path_
         if self.child._s != RUNNING and not self._is_longer(path):
             self._before = path
             return SUCCESS
@@ -135,5 +127,5 @@ class PathLongerOnApproach(Decorator):
         before = self._before
         if path is None or before is None or path is before or path.goal != before.goal:
             return False
-        short = before.length < self.get_input("prox_len")
-        return bool(short and path.length > self.get_input("length_factor") * before.length)
+        short = before.length < self.prox_len
+        return bool(short and path.length > self.length_factor * before.length)

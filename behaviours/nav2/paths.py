@@ -10,7 +10,7 @@ from py_trees.ports import PortInformation
 
 from behaviours.nav2.ports import FRAMES, SERVER, SERVICE, SmootherName, without_meaning
 from behaviours.skill import InstantSkill, SkillCondition
-from bestman_bt.engine import BoundedPort
+from bestman_bt.engine import In, Out
 from bestman_bt.messages import Goals, Path2D, Pose2D
 from bestman_bt.messages.bounds import NonNegative, Positive
 
@@ -25,19 +25,17 @@ PATH = PortInformation(Path2D, description="the path")
 class TruncatePath(InstantSkill):
     """Cut a path where it is ``distance`` metres, as the crow flies, from its end; it then ends facing that end."""
 
-    INPUT_PORTS: ClassVar = {
-        "input_path": PATH,
-        "distance": BoundedPort(float, required=False, default_value=1.0, description="metres from the end"),
-    }
+    INPUT_PORTS: ClassVar = {"input_path": PATH}
     OUTPUT_PORTS: ClassVar = {"output_path": PATH}
+    distance = In(float, "metres from the end", default=1.0)
 
     def act(self) -> None:
         """Cut."""
         from bestman_bt.navigation.path_pieces import before_goal
 
         path: Path2D = self.get_input("input_path")
-        whole = len(path.points) < 2 or self.get_input("distance") <= 0.0
-        self.set_output("output_path", path if whole else before_goal(path, self.get_input("distance")))
+        whole = len(path.points) < 2 or self.distance <= 0.0
+        self.set_output("output_path", path if whole else before_goal(path, self.distance))
 
 
 class TruncatePathLocal(InstantSkill):
@@ -47,19 +45,14 @@ class TruncatePathLocal(InstantSkill):
         **FRAMES,
         **without_meaning("transform_tolerance", "angular_distance_weight"),
         "input_path": PATH,
-        "distance_forward": BoundedPort(
-            float, required=False, default_value=8.0, description="metres ahead; below 0: to its end"
-        ),
-        "distance_backward": BoundedPort(NonNegative, required=False, default_value=4.0, description="metres behind"),
-        "pose": PortInformation(Pose2D, required=False, description="x;y;theta instead of where the base is"),
-        "max_robot_pose_search_dist": PortInformation(
-            float,
-            required=False,
-            default_value=math.inf,
-            description="metres of path beyond the last place within which the next one is looked for",
-        ),
     }
     OUTPUT_PORTS: ClassVar = {"output_path": PATH}
+    distance_forward = In(float, "metres ahead; below 0: to its end", default=8.0)
+    distance_backward = In[float](NonNegative, "metres behind", default=4.0)
+    pose = In(Pose2D, "x;y;theta instead of where the base is", required=False)
+    max_robot_pose_search_dist = In(
+        float, "metres of path beyond the last place within which the next one is looked for", default=math.inf
+    )
 
     def on_load(self) -> None:
         """Begin with no place."""
@@ -70,12 +63,12 @@ class TruncatePathLocal(InstantSkill):
         from bestman_bt.navigation.path_pieces import piece
 
         path: Path2D = self.get_input("input_path")
-        pose = self.get_input("pose") or self.skills.world.base.pose
+        pose = self.pose or self.skills.world.base.pose
         if len(path.points) > 1:
-            at = self._progress.find(path, pose, self.get_input("max_robot_pose_search_dist"))
-            forward = self.get_input("distance_forward")
+            at = self._progress.find(path, pose, self.max_robot_pose_search_dist)
+            forward = self.distance_forward
             end = math.inf if forward < 0.0 else at + forward
-            path = piece(path, at - self.get_input("distance_backward"), end)
+            path = piece(path, at - self.distance_backward, end)
         self.set_output("output_path", path)
 
 
@@ -83,19 +76,11 @@ class SmoothPath(InstantSkill):
     """Round the corners of a path; where the base would then touch something, the path stays as it was."""
 
     REQUIRES = ("base", "lidar")
-    INPUT_PORTS: ClassVar = {
-        **SERVER,
-        **without_meaning("max_smoothing_duration"),
-        "unsmoothed_path": PATH,
-        "check_for_collisions": PortInformation(
-            bool, required=False, default_value=False, description="keep the path as it was where it would touch"
-        ),
-        "smoother_id": BoundedPort(SmootherName, required=False, default_value="", description="simple_smoother"),
-    }
-    OUTPUT_PORTS: ClassVar = {
-        "smoothed_path": PATH,
-        "was_completed": PortInformation(bool, required=False, description="false: the path is as it was"),
-    }
+    INPUT_PORTS: ClassVar = {**SERVER, **without_meaning("max_smoothing_duration"), "unsmoothed_path": PATH}
+    OUTPUT_PORTS: ClassVar = {"smoothed_path": PATH}
+    check_for_collisions = In(bool, "keep the path as it was where it would touch", default=False)
+    smoother_id = In[str](SmootherName, "simple_smoother", default="")
+    was_completed = Out(bool, "false: the path is as it was")
 
     def act(self) -> None:
         """Smooth."""
@@ -104,11 +89,9 @@ class SmoothPath(InstantSkill):
         self.get_input("smoother_id")  # read to be checked where it is an entry: it must name what there is
         path: Path2D = self.get_input("unsmoothed_path")
         smoothed = PathSmoother().smooth(path)
-        touches = (
-            self.get_input("check_for_collisions") and first_contact(smoothed, self.skills.seen_costmap()) is not None
-        )
+        touches = self.check_for_collisions and first_contact(smoothed, self.skills.seen_costmap()) is not None
         self.set_output("smoothed_path", path if touches else smoothed)
-        self.set_output("was_completed", not touches)
+        self.was_completed = not touches
 
 
 class IsPathValid(SkillCondition):
@@ -120,13 +103,9 @@ class IsPathValid(SkillCondition):
         **without_meaning("max_cost", "consider_unknown_as_obstacle", "layer_name", "footprint"),
         **without_meaning("stop_at_first_collision"),
         "path": PATH,
-        "max_lookahead_distance": BoundedPort(
-            float, required=False, default_value=-1.0, description="metres ahead that are looked at; below 0: all"
-        ),
     }
-    OUTPUT_PORTS: ClassVar = {
-        "collision_poses": PortInformation(Goals, required=False, description="where it would touch first, if anywhere")
-    }
+    max_lookahead_distance = In(float, "metres ahead that are looked at; below 0: all", default=-1.0)
+    collision_poses = Out(Goals, "where it would touch first, if anywhere")
     FAILS: ClassVar = {"path_blocked": "ComputePathToPose again"}
 
     def check(self) -> tuple[str, str] | None:
@@ -134,12 +113,12 @@ class IsPathValid(SkillCondition):
         from bestman_bt.navigation.path_pieces import nearest_along, piece
 
         path: Path2D = self.get_input("path")
-        ahead = self.get_input("max_lookahead_distance")
+        ahead = self.max_lookahead_distance
         if len(path.points) > 1:
             at = nearest_along(path, self.skills.world.base.pose.xy)
             path = piece(path, at, math.inf if ahead < 0.0 else at + ahead)
         contact = first_contact(path, self.skills.seen_costmap())
-        self.set_output("collision_poses", Goals(() if contact is None else (contact,)))
+        self.collision_poses = Goals(() if contact is None else (contact,))
         if contact is None:
             return None
         return "path_blocked", f"the base would touch something at ({contact.x:.2f}, {contact.y:.2f}) m on the path"
@@ -152,17 +131,14 @@ class ValidatePath(IsPathValid):
 class IsGoalNearby(SkillCondition):
     """Whether less than ``proximity_threshold`` metres of a path are left to drive."""
 
-    INPUT_PORTS: ClassVar = {
-        **FRAMES,
-        "path": PortInformation(Path2D, required=False, description="the path; none is not near"),
-        "proximity_threshold": BoundedPort(Positive, required=False, default_value=1.0, description="metres"),
-        "max_robot_pose_search_dist": PortInformation(
-            float,
-            required=False,
-            default_value=-1.0,
-            description="metres of path beyond the last place within which the next one is looked for; below 0: all",
-        ),
-    }
+    INPUT_PORTS: ClassVar = {**FRAMES}
+    path_ = In(Path2D, "the path; none is not near", required=False, port="path")
+    proximity_threshold = In[float](Positive, "metres", default=1.0)
+    max_robot_pose_search_dist = In(
+        float,
+        "metres of path beyond the last place within which the next one is looked for; below 0: all",
+        default=-1.0,
+    )
     FAILS: ClassVar = {
         "no_path": "ComputePathToPose first",
         "not_near": "drive on: FollowPath",
@@ -174,14 +150,14 @@ class IsGoalNearby(SkillCondition):
 
     def check(self) -> tuple[str, str] | None:
         """Asks the localisation."""
-        path: Path2D | None = self.get_input("path")
+        path: Path2D | None = self.path_
         if path is None:
             return "no_path", "there is no path yet"
         left = path.length
         if len(path.points) > 1:
-            window = self.get_input("max_robot_pose_search_dist")
+            window = self.max_robot_pose_search_dist
             left -= self._progress.find(path, self.skills.world.base.pose, math.inf if window < 0.0 else window)
-        if left < self.get_input("proximity_threshold"):
+        if left < self.proximity_threshold:
             return None
         return "not_near", f"{left:.1f} m are left to drive"
 

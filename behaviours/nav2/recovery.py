@@ -4,18 +4,15 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-from py_trees.ports import PortInformation
-
 from behaviours.skill import SkillCondition
+from bestman_bt.engine import In, InOut
 
 
 class AreErrorCodesPresent(SkillCondition):
     """Whether an ``error_code`` is one of ``error_codes_to_check``."""
 
-    INPUT_PORTS: ClassVar = {
-        "error_code": PortInformation(str, required=False, default_value="", description="of the leaf that failed"),
-        "error_codes_to_check": PortInformation(list[str], required=False, description="code;code"),
-    }
+    error_code = InOut(str, "of the leaf that failed", default="")
+    error_codes_to_check = In(list[str], "code;code", required=False)
     CODES: ClassVar[tuple[str, ...]] = ()
     """What is looked for where the port names none."""
 
@@ -23,8 +20,8 @@ class AreErrorCodesPresent(SkillCondition):
 
     def check(self) -> tuple[str, str] | None:
         """Compares."""
-        code = self.get_input("error_code")
-        if code in (self.get_input("error_codes_to_check") or self.CODES):
+        code = self.error_code
+        if code in (self.error_codes_to_check or self.CODES):
             return None
         return "other_code", f"{code!r} is none of them" if code else "there is no error code"
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Any, Generic, Literal, TypeVar, get_origin, overload
 
 from py_trees.ports import PortInformation
@@ -16,7 +17,8 @@ class _Declared:
     """What all kinds of typed ports share. ``port``: the port's name; by default that of the attribute."""
 
     def __init__(self, data_type: Any, text: str, default: Any, required: bool, port: str) -> None:
-        bounded = data_type in (int, float) or get_origin(data_type) is Annotated
+        finite = data_type in (int, float) and default != math.inf  # then a value may be infinite, too
+        bounded = finite or get_origin(data_type) is Annotated
         self.information = (BoundedPort if bounded else PortInformation)(data_type, required, text, default)
         self.port = port
 
@@ -27,10 +29,10 @@ class _Declared:
 class In(_Declared, Generic[T]):
     """An input port; reading the attribute gives its value, converted and checked.
 
-    ``data_type``: a type, or one with bounds, as ``In[float](Annotated[float, Gt(0)], …)``. ``default``: what it is
-    where it is not given; text such as ``"{start}"`` names the entry that is read then. ``required``: False without a
-    default: it is None where it is not given; True with one: an entry that it is mapped to must have a value.
-    ``port``: the port's name, where an attribute of that name would hide one of the node's.
+    ``data_type``: a type, or one with bounds, as ``In[float](Annotated[float, Gt(0)], …)``; numbers are finite.
+    ``default``: what it is where it is not given; text such as ``"{start}"`` names the entry that is read then.
+    ``required``: False without a default: it is None where it is not given; True with one: an entry that it is mapped
+    to must have a value. ``port``: the port's name, where an attribute of that name would hide one of the node's.
     """
 
     @overload
@@ -67,16 +69,21 @@ class Out(_Declared, Generic[T]):
     """An output port; setting the attribute writes the entry that it is mapped to, if it is mapped.
 
     Arguments as of ``In``; ``default``: ``"{entry}"`` that is written where it is not mapped.
+    ``required``: it has to be mapped.
     """
 
     @overload
     def __init__(
-        self: Out[T], data_type: type[T], text: str = "", /, *, default: str | None = None, port: str = ""
+        self: Out[T], data_type: type[T], text: str = "", /, *, default: str = ..., required: bool = ..., port: str = ""
     ) -> None: ...
     @overload
-    def __init__(self, data_type: Any, text: str = "", /, *, default: str | None = None, port: str = "") -> None: ...
-    def __init__(self, data_type: Any, text: str = "", /, *, default: str | None = None, port: str = "") -> None:
-        super().__init__(data_type, text, default, False, port)
+    def __init__(
+        self, data_type: Any, text: str = "", /, *, default: str | None = ..., required: bool = ..., port: str = ""
+    ) -> None: ...
+    def __init__(
+        self, data_type: Any, text: str = "", /, *, default: str | None = None, required: bool = False, port: str = ""
+    ) -> None:
+        super().__init__(data_type, text, default, required, port)
 
     @overload
     def __get__(self, node: None, owner: type[Any]) -> Out[T]: ...
@@ -92,15 +99,29 @@ class Out(_Declared, Generic[T]):
 
 
 class InOut(_Declared, Generic[T]):
-    """A port that is read and written. Arguments as of ``In``; without a value it is None."""
+    """A port that is read and written. Arguments as of ``In``; without a value an optional one is None."""
 
-    def __init__(self, data_type: type[T], text: str = "", /, *, port: str = "") -> None:
-        super().__init__(data_type, text, None, False, port)
+    @overload
+    def __init__(
+        self: InOut[T], data_type: type[T], text: str = "", /, *, default: T = ..., port: str = ""
+    ) -> None: ...
+    @overload
+    def __init__(
+        self: InOut[T | None], data_type: type[T], text: str = "", /, *, required: Literal[False], port: str = ""
+    ) -> None: ...
+    @overload
+    def __init__(
+        self, data_type: Any, text: str = "", /, *, default: Any = None, required: bool = ..., port: str = ""
+    ) -> None: ...
+    def __init__(
+        self, data_type: Any, text: str = "", /, *, default: Any = None, required: bool | None = None, port: str = ""
+    ) -> None:
+        super().__init__(data_type, text, default, default is None if required is None else required, port)
 
     @overload
     def __get__(self, node: None, owner: type[Any]) -> InOut[T]: ...
     @overload
-    def __get__(self, node: Any, owner: type[Any]) -> T | None: ...
+    def __get__(self, node: Any, owner: type[Any]) -> T: ...
     def __get__(self, node: Any, owner: type[Any]) -> Any:
         return self if node is None else node.get_input(self.port)
 

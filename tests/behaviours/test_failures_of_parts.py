@@ -76,7 +76,7 @@ def test_open_tells_part_and_vendor_code(monkeypatch: pytest.MonkeyPatch) -> Non
         axis=lambda _: None,
     )
     hand, plan = Hand(), SimpleNamespace(planned=1.0, guide=None)
-    skill = SimpleNamespace(skills=hand, get_input=lambda _: 40.0, _held=lambda *_: None)
+    skill = SimpleNamespace(skills=hand, max_pull=40.0, _held=lambda *_: None)
     failure = hand.fail(Open._pull(skill, opening, plan))
     assert (failure.code, failure.failure) == ("obstacle", STRUCK)
 
@@ -88,7 +88,8 @@ def test_close_tells_part_and_vendor_code() -> None:
     hand = Hand()
     skill = SimpleNamespace(
         skills=hand,
-        get_input={"max_push": 40.0, "opening": 0.1}.get,
+        max_push=40.0,
+        opening=0.1,
         set_output=lambda *_: None,
         _tip=lambda *_: Pose(np.array([0.4, 0.0, 0.0])),
         _uncertainty=lambda _: 0.05,

@@ -34,7 +34,7 @@ class Count(SyncAction):
     step = In[float](Annotated[float, Gt(0)], "what to add", default=1.0)
     times = In(int, "how often", default=2, required=True)
     label = In(str, "what for", required=False)
-    count = InOut(float, "the entry")
+    count = InOut(float, "the entry", required=False)
     name_ = Out(str, "the label", port="name_of_it")
 
     def on_tick(self) -> int:
