@@ -256,7 +256,7 @@ class SkillContext:
     def seen_costmap(self, posture: str | None = None) -> Costmap:
         """``known_costmap`` and what the lidar sees that the map does not know."""
         costmap = self.known_costmap(posture)
-        return self.base.layer.on(costmap) if self.costmap.parameters.obstacle else costmap
+        return self.base.layer.on(costmap) if self.costmap.obstacle else costmap
 
     @cached_property
     def _arm_bodies(self) -> dict[str, ArmBodies]:

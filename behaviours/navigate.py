@@ -113,7 +113,7 @@ class NavigateTo(Skill):
         skills, base = self.skills, self.skills.base
         while True:
             yield Until(passed(skills.clock, CHECK_PERIOD), handle)
-            self._walked_about |= bool(base.layer.moving)
+            self._walked_about |= bool(base.layer.moving.obstacles)
             if handle.done:
                 yield handle
                 return None
@@ -142,7 +142,7 @@ class NavigateTo(Skill):
         begin, failure = clock.now(), None
         while True:
             path = yield from self._plan(goal, base.layer.on(known))
-            self._walked_about |= bool(base.layer.moving)
+            self._walked_about |= bool(base.layer.moving.obstacles)
             waited = clock.now() - begin
             if isinstance(path, Path2D) and (path.length <= most or waited > WAIT_FOR_SHORT):
                 return path

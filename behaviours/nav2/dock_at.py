@@ -47,10 +47,10 @@ class DockAt(Skill):
 
     def execute(self) -> Steps:
         """Get behind the goal, look, approach, judge."""
-        from bestman_bt.navigation.local_planning import PurePursuit, PurePursuitParameters
+        from bestman_bt.navigation.local_planning import PurePursuit
 
         # Slow, and steering for a near point: what is off at the side goes away on the way.
-        docking = PurePursuitParameters(min_lookahead=0.12, max_lookahead=0.2, max_speed=0.2, position_tolerance=0.002)
+        docking = PurePursuit(min_lookahead=0.12, max_lookahead=0.2, max_speed=0.2, position_tolerance=0.002)
         skills = self.skills
         goal, piece = self.goal, self._piece()
         approach, attempts = self.approach, self.attempts
@@ -63,7 +63,7 @@ class DockAt(Skill):
             axis = goal @ Pose2D(-approach / 2, 0.0, 0.0)
             path = Path2D(np.array([begin.xy, axis.xy, goal.xy]), goal)
             try:
-                yield skills.base.follow(path, None, PurePursuit(docking))
+                yield skills.base.follow(path, None, docking)
             except SkillFailure as failure:
                 if failure.code != "tolerance":
                     raise

@@ -19,8 +19,10 @@ from bestman_bt.navigation.path_pieces import joined
 
 
 @dataclass(frozen=True)
-class PathSmootherParameters:
-    """``spacing``: metres between points. ``data_weight``, ``smooth_weight``: of the two pulls.
+class PathSmoother:
+    """Rounds the corners of paths; deterministic.
+
+    ``spacing``: metres between points. ``data_weight``, ``smooth_weight``: of the two pulls.
 
     ``tolerance``: metres that all points together move in the last step, ``max_iterations``: steps at most.
     ``refinements``: how often the result is smoothed again.
@@ -33,13 +35,6 @@ class PathSmootherParameters:
     max_iterations: Count = 1000
     refinements: WholeNumber = 2
 
-
-class PathSmoother:
-    """Rounds the corners of paths; deterministic."""
-
-    def __init__(self, parameters: PathSmootherParameters | None = None) -> None:
-        self._parameters = parameters or PathSmootherParameters()
-
     def smooth(self, path: Path2D) -> Path2D:
         """The smoothed path, which keeps its first and its last point and its cusps."""
         if len(path.points) < 3:
@@ -47,8 +42,8 @@ class PathSmoother:
         bounds = [0, *(np.flatnonzero(np.diff(path.reverse)) + 1).tolist(), len(path.points) - 1]
         legs = []
         for first, last in itertools.pairwise(bounds):
-            points = densified(path.points[first : last + 1], self._parameters.spacing)
-            for _ in range(1 + self._parameters.refinements):
+            points = densified(path.points[first : last + 1], self.spacing)
+            for _ in range(1 + self.refinements):
                 points = self._once(points)
             reverse = np.full(len(points) - 1, path.reverse[first])
             legs.append(Path2D(points, path.goal, reverse))
@@ -56,12 +51,12 @@ class PathSmoother:
 
     def _once(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """One descent from ``points`` (N, 2)."""
-        p, smoothed = self._parameters, points.copy()
-        for _ in range(p.max_iterations):
+        smoothed = points.copy()
+        for _ in range(self.max_iterations):
             data = points[1:-1] - smoothed[1:-1]
             bend = smoothed[:-2] + smoothed[2:] - 2.0 * smoothed[1:-1]
-            step = p.data_weight * data + p.smooth_weight * bend
+            step = self.data_weight * data + self.smooth_weight * bend
             smoothed[1:-1] += step
-            if float(np.abs(step).sum()) < p.tolerance:
+            if float(np.abs(step).sum()) < self.tolerance:
                 break
         return smoothed

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from bestman_bt.configuration.task import DriveConfig
 from bestman_bt.messages import PlacedShape, Pose2D
-from bestman_bt.navigation.global_planning import Costmap, CostmapParameters, Footprint, areas_of_disc
+from bestman_bt.navigation.global_planning import Costmap, Footprint, Rasterization, areas_of_disc
 from bestman_bt.robot_model import BaseModel, RobotModel
 from bestman_bt.scene import SceneError, World, semantic_map
 from bestman_bt.world_model import Obstacle, SemanticMap
@@ -25,7 +25,7 @@ _TRUE_CLEARANCE = 0.02
 """Metres that are really free around the base: a grid of 5 cm is blind to less beside thin handles."""
 _STRAIGHT = 0.6
 """Metres within which there is room to turn, straight behind a goal before furniture."""
-_EXACT = CostmapParameters(clearance=0.0, furniture_position_error=0.0, furniture_heading_error=0.0)
+_EXACT = Rasterization(clearance=0.0, furniture_position_error=0.0, furniture_heading_error=0.0)
 
 
 def base_footprint(robot: RobotModel) -> Footprint:

@@ -56,7 +56,9 @@ def skills() -> Any:
     skills.global_planning = SimpleNamespace(plan=plan)
     skills.known_costmap, skills.seen_costmap = lambda: KNOWN, lambda: Behind(9.0)
     skills.base.layer = SimpleNamespace(
-        on=lambda costmap: SEEN if costmap == KNOWN else costmap, moving=(), clear=lambda: skills.cleared.append(1)
+        on=lambda costmap: SEEN if costmap == KNOWN else costmap,
+        moving=SimpleNamespace(obstacles=[]),
+        clear=lambda: skills.cleared.append(1),
     )
     skills.base.blocked_at, skills.base.remaining = lambda: None, 2.0
     return skills
@@ -171,15 +173,15 @@ def test_what_may_pass_is_tried_again_as_often_as_is_asked(skills: Any, replans:
 
 
 def test_where_somebody_walks_about_it_is_tried_three_times_as_often(skills: Any) -> None:
-    skills.base.layer.moving = ("somebody",)
+    skills.base.layer.moving.obstacles = ["somebody"]
     skills.base.ends["follow"] = [BLOCKED] * 99
     assert run(skills, to_goal(skills, 1), 3000) == FAILURE
     assert commands(skills).count("follow") == 1 + PEOPLE
 
 
 def test_somebody_who_has_gone_does_not_excuse_what_blocks_the_way_after_that(skills: Any) -> None:
-    skills.base.layer.moving = ("somebody",)
-    skills.base.layer.clear = lambda: setattr(skills.base.layer, "moving", ())  # by the first recovery
+    skills.base.layer.moving.obstacles = ["somebody"]
+    skills.base.layer.clear = skills.base.layer.moving.obstacles.clear  # by the first recovery
     skills.base.ends["follow"] = [BLOCKED] * 99
     assert run(skills, to_goal(skills, 2), 3000) == FAILURE
     assert commands(skills).count("follow") == 1 + 2

@@ -345,7 +345,7 @@ class BaseController:
         people: Sequence[MovingObstacle] = ()
         if action.driven is not None:
             action.driven.swept.advance(pose.xy)
-            people = self.layer.moving if action.driven.mapped else ()
+            people = self.layer.moving.obstacles if action.driven.mapped else ()
         allowed = [limit for limit in (self.speed_limit, action.speed) if limit is not None]
         monitored = self._gate.command(
             command.twist,
@@ -354,7 +354,7 @@ class BaseController:
             pose,
             self.localisation.odometry,
             people,
-            self.layer.walkers,
+            self.layer.moving.walkers,
             period,
         )
         if monitored.action is MonitorAction.BUMPED:

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bestman_bt.messages import OccupancyGrid, Pose2D
-from bestman_bt.messages.bounds import NonNegative, Positive, check_order
+from bestman_bt.messages.bounds import NonNegative, NotBelow, Positive
 from bestman_bt.messages.frozen_array import frozen_array
 from bestman_bt.messages.occupancy_grid import FREE, OCCUPIED
 from bestman_bt.navigation.global_planning.footprint import Footprint, at_poses
@@ -36,8 +36,8 @@ _FAR = 1e3
 
 
 @dataclass(frozen=True)
-class CostmapParameters:
-    """How the map is rasterised.
+class Rasterization:
+    """How a map becomes the cells of a costmap.
 
     ``resolution``: metres per cell. ``clearance``: metres kept from every outline. ``furniture_position_error``
     (metres, each way) and ``furniture_heading_error`` (radians): how far furniture may be from where the map has it; a
@@ -54,13 +54,10 @@ class CostmapParameters:
     cost_weight: NonNegative = 3.0
     cost_decay: Annotated[Positive, "m"] = 0.15
     floor_height: Annotated[NonNegative, "m"] = 0.02
-    robot_height: Annotated[Positive, "m"] = 1.8
+    robot_height: Annotated[Positive, NotBelow("floor_height"), "m"] = 1.8
     static: bool = True
     furniture: bool = True
     doors: bool = True
-
-    def __post_init__(self) -> None:
-        check_order(self, "floor_height", "robot_height")
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,7 +72,7 @@ class Costmap:
     distance: NDArray[np.float64]
     origin: NDArray[np.float64]
     footprint: Footprint
-    parameters: CostmapParameters
+    rasterization: Rasterization
     tall: NDArray[np.float64] | None = None
 
     def __post_init__(self) -> None:
@@ -92,10 +89,10 @@ class Costmap:
         semantic_map: SemanticMap,
         footprint: Footprint,
         obstacles: Iterable[Obstacle] = (),
-        parameters: CostmapParameters | None = None,
+        rasterization: Rasterization = Rasterization(),
     ) -> Costmap:
         """Walls, furniture (with margins for its errors), frames of doors, and ``obstacles``."""
-        p = parameters or CostmapParameters()
+        p = rasterization
         x_min, y_min, x_max, y_max = semantic_map.bounds(margin=2 * p.resolution)
         shape = math.ceil((y_max - y_min) / p.resolution), math.ceil((x_max - x_min) / p.resolution)
         pieces = semantic_map.furniture.values()
@@ -119,10 +116,10 @@ class Costmap:
         shape: tuple[int, int],
         origin: NDArray[np.float64],
         footprint: Footprint,
-        parameters: CostmapParameters | None = None,
+        rasterization: Rasterization = Rasterization(),
     ) -> Costmap:
         """The nearest of what all ``layers`` have, at ``shape`` (rows, columns) cells from ``origin`` (2,) on."""
-        p = parameters or CostmapParameters()
+        p = rasterization
         x, y = (origin[axis] + (np.arange(shape[1 - axis]) + 0.5) * p.resolution for axis in (0, 1))
         centres = np.stack(np.meshgrid(x, y)).reshape(2, -1)
         distance = np.full(centres.shape[1], _FAR)
@@ -143,14 +140,14 @@ class Costmap:
         grid: OccupancyGrid,
         footprint: Footprint,
         unknown_is_obstacle: bool = True,
-        parameters: CostmapParameters | None = None,
+        rasterization: Rasterization = Rasterization(),
     ) -> Costmap:
         """From a map of cells, for example of SLAM or of a file; the costmap takes over its resolution.
 
         A cell is an obstacle from ``OCCUPIED`` / 2 on; unknown ones where ``unknown_is_obstacle``. An obstacle fills
         its cell, so distances are from the cell's border.
         """
-        p = replace(parameters or CostmapParameters(), resolution=grid.resolution)
+        p = replace(rasterization, resolution=grid.resolution)
         layers = [CellLayer.occupied(grid)]
         if unknown_is_obstacle:
             layers.append(CellLayer.unknown(grid))
@@ -160,7 +157,7 @@ class Costmap:
     @property
     def resolution(self) -> float:
         """Metres per cell."""
-        return self.parameters.resolution
+        return self.rasterization.resolution
 
     @property
     def grid(self) -> OccupancyGrid:
@@ -243,7 +240,8 @@ class Costmap:
         ``slack``: metres below it at which the cost is still the highest one instead.
         """
         beyond = np.asarray(distance, dtype=float) - lethal_distance
-        cost = 1.0 + self.parameters.cost_weight * np.exp(-np.maximum(beyond, 0.0) / self.parameters.cost_decay)
+        p = self.rasterization
+        cost = 1.0 + p.cost_weight * np.exp(-np.maximum(beyond, 0.0) / p.cost_decay)
         limited: NDArray[np.float64] = np.where(beyond < -slack, np.inf, cost)
         return limited
 

@@ -8,20 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.navigation.global_planning.grid_search import cheapest_way
-from bestman_bt.navigation.global_planning.polyline_planner import PolylineParameters, PolylinePlanner
+from bestman_bt.navigation.global_planning.polyline_planner import PolylinePlanner
 from bestman_bt.navigation.global_planning.room import Room
 
 
 @dataclass(frozen=True)
-class GridAStarParameters(PolylineParameters):
-    """The fields of all planners of polylines."""
-
-
 class GridAStar(PolylinePlanner):
     """The cheapest way over the cells; deterministic."""
-
-    def __init__(self, parameters: GridAStarParameters | None = None) -> None:
-        super().__init__(parameters or GridAStarParameters())
 
     def way(self, start: NDArray[np.float64], goal: NDArray[np.float64], room: Room) -> NDArray[np.float64] | None:
         """See the base class."""

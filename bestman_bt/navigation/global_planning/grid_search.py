@@ -123,7 +123,7 @@ def areas_of_disc(costmap: Costmap, radius: float) -> NDArray[np.intp]:
 
 def shortest_length(start: NDArray[np.float64], goal: NDArray[np.float64], costmap: Costmap, radius: float) -> float:
     """Metres of the shortest 8-connected way of a disc's middle between two points (2,); infinite without one."""
-    plain = replace(costmap, parameters=replace(costmap.parameters, cost_weight=0.0))
+    plain = replace(costmap, rasterization=replace(costmap.rasterization, cost_weight=0.0))
     cells = cheapest_way(start, goal, plain, radius)
     if cells is None:
         return math.inf

@@ -22,14 +22,24 @@ from bestman_bt.navigation.global_planning.base import GlobalPlanner, PlanningFa
 from bestman_bt.navigation.global_planning.costmap import Costmap
 from bestman_bt.navigation.global_planning.grid_search import costs_to
 from bestman_bt.navigation.global_planning.reeds_shepp import ReedsShepp
-from bestman_bt.navigation.global_planning.straight_ends import StraightEnds, StraightEndsParameters
+from bestman_bt.navigation.global_planning.straight_ends import StraightEnds, StraightPieces
 
 _SPACING = 0.025  # metres between poses that are checked and told
 
 
+@dataclass(frozen=True, eq=False)
+class _Node:
+    """``poses``: (N, 3) from the parent's last one on; ``backwards``: how they are driven; ``cost``: so far."""
+
+    poses: NDArray[np.float64]
+    backwards: bool
+    cost: float
+    parent: _Node | None = None
+
+
 @dataclass(frozen=True)
-class HybridAStarParameters(StraightEndsParameters):
-    """Beside those of the ends:
+class HybridAStar(StraightPieces, GlobalPlanner):
+    """Curves of a turning radius, ahead and back; deterministic.
 
     ``turning_radius``: of the tightest curve, metres. ``branch``: length of one, metres. ``headings``: into how many
     the full turn is divided to tell states apart. ``reverse_cost``: of a metre back, in metres ahead; ``switch_cost``:
@@ -45,34 +55,17 @@ class HybridAStarParameters(StraightEndsParameters):
     clearance: Annotated[NonNegative, "m"] = 0.01
     max_expansions: Count = 30_000
 
-
-@dataclass(frozen=True, eq=False)
-class _Node:
-    """``poses``: (N, 3) from the parent's last one on; ``backwards``: how they are driven; ``cost``: so far."""
-
-    poses: NDArray[np.float64]
-    backwards: bool
-    cost: float
-    parent: _Node | None = None
-
-
-class HybridAStar(GlobalPlanner):
-    """Curves of a turning radius, ahead and back; deterministic."""
-
-    def __init__(self, parameters: HybridAStarParameters | None = None) -> None:
-        self.parameters = parameters or HybridAStarParameters()
-
     def plan(self, start: Pose2D, goal: Pose2D, costmap: Costmap) -> Path2D | PlanningFailure:
         """See ``GlobalPlanner.plan``."""
         return told_of_overhang(self._plan, start, goal, costmap)
 
     def _plan(self, start: Pose2D, goal: Pose2D, costmap: Costmap) -> Path2D | PlanningFailure:
-        ends = StraightEnds(costmap, self.parameters, clearance=self.parameters.clearance).between(start, goal)
+        ends = StraightEnds(costmap, self, clearance=self.clearance).between(start, goal)
         if isinstance(ends, PlanningFailure):
             return ends
         exit_point, backwards, approach = ends
         root = _Node(np.array([[*start.xy, start.theta], [*exit_point, start.theta]]), backwards, 0.0)
-        last = _Search(costmap, np.array([*approach, goal.theta]), self.parameters).run(root)
+        last = _Search(costmap, np.array([*approach, goal.theta]), self).run(root)
         if last is None:
             return PlanningFailure.no_path(start, goal)
         return _path(
@@ -84,12 +77,12 @@ class HybridAStar(GlobalPlanner):
 class _Search:
     costmap: Costmap
     goal: NDArray[np.float64]
-    parameters: HybridAStarParameters
+    planner: HybridAStar
     curves: ReedsShepp = field(init=False)
     left: NDArray[np.float64] = field(init=False)
 
     def __post_init__(self) -> None:
-        p, costmap = self.parameters, self.costmap
+        p, costmap = self.planner, self.costmap
         self.curves = ReedsShepp(p.turning_radius)
         self.left = costs_to(self.goal[:2], costmap.for_passing, costmap.footprint.inscribed_radius)
         angles = [k * p.branch / p.turning_radius for k in (-1.0, 0.0, 1.0)]
@@ -97,7 +90,7 @@ class _Search:
 
     def run(self, root: _Node) -> _Node | None:
         """The last branch of a way to the goal; None without one."""
-        p = self.parameters
+        p = self.planner
         closed: set[tuple[int, int, int]] = set()
         queue = [(self._estimate(root.poses[-1]), 0, root)]
         pushed, until_curve = 0, 0
@@ -134,8 +127,8 @@ class _Search:
         ]
 
     def _node(self, parent: _Node, poses: NDArray[np.float64], backwards: bool, cost: float) -> _Node:
-        driven = cost * (self.parameters.reverse_cost if backwards else 1.0)
-        switched = self.parameters.switch_cost if backwards != parent.backwards and parent.parent is not None else 0.0
+        driven = cost * (self.planner.reverse_cost if backwards else 1.0)
+        switched = self.planner.switch_cost if backwards != parent.backwards and parent.parent is not None else 0.0
         return _Node(poses, backwards, parent.cost + driven + switched, parent)
 
     def _curve(self, node: _Node) -> _Node | None:
@@ -154,7 +147,7 @@ class _Search:
 
     def _costs(self, poses: NDArray[np.float64]) -> NDArray[np.float64]:
         """Cost (...) of driving along poses (..., N, 3); infinite where the footprint has too little room."""
-        footprint, room = self.costmap.footprint, self.parameters.clearance
+        footprint, room = self.costmap.footprint, self.planner.clearance
         passing, turning = self.costmap.for_passing, self.costmap.for_turning
         distance = passing.distance_at(poses[..., :2])
         cost = self.costmap.cost(distance, footprint.inscribed_radius)
@@ -171,7 +164,7 @@ class _Search:
 
     def _state(self, pose: NDArray[np.float64]) -> tuple[int, int, int]:
         row, column = self.costmap.cells(pose[:2])
-        headings = self.parameters.headings
+        headings = self.planner.headings
         return int(row) // 2, int(column) // 2, round(float(pose[2]) / (2.0 * math.pi) * headings) % headings
 
 

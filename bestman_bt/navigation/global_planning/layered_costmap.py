@@ -5,14 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from bestman_bt.messages import OccupancyGrid
-from bestman_bt.navigation.global_planning.costmap import Costmap, CostmapParameters
+from bestman_bt.navigation.global_planning.costmap import Costmap, Rasterization
 from bestman_bt.navigation.global_planning.footprint import Footprint
 from bestman_bt.world_model import WorldModel, open_leaves
 
 
 @dataclass(frozen=True)
-class LayeredCostmapParameters(CostmapParameters):
-    """Beside the fields of all costmaps:
+class LayeredCostmap(Rasterization):
+    """Makes costmaps: of the map and what is believed of its doors, or of a grid.
 
     ``obstacle``: whether what the lidar sees and the map lacks is in costmaps that are planned on. ``unknown``: whether
     cells that nobody has seen are obstacles.
@@ -21,18 +21,11 @@ class LayeredCostmapParameters(CostmapParameters):
     obstacle: bool = True
     unknown: bool = True
 
-
-class LayeredCostmap:
-    """Makes costmaps: of the map and what is believed of its doors, or of a grid."""
-
-    def __init__(self, parameters: LayeredCostmapParameters | None = None) -> None:
-        self.parameters = parameters or LayeredCostmapParameters()
-
     def of_world(self, world: WorldModel, footprint: Footprint) -> Costmap:
         """Walls, furniture, doors of rooms, and doors and drawers that are believed to stand open."""
-        leaves = open_leaves(world) if self.parameters.doors else ()
-        return Costmap.from_map(world.map, footprint, leaves, self.parameters)
+        leaves = open_leaves(world) if self.doors else ()
+        return Costmap.from_map(world.map, footprint, leaves, self)
 
     def of_grid(self, grid: OccupancyGrid, footprint: Footprint) -> Costmap:
         """Occupied cells and unknown ones."""
-        return Costmap.from_grid(grid, footprint, self.parameters.unknown, self.parameters)
+        return Costmap.from_grid(grid, footprint, self.unknown, self)

@@ -21,7 +21,7 @@ from bestman_bt.messages.bounds import NonNegative, Several
 from bestman_bt.navigation.global_planning.base import GlobalPlanner, PlanningFailure, told_of_overhang
 from bestman_bt.navigation.global_planning.costmap import Costmap
 from bestman_bt.navigation.global_planning.room import Room
-from bestman_bt.navigation.global_planning.straight_ends import StraightEnds, StraightEndsParameters
+from bestman_bt.navigation.global_planning.straight_ends import StraightEnds, StraightPieces
 
 _ASIDE = (0.0, 1.0, 0.5, 1.5)
 """How far beside a way the base is driven through narrow places, the first that passes: as shares of how far the middle
@@ -31,8 +31,8 @@ _AHEAD = 4
 
 
 @dataclass(frozen=True)
-class PolylineParameters(StraightEndsParameters):
-    """Beside those of the ends:
+class PolylinePlanner(StraightPieces, GlobalPlanner):
+    """Ends by footprint, a way between them from the subclass, then the cheapest polyline through its points.
 
     ``turning_clearance``: metres kept beyond the turning radius where the base turns. ``slack``: metres less of
     it, at the highest cost, where there is no more room, as in narrow doorways: cells rarely have their centres in the
@@ -45,15 +45,8 @@ class PolylineParameters(StraightEndsParameters):
     turn_cost: Annotated[NonNegative, "m"] = 0.1
     vertex_limit: Several = 40
 
-
-class PolylinePlanner(GlobalPlanner):
-    """Ends by footprint, a way between them from the subclass, then the cheapest polyline through its points."""
-
     TURNS_EVERYWHERE: ClassVar[tuple[bool, ...]] = (True, False)
     """The kinds of room in which a way is sought, one after the other."""
-
-    def __init__(self, parameters: PolylineParameters) -> None:
-        self._parameters = parameters
 
     @abstractmethod
     def way(self, start: NDArray[np.float64], goal: NDArray[np.float64], room: Room) -> NDArray[np.float64] | None:
@@ -64,13 +57,13 @@ class PolylinePlanner(GlobalPlanner):
         return told_of_overhang(self._plan, start, goal, costmap)
 
     def _plan(self, start: Pose2D, goal: Pose2D, costmap: Costmap) -> Path2D | PlanningFailure:
-        turning_distance = costmap.footprint.turning_radius + self._parameters.turning_clearance
-        ends = StraightEnds(costmap, self._parameters, turning_distance, self._parameters.slack).between(start, goal)
+        turning_distance = costmap.footprint.turning_radius + self.turning_clearance
+        ends = StraightEnds(costmap, self, turning_distance, self.slack).between(start, goal)
         if isinstance(ends, PlanningFailure):
             return ends
         exit_point, backwards, approach = ends
         for turns_everywhere in self.TURNS_EVERYWHERE:
-            room = Room(costmap, turning_distance, self._parameters.slack, turns_everywhere)
+            room = Room(costmap, turning_distance, self.slack, turns_everywhere)
             way = self.way(exit_point, approach, room)
             if way is None:
                 continue
@@ -84,7 +77,7 @@ class PolylinePlanner(GlobalPlanner):
 
     def _polyline(self, points: NDArray[np.float64], room: Room) -> NDArray[np.float64] | None:
         """The cheapest polyline through some of ``points`` (N, 2) that keeps the first and the last."""
-        limit = self._parameters.vertex_limit
+        limit = self.vertex_limit
         if len(points) < limit:
             length = float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
             points = _densified(points, max(2.0 * room.costmap.resolution, length / (limit - len(points))))
@@ -101,7 +94,7 @@ class PolylinePlanner(GlobalPlanner):
         # Where even the next vertex cannot be reached straight, the way between the two is taken as it was found.
         as_found = np.zeros(len(vertices), dtype=bool)
         for i in range(len(vertices) - 1):
-            so_far = best[i] + self._parameters.turn_cost
+            so_far = best[i] + self.turn_cost
             # A metre costs 1 or more, so that many segments cannot be worth it.
             hopeful = so_far + np.hypot(*(vertices[i + 1 :] - vertices[i]).T) < best[i + 1 :]
             if not hopeful.any():

@@ -15,14 +15,14 @@ from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
 
 from bestman_bt.messages.bounds import Count, Positive, Share, WholeNumber
-from bestman_bt.navigation.global_planning.polyline_planner import PolylineParameters, PolylinePlanner
+from bestman_bt.navigation.global_planning.polyline_planner import PolylinePlanner
 from bestman_bt.navigation.global_planning.room import Room
 from bestman_bt.navigation.global_planning.turning_places import turning_places
 
 
 @dataclass(frozen=True)
-class PRMParameters(PolylineParameters):
-    """Beside the fields of all planners of polylines:
+class PRM(PolylinePlanner):
+    """Places where the base can turn, joined where its footprint passes straight; equal seeds give equal paths.
 
     ``samples``: places in the roadmap; ``near_obstacles``: the share of them that is drawn there. ``neighbours``: to
     how many of the nearest ones each is joined, if nothing is in between, and to how many of all others within
@@ -35,23 +35,14 @@ class PRMParameters(PolylineParameters):
     longest: Annotated[Positive, "m"] = 2.5
     seed: WholeNumber = 0
 
-
-class PRM(PolylinePlanner):
-    """Places where the base can turn, joined where its footprint passes straight; equal seeds give equal paths."""
-
     TURNS_EVERYWHERE = (False,)
-
-    def __init__(self, parameters: PRMParameters | None = None) -> None:
-        self.parameters = parameters or PRMParameters()
-        super().__init__(self.parameters)
 
     def way(self, start: NDArray[np.float64], goal: NDArray[np.float64], room: Room) -> NDArray[np.float64] | None:
         """See the base class."""
-        p = self.parameters
-        rng = np.random.default_rng(p.seed)
-        places = np.vstack([start, goal, turning_places(room, p.samples, p.near_obstacles, rng)])
+        rng = np.random.default_rng(self.seed)
+        places = np.vstack([start, goal, turning_places(room, self.samples, self.near_obstacles, rng)])
         pairs = self._pairs(places, rng)
-        costs = room.segment_costs(places[pairs[:, 0]], places[pairs[:, 1]]) + p.turn_cost
+        costs = room.segment_costs(places[pairs[:, 0]], places[pairs[:, 1]]) + self.turn_cost
         free = np.isfinite(costs)
         roadmap = csr_matrix((costs[free], (pairs[free, 0], pairs[free, 1])), shape=(len(places), len(places)))
         reached, previous = dijkstra(roadmap, directed=False, indices=0, return_predecessors=True)
@@ -65,11 +56,11 @@ class PRM(PolylinePlanner):
 
     def _pairs(self, places: NDArray[np.float64], rng: np.random.Generator) -> NDArray[np.intp]:
         """Which places (N, 2) to join, (M, 2) indices."""
-        count = min(self.parameters.neighbours + 1, len(places))
+        count = min(self.neighbours + 1, len(places))
         _, nearest = cKDTree(places).query(places, count)
         others = rng.integers(len(places), size=(len(places), count))
         each = np.arange(len(places))[:, None]
-        far = np.linalg.norm(places[others] - places[each], axis=-1) > self.parameters.longest
+        far = np.linalg.norm(places[others] - places[each], axis=-1) > self.longest
         others[far] = np.broadcast_to(each, others.shape)[far]
         partners = np.column_stack([nearest, others])
         pairs = np.column_stack([np.repeat(each, partners.shape[1]), partners.ravel()])

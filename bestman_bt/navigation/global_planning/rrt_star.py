@@ -14,14 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.messages.bounds import Count, Positive, Share, WholeNumber
-from bestman_bt.navigation.global_planning.polyline_planner import PolylineParameters, PolylinePlanner
+from bestman_bt.navigation.global_planning.polyline_planner import PolylinePlanner
 from bestman_bt.navigation.global_planning.room import Room
 from bestman_bt.navigation.global_planning.turning_places import turning_places
 
 
 @dataclass(frozen=True)
-class RRTStarParameters(PolylineParameters):
-    """Beside the fields of all planners of polylines:
+class RRTStar(PolylinePlanner):
+    """Places where the base can turn, joined where its footprint passes straight; equal seeds give equal paths.
 
     ``samples``: points that the tree grows towards, the more the shorter the path; ``near_obstacles``: the share that
     is drawn there. ``longest``: metres of a branch. ``goal_every``: until the goal is reached, the tree grows towards
@@ -34,33 +34,24 @@ class RRTStarParameters(PolylineParameters):
     goal_every: Count = 15
     seed: WholeNumber = 0
 
-
-class RRTStar(PolylinePlanner):
-    """Places where the base can turn, joined where its footprint passes straight; equal seeds give equal paths."""
-
     TURNS_EVERYWHERE = (False,)
-
-    def __init__(self, parameters: RRTStarParameters | None = None) -> None:
-        self.parameters = parameters or RRTStarParameters()
-        super().__init__(self.parameters)
 
     def way(self, start: NDArray[np.float64], goal: NDArray[np.float64], room: Room) -> NDArray[np.float64] | None:
         """See the base class."""
-        p = self.parameters
-        samples = turning_places(room, p.samples, p.near_obstacles, np.random.default_rng(p.seed))
-        tree = _Tree(start, len(samples) + len(samples) // p.goal_every + 2, room, p)
+        samples = turning_places(room, self.samples, self.near_obstacles, np.random.default_rng(self.seed))
+        tree = _Tree(start, len(samples) + len(samples) // self.goal_every + 2, room, self)
         reached = tree.grow(goal)
         for number, sample in enumerate(samples, start=1):
             if reached is None or tree.may_shorten(sample, reached):
                 tree.grow(sample)
-            if number % p.goal_every == 0 and reached is None:
+            if number % self.goal_every == 0 and reached is None:
                 reached = tree.grow(goal)
         return None if reached is None else tree.branch(reached)
 
 
 class _Tree:
-    def __init__(self, root: NDArray[np.float64], size: int, room: Room, parameters: RRTStarParameters) -> None:
-        self._room, self._parameters = room, parameters
+    def __init__(self, root: NDArray[np.float64], size: int, room: Room, planner: RRTStar) -> None:
+        self._room, self._planner = room, planner
         self._points = np.empty((size, 2))
         self._points[0] = root
         self._costs = np.zeros(size)
@@ -72,16 +63,16 @@ class _Tree:
         count = len(self._parents)
         away = np.linalg.norm(self._points[:count] - sample, axis=1)
         first = int(np.argmin(away))
-        point, complete = sample, away[first] <= self._parameters.longest
+        point, complete = sample, away[first] <= self._planner.longest
         if not complete:
-            point = self._points[first] + (sample - self._points[first]) * (self._parameters.longest / away[first])
+            point = self._points[first] + (sample - self._points[first]) * (self._planner.longest / away[first])
             if not self._room.can_turn(point):
                 return None
             away = np.linalg.norm(self._points[:count] - point, axis=1)
         # k of the k-nearest RRT* in the plane: e (1 + 1/2) log n.
         nearest = np.argsort(away, kind="stable")[: math.ceil(1.5 * math.e * math.log(count + 1))]
         steps = self._room.segment_costs(self._points[nearest], np.broadcast_to(point, (len(nearest), 2)))
-        steps += self._parameters.turn_cost
+        steps += self._planner.turn_cost
         totals = self._costs[nearest] + steps
         best = int(np.argmin(totals))
         if not math.isfinite(totals[best]):

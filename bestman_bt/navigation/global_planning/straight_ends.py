@@ -10,26 +10,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.messages import Pose2D
-from bestman_bt.messages.bounds import NonNegative, Positive, check_order
+from bestman_bt.messages.bounds import NonNegative, NotBelow, Positive
 from bestman_bt.navigation.global_planning.base import PlanningFailure, PlanningFailureReason
 from bestman_bt.navigation.global_planning.costmap import Costmap
 
 
 @dataclass(frozen=True)
-class StraightEndsParameters:
-    """``straight``: wanted, ``max_straight``: longest straight piece at an end that needs one, metres.
+class StraightPieces:
+    """At both ends of a path, metres.
+
+    ``straight``: wanted, ``max_straight``: longest straight piece at an end that needs one, metres.
 
     ``step``: spacing of collision checks along it, metres. ``max_overlap``: metres by which the base may stand inside a
     margin at the start.
     """
 
     straight: Annotated[NonNegative, "m"] = 0.4
-    max_straight: Annotated[NonNegative, "m"] = 1.2
+    max_straight: Annotated[NonNegative, NotBelow("straight"), "m"] = 1.2
     step: Annotated[Positive, "m"] = 0.02
     max_overlap: Annotated[NonNegative, "m"] = 0.06
-
-    def __post_init__(self) -> None:
-        check_order(self, "straight", "max_straight")
 
 
 class Ends(NamedTuple):
@@ -52,7 +51,7 @@ class StraightEnds:
     """
 
     costmap: Costmap
-    parameters: StraightEndsParameters
+    pieces: StraightPieces
     turning_distance: float | None = None
     slack: float = 0.0
     clearance: float = 0.0
@@ -95,7 +94,7 @@ class StraightEnds:
             )
             # A base that stands inside a margin may leave it as long as it does not come nearer to anything. An arm
             # came to where it is by shapes, not by outlines: it may be as deep inside one as it is, above its boards.
-            passable = (base > 0.0) | _rising(base, bool(base[0] > -self.parameters.max_overlap))
+            passable = (base > 0.0) | _rising(base, bool(base[0] > -self.pieces.max_overlap))
             if self.costmap.above is not None:
                 passable &= (free > 0.0) | _rising(self.costmap.above.footprint_clearance(poses), True)
             index = self._end(poses, np.minimum(base, free), passable)
@@ -135,14 +134,14 @@ class StraightEnds:
         if not suits.any():
             return None
         first = int(np.argmax(suits))
-        wanted = round(self.parameters.straight / self.parameters.step)
+        wanted = round(self.pieces.straight / self.pieces.step)
         if first == 0 or first >= wanted:
             return first
         return int(np.flatnonzero(suits[: wanted + 1])[-1])
 
     def _straight(self, pose: Pose2D, direction: float) -> NDArray[np.float64]:
         """Poses (N, 3) straight ahead of (1.0) or behind (-1.0) a pose, itself first."""
-        along = direction * np.arange(0.0, self.parameters.max_straight, self.parameters.step)
+        along = direction * np.arange(0.0, self.pieces.max_straight, self.pieces.step)
         heading = np.full_like(along, pose.theta)
         return np.column_stack([pose.x + along * math.cos(pose.theta), pose.y + along * math.sin(pose.theta), heading])
 

@@ -15,20 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.navigation.global_planning.grid_search import Cell, cheapest_way, search_in_corridor
-from bestman_bt.navigation.global_planning.polyline_planner import PolylineParameters, PolylinePlanner
+from bestman_bt.navigation.global_planning.polyline_planner import PolylinePlanner
 from bestman_bt.navigation.global_planning.room import Room
 
 
 @dataclass(frozen=True)
-class ThetaStarParameters(PolylineParameters):
-    """The fields of all planners of polylines."""
-
-
 class ThetaStar(PolylinePlanner):
     """Lazy Theta* on the costmap; deterministic."""
-
-    def __init__(self, parameters: ThetaStarParameters | None = None) -> None:
-        super().__init__(parameters or ThetaStarParameters())
 
     def way(self, start: NDArray[np.float64], goal: NDArray[np.float64], room: Room) -> NDArray[np.float64] | None:
         """See the base class."""

@@ -19,8 +19,8 @@ Floats = NDArray[np.float32]
 
 
 @dataclass(frozen=True)
-class CriticParameters:
-    """Weights; a cost of 1 is worth a metre of the way.
+class CriticWeights:
+    """A cost of 1 is worth a metre of the way.
 
     ``goal``: metres that are left at the end of the drive or where it touches something, ``goal_early``: in its mean.
     ``path``: metres beside the path, in the mean. ``obstacle``: per nearness to an obstacle, which falls to 1/e within
@@ -74,8 +74,8 @@ class Surroundings:
 class Critics:
     """Sums up what drives cost a base with a given footprint."""
 
-    def __init__(self, parameters: CriticParameters, footprint: Footprint, sideways: bool) -> None:
-        self._parameters, self._sideways = parameters, sideways
+    def __init__(self, weights: CriticWeights, footprint: Footprint, sideways: bool) -> None:
+        self._weights, self._sideways = weights, sideways
         self._check = FootprintCheck(footprint)
         around = footprint.above  # who moves is tall
         edges = np.roll(around.corners, -1, axis=0) - around.corners
@@ -86,7 +86,7 @@ class Critics:
 
     def judge(self, drives: Drives, around: Surroundings) -> tuple[Floats, NDArray[np.intp]]:
         """The cost of each drive (B,), and the step in which it touches something, T where it does not."""
-        p = self._parameters
+        p = self._weights
         steps = drives.x.shape[1]
         touches, middle = self._check.touches(around.distance, drives.x, drives.y, drives.theta, around.margin)
         left = around.to_go.field.at(drives.x[:, 1::2], drives.y[:, 1::2])
@@ -120,12 +120,12 @@ class Critics:
         off = np.abs((off + np.float32(np.pi)) % np.float32(2 * np.pi) - np.float32(np.pi))
         # A carrot that has been reached says nothing about the heading any more.
         weight = np.minimum(np.hypot(dx, dy) / np.float32(0.4), np.float32(1.0))
-        heading: Floats = np.float32(self._parameters.heading) * off * weight
+        heading: Floats = np.float32(self._weights.heading) * off * weight
         return heading
 
     def _meet(self, drives: Drives, obstacle: MovingObstacle) -> tuple[NDArray[np.bool_], Floats]:
         """Where the base and a moving disc touch (B, T), and how near they come, 0 (far) to 1, for each drive (B,)."""
-        p = self._parameters
+        p = self._weights
         steps = drives.x.shape[1]
         times = np.minimum((np.arange(steps) + 1) * drives.dt, p.prediction)
         dx = (obstacle.x + obstacle.vx * times).astype(np.float32) - drives.x

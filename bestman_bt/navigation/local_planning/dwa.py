@@ -9,17 +9,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.messages import Pose2D, Twist2D, wrap_angle
-from bestman_bt.messages.bounds import Count, NonNegative, Positive, check_order
+from bestman_bt.messages.bounds import Count, NonNegative, NotBelow, Positive
 from bestman_bt.navigation.local_planning.critics import Critics, Drives, Surroundings
-from bestman_bt.navigation.local_planning.obstacle_aware import ObstacleAwareFollower, ObstacleAwareParameters
+from bestman_bt.navigation.local_planning.obstacle_aware import ObstacleAwareFollower
 from bestman_bt.robot_model import MobilePart
 
 Floats = NDArray[np.float32]
 
 
-@dataclass(frozen=True)
-class DWAParameters(ObstacleAwareParameters):
-    """Of the window: ``forward_samples``, ``sideways_samples`` (of bases that can), ``turn_samples`` velocities.
+@dataclass(eq=False)
+class DWA(ObstacleAwareFollower):
+    """Tries the velocities that the base can reach soon, each kept up for the horizon; deterministic.
+
+    Of the window: ``forward_samples``, ``sideways_samples`` (of bases that can), ``turn_samples`` velocities.
 
     ``window``: seconds within which a velocity must be reachable. ``horizon``, ``step``: seconds, of the drives at
     constant velocity. ``reverse``: m/s backwards at most. ``oscillation_distance`` (m), ``oscillation_angle`` (rad):
@@ -30,7 +32,7 @@ class DWAParameters(ObstacleAwareParameters):
     sideways_samples: Count = 5
     turn_samples: Count = 15
     window: Annotated[Positive, "s"] = 0.3
-    horizon: Annotated[Positive, "s"] = 1.6
+    horizon: Annotated[Positive, NotBelow("step"), "s"] = 1.6
     step: Annotated[Positive, "s"] = 0.1
     reverse: Annotated[NonNegative, "m/s"] = 0.15
     oscillation_distance: Annotated[NonNegative, "m"] = 0.05
@@ -39,15 +41,6 @@ class DWAParameters(ObstacleAwareParameters):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check_order(self, "step", "horizon")
-
-
-class DWA(ObstacleAwareFollower):
-    """Tries the velocities that the base can reach soon, each kept up for the horizon; deterministic."""
-
-    def __init__(self, parameters: DWAParameters | None = None) -> None:
-        self._parameters = parameters or DWAParameters()
-        super().__init__(self._parameters)
         self._oscillation: _Oscillation | None = None
 
     def _begin(self, limits: MobilePart, critics: Critics) -> None:
@@ -57,17 +50,17 @@ class DWA(ObstacleAwareFollower):
         self._oscillation = None
 
     def _choose(self, pose: Pose2D, twist: Twist2D, around: Surroundings, dt: float) -> Twist2D:
-        p, base = self._parameters, self._base
+        base = self._base
         if self._oscillation is None:
-            self._oscillation = _Oscillation(p.oscillation_distance, p.oscillation_angle, p.oscillation_time)
+            self._oscillation = _Oscillation(self.oscillation_distance, self.oscillation_angle, self.oscillation_time)
         vx, vy, wz = self._window(twist)
         allowed = self._oscillation.allowed(vx, vy, wz, pose, dt)
         vx, vy, wz = vx[allowed], vy[allowed], wz[allowed]
-        drives = _simulated(pose, vx, vy, wz, round(p.horizon / p.step), p.step)
+        drives = _simulated(pose, vx, vy, wz, round(self.horizon / self.step), self.step)
         costs, contact = self._critics.judge(drives, around)
         # Fox's admissible velocities: those from which the base can stop before it touches anything.
         braking = np.maximum(np.hypot(vx, vy) / base.max_acceleration, np.abs(wz) / base.max_angular_acceleration)
-        admissible = contact * p.step > p.reaction + braking / 2.0
+        admissible = contact * self.step > self.reaction + braking / 2.0
         if not admissible.any():
             return Twist2D()
         best = int(np.argmin(np.where(admissible, costs, np.inf)))
@@ -77,11 +70,11 @@ class DWA(ObstacleAwareFollower):
 
     def _window(self, twist: Twist2D) -> tuple[Floats, Floats, Floats]:
         """Velocities that can be reached within the window, (B,) each; standing still and going straight among them."""
-        p, base = self._parameters, self._base
-        change, turn = base.max_acceleration * p.window, base.max_angular_acceleration * p.window
-        forward = _samples(twist.vx, change, -p.reverse, base.max_vx, p.forward_samples)
-        turning = _samples(twist.wz, turn, -base.max_wz, base.max_wz, p.turn_samples)
-        count = p.sideways_samples if base.max_vy else 1
+        base = self._base
+        change, turn = base.max_acceleration * self.window, base.max_angular_acceleration * self.window
+        forward = _samples(twist.vx, change, -self.reverse, base.max_vx, self.forward_samples)
+        turning = _samples(twist.wz, turn, -base.max_wz, base.max_wz, self.turn_samples)
+        count = self.sideways_samples if base.max_vy else 1
         sideways = _samples(twist.vy, change, -base.max_vy, base.max_vy, count)
         vx, vy, wz = (grid.ravel().astype(np.float32) for grid in np.meshgrid(forward, sideways, turning))
         possible = np.hypot(vx, vy) <= base.max_vx + 1e-6

@@ -14,28 +14,26 @@ from bestman_bt.navigation.local_planning.footprint_motion import FootprintMotio
 from bestman_bt.navigation.local_planning.moving_obstacles import MovingObstacle
 
 
-@dataclass(frozen=True)
-class GiveWayParameters:
-    """``margin``: metres kept between the outline and who walks. ``horizon``: seconds that are looked ahead.
+@dataclass(eq=False)
+class GiveWay:
+    """Who walks is taken to go on straight at the velocity that was measured.
+
+    ``margin``: metres kept between the outline and who walks. ``horizon``: seconds that are looked ahead.
 
     ``step``: seconds between two looks. ``shares``: of the velocity, largest first; the last one that is tried is rest.
     ``nearer``: metres that count as coming nearer.
     """
 
+    footprint: Footprint
     margin: float = 0.2
     horizon: float = 2.0
     step: float = 0.1
     shares: tuple[float, ...] = (1.0, 0.7, 0.4, 0.2)
     nearer: float = 0.02
 
-
-class GiveWay:
-    """Who walks is taken to go on straight at the velocity that was measured."""
-
-    def __init__(self, footprint: Footprint, parameters: GiveWayParameters | None = None) -> None:
-        self._parameters = p = parameters or GiveWayParameters()
-        self._motion = FootprintMotion(footprint, p.margin)
-        self._times = np.arange(0.0, p.horizon + 1e-9, p.step)
+    def __post_init__(self) -> None:
+        self._motion = FootprintMotion(self.footprint, self.margin)
+        self._times = np.arange(0.0, self.horizon + 1e-9, self.step)
 
     def share(self, pose: Pose2D, twist: Twist2D, moving: Sequence[MovingObstacle]) -> float:
         """How much of ``twist``, 0 to 1, a base at ``pose`` may drive.
@@ -46,10 +44,10 @@ class GiveWay:
             return 1.0
         tracks = np.array([[m.x, m.y, m.vx, m.vy, m.radius] for m in moving])
         standing = self._distances(pose, Twist2D(), tracks)
-        for share in self._parameters.shares:
+        for share in self.shares:
             driving = self._distances(pose, Twist2D(share * twist.vx, share * twist.vy, share * twist.wz), tracks)
-            into = (driving < 0.0) & (driving < driving[0] - self._parameters.nearer)
-            into &= driving.min(axis=0) < standing.min(axis=0) + self._parameters.nearer
+            into = (driving < 0.0) & (driving < driving[0] - self.nearer)
+            into &= driving.min(axis=0) < standing.min(axis=0) + self.nearer
             if not into.any():
                 return share
         return 0.0

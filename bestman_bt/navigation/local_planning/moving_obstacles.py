@@ -10,12 +10,25 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
-from bestman_bt.messages.bounds import NonNegative, Positive, check_order
+from bestman_bt.messages.bounds import NonNegative, NotBelow, Positive, check_bounds
 
 
 @dataclass(frozen=True)
-class MovingObstaclesParameters:
-    """Lengths in metres, times in seconds, speeds in m/s.
+class MovingObstacle:
+    """A disc: its middle (m, map frame), velocity (m/s, map frame) and radius (m)."""
+
+    x: float
+    y: float
+    vx: float
+    vy: float
+    radius: float
+
+
+@dataclass(eq=False)
+class MovingObstacles:
+    """Kalman filters of constant velocity, one per cluster; nearest neighbours, each to one (Hungarian algorithm).
+
+    Lengths in metres, times in seconds, speeds in m/s.
 
     ``gap``: between two neighbouring hits that belong to two clusters. ``max_size``: of a cluster that may move.
     ``gate``: how far from its prediction a track is looked for. ``acceleration``: m/s², standard deviation of how a
@@ -35,32 +48,15 @@ class MovingObstaclesParameters:
     min_distance: Annotated[NonNegative, "m"] = 0.10
     forget: Annotated[NonNegative, "s"] = 0.8
     forget_hidden: Annotated[NonNegative, "s"] = 3.0
-    max_speed: Annotated[Positive, "m/s"] = 2.0
+    max_speed: Annotated[Positive, NotBelow("min_speed"), "m/s"] = 2.0
 
     def __post_init__(self) -> None:
-        check_order(self, "min_speed", "max_speed")
-
-
-@dataclass(frozen=True)
-class MovingObstacle:
-    """A disc: its middle (m, map frame), velocity (m/s, map frame) and radius (m)."""
-
-    x: float
-    y: float
-    vx: float
-    vy: float
-    radius: float
-
-
-class MovingObstacles:
-    """Kalman filters of constant velocity, one per cluster; nearest neighbours, each to one (Hungarian algorithm)."""
-
-    def __init__(self, parameters: MovingObstaclesParameters | None = None) -> None:
-        self._parameters = parameters or MovingObstaclesParameters()
+        check_bounds(self)
         self._tracks: list[_Track] = []
-        self.moving: list[MovingObstacle] = []
+        self.obstacles: list[MovingObstacle] = []
+        """What moves, as of the last scan."""
         self.walkers: list[MovingObstacle] = []
-        """Those that move and those that have moved before they came to stand."""
+        """Those, and those that have moved before they came to stand: people, who are tall."""
 
     def update(
         self, hits: NDArray[np.float64], lidar: NDArray[np.float64], range_min: float, stamp: float
@@ -69,28 +65,27 @@ class MovingObstacles:
 
         ``range_min``: metres within which the lidar sees nothing.
         """
-        p = self._parameters
-        clusters = _clusters(hits, p.gap)
-        small = [c for c in clusters if len(c) >= 3 and _size(hits[c]) <= p.max_size]
+        clusters = _clusters(hits, self.gap)
+        small = [c for c in clusters if len(c) >= 3 and _size(hits[c]) <= self.max_size]
         discs = [_disc(hits[c], lidar) for c in small]
         for track in self._tracks:
-            track.predict(stamp, p.acceleration)
+            track.predict(stamp, self.acceleration)
         cluster_of = self._associate(discs)
         moving_hits = np.zeros(len(hits), dtype=bool)
         for number, cluster in cluster_of.items():
-            self._tracks[number].correct(discs[cluster], stamp, p.position_std)
+            self._tracks[number].correct(discs[cluster], stamp, self.position_std)
         for index, disc in enumerate(discs):
             if index not in cluster_of.values():
                 self._tracks.append(_Track(disc, stamp))
                 cluster_of[len(self._tracks) - 1] = index
-        self.moving, self.walkers = [], []
+        self.obstacles, self.walkers = [], []
         for index, track in enumerate(self._tracks):
-            moves = track.moves(p)
+            moves = track.moves(self)
             if track.has_moved:
                 self.walkers.append(track.obstacle())
             if not moves:
                 continue
-            self.moving.append(track.obstacle())
+            self.obstacles.append(track.obstacle())
             if index in cluster_of:
                 moving_hits[small[cluster_of[index]]] = True
         self._tracks = [
@@ -100,7 +95,7 @@ class MovingObstacles:
 
     def _patience(self, track: _Track, lidar: NDArray[np.float64], range_min: float) -> float:
         near_side = float(np.linalg.norm(track.state[:2] - lidar)) - track.radius
-        return self._parameters.forget_hidden if near_side < range_min + 0.05 else self._parameters.forget
+        return self.forget_hidden if near_side < range_min + 0.05 else self.forget
 
     def _associate(self, discs: list[NDArray[np.float64]]) -> dict[int, int]:
         """Track → cluster."""
@@ -109,7 +104,7 @@ class MovingObstacles:
         places = np.array([track.state[:2] for track in self._tracks])
         distances = np.linalg.norm(places[:, None] - np.array(discs)[None, :, :2], axis=-1)
         rows, columns = linear_sum_assignment(np.minimum(distances, 1.0))
-        near = distances[rows, columns] < self._parameters.gate
+        near = distances[rows, columns] < self.gate
         return {int(r): int(c) for r, c in zip(rows[near], columns[near], strict=True)}
 
 
@@ -141,7 +136,7 @@ class _Track:
         self.radius += 0.3 * (float(disc[2]) - self.radius)
         self.seen = stamp
 
-    def moves(self, p: MovingObstaclesParameters) -> bool:
+    def moves(self, p: MovingObstacles) -> bool:
         speed = float(np.hypot(*self.state[2:]))
         if self._moves:
             self._moves = p.min_speed / 2.0 < speed < p.max_speed

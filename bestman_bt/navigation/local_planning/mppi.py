@@ -10,17 +10,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.messages import Pose2D, Twist2D
-from bestman_bt.messages.bounds import Count, NonNegative, Positive, Several, Share, WholeNumber, check_order
+from bestman_bt.messages.bounds import Count, NonNegative, NotBelow, Positive, Several, Share, WholeNumber
 from bestman_bt.navigation.local_planning.critics import Critics, Drives, Surroundings
-from bestman_bt.navigation.local_planning.obstacle_aware import ObstacleAwareFollower, ObstacleAwareParameters
+from bestman_bt.navigation.local_planning.obstacle_aware import ObstacleAwareFollower
 from bestman_bt.robot_model import MobilePart
 
 Floats = NDArray[np.float32]
 
 
-@dataclass(frozen=True)
-class MPPIParameters(ObstacleAwareParameters):
-    """``batch`` drives of ``steps`` steps of ``step`` seconds, sampled ``iterations`` times for each command.
+@dataclass(eq=False)
+class MPPI(ObstacleAwareFollower):
+    """Bends the last best drive at random and goes on with the mean, weighted by what each costs.
+
+    Equal calls give equal commands: the samples come from a generator that each path begins anew.
+
+    ``batch`` drives of ``steps`` steps of ``step`` seconds, sampled ``iterations`` times for each command.
 
     ``forward_std``, ``sideways_std`` (m/s), ``turn_std`` (rad/s): of what is added to the last best drive, at
     ``knots`` times with straight lines between them, so that drives are smooth; for half of the drives only ``fine`` of
@@ -29,7 +33,7 @@ class MPPIParameters(ObstacleAwareParameters):
     """
 
     batch: Several = 320
-    steps: Count = 20
+    steps: Annotated[Count, NotBelow("knots")] = 20
     step: Annotated[Positive, "s"] = 0.1
     iterations: Count = 1
     knots: Several = 6
@@ -43,68 +47,53 @@ class MPPIParameters(ObstacleAwareParameters):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check_order(self, "knots", "steps")
-
-
-class MPPI(ObstacleAwareFollower):
-    """Bends the last best drive at random and goes on with the mean, weighted by what each costs.
-
-    Equal calls give equal commands: the samples come from a generator that each path begins anew.
-    """
-
-    def __init__(self, parameters: MPPIParameters | None = None) -> None:
-        self._parameters = p = parameters or MPPIParameters()
-        super().__init__(p)
-        at = np.linspace(0.0, p.knots - 1.0, p.steps)
-        self._spread = np.maximum(0.0, 1.0 - np.abs(at[None, :] - np.arange(p.knots)[:, None])).astype(np.float32)
+        at, knots = np.linspace(0.0, self.knots - 1.0, self.steps), np.arange(self.knots)
+        self._spread = np.maximum(0.0, 1.0 - np.abs(at[None, :] - knots[:, None])).astype(np.float32)
         self._restart()
 
     def _begin(self, limits: MobilePart, critics: Critics) -> None:
-        p = self._parameters
         self._base, self._critics = limits, critics
         self._axes = (0, 1, 2) if limits.max_vy else (0, 2)
-        self._std = np.array([p.forward_std, p.sideways_std, p.turn_std], dtype=np.float32)
-        self._low = np.array([-p.reverse, -limits.max_vy, -limits.max_wz], dtype=np.float32)
+        self._std = np.array([self.forward_std, self.sideways_std, self.turn_std], dtype=np.float32)
+        self._low = np.array([-self.reverse, -limits.max_vy, -limits.max_wz], dtype=np.float32)
         self._high = np.array([limits.max_vx, limits.max_vy, limits.max_wz], dtype=np.float32)
         change = np.array([limits.max_acceleration, limits.max_acceleration, limits.max_angular_acceleration])
-        self._change = (change * p.step).astype(np.float32)
+        self._change = (change * self.step).astype(np.float32)
 
     def _restart(self) -> None:
-        self._rng = np.random.default_rng(self._parameters.seed)
-        self._plan = np.zeros((3, self._parameters.steps), dtype=np.float32)
+        self._rng = np.random.default_rng(self.seed)
+        self._plan = np.zeros((3, self.steps), dtype=np.float32)
 
     def _choose(self, pose: Pose2D, twist: Twist2D, around: Surroundings, dt: float) -> Twist2D:
-        p = self._parameters
         now = np.array([twist.vx, twist.vy, twist.wz], dtype=np.float32)
-        for _ in range(p.iterations):
+        for _ in range(self.iterations):
             controls = self._sampled(now)
             drives = self._simulated(pose, controls)
             costs, contact = self._critics.judge(drives, around)
-            weights = np.exp((costs.min() - costs) / np.float32(p.temperature))
+            weights = np.exp((costs.min() - costs) / np.float32(self.temperature))
             self._plan = np.einsum("b,abt->at", weights / weights.sum(), controls)
-        if contact[int(np.argmin(costs))] < p.steps // 2:
+        if contact[int(np.argmin(costs))] < self.steps // 2:
             self._plan[:] = 0.0
             return Twist2D()
         # The velocity that the plan has when the command has taken effect; then the plan moves on by dt.
         chosen = self._plan[:, 0].astype(float)
-        share = np.float32(dt / p.step)
+        share = np.float32(dt / self.step)
         self._plan[:, :-1] += share * (self._plan[:, 1:] - self._plan[:, :-1])
         return Twist2D(*chosen.tolist())
 
     def _sampled(self, now: NDArray[np.float32]) -> Floats:
         """Velocities (3, B, T) within the limits of speed and acceleration; the last plan and braking among them."""
-        p = self._parameters
-        controls = np.repeat(self._plan[:, None, :], p.batch, axis=1)
+        controls = np.repeat(self._plan[:, None, :], self.batch, axis=1)
         for axis in self._axes:
-            samples = self._rng.standard_normal((p.batch - 2, p.knots + 1), dtype=np.float32)
+            samples = self._rng.standard_normal((self.batch - 2, self.knots + 1), dtype=np.float32)
             # What is kept up through the drive and what changes: alone, changes would cancel out and lead nowhere.
             knots = np.float32(math.sqrt(0.5)) * (samples[:, :-1] + samples[:, -1:])
-            knots[::2] *= np.float32(p.fine)
+            knots[::2] *= np.float32(self.fine)
             controls[axis, 2:] += self._std[axis] * (knots @ self._spread)
         controls[:, 1] = 0.0
         np.clip(controls, self._low[:, None, None], self._high[:, None, None], out=controls)
         by_step = np.ascontiguousarray(controls.transpose(2, 0, 1))
-        before: Floats = np.repeat(now[:, None], p.batch, axis=1)
+        before: Floats = np.repeat(now[:, None], self.batch, axis=1)
         change = self._change[:, None]
         for step in by_step:
             np.clip(step, before - change, before + change, out=step)
@@ -112,7 +101,7 @@ class MPPI(ObstacleAwareFollower):
         return by_step.transpose(1, 2, 0)
 
     def _simulated(self, pose: Pose2D, controls: Floats) -> Drives:
-        dt = np.float32(self._parameters.step)
+        dt = np.float32(self.step)
         vx, vy, wz = controls
         theta = np.cumsum(wz, axis=1)
         theta *= dt
@@ -125,4 +114,4 @@ class MPPI(ObstacleAwareFollower):
             dx, dy = vx * cos, vx * sin
         x = np.float32(pose.x) + np.cumsum(dx, axis=1) * dt
         y = np.float32(pose.y) + np.cumsum(dy, axis=1) * dt
-        return Drives(x, y, theta, (vx, vy, wz), self._parameters.step)
+        return Drives(x, y, theta, (vx, vy, wz), self.step)

@@ -16,20 +16,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.messages import LaserScan, Path2D, Pose2D, Twist2D, wrap_angle
-from bestman_bt.messages.bounds import Count, NonNegative, Positive, check_order
+from bestman_bt.messages.bounds import Count, NonNegative, NotBelow, Positive
 from bestman_bt.navigation.global_planning.costmap import Costmap
 from bestman_bt.navigation.global_planning.footprint import Footprint
 from bestman_bt.navigation.local_planning.base import FollowerCommand, PathFollower
 from bestman_bt.navigation.local_planning.braking import braking_time, safe_share
 from bestman_bt.navigation.local_planning.cost_to_go import CostToGo, cost_to_go
-from bestman_bt.navigation.local_planning.critics import CriticParameters, Critics, Surroundings
+from bestman_bt.navigation.local_planning.critics import Critics, CriticWeights, Surroundings
 from bestman_bt.navigation.local_planning.footprint_check import FootprintCheck
 from bestman_bt.navigation.local_planning.footprint_motion import FootprintMotion, arc
 from bestman_bt.navigation.local_planning.jerk_limit import JerkLimit
-from bestman_bt.navigation.local_planning.local_obstacles import LocalObstacles, LocalObstaclesParameters
+from bestman_bt.navigation.local_planning.local_obstacles import LocalObstacles
 from bestman_bt.navigation.local_planning.path_progress import PathProgress, densified
-from bestman_bt.navigation.local_planning.pure_pursuit import PurePursuit, PurePursuitParameters
-from bestman_bt.navigation.local_planning.rotate_to_heading import RotateToHeading, RotateToHeadingParameters
+from bestman_bt.navigation.local_planning.pure_pursuit import PurePursuit
+from bestman_bt.navigation.local_planning.rotate_to_heading import RotateToHeading
 from bestman_bt.robot_model import BaseModel, MobilePart
 
 STILL = 0.02
@@ -39,9 +39,11 @@ TURN_TRIAL = 0.8
 rad/s at which it must be free: where it is not, the base goes on in another way."""
 
 
-@dataclass(frozen=True)
-class ObstacleAwareParameters:
-    """Lengths in metres, speeds in m/s, angles in radians, times in seconds.
+@dataclass(eq=False)
+class ObstacleAwareFollower(PathFollower):
+    """Subclasses choose the velocity where there is room: ``_begin`` and ``_choose``.
+
+    A path without a costmap is driven as it is. Lengths in metres, speeds in m/s, angles in radians, times in seconds.
 
     ``max_speed``, ``max_turn_rate``: no more than the base's own. ``margin``: kept around the outline. ``clearance``:
     added to the inscribed radius where a way around obstacles is looked for (1 cm if there is none). ``hand_over``:
@@ -55,33 +57,19 @@ class ObstacleAwareParameters:
     max_turn_rate: Annotated[Positive, "rad/s"] = 1.2
     margin: Annotated[NonNegative, "m"] = 0.03
     clearance: Annotated[NonNegative, "m"] = 0.05
-    hand_over: Annotated[NonNegative, "m"] = 0.6
+    hand_over: Annotated[NonNegative, NotBelow("entry"), "m"] = 0.6
     entry: Annotated[NonNegative, "m"] = 0.42
     carrot: Annotated[Positive, "m"] = 0.7
     turn_first: Annotated[NonNegative, "rad"] = 1.0
     reaction: Annotated[NonNegative, "s"] = 0.1
     field_every: Count = 10
-    critics: CriticParameters = field(default_factory=CriticParameters)
-    obstacles: LocalObstaclesParameters = field(default_factory=LocalObstaclesParameters)
-    ends: PurePursuitParameters = field(default_factory=PurePursuitParameters)
-    turning: RotateToHeadingParameters = field(default_factory=RotateToHeadingParameters)
+    critics: CriticWeights = field(default_factory=CriticWeights)
+    obstacles: LocalObstacles = field(default_factory=LocalObstacles)
+    ends: PurePursuit = field(default_factory=PurePursuit)
+    turning: RotateToHeading = field(default_factory=RotateToHeading)
 
     def __post_init__(self) -> None:
-        check_order(self, "entry", "hand_over")
-
-
-class ObstacleAwareFollower(PathFollower):
-    """Subclasses choose the velocity where there is room: ``_begin`` and ``_choose``.
-
-    A path without a costmap is driven as it is.
-    """
-
-    def __init__(self, parameters: ObstacleAwareParameters) -> None:
-        self._common = parameters
         self._limits: MobilePart | None = None
-        self._obstacles = LocalObstacles(parameters.obstacles)
-        self._exact = PurePursuit(parameters.ends)
-        self._turn = RotateToHeading(parameters.turning)
         self._progress: PathProgress | None = None
         self._to_go: CostToGo | None = None
         self._driving_exactly = self._all_exactly = self._handing_over = self._turning = False
@@ -102,26 +90,26 @@ class ObstacleAwareFollower(PathFollower):
 
     def configure(self, base: BaseModel) -> None:
         """See ``PathFollower.configure``."""
-        p, limits = self._common, base.part
+        limits = base.part
         self._limits = limits = replace(
             limits,
-            max_vx=min(p.max_speed, limits.max_vx),
-            max_vy=min(p.max_speed, limits.max_vy),
-            max_wz=min(p.max_turn_rate, limits.max_wz),
+            max_vx=min(self.max_speed, limits.max_vx),
+            max_vy=min(self.max_speed, limits.max_vy),
+            max_wz=min(self.max_turn_rate, limits.max_wz),
         )
         self._smooth = JerkLimit(limits)
         self._use_footprint(limits, Footprint.of(base))
 
     def _use_footprint(self, limits: MobilePart, footprint: Footprint) -> None:
         self._footprint = footprint
-        self._motion = FootprintMotion(footprint, self._common.margin)
+        self._motion = FootprintMotion(footprint, self.margin)
         self._check = FootprintCheck(footprint)
-        self._begin(limits, Critics(self._common.critics, footprint, limits.max_vy > 0.0))
+        self._begin(limits, Critics(self.critics, footprint, limits.max_vy > 0.0))
 
     def observe(self, scan: LaserScan, map_from_lidar: Pose2D) -> None:
         """See ``PathFollower.observe``."""
-        self._obstacles.update(scan, map_from_lidar)
-        self._since_field = self._common.field_every
+        self.obstacles.update(scan, map_from_lidar)
+        self._since_field = self.field_every
 
     def reset(self, path: Path2D, costmap: Costmap | None = None) -> None:
         """See ``PathFollower.reset``."""
@@ -132,7 +120,7 @@ class ObstacleAwareFollower(PathFollower):
         overhang = None if costmap is None else costmap.footprint.overhang
         if overhang is not self._footprint.overhang:
             self._use_footprint(self._limits, replace(self._footprint, overhang=overhang))
-        self._obstacles.use_costmap(costmap)
+        self.obstacles.use_costmap(costmap)
         self._path = path
         self._backwards = int(np.argmin(np.append(path.reverse, False)))  # segments at the start
         self._handing_over = self._turning = False
@@ -141,7 +129,7 @@ class ObstacleAwareFollower(PathFollower):
         self._to_go = None  # it led along the path before
         self._restart()
         self._progress = PathProgress(path.points[self._backwards :])
-        self._all_exactly = costmap is None or self._progress.remaining <= self._common.hand_over
+        self._all_exactly = costmap is None or self._progress.remaining <= self.hand_over
         if self._all_exactly:
             self._drive_exactly(path)
         elif self._backwards:
@@ -156,12 +144,12 @@ class ObstacleAwareFollower(PathFollower):
         """See ``PathFollower.compute``."""
         if self._progress is None:
             raise RuntimeError(f"{type(self).__name__}.compute was called before reset")
-        self._obstacles.centre_on(pose)
+        self.obstacles.centre_on(pose)
         if self._fresh:
             self._fresh = False
             self._smooth.reset(velocity)  # a base that drives goes on from there
         if self._driving_exactly:
-            command = self._exact.compute(pose, velocity, dt)
+            command = self.ends.compute(pose, velocity, dt)
             if not command.done:
                 return replace(command, twist=self._scaled(command.twist, self._share_seen(pose, command.twist)))
             if self._handing_over or self._all_exactly:
@@ -185,17 +173,17 @@ class ObstacleAwareFollower(PathFollower):
     def _wanted(self, pose: Pose2D, dt: float) -> Twist2D:
         """Where there is room: turn on the spot towards a way that lies far off, else what the subclass chooses."""
         assert self._limits is not None
-        p, to_go = self._common, self._field(pose)
+        to_go = self._field(pose)
         if not to_go.reachable:
             return Twist2D()
         bearing = math.atan2(to_go.carrot[1] - pose.y, to_go.carrot[0] - pose.x)
         off = abs(wrap_angle(bearing - pose.theta))
-        if self._limits.max_vy == 0.0 and not self._turning and off > p.turn_first:
+        if self._limits.max_vy == 0.0 and not self._turning and off > self.turn_first:
             self._turning = True
-            self._turn.turn_to(bearing)
+            self.turning.turn_to(bearing)
         if self._turning and off > TURN_ENDS:
-            self._turn.turn_to(bearing, self._smooth.twist.wz)
-            turn = self._turn.compute(pose, Twist2D(), dt).twist
+            self.turning.turn_to(bearing, self._smooth.twist.wz)
+            turn = self.turning.compute(pose, Twist2D(), dt).twist
             trial = Twist2D(wz=math.copysign(TURN_TRIAL, wrap_angle(bearing - pose.theta)))
             if min(self._share_around(pose, trial), self._share_seen(pose, trial)) == 1.0:
                 return turn
@@ -203,10 +191,10 @@ class ObstacleAwareFollower(PathFollower):
             self._turning = False
             self._restart()
         start = np.array([[pose.x], [pose.y], [pose.theta]], dtype=np.float32)
-        here = float(self._check.clearance(self._obstacles.distance, *start)[0])
+        here = float(self._check.clearance(self.obstacles.distance, *start)[0])
         # Who stands closer to something than the margin must be able to leave.
-        margin = min(p.margin, here - 0.01)
-        around = Surroundings(self._obstacles.distance, to_go, self._obstacles.moving, margin)
+        margin = min(self.margin, here - 0.01)
+        around = Surroundings(self.obstacles.distance, to_go, self.obstacles.moving.obstacles, margin)
         wanted = self._choose(pose, self._smooth.twist, around, dt)
         return self._slow_before_the_end(wanted)
 
@@ -214,23 +202,23 @@ class ObstacleAwareFollower(PathFollower):
         assert self._limits is not None
         assert self._progress is not None
         self._since_field += 1
-        if self._to_go is None or self._since_field > self._common.field_every:
+        if self._to_go is None or self._since_field > self.field_every:
             self._since_field = 0
             ahead, left = self._progress.ahead
-            footprint, free = self._footprint, self._obstacles.distance
+            footprint, free = self._footprint, self.obstacles.distance
             inscribed = footprint.inscribed_radius
             if free.tall is not None:
                 more = np.float32(footprint.above.inscribed_radius - inscribed)
                 free = replace(free, values=np.minimum(free.values, free.tall.values - more), tall=None)
-            clearances = (inscribed + self._common.clearance, inscribed + 0.01)
-            self._to_go = cost_to_go(free, clearances, ahead, left, pose.xy, self._common.carrot)
+            clearances = (inscribed + self.clearance, inscribed + 0.01)
+            self._to_go = cost_to_go(free, clearances, ahead, left, pose.xy, self.carrot)
         return self._to_go
 
     def _near_the_end(self, pose: Pose2D) -> bool:
         """Whether pure pursuit can take over: what the map does not know must leave its way free."""
         assert self._progress is not None
         remaining = self._progress.remaining
-        if remaining > self._common.hand_over or self._progress.beside(pose.xy) > 0.25:
+        if remaining > self.hand_over or self._progress.beside(pose.xy) > 0.25:
             return False
         return remaining < 0.1 or self._free_of_what_is_seen(self._final_path(pose).points)
 
@@ -239,13 +227,13 @@ class ObstacleAwareFollower(PathFollower):
         ahead = np.diff(points, axis=0)
         headings = np.arctan2(ahead[:, 1], ahead[:, 0])
         poses = (Pose2D(x, y, heading) for (x, y), heading in zip(points[1:].tolist(), headings.tolist(), strict=True))
-        seen = self._obstacles.points
+        seen = self.obstacles.points
         return not len(seen) or all(self._motion.distance(p.inverse().apply(seen)).min() > 0.0 for p in poses)
 
     def _slow_before_the_end(self, wanted: Twist2D) -> Twist2D:
         assert self._limits is not None
         assert self._progress is not None
-        before = max(0.0, self._progress.remaining - self._common.hand_over)
+        before = max(0.0, self._progress.remaining - self.hand_over)
         speed = math.hypot(wanted.vx, wanted.vy)
         most = 0.12 + math.sqrt(self._limits.max_acceleration * before)
         return self._scaled(wanted, min(1.0, most / speed)) if speed else wanted
@@ -253,11 +241,11 @@ class ObstacleAwareFollower(PathFollower):
     def _final_path(self, pose: Pose2D) -> Path2D:
         """From here to where the exact entry begins, and on as planned."""
         assert self._progress is not None
-        points = self._progress.last(min(self._common.entry, self._progress.remaining))
+        points = self._progress.last(min(self.entry, self._progress.remaining))
         return Path2D(np.vstack([pose.xy, points]), self._path.goal)
 
     def _drive_exactly(self, path: Path2D) -> None:
-        self._exact.reset(path)
+        self.ends.reset(path)
         self._driving_exactly = True
 
     def _share_around(self, pose: Pose2D, twist: Twist2D) -> float:
@@ -266,7 +254,7 @@ class ObstacleAwareFollower(PathFollower):
         x, y, theta = arc(twist, times)
         cos, sin = math.cos(pose.theta), math.sin(pose.theta)
         poses = (pose.x + cos * x - sin * y, pose.y + sin * x + cos * y, pose.theta + theta)
-        clearance = self._check.clearance(self._obstacles.distance, *(a.astype(np.float32) for a in poses))
+        clearance = self._check.clearance(self.obstacles.distance, *(a.astype(np.float32) for a in poses))
         touches = (clearance < 0.0) & (clearance < clearance[0] - 1e-3)
         contact = float(times[max(0, int(touches.argmax()) - 1)]) if touches.any() else math.inf
         return safe_share(contact, reaction, braking)
@@ -279,7 +267,7 @@ class ObstacleAwareFollower(PathFollower):
 
     def _braking(self, twist: Twist2D) -> tuple[float, float, NDArray[np.float64]]:
         assert self._limits is not None
-        reaction = self._common.reaction
+        reaction = self.reaction
         braking = braking_time(twist, self._limits.max_acceleration, self._limits.max_angular_acceleration)
         return reaction, braking, np.linspace(0.0, reaction + braking / 2.0 + 0.1, 16)
 
@@ -289,10 +277,10 @@ class ObstacleAwareFollower(PathFollower):
         circle = np.column_stack([np.cos(rim), np.sin(rim)])
         moving = [
             np.array([m.x + ahead * m.vx, m.y + ahead * m.vy]) + m.radius * circle
-            for m in self._obstacles.moving
+            for m in self.obstacles.moving.obstacles
             for ahead in (0.0, 0.4)
         ]
-        return np.vstack([self._obstacles.points, *moving])
+        return np.vstack([self.obstacles.points, *moving])
 
     @staticmethod
     def _scaled(twist: Twist2D, share: float) -> Twist2D:

@@ -18,19 +18,17 @@ from numpy.typing import NDArray
 from bestman_bt.messages import LaserScan, Pose2D
 from bestman_bt.messages.bounds import Count, NonNegative, Positive
 from bestman_bt.navigation.global_planning.costmap import Costmap
-from bestman_bt.navigation.local_planning.moving_obstacles import (
-    MovingObstacle,
-    MovingObstacles,
-    MovingObstaclesParameters,
-)
+from bestman_bt.navigation.local_planning.moving_obstacles import MovingObstacles
 
 INFLUENCE = 1.0
 """Metres from a mark within which it changes what a costmap costs."""
 
 
-@dataclass(frozen=True)
-class ObstacleLayerParameters:
-    """``size``: metres, the side of the square. ``resolution``: metres per cell. ``roll``: metres, its steps.
+@dataclass(eq=False)
+class ObstacleLayer:
+    """Takes in scans; ``points``: what stands and the costmap lacks, (N, 2) middles of cells, map frame, metres.
+
+    ``size``: metres, the side of the square. ``resolution``: metres per cell. ``roll``: metres, its steps.
 
     ``range``: metres from the lidar within which hits mark cells. ``known``: metres; hits that near to an obstacle of
     the costmap are that obstacle. ``evidence``: scans that must see through a cell before what was in it is forgotten.
@@ -44,39 +42,19 @@ class ObstacleLayerParameters:
     known: Annotated[NonNegative, "m"] = 0.06
     evidence: Count = 3
     ray_margin: Annotated[NonNegative, "m"] = 0.05
-    moving: MovingObstaclesParameters = field(default_factory=MovingObstaclesParameters)
+    moving: MovingObstacles = field(default_factory=MovingObstacles)
 
-
-class ObstacleLayer:
-    """Takes in scans; ``points``: what stands and the costmap lacks, ``moving``: what moves."""
-
-    def __init__(self, parameters: ObstacleLayerParameters | None = None) -> None:
-        self._parameters = p = parameters or ObstacleLayerParameters()
-        self._cells = round(p.size / p.resolution)
+    def __post_init__(self) -> None:
+        self._cells = round(self.size / self.resolution)
         self._evidence: NDArray[np.int8] = np.zeros((self._cells, self._cells), dtype=np.int8)
         self._steps: tuple[int, int] | None = None  # of ``roll``, from the map's origin to the square's
         self._costmap: Costmap | None = None
-        self._tracks = MovingObstacles(p.moving)
-        self.points: NDArray[np.float64] = np.zeros((0, 2))  # middles of marked cells, map frame, metres
-
-    @property
-    def moving(self) -> list[MovingObstacle]:
-        """What moves, as of the last scan."""
-        return self._tracks.moving
-
-    @property
-    def walkers(self) -> list[MovingObstacle]:
-        """What moves, and what has moved before it came to stand: people, who are tall."""
-        return self._tracks.walkers
+        self.points: NDArray[np.float64] = np.zeros((0, 2))
 
     @property
     def origin(self) -> tuple[float, float] | None:
         """Metres in the map frame, the outer corner of cell (0, 0); None before the first scan."""
-        return (
-            None
-            if self._steps is None
-            else (self._steps[0] * self._parameters.roll, self._steps[1] * self._parameters.roll)
-        )
+        return None if self._steps is None else (self._steps[0] * self.roll, self._steps[1] * self.roll)
 
     @property
     def marked(self) -> NDArray[np.bool_]:
@@ -87,7 +65,7 @@ class ObstacleLayer:
         """What is known without the lidar from now on; marks that it explains are dropped."""
         self._costmap = costmap
         if costmap is not None:
-            self._drop(self.points[costmap.distance_at(self.points) <= self._parameters.known])
+            self._drop(self.points[costmap.distance_at(self.points) <= self.known])
 
     def clear(self, which: Callable[[NDArray[np.float64]], NDArray[np.bool_]] | None = None) -> None:
         """Forget marks, ``which``: (N,) of points (N, 2), else all; what is still there is marked by the next scan."""
@@ -95,12 +73,11 @@ class ObstacleLayer:
 
     def centre_on(self, pose: Pose2D) -> None:
         """Make sure that the square lies around ``pose``."""
-        p = self._parameters
-        wanted = (round((pose.x - p.size / 2) / p.roll), round((pose.y - p.size / 2) / p.roll))
+        wanted = (round((pose.x - self.size / 2) / self.roll), round((pose.y - self.size / 2) / self.roll))
         if wanted == self._steps:
             return
         if self._steps is not None:
-            step = round(p.roll / p.resolution)
+            step = round(self.roll / self.resolution)
             columns, rows = ((w - o) * step for w, o in zip(wanted, self._steps, strict=True))
             self._evidence = _shifted(self._evidence, rows, columns)
         self._steps = wanted
@@ -108,17 +85,16 @@ class ObstacleLayer:
 
     def update(self, scan: LaserScan, map_from_lidar: Pose2D) -> None:
         """Take in a scan and where it was taken."""
-        p = self._parameters
         self.centre_on(map_from_lidar)
         self._clear_by_rays(scan, map_from_lidar)
         hits = map_from_lidar.apply(scan.points())
-        hits = hits[np.linalg.norm(hits - map_from_lidar.xy, axis=1) < p.range]
+        hits = hits[np.linalg.norm(hits - map_from_lidar.xy, axis=1) < self.range]
         if self._costmap is not None and len(hits):
-            hits = hits[self._costmap.distance_at(hits) > p.known]
-        standing = self._tracks.update(hits, map_from_lidar.xy, scan.range_min, scan.stamp)
+            hits = hits[self._costmap.distance_at(hits) > self.known]
+        standing = self.moving.update(hits, map_from_lidar.xy, scan.range_min, scan.stamp)
         column, row = self._to_cells(standing).T
         inside = (column >= 0) & (row >= 0) & (column < self._cells) & (row < self._cells)
-        self._evidence[row[inside], column[inside]] = p.evidence
+        self._evidence[row[inside], column[inside]] = self.evidence
         self._collect()
 
     def on(self, costmap: Costmap) -> Costmap:
@@ -151,7 +127,7 @@ class ObstacleLayer:
             costmap.origin[0] + (x + 0.5) * costmap.resolution - nearest[..., 0],
             costmap.origin[1] + (y + 0.5) * costmap.resolution - nearest[..., 1],
         )
-        margin = self._parameters.resolution / 2 + costmap.parameters.clearance
+        margin = self.resolution / 2 + costmap.rasterization.clearance
         distance = np.array(costmap.distance)
         distance[window] = np.minimum(distance[window], away - margin)
         return replace(costmap, distance=distance)
@@ -163,9 +139,8 @@ class ObstacleLayer:
             return
         row, column = np.divmod(marked, self._cells)
         assert self.origin is not None
-        p = self._parameters
-        x = self.origin[0] + (column + 0.5) * p.resolution - map_from_lidar.x
-        y = self.origin[1] + (row + 0.5) * p.resolution - map_from_lidar.y
+        x = self.origin[0] + (column + 0.5) * self.resolution - map_from_lidar.x
+        y = self.origin[1] + (row + 0.5) * self.resolution - map_from_lidar.y
         distance = np.hypot(x, y)
         bearing = np.arctan2(y, x) - map_from_lidar.theta - scan.angle_min
         beam = np.round(bearing % (2.0 * math.pi) / scan.angle_increment).astype(int)
@@ -173,7 +148,7 @@ class ObstacleLayer:
             beam %= len(scan.ranges)
         covered = beam < len(scan.ranges)
         measured = np.minimum(scan.ranges, scan.range_max)[np.where(covered, beam, 0)]
-        seen_through = covered & (distance < measured - p.ray_margin) & (distance > scan.range_min)
+        seen_through = covered & (distance < measured - self.ray_margin) & (distance > scan.range_min)
         self._evidence.flat[marked[seen_through]] -= 1
 
     def _drop(self, points: NDArray[np.float64]) -> None:
@@ -184,15 +159,13 @@ class ObstacleLayer:
 
     def _to_cells(self, points: NDArray[np.float64]) -> NDArray[np.intp]:
         assert self.origin is not None
-        cells: NDArray[np.intp] = np.floor((points - np.array(self.origin)) / self._parameters.resolution).astype(
-            np.intp
-        )
+        cells: NDArray[np.intp] = np.floor((points - np.array(self.origin)) / self.resolution).astype(np.intp)
         return cells
 
     def _collect(self) -> None:
         assert self.origin is not None or not self._evidence.any()
         row, column = np.divmod(np.flatnonzero(self.marked), self._cells)
-        resolution = self._parameters.resolution
+        resolution = self.resolution
         self.points = np.column_stack([column, row]) * resolution + np.array(self.origin or (0.0, 0.0)) + resolution / 2
 
 

@@ -13,43 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.messages import Path2D, Pose2D, Twist2D, wrap_angle
-from bestman_bt.messages.bounds import NonNegative, Positive, check_order
+from bestman_bt.messages.bounds import NonNegative, NotBelow, Positive, check_bounds
 from bestman_bt.navigation.global_planning.costmap import Costmap
 from bestman_bt.navigation.local_planning.base import FollowerCommand, PathFollower
 from bestman_bt.navigation.local_planning.path_progress import densified, metres_left
-from bestman_bt.navigation.local_planning.rotate_to_heading import RotateToHeading, RotateToHeadingParameters
+from bestman_bt.navigation.local_planning.rotate_to_heading import RotateToHeading
 
 _SPACING = 0.02
-
-
-@dataclass(frozen=True)
-class PurePursuitParameters:
-    """Lengths in metres, speeds in m/s and rad/s, accelerations in m/s² and rad/s².
-
-    ``lookahead_time``: seconds driven to the point that is steered for, between ``min_lookahead`` and
-    ``max_lookahead``. ``lateral_acceleration``: slows down in curves. ``deceleration``: plans the stop at the end.
-    ``corner``: radians between two segments above which the base stops and turns. ``leg_heading_tolerance``: radians,
-    when to set off after such a turn. ``position_tolerance``: along the path, at the end of a leg.
-    """
-
-    max_speed: Annotated[Positive, "m/s"] = 0.6
-    max_turn_rate: Annotated[Positive, "rad/s"] = 1.2
-    acceleration: Annotated[Positive, "m/s²"] = 0.5
-    deceleration: Annotated[Positive, "m/s²"] = 0.35
-    lateral_acceleration: Annotated[Positive, "m/s²"] = 0.4
-    turn_acceleration: Annotated[Positive, "rad/s²"] = 2.0
-    creep_speed: Annotated[Positive, "m/s"] = 0.015
-    lookahead_time: Annotated[Positive, "s"] = 0.6
-    min_lookahead: Annotated[Positive, "m"] = 0.2
-    max_lookahead: Annotated[Positive, "m"] = 0.4
-    corner: Annotated[NonNegative, "rad"] = 0.6
-    leg_heading_tolerance: Annotated[NonNegative, "rad"] = 0.03
-    position_tolerance: Annotated[NonNegative, "m"] = 0.003
-    still: Annotated[Positive, "m/s"] = 0.02
-    turning: RotateToHeadingParameters = field(default_factory=RotateToHeadingParameters)
-
-    def __post_init__(self) -> None:
-        check_order(self, "min_lookahead", "max_lookahead")
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,13 +41,37 @@ class _Leg:
         return math.atan2(dy, dx) + (math.pi if self.reverse else 0.0)
 
 
+@dataclass(eq=False)
 class PurePursuit(PathFollower):
-    """Steers for a point ahead on the path; deterministic."""
+    """Steers for a point ahead on the path; deterministic.
 
-    def __init__(self, parameters: PurePursuitParameters | None = None) -> None:
-        self._parameters = parameters or PurePursuitParameters()
+    Lengths in metres, speeds in m/s and rad/s, accelerations in m/s² and rad/s².
+
+    ``lookahead_time``: seconds driven to the point that is steered for, between ``min_lookahead`` and
+    ``max_lookahead``. ``lateral_acceleration``: slows down in curves. ``deceleration``: plans the stop at the end.
+    ``corner``: radians between two segments above which the base stops and turns. ``leg_heading_tolerance``: radians,
+    when to set off after such a turn. ``position_tolerance``: along the path, at the end of a leg.
+    """
+
+    max_speed: Annotated[Positive, "m/s"] = 0.6
+    max_turn_rate: Annotated[Positive, "rad/s"] = 1.2
+    acceleration: Annotated[Positive, "m/s²"] = 0.5
+    deceleration: Annotated[Positive, "m/s²"] = 0.35
+    lateral_acceleration: Annotated[Positive, "m/s²"] = 0.4
+    turn_acceleration: Annotated[Positive, "rad/s²"] = 2.0
+    creep_speed: Annotated[Positive, "m/s"] = 0.015
+    lookahead_time: Annotated[Positive, "s"] = 0.6
+    min_lookahead: Annotated[Positive, "m"] = 0.2
+    max_lookahead: Annotated[Positive, NotBelow("min_lookahead"), "m"] = 0.4
+    corner: Annotated[NonNegative, "rad"] = 0.6
+    leg_heading_tolerance: Annotated[NonNegative, "rad"] = 0.03
+    position_tolerance: Annotated[NonNegative, "m"] = 0.003
+    still: Annotated[Positive, "m/s"] = 0.02
+    turning: RotateToHeading = field(default_factory=RotateToHeading)
+
+    def __post_init__(self) -> None:
+        check_bounds(self)
         self._legs: list[_Leg] | None = None
-        self._turn = RotateToHeading(self._parameters.turning)
         self._turning = self._fresh = False
         self._turn_heading = self._goal_heading = 0.0
         self._speed = self._turn_rate = 0.0
@@ -87,7 +81,7 @@ class PurePursuit(PathFollower):
         """See ``PathFollower.reset``."""
         if len(path.points) == 0:
             raise ValueError("PurePursuit path should have at least one point but has none")
-        self._legs = _split(path, self._parameters.corner)
+        self._legs = _split(path, self.corner)
         self._goal_heading = path.goal.theta
         self._speed = 0.0
         self._turn_rate = 0.0
@@ -102,10 +96,10 @@ class PurePursuit(PathFollower):
             self._fresh = False
             self._take_over(pose, velocity)
         if self._turning:
-            turn_rate = self._turn.turn_rate
-            command = self._turn.compute(pose, velocity, dt)
+            turn_rate = self.turning.turn_rate
+            command = self.turning.compute(pose, velocity, dt)
             left = abs(wrap_angle(self._turn_heading - pose.theta))
-            if self._legs and left < self._parameters.leg_heading_tolerance and abs(command.twist.wz) < 0.15:
+            if self._legs and left < self.leg_heading_tolerance and abs(command.twist.wz) < 0.15:
                 self._turning, self._turn_rate = False, turn_rate
             elif not self._legs and command.done:
                 return command
@@ -119,21 +113,20 @@ class PurePursuit(PathFollower):
 
     def _take_over(self, pose: Pose2D, velocity: Twist2D) -> None:
         """Go on at the present speed where the base drives in about the direction of the path already."""
-        p = self._parameters
         if not self._legs:
             return
         leg = self._legs[0]
         along = -velocity.vx if leg.reverse else velocity.vx
-        if along > p.still and abs(wrap_angle(leg.start_heading - pose.theta)) < p.corner:
+        if along > self.still and abs(wrap_angle(leg.start_heading - pose.theta)) < self.corner:
             self._turning = False
-            self._speed, self._turn_rate = min(along, p.max_speed), velocity.wz
+            self._speed, self._turn_rate = min(along, self.max_speed), velocity.wz
 
     def _begin_leg(self) -> None:
         assert self._legs is not None
         self._at = 0
         self._turning = True
         self._turn_heading = self._legs[0].start_heading if self._legs else self._goal_heading
-        self._turn.turn_to(self._turn_heading)
+        self.turning.turn_to(self._turn_heading)
 
     def _remaining(self) -> float:
         assert self._legs is not None
@@ -144,7 +137,7 @@ class PurePursuit(PathFollower):
     def _drive(self, pose: Pose2D, velocity: Twist2D, dt: float) -> tuple[Twist2D, bool]:
         """The command along the present leg, and whether its end is reached."""
         assert self._legs is not None
-        p, leg = self._parameters, self._legs[0]
+        leg = self._legs[0]
         position = pose.xy
         # Progress never jumps to a later piece of the path that happens to be close.
         window = leg.points[self._at : self._at + 30]
@@ -153,13 +146,13 @@ class PurePursuit(PathFollower):
         remaining = float(leg.arc[self._at])
         if remaining < 0.3:
             remaining = float((leg.points[-1] - position) @ direction)
-        if remaining < p.position_tolerance:
-            self._speed = max(0.0, self._speed - p.acceleration * dt * 2.0)
+        if remaining < self.position_tolerance:
+            self._speed = max(0.0, self._speed - self.acceleration * dt * 2.0)
             self._steer(0.0, dt)
-            stopped = self._speed == self._turn_rate == 0.0 and abs(velocity.vx) < p.still
+            stopped = self._speed == self._turn_rate == 0.0 and abs(velocity.vx) < self.still
             return self._twist(leg), stopped
 
-        lookahead = min(max(p.lookahead_time * self._speed, p.min_lookahead), p.max_lookahead)
+        lookahead = min(max(self.lookahead_time * self._speed, self.min_lookahead), self.max_lookahead)
         ahead = int(np.searchsorted(-leg.arc, lookahead - leg.arc[self._at]))
         if ahead < len(leg.points):
             target = leg.points[ahead]
@@ -168,19 +161,21 @@ class PurePursuit(PathFollower):
             target = leg.points[-1] + direction * (lookahead - max(0.0, remaining))
         offset = target - position
         bearing = wrap_angle(math.atan2(offset[1], offset[0]) - pose.theta - (math.pi if leg.reverse else 0.0))
-        curvature = 2.0 * math.sin(bearing) / max(float(np.linalg.norm(offset)), p.min_lookahead / 2)
+        curvature = 2.0 * math.sin(bearing) / max(float(np.linalg.norm(offset)), self.min_lookahead / 2)
 
-        speed = min(p.max_speed, max(p.creep_speed, math.sqrt(2.0 * p.deceleration * remaining)))
+        speed = min(self.max_speed, max(self.creep_speed, math.sqrt(2.0 * self.deceleration * remaining)))
         if curvature:
-            speed = min(speed, p.max_turn_rate / abs(curvature), math.sqrt(p.lateral_acceleration / abs(curvature)))
+            speed = min(
+                speed, self.max_turn_rate / abs(curvature), math.sqrt(self.lateral_acceleration / abs(curvature))
+            )
         if abs(bearing) > math.pi / 3:
-            speed = p.creep_speed
-        self._speed += min(max(speed - self._speed, -2.0 * p.deceleration * dt), p.acceleration * dt)
-        self._steer(min(max(self._speed * curvature, -p.max_turn_rate), p.max_turn_rate), dt)
+            speed = self.creep_speed
+        self._speed += min(max(speed - self._speed, -2.0 * self.deceleration * dt), self.acceleration * dt)
+        self._steer(min(max(self._speed * curvature, -self.max_turn_rate), self.max_turn_rate), dt)
         return self._twist(leg), False
 
     def _steer(self, turn_rate: float, dt: float) -> None:
-        change = self._parameters.turn_acceleration * dt
+        change = self.turn_acceleration * dt
         self._turn_rate += min(max(turn_rate - self._turn_rate, -change), change)
 
     def _twist(self, leg: _Leg) -> Twist2D:

@@ -7,14 +7,16 @@ from dataclasses import dataclass
 from typing import Annotated
 
 from bestman_bt.messages import Path2D, Pose2D, Twist2D, wrap_angle
-from bestman_bt.messages.bounds import NonNegative, Positive, check_order
+from bestman_bt.messages.bounds import NonNegative, NotBelow, Positive, check_bounds
 from bestman_bt.navigation.global_planning.costmap import Costmap
 from bestman_bt.navigation.local_planning.base import FollowerCommand, PathFollower
 
 
-@dataclass(frozen=True)
-class RotateToHeadingParameters:
-    """``max_speed`` rad/s, ``acceleration`` rad/s² (both ways), ``gain`` 1/s close to the heading.
+@dataclass(eq=False)
+class RotateToHeading(PathFollower):
+    """Turns to the heading of a path's goal, where the base is, and ignores its points.
+
+    ``max_speed`` rad/s, ``acceleration`` rad/s² (both ways), ``gain`` 1/s close to the heading.
 
     ``min_speed``: rad/s, below which friction may hold the wheels. ``tolerance``: radians. ``still``: rad/s below
     which the base counts as standing.
@@ -22,7 +24,7 @@ class RotateToHeadingParameters:
     what is beyond, ``max_place_speed`` m/s: wheels that are dragged over the floor push a loaded base away.
     """
 
-    max_speed: Annotated[Positive, "rad/s"] = 1.2
+    max_speed: Annotated[Positive, NotBelow("min_speed"), "rad/s"] = 1.2
     acceleration: Annotated[Positive, "rad/s²"] = 1.5
     gain: Annotated[Positive, "1/s"] = 3.0
     min_speed: Annotated[NonNegative, "rad/s"] = 0.05
@@ -33,14 +35,7 @@ class RotateToHeadingParameters:
     max_place_speed: Annotated[NonNegative, "m/s"] = 0.2
 
     def __post_init__(self) -> None:
-        check_order(self, "min_speed", "max_speed")
-
-
-class RotateToHeading(PathFollower):
-    """Turns to the heading of a path's goal, where the base is, and ignores its points."""
-
-    def __init__(self, parameters: RotateToHeadingParameters | None = None) -> None:
-        self._parameters = parameters or RotateToHeadingParameters()
+        check_bounds(self)
         self._heading: float | None = None
         self._speed = 0.0
         self._place: Pose2D | None = None
@@ -64,27 +59,27 @@ class RotateToHeading(PathFollower):
         """See ``PathFollower.compute``; ``remaining`` is 0, as no distance is driven."""
         if self._heading is None:
             raise RuntimeError("RotateToHeading.compute was called before reset")
-        p = self._parameters
         self._place = self._place or pose
         error = wrap_angle(self._heading - pose.theta)
-        arrived = abs(error) < p.tolerance
-        if arrived and abs(velocity.wz) < p.still and abs(self._speed) < p.still:
+        arrived = abs(error) < self.tolerance
+        if arrived and abs(velocity.wz) < self.still and abs(self._speed) < self.still:
             self._speed = 0.0
             return FollowerCommand(Twist2D(), True, 0.0)
         sign = math.copysign(1.0, error)
         if abs(error) > math.pi - 0.2 and self._speed:
             sign = math.copysign(1.0, self._speed)  # half a turn away, noise must not change the direction
-        speed = max(p.min_speed, min(p.max_speed, math.sqrt(p.acceleration * abs(error)), p.gain * abs(error)))
+        speed = max(
+            self.min_speed, min(self.max_speed, math.sqrt(self.acceleration * abs(error)), self.gain * abs(error))
+        )
         if arrived:
             speed = 0.0
-        change = p.acceleration * dt
+        change = self.acceleration * dt
         self._speed += min(max(sign * speed - self._speed, -change), change)
         return FollowerCommand(Twist2D(vx=self._back_to_place(pose), wz=self._speed), False, 0.0)
 
     def _back_to_place(self, pose: Pose2D) -> float:
         """Speed along the base, m/s, against having crept away; 0 within the slack."""
-        p = self._parameters
         assert self._place is not None
         ahead = (pose.inverse() @ self._place).x
-        beyond = math.copysign(max(0.0, abs(ahead) - p.slack), ahead)
-        return min(max(p.place_gain * beyond, -p.max_place_speed), p.max_place_speed)
+        beyond = math.copysign(max(0.0, abs(ahead) - self.slack), ahead)
+        return min(max(self.place_gain * beyond, -self.max_place_speed), self.max_place_speed)

@@ -576,15 +576,10 @@ class Crowded(ObstacleLayer):
     def __init__(self) -> None:
         super().__init__()
         (x, y), (vx, vy) = START.apply([1.4, 0.0]), START.apply([-0.6, 0.0]) - START.xy
-        self.person = MovingObstacle(float(x), float(y), float(vx), float(vy), 0.2)
+        self.moving.obstacles = [MovingObstacle(float(x), float(y), float(vx), float(vy), 0.2)]
 
-    @property
-    def moving(self) -> list[MovingObstacle]:
-        return [self.person]
-
-    @property
-    def walkers(self) -> list[MovingObstacle]:
-        return []
+    def update(self, scan: LaserScan, map_from_lidar: Pose2D) -> None:
+        """They are seen all the time."""
 
 
 def test_people_are_given_way_on_paths_that_were_planned_on_a_map_alone():

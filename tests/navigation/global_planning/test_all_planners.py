@@ -15,12 +15,9 @@ from bestman_bt.navigation.global_planning import (
     GlobalPlanner,
     GridAStar,
     HybridAStar,
-    HybridAStarParameters,
     PlanningFailure,
     PlanningFailureReason,
-    PRMParameters,
     RRTStar,
-    RRTStarParameters,
     ThetaStar,
     areas_of_disc,
 )
@@ -30,8 +27,8 @@ PLANNERS = {
     "grid_astar": GridAStar(),
     "theta_star": ThetaStar(),
     "hybrid_astar": HybridAStar(),
-    "prm": PRM(PRMParameters(samples=400)),
-    "rrt_star": RRTStar(RRTStarParameters(samples=300)),
+    "prm": PRM(samples=400),
+    "rrt_star": RRTStar(samples=300),
 }
 LONG = Footprint(np.array([[-0.4, -0.2], [0.4, -0.2], [0.4, 0.2], [-0.4, 0.2]]))
 
@@ -181,9 +178,7 @@ def test_equal_questions_have_equal_answers(planner: GlobalPlanner) -> None:
 @pytest.mark.parametrize("radius", [0.3, 0.8])
 def test_hybrid_astar_keeps_to_its_turning_radius(radius: float) -> None:
     costmap = Costmap.from_map(walls(*room(7.0, 6.0)), LONG)
-    path = HybridAStar(HybridAStarParameters(turning_radius=radius)).plan(
-        Pose2D(1.5, 1.5, 0.0), Pose2D(2.2, 4.0, math.pi), costmap
-    )
+    path = HybridAStar(turning_radius=radius).plan(Pose2D(1.5, 1.5, 0.0), Pose2D(2.2, 4.0, math.pi), costmap)
     assert isinstance(path, Path2D)
     deltas = np.diff(path.points, axis=0)
     headings = np.arctan2(deltas[:, 1], deltas[:, 0]) + np.where(path.reverse, math.pi, 0.0)

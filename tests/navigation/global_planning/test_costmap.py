@@ -9,30 +9,29 @@ import pytest
 from bestman_bt.messages import Box, Cylinder, Mesh, OccupancyGrid, PlacedShape, Pose, Pose2D, Sphere
 from bestman_bt.navigation.global_planning import (
     Costmap,
-    CostmapParameters,
     Footprint,
     LayeredCostmap,
-    LayeredCostmapParameters,
+    Rasterization,
 )
 from bestman_bt.world_model import MapFurniture, Obstacle, SemanticMap
 
-EXACT = CostmapParameters(clearance=0.0, furniture_position_error=0.0, furniture_heading_error=0.0)
+EXACT = Rasterization(clearance=0.0, furniture_position_error=0.0, furniture_heading_error=0.0)
 
 
 def test_distance_to_a_wall_is_exact_between_cell_centres(kitchen, footprint):
-    costmap = Costmap.from_map(kitchen, footprint, parameters=EXACT)
+    costmap = Costmap.from_map(kitchen, footprint, rasterization=EXACT)
     assert costmap.distance_at([0.013, -1.987]) == pytest.approx(2.4 - 1.987, abs=1e-6)
 
 
 def test_distance_is_negative_inside_furniture(kitchen, footprint):
-    costmap = Costmap.from_map(kitchen, footprint, parameters=EXACT)
+    costmap = Costmap.from_map(kitchen, footprint, rasterization=EXACT)
     assert costmap.distance_at([3.4, -0.9]) == pytest.approx(-0.4, abs=0.03)
 
 
 def test_furniture_keeps_a_margin_for_its_position_and_heading_error(kitchen, footprint):
-    exact = Costmap.from_map(kitchen, footprint, parameters=EXACT)
+    exact = Costmap.from_map(kitchen, footprint, rasterization=EXACT)
     careful = Costmap.from_map(
-        kitchen, footprint, parameters=CostmapParameters(clearance=0.0, furniture_heading_error=math.radians(2))
+        kitchen, footprint, rasterization=Rasterization(clearance=0.0, furniture_heading_error=math.radians(2))
     )
     before_the_middle, before_the_corner = [2.8, -0.9], [2.8, -1.45]
     lost = exact.distance_at([before_the_middle, before_the_corner]) - careful.distance_at(
@@ -99,7 +98,7 @@ def test_a_clockwise_footprint_is_refused():
 @pytest.mark.parametrize(("layer", "inside"), [("static", (0.0, -2.4)), ("furniture", (3.4, -0.9))])
 def test_a_layer_that_is_switched_off_is_not_there(kitchen, footprint, layer, inside):
     assert Costmap.from_map(kitchen, footprint).distance_at(inside) < 0.03
-    without = Costmap.from_map(kitchen, footprint, parameters=CostmapParameters(**{layer: False}))
+    without = Costmap.from_map(kitchen, footprint, rasterization=Rasterization(**{layer: False}))
     assert without.distance_at(inside) > 0.3
 
 
@@ -108,9 +107,7 @@ def test_cells_that_nobody_has_seen_are_obstacles_as_long_as_their_layer_is_on(f
     data[:, 30:] = -1
     data[10, 10] = 100
     grid = OccupancyGrid(data, 0.05, np.zeros(2))
-    careful, bold = (
-        LayeredCostmap(LayeredCostmapParameters(unknown=unknown)).of_grid(grid, footprint) for unknown in (True, False)
-    )
+    careful, bold = (LayeredCostmap(unknown=unknown).of_grid(grid, footprint) for unknown in (True, False))
     assert careful.distance_at([1.475, 1.5]) == pytest.approx(0.02, abs=1e-6)
     assert careful.distance_at([1.7, 1.5]) < 0.0
     assert bold.distance_at([1.7, 1.5]) > 0.5
@@ -124,10 +121,10 @@ def test_furniture_may_be_turned_either_way_and_a_piece_that_was_measured_is_kno
     beside = np.array([3.4 + side * 0.35, -0.9 + side * 0.65])
     measured = kitchen.with_furniture(replace(table, position_error=0.004, heading_error=0.0))
     rough, better, exact = (
-        Costmap.from_map(world, footprint, parameters=parameters).distance_at(beside)
-        for world, parameters in (
-            (kitchen, CostmapParameters(clearance=0.0)),
-            (measured, CostmapParameters(clearance=0.0)),
+        Costmap.from_map(world, footprint, rasterization=rasterization).distance_at(beside)
+        for world, rasterization in (
+            (kitchen, Rasterization(clearance=0.0)),
+            (measured, Rasterization(clearance=0.0)),
             (kitchen, EXACT),
         )
     )
@@ -156,12 +153,12 @@ def test_the_frame_of_a_doorway_is_in_the_way_and_its_opening_is_not_as_long_as_
     door = MapFurniture("door", Pose2D(0.0, 0.0, 0.0), (0.1, 1.0), 2.0, (), False, (post,), is_passage=True)
     with_door = kitchen.with_furniture(door)
     for doors, away in ((True, 0.4), (False, 1.0)):
-        costmap = Costmap.from_map(with_door, footprint, parameters=replace(EXACT, doors=doors))
+        costmap = Costmap.from_map(with_door, footprint, rasterization=replace(EXACT, doors=doors))
         assert float(costmap.distance_at([0.0, 0.0])) == pytest.approx(away, abs=0.05) or not doors
         assert (float(costmap.distance_at([0.0, 0.45])) < 0.0) == doors
 
 
 def test_cells_nearer_than_is_lethal_cost_the_most_within_the_slack(costmap):
-    highest = 1.0 + costmap.parameters.cost_weight
+    highest = 1.0 + costmap.rasterization.cost_weight
     assert costmap.cost([0.4, 0.395, 0.391, 0.389], 0.4, 0.01) == pytest.approx([highest, highest, highest, np.inf])
     assert costmap.cost([0.4 + 0.15], 0.4)[0] == pytest.approx(1.0 + 3.0 / math.e)

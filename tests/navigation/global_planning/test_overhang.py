@@ -12,11 +12,11 @@ from bestman_bt.messages import Box, OccupancyGrid, Path2D, PlacedShape, Pose, P
 from bestman_bt.messages.occupancy_grid import FREE, OCCUPIED
 from bestman_bt.navigation.global_planning import (
     Costmap,
-    CostmapParameters,
     Footprint,
     GridAStar,
     PlanningFailure,
     PlanningFailureReason,
+    Rasterization,
 )
 from bestman_bt.navigation.local_planning import FootprintMotion, ObstacleLayer
 from bestman_bt.world_model import Obstacle
@@ -175,7 +175,7 @@ def test_distances_to_what_is_tall_have_the_same_margins_as_those_to_everything(
                 walls(*room(4.0, 4.0)),
                 ARM,
                 crates(height, (2.0, 2.75, 1.0, 1.0)),
-                CostmapParameters(clearance=clearance),
+                Rasterization(clearance=clearance),
             )
             for height in (0.5, 1.5)
         )

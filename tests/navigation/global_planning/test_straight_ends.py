@@ -7,7 +7,7 @@ import pytest
 
 from bestman_bt.messages import Pose2D
 from bestman_bt.navigation.global_planning import Costmap, Footprint, PlanningFailure, PlanningFailureReason
-from bestman_bt.navigation.global_planning.straight_ends import Ends, StraightEnds, StraightEndsParameters
+from bestman_bt.navigation.global_planning.straight_ends import Ends, StraightEnds, StraightPieces
 from bestman_bt.world_model import SemanticMap
 
 LANE = SemanticMap(np.array([(0.0, y, 6.0, y) for y in (-0.6, 0.6)] + [(x, -0.6, x, 0.6) for x in (0.0, 6.0)]), {})
@@ -18,7 +18,7 @@ BASE = Footprint(np.array([[-0.4, -0.2], [0.4, -0.2], [0.4, 0.2], [-0.4, 0.2]]))
 def test_where_there_is_a_little_less_room_to_turn_than_wanted_the_slack_is_taken(slack: float, there: bool) -> None:
     costmap = Costmap.from_map(LANE, BASE)
     most = float(costmap.for_turning.distance_at([(x, 0.0) for x in np.arange(1.0, 5.0, 0.02)]).max())
-    ends = StraightEnds(costmap, StraightEndsParameters(), turning_distance=most + 0.005, slack=slack)
+    ends = StraightEnds(costmap, StraightPieces(), turning_distance=most + 0.005, slack=slack)
     found = ends.between(Pose2D(1.0, 0.0, 0.0), Pose2D(5.0, 0.0, 0.0))
     if there:
         assert isinstance(found, Ends)
@@ -31,7 +31,7 @@ def test_where_there_is_all_the_room_that_is_wanted_it_is_preferred_to_the_slack
     costmap = Costmap.from_map(LANE, BASE)
     room = costmap.for_turning
     wanted = float(room.distance_at([3.0, 0.0]))
-    found = StraightEnds(costmap, StraightEndsParameters(), turning_distance=wanted, slack=0.3).between(
+    found = StraightEnds(costmap, StraightPieces(), turning_distance=wanted, slack=0.3).between(
         Pose2D(3.0, 0.0, 0.0), Pose2D(5.4, 0.0, 0.0)
     )
     assert isinstance(found, Ends)
@@ -45,7 +45,7 @@ def two_rooms(*across: float) -> StraightEnds:
     walls = [(*a, *b) for a, b in zip(outline, outline[1:] + outline[:1], strict=True)]
     walls += [(x, -0.5, x, 0.5) for x in across]
     costmap = Costmap.from_map(SemanticMap(np.array(walls), {}), BASE)
-    return StraightEnds(costmap, StraightEndsParameters(max_straight=2.5), turning_distance=0.6)
+    return StraightEnds(costmap, StraightPieces(max_straight=2.5), turning_distance=0.6)
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,7 @@ from bestman_bt.navigation.global_planning import Costmap
 from bestman_bt.navigation.local_planning import braking_time, safe_share
 from bestman_bt.navigation.local_planning.critics import Critics, Surroundings
 from bestman_bt.navigation.local_planning.jerk_limit import JerkLimit
-from bestman_bt.navigation.local_planning.obstacle_aware import ObstacleAwareFollower, ObstacleAwareParameters
+from bestman_bt.navigation.local_planning.obstacle_aware import ObstacleAwareFollower
 from bestman_bt.navigation.localization.ray_casting import cast_rays
 from bestman_bt.robot_model import BaseModel, MobilePart
 from bestman_bt.world_model import SemanticMap
@@ -31,7 +31,7 @@ class Straight(ObstacleAwareFollower):
     """Would always drive straight ahead."""
 
     def __init__(self) -> None:
-        super().__init__(ObstacleAwareParameters())
+        super().__init__()
         self.chosen = AHEAD
         self.moving: list = []
 

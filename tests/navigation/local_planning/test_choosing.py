@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from bestman_bt.messages import Pose2D, Twist2D
-from bestman_bt.navigation.local_planning import DWA, MPPI, DWAParameters, MovingObstacle
+from bestman_bt.navigation.local_planning import DWA, MPPI, MovingObstacle
 from bestman_bt.navigation.local_planning.cost_to_go import CostToGo, cost_to_go
-from bestman_bt.navigation.local_planning.critics import CriticParameters, Critics, Drives, Surroundings
+from bestman_bt.navigation.local_planning.critics import Critics, CriticWeights, Drives, Surroundings
 from bestman_bt.navigation.local_planning.distance_grid import DistanceGrid
 from bestman_bt.navigation.local_planning.path_progress import PathProgress
 from bestman_bt.robot_model import BaseModel
@@ -68,7 +68,7 @@ def test_with_something_right_before_it_it_stands_and_with_a_walker_there_as_wel
 
 def test_a_velocity_that_cannot_be_stopped_in_time_is_not_admissible(footprint):
     """0.36 m before a wall, 0.6 m/s are too fast: 0.06 m of reaction and 0.3 m of braking."""
-    follower = DWA(DWAParameters(critics=CriticParameters(contact=0.0, goal_early=0.0, obstacle=0.0)))
+    follower = DWA(critics=CriticWeights(contact=0.0, goal_early=0.0, obstacle=0.0))
     follower.configure(limits(footprint))
     for gap, least, most in ((1.2, 0.59, 0.6), (0.30, 0.0, 0.55), (0.12, 0.0, 0.35)):
         wall = POSE.apply(np.column_stack([np.full(61, 0.28 + 0.05 + gap), np.linspace(-0.8, 0.8, 61)]))
@@ -117,7 +117,7 @@ def critics(footprint, **weights) -> Critics:
         "contact",
         "moving",
     )
-    return Critics(CriticParameters(**({name: 0.0 for name in names} | weights)), footprint, True)
+    return Critics(CriticWeights(**({name: 0.0 for name in names} | weights)), footprint, True)
 
 
 def drive(pose: Pose2D, twist: Twist2D, steps: int = 20, dt: float = 0.1) -> Drives:

@@ -86,8 +86,8 @@ def test_a_walker_is_tracked_with_its_velocity_and_a_post_is_not(driving):
         scan = scan_of(np.vstack([post, disc(2.2, -1.2 + 0.6 * now)]), pose, now)
         noisy = scan.ranges + 0.01 * noise.standard_normal(360)
         obstacles.update(LaserScan(noisy, -math.pi, 2 * math.pi / 360, 0.45, 8.0, now), pose)
-    assert len(obstacles.moving) == 1
-    walker = obstacles.moving[0]
+    assert len(obstacles.moving.obstacles) == 1
+    walker = obstacles.moving.obstacles[0]
     assert (walker.vx, walker.vy) == pytest.approx((0.0, 0.6), abs=0.12)
     assert (walker.x, walker.y) == pytest.approx((2.2, -1.2 + 0.6 * 2.4), abs=0.08)
 

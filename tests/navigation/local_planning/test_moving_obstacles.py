@@ -33,7 +33,7 @@ def walk(tracks: MovingObstacles, velocity=(0.0, 0.6), start=(2.0, -1.0), second
 def test_a_walker_is_told_with_place_velocity_and_size_and_its_hits_no_longer_stand(velocity):
     tracks, post = MovingObstacles(), hits_on(1.0, 2.0, 0.15)
     _, standing = walk(tracks, velocity, others=post)
-    (walker,) = tracks.moving
+    (walker,) = tracks.obstacles
     assert tracks.walkers == [walker]
     assert (walker.vx, walker.vy) == pytest.approx(velocity, abs=0.05)
     end = np.array([2.0, -1.0]) + 2.0 * np.array(velocity)
@@ -47,18 +47,18 @@ def test_what_creeps_or_is_faster_than_anybody_does_not_walk(speed, moves):
     tracks = MovingObstacles()
     for k in range(16):
         tracks.update(hits_on(2.0 + 0.1 * speed * k, -1.0), LIDAR, 0.45, 0.1 * k)
-    assert bool(tracks.moving) == moves
+    assert bool(tracks.obstacles) == moves
 
 
 def test_what_shakes_on_the_spot_or_is_too_large_does_not_walk():
     tracks = MovingObstacles()
     for k in range(20):
         tracks.update(hits_on(2.0 + 0.04 * (-1) ** k, -1.0), LIDAR, 0.45, 0.1 * k)
-    assert tracks.moving == []
+    assert tracks.obstacles == []
     wide = np.column_stack([np.linspace(1.5, 2.6, 23), np.full(23, 1.0)])
     for k in range(20):
         standing = tracks.update(wide + np.array([0.0, 0.05 * k]), LIDAR, 0.45, 2.0 + 0.1 * k)
-    assert tracks.moving == []
+    assert tracks.obstacles == []
     assert len(standing) == 23
 
 
@@ -67,7 +67,7 @@ def test_who_slows_down_moves_on_to_half_the_speed_from_which_somebody_moves(spe
     tracks = MovingObstacles()
     now, _ = walk(tracks, (0.0, 0.3))
     walk(tracks, (0.0, speed), (2.0, -0.4), 4.0, begin=now)
-    assert bool(tracks.moving) == moves
+    assert bool(tracks.obstacles) == moves
     assert len(tracks.walkers) == 1
 
 
@@ -75,11 +75,11 @@ def test_who_comes_to_stand_is_a_walker_that_does_not_move_and_walks_on():
     tracks = MovingObstacles()
     now, _ = walk(tracks, (0.0, 0.5))
     now, standing = walk(tracks, (0.0, 0.0), (2.0, 0.0), 3.0, begin=now + 0.1)
-    assert tracks.moving == []
+    assert tracks.obstacles == []
     assert [(w.x, w.y) for w in tracks.walkers] == [pytest.approx((2.0, 0.0), abs=0.07)]
     assert len(standing) == 9
     walk(tracks, (0.0, -0.5), (2.0, 0.0), 1.5, begin=now + 0.1)
-    assert len(tracks.moving) == 1
+    assert len(tracks.obstacles) == 1
 
 
 @pytest.mark.parametrize(("away", "speed", "forgotten"), [(2.0, 0.25, 0.8), (0.3, 0.2, 3.0)])
@@ -87,15 +87,15 @@ def test_who_is_seen_no_more_is_foreseen_for_a_while_and_longer_where_the_lidar_
     """It walks across the view, and so stays about as far away."""
     tracks = MovingObstacles()
     now, _ = walk(tracks, (0.0, speed), (LIDAR[0] + away, LIDAR[1] - 2.0 * speed))
-    (before,) = tracks.moving
+    (before,) = tracks.obstacles
     for k in range(1, 40):
         tracks.update(NOTHING, LIDAR, 0.45, now + 0.1 * k)
         passed = 0.1 * k
         if passed < forgotten - 0.05:
-            (walker,) = tracks.moving
+            (walker,) = tracks.obstacles
             assert walker.y == pytest.approx(before.y + passed * before.vy, abs=1e-6)
         elif passed > forgotten + 0.15:
-            assert tracks.moving == [] == tracks.walkers
+            assert tracks.obstacles == [] == tracks.walkers
 
 
 def test_two_who_pass_each_other_keep_their_ways_and_a_jump_is_somebody_else():
@@ -103,11 +103,11 @@ def test_two_who_pass_each_other_keep_their_ways_and_a_jump_is_somebody_else():
     for k in range(25):
         a, b = hits_on(2.0, -1.2 + 0.06 * k), hits_on(2.6, 1.2 - 0.06 * k)
         tracks.update(np.vstack([a, b]), LIDAR, 0.45, 0.1 * k)
-    assert sorted(round(w.vy, 1) for w in tracks.moving) == [-0.6, 0.6]
+    assert sorted(round(w.vy, 1) for w in tracks.obstacles) == [-0.6, 0.6]
     tracks = MovingObstacles()
     now, _ = walk(tracks)
     tracks.update(hits_on(2.0, 1.2), LIDAR, 0.45, now + 0.1)  # a metre further on
-    (walker,) = tracks.moving
+    (walker,) = tracks.obstacles
     assert walker.y == pytest.approx(0.26, abs=0.08)
 
 
@@ -118,7 +118,7 @@ def test_hits_of_the_last_and_the_first_beam_belong_to_one_cluster():
         post = hits_on(1.0, 2.0, 0.15)
         around = np.vstack([disc[5:], post, disc[:5]])
         standing = tracks.update(around, LIDAR, 0.45, 0.1 * k)
-    (walker,) = tracks.moving
+    (walker,) = tracks.obstacles
     assert walker.radius == pytest.approx(0.2, abs=0.03)
     assert np.array_equal(standing, post)
 
@@ -127,4 +127,4 @@ def test_two_hits_are_nobody():
     tracks = MovingObstacles()
     for k in range(20):
         tracks.update(hits_on(2.0, -1.0 + 0.06 * k, count=2), LIDAR, 0.45, 0.1 * k)
-    assert tracks.moving == []
+    assert tracks.obstacles == []

@@ -37,7 +37,7 @@ def test_a_costmap_has_what_was_seen_where_it_is_to_a_cell_of_the_layer(layer, c
     seen = layer.on(costmap)
     for before in (0.1, 0.3, 0.5):
         place = [1.2 - before, 0.2]
-        assert seen.distance_at(place) == pytest.approx(before - costmap.parameters.clearance, abs=0.025)
+        assert seen.distance_at(place) == pytest.approx(before - costmap.rasterization.clearance, abs=0.025)
         assert costmap.distance_at(place) > seen.distance_at(place)
     far = np.array([-2.0, 0.5])
     assert seen.distance_at(far) == costmap.distance_at(far)
@@ -97,8 +97,8 @@ def test_who_has_walked_and_stands_now_counts_as_a_person_and_what_always_stood_
         scan = scan_of(np.vstack([kitchen.walls, post(1.3, 0.9), post(1.5, walked, 0.15)]), pose, now)
         ranges = scan.ranges + 0.01 * noise.standard_normal(360)
         layer.update(LaserScan(ranges, -math.pi, 2 * math.pi / 360, 0.45, 8.0, now), pose)
-    assert not layer.moving
-    assert [(walker.x, walker.y) for walker in layer.walkers] == [pytest.approx((1.5, 0.35), abs=0.1)]
+    assert not layer.moving.obstacles
+    assert [(walker.x, walker.y) for walker in layer.moving.walkers] == [pytest.approx((1.5, 0.35), abs=0.1)]
 
 
 STEP = 2 * math.pi / 360

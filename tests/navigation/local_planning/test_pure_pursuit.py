@@ -7,7 +7,7 @@ import pytest
 
 from bestman_bt.messages import Path2D, Pose2D, Twist2D, wrap_angle
 from bestman_bt.navigation.global_planning import GridAStar
-from bestman_bt.navigation.local_planning import PurePursuit, PurePursuitParameters, RotateToHeading
+from bestman_bt.navigation.local_planning import PurePursuit, RotateToHeading
 
 DT = 0.025
 
@@ -92,9 +92,9 @@ def test_a_moving_base_stops_for_a_path_that_leads_back():
 
 
 def test_speeds_and_accelerations_stay_within_the_limits(costmap):
-    p = PurePursuitParameters(max_speed=0.4, max_turn_rate=0.8)
+    p = PurePursuit(max_speed=0.4, max_turn_rate=0.8)
     path = Path2D([(0, 0), (1, 0), (1.5, 0.8), (0.5, 1.5)], Pose2D(0.5, 1.5, 0.0))
-    _, commands, _ = drive(path, Pose2D(), PurePursuit(p))
+    _, commands, _ = drive(path, Pose2D(), p)
     assert np.abs(commands[:, 0]).max() <= 0.4
     assert np.abs(commands[:, 1]).max() <= max(0.8, p.turning.max_speed)
     assert np.abs(np.diff(commands[:, 0])).max() / DT <= 2 * p.acceleration + 1e-9
@@ -170,7 +170,7 @@ def test_a_base_goes_on_at_its_speed_only_where_it_drives_along_the_path(heading
 
 
 def test_a_base_that_is_faster_than_it_may_goes_on_at_its_limit():
-    follower = PurePursuit(PurePursuitParameters(max_speed=0.4))
+    follower = PurePursuit(max_speed=0.4)
     follower.reset(Path2D([(0, 0), (3, 0)], Pose2D(3.0, 0.0, 0.0)))
     assert follower.compute(Pose2D(), Twist2D(0.9), DT).twist.vx == pytest.approx(0.4)
 
@@ -195,7 +195,7 @@ def test_the_remaining_way_counts_all_legs_and_a_bend_is_driven_within_its_later
     assert follower.compute(Pose2D(), Twist2D(), DT).remaining == pytest.approx(4.0)
     around = 0.5 * np.column_stack([np.sin(np.linspace(0, 3, 40)), 1.0 - np.cos(np.linspace(0, 3, 40))])
     bend = Path2D(around, Pose2D(*around[-1].tolist(), 3.0))
-    _, commands, _ = drive(bend, Pose2D(), PurePursuit(PurePursuitParameters(lateral_acceleration=0.1)))
+    _, commands, _ = drive(bend, Pose2D(), PurePursuit(lateral_acceleration=0.1))
     on_bend = commands[40:-60]
     assert np.abs(on_bend[:, 0] * on_bend[:, 1]).max() < 0.14
 

@@ -5,14 +5,14 @@ import math
 import pytest
 
 from bestman_bt.messages import Pose2D, Twist2D
-from bestman_bt.navigation.local_planning import RotateToHeading, RotateToHeadingParameters
+from bestman_bt.navigation.local_planning import RotateToHeading
 
 DT = 0.025
 
 
-def turned(creep: float, parameters: RotateToHeadingParameters | None = None) -> tuple[Pose2D, list[Twist2D]]:
+def turned(creep: float, **parameters: float) -> tuple[Pose2D, list[Twist2D]]:
     """Where a half turn ends that pushes the base along itself by ``creep`` metres a radian, and what was commanded."""
-    follower = RotateToHeading(parameters)
+    follower = RotateToHeading(**parameters)
     follower.turn_to(math.pi - 0.3)
     pose, velocity, commands = Pose2D(), Twist2D(), []
     for _ in range(400):
@@ -28,12 +28,12 @@ def turned(creep: float, parameters: RotateToHeadingParameters | None = None) ->
 
 @pytest.mark.parametrize("creep", [-0.17, 0.17])
 def test_a_base_that_creeps_while_it_turns_is_driven_back(creep: float) -> None:
-    left_alone, _ = turned(creep, RotateToHeadingParameters(slack=math.inf))
+    left_alone, _ = turned(creep, slack=math.inf)
     held, commands = turned(creep)
     assert math.hypot(left_alone.x, left_alone.y) > 0.33
     assert math.hypot(held.x, held.y) < 0.125
     assert held.theta == pytest.approx(math.pi - 0.3, abs=0.01)
-    assert max(abs(twist.vx) for twist in commands) <= RotateToHeadingParameters().max_place_speed
+    assert max(abs(twist.vx) for twist in commands) <= RotateToHeading().max_place_speed
 
 
 def test_a_base_that_turns_on_the_spot_is_commanded_to_turn_alone() -> None:
@@ -82,4 +82,4 @@ def test_a_new_turn_holds_the_place_where_it_begins() -> None:
         crept = follower.compute(Pose2D(x + 0.03, 0.0, 0.0), Twist2D(), DT).twist.vx
         assert crept == pytest.approx(-5.0 * 0.01)
         back = follower.compute(Pose2D(x - 0.5, 0.0, 0.0), Twist2D(), DT).twist.vx
-        assert back == RotateToHeadingParameters().max_place_speed
+        assert back == RotateToHeading().max_place_speed

@@ -112,7 +112,7 @@ def test_table_tops_are_obstacles_for_planning_but_not_beside_walls():
 def test_a_costmap_of_a_grid_tells_distances_to_the_borders_of_occupied_and_unknown_cells(footprint):
     grid = floor(6.0)
     costmap = Costmap.from_grid(grid, footprint)
-    margin = costmap.parameters.clearance
+    margin = costmap.rasterization.clearance
     assert costmap.distance_at([3.025, 1.5]) == pytest.approx(1.45 - margin, abs=1e-6)  # the wall ends at y 0.05
     assert costmap.distance_at([5.025, 2.0]) == pytest.approx(0.975 - margin, abs=1e-6)  # the unknown begins at 6
     assert costmap.distance_at([3.025, 0.025]) == pytest.approx(-0.025 - margin, abs=1e-6)
