@@ -151,7 +151,7 @@ class ExploreAndMap(Skill):
                     raise SkillFailure.of(failure)
                 return False
             grid, costmap = self._look(overhangs)
-            if explorer.gain(grid, view.pose.xy) < explorer.parameters.min_gain:
+            if explorer.gain(grid, view.pose.xy) < explorer.min_gain:
                 return True
             if handle.done or self._pose.distance_to(view.pose) < ARRIVED:
                 return False

@@ -16,7 +16,7 @@ from bestman_bt.configuration import load_run
 from bestman_bt.manipulation.kinematics import ForwardKinematics
 from bestman_bt.messages import LaserScan, Path2D, Pose2D
 from bestman_bt.navigation.global_planning import Costmap, GlobalPlanner, PlanningFailure, areas_of_disc
-from bestman_bt.navigation.slam import PoseGraphSlam, PoseGraphSlamParameters, SlamEstimate
+from bestman_bt.navigation.slam import PoseGraphSlam, SlamEstimate
 from bestman_bt.runtime import Executor, prepare
 from bestman_bt.runtime.drive_goals import true_costmap
 from bestman_bt.runtime.setup import Setup
@@ -146,7 +146,7 @@ def reachable_floor(setup: Setup) -> NDArray[np.float64]:
 
 def again(run: Exploration, loop_closure: bool) -> PoseGraphSlam:
     """SLAM on the same readings once more."""
-    slam = PoseGraphSlam(PoseGraphSlamParameters(loop_closure=loop_closure))
+    slam = PoseGraphSlam(loop_closure=loop_closure)
     slam.reset(run.told, run.readings[0].odometry)
     for reading in run.readings:
         slam.add(reading.odometry, reading.scan, reading.base_from_lidar)

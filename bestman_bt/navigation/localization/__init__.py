@@ -8,37 +8,32 @@ from bestman_bt.navigation.localization.base import (
     Place,
     ScanMatch,
 )
-from bestman_bt.navigation.localization.correlative_search import CorrelativeSearch, CorrelativeSearchParameters
+from bestman_bt.navigation.localization.correlative_search import CorrelativeSearch
 from bestman_bt.navigation.localization.distance_field import DistanceField
-from bestman_bt.navigation.localization.ekf import OdometryEkf, OdometryEkfParameters
-from bestman_bt.navigation.localization.front_edge import FrontEdge, FrontEdgeParameters, front_edge
+from bestman_bt.navigation.localization.ekf import OdometryEkf
+from bestman_bt.navigation.localization.front_edge import FrontEdge, front_edge
 from bestman_bt.navigation.localization.map_lines import MapLines, PlanarMap, map_lines
 from bestman_bt.navigation.localization.odometry import OdometryFilter, WheelOdometry
-from bestman_bt.navigation.localization.particle_filter import ParticleFilter, ParticleFilterParameters
+from bestman_bt.navigation.localization.particle_filter import ParticleFilter
 from bestman_bt.navigation.localization.ray_casting import cast_rays
-from bestman_bt.navigation.localization.scan_to_map import ScanToMap, ScanToMapParameters
+from bestman_bt.navigation.localization.scan_to_map import ScanToMap
 
 __all__ = [
     "CorrelativeSearch",
-    "CorrelativeSearchParameters",
     "DistanceField",
     "FrontEdge",
-    "FrontEdgeParameters",
     "GlobalLocalizer",
     "LocalizationEstimate",
     "Localizer",
     "MapLines",
     "OdometryEkf",
-    "OdometryEkfParameters",
     "OdometryFilter",
     "OdometryScan",
     "ParticleFilter",
-    "ParticleFilterParameters",
     "Place",
     "PlanarMap",
     "ScanMatch",
     "ScanToMap",
-    "ScanToMapParameters",
     "WheelOdometry",
     "cast_rays",
     "front_edge",

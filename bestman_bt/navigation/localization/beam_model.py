@@ -17,7 +17,15 @@ from bestman_bt.navigation.localization.ray_casting import cast_rays
 
 
 @dataclass(frozen=True)
-class BeamModelParameters:
+class Agreement:
+    """``log_likelihood``: mean over the beams. ``explained``: share of the hits that are where they should be."""
+
+    log_likelihood: float
+    explained: float
+
+
+@dataclass(frozen=True)
+class BeamModel:
     """``beams``: that are looked at, evenly spread. ``hit_std``: metres, of lidar, map and pose together.
 
     ``hit``, ``short``, ``random``: shares of beams that meet what the map has, something before it that the map does
@@ -34,37 +42,27 @@ class BeamModelParameters:
     lost: Share = 0.1
     explained_within: Annotated[Positive, "m"] = 0.12
 
-
-@dataclass(frozen=True)
-class Agreement:
-    """``log_likelihood``: mean over the beams. ``explained``: share of the hits that are where they should be."""
-
-    log_likelihood: float
-    explained: float
-
-
-def agreement(
-    segments: NDArray[np.float64], map_from_lidar: Pose2D, scan: LaserScan, parameters: BeamModelParameters
-) -> Agreement:
-    """Compare a scan with what would be seen of ``segments`` (N, 4) from ``map_from_lidar``."""
-    p = parameters
-    step = max(1, len(scan.ranges) // p.beams)
-    measured = scan.ranges[::step]
-    expected, _ = cast_rays(segments, map_from_lidar, scan.angles[::step])
-    expected = np.where(expected > scan.range_max, np.inf, expected)
-    visible = expected > scan.range_min  # what is nearer cannot be measured
-    hit, seen = np.isfinite(measured), np.isfinite(expected)
-    with np.errstate(invalid="ignore"):
-        error = measured - expected
-        near = p.hit * np.exp(-0.5 * (error / p.hit_std) ** 2) / (p.hit_std * np.sqrt(2.0 * np.pi))
-        before = np.where(error < 0.0, p.short * np.exp(-measured / p.short_decay) / p.short_decay, 0.0)
-    by_chance = p.random / scan.range_max
-    likelihood = np.where(hit & seen, near + before, 0.0) + by_chance
-    likelihood[hit & ~seen] = by_chance + p.short * np.exp(-measured[hit & ~seen] / p.short_decay) / p.short_decay
-    likelihood[~hit & seen] = p.lost
-    likelihood[~hit & ~seen] = 1.0
-    told = visible & (hit | seen)
-    if not told.any():
-        return Agreement(float(np.log(by_chance)), 0.0)
-    fits = hit & seen & (np.abs(np.where(hit & seen, error, np.inf)) < p.explained_within)
-    return Agreement(float(np.log(likelihood[told]).mean()), float(fits.sum() / max(hit.sum(), 1)))
+    def agreement(self, segments: NDArray[np.float64], map_from_lidar: Pose2D, scan: LaserScan) -> Agreement:
+        """Compare a scan with what would be seen of ``segments`` (N, 4) from ``map_from_lidar``."""
+        step = max(1, len(scan.ranges) // self.beams)
+        measured = scan.ranges[::step]
+        expected, _ = cast_rays(segments, map_from_lidar, scan.angles[::step])
+        expected = np.where(expected > scan.range_max, np.inf, expected)
+        visible = expected > scan.range_min  # what is nearer cannot be measured
+        hit, seen = np.isfinite(measured), np.isfinite(expected)
+        with np.errstate(invalid="ignore"):
+            error = measured - expected
+            near = self.hit * np.exp(-0.5 * (error / self.hit_std) ** 2) / (self.hit_std * np.sqrt(2.0 * np.pi))
+            before = np.where(error < 0.0, self.short * np.exp(-measured / self.short_decay) / self.short_decay, 0.0)
+        by_chance = self.random / scan.range_max
+        likelihood = np.where(hit & seen, near + before, 0.0) + by_chance
+        likelihood[hit & ~seen] = (
+            by_chance + self.short * np.exp(-measured[hit & ~seen] / self.short_decay) / self.short_decay
+        )
+        likelihood[~hit & seen] = self.lost
+        likelihood[~hit & ~seen] = 1.0
+        told = visible & (hit | seen)
+        if not told.any():
+            return Agreement(float(np.log(by_chance)), 0.0)
+        fits = hit & seen & (np.abs(np.where(hit & seen, error, np.inf)) < self.explained_within)
+        return Agreement(float(np.log(likelihood[told]).mean()), float(fits.sum() / max(hit.sum(), 1)))

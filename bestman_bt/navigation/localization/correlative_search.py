@@ -17,15 +17,17 @@ import numpy as np
 from bestman_bt.messages import LaserScan, Pose2D, wrap_angle
 from bestman_bt.messages.bounds import Count, NonNegative, Positive, Share
 from bestman_bt.navigation.localization.base import GlobalLocalizer, LocalizationEstimate, OdometryScan, Place
-from bestman_bt.navigation.localization.beam_model import Agreement, BeamModelParameters, agreement
+from bestman_bt.navigation.localization.beam_model import Agreement, BeamModel
 from bestman_bt.navigation.localization.distance_field import DistanceField
 from bestman_bt.navigation.localization.map_lines import PlanarMap, map_lines
-from bestman_bt.navigation.localization.scan_to_map import ScanToMap, ScanToMapParameters
+from bestman_bt.navigation.localization.scan_to_map import ScanToMap
 
 
 @dataclass(frozen=True)
-class CorrelativeSearchParameters:
-    """Lengths in metres, angles in radians.
+class CorrelativeSearch(GlobalLocalizer):
+    """Exhaustive search; deterministic.
+
+    Lengths in metres, angles in radians.
 
     ``resolution`` and ``heading_step`` of the coarse pass, with ``points`` of the scan and a field blurred by ``blur``.
     ``candidates``: places that are matched finely, at least ``apart`` and ``turned_apart`` from each other;
@@ -47,14 +49,7 @@ class CorrelativeSearchParameters:
     independent_beams: Positive = 15.0
     min_explained: Share = 0.5
     clearance: Annotated[NonNegative, "m"] = 0.2
-    beam_model: BeamModelParameters = field(default_factory=BeamModelParameters)
-
-
-class CorrelativeSearch(GlobalLocalizer):
-    """Exhaustive search; deterministic."""
-
-    def __init__(self, parameters: CorrelativeSearchParameters | None = None) -> None:
-        self._parameters = parameters or CorrelativeSearchParameters()
+    beam_model: BeamModel = field(default_factory=BeamModel)
 
     def locate(
         self, planar_map: PlanarMap, scans: Sequence[OdometryScan], base_from_lidar: Pose2D
@@ -62,13 +57,12 @@ class CorrelativeSearch(GlobalLocalizer):
         """See ``GlobalLocalizer.locate``; ValueError without a scan."""
         if not scans:
             raise ValueError("locate needs at least one scan")
-        p = self._parameters
-        search = _Search(planar_map, p, base_from_lidar)
+        search = _Search(planar_map, self, base_from_lidar)
         latest = scans[-1]
         found: list[tuple[float, float, LocalizationEstimate]] = []
         for rough in search.coarse(latest.scan):
-            estimate = search.matched(rough, 0.5 * p.apart, p.heading_step, latest.scan)
-            if any(_is_same(estimate.pose, other.pose, p) for _, _, other in found):
+            estimate = search.matched(rough, 0.5 * self.apart, self.heading_step, latest.scan)
+            if any(self._is_same(estimate.pose, other.pose) for _, _, other in found):
                 continue
             fits = [search.agreement(estimate.pose, latest.scan)]
             fits += [
@@ -81,30 +75,33 @@ class CorrelativeSearch(GlobalLocalizer):
         return tuple(self._places(found))
 
     def _places(self, found: list[tuple[float, float, LocalizationEstimate]]) -> Iterator[Place]:
-        p = self._parameters
         if not found:
             return
         found.sort(key=lambda place: -place[0])
-        weights = np.exp(p.independent_beams * np.array([score - found[0][0] for score, _, _ in found]))
+        weights = np.exp(self.independent_beams * np.array([score - found[0][0] for score, _, _ in found]))
         for probability, (_, explained, estimate) in zip((weights / weights.sum()).tolist(), found, strict=True):
-            if explained >= p.min_explained:
+            if explained >= self.min_explained:
                 yield Place(estimate.pose, probability, estimate.position_std, estimate.heading_std, explained)
+
+    def _is_same(self, pose: Pose2D, other: Pose2D) -> bool:
+        turned = abs(wrap_angle(pose.theta - other.theta))
+        return pose.distance_to(other) < self.same and turned < self.same_heading
 
 
 class _Search:
     """One search on one map; scans are taken from ``base_from_lidar``."""
 
-    def __init__(self, planar_map: PlanarMap, parameters: CorrelativeSearchParameters, base_from_lidar: Pose2D) -> None:
-        self._parameters = p = parameters
+    def __init__(self, planar_map: PlanarMap, search: CorrelativeSearch, base_from_lidar: Pose2D) -> None:
+        self._search = p = search
         self._base_from_lidar = base_from_lidar
         self._segments = map_lines(planar_map, 0.0, 0.0).segments
         self._field = DistanceField.of_map(planar_map, p.resolution, reach=3.0 * p.blur, clearance=p.clearance)
         # The places are off by half a cell and half a step, and furniture by centimetres: much may not fit yet.
-        self._matcher = ScanToMap(planar_map, ScanToMapParameters(min_inlier_ratio=0.2))
+        self._matcher = ScanToMap(planar_map, min_inlier_ratio=0.2)
 
     def coarse(self, scan: LaserScan) -> Iterator[Pose2D]:
         """The best of all places on the floor, best first; none where the scan has hit too little."""
-        p, field_ = self._parameters, self._field
+        p, field_ = self._search, self._field
         points = self._base_from_lidar.apply(scan.points())
         if len(points) < 10:
             return
@@ -138,7 +135,7 @@ class _Search:
     def matched(self, pose: Pose2D, position_std: float, heading_std: float, scan: LaserScan) -> LocalizationEstimate:
         """The pose near ``pose`` at which a scan fits best."""
         estimate = self._matcher.reset(pose, Pose2D(), position_std, heading_std)
-        for _ in range(self._parameters.matches):
+        for _ in range(self._search.matches):
             # Each time as unsure as before: the scan is one measurement, however often it is matched.
             self._matcher.reset(estimate.pose, Pose2D(), position_std, heading_std)
             estimate = self._matcher.correct(scan, self._base_from_lidar)
@@ -146,15 +143,10 @@ class _Search:
 
     def fit(self, pose: Pose2D, scan: LaserScan) -> Agreement:
         """How well an earlier scan fits near where the odometry says that it was taken."""
-        p = self._parameters
+        p = self._search
         matched = self.matched(pose, 0.25 * p.apart, 0.5 * p.heading_step, scan)
         return self.agreement(matched.pose, scan)
 
     def agreement(self, pose: Pose2D, scan: LaserScan) -> Agreement:
         """How well a scan fits at a pose of the base."""
-        return agreement(self._segments, pose @ self._base_from_lidar, scan, self._parameters.beam_model)
-
-
-def _is_same(pose: Pose2D, other: Pose2D, parameters: CorrelativeSearchParameters) -> bool:
-    turned = abs(wrap_angle(pose.theta - other.theta))
-    return pose.distance_to(other) < parameters.same and turned < parameters.same_heading
+        return self._search.beam_model.agreement(self._segments, pose @ self._base_from_lidar, scan)

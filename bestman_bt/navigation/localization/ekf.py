@@ -18,9 +18,11 @@ from bestman_bt.messages.bounds import NonNegative, Positive
 from bestman_bt.navigation.localization.odometry import OdometryFilter
 
 
-@dataclass(frozen=True)
-class OdometryEkfParameters:
-    """``acceleration``: rad/s², standard deviation of how the rate changes within a step, per second of it.
+@dataclass(eq=False)
+class OdometryEkf(OdometryFilter):
+    """Wheels and gyroscope in one estimate, which knows how uncertain it is.
+
+    ``acceleration``: rad/s², standard deviation of how the rate changes within a step, per second of it.
 
     ``turn_slip``: relative error of a turn by the wheels, ``drive_slip``: radians that they turn unnoticed per metre,
     ``wheel_std``: rad/s at rest. ``slip``: relative error of a distance. ``gyro_noise``: rad/sqrt(s), of the sum of
@@ -38,21 +40,16 @@ class OdometryEkfParameters:
     bias_walk: Annotated[NonNegative, "rad/s/√s"] = 2e-5
     gate: Positive = 5.0
 
-
-class OdometryEkf(OdometryFilter):
-    """Wheels and gyroscope in one estimate, which knows how uncertain it is."""
-
     uses_gyro: ClassVar[bool] = True
 
-    def __init__(self, parameters: OdometryEkfParameters | None = None) -> None:
-        self._parameters = parameters or OdometryEkfParameters()
+    def __post_init__(self) -> None:
         self.reset(Pose2D())
 
     def reset(self, odometry: Pose2D) -> None:
         """See ``OdometryFilter.reset``; the base should rest."""
         self._wheels = odometry
         self._state = np.array([odometry.x, odometry.y, odometry.theta, 0.0, 0.0])
-        self._covariance = np.diag([0.0, 0.0, 0.0, 1e-6, self._parameters.bias_std**2])
+        self._covariance = np.diag([0.0, 0.0, 0.0, 1e-6, self.bias_std**2])
 
     @property
     def bias(self) -> float:
@@ -74,19 +71,17 @@ class OdometryEkf(OdometryFilter):
         return Pose2D(x, y, wrap_angle(theta))
 
     def _step(self, wheels: Pose2D, turned: float, elapsed: float) -> None:
-        p = self._parameters
         distance = math.hypot(wheels.x, wheels.y)
-        self._covariance[3, 3] += (p.acceleration * elapsed) ** 2
-        self._covariance[4, 4] += p.bias_walk**2 * elapsed
-        wheel_std = (p.turn_slip * abs(wheels.theta) + p.drive_slip * distance) / elapsed + p.wheel_std
-        gyro_std = p.gyro_noise / math.sqrt(elapsed)
+        self._covariance[3, 3] += (self.acceleration * elapsed) ** 2
+        self._covariance[4, 4] += self.bias_walk**2 * elapsed
+        wheel_std = (self.turn_slip * abs(wheels.theta) + self.drive_slip * distance) / elapsed + self.wheel_std
+        gyro_std = self.gyro_noise / math.sqrt(elapsed)
         self._measure(np.array([0.0, 0.0, 0.0, 1.0, 1.0]), turned / elapsed, gyro_std)
-        self._measure(np.array([0.0, 0.0, 0.0, 1.0, 0.0]), wheels.theta / elapsed, wheel_std, p.gate)
+        self._measure(np.array([0.0, 0.0, 0.0, 1.0, 0.0]), wheels.theta / elapsed, wheel_std, self.gate)
         self._move(wheels, distance, elapsed)
 
     def _move(self, wheels: Pose2D, distance: float, elapsed: float) -> None:
         """Drive what the wheels say along the mean heading of the step, and turn at the rate."""
-        p = self._parameters
         turn = self._state[3] * elapsed
         # The wheels count along the arc that they think they drive; its chord is turned by half of their own angle.
         heading = self._state[2] + turn / 2.0
@@ -99,7 +94,7 @@ class OdometryEkf(OdometryFilter):
         self._state[:3] += (dx, dy, turn)
         self._covariance = jacobian @ self._covariance @ jacobian.T
         driven = np.array([math.cos(heading + chord), math.sin(heading + chord)])
-        self._covariance[:2, :2] += (p.slip * distance) ** 2 * np.outer(driven, driven)
+        self._covariance[:2, :2] += (self.slip * distance) ** 2 * np.outer(driven, driven)
 
     def _measure(self, row: NDArray[np.float64], value: float, std: float, gate: float = math.inf) -> None:
         innovation = value - row @ self._state

@@ -9,29 +9,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.messages import Pose2D
-from bestman_bt.messages.bounds import Count, NonNegative, Positive, Several, check_order
 from bestman_bt.world_model import MapFurniture
 
-
-@dataclass(frozen=True)
-class FrontEdgeParameters:
-    """Lengths in metres.
-
-    ``gate``: on each side of where the map has the front, hits count. ``ends``: of the front that are left out, where
-    beams meet its sides. ``first_scale``, ``last_scale``: residual beyond which a hit does not count, in the first
-    and in the last of ``iterations``, so that handles do not pull. ``min_hits``, ``min_length``: of what is seen of it.
-    """
-
-    gate: Positive = 0.08
-    ends: NonNegative = 0.03
-    first_scale: Positive = 0.08
-    last_scale: Positive = 0.025
-    iterations: Count = 10
-    min_hits: Several = 20
-    min_length: NonNegative = 0.2
-
-    def __post_init__(self) -> None:
-        check_order(self, "last_scale", "first_scale")
+GATE = 0.08
+"""Metres on each side of where the map has the front within which hits count."""
+ENDS = 0.03
+"""Metres of the front that are left out at each end, where beams meet its sides."""
+SCALES = np.geomspace(0.08, 0.025, 10)
+"""Metres, the residual beyond which a hit does not count, in each iteration, so that handles do not pull."""
+MIN_HITS, MIN_LENGTH = 20, 0.2
+"""Of what is seen of the front; metres."""
 
 
 @dataclass(frozen=True)
@@ -51,23 +38,20 @@ class FrontEdge:
         return front @ Pose2D(-self.offset, 0.0, self.turn) @ front.inverse() @ pose
 
 
-def front_edge(
-    piece: MapFurniture, hits: NDArray[np.float64], parameters: FrontEdgeParameters | None = None
-) -> FrontEdge | None:
+def front_edge(piece: MapFurniture, hits: NDArray[np.float64]) -> FrontEdge | None:
     """Fit the front to ``hits`` (N, 2), metres in the map frame; None where too little of it is seen.
 
     A total least squares line with Tukey's biweights of its residuals, computed anew with an ever smaller scale.
     """
-    p = parameters or FrontEdgeParameters()
     front = piece.pose @ Pose2D(-piece.footprint[0] / 2, 0.0, 0.0)
     own = front.inverse().apply(hits)
-    near = (np.abs(own[:, 0]) < p.gate) & (np.abs(own[:, 1]) < piece.footprint[1] / 2 - p.ends)
+    near = (np.abs(own[:, 0]) < GATE) & (np.abs(own[:, 1]) < piece.footprint[1] / 2 - ENDS)
     x, y = own[near].T
-    if len(x) < p.min_hits or np.ptp(y) < p.min_length:
+    if len(x) < MIN_HITS or np.ptp(y) < MIN_LENGTH:
         return None
     residuals = x - float(np.median(x))
     turn = middle = 0.0
-    for scale in np.geomspace(p.first_scale, p.last_scale, p.iterations):
+    for scale in SCALES:
         weights = np.maximum(1.0 - (residuals / scale) ** 2, 0.0) ** 2
         centre = np.array([np.average(x, weights=weights), np.average(y, weights=weights)])
         dx, dy = x - centre[0], y - centre[1]

@@ -14,7 +14,7 @@ from bestman_bt.messages.bounds import NonNegative
 
 
 @dataclass(frozen=True)
-class OdometryMotionParameters:
+class OdometryMotion:
     """Standard deviations, in radians and metres per radian turned and metre driven.
 
     ``still_turn`` (radians) and ``still_drive`` (metres) are added to every step: they keep particles from becoming
@@ -28,29 +28,22 @@ class OdometryMotionParameters:
     still_turn: Annotated[NonNegative, "rad"] = 0.002
     still_drive: Annotated[NonNegative, "m"] = 0.002
 
-
-def sample_motion(
-    poses: NDArray[np.float64],
-    moved: Pose2D,
-    parameters: OdometryMotionParameters,
-    rng: np.random.Generator,
-) -> NDArray[np.float64]:
-    """Where each of ``poses`` (N, 3) of x, y, theta may be after ``moved`` by the odometry, in the base frame."""
-    p, n = parameters, len(poses)
-    drive = math.hypot(moved.x, moved.y)
-    # A step too short to have a direction is none; the noise of a standing base must not turn it about.
-    first = math.atan2(moved.y, moved.x) if drive > 1e-3 else 0.0
-    second = wrap_angle(moved.theta - first)
-    # Backwards, the turns are those to the opposite direction: small, and so is their noise.
-    turn_1, turn_2 = (min(abs(turn), abs(wrap_angle(turn - math.pi))) for turn in (first, second))
-    std_1 = p.turn_per_turn * turn_1 + p.turn_per_metre * drive + p.still_turn
-    std_2 = p.turn_per_turn * turn_2 + p.turn_per_metre * drive + p.still_turn
-    std_drive = p.drive_per_metre * drive + p.drive_per_turn * (turn_1 + turn_2) + p.still_drive
-    noise = rng.standard_normal((3, n))
-    heading = poses[:, 2] + first + std_1 * noise[0]
-    driven = drive + std_drive * noise[1]
-    moved_poses = np.empty_like(poses)
-    moved_poses[:, 0] = poses[:, 0] + driven * np.cos(heading)
-    moved_poses[:, 1] = poses[:, 1] + driven * np.sin(heading)
-    moved_poses[:, 2] = heading + second + std_2 * noise[2]
-    return moved_poses
+    def sample(self, poses: NDArray[np.float64], moved: Pose2D, rng: np.random.Generator) -> NDArray[np.float64]:
+        """Where each of ``poses`` (N, 3) of x, y, theta may be after ``moved`` by the odometry, in the base frame."""
+        drive = math.hypot(moved.x, moved.y)
+        # A step too short to have a direction is none; the noise of a standing base must not turn it about.
+        first = math.atan2(moved.y, moved.x) if drive > 1e-3 else 0.0
+        second = wrap_angle(moved.theta - first)
+        # Backwards, the turns are those to the opposite direction: small, and so is their noise.
+        turn_1, turn_2 = (min(abs(turn), abs(wrap_angle(turn - math.pi))) for turn in (first, second))
+        std_1 = self.turn_per_turn * turn_1 + self.turn_per_metre * drive + self.still_turn
+        std_2 = self.turn_per_turn * turn_2 + self.turn_per_metre * drive + self.still_turn
+        std_drive = self.drive_per_metre * drive + self.drive_per_turn * (turn_1 + turn_2) + self.still_drive
+        noise = rng.standard_normal((3, len(poses)))
+        heading = poses[:, 2] + first + std_1 * noise[0]
+        driven = drive + std_drive * noise[1]
+        moved_poses = np.empty_like(poses)
+        moved_poses[:, 0] = poses[:, 0] + driven * np.cos(heading)
+        moved_poses[:, 1] = poses[:, 1] + driven * np.sin(heading)
+        moved_poses[:, 2] = heading + second + std_2 * noise[2]
+        return moved_poses

@@ -15,17 +15,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.messages import LaserScan, Pose2D, wrap_angle
-from bestman_bt.messages.bounds import Count, NonNegative, Positive, PositiveShare, Share, WholeNumber, check_order
+from bestman_bt.messages.bounds import Count, NonNegative, NotBelow, Positive, PositiveShare, Share, WholeNumber
 from bestman_bt.navigation.localization.base import LocalizationEstimate, Localizer, ScanMatch
 from bestman_bt.navigation.localization.distance_field import DistanceField
-from bestman_bt.navigation.localization.kld_sampling import KldParameters, bins, enough
+from bestman_bt.navigation.localization.kld_sampling import KldSampling
 from bestman_bt.navigation.localization.map_lines import PlanarMap
-from bestman_bt.navigation.localization.odometry_motion import OdometryMotionParameters, sample_motion
+from bestman_bt.navigation.localization.odometry_motion import OdometryMotion
 
 
-@dataclass(frozen=True)
-class ParticleFilterParameters:
-    """Lengths in metres.
+@dataclass(eq=False)
+class ParticleFilter(Localizer):
+    """AMCL: tracks from a known pose, finds itself from an unknown one, recovers when it has been carried off.
+
+    Lengths in metres.
 
     ``beams``: of a scan that are looked at. ``hit_std``: of where they meet what the map has, and ``search_hit_std``
     while the particles are spread over many places and so none of them is quite right; ``random``: share of beams that
@@ -39,6 +41,7 @@ class ParticleFilterParameters:
     without a scan, too. ``seed``: of the drawing.
     """
 
+    planar_map: PlanarMap
     beams: Count = 72
     hit_std: Annotated[Positive, "m"] = 0.04
     search_hit_std: Annotated[Positive, "m"] = 0.15
@@ -48,7 +51,7 @@ class ParticleFilterParameters:
     reach: Annotated[Positive, "m"] = 0.6
     good_fit: Share = 0.7
     slow: PositiveShare = 0.01
-    fast: PositiveShare = 0.2
+    fast: Annotated[PositiveShare, NotBelow("slow")] = 0.2
     candidates: Count = 5000
     unknown_std: Annotated[Positive, "m"] = 0.5
     place_radius: Annotated[Positive, "m"] = 0.5
@@ -59,23 +62,15 @@ class ParticleFilterParameters:
     clearance: Annotated[NonNegative, "m"] = 0.2
     move_every: Annotated[NonNegative, "m, rad"] = 0.1
     seed: WholeNumber = 0
-    motion: OdometryMotionParameters = field(default_factory=OdometryMotionParameters)
-    kld: KldParameters = field(default_factory=KldParameters)
+    motion: OdometryMotion = field(default_factory=OdometryMotion)
+    kld: KldSampling = field(default_factory=KldSampling)
 
     def __post_init__(self) -> None:
-        check_order(self, "slow", "fast")
-
-
-class ParticleFilter(Localizer):
-    """AMCL: tracks from a known pose, finds itself from an unknown one, recovers when it has been carried off."""
-
-    def __init__(self, planar_map: PlanarMap, parameters: ParticleFilterParameters | None = None) -> None:
-        self._parameters = p = parameters or ParticleFilterParameters()
-        self._field = DistanceField.of_map(planar_map, p.resolution, p.reach, p.clearance)
-        self._fine = _log_likelihood(self._field, p.hit_std, p.random)
-        self._blurred = _log_likelihood(self._field, p.search_hit_std, p.random)
+        self._field = DistanceField.of_map(self.planar_map, self.resolution, self.reach, self.clearance)
+        self._fine = _log_likelihood(self._field, self.hit_std, self.random)
+        self._blurred = _log_likelihood(self._field, self.search_hit_std, self.random)
         self._searching = False
-        self._rng = np.random.default_rng(p.seed)
+        self._rng = np.random.default_rng(self.seed)
         self._particles = np.empty((0, 3))
         self._slow = self._fast = 0.0
         self._odometry = self._moved_at = Pose2D()
@@ -96,15 +91,14 @@ class ParticleFilter(Localizer):
 
     def reset(self, pose: Pose2D, odometry: Pose2D, position_std: float, heading_std: float) -> LocalizationEstimate:
         """See ``Localizer.reset``; from a pose less certain than ``unknown_std`` the whole floor is searched."""
-        p = self._parameters
-        self._rng = np.random.default_rng(p.seed)
+        self._rng = np.random.default_rng(self.seed)
         self._odometry = self._moved_at = odometry
-        self._slow = self._fast = p.good_fit
-        self._searching = position_std > p.unknown_std
+        self._slow = self._fast = self.good_fit
+        self._searching = position_std > self.unknown_std
         if self._searching:
-            self._particles = self._field.draw(p.kld.most, self._rng)
+            self._particles = self._field.draw(self.kld.most, self._rng)
         else:
-            spread = self._rng.standard_normal((p.kld.fewest, 3)) * (position_std, position_std, heading_std)
+            spread = self._rng.standard_normal((self.kld.fewest, 3)) * (position_std, position_std, heading_std)
             self._particles = np.array([pose.x, pose.y, pose.theta]) + spread
         self._place = pose
         covariance = np.diag([position_std**2, position_std**2, heading_std**2])
@@ -113,10 +107,10 @@ class ParticleFilter(Localizer):
 
     def predict(self, odometry: Pose2D) -> LocalizationEstimate:
         """See ``Localizer.predict``; the particles follow with the next scan, or after ``move_every``."""
-        estimate, p = self.estimate, self._parameters
+        estimate = self.estimate
         self._odometry = odometry
         moved = self._moved_at.inverse() @ odometry
-        if max(math.hypot(moved.x, moved.y), abs(moved.theta)) > p.move_every:
+        if max(math.hypot(moved.x, moved.y), abs(moved.theta)) > self.move_every:
             self._move()
             pose, covariance, _ = self._heaviest(np.full(len(self._particles), 1.0 / len(self._particles)))
             self._place = pose
@@ -127,22 +121,22 @@ class ParticleFilter(Localizer):
 
     def correct(self, scan: LaserScan, base_from_lidar: Pose2D) -> LocalizationEstimate:
         """See ``Localizer.correct``."""
-        estimate, p = self.estimate, self._parameters
+        estimate = self.estimate
         hits = base_from_lidar.apply(scan.points())
         if len(hits) < 10:
             refused = ScanMatch(False, 0.0, math.inf, f"only {len(hits)} beams hit anything")
             self._estimate = LocalizationEstimate(estimate.pose, estimate.covariance, refused)
             return self._estimate
-        hits = hits[np.linspace(0, len(hits) - 1, min(p.beams, len(hits))).astype(int)]
+        hits = hits[np.linspace(0, len(hits) - 1, min(self.beams, len(hits))).astype(int)]
         self._move()
         fine = self._fit(self._particles, hits, self._fine)
         fits = self._fit(self._particles, hits, self._blurred) if self._searching else fine
-        weights = np.exp(p.independent_beams * (fits - fits.max()))
+        weights = np.exp(self.independent_beams * (fits - fits.max()))
         weights /= weights.sum()
         pose, covariance, share = self._heaviest(weights)
         self._place = pose
         match = self._judged(pose, share, hits)
-        self._searching = share < p.sure
+        self._searching = share < self.sure
         self._estimate = LocalizationEstimate(pose, covariance, match)
         self._draw_anew(weights, self._replaced(fine), hits)
         return self._estimate
@@ -150,7 +144,7 @@ class ParticleFilter(Localizer):
     def _move(self) -> None:
         moved = self._moved_at.inverse() @ self._odometry
         self._moved_at = self._odometry
-        self._particles = sample_motion(self._particles, moved, self._parameters.motion, self._rng)
+        self._particles = self.motion.sample(self._particles, moved, self._rng)
 
     def _fit(
         self, poses: NDArray[np.float64], hits: NDArray[np.float64], log_likelihood: NDArray[np.float32]
@@ -162,13 +156,12 @@ class ParticleFilter(Localizer):
 
     def _heaviest(self, weights: NDArray[np.float64]) -> tuple[Pose2D, NDArray[np.float64], float]:
         """Mean and covariance (3, 3) of the particles about the heaviest place, and its share of the weight."""
-        p = self._parameters
-        _, of = np.unique(bins(self._particles, p.kld), return_inverse=True)
+        _, of = np.unique(self.kld.bins(self._particles), return_inverse=True)
         heaviest = self._particles[of == np.argmax(np.bincount(of, weights))]
         turns = self._particles[:, 2] - heaviest[0, 2]
         turns = (turns + math.pi) % (2.0 * math.pi) - math.pi
         away = np.linalg.norm(self._particles[:, :2] - heaviest[:, :2].mean(axis=0), axis=1)
-        about = (away < p.place_radius) & (np.abs(turns) < p.place_angle)
+        about = (away < self.place_radius) & (np.abs(turns) < self.place_angle)
         share = float(weights[about].sum())
         chosen = np.column_stack([self._particles[about, :2], turns[about]])
         mean = np.average(chosen, axis=0, weights=weights[about])
@@ -177,37 +170,34 @@ class ParticleFilter(Localizer):
         return Pose2D(x, y, wrap_angle(float(heaviest[0, 2]) + turn)), covariance, share
 
     def _judged(self, pose: Pose2D, share: float, hits: NDArray[np.float64]) -> ScanMatch:
-        p = self._parameters
         x, y = pose.apply(hits).T
         distance = self._field.distance.ravel()[self._field.index(x, y)]
-        near = distance < p.inlier
+        near = distance < self.inlier
         inliers = float(near.mean())
         residual = math.sqrt(float(np.mean(distance[near] ** 2))) if near.any() else math.inf
         reason = ""
-        if share < p.sure:
+        if share < self.sure:
             reason = f"the base may be in several places; {share:.0%} speaks for the likeliest"
-        elif inliers < p.min_inlier_ratio:
+        elif inliers < self.min_inlier_ratio:
             reason = f"only {inliers:.0%} of the hits lie on something in the map"
         return ScanMatch(not reason, inliers, residual, reason)
 
     def _replaced(self, fits: NDArray[np.float64]) -> float:
         """The share of particles to draw from the floor: how much worse scans fit now than in the long run."""
-        p = self._parameters
         average = float(np.exp(fits).mean())
-        self._slow += p.slow * (average - self._slow)
-        self._fast += p.fast * (average - self._fast)
+        self._slow += self.slow * (average - self._slow)
+        self._fast += self.fast * (average - self._fast)
         return max(0.0, 1.0 - self._fast / self._slow)
 
     def _draw_anew(self, weights: NDArray[np.float64], replaced: float, hits: NDArray[np.float64]) -> None:
-        p = self._parameters
         kept = self._particles[_low_variance(weights, len(weights), self._rng)]
-        count = enough(len(np.unique(bins(kept, p.kld))), p.kld)
+        count = self.kld.enough(len(np.unique(self.kld.bins(kept))))
         from_floor = round(replaced * count)
         self._particles = self._particles[_low_variance(weights, count - from_floor, self._rng)]
         if from_floor:
-            candidates = self._field.draw(p.candidates, self._rng)
+            candidates = self._field.draw(self.candidates, self._rng)
             fits = self._fit(candidates, hits, self._blurred)
-            chosen = np.exp(p.independent_beams * (fits - fits.max()))
+            chosen = np.exp(self.independent_beams * (fits - fits.max()))
             found = candidates[_low_variance(chosen / chosen.sum(), from_floor, self._rng)]
             self._particles = np.vstack([self._particles, found])
 

@@ -10,14 +10,14 @@ Thrun, Burgard and Fox 2005, section 6.3). Those that pass through a wall of the
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.messages import LaserScan, Pose2D, wrap_angle
-from bestman_bt.messages.bounds import Count, NonNegative, Positive, Share, check_order
+from bestman_bt.messages.bounds import Count, NonNegative, NotBelow, Positive, Share
 from bestman_bt.navigation.localization.base import LocalizationEstimate, Localizer, ScanMatch
 from bestman_bt.navigation.localization.map_lines import PlanarMap, map_lines, open_furniture, within
 from bestman_bt.navigation.localization.pose_uncertainty import (
@@ -30,9 +30,11 @@ from bestman_bt.navigation.localization.pose_uncertainty import (
 from bestman_bt.navigation.localization.ray_casting import cast_rays
 
 
-@dataclass(frozen=True)
-class ScanToMapParameters:
-    """Lengths in metres, angles in radians.
+@dataclass(eq=False)
+class ScanToMap(Localizer):
+    """Scan-to-map tracking; needs a first pose within about 10 cm and 5°.
+
+    Lengths in metres, angles in radians.
 
     ``iterations`` of the match; hits farther than ``gate_first * gate_decay**k + gate_last`` from everything in the map
     are left out of iteration k. Which line a hit belongs to is asked again after a step of more than
@@ -47,6 +49,7 @@ class ScanToMapParameters:
     where the pose is less certain than ``unknown_std``: a place that fits is then no more than one of many.
     """
 
+    planar_map: PlanarMap
     iterations: Count = 8
     gate_first: Annotated[Positive, "m"] = 0.25
     gate_decay: Share = 0.6
@@ -67,22 +70,14 @@ class ScanToMapParameters:
     min_consistent_ratio: Share = 0.8
     early_by: Annotated[NonNegative, "m"] = 0.15
     max_deviation: Positive = 4.5
-    sure_inlier_ratio: Share = 0.6
+    sure_inlier_ratio: Annotated[Share, NotBelow("min_inlier_ratio")] = 0.6
     surprise: Positive = 4.0
     unknown_std: Annotated[Positive, "m"] = 0.5
 
     def __post_init__(self) -> None:
-        check_order(self, "min_inlier_ratio", "sure_inlier_ratio")
-
-
-class ScanToMap(Localizer):
-    """Scan-to-map tracking; needs a first pose within about 10 cm and 5°."""
-
-    def __init__(self, planar_map: PlanarMap, parameters: ScanToMapParameters | None = None) -> None:
-        self._parameters = p = parameters or ScanToMapParameters()
-        lines = map_lines(planar_map, p.wall_std, p.furniture_std)
+        lines = map_lines(self.planar_map, self.wall_std, self.furniture_std)
         self._segments, self._bodies, self._body_std = lines.segments, lines.bodies, lines.body_std
-        self._open_furniture = open_furniture(planar_map)
+        self._open_furniture = open_furniture(self.planar_map)
         self._estimate: LocalizationEstimate | None = None
         self._odometry = Pose2D()
 
@@ -95,8 +90,7 @@ class ScanToMap(Localizer):
 
     def expect_dragged_wheels(self) -> None:
         """See ``Localizer.expect_dragged_wheels``."""
-        p = self._parameters
-        self._parameters = replace(p, turn_slip=p.dragged_turn_slip, turn_shift=p.dragged_turn_shift)
+        self.turn_slip, self.turn_shift = self.dragged_turn_slip, self.dragged_turn_shift
 
     def reset(self, pose: Pose2D, odometry: Pose2D, position_std: float, heading_std: float) -> LocalizationEstimate:
         """See ``Localizer.reset``."""
@@ -106,22 +100,22 @@ class ScanToMap(Localizer):
 
     def predict(self, odometry: Pose2D) -> LocalizationEstimate:
         """See ``Localizer.predict``."""
-        estimate, p = self.estimate, self._parameters
+        estimate = self.estimate
         moved = self._odometry.inverse() @ odometry
         self._odometry = odometry
         if moved == Pose2D():
             return estimate
-        pose, covariance = driven_on(estimate.pose, estimate.covariance, moved, p)
+        pose, covariance = driven_on(estimate.pose, estimate.covariance, moved, self)
         self._estimate = LocalizationEstimate(pose, covariance, estimate.match)
         return self._estimate
 
     def correct(self, scan: LaserScan, base_from_lidar: Pose2D) -> LocalizationEstimate:
         """See ``Localizer.correct``."""
-        estimate, p = self.estimate, self._parameters
+        estimate = self.estimate
         hits = base_from_lidar.apply(scan.points())
         if len(hits) < 10:
             return self._refused(ScanMatch(False, 0.0, math.inf, f"only {len(hits)} beams hit anything"))
-        if estimate.position_std > p.unknown_std:
+        if estimate.position_std > self.unknown_std:
             text = f"a pose as uncertain as ±{estimate.position_std:.1f} m cannot be tracked"
             return self._refused(ScanMatch(False, 0.0, math.inf, text))
         visible = self._visible(estimate.pose @ base_from_lidar, scan)
@@ -131,16 +125,16 @@ class ScanToMap(Localizer):
         boards = within(self._open_furniture, estimate.pose.apply(hits))
         matched, information, on_map, residual = self._match(hits, boards, estimate.pose, visible)
         inliers = float(on_map.mean())
-        if inliers < p.min_inlier_ratio and not self._is_hidden(scan, matched @ base_from_lidar, on_map):
+        if inliers < self.min_inlier_ratio and not self._is_hidden(scan, matched @ base_from_lidar, on_map):
             text = f"only {inliers:.0%} of the hits lie on something in the map"
             return self._refused(ScanMatch(False, inliers, residual, text))
         innovation = difference(matched, estimate.pose)
         measured = inverse(information + WEAK_PRIOR)
         expected = estimate.covariance + measured
         away = deviation(innovation, expected)
-        if away > p.max_deviation:
+        if away > self.max_deviation:
             text = f"the match lies {away:.1f} standard deviations from the prediction"
-            growth = p.surprise if inliers >= p.sure_inlier_ratio else 1.0
+            growth = self.surprise if inliers >= self.sure_inlier_ratio else 1.0
             return self._refused(ScanMatch(False, inliers, residual, text), growth)
         gain = estimate.covariance @ np.linalg.inv(expected)
         dx, dy, dtheta = (gain @ innovation).tolist()
@@ -164,12 +158,11 @@ class ScanToMap(Localizer):
 
         ``on_map``: the hits (N,) that lie on something in the map.
         """
-        p = self._parameters
         hit = np.isfinite(scan.ranges)
         expected, _ = cast_rays(self._segments, map_from_lidar, scan.angles[hit])
-        early = ~on_map & (scan.ranges[hit] < expected - p.early_by)
+        early = ~on_map & (scan.ranges[hit] < expected - self.early_by)
         seen = float(on_map.mean())
-        return seen >= p.min_seen_ratio and seen >= p.min_consistent_ratio * float(np.mean(~early))
+        return seen >= self.min_seen_ratio and seen >= self.min_consistent_ratio * float(np.mean(~early))
 
     def _match(
         self, hits: NDArray[np.float64], boards: NDArray[np.bool_], pose: Pose2D, visible: NDArray[np.intp]
@@ -178,7 +171,6 @@ class ScanToMap(Localizer):
 
         ``boards``: hits (N,) that lie on furniture of which the map has no lines.
         """
-        p = self._parameters
         segments, bodies = self._segments[visible], self._bodies[visible]
         starts, along = segments[:, :2], segments[:, 2:] - segments[:, :2]
         length2 = np.sum(along**2, axis=1)
@@ -186,9 +178,9 @@ class ScanToMap(Localizer):
         x, y, theta = pose.x, pose.y, pose.theta
         moved = math.inf
         jacobian = np.empty((3, len(hits)))
-        for k in range(p.iterations):
+        for k in range(self.iterations):
             turned_x, turned_y = Pose2D(0.0, 0.0, theta).apply(hits).T
-            if moved > p.associate_again:
+            if moved > self.associate_again:
                 nearest = _nearest(turned_x + x, turned_y + y, starts, along, length2)
                 start_x, start_y = starts[nearest].T
                 share_x, share_y = (along[nearest] / length2[nearest, None]).T
@@ -199,11 +191,11 @@ class ScanToMap(Localizer):
             u = dx * share_x + dy * share_y
             beyond = u - u.clip(0.0, 1.0)
             squared_residuals = residuals * residuals
-            gate = p.gate_first * p.gate_decay**k + p.gate_last
+            gate = self.gate_first * self.gate_decay**k + self.gate_last
             inlier = (squared_residuals + beyond * beyond * squares < gate**2) & ~boards
-            weights = inlier / (1.0 + squared_residuals / p.robust_scale**2)
+            weights = inlier / (1.0 + squared_residuals / self.robust_scale**2)
             hits_of_body = np.bincount(body, weights, minlength=len(self._body_std))
-            weights /= p.range_std**2 + hits_of_body[body] * errors
+            weights /= self.range_std**2 + hits_of_body[body] * errors
             jacobian[2] = normal_y * turned_x - normal_x * turned_y
             weighted = jacobian * weights
             information = weighted @ jacobian.T

@@ -20,7 +20,7 @@ from bestman_bt.messages.bounds import Count, Positive, Share
 
 
 @dataclass(frozen=True)
-class CorrelativeParameters:
+class LikelihoodPyramid:
     """``resolution``: metres per cell. ``std``: metres from a point at which a hit counts 61 %.
 
     ``levels`` of the pyramid: the coarsest looks at 2**(levels - 1) cells at once. ``min_score``: mean of what the hits
@@ -52,8 +52,8 @@ class CorrelativeMatch:
 class CorrelativeMatcher:
     """Searches over one set of reference points, (N, 2) metres."""
 
-    def __init__(self, points: NDArray[np.float64], parameters: CorrelativeParameters | None = None) -> None:
-        self._parameters = p = parameters or CorrelativeParameters()
+    def __init__(self, points: NDArray[np.float64], pyramid: LikelihoodPyramid = LikelihoodPyramid()) -> None:
+        self._levels = p = pyramid
         margin = 4.0 * p.std
         self._origin = points.min(axis=0) - margin
         columns, rows = np.ceil((points.max(axis=0) + margin - self._origin) / p.resolution).astype(int) + 1
@@ -73,7 +73,7 @@ class CorrelativeMatcher:
 
     def search(self, hits: NDArray[np.float64], guess: Pose2D, window: SearchWindow) -> CorrelativeMatch | None:
         """The pose within ``window`` where ``hits`` (N, 2), base frame, lie best on the reference; None if nowhere."""
-        p = self._parameters
+        p = self._levels
         reach = max(1.0, float(np.percentile(np.linalg.norm(hits, axis=1), 90)))
         turns = math.ceil(window.angle * reach / p.resolution)  # steps by which the far hits move one cell
         angles = guess.theta + np.arange(-turns, turns + 1) * (window.angle / max(turns, 1))
@@ -116,5 +116,5 @@ class CorrelativeMatcher:
                 heapq.heappush(queue, (-score, level, turn, dx, dy))
 
     def _cells(self, hits: NDArray[np.float64], pose: Pose2D) -> NDArray[np.intp]:
-        cells: NDArray[np.intp] = np.floor((pose.apply(hits) - self._origin) / self._parameters.resolution).astype(int)
+        cells: NDArray[np.intp] = np.floor((pose.apply(hits) - self._origin) / self._levels.resolution).astype(int)
         return cells

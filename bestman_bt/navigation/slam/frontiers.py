@@ -29,34 +29,6 @@ BLOCK = 5
 """Cells along each side of a block that counts as seen as a whole: far away, rays leave some between them."""
 
 
-@dataclass(frozen=True)
-class FrontierExplorerParameters:
-    """Lengths in metres.
-
-    ``min_length`` of a frontier. Places to look from lie on a lattice of ``spacing``, within ``near`` of a frontier,
-    where the base can turn with ``clearance`` to spare. ``range``: how far is looked, by ``rays``, and ``depth``: how
-    much of the unknown each of them is sure to see, for somewhere there will be a wall. ``min_gain``: m² of unknown
-    floor that a view must promise, ``closest``: how far away it is at least, for what can be seen from here has been
-    seen. ``discount``: per metre of way, the share by which a view loses its worth. ``stops``: views of a tour.
-    ``again``: views nearer than this to one that was of no use are none. ``straight``: the end of the way that tells
-    the heading of a view.
-    """
-
-    min_length: Annotated[NonNegative, "m"] = 0.30
-    spacing: Annotated[Positive, "m"] = 0.35
-    near: Annotated[Positive, "m"] = 1.8
-    clearance: Annotated[NonNegative, "m"] = 0.03
-    range: Annotated[Positive, "m"] = 5.0
-    rays: Count = 120
-    depth: Annotated[Positive, "m"] = 2.0
-    min_gain: Annotated[NonNegative, "m²"] = 0.4
-    closest: Annotated[NonNegative, "m"] = 0.40
-    discount: Annotated[Share, "1/m"] = 0.25
-    stops: Count = 8
-    again: Annotated[NonNegative, "m"] = 0.3
-    straight: Annotated[NonNegative, "m"] = 0.5
-
-
 @dataclass(frozen=True, eq=False)
 class Frontier:
     """A connected border between free and unknown cells: ``points`` (N, 2) metres, the centres of its free cells."""
@@ -92,16 +64,34 @@ def find_frontiers(grid: OccupancyGrid, min_length: float) -> list[Frontier]:
     return frontiers
 
 
+@dataclass(frozen=True)
 class FrontierExplorer:
-    """Says where to look from next; deterministic."""
+    """Says where to look from next; deterministic.
 
-    def __init__(self, parameters: FrontierExplorerParameters | None = None) -> None:
-        self._parameters = parameters or FrontierExplorerParameters()
+    Lengths in metres.
 
-    @property
-    def parameters(self) -> FrontierExplorerParameters:
-        """As given."""
-        return self._parameters
+    ``min_length`` of a frontier. Places to look from lie on a lattice of ``spacing``, within ``near`` of a frontier,
+    where the base can turn with ``clearance`` to spare. ``range``: how far is looked, by ``rays``, and ``depth``: how
+    much of the unknown each of them is sure to see, for somewhere there will be a wall. ``min_gain``: m² of unknown
+    floor that a view must promise, ``closest``: how far away it is at least, for what can be seen from here has been
+    seen. ``discount``: per metre of way, the share by which a view loses its worth. ``stops``: views of a tour.
+    ``again``: views nearer than this to one that was of no use are none. ``straight``: the end of the way that tells
+    the heading of a view.
+    """
+
+    min_length: Annotated[NonNegative, "m"] = 0.30
+    spacing: Annotated[Positive, "m"] = 0.35
+    near: Annotated[Positive, "m"] = 1.8
+    clearance: Annotated[NonNegative, "m"] = 0.03
+    range: Annotated[Positive, "m"] = 5.0
+    rays: Count = 120
+    depth: Annotated[Positive, "m"] = 2.0
+    min_gain: Annotated[NonNegative, "m²"] = 0.4
+    closest: Annotated[NonNegative, "m"] = 0.40
+    discount: Annotated[Share, "1/m"] = 0.25
+    stops: Count = 8
+    again: Annotated[NonNegative, "m"] = 0.3
+    straight: Annotated[NonNegative, "m"] = 0.5
 
     def tour(
         self, grid: OccupancyGrid, costmap: Costmap, pose: Pose2D, useless: NDArray[np.float64] | None = None
@@ -110,28 +100,27 @@ class FrontierExplorer:
 
         ``costmap``: of the same grid, unknown cells as obstacles. ``useless``: (N, 2) places that were tried in vain.
         """
-        p = self._parameters
-        frontiers = find_frontiers(grid, p.min_length)
+        frontiers = find_frontiers(grid, self.min_length)
         if not frontiers:
             return []
         places = self._places(costmap)
         away, _ = cKDTree(np.concatenate([frontier.points for frontier in frontiers])).query(places)
-        near = away < p.near
+        near = away < self.near
         if useless is not None and len(useless):
-            near &= cKDTree(useless).query(places)[0] > p.again
+            near &= cKDTree(useless).query(places)[0] > self.again
         places = places[near]
         floor = FreeFloor(costmap)
-        distances, headings = floor.ways(pose.xy, places, p.straight)
+        distances, headings = floor.ways(pose.xy, places, self.straight)
         blocked = _blocked(grid)
         candidates = []
         for (x, y), distance, heading in zip(places.tolist(), distances.tolist(), headings.tolist(), strict=True):
-            if p.closest <= distance < math.inf:
+            if self.closest <= distance < math.inf:
                 seen, areas = self._seen(grid, blocked, np.array([x, y]))
-                if areas.sum() >= p.min_gain:
+                if areas.sum() >= self.min_gain:
                     candidates.append(_Candidate(Pose2D(x, y, heading), distance, seen, areas))
         stops = self._stops(candidates, grid.data.size)
         points = np.array([pose.xy, *(stop.pose.xy for stop in stops)])
-        between = np.array([floor.ways(point, points, p.straight)[0] for point in points])
+        between = np.array([floor.ways(point, points, self.straight)[0] for point in points])
         return [stops[number - 1] for number in shortest_tour(between)]
 
     def gain(self, grid: OccupancyGrid, point: NDArray[np.float64]) -> float:
@@ -142,9 +131,9 @@ class FrontierExplorer:
         self, grid: OccupancyGrid, blocked: NDArray[np.bool_], point: NDArray[np.float64]
     ) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
         """Numbers of the blocks of unknown floor that may be in view from a point, and m² of each that count."""
-        p, step = self._parameters, grid.resolution
-        angles = np.arange(p.rays) * (2.0 * math.pi / p.rays)
-        along = np.arange(step, p.range, step)
+        step = grid.resolution
+        angles = np.arange(self.rays) * (2.0 * math.pi / self.rays)
+        along = np.arange(step, self.range, step)
         directions = np.column_stack([np.cos(angles), np.sin(angles)])
         cells = grid.to_cells(np.asarray(point) + along[None, :, None] * directions[:, None])
         inside = grid.contains(cells)
@@ -153,19 +142,18 @@ class FrontierExplorer:
         seen = in_view & (grid.data[rows, columns] == UNKNOWN)
         blocks = rows // BLOCK * grid.data.shape[1] + columns // BLOCK
         numbers, of = np.unique(blocks[seen], return_inverse=True)
-        counted = np.cumsum(seen, axis=1) * step <= p.depth
-        areas = (along * counted)[seen] * step * 2.0 * math.pi / p.rays
+        counted = np.cumsum(seen, axis=1) * step <= self.depth
+        areas = (along * counted)[seen] * step * 2.0 * math.pi / self.rays
         return numbers, np.bincount(of, areas, minlength=len(numbers)).astype(float)
 
     def _stops(self, candidates: list[_Candidate], cells: int) -> list[FrontierView]:
         """The most useful view, then the most useful one of what that leaves unseen, and so on."""
-        p = self._parameters
         unseen = np.ones(cells, dtype=bool)
         stops: list[FrontierView] = []
-        while len(stops) < p.stops:
+        while len(stops) < self.stops:
             gains = [float((candidate.areas * unseen[candidate.seen]).sum()) for candidate in candidates]
             utilities = [
-                gain * math.exp(-p.discount * candidate.distance) if gain >= p.min_gain else 0.0
+                gain * math.exp(-self.discount * candidate.distance) if gain >= self.min_gain else 0.0
                 for gain, candidate in zip(gains, candidates, strict=True)
             ]
             best = int(np.argmax(utilities)) if utilities else 0
@@ -178,14 +166,14 @@ class FrontierExplorer:
 
     def _places(self, costmap: Costmap) -> NDArray[np.float64]:
         """(N, 2) lattice points where the base can turn."""
-        p = self._parameters
         rows, columns = costmap.distance.shape
         x_min, y_min = costmap.origin
+        x_max, y_max = x_min + columns * costmap.resolution, y_min + rows * costmap.resolution
         # Multiples of the spacing in the map frame: the lattice stays where it is when the grid grows.
-        x = np.arange(math.ceil(x_min / p.spacing), math.floor((x_min + columns * costmap.resolution) / p.spacing) + 1)
-        y = np.arange(math.ceil(y_min / p.spacing), math.floor((y_min + rows * costmap.resolution) / p.spacing) + 1)
-        lattice: NDArray[np.float64] = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2) * p.spacing
-        return lattice[costmap.distance_at(lattice) > costmap.footprint.circumscribed_radius + p.clearance]
+        x = np.arange(math.ceil(x_min / self.spacing), math.floor(x_max / self.spacing) + 1)
+        y = np.arange(math.ceil(y_min / self.spacing), math.floor(y_max / self.spacing) + 1)
+        lattice: NDArray[np.float64] = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2) * self.spacing
+        return lattice[costmap.distance_at(lattice) > costmap.footprint.circumscribed_radius + self.clearance]
 
 
 @dataclass(frozen=True, eq=False)

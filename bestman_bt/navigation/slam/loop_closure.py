@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.messages import Pose2D
-from bestman_bt.messages.bounds import Count, NonNegative, Positive, Share, WholeNumber, check_order
+from bestman_bt.messages.bounds import Count, NonNegative, NotBelow, Positive, Share, WholeNumber, check_bounds
 from bestman_bt.navigation.localization.pose_uncertainty import (
     WEAK_PRIOR,
     deviation,
@@ -30,8 +30,10 @@ from bestman_bt.navigation.slam.submap import Keyframe, Submap
 
 
 @dataclass(frozen=True)
-class LoopClosureParameters:
-    """``separation``: keyframes that must lie between. ``reach``: metres from a submap's way within which it is tried.
+class LoopCloser:
+    """Looks for closures of one keyframe at a time.
+
+    ``separation``: keyframes that must lie between. ``reach``: metres from a submap's way within which it is tried.
 
     ``candidates``: submaps that are tried for one keyframe, the nearest first. ``sigmas``: of the covariance that the
     search covers, at least ``min_distance`` (metres) and ``min_angle`` (radians), at most ``max_distance`` and
@@ -47,8 +49,8 @@ class LoopClosureParameters:
     sigmas: Positive = 3.0
     min_distance: Annotated[NonNegative, "m"] = 0.10
     min_angle: Annotated[NonNegative, "rad"] = math.radians(2.0)
-    max_distance: Annotated[Positive, "m"] = 2.0
-    max_angle: Annotated[Positive, "rad"] = math.radians(20.0)
+    max_distance: Annotated[Positive, NotBelow("min_distance"), "m"] = 2.0
+    max_angle: Annotated[Positive, NotBelow("min_angle"), "rad"] = math.radians(20.0)
     jump: Annotated[NonNegative, "m"] = 0.20
     min_inlier_ratio: Share = 0.60
     max_residual: Annotated[Positive, "m"] = 0.025
@@ -58,31 +60,22 @@ class LoopClosureParameters:
     heading_std: Annotated[NonNegative, "rad"] = math.radians(0.15)
 
     def __post_init__(self) -> None:
-        check_order(self, "min_distance", "max_distance")
-        check_order(self, "min_angle", "max_angle")
-
-
-class LoopCloser:
-    """Looks for closures of one keyframe at a time."""
-
-    def __init__(self, parameters: LoopClosureParameters | None = None) -> None:
-        self._parameters = parameters or LoopClosureParameters()
+        check_bounds(self)
 
     def find(self, keyframe: Keyframe, finished: Iterable[Submap], graph: PoseGraph) -> list[Constraint]:
         """Constraints from submaps to ``keyframe`` that hold good; often none."""
-        p = self._parameters
         near = []
         for submap in finished:
-            if keyframe.node - submap.last_node < p.separation:
+            if keyframe.node - submap.last_node < self.separation:
                 continue
             distance = submap.distance_to(graph.pose(submap.anchor.node).inverse() @ graph.pose(keyframe.node))
-            if distance < p.reach + p.max_distance:
+            if distance < self.reach + self.max_distance:
                 near.append((distance, submap.anchor.node, submap))
         closures = []
-        for distance, _, submap in sorted(near, key=lambda entry: entry[:2])[: p.candidates]:
+        for distance, _, submap in sorted(near, key=lambda entry: entry[:2])[: self.candidates]:
             covariance = graph.relative_covariance(submap.anchor.node, keyframe.node)
-            spread = p.sigmas * worst_position_std(covariance)
-            if distance < p.reach + spread:
+            spread = self.sigmas * worst_position_std(covariance)
+            if distance < self.reach + spread:
                 constraint = self._close(keyframe, submap, graph, covariance, spread)
                 if constraint is not None:
                     closures.append(constraint)
@@ -96,26 +89,27 @@ class LoopCloser:
         covariance: NDArray[np.float64],
         spread: float,
     ) -> Constraint | None:
-        p = self._parameters
         expected = graph.pose(submap.anchor.node).inverse() @ graph.pose(keyframe.node)
         guess = expected
-        if spread > p.jump:
-            angle = p.sigmas * math.sqrt(float(covariance[2, 2]))
+        if spread > self.jump:
+            angle = self.sigmas * math.sqrt(float(covariance[2, 2]))
             window = SearchWindow(
-                min(max(spread, p.min_distance), p.max_distance), min(max(angle, p.min_angle), p.max_angle)
+                min(max(spread, self.min_distance), self.max_distance), min(max(angle, self.min_angle), self.max_angle)
             )
             coarse = submap.matcher.search(keyframe.hits.points, expected, window)
             if coarse is None:
                 return None
             guess = coarse.pose
         found = submap.reference.align(keyframe.hits, guess)
-        if found.inlier_ratio < p.min_inlier_ratio or found.residual > p.max_residual:
+        if found.inlier_ratio < self.min_inlier_ratio or found.residual > self.max_residual:
             return None
         measured = inverse(found.information + WEAK_PRIOR)
-        if worst_position_std(measured) > p.max_std:
+        if worst_position_std(measured) > self.max_std:
             return None
-        measured = turned(measured, -found.pose.theta) + np.diag([p.position_std, p.position_std, p.heading_std]) ** 2
+        measured = (
+            turned(measured, -found.pose.theta) + np.diag([self.position_std, self.position_std, self.heading_std]) ** 2
+        )
         off = difference(expected.inverse() @ found.pose, Pose2D())
-        if deviation(off, covariance + measured) > p.max_deviation:
+        if deviation(off, covariance + measured) > self.max_deviation:
             return None
         return Constraint(submap.anchor.node, keyframe.node, found.pose, inverse(measured), doubtful=True)

@@ -3,56 +3,50 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
 from bestman_bt.messages import OccupancyGrid
-from bestman_bt.messages.bounds import NonNegative, Positive, WholeNumber, check_order
+from bestman_bt.messages.bounds import NonNegative, NotBelow, Positive, WholeNumber
 from bestman_bt.messages.occupancy_grid import OCCUPIED
 
 
-@dataclass(frozen=True)
-class OverhangsParameters:
-    """Metres: points between ``low`` and ``high`` above the floor count, no farther than ``range`` from the camera.
+@dataclass(eq=False)
+class Overhangs:
+    """Remembers cells of one ``resolution``, metres; nothing is forgotten, for what hangs over the floor is furniture.
+
+    Metres: points between ``low`` and ``high`` above the floor count, no farther than ``range`` from the camera.
 
     ``min_points``: of one image in a cell. Beside cells that the lidar knows as occupied, nothing is added: there it
     knows better.
     """
 
+    resolution: float
     low: NonNegative = 0.10
-    high: Positive = 1.6
+    high: Annotated[Positive, NotBelow("low")] = 1.6
     range: Positive = 3.0
     min_points: WholeNumber = 3
 
     def __post_init__(self) -> None:
-        check_order(self, "low", "high")
-
-
-class Overhangs:
-    """Remembers cells of one resolution, metres; nothing is forgotten, for what hangs over the floor is furniture."""
-
-    def __init__(self, resolution: float, parameters: OverhangsParameters | None = None) -> None:
-        self._parameters = parameters or OverhangsParameters()
-        self._resolution = resolution
         self._cells = np.zeros(0, dtype=np.int64)
 
     def add(self, points: NDArray[np.float64], camera: NDArray[np.float64]) -> None:
         """Remember points (N, 3) of one image, taken from ``camera`` (3,), metres in the map frame."""
-        p = self._parameters
-        near = ((points - camera) ** 2).sum(axis=1) < p.range**2
-        points = points[near & (points[:, 2] > p.low) & (points[:, 2] < p.high)]
-        column, row = np.floor(points[:, :2] / self._resolution).astype(np.int64).T
+        near = ((points - camera) ** 2).sum(axis=1) < self.range**2
+        points = points[near & (points[:, 2] > self.low) & (points[:, 2] < self.high)]
+        column, row = np.floor(points[:, :2] / self.resolution).astype(np.int64).T
         # One number for each cell: sorting these is many times faster than sorting pairs.
         cells, counts = np.unique((row << 32) + column, return_counts=True)
-        self._cells = np.union1d(self._cells, cells[counts >= p.min_points])
+        self._cells = np.union1d(self._cells, cells[counts >= self.min_points])
 
     def drawn_on(self, grid: OccupancyGrid) -> OccupancyGrid:
         """The grid with these cells occupied, for planning."""
         row = (self._cells + (1 << 31)) >> 32
         column = self._cells - (row << 32)
-        cells = grid.to_cells((np.column_stack([column, row]) + 0.5) * self._resolution)
+        cells = grid.to_cells((np.column_stack([column, row]) + 0.5) * self.resolution)
         cells = cells[grid.contains(cells)]
         over = np.zeros(grid.data.shape, dtype=bool)
         over[tuple(cells.T)] = True

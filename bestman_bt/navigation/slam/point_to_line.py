@@ -21,8 +21,8 @@ from bestman_bt.navigation.slam.oriented_points import OrientedPoints
 
 
 @dataclass(frozen=True)
-class PointToLineParameters:
-    """Lengths in metres.
+class PointToLine:
+    """How scans are matched. Lengths in metres.
 
     ``iterations`` at most; hits farther than ``gate_first * gate_decay**k + gate_last`` from everything are left out of
     iteration k. ``robust_scale``: residual at which a hit counts half, ``range_std``: noise of a beam and of what it is
@@ -57,9 +57,9 @@ class ScanAlignment:
 class LineReference:
     """What scans are matched to: points whose normals and positions are those of lines through their neighbours."""
 
-    def __init__(self, cloud: OrientedPoints, parameters: PointToLineParameters | None = None) -> None:
+    def __init__(self, cloud: OrientedPoints, method: PointToLine = PointToLine()) -> None:
         """``cloud`` should hold at least as many points as ``neighbours``."""
-        self._parameters = p = parameters or PointToLineParameters()
+        self._method = p = method
         features = cloud.features(p.turning)
         self._tree = cKDTree(features)
         distances, index = self._tree.query(features, k=min(p.neighbours, len(cloud)))
@@ -82,7 +82,7 @@ class LineReference:
 
     def align(self, scan: OrientedPoints, guess: Pose2D, prior: NDArray[np.float64] | None = None) -> ScanAlignment:
         """The pose of ``scan`` from ``guess`` on; ``prior``: (3, 3) information of the guess, none by default."""
-        p = self._parameters
+        p = self._method
         prior = WEAK_PRIOR if prior is None else prior
         x, y, theta = guess.x, guess.y, guess.theta
         information = np.zeros((3, 3))

@@ -20,21 +20,6 @@ from bestman_bt.messages.bounds import Count, NonNegative, Positive
 from bestman_bt.messages.frozen_array import frozen_array
 
 
-@dataclass(frozen=True)
-class PoseGraphParameters:
-    """``iterations``: at most; it ends earlier once no coordinate moves more than ``smallest_step`` (metres, radians).
-
-    ``damping``: at the start, relative to the diagonal. ``scaling``: chi square of a doubtful constraint above which
-    its weight falls, and ``graduation``: by how much that is lowered at a time until it is reached.
-    """
-
-    iterations: Count = 20
-    smallest_step: Annotated[NonNegative, "m, rad"] = 1e-5
-    damping: Positive = 1e-4
-    scaling: Positive = 12.0
-    graduation: Positive = 10.0
-
-
 @dataclass(frozen=True, eq=False)
 class Constraint:
     """``relative``: pose of node ``second`` in the frame of node ``first``, as measured.
@@ -53,11 +38,23 @@ class Constraint:
         object.__setattr__(self, "information", frozen_array(self.information, (3, 3), "Constraint information"))
 
 
+@dataclass(eq=False)
 class PoseGraph:
-    """Nodes are poses in the map frame; node 0 stays where it is."""
+    """Nodes are poses in the map frame; node 0 stays where it is.
 
-    def __init__(self, parameters: PoseGraphParameters | None = None) -> None:
-        self._parameters = parameters or PoseGraphParameters()
+    ``iterations``: at most; it ends earlier once no coordinate moves more than ``smallest_step`` (metres, radians).
+
+    ``damping``: at the start, relative to the diagonal. ``scaling``: chi square of a doubtful constraint above which
+    its weight falls, and ``graduation``: by how much that is lowered at a time until it is reached.
+    """
+
+    iterations: Count = 20
+    smallest_step: Annotated[NonNegative, "m, rad"] = 1e-5
+    damping: Positive = 1e-4
+    scaling: Positive = 12.0
+    graduation: Positive = 10.0
+
+    def __post_init__(self) -> None:
         self._poses: list[tuple[float, float, float]] = []
         self.constraints: list[Constraint] = []
 
@@ -97,24 +94,23 @@ class PoseGraph:
         (graduated non-convexity, H. Yang et al. 2020): else a good one would be dropped where much drift must go.
         Needs every node to be tied to node 0 by constraints.
         """
-        p, edges = self._parameters, _Edges(self.constraints)
+        edges = _Edges(self.constraints)
         poses = self.poses
         worst = float(edges.chi_squares(edges.errors(poses))[edges.doubtful].max(initial=0.0))
-        scaling = max(p.scaling, worst)
+        scaling = max(self.scaling, worst)
         while True:
             poses, cost = self._descend(poses, edges, scaling)
-            if scaling == p.scaling:
+            if scaling == self.scaling:
                 break
-            scaling = max(p.scaling, scaling / p.graduation)
+            scaling = max(self.scaling, scaling / self.graduation)
         self._poses = [(float(x), float(y), wrap_angle(float(theta))) for x, y, theta in poses]
         return cost
 
     def _descend(self, poses: NDArray[np.float64], edges: _Edges, scaling: float) -> tuple[NDArray[np.float64], float]:
         """Levenberg-Marquardt: the poses at the end and their cost."""
-        p = self._parameters
         cost = edges.cost(edges.errors(poses), scaling)
-        damping = p.damping
-        for _ in range(p.iterations):
+        damping = self.damping
+        for _ in range(self.iterations):
             hessian, gradient = edges.normal_equations(poses, scaling)
             diagonal = sparse.diags(damping * hessian.diagonal())
             step = splu((hessian + diagonal).tocsc()).solve(-gradient)
@@ -125,14 +121,14 @@ class PoseGraph:
                 damping *= 10.0
                 continue
             poses, cost, damping = moved, moved_cost, damping / 10.0
-            if float(np.abs(step).max()) < p.smallest_step:
+            if float(np.abs(step).max()) < self.smallest_step:
                 break
         return poses, cost
 
     def relative_covariance(self, first: int, second: int) -> NDArray[np.float64]:
         """Covariance (3, 3) of where ``second`` is as seen from ``first``: x, y, theta in the frame of ``second``."""
         poses = self.poses
-        hessian, _ = _Edges(self.constraints).normal_equations(poses, self._parameters.scaling)
+        hessian, _ = _Edges(self.constraints).normal_equations(poses, self.scaling)
         # Node 0 is no unknown; the relative pose depends on both nodes by the Jacobian of a constraint between them.
         edge = _Edges([Constraint(first, second, self.pose(first).inverse() @ self.pose(second), np.eye(3))])
         by_first, by_second = edge.jacobians(poses)

@@ -7,14 +7,14 @@ graph puts the keyframes (as in W. Hess et al., "Real-time loop closure in 2D li
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.messages import LaserScan, OccupancyGrid, Pose2D, wrap_angle
-from bestman_bt.messages.bounds import Count, NonNegative, Positive, Several, Share, check_order
+from bestman_bt.messages.bounds import Count, NonNegative, NotBelow, Positive, Several, Share
 from bestman_bt.navigation.localization import ScanMatch
 from bestman_bt.navigation.localization.pose_uncertainty import (
     WEAK_PRIOR,
@@ -26,18 +26,20 @@ from bestman_bt.navigation.localization.pose_uncertainty import (
     worst_position_std,
 )
 from bestman_bt.navigation.slam.base import Slam, SlamEstimate, SlamTrajectory
-from bestman_bt.navigation.slam.correlative import CorrelativeParameters, SearchWindow
-from bestman_bt.navigation.slam.log_odds_grid import LogOddsGrid, LogOddsGridParameters
-from bestman_bt.navigation.slam.loop_closure import LoopCloser, LoopClosureParameters
+from bestman_bt.navigation.slam.correlative import LikelihoodPyramid, SearchWindow
+from bestman_bt.navigation.slam.log_odds_grid import LogOddsGrid
+from bestman_bt.navigation.slam.loop_closure import LoopCloser
 from bestman_bt.navigation.slam.oriented_points import OrientedPoints, oriented_points
-from bestman_bt.navigation.slam.point_to_line import PointToLineParameters, ScanAlignment
-from bestman_bt.navigation.slam.pose_graph import Constraint, PoseGraph, PoseGraphParameters
+from bestman_bt.navigation.slam.point_to_line import PointToLine, ScanAlignment
+from bestman_bt.navigation.slam.pose_graph import Constraint, PoseGraph
 from bestman_bt.navigation.slam.submap import Keyframe, Submap
 
 
-@dataclass(frozen=True)
-class PoseGraphSlamParameters:
-    """Lengths in metres, angles in radians.
+@dataclass(eq=False)
+class PoseGraphSlam(Slam):
+    """See the module; equal input gives equal output.
+
+    Lengths in metres, angles in radians.
 
     ``loop_closure``: False leaves only scan matching, as a control. A scan becomes a keyframe after
     ``keyframe_distance`` or ``keyframe_angle``; a submap has ``submap_keyframes``, and its second half is the first
@@ -63,9 +65,9 @@ class PoseGraphSlamParameters:
     drift: Annotated[NonNegative, "rad²/m"] = 4e-4
     rest_std: Annotated[NonNegative, "m"] = 0.002
     rest_heading_std: Annotated[NonNegative, "rad"] = 0.002
-    min_inlier_ratio: Share = 0.45
+    min_inlier_ratio: Annotated[Share, NotBelow("least_inlier_ratio")] = 0.45
     least_inlier_ratio: Share = 0.20
-    sure_inlier_ratio: Share = 0.60
+    sure_inlier_ratio: Annotated[Share, NotBelow("min_inlier_ratio")] = 0.60
     sure_std: Annotated[Positive, "m"] = 0.03
     max_deviation: Positive = 3.0
     recovery_distance: Annotated[NonNegative, "m"] = 0.6
@@ -74,27 +76,18 @@ class PoseGraphSlamParameters:
     heading_std: Annotated[NonNegative, "rad"] = math.radians(0.08)
     redraw_distance: Annotated[NonNegative, "m"] = 0.015
     redraw_angle: Annotated[NonNegative, "rad"] = math.radians(0.15)
-    line: PointToLineParameters = field(default_factory=PointToLineParameters)
-    correlative: CorrelativeParameters = field(default_factory=CorrelativeParameters)
-    closure: LoopClosureParameters = field(default_factory=LoopClosureParameters)
-    graph: PoseGraphParameters = field(default_factory=PoseGraphParameters)
-    occupancy: LogOddsGridParameters = field(default_factory=LogOddsGridParameters)
+    line: PointToLine = field(default_factory=PointToLine)
+    correlative: LikelihoodPyramid = field(default_factory=LikelihoodPyramid)
+    closure: LoopCloser = field(default_factory=LoopCloser)
+    graph: PoseGraph = field(default_factory=PoseGraph)
+    occupancy: LogOddsGrid = field(default_factory=LogOddsGrid)
 
     def __post_init__(self) -> None:
-        check_order(self, "least_inlier_ratio", "min_inlier_ratio", "sure_inlier_ratio")
-
-
-class PoseGraphSlam(Slam):
-    """See the module; equal input gives equal output."""
-
-    def __init__(self, parameters: PoseGraphSlamParameters | None = None) -> None:
-        self._parameters = parameters or PoseGraphSlamParameters()
-        self._closer = LoopCloser(self._parameters.closure)
         self._estimate: SlamEstimate | None = None
 
     def reset(self, pose: Pose2D, odometry: Pose2D) -> SlamEstimate:
         """See ``Slam.reset``."""
-        self._graph = PoseGraph(self._parameters.graph)
+        self._graph = replace(self.graph)  # an empty one
         self._keyframes: list[Keyframe] = []
         self._active: list[Submap] = []
         self._finished: list[Submap] = []
@@ -102,8 +95,8 @@ class PoseGraphSlam(Slam):
         self._odometry = odometry
         self._local = pose
         self._map_from_local = Pose2D()
-        self._covariance = self._error(self._parameters.position_std, self._parameters.heading_std)
-        self._drawing, self._drawn = LogOddsGrid(self._parameters.occupancy), np.zeros((0, 3))
+        self._covariance = self._error(self.position_std, self.heading_std)
+        self._drawing, self._drawn = replace(self.occupancy), np.zeros((0, 3))
         return self._tell(None)
 
     @property
@@ -115,20 +108,19 @@ class PoseGraphSlam(Slam):
 
     def predict(self, odometry: Pose2D) -> SlamEstimate:
         """See ``Slam.predict``."""
-        estimate, p = self.estimate, self._parameters
+        estimate = self.estimate
         moved = self._odometry.inverse() @ odometry
         self._odometry = odometry
         if moved == Pose2D():
             return estimate
-        self._local, self._covariance = driven_on(self._local, self._covariance, moved, p)
+        self._local, self._covariance = driven_on(self._local, self._covariance, moved, self)
         return self._tell(estimate.match)
 
     def add(self, odometry: Pose2D, scan: LaserScan, base_from_lidar: Pose2D) -> SlamEstimate:
         """See ``Slam.add``."""
         self.predict(odometry)
-        p = self._parameters
         hits = oriented_points(scan, base_from_lidar)
-        if len(hits) < p.min_hits:
+        if len(hits) < self.min_hits:
             return self._tell(ScanMatch(False, 0.0, math.inf, f"only {len(hits)} hits lie on lines"))
         if not self._active:
             self._insert(Keyframe(self._graph.add_pose(self._local), self._local, scan, base_from_lidar, hits))
@@ -141,12 +133,12 @@ class PoseGraphSlam(Slam):
     @property
     def grid(self) -> OccupancyGrid:
         """See ``Slam.grid``."""
-        p, poses = self._parameters, self._graph.poses
+        poses = self._graph.poses
         old = poses[: len(self._drawn)]
         change = np.abs(old - self._drawn)
         turn = np.abs((change[:, 2] + np.pi) % (2.0 * np.pi) - np.pi)
-        if (change[:, :2] > p.redraw_distance).any() or (turn > p.redraw_angle).any():
-            self._drawing, self._drawn = LogOddsGrid(p.occupancy), np.zeros((0, 3))
+        if (change[:, :2] > self.redraw_distance).any() or (turn > self.redraw_angle).any():
+            self._drawing, self._drawn = replace(self.occupancy), np.zeros((0, 3))
         for keyframe in self._keyframes[len(self._drawn) :]:
             self._drawing.add(self._graph.pose(keyframe.node) @ keyframe.base_from_lidar, keyframe.scan)
         self._drawn = np.vstack([self._drawn, poses[len(self._drawn) :]])
@@ -160,13 +152,13 @@ class PoseGraphSlam(Slam):
 
     def _match(self, hits: OrientedPoints) -> ScanMatch:
         """Match to the older submap under way, and take over what was found if it is to be believed."""
-        p, submap = self._parameters, self._active[0]
+        submap = self._active[0]
         anchor = submap.anchor.local.theta
         guess = submap.pose_of(self._local)
-        expected = turned(self._covariance + self._error(p.rest_std, p.rest_heading_std), -anchor)
+        expected = turned(self._covariance + self._error(self.rest_std, self.rest_heading_std), -anchor)
         prior = inverse(expected)
         found = submap.reference.align(hits, guess, prior)
-        if found.inlier_ratio < p.min_inlier_ratio:
+        if found.inlier_ratio < self.min_inlier_ratio:
             elsewhere = self._search(hits, guess, submap)
             if elsewhere is not None:
                 found, prior = elsewhere, WEAK_PRIOR
@@ -175,29 +167,27 @@ class PoseGraphSlam(Slam):
                 return ScanMatch(False, found.inlier_ratio, found.residual, text)
         self._local = submap.anchor.local @ found.pose
         covariance = inverse(found.information + prior)
-        self._covariance = turned(covariance, anchor) + self._error(p.position_std, p.heading_std)
+        self._covariance = turned(covariance, anchor) + self._error(self.position_std, self.heading_std)
         return ScanMatch(True, found.inlier_ratio, found.residual)
 
     def _search(self, hits: OrientedPoints, guess: Pose2D, submap: Submap) -> ScanAlignment | None:
         """Where the scan lies after a jump; None unless it says so clearly."""
-        p = self._parameters
-        coarse = submap.matcher.search(hits.points, guess, SearchWindow(p.recovery_distance, p.recovery_angle))
+        coarse = submap.matcher.search(hits.points, guess, SearchWindow(self.recovery_distance, self.recovery_angle))
         if coarse is None:
             return None
         found = submap.reference.align(hits, coarse.pose)
-        if found.inlier_ratio < p.sure_inlier_ratio:
+        if found.inlier_ratio < self.sure_inlier_ratio:
             return None
-        return found if worst_position_std(inverse(found.information + WEAK_PRIOR)) < p.sure_std else None
+        return found if worst_position_std(inverse(found.information + WEAK_PRIOR)) < self.sure_std else None
 
     def _is_likely(self, found: ScanAlignment, off: NDArray[np.float64], expected: NDArray[np.float64]) -> bool:
         """Whether a match that explains little, ``off`` from what the odometry says, is believed all the same."""
-        p = self._parameters
-        return found.inlier_ratio >= p.least_inlier_ratio and deviation(off, expected) <= p.max_deviation
+        return found.inlier_ratio >= self.least_inlier_ratio and deviation(off, expected) <= self.max_deviation
 
     def _is_new_place(self) -> bool:
-        p, last = self._parameters, self._keyframes[-1].local
+        last = self._keyframes[-1].local
         turn = abs(wrap_angle(self._local.theta - last.theta))
-        return last.distance_to(self._local) > p.keyframe_distance or turn > p.keyframe_angle
+        return last.distance_to(self._local) > self.keyframe_distance or turn > self.keyframe_angle
 
     def _add_keyframe(self, scan: LaserScan, base_from_lidar: Pose2D, hits: OrientedPoints) -> None:
         node = self._graph.add_pose(self._map_from_local @ self._local)
@@ -208,8 +198,8 @@ class PoseGraphSlam(Slam):
                 Constraint(submap.anchor.node, node, submap.pose_of(self._local), information / len(self._active))
             )
         self._insert(keyframe)
-        if self._parameters.loop_closure:
-            closures = self._closer.find(keyframe, self._finished, self._graph)
+        if self.loop_closure:
+            closures = self.closure.find(keyframe, self._finished, self._graph)
             for closure in closures:
                 self._graph.add_constraint(closure)
                 self._loops.append((closure.first, closure.second))
@@ -218,15 +208,14 @@ class PoseGraphSlam(Slam):
                 self._map_from_local = self._graph.pose(node) @ self._local.inverse()
 
     def _insert(self, keyframe: Keyframe) -> None:
-        p = self._parameters
         self._keyframes.append(keyframe)
         for submap in self._active:
             submap.insert(keyframe)
-        if not self._active or len(self._active[-1].keyframes) >= p.submap_keyframes // 2:
-            begun = Submap(p.line, p.correlative, p.cell)
+        if not self._active or len(self._active[-1].keyframes) >= self.submap_keyframes // 2:
+            begun = Submap(self.line, self.correlative, self.cell)
             begun.insert(keyframe)
             self._active.append(begun)
-        if len(self._active[0].keyframes) >= p.submap_keyframes:
+        if len(self._active[0].keyframes) >= self.submap_keyframes:
             self._finished.append(self._active.pop(0))
 
     def _error(self, position: float, heading: float) -> NDArray[np.float64]:

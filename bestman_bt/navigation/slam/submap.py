@@ -12,9 +12,9 @@ from functools import cached_property
 import numpy as np
 
 from bestman_bt.messages import LaserScan, Pose2D
-from bestman_bt.navigation.slam.correlative import CorrelativeMatcher, CorrelativeParameters
+from bestman_bt.navigation.slam.correlative import CorrelativeMatcher, LikelihoodPyramid
 from bestman_bt.navigation.slam.oriented_points import OrientedPoints, joined, thinned
-from bestman_bt.navigation.slam.point_to_line import LineReference, PointToLineParameters
+from bestman_bt.navigation.slam.point_to_line import LineReference, PointToLine
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,8 +35,8 @@ class Keyframe:
 class Submap:
     """``keyframes``: the first is its frame. ``cell``: metres within which points are one."""
 
-    line_parameters: PointToLineParameters
-    correlative_parameters: CorrelativeParameters
+    line: PointToLine
+    correlative: LikelihoodPyramid
     cell: float
     keyframes: list[Keyframe] = field(default_factory=list)
 
@@ -68,12 +68,12 @@ class Submap:
     @cached_property
     def reference(self) -> LineReference:
         """For ICP."""
-        return LineReference(self.cloud, self.line_parameters)
+        return LineReference(self.cloud, self.line)
 
     @cached_property
     def matcher(self) -> CorrelativeMatcher:
         """For large jumps."""
-        return CorrelativeMatcher(self.cloud.points, self.correlative_parameters)
+        return CorrelativeMatcher(self.cloud.points, self.correlative)
 
     def distance_to(self, point: Pose2D) -> float:
         """From a pose in the submap's frame to the nearest of its keyframes, metres."""

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from bestman_bt.messages import LaserScan, Pose2D, wrap_angle
-from bestman_bt.navigation.localization import ParticleFilter, ParticleFilterParameters
+from bestman_bt.navigation.localization import ParticleFilter
 from tests.navigation.localization.simulated_scans import BASE_FROM_LIDAR, BEAMS, grid_of, scan_at
 
 STEP, TURN = 0.05, 0.04
@@ -73,7 +73,7 @@ def test_it_notices_that_it_was_carried_off_and_finds_itself_again(kitchen):
 
 
 def test_where_it_may_be_in_several_places_it_says_so(kitchen):
-    localizer = ParticleFilter(kitchen, ParticleFilterParameters(independent_beams=0.5))
+    localizer = ParticleFilter(kitchen, independent_beams=0.5)
     localizer.reset(Pose2D(), Pose2D(), 1.0, math.pi)
     scan = scan_at(START, kitchen.lidar_segments(), np.random.default_rng(3))
     estimate = localizer.correct(scan, BASE_FROM_LIDAR)
@@ -107,7 +107,7 @@ def test_a_blind_lidar_is_refused(kitchen):
 def test_equal_seeds_give_equal_estimates_and_others_do_not(kitchen):
     ends = []
     for seed in (1, 1, 2):
-        localizer = ParticleFilter(kitchen, ParticleFilterParameters(seed=seed))
+        localizer = ParticleFilter(kitchen, seed=seed)
         localizer.reset(START, Pose2D(), 0.03, 0.02)
         ends.append(circle(kitchen, localizer, START, Pose2D(), 5)[0][-1].pose)
     assert ends[0] == ends[1] != ends[2]

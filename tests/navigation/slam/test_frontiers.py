@@ -5,7 +5,7 @@ import pytest
 
 from bestman_bt.messages import OccupancyGrid, Pose2D
 from bestman_bt.navigation.global_planning import Costmap
-from bestman_bt.navigation.slam import FrontierExplorer, FrontierExplorerParameters, Overhangs, find_frontiers
+from bestman_bt.navigation.slam import FrontierExplorer, Overhangs, find_frontiers
 
 
 def floor(known_to, rows=80, columns=200):
@@ -64,7 +64,7 @@ def test_what_was_tried_in_vain_is_not_tried_again(footprint):
     explorer, useless = FrontierExplorer(), np.zeros((0, 2))
     tried = 0
     while views := explorer.tour(grid, costmap, Pose2D(1.0, 2.0, 0.0), useless):
-        assert all(np.linalg.norm(views[0].pose.xy - place) > explorer.parameters.again for place in useless)
+        assert all(np.linalg.norm(views[0].pose.xy - place) > explorer.again for place in useless)
         useless, tried = np.vstack([useless, views[0].pose.xy]), tried + 1
     assert 3 < tried < 60
 
@@ -82,7 +82,7 @@ def test_what_cannot_be_reached_is_no_goal(footprint):
 
 def test_gain_is_the_unknown_floor_in_view_up_to_walls():
     # From 1 m before the border: 16 m², without the corners that lie beyond 5 m.
-    explorer = FrontierExplorer(FrontierExplorerParameters(depth=5.0))
+    explorer = FrontierExplorer(depth=5.0)
     assert explorer.gain(floor(6.0), np.array([5.0, 2.0])) == pytest.approx(15.45, rel=0.02)
     data = floor(6.0).data.copy()
     data[:, 110] = 100

@@ -10,14 +10,14 @@ import pytest
 from bestman_bt.messages import LaserScan, Pose2D, wrap_angle
 from bestman_bt.navigation.slam import (
     CorrelativeMatcher,
-    CorrelativeParameters,
+    LikelihoodPyramid,
     LineReference,
+    PointToLine,
     SearchWindow,
     oriented_points,
 )
-from bestman_bt.navigation.slam.loop_closure import LoopCloser, LoopClosureParameters
+from bestman_bt.navigation.slam.loop_closure import LoopCloser
 from bestman_bt.navigation.slam.oriented_points import OrientedPoints
-from bestman_bt.navigation.slam.point_to_line import PointToLineParameters
 from bestman_bt.navigation.slam.pose_graph import Constraint, PoseGraph
 from bestman_bt.navigation.slam.submap import Keyframe, Submap
 
@@ -93,7 +93,7 @@ def test_branch_and_bound_finds_what_trying_every_pose_finds(still, guess):
     reference, scan = still
     hits, window = scan.points[::7], SearchWindow(0.4, 0.15)
     levels = [
-        CorrelativeMatcher(reference.points, CorrelativeParameters(levels=levels, min_score=0.05)).search(
+        CorrelativeMatcher(reference.points, LikelihoodPyramid(levels=levels, min_score=0.05)).search(
             hits, guess, window
         )
         for levels in (1, 4)
@@ -120,7 +120,7 @@ def keyframe(node: int, hits: OrientedPoints, heading: float = 0.0) -> Keyframe:
 
 
 def test_a_submap_is_searched_with_what_was_inserted_last():
-    submap = Submap(PointToLineParameters(), CorrelativeParameters(), 0.03)
+    submap = Submap(PointToLine(), LikelihoodPyramid(), 0.03)
     submap.insert(keyframe(0, wall(1.0)))
     near, far = wall(1.0).points, wall(5.0, 2.0).points
     window = SearchWindow(0.2, 0.05)
@@ -145,11 +145,11 @@ def test_how_sure_a_closure_is_is_told_in_the_frame_of_the_keyframe():
         if node:
             before = graph.pose(node - 1).inverse() @ graph.pose(node)
             graph.add_constraint(Constraint(node - 1, node, before, np.diag([1e6, 1e6, 1e6])))
-    submap = Submap(PointToLineParameters(), CorrelativeParameters(), 0.01)
+    submap = Submap(PointToLine(), LikelihoodPyramid(), 0.01)
     submap.insert(keyframe(0, room))
     seen = room.placed(turned.inverse())
-    hits_alone = LoopClosureParameters(position_std=0.0, heading_std=0.0)
-    (closure,) = LoopCloser(hits_alone).find(keyframe(19, seen, turned.theta), [submap], graph)
+    hits_alone = LoopCloser(position_std=0.0, heading_std=0.0)
+    (closure,) = hits_alone.find(keyframe(19, seen, turned.theta), [submap], graph)
     across = np.array([math.cos(math.pi / 4), -math.sin(math.pi / 4)])  # x of the submap in the keyframe
     along = np.array([across[1], -across[0]])
     information = closure.information[:2, :2]

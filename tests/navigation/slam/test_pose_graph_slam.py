@@ -5,13 +5,13 @@ import pytest
 
 from bestman_bt.messages import LaserScan, Pose2D
 from bestman_bt.messages.occupancy_grid import FREE, OCCUPIED
-from bestman_bt.navigation.slam import PoseGraphSlam, PoseGraphSlamParameters, SlamLocalizer
+from bestman_bt.navigation.slam import PoseGraphSlam, SlamLocalizer
 
 BASE_FROM_LIDAR = Pose2D(0.1, 0.0, 0.05)
 
 
 def run(drive, scans=None, **parameters):
-    slam = PoseGraphSlam(PoseGraphSlamParameters(**parameters))
+    slam = PoseGraphSlam(**parameters)
     slam.reset(drive.true[0], drive.odometry[0])
     errors = []
     for true, odometry, scan in list(zip(drive.true, drive.odometry, drive.scans, strict=True))[:scans]:
