@@ -221,3 +221,10 @@ def test_the_set_paths_of_the_page_of_parameters_are_accepted(path: str) -> None
     assert f"`{setting}=`" in (DOCS / "parameters.md").read_text()
     config = load_run("fetch_cup", settings=[path])
     Algorithms(config, load_robot_model(config.task.robot))
+
+
+def test_the_files_of_where_do_i_change_are_there() -> None:
+    table = (CHECKOUT / "CONTRIBUTING.md").read_text().split("## Where do I change")[1]
+    named = re.findall(r"`([\w/]+(?:/|\.\w+))`", table)
+    assert len(named) >= 30
+    assert [name for name in named if not (CHECKOUT / name).exists()] == []
