@@ -14,11 +14,13 @@ from pathlib import Path
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
-from bestman_bt.engine import FAILURE, IDLE, RUNNING, SUCCESS
-from bestman_bt.engine.logs import LoggedNode, Transition, logged_nodes, read_btlog
+from bestman_bt.engine.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS
 from bestman_bt.evaluation.film.filmed_run import read_filmed_run
 from bestman_bt.evaluation.film.shot import plan_shot
 from bestman_bt.evaluation.film.stage import Stage
+from bestman_bt.records.history import RunHistory
+from bestman_bt.records.reader import read
+from bestman_bt.records.states import NO, NodeStates
 
 RATE = 8
 """Frames per second."""
@@ -41,8 +43,7 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=14.0)
     options = parser.parse_args()
     run = read_filmed_run(options.run)
-    log = read_btlog(options.run / "transitions.btlog")
-    nodes, changes = logged_nodes(log.xml), list(log)
+    history = read(options.run)
     times = np.linspace(0.0, run.motion.duration, round(options.seconds * RATE))
     frames = []
     with Stage(run) as stage:
@@ -50,7 +51,7 @@ def main() -> None:
         for time in times:
             stage.set(run.motion.at(float(time)))
             picture = stage.picture(shot.view_at(float(time)), *PICTURE, oversampling=2)
-            frames.append(_frame(picture, nodes, changes, float(time)))
+            frames.append(_frame(picture, history, float(time)))
     still = [round(1000 / RATE)] * (len(frames) - 1) + [2500]
     for quality in (60, 50, 40, 30, 20):
         frames[0].save(options.out, save_all=True, append_images=frames[1:], duration=still, loop=0, quality=quality)
@@ -59,14 +60,13 @@ def main() -> None:
     print(f"{options.out}: {len(frames)} frames, {options.out.stat().st_size / 1e6:.1f} MB")
 
 
-def _frame(picture: np.ndarray, nodes: tuple[LoggedNode, ...], changes: list[Transition], time: float) -> Image.Image:
+def _frame(picture: np.ndarray, history: RunHistory, time: float) -> Image.Image:
     frame = Image.new("RGB", (PICTURE[0] + PANEL, PICTURE[1]), BACKGROUND)
     frame.paste(Image.fromarray(picture), (0, 0))
     draw = ImageDraw.Draw(frame)
-    states = _states(changes, time)
     top, left = 12, PICTURE[0] + 14
     draw.text((frame.width - 62, PICTURE[1] - 24), f"{time:5.1f} s", font=_font(13), fill=(110, 118, 126))
-    for depth, text, state in _rows(nodes, states):
+    for depth, text, state in _rows(history, history.states.at(time).nodes):
         colour = COLOURS[state]
         x = left + 15 * depth
         draw.text((x, top), MARKS[state], font=_font(14, bold=True), fill=colour)
@@ -75,51 +75,25 @@ def _frame(picture: np.ndarray, nodes: tuple[LoggedNode, ...], changes: list[Tra
     return frame
 
 
-def _states(changes: list[Transition], time: float) -> dict[int, int]:
-    """The state of each node at ``time``; one that is idle again keeps its last result."""
-    states: dict[int, int] = {}
-    for change in changes:
-        if change.time > time:
-            break
-        if change.status in (RUNNING, SUCCESS, FAILURE):
-            states[change.uid] = change.status
-        elif states.get(change.uid) == RUNNING:
-            states[change.uid] = IDLE
-    return states
+def _rows(history: RunHistory, now: NodeStates) -> list[tuple[int, str, int]]:
+    """Depth, text and state of each row: the nodes of the main tree and the leaf that runs in a subtree.
 
-
-def _rows(nodes: tuple[LoggedNode, ...], states: dict[int, int]) -> list[tuple[int, str, int]]:
-    """Depth, text and state of each row: the nodes of the main tree and the leaf that runs in a subtree."""
-    by_uid = {node.uid: node for node in nodes}
+    A node that is idle again keeps its last result.
+    """
+    nodes = history.nodes
     rows: list[tuple[int, str, int]] = []
-
-    def depth_and_subtree(node: LoggedNode) -> tuple[int, int | None]:
-        depth, subtree, above = 0, None, node.parent
-        while above is not None:
-            depth += 1
-            if by_uid[above].category == "subtree":
-                subtree = above
-            above = by_uid[above].parent
-        return depth, subtree
-
+    subtree = [0]  # the outermost SubTree that each node is in, by uid
     for node in nodes:
-        depth, subtree = depth_and_subtree(node)
-        if subtree is None:
-            text = (
-                node.type
-                if node.name in ("", node.type)
-                else f"{node.name}"
-                if node.category == "subtree"
-                else node.name
-            )
-            rows.append((depth, text, states.get(node.uid, IDLE)))
-            if node.category == "subtree" and states.get(node.uid) == RUNNING:
-                inside = [
-                    leaf.type
-                    for leaf in nodes
-                    if leaf.is_leaf and states.get(leaf.uid) == RUNNING and depth_and_subtree(leaf)[1] == node.uid
-                ]
-                rows.extend((depth + 1, leaf, RUNNING) for leaf in inside[:1])
+        above = subtree[node.parent] if node.parent is not None else 0
+        subtree.append(above or (node.uid if node.category == "subtree" else 0))
+        if above:
+            continue
+        depth, state = nodes.depth(node.uid), int(now.states[node.uid] or now.results[node.uid])
+        rows.append((depth, node.name or node.type, state))
+        if node.category == "subtree" and state == RUNNING:
+            inside = nodes[node.uid :]
+            running = [leaf for leaf in inside if leaf.is_leaf and now.states[leaf.uid] == RUNNING]
+            rows += [(depth + 1, leaf.type, RUNNING) for leaf in running[:1]]
     return rows
 
 

@@ -9,10 +9,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from bestman_bt.monitor.recorded import read_into
+from bestman_bt.monitor.recorded import read_run
 from bestman_bt.monitor.run import MonitoredRun, RunError
 from bestman_bt.records.events import Event, EventError, ImageEvent, RunEvent, Topic, from_line
-from bestman_bt.records.history import RunHistory
 
 LONGEST_LINE = 16 << 20
 """Bytes of one event."""
@@ -138,13 +137,10 @@ class AttachedRun(MonitoredRun):
         await self._read((), take, lambda: not told)
         if not told or not told[0].folder:
             return
-        history = RunHistory()
         try:
-            await asyncio.to_thread(read_into, history, Path(told[0].folder))
+            self.history = await asyncio.to_thread(read_run, Path(told[0].folder))
         except RunError as error:
             self.fault = str(error)
-        else:
-            self.history = history
 
     async def _follow_pictures(self) -> None:
         def take(event: Event) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from typing import Any
 
 from bestman_bt.monitor.run import MonitoredRun
@@ -64,12 +65,12 @@ class Updates:
         return {
             "type": "tree",
             "id": self.run.id,
-            "nodes": history.nodes.document,
+            "nodes": [asdict(node) for node in history.nodes],
             "duration": history.last,
             "first": history.states.first,
             "last": history.last,
             "map": history.map,
-            "scopes": sorted({node["scope"] for node in history.nodes.document}),
+            "scopes": sorted({node.scope for node in history.nodes}),
         }
 
     def _all(self) -> list[Message]:
@@ -93,8 +94,8 @@ class Updates:
             "live": is_now and self.run.is_live,
             "first": history.states.first,
             "last": history.last,
-            "states": {"0": list(nodes.states[1:])},
-            "results": {"0": list(nodes.results[1:])},
+            "states": {"0": nodes.states[1:].tolist()},
+            "results": {"0": nodes.results[1:].tolist()},
             "messages": history.messages_at(time),
             "statistics": nodes.statistics(range(1, len(nodes) + 1), time),
             "blackboard": history.blackboard_at(time),
@@ -117,7 +118,7 @@ class Updates:
             "id": self.run.id,
             "time": time,
             "tick": history.tick,
-            "changes": [[uid, nodes.states[uid], MAIN_TREE, nodes.results[uid]] for uid in reversed(changed)],
+            "changes": [[uid, int(nodes.states[uid]), MAIN_TREE, int(nodes.results[uid])] for uid in reversed(changed)],
         }
         said = history.changed_messages.since(since)
         if said:

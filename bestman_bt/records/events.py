@@ -57,9 +57,10 @@ class RunEvent:
 
 @dataclass(frozen=True)
 class DescribedNode:
-    """A node. ``path``: unique in its tree; ``ports``: port or attribute → text; ``scope``: path of its SubTree.
+    """A node. ``type``: as in XML, of a SubTree its tree's; ``parent``: the uid of the node above, None for the root.
 
-    ``where``: what people call it, its name with file and line; empty where no file defines it.
+    ``path``: unique in its tree; ``ports``: port or attribute → text; ``scope``: path of its SubTree. ``where``: what
+    people call it, its name with file and line; empty where no file defines it.
     """
 
     uid: int
@@ -71,6 +72,16 @@ class DescribedNode:
     ports: dict[str, str]
     scope: str
     where: str = ""
+
+    @property
+    def is_leaf(self) -> bool:
+        """Whether it is an action or a condition."""
+        return self.category in ("action", "condition")
+
+    @property
+    def named(self) -> str:
+        """What people call it, or its path where no file defines it."""
+        return self.where or self.path
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,10 @@ from dataclasses import asdict, dataclass
 from itertools import islice, takewhile
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
+from bestman_bt.engine.logs import Transitions
 from bestman_bt.engine.status import FAILURE, SKIPPED
 from bestman_bt.records.events import (
     MAIN_TREE,
@@ -31,12 +35,10 @@ from bestman_bt.records.events import (
     StatesEvent,
     TreeEvent,
 )
-from bestman_bt.records.node_states import NO
 from bestman_bt.records.nodes import NodeList
-from bestman_bt.records.outcomes import Outcomes
 from bestman_bt.records.robot_history import RobotHistory
 from bestman_bt.records.samples import Freshness, Samples
-from bestman_bt.records.state_history import HistoryLimits, StateHistory
+from bestman_bt.records.states import NO, HistoryLimits, StateHistory
 from bestman_bt.records.timeline import Timeline
 
 MAX_LOG_LINES = 20_000
@@ -66,7 +68,10 @@ class Picture:
 
 
 class RunHistory:
-    """``take`` the events of a run in their order; ``version`` counts them, so that viewers can ask what is new."""
+    """``take`` the events of a run in their order; ``version`` counts them, so that viewers can ask what is new.
+
+    ``xml``: of the main tree. ``faults``: what of its folder could not be read, in words.
+    """
 
     def __init__(self, limits: HistoryLimits | None = None) -> None:
         self.version = 0
@@ -74,7 +79,8 @@ class RunHistory:
         self.nodes = NodeList()
         self.states = StateHistory(limits)
         self.timeline = Timeline()
-        self.outcomes = Outcomes()
+        self.xml = ""
+        self.faults: list[str] = []
         self.robot = RobotHistory()
         self.map: dict[str, Any] | None = None
         self.paths: Samples[list[tuple[float, float]]] = Samples(MAX_PATHS)
@@ -88,8 +94,8 @@ class RunHistory:
         self.changed_nodes: Freshness[int] = Freshness()
         self.changed_messages: Freshness[int] = Freshness()
         self.changed_entries: Freshness[tuple[str, str]] = Freshness()
-        self._leaves: set[int] = set()
-        self._conditions: set[int] = set()
+        self._main = (0, 0)
+        self._is_leaf = self._is_condition = np.zeros(1, bool)
         self._messages: dict[int, Samples[str]] = {}
         self._entries: dict[tuple[str, str], Samples[ShownEntry | None]] = {}
         self._time = 0.0
@@ -102,10 +108,6 @@ class RunHistory:
     def last(self) -> float:
         """The newest time, in seconds since the run's start."""
         return max(self._time, self.states.time)
-
-    def path_of(self, uid: int) -> str:
-        """A node's path."""
-        return self.nodes.path_of(uid)
 
     def message_at(self, uid: int, time: float) -> str:
         """What a node last said at ``time`` or before; empty where it said nothing."""
@@ -190,38 +192,55 @@ class RunHistory:
                 self.dropped += event.count
 
     def _take_tree(self, event: TreeEvent) -> None:
-        for uid, is_leaf, is_subtree in self.nodes.add(event):
-            if is_leaf or is_subtree:
-                self.timeline.add_node(uid)
-            if is_leaf:
-                self._leaves.add(uid)
-                self.outcomes.add_leaf(uid)
-            if self.nodes.document[uid - 1]["category"] == "condition":
-                self._conditions.add(uid)
-        self.states.now.grow(len(self.nodes))
+        for node in self.nodes.add(event):
+            if node.is_leaf or node.category == "subtree":
+                self.timeline.add_node(node.uid)
+        if event.tree == MAIN_TREE:
+            self.xml, self._main = event.xml, self.nodes.range_of(MAIN_TREE)
+        self._is_leaf = np.array([False, *(node.is_leaf for node in self.nodes)])
+        self._is_condition = np.array([False, *(node.category == "condition" for node in self.nodes)])
+        self.states.now = self.states.now.grown(len(self.nodes))
         self.tree_version = self.version
 
     def _take_states(self, event: StatesEvent) -> None:
         offset, count = self.nodes.range_of(event.tree)
         changes = [(offset + uid, state) for uid, state in event.changes if 0 < uid <= count and 0 <= state <= SKIPPED]
-        ended_by = self._ended_by(changes, offset + 1) if event.tree == MAIN_TREE else None
-        answers = self._conditions - {ended_by}
-        shown = [(uid, NO if state == FAILURE and uid in answers else state) for uid, state in changes]
-        fresh = self.states.record(event.time, event.tick, shown)
-        time = self.states.time
-        for uid, state in fresh:
-            self.changed_nodes.touch(uid, self.version)
-            self.timeline.change(uid, state, time)
-            self.outcomes.change(uid, FAILURE if state == NO else state, time)
+        if changes:
+            uids, states = np.array(changes, dtype=np.uint32).T
+            moments = np.full(len(uids), event.time)
+            self.take_changes(Transitions(moments, uids, states.astype(np.uint8)), np.full(len(uids), event.tick))
+        elif not event.messages:  # a step that changed nothing
+            self.states.record(event.time, event.tick)
         for uid, text in event.messages.items():
             if 0 < uid <= count:
-                self._messages.setdefault(offset + uid, Samples(MAX_MESSAGES_A_NODE)).add(time, text[:MAX_TEXT])
+                said = self._messages.setdefault(offset + uid, Samples(MAX_MESSAGES_A_NODE))
+                said.add(event.time, text[:MAX_TEXT])
                 self.changed_messages.touch(offset + uid, self.version)
 
-    def _ended_by(self, changes: list[tuple[int, int]], root: int) -> int | None:
-        """The leaf by which a tree fails: of changes in which its root does, the last leaf that does."""
-        failed = [uid for uid, state in changes if state == FAILURE]
-        return next((uid for uid in reversed(failed) if uid in self._leaves), None) if root in failed else None
+    def take_changes(self, changes: Transitions, ticks: NDArray[np.int64]) -> None:
+        """Add changes of state, by uids of ``nodes`` and in the order of time; those of one moment are of one tick."""
+        shown = np.where(self._are_answers(changes), NO, changes.statuses).astype(np.uint8)
+        fresh = self.states.extend(Transitions(changes.times, changes.uids, shown), ticks)
+        self.timeline.change(fresh)
+        for uid in reversed(dict.fromkeys(fresh.uids[::-1].tolist())):
+            self.changed_nodes.touch(uid, self.version)
+
+    def _are_answers(self, changes: Transitions) -> NDArray[np.bool_]:
+        """Which are the answer no: of conditions that FAIL, all but the leaf by which the main tree fails.
+
+        That is, of the moment at which its root fails, the last leaf that does.
+        """
+        failed = changes.statuses == FAILURE
+        answers: NDArray[np.bool_] = failed & self._is_condition[changes.uids]
+        if not answers.any():
+            return answers
+        offset, count = self._main
+        inside = failed & (changes.uids > offset) & (changes.uids <= offset + count)
+        for time in changes.times[inside & (changes.uids == offset + 1)]:
+            moment = slice(*(int(np.searchsorted(changes.times, time, side)) for side in ("left", "right")))
+            leaves = changes.uids[moment][inside[moment] & self._is_leaf[changes.uids[moment]]]
+            answers[moment] &= changes.uids[moment] != (leaves[-1] if len(leaves) else 0)
+        return answers
 
     def _take_blackboard(self, event: BlackboardEvent) -> None:
         for scope, entries in event.entries.items():

@@ -2,27 +2,70 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
-from typing import Any
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from typing import overload
 
-from bestman_bt.records.events import MAIN_TREE, EventError, TreeEvent
+from bestman_bt.records.events import MAIN_TREE, DescribedNode, EventError, TreeEvent
 
 MAX_NODES = 100_000
 
 
-class NodeList:
-    """``document`` lists what the page shows; uids count on from tree to tree."""
+class NodeList(Sequence[DescribedNode]):
+    """Uids count on from tree to tree: the node with uid N is the Nth, and those of the first tree are its own."""
 
     def __init__(self) -> None:
-        self.document: list[dict[str, Any]] = []
+        self._nodes: list[DescribedNode] = []
+        self._children: list[list[int]] = [[]]
         self._ranges: dict[int, tuple[int, int]] = {}
 
     def __len__(self) -> int:
-        return len(self.document)
+        return len(self._nodes)
+
+    @overload
+    def __getitem__(self, index: int) -> DescribedNode: ...
+    @overload
+    def __getitem__(self, index: slice) -> list[DescribedNode]: ...
+    def __getitem__(self, index: int | slice) -> DescribedNode | list[DescribedNode]:
+        return self._nodes[index]
+
+    def node(self, uid: int) -> DescribedNode:
+        """The node with this uid; EventError where there is none."""
+        if not 0 < uid <= len(self._nodes):
+            raise EventError(f"there is no node {uid}")
+        return self._nodes[uid - 1]
+
+    def children(self, uid: int) -> list[DescribedNode]:
+        """The nodes below one, left to right; below a leaf the roots of the trees that it ticked."""
+        return [self._nodes[child - 1] for child in self._children[self.node(uid).uid]]
+
+    def depth(self, uid: int) -> int:
+        """Number of nodes above one."""
+        depth, node = 0, self.node(uid)
+        while node.parent is not None:
+            depth, node = depth + 1, self.node(node.parent)
+        return depth
+
+    def depth_first(self) -> Iterator[DescribedNode]:
+        """All nodes in the order in which a tree is read: a parent, then what is below it, left to right."""
+        pending = [node for node in reversed(self._nodes) if node.parent is None]
+        while pending:
+            node = pending.pop()
+            yield node
+            pending += reversed(self.children(node.uid))
+
+    def leaves(self) -> list[DescribedNode]:
+        """The nodes without any below them, in the order of reading."""
+        return [node for node in self.depth_first() if not self._children[node.uid]]
 
     def path_of(self, uid: int) -> str:
         """A node's path; its number where there is no such node."""
-        return str(self.document[uid - 1]["path"]) if 0 < uid <= len(self.document) else f"#{uid}"
+        return self._nodes[uid - 1].path if 0 < uid <= len(self._nodes) else f"#{uid}"
+
+    @property
+    def trees(self) -> list[int]:
+        """The numbers of the trees that were told."""
+        return list(self._ranges)
 
     def range_of(self, tree: int) -> tuple[int, int]:
         """What to add to the uids of a tree, and how many nodes it has; EventError for an unknown one."""
@@ -37,8 +80,8 @@ class NodeList:
                 return tree, uid - offset
         raise EventError(f"there is no node {uid}")
 
-    def add(self, event: TreeEvent) -> list[tuple[int, bool, bool]]:
-        """Add a tree; returns (uid, is a leaf, is a subtree) of each new node.
+    def add(self, event: TreeEvent) -> list[DescribedNode]:
+        """Add a tree; returns its nodes, with the uids that they have here.
 
         A tree that was told before is not added again: whoever subscribes anew is told all of them.
 
@@ -51,7 +94,7 @@ class NodeList:
             return []
         if not event.nodes:
             raise EventError(f"the tree {event.tree} has no nodes")
-        offset = len(self.document)
+        offset = len(self._nodes)
         if offset + len(event.nodes) > MAX_NODES:
             raise EventError(f"more than {MAX_NODES} nodes")
         under = None
@@ -60,13 +103,17 @@ class NodeList:
             if not 0 < event.under <= count:
                 raise EventError(f"the tree {event.tree} is under the node {event.under}, which is not there")
             under = main_offset + event.under
-        parents = set()
         for number, node in enumerate(event.nodes, 1):
             if node.uid != number or (node.parent is not None and not 0 < node.parent < number):
                 raise EventError(f"node {number} of the tree {event.tree} is out of order")
-            parents.add(node.parent)
-        for node in event.nodes:
-            parent = under if node.parent is None else offset + node.parent
-            self.document.append(asdict(node) | {"uid": offset + node.uid, "parent": parent})
-        self._ranges[event.tree] = (offset, len(event.nodes))
-        return [(offset + node.uid, node.uid not in parents, node.category == "subtree") for node in event.nodes]
+        added = [
+            replace(node, uid=offset + node.uid, parent=under if node.parent is None else offset + node.parent)
+            for node in event.nodes
+        ]
+        self._nodes += added
+        self._children += [[] for _ in added]
+        for node in added:
+            if node.parent is not None:
+                self._children[node.parent].append(node.uid)
+        self._ranges[event.tree] = (offset, len(added))
+        return added

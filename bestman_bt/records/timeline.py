@@ -2,27 +2,25 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
+from bestman_bt.engine.logs import Transitions
 from bestman_bt.engine.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS
-from bestman_bt.records.node_states import NO
+from bestman_bt.records.states import NO
 
 MAX_SPANS = 20_000
 """Beyond it the timeline gets coarser: spans that are nearer than the resolution become one."""
 MAX_MARKS = 2_000
 FINEST = 0.02
+LONGEST = 1e9
 """Seconds."""
-_WEIGHT = {SKIPPED: 0, RUNNING: 1, SUCCESS: 2, NO: 3, FAILURE: 4}
-"""Which state a merged span shows: what it came to, and a failure before all."""
-
-
-@dataclass
-class _Span:
-    state: int
-    begin: float
-    end: float
-    is_merged: bool = False
+_BY_WEIGHT = np.array([IDLE, SKIPPED, RUNNING, SUCCESS, NO, FAILURE], np.uint8)
+"""A merged span shows the last of its states here: what it came to, and a failure before all."""
+_WEIGHT = np.argsort(_BY_WEIGHT)
+_SPAN = np.dtype([("uid", "u4"), ("state", "u1"), ("is_merged", "?"), ("begin", "f8"), ("end", "f8")])
 
 
 class Timeline:
@@ -30,33 +28,47 @@ class Timeline:
 
     def __init__(self, max_spans: int = MAX_SPANS) -> None:
         self._max_spans = max_spans
-        self._spans: dict[int, list[_Span]] = {}
-        self._open: dict[int, _Span] = {}
+        self._followed = np.zeros(1, bool)
+        self._open = np.zeros(1, _SPAN)  # by uid; IDLE where none is
+        self._pieces: list[NDArray[Any]] = []
         self._count = 0
         self._resolution = FINEST
         self._marks: list[dict[str, Any]] = []
 
     def add_node(self, uid: int) -> None:
         """Follow a node."""
-        self._spans.setdefault(uid, [])
+        more = uid + 1 - len(self._followed)
+        if more > 0:
+            self._followed = np.append(self._followed, np.zeros(more, bool))
+            self._open = np.append(self._open, np.zeros(more, _SPAN))
+        self._followed[uid] = True
 
-    def change(self, uid: int, state: int, time: float) -> None:
-        """A node has taken a state."""
-        spans = self._spans.get(uid)
-        if spans is None:
+    def change(self, changes: Transitions) -> None:
+        """Nodes have taken new states; in the order of time."""
+        known = changes.uids < len(self._followed)
+        known[known] = self._followed[changes.uids[known]]
+        order = np.flatnonzero(known)[np.argsort(changes.uids[known], kind="stable")]
+        if not len(order):
             return
-        ended = self._open.pop(uid, None)
-        if ended is not None:
-            ended.end = time
-            if spans and ended.end - spans[-1].begin < self._resolution:
-                spans[-1] = _merged(spans[-1], ended)
-            else:
-                spans.append(ended)
-                self._count += 1
-                if self._count > self._max_spans:
-                    self._coarsen()
-        if state != IDLE:
-            self._open[uid] = _Span(state, time, time)
+        begun = np.zeros(len(order), _SPAN)
+        begun["uid"], begun["state"], begun["begin"] = (
+            changes.uids[order],
+            changes.statuses[order],
+            changes.times[order],
+        )
+        first = np.append(True, begun["uid"][1:] != begun["uid"][:-1])
+        ended = self._open[begun["uid"]]  # what each change ended
+        ended[~first] = begun[:-1][~first[1:]]
+        ended["uid"], ended["end"] = begun["uid"], begun["begin"]
+        self._open[begun["uid"]] = begun  # the last one of each node stays
+        ended = ended[ended["state"] != IDLE]
+        self._pieces.append(ended)
+        self._count += len(ended)
+        if self._count > self._max_spans:
+            self._merge()
+            while self._count > max(self._max_spans // 2, self._followed.sum()) and self._resolution < LONGEST:
+                self._resolution *= 2
+                self._merge()
 
     def mark(self, time: float, kind: str, text: str, node: int | None = None) -> None:
         """Note that something happened; beyond the bound, every second one of the older half is dropped."""
@@ -66,36 +78,31 @@ class Timeline:
 
     def document(self, now: float) -> dict[str, Any]:
         """``spans`` and ``marks``; a span that is not over ends now, one of several that became one is ``merged``."""
-        spans = [
-            {"uid": uid, "state": span.state, "from": round(span.begin, 3), "to": round(end, 3)}
-            | ({"merged": True} if span.is_merged else {})
-            for uid, mine in self._spans.items()
-            for span, end in [(span, span.end) for span in mine] + self._unfinished(uid, now)
+        self._merge()
+        going_on = self._open[self._open["state"] != IDLE]
+        going_on["end"] = np.maximum(going_on["begin"], now)
+        spans = np.concatenate([*self._pieces, going_on])
+        spans = spans[np.argsort(spans["uid"], kind="stable")]
+        told = [
+            {"uid": uid, "state": state, "from": round(begin, 3), "to": round(end, 3)}
+            | ({"merged": True} if is_merged else {})
+            for uid, state, is_merged, begin, end in spans.tolist()
         ]
-        return {"spans": spans, "marks": list(self._marks)}
+        return {"spans": told, "marks": sorted(self._marks, key=lambda mark: mark["time"])}
 
-    def _unfinished(self, uid: int, now: float) -> list[tuple[_Span, float]]:
-        span = self._open.get(uid)
-        return [] if span is None else [(span, max(span.begin, now))]
-
-    def _coarsen(self) -> None:
-        """Double the resolution until half of the room is free."""
-        while self._count > self._max_spans // 2:
-            self._resolution *= 2
-            self._count = 0
-            for uid, spans in self._spans.items():
-                kept: list[_Span] = []
-                for span in spans:
-                    if kept and span.end - kept[-1].begin < self._resolution:
-                        kept[-1] = _merged(kept[-1], span)
-                    else:
-                        kept.append(span)
-                self._spans[uid] = kept
-                self._count += len(kept)
-            if self._count <= len(self._spans):
-                return
-
-
-def _merged(first: _Span, second: _Span) -> _Span:
-    state = max(first.state, second.state, key=_WEIGHT.__getitem__)
-    return _Span(state, first.begin, second.end, is_merged=True)
+    def _merge(self) -> None:
+        """Have spans of one node become one where together they are shorter than the resolution."""
+        if not self._pieces:
+            return
+        spans = np.concatenate(self._pieces)
+        spans = spans[np.argsort(spans["uid"], kind="stable")]
+        cell, end_cell = (np.floor(spans[side] / self._resolution) for side in ("begin", "end"))
+        joins = (cell == end_cell) & (spans["end"] - spans["begin"] < self._resolution)
+        follows = (spans["uid"][1:] == spans["uid"][:-1]) & joins[1:] & joins[:-1] & (cell[1:] == cell[:-1])
+        begins = np.flatnonzero(np.append(True, ~follows)) if len(spans) else np.zeros(0, np.intp)
+        merged = spans[begins]
+        if len(begins):
+            merged["end"] = np.maximum.reduceat(spans["end"], begins)
+            merged["state"] = _BY_WEIGHT[np.maximum.reduceat(_WEIGHT[spans["state"]], begins)]
+            merged["is_merged"] |= np.diff(begins, append=len(spans)) > 1
+        self._pieces, self._count = [merged], len(merged)

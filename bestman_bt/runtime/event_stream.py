@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 from bestman_bt.records.events import DroppedEvent, Event, LogEvent, Topic, to_line, topic_of
-from bestman_bt.records.run_log import RunLogWriter
+from bestman_bt.records.writer import RunLogWriter
 from bestman_bt.runtime.outbox import Outbox
 from bestman_bt.runtime.standing import Standing
 

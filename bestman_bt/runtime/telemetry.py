@@ -24,7 +24,7 @@ from bestman_bt.records.events import (
     StatesEvent,
     Topic,
 )
-from bestman_bt.records.run_log import RunLogWriter
+from bestman_bt.records.writer import RunLogWriter
 from bestman_bt.runtime.blackboard_changes import BlackboardChanges, blackboard_event
 from bestman_bt.runtime.event_stream import EventStream, Tell
 from bestman_bt.runtime.executor import Ending, Execution, Executor, Hold

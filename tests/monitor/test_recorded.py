@@ -16,12 +16,13 @@ import pytest
 
 from bestman_bt.engine import ManualClock, NodeRegistry, load_tree
 from bestman_bt.engine.logs import BtLogWriter
-from bestman_bt.monitor.recorded import LARGEST_FILE, RecordedRun, read_into, read_picture, run_folders
+from bestman_bt.monitor.recorded import RecordedRun, read_run, run_folders
 from bestman_bt.monitor.run import RunError
 from bestman_bt.monitor.run_list import MAX_LOADED, RunList
 from bestman_bt.records.events import LogEvent, RunEvent, from_line
 from bestman_bt.records.history import RunHistory
-from bestman_bt.records.run_log import MOST_READ, RunLogWriter, read_events, read_log
+from bestman_bt.records.reader import LARGEST_FILE, MOST_READ, RecordError, read_events, read_log, read_picture
+from bestman_bt.records.writer import RunLogWriter
 from tests.monitor.conftest import FakeExecutor, Message, Monitor, run_event, states_event, tree_event
 
 EVIL = "<script>alert(1)</script>"
@@ -65,9 +66,7 @@ def write_lines(path: Path, documents: list[Any]) -> None:
 
 
 def history_of(folder: Path) -> RunHistory:
-    history = RunHistory()
-    read_into(history, folder)
-    return history
+    return read_run(folder)
 
 
 def warnings_of(history: RunHistory) -> list[str]:
@@ -76,8 +75,8 @@ def warnings_of(history: RunHistory) -> list[str]:
 
 def test_a_finished_run_is_read_whole(folder: Path) -> None:
     history = history_of(folder)
-    assert [node["name"] for node in history.nodes.document] == ["main", EVIL, "or", "no", "wait"]
-    assert [node["parent"] for node in history.nodes.document] == [None, 1, 1, 3, 3]
+    assert [node.name for node in history.nodes] == ["main", EVIL, "or", "no", "wait"]
+    assert [node.parent for node in history.nodes] == [None, 1, 1, 3, 3]
     assert list(history.states.at(0.25).nodes.states) == [0, RUNNING, SUCCESS, RUNNING, FAILURE, RUNNING]
     assert [history.states.at(time).tick for time in (0.0, 0.5)] == [1, 9], "at 20 Hz; the first tick is number 1"
     assert history.states.at(0.25).nodes.statistics([5], 0.25) == {"5": [1, 0, 0, 0.25]}
@@ -149,7 +148,7 @@ def test_a_damaged_btlog_is_told_to_the_page(folder: Path, start_monitor: StartM
         assert page.next("answer")["ok"]
         (line,) = page.next("log", lambda log: bool(log["lines"]))["lines"][-1:]
     assert (line["level"], line["logger"]) == ("warning", "monitor")
-    assert "transitions.btlog cannot be read" in line["message"]
+    assert "transitions.btlog was not read to its end" in line["message"]
 
 
 @pytest.mark.parametrize(
@@ -167,7 +166,7 @@ def test_a_damaged_event_is_told_in_the_log_and_the_rest_is_shown(folder: Path, 
     (folder / "events.jsonl").write_text(json.dumps(run_event()) + "\n" + line + "\n")
     history = history_of(folder)
     assert history.about["task"] == "fetch"
-    assert re.search("cannot be read to its end: .* line 2|does not fit the run", warnings_of(history)[-1])
+    assert re.search("was not read to its end: .* line 2|does not fit the run", warnings_of(history)[-1])
     assert next(line["message"] for line in history.lines_since(-1, 10)) == EVIL
 
 
@@ -188,13 +187,15 @@ def test_a_tree_with_external_entities_is_refused(folder: Path) -> None:
     path = folder / "transitions.btlog"
     xml = b'<!DOCTYPE root [<!ENTITY x SYSTEM "file:///etc/passwd">]><root BTCPP_format="4">&x;</root>'
     path.write_bytes(b"BTCPP4-FileLogger2\x01" + len(xml).to_bytes(4, "little") + xml + bytes(8))
-    assert "transitions.btlog cannot be read" in warnings_of(history_of(folder))[-1]
+    assert "transitions.btlog was not read to its end" in warnings_of(history_of(folder))[-1]
 
 
 def test_files_that_are_too_large_are_refused_before_they_are_read(folder: Path) -> None:
     with (folder / "transitions.btlog").open("r+b") as file:
         file.truncate(LARGEST_FILE + 1)  # a hole: it takes no room
-    assert re.match(r"transitions\.btlog has \d+ bytes", warnings_of(history_of(folder))[-1])
+    assert re.match(
+        r"transitions\.btlog was not read to its end: it has \d+ bytes; at most ", warnings_of(history_of(folder))[-1]
+    )
 
 
 def test_compressed_segments_cannot_fill_the_memory(folder: Path) -> None:
@@ -216,7 +217,7 @@ def test_pictures_come_only_from_the_runs_own_folder(folder: Path, name: str) ->
     (folder.parent / "secret.jpg").write_bytes(b"secret")
     (folder / "pictures" / "link.jpg").symlink_to(folder.parent / "secret.jpg")
     (folder / "pictures" / "x.txt").write_bytes(b"secret")
-    with pytest.raises(RunError):
+    with pytest.raises(RecordError):
         read_picture(folder, name)
     assert read_picture(folder, "pictures/0001.jpg") == b"\xff\xd8jpeg"
 
@@ -225,7 +226,7 @@ def test_a_pictures_folder_that_is_a_link_does_not_leave_the_run(folder: Path) -
     elsewhere = folder.parent / "elsewhere"
     (folder / "pictures").rename(elsewhere)
     (folder / "pictures").symlink_to(elsewhere)
-    with pytest.raises(RunError, match="no picture of its own"):
+    with pytest.raises(RecordError, match="no picture of its own"):
         read_picture(folder, "pictures/0001.jpg")
 
 
@@ -266,7 +267,7 @@ def test_states_that_are_missing_in_the_middle_are_told(folder: Path) -> None:
 
 def test_a_pipe_for_a_picture_is_refused_at_once(folder: Path) -> None:
     os.mkfifo(folder / "pictures" / "pipe.jpg")
-    with pytest.raises(RunError, match="no regular file"):
+    with pytest.raises(RecordError, match="no regular file"):
         read_picture(folder, "pictures/pipe.jpg")
 
 

@@ -11,6 +11,7 @@ import pytest
 
 from bestman_bt.monitor.comparison import compare
 from bestman_bt.monitor.updates import Updates
+from bestman_bt.records.activities import outcomes
 from bestman_bt.records.events import (
     BlackboardEvent,
     EndEvent,
@@ -28,7 +29,6 @@ from bestman_bt.records.history import MAX_LOG_LINES, MAX_PICTURES, MAX_VALUES_A
 from bestman_bt.records.robot_history import SERIES_POINTS
 from bestman_bt.records.samples import Freshness, Samples
 from bestman_bt.records.shown_value import REMOVED
-from bestman_bt.records.timeline import Timeline
 from tests.monitor.conftest import tree_event
 
 IDLE, RUNNING, SUCCESS, FAILURE, NO = 0, 1, 2, 3, 5
@@ -162,18 +162,6 @@ def test_the_timeline_has_spans_of_leaves_and_marks() -> None:
     ]
 
 
-def test_a_timeline_with_too_many_spans_gets_coarser_and_keeps_failures() -> None:
-    timeline = Timeline(max_spans=200)
-    timeline.add_node(1)
-    for second in range(5000):
-        timeline.change(1, FAILURE if second == 700 else SUCCESS, float(second))
-        timeline.change(1, IDLE, second + 0.5)
-    spans = timeline.document(5000.0)["spans"]
-    assert len(spans) <= 200
-    assert any(span["state"] == FAILURE and span["from"] <= 700 <= span["to"] for span in spans)
-    assert max(span["to"] for span in spans) == 4999.5
-
-
 ASKING = [
     (1, None, "main", "Sequence", "control"),
     (2, 1, "held", "Holding", "condition"),
@@ -196,7 +184,8 @@ def test_a_condition_that_does_not_hold_has_answered_no_and_an_action_has_failed
     assert [nodes.results[uid] for uid in (2, 3)] == [NO, FAILURE]
     assert [nodes.failures[uid] for uid in (2, 3)] == [1, 1], "counted as before"
     assert [span["state"] for span in history.timeline.document(9.0)["spans"]] == [NO, RUNNING, FAILURE]
-    assert [outcome.state for outcome in history.outcomes.told] == [FAILURE, FAILURE], "stories are compared as before"
+    told = outcomes(history.states.changes())
+    assert [one.status for one in told if one.uid > 1] == [FAILURE, FAILURE], "stories are compared as before"
 
 
 def test_the_condition_by_which_the_tree_fails_has_failed_and_one_before_it_has_not() -> None:

@@ -20,7 +20,7 @@ from bestman_bt.records.events import (
     RunEvent,
     ScanEvent,
 )
-from bestman_bt.records.run_log import read_events, read_log
+from bestman_bt.records.reader import read_events, read_log
 from bestman_bt.runtime import Session, session
 
 

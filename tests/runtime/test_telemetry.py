@@ -28,7 +28,7 @@ from bestman_bt.records.events import (
     TreeEvent,
     from_line,
 )
-from bestman_bt.records.run_log import read_events, read_log
+from bestman_bt.records.reader import read_events, read_log
 from bestman_bt.runtime import Executor
 from bestman_bt.runtime.event_stream import EventStream
 from bestman_bt.runtime.outbox import Outbox

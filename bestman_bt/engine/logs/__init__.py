@@ -5,7 +5,6 @@ from __future__ import annotations
 from bestman_bt.engine.logs.btlog import BtLog, BtLogWriter, LogError, read_btlog
 from bestman_bt.engine.logs.chrome_trace import ChromeTraceWriter
 from bestman_bt.engine.logs.json_lines import JsonLinesWriter, read_json_lines
-from bestman_bt.engine.logs.logged_nodes import LoggedNode, logged_nodes
 from bestman_bt.engine.logs.observer import NodeStatistics, TreeObserver
 from bestman_bt.engine.logs.sqlite import SqliteWriter
 from bestman_bt.engine.logs.stamped import TransitionLog
@@ -17,14 +16,12 @@ __all__ = [
     "ChromeTraceWriter",
     "JsonLinesWriter",
     "LogError",
-    "LoggedNode",
     "NodeStatistics",
     "SqliteWriter",
     "Transition",
     "TransitionLog",
     "Transitions",
     "TreeObserver",
-    "logged_nodes",
     "read_btlog",
     "read_json_lines",
 ]

@@ -25,14 +25,19 @@ class Transition:
 
 
 class Transitions(Sequence[Transition]):
-    """``times`` (N,) float64 in seconds, ``uids`` (N,) uint16, ``statuses`` (N,) uint8; in the order of the log."""
+    """``times`` (N,) float64 in seconds, ``uids`` (N,) and ``statuses`` (N,) uint8; in the order of the log."""
 
     def __init__(
-        self, times: npt.NDArray[np.float64], uids: npt.NDArray[np.uint16], statuses: npt.NDArray[np.uint8]
+        self, times: npt.NDArray[np.float64], uids: npt.NDArray[np.unsignedinteger], statuses: npt.NDArray[np.uint8]
     ) -> None:
         self.times = times
         self.uids = uids
         self.statuses = statuses
+
+    @classmethod
+    def none(cls) -> Transitions:
+        """No change at all."""
+        return cls(np.zeros(0), np.zeros(0, np.uint32), np.zeros(0, np.uint8))
 
     @classmethod
     def joined(cls, parts: Sequence[Transitions]) -> Transitions:

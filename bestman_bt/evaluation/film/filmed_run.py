@@ -8,8 +8,8 @@ from pathlib import Path
 
 from bestman_bt.configuration import RunConfig, read_run
 from bestman_bt.engine import RUNNING
-from bestman_bt.engine.logs import LogError, logged_nodes, read_btlog
 from bestman_bt.errors import InputError
+from bestman_bt.records.reader import RecordError, has_record, read
 from bestman_bt.robot_model import RobotModel, load_robot_model
 from bestman_bt.runtime.task_goals import task_goals
 from bestman_bt.scene import World, draw_world, load_scene
@@ -63,21 +63,21 @@ def read_filmed_run(folder: Path) -> FilmedRun:
     subjects = [goal.object for goal in task_goals(config, world, dict(scene.models))]
     subjects += [config.task.opening.articulation] if config.task.opening is not None else []
     subjects += list(config.task.tidy.objects) if config.task.tidy is not None else []
-    return FilmedRun(config, robot_model, world, motion, tuple(subjects), _doings(folder / "transitions.btlog"))
+    return FilmedRun(config, robot_model, world, motion, tuple(subjects), _doings(folder))
 
 
-def _doings(log: Path) -> tuple[tuple[float, str], ...]:
+def _doings(folder: Path) -> tuple[tuple[float, str], ...]:
     """Which leaf ran, from when on; of several at once the last in the tree."""
-    if not log.is_file():
+    if not has_record(folder):
         return ()
     try:
-        read = read_btlog(log)
-        leaves = {node.uid: node.type for node in logged_nodes(read.xml, str(log)) if node.is_leaf}
-    except (LogError, OSError) as error:
+        history = read(folder, ("blackboard", "map", "path", "robot", "scan"))
+    except RecordError as error:
         raise FilmError(f"which leaf ran when cannot be told: {error}") from error
+    leaves = {node.uid: node.type for node in history.nodes if node.is_leaf}
     running: set[int] = set()
     found = [(0.0, "")]
-    for change in read:
+    for change in history.states.changes():
         if change.uid in leaves:
             (running.add if change.status == RUNNING else running.discard)(change.uid)
             found.append((change.time, leaves[max(running)] if running else ""))

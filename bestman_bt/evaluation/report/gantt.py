@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
 
 from bestman_bt.engine.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS
-from bestman_bt.evaluation.report.activities import Activity
-from bestman_bt.evaluation.report.story import NodeKey, StoryNode
+from bestman_bt.records.activities import Activities
+from bestman_bt.records.events import DescribedNode
+from bestman_bt.records.nodes import NodeList
+from bestman_bt.records.states import NO
 
-NO = -1
-"""Beside the states: a condition whose answer is no, which is its work and no fault, unless it ended the tree."""
 WORDS = {SUCCESS: "success", FAILURE: "failure", SKIPPED: "skipped", IDLE: "halted", RUNNING: "running", NO: "no"}
 MARKS = {SUCCESS: "✓", FAILURE: "✕", IDLE: "◌", RUNNING: "…", SKIPPED: "↷", NO: "–"}
 WIDTH = 1000.0
@@ -22,7 +24,9 @@ MARK_WIDTH = 14.0
 MAX_ROWS = 150
 MAX_BARS = 6000
 _TICKS = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 30.0, 60.0, 120.0, 300.0, 600.0, 1800.0, 3600.0)
-_WEIGHT = {SKIPPED: 0, SUCCESS: 1, NO: 2, IDLE: 3, RUNNING: 4, FAILURE: 5}
+_BY_WEIGHT = np.array([SKIPPED, SUCCESS, NO, IDLE, RUNNING, FAILURE])
+"""A bar of several activities shows the last of their results here."""
+_WEIGHT = np.argsort(_BY_WEIGHT)
 
 
 @dataclass(frozen=True)
@@ -38,9 +42,10 @@ class Bar:
 
 @dataclass(frozen=True)
 class Row:
-    """A node and its bars."""
+    """A node and its bars; ``depth``: how many subtrees, and trees that a leaf ticked, it is in."""
 
-    node: StoryNode
+    node: DescribedNode
+    depth: int
     bars: tuple[Bar, ...]
 
 
@@ -53,59 +58,49 @@ class Gantt:
     left_out: int
 
 
-def gantt(
-    nodes: Sequence[StoryNode],
-    done: Sequence[Activity[NodeKey]],
-    duration: float,
-    ended_by: tuple[NodeKey, float] | None = None,
-) -> Gantt:
-    """The chart of a run; conditions that always returned the same at once have no row where room is short.
-
-    ``ended_by``: the leaf by which the tree failed, and when.
-    """
-    conditions = {node.key for node in nodes if node.category == "condition"}
-    duration = max([duration, *(activity.end for activity in done)], default=duration) or 1.0
-    by_node: dict[NodeKey, list[Activity[NodeKey]]] = {}
-    for activity in done:
-        answers = activity.key in conditions and (activity.key, activity.end) != ended_by
-        shown_so = replace(activity, result=NO) if answers and activity.result == FAILURE else activity
-        by_node.setdefault(activity.key, []).append(shown_so)
-    shown = [node for node in nodes if node.key in by_node and (node.is_leaf or node.category == "subtree")]
-    ranked = sorted(shown, key=lambda node: -sum(a.duration for a in by_node[node.key]))
-    kept = {node.key for node in ranked[:MAX_ROWS]}
+def gantt(nodes: NodeList, done: Activities, duration: float) -> Gantt:
+    """The chart of a run: subtrees and leaves; where room is short, those that took the least time have no row."""
+    duration = float(max(duration, done.ends.max(initial=0.0))) or 1.0
+    by_node = dict(done.by_node())
+    shown = [node for node in nodes.depth_first() if node.uid in by_node and _has_row(node)]
+    seconds = {node.uid: float((by_node[node.uid].ends - by_node[node.uid].begins).sum()) for node in shown}
+    kept = {node.uid for node in sorted(shown, key=lambda node: -seconds[node.uid])[:MAX_ROWS]}
     rows, room = [], MAX_BARS
     for node in shown:
-        if node.key in kept:
-            bars = tuple(_bars(by_node[node.key], duration))[:room]
+        if node.uid in kept:
+            bars = tuple(_bars(by_node[node.uid], WIDTH / duration))[:room]
             room -= len(bars)
-            rows.append(Row(node, bars))
+            rows.append(Row(node, _depth(nodes, node), bars))
     return Gantt(tuple(rows), tuple(_ticks(duration)), len(shown) - len(rows))
 
 
-def _bars(mine: Sequence[Activity[NodeKey]], duration: float) -> Iterator[Bar]:
-    """Bars that would cover one another become one, which shows the state that matters most."""
-    scale = WIDTH / duration
-    group: list[Activity[NodeKey]] = []
-    for activity in mine:
-        if group and activity.begin * scale > max(_right(a, scale) for a in group[-8:]) + 0.5:
-            yield _bar(group, scale)
-            group = []
-        group.append(activity)
-    if group:
-        yield _bar(group, scale)
+def _has_row(node: DescribedNode) -> bool:
+    return node.is_leaf or node.category == "subtree"
 
 
-def _right(activity: Activity[NodeKey], scale: float) -> float:
-    return max(activity.end * scale, activity.begin * scale + LEAST_WIDTH)
+def _depth(nodes: NodeList, node: DescribedNode) -> int:
+    depth = 0
+    while node.parent is not None:
+        node = nodes.node(node.parent)
+        depth += _has_row(node)
+    return depth
 
 
-def _bar(group: Sequence[Activity[NodeKey]], scale: float) -> Bar:
-    begin, end = group[0].begin, max(activity.end for activity in group)
-    result = max((activity.result for activity in group), key=lambda result: _WEIGHT[result])
-    x, width = begin * scale, max((end - begin) * scale, LEAST_WIDTH)
-    when = f"{begin:.2f} s" if end == begin else f"{begin:.2f} to {end:.2f} s"
-    words = f"{when}: {WORDS[result]}" + (f" ({len(group)} times)" if len(group) > 1 else "")
-    return Bar(round(x, 1), round(width, 1), WORDS[result], MARKS[result] if width >= MARK_WIDTH else "", words)
+def _bars(mine: Activities, scale: float) -> Iterator[Bar]:
+    """Bars that would cover one another become one, of the result that matters most; ``scale``: units a second."""
+    left = mine.begins * scale
+    right = np.maximum(mine.ends * scale, left + LEAST_WIDTH)
+    apart = left[1:] > np.maximum.accumulate(right)[:-1] + 0.5
+    first = np.flatnonzero(np.append(True, apart))
+    begins, ends = mine.begins[first], np.maximum.reduceat(mine.ends, first)
+    results = _BY_WEIGHT[np.maximum.reduceat(_WEIGHT[mine.results], first)]
+    counts = np.diff(first, append=len(mine))
+    for begin, end, result, count in zip(*(a.tolist() for a in (begins, ends, results, counts)), strict=True):
+        width = max((end - begin) * scale, LEAST_WIDTH)
+        when = f"{begin:.2f} s" if end == begin else f"{begin:.2f} to {end:.2f} s"
+        words = f"{when}: {WORDS[result]}" + (f" ({count} times)" if count > 1 else "")
+        mark = MARKS[result] if width >= MARK_WIDTH else ""
+        yield Bar(round(begin * scale, 1), round(width, 1), WORDS[result], mark, words)
 
 
 def _ticks(duration: float) -> Iterator[tuple[float, str]]:

@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from bestman_bt.evaluation.report.activities import work_of_nodes
 from bestman_bt.evaluation.report.story import RunStory, setting_words
 from bestman_bt.evaluation.summary import summarize
+from bestman_bt.records.activities import work_of_nodes
 
 MAX_SLOW_NODES = 20
 MAX_DIFFERENCES = 6
@@ -126,13 +126,13 @@ def slow_nodes(stories: Sequence[RunStory]) -> list[SlowNode]:
     """The leaves that took the most time, over all runs that have a log."""
     found = []
     for task, mine in groups_by_name(stories).items():
-        total = sum(story.duration for story in mine if story.activities)
+        total = sum(story.duration for story in mine if len(story.activities))
         seconds: dict[tuple[str, str, str], list[float]] = defaultdict(list)
         counts: Counter[tuple[str, str, str]] = Counter()
         failures: Counter[tuple[str, str, str]] = Counter()
         for story in mine:
             above = {node.parent for node in story.nodes}  # a leaf that ticks a tree stands above that tree's nodes
-            leaves = {node.key: node for node in story.nodes if node.is_leaf and node.key not in above}
+            leaves = {node.uid: node for node in story.nodes if node.is_leaf and node.uid not in above}
             in_run: dict[tuple[str, str, str], float] = defaultdict(float)
             for key, work in work_of_nodes(story.activities).items():
                 if key in leaves:

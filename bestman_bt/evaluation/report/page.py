@@ -15,10 +15,11 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
 from bestman_bt.evaluation.audit import CHEATS
-from bestman_bt.evaluation.report.activities import WorkOfNode, work_of_nodes
 from bestman_bt.evaluation.report.gantt import Gantt, gantt
 from bestman_bt.evaluation.report.many_runs import causes, slow_nodes, task_groups
-from bestman_bt.evaluation.report.story import RunStory, StoryNode, StoryPicture
+from bestman_bt.evaluation.report.story import RunStory, StoryPicture
+from bestman_bt.records.activities import WorkOfNode, work_of_nodes
+from bestman_bt.records.events import DescribedNode
 
 TEMPLATES = Path(__file__).parent / "templates"
 MAX_DETAILED = 25
@@ -32,7 +33,7 @@ FAULTS = (*CHEATS, "collisions", "joint_limit_violations", "velocity_limit_viola
 class _ShownRun:
     story: RunStory
     chart: Gantt
-    work: tuple[tuple[StoryNode, WorkOfNode], ...]
+    work: tuple[tuple[DescribedNode, WorkOfNode], ...]
 
 
 def report_page(stories: Sequence[RunStory], now: datetime) -> str:
@@ -70,9 +71,9 @@ def report_page(stories: Sequence[RunStory], now: datetime) -> str:
 
 def _shown(story: RunStory) -> _ShownRun:
     work = work_of_nodes(story.activities)
-    listed = [(node, work[node.key]) for node in story.nodes if node.key in work]
+    listed = [(node, work[node.uid]) for node in story.nodes.depth_first() if node.uid in work]
     listed.sort(key=lambda item: -item[1].seconds)
-    chart = gantt(story.nodes, story.activities, story.duration, story.ended_by)
+    chart = gantt(story.nodes, story.activities, story.duration)
     return _ShownRun(story, chart, tuple(listed[:MAX_NODES]))
 
 

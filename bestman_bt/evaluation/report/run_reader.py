@@ -6,36 +6,28 @@ import json
 import math
 import socket
 from collections import Counter
-from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import yaml
 from pydantic import TypeAdapter, ValidationError
 
-from bestman_bt.engine.logs import logged_nodes, read_btlog
 from bestman_bt.errors import Error, InputError
-from bestman_bt.evaluation.report.activities import activities, ended_by
 from bestman_bt.evaluation.report.embedded_picture import PictureError, embedded_picture
-from bestman_bt.evaluation.report.plain_yaml import read_plain_yaml
-from bestman_bt.evaluation.report.story import (
-    INTERRUPTED,
-    STILL_RUNNING,
-    NodeKey,
-    RunStory,
-    StoryFailure,
-    StoryNode,
-    StoryPicture,
-)
+from bestman_bt.evaluation.report.story import INTERRUPTED, STILL_RUNNING, RunStory, StoryFailure, StoryPicture
 from bestman_bt.evaluation.result import DERIVED, RunResult
-from bestman_bt.records.events import EndEvent, Event, ImageEvent, LogEvent, RunEvent, StatesEvent, TreeEvent
-from bestman_bt.records.run_log import EVENTS_FILE, LOG_FILE, STATES_FILE, read_events, read_log
+from bestman_bt.records.activities import activities
+from bestman_bt.records.events import LogEvent
+from bestman_bt.records.history import Picture, RunHistory
+from bestman_bt.records.reader import RecordError, has_record, read
+from bestman_bt.records.writer import EVENTS_FILE, LOG_FILE, STATES_FILE
 
 RESULT, CONFIG = "result.json", "config.yaml"
 PARTS = (RESULT, CONFIG, STATES_FILE, EVENTS_FILE, LOG_FILE)
-MAX_BYTES = {RESULT: 4_000_000, CONFIG: 256_000, STATES_FILE: 32_000_000}
-"""Of what is read at once; events and log are read in bounded segments."""
+MAX_BYTES = {RESULT: 4_000_000, CONFIG: 256_000}
+LEFT_OUT = ("blackboard", "map", "path", "robot", "scan")
+"""Events that a report does not tell."""
 LONGEST_TEXT = 200
 MAX_FAILURES = 200
 MAX_PICTURES = 50
@@ -48,24 +40,6 @@ _RESULT = TypeAdapter(RunResult)
 
 class ReportError(InputError):
     """A folder is no run folder, or one whose report cannot be made."""
-
-
-@dataclass
-class _Parts:
-    """What was found so far."""
-
-    result: RunResult | None = None
-    config: str = ""
-    about: dict[str, Any] = field(default_factory=dict)
-    settings: dict[str, str] = field(default_factory=dict)
-    nodes: dict[NodeKey, StoryNode] = field(default_factory=dict)
-    changes: list[tuple[float, NodeKey, int]] = field(default_factory=list)
-    logged: list[LogEvent] = field(default_factory=list)
-    images: list[ImageEvent] = field(default_factory=list)
-    end: EndEvent | None = None
-    started: float | None = None
-    last: float = 0.0
-    notes: list[str] = field(default_factory=list)
 
 
 def run_folders(given: Path, depth: int = 4) -> list[Path]:
@@ -92,68 +66,63 @@ def read_story(folder: Path) -> RunStory:
 
     Raises ReportError where nothing can be read at all.
     """
-    parts = _Parts()
-    readers = (_read_result, _read_config, _read_states, _read_events, _read_log)
-    read = 0
-    for name, reader in zip(PARTS, readers, strict=True):
-        path = folder / name
-        if not path.is_file():
-            continue
+    notes: list[str] = []
+    result: RunResult | None = _part(folder, RESULT, _read_result, notes)
+    config: str = _part(folder, CONFIG, _read_config, notes) or ""
+    about: dict[str, Any] = _part(folder, CONFIG, lambda path: _read_about(config), notes if config else []) or {}
+    history = RunHistory()
+    if has_record(folder):
         try:
-            size = path.stat().st_size
-            if size > MAX_BYTES.get(name, size):
-                raise ReportError(f"it has {size} bytes; at most {MAX_BYTES[name]} are read")
-            reader(path, parts)
-            read += 1
-        except (Error, OSError, ValueError, TypeError, KeyError, RecursionError, yaml.YAMLError) as error:
-            parts.notes.append(f"{name} was not read to its end: {_short(error)}")
-    if not read:
-        raise ReportError(f"{folder}: {'; '.join(parts.notes) or 'nothing of a run is in it'}")
-    return _story(folder, parts)
-
-
-def _story(folder: Path, parts: _Parts) -> RunStory:
-    task = parts.about.get("task") if isinstance(parts.about.get("task"), dict) else {}
-    result = parts.result
-    duration = result.sim_time_s if result is not None else parts.last
-    if parts.end is not None:
-        duration = max(duration, parts.end.time)
-    changes = sorted((c for c in parts.changes if c[1] in parts.nodes), key=lambda change: change[0])
+            history = read(folder, LEFT_OUT)
+        except RecordError as error:
+            notes.append(_short(error))
+    notes += history.faults
+    if result is None and not config and not history.version:
+        raise ReportError(f"{folder}: {'; '.join(notes) or 'nothing of a run is in it'}")
+    task = about.get("task") if isinstance(about.get("task"), dict) else {}
+    end = history.end["time"] if history.end else 0.0
     return RunStory(
         folder=folder,
-        task=result.task if result is not None else _text(parts.about.get("name")) or folder.name,
-        seed=result.seed if result is not None else _number(parts.about.get("seed")),
+        task=result.task if result is not None else _text(about.get("name")) or folder.name,
+        seed=result.seed if result is not None else _number(about.get("seed")),
         robot=_text(task.get("robot") if task else ""),
         scene=_text(task.get("scene") if task else ""),
-        entry=_text(parts.about.get("entry")),
-        settings=parts.settings,
-        outcome=_outcome(folder, parts),
-        started=parts.started,
-        duration=duration,
+        entry=_text(about.get("entry")),
+        settings=_settings(about),
+        outcome=_outcome(folder, result, history),
+        started=history.about.get("started"),
+        duration=max(result.sim_time_s, end) if result is not None else history.last,
         result=result,
-        config=parts.config,
-        nodes=tuple(_in_reading_order(parts.nodes)),
-        activities=tuple(activities(changes, parts.last)),
-        ended_by=_ended_by(parts, changes),
-        failures=tuple(_failures(folder, parts)),
-        pictures=tuple(_pictures(folder, parts)),
-        notes=tuple(parts.notes),
+        config=config,
+        nodes=history.nodes,
+        activities=activities(history.states.changes(), history.last),
+        failures=tuple(_failures(folder, result, history, notes)),
+        pictures=tuple(_pictures(folder, notes)),
+        notes=tuple(notes),
     )
 
 
-def _ended_by(parts: _Parts, changes: list[tuple[float, NodeKey, int]]) -> tuple[NodeKey, float] | None:
-    """Of the main tree, which stands in ``transitions.btlog``."""
-    main = [node for key, node in parts.nodes.items() if key[0] == 0]
-    leaves = {node.key for node in main if node.is_leaf}
-    return ended_by(changes, main[0].key, leaves) if main else None
+def _part(folder: Path, name: str, read_part: Callable[[Path], Any], notes: list[str]) -> Any:
+    """What a file tells; None, and a note, where it cannot be read."""
+    path = folder / name
+    if not path.is_file():
+        return None
+    try:
+        size = path.stat().st_size
+        if size > MAX_BYTES[name]:
+            raise ReportError(f"it has {size} bytes; at most {MAX_BYTES[name]} are read")
+        return read_part(path)
+    except (Error, OSError, ValueError, TypeError, KeyError, RecursionError, yaml.YAMLError) as error:
+        notes.append(f"{name} was not read to its end: {_short(error)}")
+        return None
 
 
-def _outcome(folder: Path, parts: _Parts) -> str:
+def _outcome(folder: Path, result: RunResult | None, history: RunHistory) -> str:
     """A run without an end was interrupted, unless its executor still answers."""
-    if parts.result is not None:
-        return str(parts.result.outcome)
-    if parts.end is not None:
-        return parts.end.outcome
+    if result is not None:
+        return str(result.outcome)
+    if history.end is not None:
+        return str(history.end["outcome"])
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as connection:
         connection.settimeout(1.0)
         try:
@@ -185,7 +154,7 @@ def _flat(values: dict[Any, Any], prefix: str) -> Iterator[tuple[str, str]]:
             yield f"{prefix}{key}", value if isinstance(value, str) else json.dumps(value, ensure_ascii=False)
 
 
-def _read_result(path: Path, parts: _Parts) -> None:
+def _read_result(path: Path) -> RunResult:
     document = json.loads(path.read_bytes())
     if not isinstance(document, dict):
         raise ReportError("it is no JSON object")
@@ -194,120 +163,76 @@ def _read_result(path: Path, parts: _Parts) -> None:
     if isinstance(metrics, dict):
         document["metrics"] = {key: math.nan if value is None else value for key, value in metrics.items()}
     try:
-        parts.result = _RESULT.validate_python(document)
+        return _RESULT.validate_python(document)
     except ValidationError as error:
         first = error.errors(include_url=False, include_input=False)[0]
         where = ".".join(str(part) for part in first["loc"])
         raise ReportError(f"{where}: {first['msg']}") from error
 
 
-def _read_config(path: Path, parts: _Parts) -> None:
-    parts.config = path.read_text(encoding="utf-8")
-    about = read_plain_yaml(parts.config)
+def _read_config(path: Path) -> str:
+    return path.read_text(encoding="utf-8")
+
+
+def _read_about(config: str) -> dict[str, Any]:
+    about = yaml.load(config, Loader=_PlainLoader)
     if not isinstance(about, dict):
         raise ReportError("it holds no configuration of a run")
-    parts.about, parts.settings = about, _settings(about)
+    return about
 
 
-def _read_states(path: Path, parts: _Parts) -> None:
-    log = read_btlog(path)
-    for node in logged_nodes(log.xml, STATES_FILE):
-        _add_node(parts, (0, node.uid), None if node.parent is None else (0, node.parent), node)
-    parts.started = log.start
-    parts.changes += [(t.time, (0, t.uid), t.status) for t in log]
-    parts.last = max([parts.last, *(t.time for t in log.transitions[-1:])])
+class _PlainLoader(yaml.BaseLoader):
+    """YAML of strangers: every scalar is the text that stands there.
+
+    An alias makes a small file a huge value, and a number of many digits takes long: the one is refused, the other is
+    never computed.
+    """
+
+    def compose_node(self, parent: yaml.Node | None, index: Any) -> yaml.Node | None:
+        if self.check_event(yaml.AliasEvent):
+            raise yaml.YAMLError("it has aliases")
+        node: yaml.Node | None = super().compose_node(parent, index)
+        return node
 
 
-def _read_events(path: Path, parts: _Parts) -> None:
-    for event in read_events(path.parent):
-        _take_event(event, parts)
-
-
-def _read_log(path: Path, parts: _Parts) -> None:
-    for line in read_log(path.parent):
-        _take_event(line, parts)
-
-
-def _take_event(event: Event, parts: _Parts) -> None:
-    time = getattr(event, "time", 0.0)
-    if not math.isfinite(time):
-        raise ReportError(f"an event is of the time {time}")
-    parts.last = max(parts.last, time)
-    match event:
-        case RunEvent():
-            parts.started = event.started
-        case TreeEvent(tree=0):  # the nodes are in the log of states, which does not tell their files
-            for node in event.nodes:
-                known = parts.nodes.get((0, node.uid))
-                if known is not None and known.path == node.path:
-                    parts.nodes[known.key] = replace(known, where=node.where)
-        case TreeEvent():
-            under = None if event.under is None else (0, event.under)
-            for node in event.nodes:
-                parent = under if node.parent is None else (event.tree, node.parent)
-                _add_node(parts, (event.tree, node.uid), parent, node)
-        case StatesEvent() if event.tree:
-            parts.changes += [(event.time, (event.tree, uid), state) for uid, state in event.changes]
-        case LogEvent() if event.node and event.level in ("warning", "error"):
-            parts.logged.append(event)
-        case ImageEvent() if event.file:
-            parts.images.append(event)
-        case EndEvent():
-            parts.end = event
-
-
-def _add_node(parts: _Parts, key: NodeKey, parent: NodeKey | None, node: Any) -> None:
-    if key not in parts.nodes:
-        above = parts.nodes.get(parent) if parent is not None else None
-        depth = 0 if above is None else above.depth + (above.category == "subtree" or above.is_leaf)
-        where = getattr(node, "where", "")
-        parts.nodes[key] = StoryNode(key, parent, node.name, node.type, node.category, node.path, depth, where)
-
-
-def _in_reading_order(nodes: dict[NodeKey, StoryNode]) -> Iterator[StoryNode]:
-    """A parent, then what is below it: trees that a leaf ticked stand below that leaf."""
-    below: dict[NodeKey | None, list[StoryNode]] = {}
-    for node in nodes.values():
-        below.setdefault(node.parent if node.parent in nodes else None, []).append(node)
-    pending = below.get(None, [])[::-1]
-    while pending:
-        node = pending.pop()
-        yield node
-        pending += below.get(node.key, [])[::-1]
-
-
-def _failures(folder: Path, parts: _Parts) -> Iterator[StoryFailure]:
+def _failures(folder: Path, result: RunResult | None, history: RunHistory, notes: list[str]) -> Iterator[StoryFailure]:
     """Of the log; without one, the failure that the result tells."""
-    if not parts.logged and parts.result is not None and parts.result.failure is not None:
-        failure = parts.result.failure
-        yield StoryFailure(parts.result.sim_time_s, failure.named, failure.error_code, failure.why)
-    counts = Counter(parts.logged)  # a leaf that is tried again at once may fail alike within one tick
+    logged = [line for _, line in history.log if line.node and line.level in ("warning", "error")]
+    if not logged and result is not None and result.failure is not None:
+        failure = result.failure
+        yield StoryFailure(result.sim_time_s, failure.named, failure.error_code, failure.why)
+    counts = Counter(logged)  # a leaf that is tried again at once may fail alike within one tick
     if len(counts) > MAX_FAILURES:
-        parts.notes.append(f"of {len(counts)} failures the last {MAX_FAILURES} are shown")
+        notes.append(f"of {len(counts)} failures the last {MAX_FAILURES} are shown")
     taken = 0
     for event in list(counts)[-MAX_FAILURES:]:
-        picture = None
-        seen = [i for i in parts.images if i.node == event.node and abs(i.time - event.time) <= SAME_MOMENT]
-        if seen and taken < MAX_PICTURES:
+        picture, seen = None, _seen(history, event)
+        if seen is not None and taken < MAX_PICTURES:
             taken += 1
-            nearest = min(reversed(seen), key=lambda image: abs(image.time - event.time))
-            picture = _picture(folder, nearest.file, f"{nearest.camera} at {nearest.time:.2f} s", parts)
+            picture = _picture(folder, seen.file, f"{seen.camera} at {seen.time:.2f} s", notes)
         yield StoryFailure(event.time, event.where or event.node, event.code, event.message, counts[event], picture)
 
 
-def _pictures(folder: Path, parts: _Parts) -> Iterator[StoryPicture]:
+def _seen(history: RunHistory, failure: LogEvent) -> Picture | None:
+    """The picture that is of a failure: of its node, the nearest in time, of equals the later one."""
+    taken = [one for one in history.pictures if one.file and one.node == failure.node]
+    taken = [one for one in taken if abs(one.time - failure.time) <= SAME_MOMENT]
+    return min(reversed(taken), key=lambda one: abs(one.time - failure.time), default=None)
+
+
+def _pictures(folder: Path, notes: list[str]) -> Iterator[StoryPicture]:
     for name in NAMED_PICTURES:
         if (folder / f"{name}.png").is_file():
-            picture = _picture(folder, f"{name}.png", name, parts)
+            picture = _picture(folder, f"{name}.png", name, notes)
             if picture is not None:
                 yield picture
 
 
-def _picture(folder: Path, name: str, caption: str, parts: _Parts) -> StoryPicture | None:
+def _picture(folder: Path, name: str, caption: str, notes: list[str]) -> StoryPicture | None:
     try:
         return embedded_picture(folder, name, caption)
     except PictureError as error:
-        parts.notes.append(f"picture left out: {_short(error)}")
+        notes.append(f"picture left out: {_short(error)}")
         return None
 
 

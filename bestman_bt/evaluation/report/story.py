@@ -5,44 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TypeAlias
 
-from bestman_bt.evaluation.report.activities import Activity
 from bestman_bt.evaluation.result import RunResult
-
-NodeKey: TypeAlias = tuple[int, int]
-"""Number of the tree (0: the main one) and uid."""
+from bestman_bt.records.activities import Activities
+from bestman_bt.records.nodes import NodeList
 
 INTERRUPTED = "interrupted"
 STILL_RUNNING = "running"
 LONGEST_SETTING = 200
-
-
-@dataclass(frozen=True)
-class StoryNode:
-    """A node of the main tree, or of one that a leaf of it ticked; ``depth``: how many subtrees and trees it is in.
-
-    ``where``: its name with file and line, where a file defines it.
-    """
-
-    key: NodeKey
-    parent: NodeKey | None
-    name: str
-    type: str
-    category: str
-    path: str
-    depth: int
-    where: str = ""
-
-    @property
-    def named(self) -> str:
-        """What people call it, as in ``StoryFailure``."""
-        return self.where or self.path
-
-    @property
-    def is_leaf(self) -> bool:
-        """Whether it is an action or a condition."""
-        return self.category in ("action", "condition")
 
 
 @dataclass(frozen=True)
@@ -70,15 +40,14 @@ class StoryFailure:
     picture: StoryPicture | None = None
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class RunStory:
     """One run.
 
     ``outcome``: as in ``result.json``, or INTERRUPTED or STILL_RUNNING where there is none. ``started``: seconds since
     the epoch, None where nothing tells. ``duration``: seconds of the robot's clock up to the last thing that is known.
     ``entry``: of a suite, empty of other runs. ``settings``: what else decides the run, as ``--set`` names it → text.
-    ``result``: None where the run never came to its end. ``ended_by``: the leaf by which the tree failed, and when;
-    None where it did not. ``notes``: what could not be read, in words.
+    ``result``: None where the run never came to its end. ``notes``: what could not be read, in words.
     """
 
     folder: Path
@@ -93,9 +62,8 @@ class RunStory:
     duration: float
     result: RunResult | None
     config: str
-    nodes: tuple[StoryNode, ...] = ()
-    activities: tuple[Activity[NodeKey], ...] = ()
-    ended_by: tuple[NodeKey, float] | None = None
+    nodes: NodeList
+    activities: Activities
     failures: tuple[StoryFailure, ...] = ()
     pictures: tuple[StoryPicture, ...] = ()
     notes: tuple[str, ...] = field(default=())

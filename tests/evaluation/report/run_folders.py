@@ -13,7 +13,7 @@ from bestman_bt.engine.clock import Clock
 from bestman_bt.engine.status import RUNNING
 from bestman_bt.evaluation.result import Outcome, RunResult
 from bestman_bt.records.events import EndEvent, Event, ImageEvent, LogEvent, RunEvent, StatesEvent
-from bestman_bt.records.run_log import RunLogWriter
+from bestman_bt.records.writer import RunLogWriter
 
 HOSTILE = "<script>alert(1)</script>"
 TREE = """

@@ -6,18 +6,22 @@ from datetime import datetime
 from html.parser import HTMLParser
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from bestman_bt.engine import load_tree
+from bestman_bt.engine.logs import Transitions
 from bestman_bt.engine.status import FAILURE, SUCCESS
-from bestman_bt.evaluation.report.activities import Activity
 from bestman_bt.evaluation.report.gantt import MAX_BARS, MAX_ROWS, WIDTH, gantt
 from bestman_bt.evaluation.report.many_runs import groups_by_name
 from bestman_bt.evaluation.report.page import report_page
 from bestman_bt.evaluation.report.run_reader import read_story
-from bestman_bt.evaluation.report.story import NodeKey, StoryNode
 from bestman_bt.evaluation.result import Outcome
+from bestman_bt.records.activities import Activities, activities
 from bestman_bt.records.described_tree import describe_tree
+from bestman_bt.records.events import Category, DescribedNode, TreeEvent
+from bestman_bt.records.nodes import NodeList
+from bestman_bt.records.states import NO
 from tests.evaluation.report.run_folders import TREE, failure_with_picture, picture, write_run
 
 NOW = datetime(2026, 3, 4, 5, 6)
@@ -205,14 +209,23 @@ def test_settings_that_are_too_long_to_tell_apart_still_count_apart(tmp_path: Pa
     assert second == f"{first} (2)"
 
 
-def _node(number: int) -> StoryNode:
-    return StoryNode((0, number), None, f"n{number}", "Act", "action", f"n{number}", 0)
+def _nodes(count: int, category: Category = "action") -> NodeList:
+    """Leaves below a control node, whose uids are 2 and so on."""
+    root = DescribedNode(1, None, "all", "Sequence", "control", "all", {}, "")
+    leaves = [DescribedNode(n, 1, f"n{n}", "Act", category, f"n{n}", {}, "") for n in range(2, count + 2)]
+    nodes = NodeList()
+    nodes.add(TreeEvent([root, *leaves], "", "Main"))
+    return nodes
+
+
+def _done(*activities: tuple[int, float, float, int]) -> Activities:
+    """(node, begin, end, result)."""
+    uids, begins, ends, results = np.array(sorted(activities, key=lambda one: one[1])).T
+    return Activities(uids.astype(np.uint32), begins, ends, results.astype(np.uint8))
 
 
 def test_bars_stand_where_the_work_was() -> None:
-    done: list[Activity[NodeKey]] = [Activity((0, 1), 2.0, 4.0, SUCCESS), Activity((0, 1), 6.0, 7.0, FAILURE)]
-
-    chart = gantt([_node(1)], done, 10.0)
+    chart = gantt(_nodes(1), _done((2, 2.0, 4.0, SUCCESS), (2, 6.0, 7.0, FAILURE)), 10.0)
 
     first, second = chart.rows[0].bars
     assert (first.x, first.width, first.state) == (0.2 * WIDTH, 0.2 * WIDTH, "success")
@@ -221,55 +234,47 @@ def test_bars_stand_where_the_work_was() -> None:
 
 
 def test_bars_that_would_cover_one_another_become_one_that_shows_a_failure_among_them() -> None:
-    done: list[Activity[NodeKey]] = [Activity((0, 1), 0.001 * i, 0.001 * i, SUCCESS) for i in range(500)]
-    done.append(Activity((0, 1), 0.2505, 0.2505, FAILURE))
-    done.sort(key=lambda activity: activity.begin)
+    done = [(2, 0.001 * i, 0.001 * i, SUCCESS) for i in range(500)]
 
-    (bar,) = gantt([_node(1)], done, 100.0).rows[0].bars
+    (bar,) = gantt(_nodes(1), _done(*done, (2, 0.2505, 0.2505, FAILURE)), 100.0).rows[0].bars
 
     assert bar.state == "failure"
     assert bar.words.endswith("(501 times)")
 
 
-def test_a_condition_that_does_not_hold_is_shown_as_no_and_only_the_one_that_ended_the_tree_as_a_failure() -> None:
-    held = StoryNode((0, 1), None, "held", "Holding", "condition", "held", 0)
-    done: list[Activity[NodeKey]] = [Activity((0, 1), t, t, FAILURE) for t in (0.0, 5.0, 9.0)]
+def test_a_condition_that_does_not_hold_is_shown_as_no() -> None:
+    done = _done((2, 0.0, 0.0, NO), (2, 5.0, 5.0, NO), (2, 9.0, 9.0, FAILURE), (3, 5.0, 9.0, FAILURE))
 
-    bars = gantt([held, _node(2)], [*done, Activity((0, 2), 5.0, 9.0, FAILURE)], 10.0, ended_by=((0, 1), 9.0)).rows
+    rows = gantt(_nodes(2, "condition"), done, 10.0).rows
 
-    assert [bar.state for bar in bars[0].bars] == ["no", "no", "failure"]
-    assert bars[0].bars[0].words == "0.00 s: no"
-    assert bars[1].bars[0].state == "failure", "an action has failed"
+    assert [bar.state for bar in rows[0].bars] == ["no", "no", "failure"]
+    assert rows[0].bars[0].words == "0.00 s: no"
+    assert rows[1].bars[0].state == "failure"
 
 
 def test_an_answer_is_not_lost_among_others_that_it_would_cover() -> None:
-    held = StoryNode((0, 1), None, "held", "Holding", "condition", "held", 0)
-    done: list[Activity[NodeKey]] = [
-        Activity((0, 1), 0.001 * i, 0.001 * i, (SUCCESS, FAILURE)[i == 7]) for i in range(9)
-    ]
+    done = [(2, 0.001 * i, 0.001 * i, (SUCCESS, NO)[i == 7]) for i in range(9)]
 
-    (bar,) = gantt([held], done, 100.0).rows[0].bars
+    (bar,) = gantt(_nodes(1, "condition"), _done(*done), 100.0).rows[0].bars
 
     assert bar.state == "no"
 
 
 def test_a_chart_is_bounded_and_keeps_the_nodes_that_took_the_most_time() -> None:
-    nodes = [_node(number) for number in range(1, 1001)]
-    done: list[Activity[NodeKey]] = [
-        Activity((0, node.key[1]), t, t + 0.001 * node.key[1], SUCCESS) for node in nodes for t in range(0, 200, 2)
-    ]
+    nodes = _nodes(1000)
+    done = [(uid, t, t + 0.001 * uid, SUCCESS) for uid in range(2, 1002) for t in range(0, 200, 2)]
 
-    chart = gantt(nodes, done, 200.0)
+    chart = gantt(nodes, _done(*done), 200.0)
 
     assert len(chart.rows) == MAX_ROWS
     assert chart.left_out == 1000 - MAX_ROWS
     assert sum(len(row.bars) for row in chart.rows) <= MAX_BARS
-    assert chart.rows[-1].node.name == "n1000"
+    assert chart.rows[-1].node.name == "n1001"
 
 
 @pytest.mark.parametrize("duration", [0.0, 0.3, 59.0, 3600.0, 1e6])
 def test_the_time_axis_has_few_ticks_whatever_the_length(duration: float) -> None:
-    ticks = gantt([], [], duration).ticks
+    ticks = gantt(NodeList(), activities(Transitions.none(), 0.0), duration).ticks
 
     assert 1 <= len(ticks) <= 13
     assert all(0 <= x <= WIDTH for x, _ in ticks)

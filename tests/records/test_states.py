@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from bestman_bt.records.state_history import BYTES_A_NODE, HistoryLimits, StateHistory
+from bestman_bt.records.states import BYTES_A_NODE, HistoryLimits, NodeStates, StateHistory
 
 IDLE, RUNNING, SUCCESS, FAILURE = 0, 1, 2, 3
 
@@ -14,7 +14,7 @@ def recorded(ticks: int, nodes: int, limits: HistoryLimits | None = None) -> tup
     """A history of random changes at 10 ticks a second, and the states that were true after each tick."""
     random = np.random.default_rng(4)
     history = StateHistory(limits)
-    history.now.grow(nodes)
+    history.now = NodeStates(nodes)
     states, told = [0] * (nodes + 1), []
     drawn = random.integers([1, 0], [nodes + 1, 4], size=(ticks, 5, 2)).tolist()
     for tick in range(ticks):
@@ -49,7 +49,7 @@ def test_looking_back_changes_nothing() -> None:
 
 def test_counts_and_durations_are_those_of_the_moment() -> None:
     history = StateHistory()
-    history.now.grow(1)
+    history.now = NodeStates(1)
     for time, state in ((0.0, RUNNING), (2.0, SUCCESS), (3.0, IDLE), (4.0, RUNNING), (7.0, FAILURE)):
         history.record(time, int(time), [(1, state)])
     assert history.now.statistics([1], 9.0) == {"1": [2, 1, 1, 5.0]}
@@ -59,7 +59,7 @@ def test_counts_and_durations_are_those_of_the_moment() -> None:
 
 def test_a_result_stays_until_the_node_starts_again() -> None:
     history = StateHistory()
-    history.now.grow(1)
+    history.now = NodeStates(1)
     shown = []
     for time, state in enumerate((SUCCESS, IDLE, RUNNING, IDLE, FAILURE, IDLE)):
         history.record(float(time), time, [(1, state)])
@@ -69,9 +69,9 @@ def test_a_result_stays_until_the_node_starts_again() -> None:
 
 def test_a_state_that_is_told_twice_counts_once() -> None:
     history = StateHistory()
-    history.now.grow(1)
-    assert history.record(0.0, 0, [(1, SUCCESS)]) == [(1, SUCCESS)]
-    assert history.record(1.0, 1, [(1, SUCCESS)]) == []
+    history.now = NodeStates(1)
+    assert [(new.uid, new.status) for new in history.record(0.0, 0, [(1, SUCCESS)])] == [(1, SUCCESS)]
+    assert len(history.record(1.0, 1, [(1, SUCCESS)])) == 0
     assert history.now.successes[1] == 1
 
 
@@ -96,7 +96,7 @@ def test_keyframes_have_a_limit_too() -> None:
 @pytest.mark.parametrize("time", [5.0, 4.0])
 def test_time_never_runs_back(time: float) -> None:
     history = StateHistory()
-    history.now.grow(1)
+    history.now = NodeStates(1)
     history.record(5.0, 1, [(1, RUNNING)])
     history.record(time, 2, [(1, SUCCESS)])
     assert history.time == 5.0
@@ -105,9 +105,9 @@ def test_time_never_runs_back(time: float) -> None:
 
 def test_nodes_that_come_later_are_idle_before() -> None:
     history = StateHistory()
-    history.now.grow(1)
+    history.now = NodeStates(1)
     history.record(0.0, 0, [(1, RUNNING)])
-    history.now.grow(3)
+    history.now = history.now.grown(3)
     history.record(1.0, 1, [(3, SUCCESS)])
     assert list(history.at(0.5).nodes.states) == [0, RUNNING, IDLE, IDLE]
     assert list(history.at(1.0).nodes.states) == [0, RUNNING, IDLE, SUCCESS]

@@ -1,4 +1,4 @@
-"""The events of a run in its folder: written while it goes on, read afterwards or meanwhile.
+"""The events of a run, written to its folder while it goes on; ``bestman_bt.records.reader`` reads them.
 
 ``transitions.btlog`` has the states of the main tree, ``log.jsonl`` the log in the keys of structlog, and
 ``events.jsonl`` all else. All three are cut into segments, see ``bestman_bt.engine.logs.segmented_file``.
@@ -7,27 +7,22 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
 from dataclasses import asdict, replace
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import get_args
 
 from bestman_bt.engine import Tree
 from bestman_bt.engine.logs.btlog import BtLogWriter
-from bestman_bt.engine.logs.segmented_file import SegmentedFile, read_segments
+from bestman_bt.engine.logs.segmented_file import SegmentedFile
 from bestman_bt.records.events import (
     MAIN_TREE,
     Event,
-    EventError,
     ImageEvent,
-    Level,
     LogEvent,
     RobotEvent,
     RunEvent,
     ScanEvent,
     StatesEvent,
-    from_line,
     to_line,
 )
 
@@ -36,13 +31,8 @@ SEGMENT = 4 << 20
 """Bytes of events, or of log lines, after which a new segment begins."""
 KEEP_EVENTS, KEEP_LOG = 64 << 20, 16 << 20
 """Compressed bytes of full segments that are kept."""
-LONGEST_SEGMENT = 4 * SEGMENT
-MOST_READ = 64 << 20
-"""Bytes that are read of one full segment, and of all together."""
 KEPT_EVERY = {"robot": 0.19, "scan": 1.9}
 """Seconds between those that are kept: of robot states that come each 0.1 s every other."""
-
-_LEVELS = get_args(Level)
 
 
 class RunLogWriter:
@@ -94,70 +84,3 @@ class RunLogWriter:
         stamp = when.isoformat(timespec="milliseconds").replace("+00:00", "Z")
         line = {**words, "timestamp": stamp, "event": event.message}
         return json.dumps(line, ensure_ascii=False).encode() + b"\n"
-
-
-def read_events(folder: Path) -> Iterator[Event]:
-    """The events of ``events.jsonl`` and its earlier segments, in order; a torn last line is left out.
-
-    Where segments are missing, or left out because there are too many, a warning says so.
-
-    Raises:
-        EventError: the folder has no such file, or a line is no event.
-    """
-    time = 0.0
-    for number, line in _lines(folder / EVENTS_FILE):
-        if line is None:
-            yield _left_out(time, EVENTS_FILE)
-            continue
-        try:
-            event = from_line(line)
-            time = getattr(event, "time", time)
-            yield event
-        except EventError as error:
-            raise EventError(f"{folder / EVENTS_FILE}: line {number}: {error}") from error
-
-
-def read_log(folder: Path) -> Iterator[LogEvent]:
-    """The lines of ``log.jsonl`` and its earlier segments; raises as ``read_events``."""
-    time = 0.0
-    for number, line in _lines(folder / LOG_FILE):
-        if line is None:
-            yield _left_out(time, LOG_FILE)
-            continue
-        try:
-            document = json.loads(line)
-            level = document["level"]
-            if level not in _LEVELS:
-                raise ValueError(f"the level {level!r}")
-            time = float(document["time"])
-            yield LogEvent(
-                time,
-                level,
-                str(document["event"]),
-                str(document.get("node", "")),
-                str(document.get("code", "")),
-                str(document.get("logger", "tree")),
-                str(document.get("where", "")),
-            )
-        except (ValueError, TypeError, KeyError, OverflowError, RecursionError) as error:
-            raise EventError(f"{folder / LOG_FILE}: line {number}: no line of a log: {error!r}") from error
-
-
-def _left_out(time: float, file: str) -> LogEvent:
-    return LogEvent(time, "warning", f"a part of {file} that follows here was not read", logger="monitor")
-
-
-def _lines(path: Path) -> Iterator[tuple[int, bytes | None]]:
-    """The whole lines of a file and its earlier segments, numbered as they are read; None where some are missing."""
-    number = 0
-    try:
-        segments = read_segments(path, MOST_READ, LONGEST_SEGMENT)
-    except OSError as error:
-        raise EventError(f"{path} cannot be read: {error}") from error
-    for segment in segments:
-        if segment.is_after_gap:
-            yield number, None
-        for line in segment.data.splitlines(keepends=True):
-            number += 1
-            if line.endswith(b"\n"):
-                yield number, line

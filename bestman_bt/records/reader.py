@@ -1,0 +1,273 @@
+"""Reads the record of a run from its folder, whatever state it was left in, or from a ``.btlog`` file alone."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Collection, Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bestman_bt.engine.errors import EngineError
+from bestman_bt.engine.logs import BtLog, Transitions, read_btlog
+from bestman_bt.engine.logs.regular_file import read_regular
+from bestman_bt.engine.logs.segmented_file import first_segment, read_segment, read_segments
+from bestman_bt.errors import InputError
+from bestman_bt.records.described_tree import describe_xml
+from bestman_bt.records.events import (
+    MAIN_TREE,
+    Event,
+    EventError,
+    Level,
+    LogEvent,
+    RunEvent,
+    StatesEvent,
+    TreeEvent,
+    from_line,
+)
+from bestman_bt.records.history import RunHistory
+from bestman_bt.records.writer import EVENTS_FILE, LOG_FILE, SEGMENT, STATES_FILE
+
+LONGEST_SEGMENT = 4 * SEGMENT
+MOST_READ = 64 << 20
+"""Bytes that are read of one full segment, and of all together."""
+LARGEST_FILE = 32 << 20
+"""Bytes of one log that are read; executors cut theirs long before."""
+LONGEST_FIRST_LINE = 64 << 10
+LARGEST_PICTURE = 8 << 20
+PICTURES_FOLDER = "pictures"
+PICTURE_SUFFIXES = (".jpg", ".jpeg", ".png")
+MOST_FAULTS, LONGEST_FAULT = 20, 300
+_LEVELS = get_args(Level)
+
+
+class RecordError(InputError):
+    """A record, or a part of it, cannot be read."""
+
+
+def has_record(folder: Path) -> bool:
+    """Whether a folder has states or events of a run."""
+    return (folder / STATES_FILE).is_file() or (folder / EVENTS_FILE).is_file()
+
+
+def read(path: Path, left_out: Collection[str] = ()) -> RunHistory:
+    """What a run folder, or a ``.btlog`` file, tells of a run; what is damaged or missing is among its ``faults``.
+
+    ``left_out``: kinds of events that are not wanted, such as ``robot``: they are many.
+
+    Raises:
+        RecordError: it is no run folder, or nothing in it can be read.
+    """
+    states = path if path.is_file() else path / STATES_FILE
+    if not (path.is_file() or has_record(path)):
+        raise RecordError(f"{path} is no run folder: it has neither {STATES_FILE} nor {EVENTS_FILE}")
+    history, changes, log = RunHistory(), _Changes(), None
+    if _is_read(states, history.faults):
+        try:
+            log = read_btlog(states)
+        except (OSError, EngineError) as error:
+            _add_fault(history.faults, states.name, error)
+    if not path.is_file() and _is_read(path / EVENTS_FILE, history.faults):
+        _take_all(history, EVENTS_FILE, _events(history, path, log, changes, left_out))
+    if log is not None:
+        _take_states(history, log, states.name, changes)
+    if changes.told:
+        history.take_changes(*changes.sorted())
+    if not path.is_file() and _is_read(path / LOG_FILE, history.faults):
+        _take_all(history, LOG_FILE, read_log(path))
+    if history.faults and not history.version:
+        raise RecordError(f"{path.name} cannot be read: {'; '.join(history.faults)}")
+    return history
+
+
+class _Changes:
+    """Changes of state from several files, with the tick of each."""
+
+    def __init__(self) -> None:
+        self.told: list[Transitions] = []
+        self.ticks: list[NDArray[np.int64]] = []
+
+    def add(self, changes: Transitions, ticks: NDArray[np.int64]) -> None:
+        self.told.append(changes)
+        self.ticks.append(ticks)
+
+    def sorted(self) -> tuple[Transitions, NDArray[np.int64]]:
+        """All, in the order of time."""
+        told, ticks = Transitions.joined(self.told), np.concatenate(self.ticks)
+        if (told.times[1:] >= told.times[:-1]).all():
+            return told, ticks
+        order = np.argsort(told.times, kind="stable")
+        return Transitions(told.times[order], told.uids[order], told.statuses[order]), ticks[order]
+
+
+def _events(
+    history: RunHistory, folder: Path, log: BtLog | None, changes: _Changes, left_out: Collection[str]
+) -> Iterator[Event]:
+    """All events but changes of state, which are added to ``changes``; before what names nodes comes the main tree."""
+    for event in read_events(folder, left_out):
+        names_nodes = isinstance(event, StatesEvent) or (isinstance(event, TreeEvent) and event.tree != MAIN_TREE)
+        if log is not None and names_nodes and MAIN_TREE not in history.nodes.trees:
+            yield describe_xml(log.xml, STATES_FILE)
+        if isinstance(event, RunEvent):
+            event = replace(event, folder=str(folder))
+        elif isinstance(event, StatesEvent) and event.changes and event.tree in history.nodes.trees:
+            offset, count = history.nodes.range_of(event.tree)
+            told = [(offset + uid, state) for uid, state in event.changes if 0 < uid <= count]
+            uids, states = np.array(told, dtype=np.uint32).reshape(-1, 2).T
+            moments = np.full(len(uids), event.time)
+            changes.add(Transitions(moments, uids, states.astype(np.uint8)), np.full(len(uids), event.tick))
+            if not event.messages:
+                continue
+            event = replace(event, changes=[])
+        yield event
+
+
+def _take_all(history: RunHistory, name: str, events: Iterator[Event]) -> None:
+    """Take events up to a damaged line; one that does not fit is left out."""
+    try:
+        for event in events:
+            try:
+                history.take(event)
+            except (ValueError, TypeError, OverflowError) as error:
+                _add_fault(history.faults, name, f"an event does not fit the run: {error}")
+    except (OSError, EngineError, EventError) as error:
+        _add_fault(history.faults, name, error)
+
+
+def _take_states(history: RunHistory, log: BtLog, name: str, changes: _Changes) -> None:
+    """The changes of the main tree, and warnings where some are missing.
+
+    Logs do not number ticks: where the rate is known, they are reckoned from the time.
+    """
+    if MAIN_TREE not in history.nodes.trees:
+        try:
+            history.take(describe_xml(log.xml, name))
+        except (EngineError, EventError) as error:
+            _add_fault(history.faults, name, error)
+            return
+    history.about.setdefault("started", log.start)
+    rate, times = float(history.about.get("tick_rate") or 0.0), log.transitions.times
+    numbers = np.cumsum(np.append(True, times[1:] != times[:-1])[: len(times)])
+    ticks = np.round(times * rate).astype(np.int64) + 1 if rate > 0 else numbers
+    offset, count = history.nodes.range_of(MAIN_TREE)
+    known = (log.transitions.uids > 0) & (log.transitions.uids <= count)
+    uids = log.transitions.uids[known].astype(np.uint32) + offset
+    changes.add(Transitions(times[known], uids, log.transitions.statuses[known]), ticks[known])
+    for begin, end in log.gaps:
+        words = f"the states from {begin:.1f} s to {end:.1f} s were not read"
+        history.take(LogEvent(begin, "warning", words, logger=__name__))
+
+
+def _is_read(path: Path, faults: list[str]) -> bool:
+    """Whether there is such a log, of a size that is read."""
+    try:
+        size = (path if path.exists() else first_segment(path)).stat().st_size
+    except FileNotFoundError:
+        return False
+    except OSError as error:
+        _add_fault(faults, path.name, error)
+        return False
+    if size > LARGEST_FILE:
+        _add_fault(faults, path.name, f"it has {size} bytes; at most {LARGEST_FILE} are read")
+    return size <= LARGEST_FILE
+
+
+def _add_fault(faults: list[str], name: str, why: object) -> None:
+    if len(faults) < MOST_FAULTS:
+        words = str(why).splitlines() or [type(why).__name__]
+        faults.append(f"{name} was not read to its end: {words[0][:LONGEST_FAULT]}")
+
+
+def first_event(folder: Path) -> Event | None:
+    """The event that begins a run's events; None where that cannot be read."""
+    try:
+        line, newline, _ = read_segment(first_segment(folder / EVENTS_FILE), LONGEST_FIRST_LINE).partition(b"\n")
+        return from_line(line) if newline else None
+    except (OSError, EventError):
+        return None
+
+
+def read_picture(folder: Path, name: str) -> bytes:
+    """A picture that an event of this folder names; raises RecordError for anything that is not one inside of it."""
+    try:
+        inside = folder.resolve() / PICTURES_FOLDER  # not resolved itself: it may be a link that leads elsewhere
+        path = (folder / name).resolve()
+        if not path.is_relative_to(inside) or path.suffix.lower() not in PICTURE_SUFFIXES:
+            raise RecordError("the run names a file that is no picture of its own")
+        return read_regular(path, LARGEST_PICTURE)
+    except (OSError, ValueError) as error:
+        raise RecordError(f"the picture cannot be read: {error}") from error
+
+
+def read_events(folder: Path, left_out: Collection[str] = ()) -> Iterator[Event]:
+    """The events of ``events.jsonl`` and its earlier segments, in order; a torn last line is left out.
+
+    ``left_out``: kinds that are not wanted. Where segments are missing, or left out because there are too many, a
+    warning says so.
+
+    Raises:
+        EventError: the folder has no such file, or a line is no event.
+    """
+    time, skipped = 0.0, tuple(f'"event":"{kind}"}}\n'.encode() for kind in left_out)
+    for number, line in _lines(folder / EVENTS_FILE):
+        if line is None:
+            yield _left_out(time, EVENTS_FILE)
+            continue
+        if line.endswith(skipped):  # as ``to_line`` writes them
+            continue
+        try:
+            event = from_line(line)
+            time = getattr(event, "time", time)
+            if event.event not in left_out:
+                yield event
+        except EventError as error:
+            raise EventError(f"{folder / EVENTS_FILE}: line {number}: {error}") from error
+
+
+def read_log(folder: Path) -> Iterator[LogEvent]:
+    """The lines of ``log.jsonl`` and its earlier segments; raises as ``read_events``."""
+    time = 0.0
+    for number, line in _lines(folder / LOG_FILE):
+        if line is None:
+            yield _left_out(time, LOG_FILE)
+            continue
+        try:
+            document = json.loads(line)
+            level = document["level"]
+            if level not in _LEVELS:
+                raise ValueError(f"the level {level!r}")
+            time = float(document["time"])
+            yield LogEvent(
+                time,
+                level,
+                str(document["event"]),
+                str(document.get("node", "")),
+                str(document.get("code", "")),
+                str(document.get("logger", "tree")),
+                str(document.get("where", "")),
+            )
+        except (ValueError, TypeError, KeyError, OverflowError, RecursionError) as error:
+            raise EventError(f"{folder / LOG_FILE}: line {number}: no line of a log: {error!r}") from error
+
+
+def _left_out(time: float, file: str) -> LogEvent:
+    return LogEvent(time, "warning", f"a part of {file} that follows here was not read", logger=__name__)
+
+
+def _lines(path: Path) -> Iterator[tuple[int, bytes | None]]:
+    """The whole lines of a file and its earlier segments, numbered as they are read; None where some are missing."""
+    number = 0
+    try:
+        segments = read_segments(path, MOST_READ, LONGEST_SEGMENT)
+    except OSError as error:
+        raise EventError(f"{path} cannot be read: {error}") from error
+    for segment in segments:
+        if segment.is_after_gap:
+            yield number, None
+        for line in segment.data.splitlines(keepends=True):
+            number += 1
+            if line.endswith(b"\n"):
+                yield number, line
