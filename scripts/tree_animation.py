@@ -14,22 +14,20 @@ from pathlib import Path
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
-from bestman_bt.engine.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS
+from bestman_bt.engine.status import RUNNING
 from bestman_bt.evaluation.film.filmed_run import read_filmed_run
 from bestman_bt.evaluation.film.shot import plan_shot
 from bestman_bt.evaluation.film.stage import Stage
 from bestman_bt.records.history import RunHistory
+from bestman_bt.records.palette import LOOKS
 from bestman_bt.records.reader import read
-from bestman_bt.records.states import NO, NodeStates
+from bestman_bt.records.states import NodeStates
 
 RATE = 8
 """Frames per second."""
 PICTURE = (520, 390)
 PANEL = 400
 LARGEST = 3_000_000
-COLOURS = {IDLE: (150, 158, 166), RUNNING: (52, 120, 246), SUCCESS: (34, 150, 84), FAILURE: (176, 124, 40)}
-"""Text and marks of a node by state; a failed node is brown, since most failures are a condition's ordinary answer."""
-MARKS = {IDLE: "·", RUNNING: "▸", SUCCESS: "✓", FAILURE: "✗"}
 BACKGROUND = (250, 251, 252)
 FONTS = Path("/usr/share/fonts/truetype/dejavu")
 
@@ -67,10 +65,10 @@ def _frame(picture: np.ndarray, history: RunHistory, time: float) -> Image.Image
     top, left = 12, PICTURE[0] + 14
     draw.text((frame.width - 62, PICTURE[1] - 24), f"{time:5.1f} s", font=_font(13), fill=(110, 118, 126))
     for depth, text, state in _rows(history, history.states.at(time).nodes):
-        colour = COLOURS[state]
+        look = LOOKS[state]
         x = left + 15 * depth
-        draw.text((x, top), MARKS[state], font=_font(14, bold=True), fill=colour)
-        draw.text((x + 15, top), text, font=_font(14, bold=state == RUNNING), fill=colour)
+        draw.text((x, top), look.icon, font=_font(14, bold=True), fill=look.light)
+        draw.text((x + 15, top), text, font=_font(14, bold=state == RUNNING), fill=look.light)
         top += 22
     return frame
 
@@ -81,19 +79,20 @@ def _rows(history: RunHistory, now: NodeStates) -> list[tuple[int, str, int]]:
     A node that is idle again keeps its last result.
     """
     nodes = history.nodes
-    rows: list[tuple[int, str, int]] = []
-    subtree = [0]  # the outermost SubTree that each node is in, by uid
+    outermost = [0]  # SubTree that each node is in, by uid
     for node in nodes:
-        above = subtree[node.parent] if node.parent is not None else 0
-        subtree.append(above or (node.uid if node.category == "subtree" else 0))
-        if above:
+        above = outermost[node.parent] if node.parent is not None else 0
+        parent_is_subtree = node.parent is not None and nodes.node(node.parent).category == "subtree"
+        outermost.append(above or (node.parent or 0) * parent_is_subtree)
+    rows: list[tuple[int, str, int]] = []
+    for node in nodes:
+        if outermost[node.uid]:
             continue
         depth, state = nodes.depth(node.uid), int(now.states[node.uid] or now.results[node.uid])
         rows.append((depth, node.name or node.type, state))
         if node.category == "subtree" and state == RUNNING:
-            inside = nodes[node.uid :]
-            running = [leaf for leaf in inside if leaf.is_leaf and now.states[leaf.uid] == RUNNING]
-            rows += [(depth + 1, leaf.type, RUNNING) for leaf in running[:1]]
+            inside = [leaf for leaf in nodes if leaf.is_leaf and outermost[leaf.uid] == node.uid]
+            rows += [(depth + 1, leaf.type, RUNNING) for leaf in inside if now.states[leaf.uid] == RUNNING][:1]
     return rows
 
 

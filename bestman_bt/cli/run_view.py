@@ -4,20 +4,23 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
+from itertools import count
 from pathlib import Path
 from types import TracebackType
 
 from rich.console import Console
 from rich.live import Live
 from rich.table import Table
+from rich.text import Text
 
-from bestman_bt.engine import StateChanges, Tree
+from bestman_bt.engine import FAILURE, SUCCESS, Node, StateChanges, Tree
 from bestman_bt.evaluation.audit import CHEATS, counter_words
 from bestman_bt.evaluation.result import Outcome, RunResult
+from bestman_bt.records.described_tree import describe_changes, describe_tree
+from bestman_bt.records.events import MAIN_TREE
+from bestman_bt.records.palette import HALTED, LOOKS, Look
 from bestman_bt.runtime import Session, Setup
-from bestman_bt.visualization import describe_changes, describe_tree
-from bestman_bt.visualization.terminal import LiveTree, NodeEvent
-from bestman_bt.visualization.tree_description import NodeTransition
+from bestman_bt.visualization.terminal import LiveTree, style_of
 from hal.parts import SimulatedClock
 
 CONSOLE = Console(stderr=True)
@@ -25,6 +28,12 @@ CONSOLE = Console(stderr=True)
 RESULTS = Console()
 """What came of it; with ``--json``, which has standard output for itself, on standard error, too."""
 
+OUTCOME_LOOKS: dict[Outcome, Look] = {
+    Outcome.SUCCESS: LOOKS[SUCCESS],
+    Outcome.FAILURE: LOOKS[FAILURE],
+    Outcome.CANCELLED: HALTED,
+    Outcome.ERROR: LOOKS[FAILURE],
+}
 _UNITS = {"mm": " mm", "deg": "°"}
 
 
@@ -55,16 +64,23 @@ class RunView:
             self._live = Live(shown, console=CONSOLE, auto_refresh=False, vertical_overflow="crop")
             self._live.start()
 
-        def follow(followed: Tree, events_of: Callable[[list[NodeTransition]], list[NodeEvent]]) -> None:
+        numbers = count(MAIN_TREE + 1)
+
+        def follow(followed: Tree, number: int) -> None:
             """Tell what happens in a tree, and in those that its leaves tick, as ``ExecutePlan`` does."""
 
             def on_changes(changes: StateChanges) -> None:
-                for event in events_of(describe_changes(followed, changes, start)):
+                for event in shown.take(describe_changes(followed, changes, start, 0, number)):
                     if not on_terminal:
                         CONSOLE.print(str(event), highlight=False, markup=False, soft_wrap=True)
 
+            def on_inner(inner: Tree, leaf: Node) -> None:
+                told = next(numbers)
+                shown.take(describe_tree(inner, told))
+                follow(inner, told)
+
             followed.subscribe(on_changes)
-            followed.subscribe_to_inner(lambda inner, leaf: follow(inner, shown.events_of(describe_tree(inner))))
+            followed.subscribe_to_inner(on_inner)
 
         drawn = 0.0
 
@@ -79,20 +95,15 @@ class RunView:
                         shown.tell(node.uid, node.feedback_message)
                 self._live.refresh()
 
-        follow(tree, shown.apply)
+        follow(tree, MAIN_TREE)
         return after_tick
 
     def summary(self, result: RunResult, setup: Setup, folder: Path) -> None:
         """Print how a run ended."""
         goals = setup.goals
         table = Table(show_header=False, box=None, padding=(0, 2, 0, 0))
-        look = {
-            Outcome.SUCCESS: "[bold green]success",
-            Outcome.FAILURE: "[bold red]failure",
-            Outcome.CANCELLED: "[bold yellow]cancelled",
-            Outcome.ERROR: "[bold red]error",
-        }[result.outcome]
-        table.add_row(f"{result.task}, seed {result.seed}", look)
+        look = OUTCOME_LOOKS[result.outcome]
+        table.add_row(f"{result.task}, seed {result.seed}", Text(result.outcome, f"bold {style_of(look)}"))
         if result.unearned:
             table.add_row("note", f"{result.unearned}: the success is not the robot's")
         for goal in goals if result.success and result.judged and not result.unearned else ():

@@ -15,10 +15,11 @@ from bestman_bt.engine import StateChanges, Tree
 from bestman_bt.evaluation.motion import robot_snapshot
 from bestman_bt.evaluation.recorded_beliefs import RecordedBeliefs
 from bestman_bt.messages import Cylinder, PlacedShape, Pose, Pose2D
+from bestman_bt.records.described_tree import describe_changes, describe_tree
 from bestman_bt.robot_model import ArmModel, CameraPart, GripperModel
 from bestman_bt.runtime import Session
 from bestman_bt.scene import Articulation, PlacedFurniture, Walker, World, wall_box
-from bestman_bt.visualization import RecordedBody, describe_changes, describe_tree
+from bestman_bt.visualization import RecordedBody
 from bestman_bt.visualization.rerun import RecordedCamera, RerunRecorder
 from hal.simulation import SceneRecorder
 
@@ -39,7 +40,7 @@ class Recording:
             path,
             urdf=model.urdf,
             base_frame=model.base_frame,
-            nodes=describe_tree(tree),
+            tree=describe_tree(tree),
             bodies=recorded_bodies(setup.world),
             cameras={
                 name: RecordedCamera(camera.intrinsics, camera.optical_frame)
@@ -79,7 +80,7 @@ class Recording:
         self._recorder.snapshot(robot_snapshot(seen, self._ticks, self._session.skills.map_from_base))
 
     def _on_changes(self, changes: StateChanges) -> None:
-        self._recorder.transitions(describe_changes(self._tree, changes))
+        self._recorder.changes(describe_changes(self._tree, changes, 0.0, self._ticks))
 
     def _on_view(self, camera: str, view: RGBDView) -> None:
         self._recorder.image(camera, view.image)

@@ -202,15 +202,20 @@ class RunHistory:
         self.states.now = self.states.now.grown(len(self.nodes))
         self.tree_version = self.version
 
-    def _take_states(self, event: StatesEvent) -> None:
+    def shown(self, event: StatesEvent) -> Transitions:
+        """The changes of an event by uids of ``nodes``, and with NO where a condition has answered."""
         offset, count = self.nodes.range_of(event.tree)
-        changes = [(offset + uid, state) for uid, state in event.changes if 0 < uid <= count and 0 <= state <= SKIPPED]
-        if changes:
-            uids, states = np.array(changes, dtype=np.uint32).T
-            moments = np.full(len(uids), event.time)
-            self.take_changes(Transitions(moments, uids, states.astype(np.uint8)), np.full(len(uids), event.tick))
+        told = [(offset + uid, state) for uid, state in event.changes if 0 < uid <= count and 0 <= state <= SKIPPED]
+        uids, states = np.array(told, dtype=np.uint32).reshape(-1, 2).T
+        return self.with_answers(Transitions(np.full(len(uids), event.time), uids, states.astype(np.uint8)))
+
+    def _take_states(self, event: StatesEvent) -> None:
+        changes = self.shown(event)
+        if len(changes):
+            self.take_changes(changes, np.full(len(changes), event.tick))
         elif not event.messages:  # a step that changed nothing
             self.states.record(event.time, event.tick)
+        offset, count = self.nodes.range_of(event.tree)
         for uid, text in event.messages.items():
             if 0 < uid <= count:
                 said = self._messages.setdefault(offset + uid, Samples(MAX_MESSAGES_A_NODE))
@@ -218,12 +223,16 @@ class RunHistory:
                 self.changed_messages.touch(offset + uid, self.version)
 
     def take_changes(self, changes: Transitions, ticks: NDArray[np.int64]) -> None:
-        """Add changes of state, by uids of ``nodes`` and in the order of time; those of one moment are of one tick."""
-        shown = np.where(self._are_answers(changes), NO, changes.statuses).astype(np.uint8)
-        fresh = self.states.extend(Transitions(changes.times, changes.uids, shown), ticks)
+        """Add changes as they are shown, in the order of time, with the tick of each."""
+        fresh = self.states.extend(changes, ticks)
         self.timeline.change(fresh)
         for uid in reversed(dict.fromkeys(fresh.uids[::-1].tolist())):
             self.changed_nodes.touch(uid, self.version)
+
+    def with_answers(self, changes: Transitions) -> Transitions:
+        """NO in the place of FAILURE where a condition has answered; in the order of time, by uids of ``nodes``."""
+        answers = self._are_answers(changes)
+        return Transitions(changes.times, changes.uids, np.where(answers, NO, changes.statuses).astype(np.uint8))
 
     def _are_answers(self, changes: Transitions) -> NDArray[np.bool_]:
         """Which are the answer no: of conditions that FAIL, all but the leaf by which the main tree fails.

@@ -75,7 +75,8 @@ def read(path: Path, left_out: Collection[str] = ()) -> RunHistory:
     if log is not None:
         _take_states(history, log, states.name, changes)
     if changes.told:
-        history.take_changes(*changes.sorted())
+        told, ticks = changes.sorted()
+        history.take_changes(history.with_answers(told), ticks)
     if not path.is_file() and _is_read(path / LOG_FILE, history.faults):
         _take_all(history, LOG_FILE, read_log(path))
     if history.faults and not history.version:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from bestman_bt.visualization.tree_description import DescribedNode
+from bestman_bt.records.events import DescribedNode
 
 SYMBOLS = {
     "Sequence": "→",

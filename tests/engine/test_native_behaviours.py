@@ -38,7 +38,7 @@ from bestman_bt.engine import (
     load_tree,
     render_text,
 )
-from bestman_bt.visualization.engine_tree import describe_tree
+from bestman_bt.records.described_tree import describe_tree
 
 
 @pytest.fixture(autouse=True)
@@ -317,7 +317,7 @@ def test_native_subtrees_are_shown_node_by_node_once() -> None:
     tree.tick_exactly_once()
     names = ["root", "choose", "not", "yes", "work", "last"]
     assert [node.name for node in tree.nodes] == names
-    assert [node.name for node in describe_tree(tree)] == names
+    assert [node.name for node in describe_tree(tree).nodes] == names
     assert [line.split("'")[1] for line in render_text(tree).splitlines()] == names
     shown = py_trees.display.unicode_tree(tree.root, show_status=True)
     assert [line.strip() for line in shown.splitlines()] == [

@@ -4,10 +4,23 @@ from dataclasses import replace
 
 import pytest
 
-from bestman_bt.engine import load_tree
+from bestman_bt.engine import (
+    FAILURE,
+    RUNNING,
+    SUCCESS,
+    Fallback,
+    ManualClock,
+    Sequence,
+    StatefulAction,
+    SyncAction,
+    build_tree,
+    load_tree,
+)
 from bestman_bt.engine.logs import LogError
 from bestman_bt.engine.xml.writer import full_tree_xml
-from bestman_bt.records.described_tree import describe_tree, describe_xml
+from bestman_bt.records.described_tree import describe_changes, describe_tree, describe_xml
+from bestman_bt.records.history import RunHistory
+from bestman_bt.records.palette import look_of
 
 TREE = """
 <root BTCPP_format="4" main_tree_to_execute="Main">
@@ -75,3 +88,44 @@ def test_a_log_whose_tree_contains_itself_has_an_end() -> None:
     )
 
     assert [node.uid for node in describe_xml(xml).nodes] == [1, 2]
+
+
+class Drop(SyncAction):
+    def on_tick(self) -> int:
+        self.feedback_message = "DROPPED: it fell"
+        return FAILURE
+
+
+class Drive(StatefulAction):
+    def on_start(self) -> int:
+        self.feedback_message = "driving 2.0 m"
+        return RUNNING
+
+    def on_running(self) -> int:
+        self.feedback_message = "arrived"
+        return SUCCESS
+
+    def on_halted(self) -> None:
+        pass
+
+
+def loaded_tree():
+    root = Sequence(Fallback(Drop(name="drop it"), Drive(name="to the sink"), name="either"), name="main")
+    return build_tree(root, clock=ManualClock())
+
+
+def test_changes_of_a_tick_carry_what_the_nodes_say():
+    tree = loaded_tree()
+    history = RunHistory()
+    history.take(describe_tree(tree))
+    tree.subscribe(lambda changes: history.take(describe_changes(tree, changes, 0.0, 1)))
+    uids = {node.name: node.uid for node in tree.nodes}
+    tree.tick_exactly_once()
+    now = history.states.now
+    assert history.message_at(uids["drop it"], 0.0) == "DROPPED: it fell"
+    assert look_of(now, uids["drop it"]).word == "failure"
+    assert history.message_at(uids["to the sink"], 0.0) == "driving 2.0 m"
+    assert now.states[uids["main"]] == RUNNING
+    tree.tick_exactly_once()
+    assert history.message_at(uids["to the sink"], 0.0) == "arrived"
+    assert look_of(now, uids["main"]).word == "succeeded"

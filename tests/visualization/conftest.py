@@ -2,7 +2,8 @@ from __future__ import annotations
 
 import pytest
 
-from bestman_bt.visualization import DescribedNode
+from bestman_bt.records.events import Category, DescribedNode, StatesEvent, TreeEvent
+from bestman_bt.records.nodes import NodeList
 
 ROBOT = """
 <robot name="cart">
@@ -42,18 +43,42 @@ def robot_urdf() -> str:
     return ROBOT
 
 
-@pytest.fixture
-def fetch_nodes() -> list[DescribedNode]:
-    """A small fetch: uid = position."""
-    return [
-        DescribedNode(0, "fetch", "Sequence", None),
-        DescribedNode(1, "to the table", "NavigateTo", 0),
-        DescribedNode(2, "get it", "Fallback", 0),
-        DescribedNode(3, "", "Sequence", 2),
-        DescribedNode(4, "PlanGrasp", "PlanGrasp", 3),
-        DescribedNode(5, "Grasp", "Grasp", 3),
-        DescribedNode(6, "look again", "Sequence", 2),
-        DescribedNode(7, "LookAt", "LookAt", 6),
-        DescribedNode(8, "second grasp", "Grasp", 6),
-        DescribedNode(9, "put down", "PlaceOn", 0),
+CATEGORIES: dict[str, Category] = {"Sequence": "control", "Fallback": "control", "Holding": "condition"}
+
+
+def tree_of(*nodes: tuple[int | None, str, str]) -> TreeEvent:
+    """(parent, name, type) of the nodes, whose uids are 1 and so on."""
+    described = [
+        DescribedNode(uid, parent, name, kind, CATEGORIES.get(kind, "action"), f"{name}::{uid}", {}, "")
+        for uid, (parent, name, kind) in enumerate(nodes, start=1)
     ]
+    return TreeEvent(described, "", "Main")
+
+
+def nodes_of(tree: TreeEvent) -> NodeList:
+    nodes = NodeList()
+    nodes.add(tree)
+    return nodes
+
+
+def changed(time: float, *changes: tuple[int, int] | tuple[int, int, str], tick: int = 0) -> StatesEvent:
+    """(uid, state) or (uid, state, what the node says), of one tick."""
+    messages = {change[0]: change[2] for change in changes if len(change) == 3}
+    return StatesEvent(time, tick, [change[:2] for change in changes], messages)
+
+
+@pytest.fixture
+def fetch_tree() -> TreeEvent:
+    """A small fetch of ten nodes."""
+    return tree_of(
+        (None, "fetch", "Sequence"),
+        (1, "to the table", "NavigateTo"),
+        (1, "get it", "Fallback"),
+        (3, "", "Sequence"),
+        (4, "PlanGrasp", "PlanGrasp"),
+        (4, "Grasp", "Grasp"),
+        (3, "look again", "Sequence"),
+        (7, "LookAt", "LookAt"),
+        (7, "second grasp", "Grasp"),
+        (1, "put down", "PlaceOn"),
+    )

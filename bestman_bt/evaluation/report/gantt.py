@@ -12,10 +12,10 @@ from bestman_bt.engine.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS
 from bestman_bt.records.activities import Activities
 from bestman_bt.records.events import DescribedNode
 from bestman_bt.records.nodes import NodeList
+from bestman_bt.records.palette import HALTED, LOOKS
 from bestman_bt.records.states import NO
 
-WORDS = {SUCCESS: "success", FAILURE: "failure", SKIPPED: "skipped", IDLE: "halted", RUNNING: "running", NO: "no"}
-MARKS = {SUCCESS: "✓", FAILURE: "✕", IDLE: "◌", RUNNING: "…", SKIPPED: "↷", NO: "–"}
+_LOOKS = {**LOOKS, IDLE: HALTED}
 WIDTH = 1000.0
 """Units of the picture for the whole run; the rows are 22 high."""
 LEAST_WIDTH = 2.0
@@ -98,9 +98,9 @@ def _bars(mine: Activities, scale: float) -> Iterator[Bar]:
     for begin, end, result, count in zip(*(a.tolist() for a in (begins, ends, results, counts)), strict=True):
         width = max((end - begin) * scale, LEAST_WIDTH)
         when = f"{begin:.2f} s" if end == begin else f"{begin:.2f} to {end:.2f} s"
-        words = f"{when}: {WORDS[result]}" + (f" ({count} times)" if count > 1 else "")
-        mark = MARKS[result] if width >= MARK_WIDTH else ""
-        yield Bar(round(begin * scale, 1), round(width, 1), WORDS[result], mark, words)
+        words = f"{when}: {_LOOKS[result].word}" + (f" ({count} times)" if count > 1 else "")
+        mark = _LOOKS[result].icon if width >= MARK_WIDTH else ""
+        yield Bar(round(begin * scale, 1), round(width, 1), _LOOKS[result].word, mark, words)
 
 
 def _ticks(duration: float) -> Iterator[tuple[float, str]]:

@@ -20,6 +20,7 @@ from bestman_bt.evaluation.report.many_runs import causes, slow_nodes, task_grou
 from bestman_bt.evaluation.report.story import RunStory, StoryPicture
 from bestman_bt.records.activities import WorkOfNode, work_of_nodes
 from bestman_bt.records.events import DescribedNode
+from bestman_bt.records.palette import css_variables
 
 TEMPLATES = Path(__file__).parent / "templates"
 MAX_DETAILED = 25
@@ -54,7 +55,7 @@ def report_page(stories: Sequence[RunStory], now: datetime) -> str:
     first = stories[0]
     page = environment.get_template("page.html").render(
         title=f"Runs of {', '.join(tasks[:4])}" if many else f"{first.task}, seed {first.seed}: {first.outcome}",
-        style=Markup((TEMPLATES / "style.css").read_text(encoding="utf-8")),  # our own file
+        style=Markup(css_variables() + (TEMPLATES / "style.css").read_text(encoding="utf-8")),  # our own files
         version=version("bestman-bt"),
         made=now.strftime("%Y-%m-%d %H:%M"),
         stories=stories,

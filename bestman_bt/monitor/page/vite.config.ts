@@ -21,13 +21,33 @@ function licences(): Plugin {
   };
 }
 
+/** The colours of the states as custom properties: one file has them for this page and for all that Python shows. */
+const PALETTE = "../../records/palette.json";
+
+function palette(): Plugin {
+  const name = "virtual:palette.css";
+  return {
+    name: "palette",
+    resolveId: (id) => (id === name ? `\0${name}` : undefined),
+    load(id) {
+      if (id !== `\0${name}`) return undefined;
+      const file = join(import.meta.dirname, PALETTE);
+      this.addWatchFile(file);
+      const states = Object.entries(JSON.parse(readFileSync(file, "utf8")) as Record<string, Record<string, string>>);
+      const ground = (which: string): string =>
+        states.map(([state, told]) => `--${state}: ${told[which]}; --${state}-soft: ${told[`${which}-soft`]};`).join(" ");
+      return `:root { ${ground("light")} } :root[data-theme="dark"] { ${ground("dark")} }`;
+    },
+  };
+}
+
 /** A digest of the sources beside the built files; a test holds the committed build to the committed sources. */
 function digest(): Plugin {
   return {
     name: "digest",
     generateBundle() {
       const root = import.meta.dirname;
-      const names = ["index.html", "package-lock.json", ...["src", "public"].flatMap((folder) =>
+      const names = [PALETTE, "index.html", "package-lock.json", ...["src", "public"].flatMap((folder) =>
         readdirSync(join(root, folder), { recursive: true, withFileTypes: true })
           .filter((entry) => entry.isFile())
           .map((entry) => join(entry.parentPath, entry.name).slice(root.length + 1)))].sort();
@@ -41,7 +61,7 @@ function digest(): Plugin {
 // Files are never inlined as data: URLs, because the server's Content-Security-Policy allows scripts of its own origin only.
 export default defineConfig({
   base: "./",
-  plugins: [licences(), digest()],
+  plugins: [palette(), licences(), digest()],
   build: {
     outDir: "../static",
     emptyOutDir: true,

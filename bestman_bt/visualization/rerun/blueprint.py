@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from bestman_bt.records.nodes import NodeList
 from bestman_bt.visualization.rerun import entities
 from bestman_bt.visualization.rerun.state_lanes import lane_entities
 from bestman_bt.visualization.rerun.tree_graph import TreeGraph
-from bestman_bt.visualization.tree_description import TreeDescription
 
 if TYPE_CHECKING:
     import rerun.blueprint as rrb
@@ -39,7 +39,7 @@ def eye_on(bounds: NDArray[np.float64], azimuth: float = -2.2, elevation: float 
     return Eye(tuple(position.tolist()), tuple(look_at.tolist()))
 
 
-def build_blueprint(tree: TreeDescription, eye: Eye, cameras: Sequence[str], plots: Sequence[str]) -> rrb.Blueprint:
+def build_blueprint(tree: NodeList, eye: Eye, cameras: Sequence[str], plots: Sequence[str]) -> rrb.Blueprint:
     """The layout for a run with these camera names and entities with time series."""
     import rerun.blueprint as rrb
 
@@ -101,7 +101,7 @@ def _plots(plots: Sequence[str]) -> list[rrb.Tabs]:
     return [rrb.Tabs(*views, active_tab=0)] if views else []
 
 
-def _graph_view(tree: TreeDescription) -> rrb.GraphView:
+def _graph_view(tree: NodeList) -> rrb.GraphView:
     import rerun.blueprint as rrb
 
     width, height = TreeGraph.layout(tree).size
@@ -115,7 +115,7 @@ def _graph_view(tree: TreeDescription) -> rrb.GraphView:
     )
 
 
-def _lanes_view(tree: TreeDescription) -> rrb.StateTimelineView:
+def _lanes_view(tree: NodeList) -> rrb.StateTimelineView:
     import rerun.blueprint as rrb
 
     lanes = lane_entities(tree)

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from bestman_bt.messages import CameraIntrinsics
-from bestman_bt.visualization.node_states import NodeStates
+from bestman_bt.records.events import TreeEvent
+from bestman_bt.records.history import RunHistory
 from bestman_bt.visualization.rerun import entities, markers, sensed
 from bestman_bt.visualization.rerun.blueprint import Eye, build_blueprint, eye_on
 from bestman_bt.visualization.rerun.bodies import body_frame, bounds, write_body, write_floor
@@ -18,7 +19,6 @@ from bestman_bt.visualization.rerun.series import TimeSeries
 from bestman_bt.visualization.rerun.state_lanes import StateLanes
 from bestman_bt.visualization.rerun.tree_graph import TreeGraph
 from bestman_bt.visualization.snapshot import RecordedBody
-from bestman_bt.visualization.tree_description import TreeDescription
 
 if TYPE_CHECKING:
     import rerun as rr
@@ -39,7 +39,7 @@ class Announced:
 
     urdf: str
     base_frame: str
-    tree: TreeDescription
+    tree: TreeEvent
     bodies: Mapping[str, RecordedBody]
     cameras: Mapping[str, RecordedCamera]
     plotted_joints: tuple[str, ...]
@@ -51,7 +51,7 @@ class Announced:
         """How the recording looks when it is opened."""
         plots = [entities.JOINTS] * bool(self.plotted_joints) + [entities.GRIPPERS] * bool(self.grippers)
         eye = self.eye or eye_on(bounds(self.bodies.values()))
-        return build_blueprint(self.tree, eye, list(self.cameras), plots)
+        return build_blueprint(_history(self.tree).nodes, eye, list(self.cameras), plots)
 
 
 class OpenRecording:
@@ -61,11 +61,11 @@ class OpenRecording:
         self.stream = stream
         self.robot = RecordedRobot(announced.urdf, announced.base_frame)
         self.transforms = FrameTransforms(stream)
-        self.graph = TreeGraph(stream, announced.tree)
-        self.lanes = StateLanes(stream, announced.tree)
+        self.history = _history(announced.tree)
+        self.graph = TreeGraph(stream, self.history.nodes)
+        self.lanes = StateLanes(stream, self.history.nodes)
         self.joints = TimeSeries(stream, entities.JOINTS, announced.plotted_joints)
         self.widths = TimeSeries(stream, entities.GRIPPERS, tuple(f"{name} width" for name in announced.grippers))
-        self.states = NodeStates(announced.tree)
         self.driven = markers.DrivenPath()
         self.has_belief = False
         self.objects: dict[str, str] = {}
@@ -95,7 +95,7 @@ class OpenRecording:
         self.joints.write_styles()
         self.widths.write_styles()
         self.set_time(0.0)
-        self.graph.write_colors(self.states)
+        self.graph.write_colors(self.history.states.now)
         for body in announced.bodies.values():
             self.transforms.add_pose(entities.MAP_FRAME, body_frame(body.name), body.pose)
         self.transforms.write(0.0, 0)
@@ -112,3 +112,9 @@ class OpenRecording:
         import rerun as rr
 
         self.stream.log(entity, rr.TextLog(message, level=level))
+
+
+def _history(tree: TreeEvent) -> RunHistory:
+    history = RunHistory()
+    history.take(tree)
+    return history

@@ -9,9 +9,11 @@ from types import TracebackType
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from bestman_bt.engine.status import FAILURE, RUNNING, SUCCESS
+from bestman_bt.engine.status import FAILURE, IDLE, RUNNING, SUCCESS
 from bestman_bt.extras import require_extra
 from bestman_bt.messages import LaserScan, Path2D, PointCloud, Pose, RGBDImage
+from bestman_bt.records.events import StatesEvent, TreeEvent
+from bestman_bt.records.states import NO
 from bestman_bt.visualization.errors import RecordingError
 from bestman_bt.visualization.marks import GraspMark, ObjectMark
 from bestman_bt.visualization.node_labels import node_label
@@ -21,19 +23,18 @@ from bestman_bt.visualization.rerun.bodies import body_frame
 from bestman_bt.visualization.rerun.open_recording import Announced, OpenRecording, RecordedCamera
 from bestman_bt.visualization.rerun.sensed import SensorRecording
 from bestman_bt.visualization.snapshot import RecordedBody, RobotSnapshot
-from bestman_bt.visualization.tree_description import DescribedNode, NodeTransition, TreeDescription
 
 RECORDING_NAME = "recording.rrd"
 """Of a run, in its folder."""
 LOG_LEVELS = ("DEBUG", "INFO", "WARN", "ERROR")
-LEVEL_OF_STATE = {RUNNING: "INFO", SUCCESS: "INFO", FAILURE: "WARN"}
+LEVEL_OF_STATE = {RUNNING: "INFO", SUCCESS: "INFO", NO: "INFO", FAILURE: "WARN"}
 
 
 class RerunRecorder:
     """Writes a run to ``path`` (``.rrd``) while it happens; a context manager.
 
     ``urdf``: the robot's URDF text, meshes by absolute path; ``base_frame``: the link whose pose snapshots give.
-    ``nodes``: the tree, parents before children. ``plotted_joints``: drawn over time, radians or metres.
+    ``tree``: the main tree. ``plotted_joints``: drawn over time, radians or metres.
     ``grippers``: gripper name → finger joints, whose sum is the opening width. ``eye``: viewpoint, None for one
     that shows all bodies.
 
@@ -47,7 +48,7 @@ class RerunRecorder:
         *,
         urdf: str,
         base_frame: str,
-        nodes: Sequence[DescribedNode],
+        tree: TreeEvent,
         bodies: Sequence[RecordedBody] = (),
         cameras: Mapping[str, RecordedCamera] | None = None,
         plotted_joints: Sequence[str] = (),
@@ -60,7 +61,7 @@ class RerunRecorder:
         self._announced = Announced(
             urdf=urdf,
             base_frame=base_frame,
-            tree=TreeDescription(nodes),
+            tree=tree,
             bodies={body.name: body for body in bodies},
             cameras=dict(cameras or {}),
             plotted_joints=tuple(plotted_joints),
@@ -133,19 +134,20 @@ class RerunRecorder:
         if parts.driven.extend(snapshot.map_from_base.position[:2]):
             markers.write_path(parts.stream, "driven", parts.driven.points, markers.DRIVEN_COLOR)
 
-    def transitions(self, batch: Sequence[NodeTransition], tick: int | None = None) -> None:
-        """Record the state changes of one tick, in their order; ``tick``: None for the one of the last snapshot."""
-        if not batch:
+    def changes(self, event: StatesEvent) -> None:
+        """Record the state changes of one tick of the main tree, and what its nodes say."""
+        if not event.changes:
             return
-        parts = self._at(batch[-1].stamp, tick)
-        parts.states.apply(batch)
-        parts.graph.write_colors(parts.states)
-        parts.lanes.write(batch)
-        for transition in batch:
-            if transition.message:
-                node = self._announced.tree.node(transition.uid)
-                level = LEVEL_OF_STATE.get(transition.state, "DEBUG")
-                parts.write_line(level, f"{node_label(node)}: {transition.message}")
+        parts = self._at(event.time, event.tick)
+        shown = parts.history.shown(event)
+        parts.history.take(event)
+        parts.graph.write_colors(parts.history.states.now)
+        parts.lanes.write(shown)
+        for change in shown:
+            message = event.messages.get(change.uid)
+            if message and change.status != IDLE:
+                level = LEVEL_OF_STATE.get(change.status, "DEBUG")
+                parts.write_line(level, f"{node_label(parts.history.nodes.node(change.uid))}: {message}")
 
     def image(self, camera: str, image: RGBDImage) -> None:
         """Record a camera image at its stamp; RecordingError for a camera that was not announced."""

@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
-from bestman_bt.engine.status import IDLE, status_name
+from bestman_bt.engine.logs import Transition
+from bestman_bt.engine.status import IDLE
+from bestman_bt.records.nodes import NodeList
+from bestman_bt.records.palette import LOOKS, STATE_NAMES
 from bestman_bt.visualization.node_labels import node_label
-from bestman_bt.visualization.node_states import LOOKS
 from bestman_bt.visualization.rerun import entities
-from bestman_bt.visualization.tree_description import NodeTransition, TreeDescription
 
 if TYPE_CHECKING:
     import rerun as rr
@@ -24,7 +25,7 @@ class StateLanes:
     until the next one: else a condition that is checked at every tick would leave an empty lane.
     """
 
-    def __init__(self, recording: rr.RecordingStream, tree: TreeDescription) -> None:
+    def __init__(self, recording: rr.RecordingStream, tree: NodeList) -> None:
         self._recording = recording
         self._lanes = lane_entities(tree)
         self._shown = dict.fromkeys(self._lanes, NO_STATE)
@@ -36,20 +37,20 @@ class StateLanes:
 
         shown = {state: look for state, look in LOOKS.items() if state != IDLE}
         style = rr.StateConfiguration(
-            values=[status_name(state) for state in shown],
+            values=[STATE_NAMES[state].upper() for state in shown],
             labels=[look.word for look in shown.values()],
-            colors=[look.color for look in shown.values()],
+            colors=[look.dark for look in shown.values()],
         )
         for lane in self._lanes.values():
             self._recording.log(lane, style, static=True)
 
-    def write(self, transitions: Iterable[NodeTransition]) -> None:
+    def write(self, transitions: Iterable[Transition]) -> None:
         """Write the changes of one tick, at the time that is set on the recording."""
         reached: dict[int, str] = dict.fromkeys(self._due_for_reset, NO_STATE)
         self._due_for_reset = set()
         for transition in transitions:
-            if transition.state != IDLE:
-                reached[transition.uid] = status_name(transition.state)
+            if transition.status != IDLE:
+                reached[transition.uid] = STATE_NAMES[transition.status].upper()
                 self._due_for_reset.discard(transition.uid)
             elif reached.get(transition.uid):
                 self._due_for_reset.add(transition.uid)
@@ -66,7 +67,7 @@ class StateLanes:
             self._shown[uid] = state
 
 
-def lane_entities(tree: TreeDescription) -> dict[int, str]:
+def lane_entities(tree: NodeList) -> dict[int, str]:
     """uid → entity path of the node's lane, in reading order of the tree."""
     return {
         node.uid: entities.lane_entity(position, node_label(node)) for position, node in enumerate(tree.depth_first())

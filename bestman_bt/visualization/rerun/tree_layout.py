@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from bestman_bt.visualization.tree_description import TreeDescription
+from bestman_bt.records.nodes import NodeList
 
 Point = tuple[float, float]
 
@@ -40,9 +40,7 @@ class TreeLayout:
     size: Point
 
 
-def tidy_layout(
-    tree: TreeDescription, labels: Mapping[int, str], parameters: LayoutParameters | None = None
-) -> TreeLayout:
+def tidy_layout(tree: NodeList, labels: Mapping[int, str], parameters: LayoutParameters | None = None) -> TreeLayout:
     """Place every node so that no two labels overlap; ``labels``: uid → text."""
     sizes = parameters or LayoutParameters()
     columns, steps = _columns(tree)
@@ -64,11 +62,11 @@ def tidy_layout(
     return TreeLayout(centers, (left - sizes.column_gap, height))
 
 
-def _columns(tree: TreeDescription) -> tuple[dict[int, int], dict[int, int]]:
+def _columns(tree: NodeList) -> tuple[dict[int, int], dict[int, int]]:
     """uid → column, and uid → number of nodes above it in its chain."""
     columns: dict[int, int] = {}
     steps: dict[int, int] = {}
-    for node in tree.nodes:
+    for node in tree:
         if node.parent is None:
             columns[node.uid], steps[node.uid] = 0, 0
         elif len(tree.children(node.parent)) == 1:
@@ -89,9 +87,9 @@ class _Contour:
         return _Contour([row + shift for row in self.low], [row + shift for row in self.high])
 
 
-def _rows(tree: TreeDescription, family_gap: float) -> dict[int, float]:
+def _rows(tree: NodeList, family_gap: float) -> dict[int, float]:
     contours: dict[int, _Contour] = {}
-    offsets: dict[int, float] = {tree.root.uid: 0.0}
+    offsets: dict[int, float] = {tree[0].uid: 0.0}
     for node in reversed(list(tree.depth_first())):
         children = [child.uid for child in tree.children(node.uid)]
         if not children:

@@ -2,61 +2,59 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 
-from bestman_bt.engine import FAILURE, IDLE, RUNNING, SUCCESS
+from bestman_bt.engine.status import IDLE, RUNNING, SKIPPED
+from bestman_bt.records.events import DescribedNode, StatesEvent
+from bestman_bt.records.history import RunHistory
+from bestman_bt.records.palette import LOOKS, Look
 from bestman_bt.visualization.node_labels import node_label
-from bestman_bt.visualization.node_states import LOOKS, NO, NodeLook, ended_by
-from bestman_bt.visualization.tree_description import DescribedNode, NodeTransition, TreeDescription
 
 
 @dataclass(frozen=True)
 class NodeEvent:
-    """``node`` came to ``state`` at ``stamp`` seconds; ``message``: why, in words; ``ends``: with it the tree."""
+    """``node`` came to ``state`` at ``time`` seconds; ``message``: why, in words."""
 
-    stamp: float
+    time: float
     node: DescribedNode
     state: int
     message: str
-    ends: bool = False
 
     @property
-    def look(self) -> NodeLook:
-        """How to show it: a condition that is not so has answered, and not failed."""
-        return NO if self.node.condition and self.state == FAILURE and not self.ends else LOOKS[self.state]
+    def look(self) -> Look:
+        """How to show it."""
+        return LOOKS[self.state]
 
     def __str__(self) -> str:
         look = self.look
         message = f": {self.message}" if self.message else ""
-        return f"[{self.stamp:7.2f} s] {look.icon} {node_label(self.node)} {look.word}{message}"
+        return f"[{self.time:7.2f} s] {look.icon} {node_label(self.node)} {look.word}{message}"
 
 
 class NodeEvents:
     """Turns state changes of leaves into events; a leaf that repeats itself is told once."""
 
-    def __init__(self, tree: TreeDescription) -> None:
-        self._tree = tree
-        self._leaves = {leaf.uid for leaf in tree.leaves()}
+    def __init__(self, history: RunHistory) -> None:
+        self._history = history
         self._told: dict[int, tuple[int, str]] = {}
 
-    def of(self, transitions: Iterable[NodeTransition]) -> list[NodeEvent]:
-        """The events in a batch of changes, and how the root ended."""
+    def of(self, event: StatesEvent) -> list[NodeEvent]:
+        """What is told of the changes of a tick, and how the root of their tree ended."""
         events = []
-        transitions = list(transitions)
-        last = ended_by(self._tree, transitions)
-        for transition in transitions:
-            node = self._tree.node(transition.uid)
+        offset, _ = self._history.nodes.range_of(event.tree)
+        for change in self._history.shown(event):
+            node, state = self._history.nodes.node(change.uid), change.status
             told = self._told.get(node.uid)
-            if transition.state not in (RUNNING, SUCCESS, FAILURE):
-                if transition.state == IDLE and told and told[0] == RUNNING:
+            if state in (IDLE, SKIPPED):
+                if state == IDLE and told and told[0] == RUNNING:
                     del self._told[node.uid]
                 continue
-            is_result_of_root = node is self._tree.root and transition.state != RUNNING
-            if node.uid not in self._leaves and not is_result_of_root:
+            is_result_of_root = node.uid == offset + 1 and state != RUNNING
+            if not (node.is_leaf or is_result_of_root):
                 continue
-            now = (transition.state, transition.message if transition.state != RUNNING else "")
+            message = event.messages.get(node.uid - offset, "")
+            now = (state, message if state != RUNNING else "")
             if now != told:
                 self._told[node.uid] = now
-                events.append(NodeEvent(transition.stamp, node, transition.state, transition.message, node.uid == last))
+                events.append(NodeEvent(event.time, node, state, message))
         return events

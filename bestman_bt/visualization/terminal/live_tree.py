@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator
 
 from rich.console import Console, ConsoleOptions, RenderResult
 from rich.text import Text
 
-from bestman_bt.engine import FAILURE, RUNNING
+from bestman_bt.engine.status import FAILURE, IDLE, RUNNING
+from bestman_bt.records.events import MAIN_TREE, DescribedNode, StatesEvent, TreeEvent
+from bestman_bt.records.history import RunHistory
+from bestman_bt.records.nodes import NodeList
+from bestman_bt.records.palette import Look, look_of
 from bestman_bt.visualization.node_labels import node_label
-from bestman_bt.visualization.node_states import NodeLook, NodeStates
 from bestman_bt.visualization.terminal.events import NodeEvent, NodeEvents
 from bestman_bt.visualization.terminal.folding import folded_nodes, hidden_count
-from bestman_bt.visualization.tree_description import DescribedNode, NodeTransition, TreeDescription
 
 HEADER_LINES = 2
 FEWEST_TREE_LINES = 5
@@ -22,44 +24,42 @@ FEWEST_TREE_LINES = 5
 class LiveTree:
     """A rich renderable of a running tree.
 
-    Feed it with ``apply`` and ``set_time``. On a terminal show it with ``rich.live.Live``; elsewhere write the
-    events that ``apply`` returns, one line each. Trees higher than the terminal are folded where nothing runs.
+    Feed it with ``take`` and ``set_time``. On a terminal show it with ``rich.live.Live``; elsewhere write the
+    events that ``take`` returns, one line each. Trees higher than the terminal are folded where nothing runs.
     ``simulated``: whether the robot's clock is a simulation's, which runs apart from real time.
     """
 
-    def __init__(
-        self, nodes: Sequence[DescribedNode], title: str = "", event_lines: int = 6, simulated: bool = True
-    ) -> None:
-        self._tree = TreeDescription(nodes)
-        self._title = title or node_label(self._tree.root)
+    def __init__(self, tree: TreeEvent, title: str = "", event_lines: int = 6, simulated: bool = True) -> None:
+        self._tree = NodeList()
+        self._tree.add(tree)
+        self._title = title or node_label(self._tree[0])
         self._simulated = simulated
-        self._states = NodeStates(self._tree)
-        self._events = NodeEvents(self._tree)
+        self._history = RunHistory()
+        self._history.take(tree)
+        self._messages: dict[int, str] = {}
+        self._events = NodeEvents(self._history)
         self._recent: deque[NodeEvent] = deque(maxlen=event_lines)
         self._robot_time = 0.0
         self._wall_time = 0.0
 
-    def apply(self, transitions: Sequence[NodeTransition]) -> list[NodeEvent]:
-        """Take over state changes; returns what is worth a line in a log."""
-        self._states.apply(transitions)
-        events = self._events.of(transitions)
+    def take(self, event: StatesEvent | TreeEvent) -> list[NodeEvent]:
+        """Take over state changes; returns what is worth a line in a log.
+
+        Of trees that a leaf of this one ticks the events are shown; they are not drawn.
+        """
+        if isinstance(event, TreeEvent):
+            self._history.take(event)
+            return []
+        events = self._events.of(event)
+        self._history.take(event)
+        if event.tree == MAIN_TREE:
+            self._messages |= {uid: event.messages.get(uid, "") for uid, state in event.changes if state != IDLE}
         self._recent.extend(events)
         return events
 
-    def events_of(self, nodes: Sequence[DescribedNode]) -> Callable[[Sequence[NodeTransition]], list[NodeEvent]]:
-        """``apply`` for a tree that a leaf of this one ticks: its events are shown, it is not drawn."""
-        events = NodeEvents(TreeDescription(nodes))
-
-        def apply(transitions: Sequence[NodeTransition]) -> list[NodeEvent]:
-            new = events.of(transitions)
-            self._recent.extend(new)
-            return new
-
-        return apply
-
     def tell(self, uid: int, message: str) -> None:
         """Replace the message of a node, as when a running leaf reports progress."""
-        self._states.tell(uid, message)
+        self._messages[uid] = message
 
     def set_time(self, robot_time: float, wall_time: float) -> None:
         """Set what has passed on the robot's clock and on the wall's, seconds."""
@@ -78,14 +78,14 @@ class LiveTree:
         if events:
             yield Text("─" * min(options.max_width, 60), style="dim")
             for event in events:
-                line = Text(str(event), style=_style(event.look))
+                line = Text(str(event), style=style_of(event.look))
                 line.truncate(options.max_width, overflow="ellipsis")
                 yield line
 
     def _header(self) -> Text:
-        look = self._states.look(self._tree.root.uid)
+        look = look_of(self._history.states.now, self._tree[0].uid)
         header = Text(no_wrap=True, overflow="ellipsis")
-        header.append(f"{look.icon} {self._title}", style=f"bold {_style(look)}")
+        header.append(f"{look.icon} {self._title}", style=f"bold {style_of(look)}")
         if self._simulated:
             factor = self._robot_time / self._wall_time if self._wall_time > 0 else 0.0
             header.append(f"   simulated {self._robot_time:.1f} s", style="bold")
@@ -95,17 +95,17 @@ class LiveTree:
         return header
 
     def _tree_lines(self, lines: int) -> list[Text]:
-        folded = folded_nodes(self._tree, self._states, lines)
+        folded = folded_nodes(self._tree, self._history.states.now, lines)
         rows = list(self._rows(folded))
         lines = max(1, lines)
         if len(rows) <= lines:
             return [text for _, text in rows]
-        running = [i for i, (node, _) in enumerate(rows) if self._states.state(node.uid) == RUNNING]
+        running = [i for i, (node, _) in enumerate(rows) if self._history.states.now.states[node.uid] == RUNNING]
         last = min(len(rows), max(lines, (running[-1] if running else 0) + lines // 2))
         return [text for _, text in rows[last - lines : last]]
 
     def _rows(self, folded: set[int]) -> Iterator[tuple[DescribedNode, Text]]:
-        pending: list[tuple[DescribedNode, str, str]] = [(self._tree.root, "", "")]
+        pending: list[tuple[DescribedNode, str, str]] = [(self._tree[0], "", "")]
         while pending:
             node, branch, indent = pending.pop()
             yield node, self._row(node, branch, node.uid in folded)
@@ -117,18 +117,20 @@ class LiveTree:
                 pending.append((child, indent + ("└─ " if is_last else "├─ "), indent + ("   " if is_last else "│  ")))
 
     def _row(self, node: DescribedNode, branch: str, is_folded: bool) -> Text:
-        look, state = self._states.look(node.uid), self._states.state(node.uid)
+        now = self._history.states.now
+        look, state = look_of(now, node.uid), now.states[node.uid]
         row = Text(no_wrap=True, overflow="ellipsis")
         row.append(branch, style="dim")
-        row.append(f"{look.icon} {node_label(node)}", style=_style(look) + (" bold" if state == RUNNING else ""))
+        row.append(f"{look.icon} {node_label(node)}", style=style_of(look) + (" bold" if state == RUNNING else ""))
         if is_folded:
             row.append(f"  … {hidden_count(self._tree, node.uid)} nodes", style="dim")
-        message = self._states.message(node.uid)
+        message = self._messages.get(node.uid, "")
         if message and (state in (RUNNING, FAILURE) or look.word == "failed"):
-            row.append(f"  {message}", style=_style(look))
+            row.append(f"  {message}", style=style_of(look))
         return row
 
 
-def _style(look: NodeLook) -> str:
-    red, green, blue = look.color
+def style_of(look: Look) -> str:
+    """Rich's style of a look."""
+    red, green, blue = look.dark
     return f"rgb({red},{green},{blue})"

@@ -46,7 +46,7 @@ def scene_bodies() -> list[RecordedBody]:
 
 
 @pytest.fixture
-def record(tmp_path, robot_urdf, fetch_nodes, scene_bodies):
+def record(tmp_path, robot_urdf, fetch_tree, scene_bodies):
     """A context manager that yields an open recorder; ``recorded`` reads what it wrote."""
 
     @contextmanager
@@ -55,7 +55,7 @@ def record(tmp_path, robot_urdf, fetch_nodes, scene_bodies):
             "urdf": robot_urdf,
             "base_frame": "floor_point",
             "bodies": scene_bodies,
-            "nodes": fetch_nodes,
+            "tree": fetch_tree,
             "cameras": {"head": RecordedCamera(INTRINSICS, "eye")},
             "plotted_joints": ("arm_shoulder",),
             "grippers": {"hand": ("arm_slide",)},

@@ -8,7 +8,8 @@ import pytest
 
 from bestman_bt.engine import IDLE, RUNNING, SUCCESS
 from bestman_bt.messages import Pose
-from bestman_bt.visualization import NodeTransition, RobotSnapshot
+from bestman_bt.records.events import StatesEvent
+from bestman_bt.visualization import RobotSnapshot
 
 pytestmark = pytest.mark.slow
 
@@ -24,10 +25,10 @@ def test_a_minute_at_20_hz_costs_a_small_part_of_its_time_and_few_megabytes(reco
             stamp = k / RATE
             pose = Pose.from_xyz_rpy((math.cos(stamp / 5), math.sin(stamp / 5), 0.0), (0.0, 0.0, stamp / 5))
             joints = {"arm_shoulder": math.sin(stamp), "arm_slide": 0.1 + 0.1 * math.sin(stamp)}
-            changes = [NodeTransition(uid, state, stamp) for uid in range(3) for state in (RUNNING, SUCCESS, IDLE)]
+            changes = [(uid, state) for uid in range(1, 4) for state in (RUNNING, SUCCESS, IDLE)]
             start = time.perf_counter()
             recorder.snapshot(RobotSnapshot(stamp, k, pose, joints, pose, {"cup": pose}))
-            recorder.transitions(changes, tick=k)
+            recorder.changes(StatesEvent(stamp, k, changes))
             costs.append(time.perf_counter() - start)
     assert np.median(costs) < 0.003
     assert (tmp_path / "run.rrd").stat().st_size < 8e6

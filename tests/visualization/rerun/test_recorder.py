@@ -9,8 +9,9 @@ import pytest
 
 from bestman_bt.engine import FAILURE, RUNNING, SUCCESS
 from bestman_bt.messages import LaserScan, Path2D, PointCloud, Pose, Pose2D, RGBDImage
-from bestman_bt.visualization import NodeTransition, RecordingError, RobotSnapshot
+from bestman_bt.visualization import RecordingError, RobotSnapshot
 from bestman_bt.visualization.rerun import RerunRecorder, SensorRecording
+from tests.visualization.conftest import changed
 
 
 def snapshot(stamp: float, x: float = 0.0, **changes) -> RobotSnapshot:
@@ -56,11 +57,11 @@ def test_bodies_keep_their_shape_colour_and_place(record, recorded):
     assert place["Transform3D:parent_frame"] == ["map"]
 
 
-def test_the_tree_is_written_once_and_then_only_its_colours(record, recorded, fetch_nodes):
+def test_the_tree_is_written_once_and_then_only_its_colours(record, recorded, fetch_tree):
     with record() as recorder:
-        recorder.transitions([NodeTransition(0, RUNNING, 0.1), NodeTransition(1, RUNNING, 0.1)], tick=1)
-        recorder.transitions([NodeTransition(1, SUCCESS, 0.2)], tick=2)
-        recorder.transitions([NodeTransition(1, SUCCESS, 0.3)], tick=3)
+        recorder.changes(changed(0.1, (1, RUNNING), (2, RUNNING), tick=1))
+        recorder.changes(changed(0.2, (2, SUCCESS), tick=2))
+        recorder.changes(changed(0.3, (2, SUCCESS), tick=3))
     run = recorded()
     assert run.column("/tree", "GraphNodes:labels", static=True) == [
         [
@@ -70,21 +71,21 @@ def test_the_tree_is_written_once_and_then_only_its_colours(record, recorded, fe
     ]
     edges = run.column("/tree", "GraphEdges:edges", static=True)[0]
     assert {(edge["first"], edge["second"]) for edge in edges} == {
-        (str(node.parent), str(node.uid)) for node in fetch_nodes if node.parent is not None
+        (str(node.parent), str(node.uid)) for node in fetch_tree.nodes if node.parent is not None
     }
     rows = run.rows("/tree")
     assert [row["tick"] for row in rows] == [0, 1, 2]
-    changed = [
+    differences = [
         sum(a != b for a, b in zip(rows[i]["GraphNodes:colors"], rows[i + 1]["GraphNodes:colors"], strict=True))
         for i in (0, 1)
     ]
-    assert changed == [2, 1]
+    assert differences == [2, 1]
 
 
 def test_messages_of_nodes_and_lines_of_text_reach_the_log_with_their_level(record, recorded):
     with record() as recorder:
-        recorder.transitions([NodeTransition(5, RUNNING, 1.0, "closing"), NodeTransition(4, SUCCESS, 1.0)])
-        recorder.transitions([NodeTransition(5, FAILURE, 2.0, "SLIPPED: the cup slipped")])
+        recorder.changes(changed(1.0, (6, RUNNING, "closing"), (5, SUCCESS)))
+        recorder.changes(changed(2.0, (6, FAILURE, "SLIPPED: the cup slipped")))
         recorder.text("ERROR", "gave up", 3.0)
     rows = recorded().rows("/log")
     assert [(row["sim_time"], row["TextLog:level"][0], row["TextLog:text"][0]) for row in rows] == [
@@ -190,8 +191,8 @@ def test_an_image_of_an_unknown_camera_is_refused(record, intrinsics, picture):
         recorder.image("wrist", image)
 
 
-def test_nothing_can_be_recorded_before_opening_and_after_closing(tmp_path, robot_urdf, fetch_nodes):
-    recorder = RerunRecorder(tmp_path / "run.rrd", urdf=robot_urdf, base_frame="floor_point", nodes=fetch_nodes)
+def test_nothing_can_be_recorded_before_opening_and_after_closing(tmp_path, robot_urdf, fetch_tree):
+    recorder = RerunRecorder(tmp_path / "run.rrd", urdf=robot_urdf, base_frame="floor_point", tree=fetch_tree)
     assert not (tmp_path / "run.rrd").exists()
     with pytest.raises(RecordingError, match="is not open"):
         recorder.snapshot(snapshot(0.0))
@@ -201,8 +202,8 @@ def test_nothing_can_be_recorded_before_opening_and_after_closing(tmp_path, robo
         recorder.snapshot(snapshot(1.0))
 
 
-def test_a_path_that_cannot_be_written_is_an_error(tmp_path, robot_urdf, fetch_nodes):
+def test_a_path_that_cannot_be_written_is_an_error(tmp_path, robot_urdf, fetch_tree):
     missing = tmp_path / "no" / "folder" / "run.rrd"
-    recorder = RerunRecorder(missing, urdf=robot_urdf, base_frame="floor_point", nodes=fetch_nodes)
+    recorder = RerunRecorder(missing, urdf=robot_urdf, base_frame="floor_point", tree=fetch_tree)
     with pytest.raises(RecordingError, match="cannot be written"):
         recorder.open()

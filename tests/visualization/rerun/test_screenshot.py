@@ -9,9 +9,10 @@ from PIL import Image
 
 from bestman_bt.engine import FAILURE, RUNNING
 from bestman_bt.messages import Pose
-from bestman_bt.visualization import NodeTransition, RobotSnapshot, ScreenshotError
+from bestman_bt.visualization import RobotSnapshot, ScreenshotError
 from bestman_bt.visualization.node_states import LOOKS
 from bestman_bt.visualization.rerun import ScreenshotParameters, take_screenshots
+from tests.visualization.conftest import changed
 
 needs_vulkan = pytest.mark.skipif(
     ctypes.util.find_library("vulkan") is None,
@@ -29,8 +30,8 @@ def test_a_picture_shows_the_states_of_its_moment_and_no_view_complains(record, 
     with record(cameras={}) as recorder:
         for k in range(30):
             recorder.snapshot(RobotSnapshot(0.1 * k, k, Pose(), {"arm_shoulder": 0.1, "arm_slide": 0.1}))
-        recorder.transitions([NodeTransition(uid, RUNNING, 1.0) for uid in range(10)], tick=10)
-        recorder.transitions([NodeTransition(uid, FAILURE, 2.0, "no") for uid in range(10)], tick=20)
+        recorder.changes(changed(1.0, *((uid, RUNNING) for uid in range(1, 11)), tick=10))
+        recorder.changes(changed(2.0, *((uid, FAILURE, "no") for uid in range(1, 11)), tick=20))
     shots = take_screenshots(tmp_path / "run.rrd", [1.5, 2.5], QUICK)
     early, late = (np.array(Image.open(io.BytesIO(shot.png)).convert("RGB")) for shot in shots)
     assert early.shape == (800, 1280, 3)

@@ -3,8 +3,8 @@ from __future__ import annotations
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from bestman_bt.visualization import DescribedNode, TreeDescription
 from bestman_bt.visualization.rerun.tree_layout import LayoutParameters, tidy_layout
+from tests.visualization.conftest import nodes_of, tree_of
 
 BUSY = settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
 """On a machine that is busy with other work, drawing a tree takes as long as hypothesis allows for a slow strategy."""
@@ -12,15 +12,14 @@ BUSY = settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
 
 @st.composite
 def trees(draw):
-    parents = [draw(st.integers(0, uid - 1)) for uid in range(1, draw(st.integers(1, 40)))]
+    parents = [draw(st.integers(1, uid - 1)) for uid in range(2, draw(st.integers(2, 41)))]
     names = [draw(st.text("abcdefgh ", min_size=1, max_size=24)) for _ in range(len(parents) + 1)]
-    nodes = [DescribedNode(0, names[0], "Sequence", None)]
-    nodes += [DescribedNode(uid, names[uid], "Sequence", parent) for uid, parent in enumerate(parents, start=1)]
-    return TreeDescription(nodes)
+    named = zip((None, *parents), names, strict=True)
+    return nodes_of(tree_of(*((parent, name, "Sequence") for parent, name in named)))
 
 
 def laid_out(tree):
-    labels = {node.uid: node.name for node in tree.nodes}
+    labels = {node.uid: node.name for node in tree}
     return labels, tidy_layout(tree, labels)
 
 
@@ -39,7 +38,7 @@ def test_no_two_labels_overlap(tree):
 @given(trees())
 def test_parents_stand_left_of_and_midway_between_their_outer_children(tree):
     _, layout = laid_out(tree)
-    for node in tree.nodes:
+    for node in tree:
         children = [layout.centers[child.uid] for child in tree.children(node.uid)]
         if len(children) > 1:
             x, y = layout.centers[node.uid]
@@ -49,11 +48,10 @@ def test_parents_stand_left_of_and_midway_between_their_outer_children(tree):
 
 
 def test_an_only_child_stands_right_below_its_parent_in_the_same_column():
-    nodes = [DescribedNode(0, "retry", "Retry", None), DescribedNode(1, "retry", "Retry", 0)]
-    nodes += [DescribedNode(2, "left", "Leaf", 1), DescribedNode(3, "right", "Leaf", 1)]
-    _, layout = laid_out(TreeDescription(nodes))
+    chain = tree_of((None, "retry", "Retry"), (1, "retry", "Retry"), (2, "left", "Leaf"), (2, "right", "Leaf"))
+    _, layout = laid_out(nodes_of(chain))
     sizes = LayoutParameters()
-    dx, dy = (b - a for a, b in zip(layout.centers[0], layout.centers[1], strict=True))
+    dx, dy = (b - a for a, b in zip(layout.centers[1], layout.centers[2], strict=True))
     assert (dx, dy) == (sizes.chain_indent, sizes.row_height)
 
 
@@ -70,8 +68,6 @@ def test_everything_lies_within_the_stated_size(tree):
 
 
 def test_a_shallow_leaf_uses_the_gap_beside_a_deep_subtree():
-    nodes = [DescribedNode(0, "root", "Sequence", None), DescribedNode(1, "deep", "Sequence", 0)]
-    nodes += [DescribedNode(uid, "leaf", "Leaf", 1) for uid in range(2, 7)]
-    nodes.append(DescribedNode(7, "shallow", "Leaf", 0))
-    _, layout = laid_out(TreeDescription(nodes))
+    deep = [(None, "root", "Sequence"), (1, "deep", "Sequence"), *[(2, "leaf", "Leaf")] * 5, (1, "shallow", "Leaf")]
+    _, layout = laid_out(nodes_of(tree_of(*deep)))
     assert layout.size[1] == 5 * LayoutParameters().row_height

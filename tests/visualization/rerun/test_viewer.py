@@ -19,9 +19,10 @@ from PIL import Image
 
 from bestman_bt.engine import RUNNING
 from bestman_bt.messages import Pose
-from bestman_bt.visualization import NodeTransition, RecordingError, RobotSnapshot
+from bestman_bt.visualization import RecordingError, RobotSnapshot
 from bestman_bt.visualization.node_states import LOOKS
 from bestman_bt.visualization.rerun import Display, LiveFeed, RerunRecorder, Viewer, ViewerParameters, check_recording
+from tests.visualization.conftest import changed
 
 if TYPE_CHECKING:
     from rerun.experimental import ViewerClient
@@ -52,17 +53,17 @@ def test_a_page_is_served_to_this_machine_only() -> None:
 
 
 @needs_vulkan
-def test_a_run_is_seen_while_it_is_recorded(tmp_path, robot_urdf, fetch_nodes) -> None:
+def test_a_run_is_seen_while_it_is_recorded(tmp_path, robot_urdf, fetch_tree) -> None:
     from rerun.experimental import ViewerClient
 
     file = tmp_path / "run.rrd"
-    recorder = RerunRecorder(file, urdf=robot_urdf, base_frame="floor_point", nodes=fetch_nodes)
+    recorder = RerunRecorder(file, urdf=robot_urdf, base_frame="floor_point", tree=fetch_tree)
     with viewer(ViewerParameters(Display.BROWSER, fed=True)) as page, LiveFeed(file, page.pipe), recorder:
         page.wait_until_up(30.0)
         with viewer(ViewerParameters(Display.NONE, source=page.address, size=(1280, 800))) as showing:
             client = ViewerClient.connect(showing.address)
             recorder.snapshot(RobotSnapshot(0.1, 1, Pose(), {"arm_shoulder": 0.1, "arm_slide": 0.1}))
-            recorder.transitions([NodeTransition(uid, RUNNING, 0.2) for uid in range(10)], tick=2)
+            recorder.changes(changed(0.2, *((uid, RUNNING) for uid in range(1, 11)), tick=2))
             deadline, seen = time.monotonic() + 60.0, 0
             while seen <= 100 and time.monotonic() < deadline:
                 seen = pixels_that_run(client)

@@ -3,6 +3,7 @@ import { App } from "./App";
 import { startKeyboard } from "./keyboard";
 import { start } from "./monitor";
 import { startTheme } from "./theme";
+import "virtual:palette.css";
 import "./style/tokens.css";
 import "./style/page.css";
 import "./style/tree.css";

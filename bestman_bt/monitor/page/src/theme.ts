@@ -36,7 +36,7 @@ export interface Palette {
   scan: string;
   states: string[];
   soft: string[];
-  signs: string[];
+  sign: string;
 }
 
 function read(): Palette {
@@ -57,7 +57,7 @@ function read(): Palette {
     scan: get("--scan"),
     states: names.map((name) => get(`--${name}`)),
     soft: names.map((name) => get(`--${name}-soft`)),
-    signs: names.map((name) => get(`--${name}-sign`)),
+    sign: get("--sign"),
   };
 }
 

@@ -41,7 +41,7 @@ export function shapeOf(context: CanvasRenderingContext2D, state: number, x: num
     context.lineWidth = 2;
     context.lineCap = "round";
     context.lineJoin = "round";
-    context.strokeStyle = colours.signs[state]!;
+    context.strokeStyle = colours.sign;
     context.stroke(sign);
   }
   context.restore();

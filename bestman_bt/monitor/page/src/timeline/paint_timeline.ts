@@ -99,7 +99,7 @@ export function paintTimeline(context: CanvasRenderingContext2D, picture: Timeli
       context.fill();
       context.globalAlpha = 1;
       if (halted) hatch(context, x, y + 2, wide, lane - 4, colours.faint);
-      context.fillStyle = halted ? colours.ink : colours.signs[shown]!;
+      context.fillStyle = halted ? colours.ink : colours.sign;
       const signed = worked && wide >= SIGNED;
       if (signed) {
         context.textAlign = "right";
