@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import sqlite3
 from pathlib import Path
 
 import pytest
@@ -11,13 +9,9 @@ import pytest
 from bestman_bt.engine import IDLE, RUNNING, SUCCESS, ManualClock, Tree, load_tree
 from bestman_bt.engine.logs import (
     BtLogWriter,
-    ChromeTraceWriter,
-    JsonLinesWriter,
     LogError,
-    SqliteWriter,
     TreeObserver,
     read_btlog,
-    read_json_lines,
 )
 
 HERE = Path(__file__).parent
@@ -111,46 +105,6 @@ def test_what_is_no_btlog_is_refused(damage, message: str, tmp_path: Path) -> No
         read_btlog(path)
 
 
-def test_json_lines_hold_paths_and_both_states(tree: Tree, tmp_path: Path) -> None:
-    with JsonLinesWriter(tree, tmp_path / "run.jsonl"):
-        run(tree)
-    records = read_json_lines(tmp_path / "run.jsonl")
-    assert len(records) == len(TRANSITIONS)
-    assert records[3] == {"time": 5.0, "uid": 4, "path": "sub/nap", "from": "IDLE", "to": "RUNNING"}
-    assert records[4]["from"] == "RUNNING"
-
-
-def test_sqlite_keeps_sessions_with_their_durations(tree: Tree, tmp_path: Path) -> None:
-    for _ in range(2):
-        with SqliteWriter(tree, tmp_path / "run.db"):
-            run(tree)
-    with sqlite3.connect(tmp_path / "run.db") as database:
-        assert database.execute("SELECT count(*) FROM Definitions").fetchone() == (2,)
-        assert database.execute("SELECT fullpath FROM Nodes WHERE session_id = 1 AND node_uid = 4").fetchone() == (
-            "sub/nap",
-        )
-        rows = database.execute(
-            "SELECT state, duration FROM Transitions WHERE session_id = 2 AND node_uid = 4 ORDER BY rowid"
-        ).fetchall()
-    assert rows == [(RUNNING, 0), (SUCCESS, 100_000), (IDLE, 0)]
-
-
-def test_a_chrome_trace_has_a_slice_for_each_time_a_node_ran(tree: Tree, tmp_path: Path) -> None:
-    with ChromeTraceWriter(tree, tmp_path / "run.json"):
-        run(tree)
-    events = json.loads((tmp_path / "run.json").read_text())
-    nap = [(e["ph"], e["ts"]) for e in events if e.get("tid") == 4 and e["ph"] in "BE"]
-    assert nap == [("B", pytest.approx(5.0e6)), ("E", pytest.approx(5.1e6))]
-    assert sum(e["ph"] == "B" for e in events) == sum(e["ph"] == "E" for e in events) == 3
-
-
-def test_a_chrome_trace_closed_in_the_middle_ends_its_slices(tree: Tree, tmp_path: Path) -> None:
-    with ChromeTraceWriter(tree, tmp_path / "run.json"):
-        tree.tick_exactly_once()
-    events = json.loads((tmp_path / "run.json").read_text())
-    assert sum(e["ph"] == "B" for e in events) == sum(e["ph"] == "E" for e in events) == 3
-
-
 def test_statistics_count_ticks_results_skips_and_time(tree: Tree) -> None:
     with TreeObserver(tree) as observer:
         run(tree)
@@ -167,7 +121,7 @@ def test_statistics_count_ticks_results_skips_and_time(tree: Tree) -> None:
 def test_a_closed_log_leaves_the_tree_as_it_was(tree: Tree, tmp_path: Path) -> None:
     tree.tick_exactly_once()
     before = [node.run.__qualname__ for node in tree.nodes]
-    with JsonLinesWriter(tree, tmp_path / "a.jsonl"), TreeObserver(tree), BtLogWriter(tree, tmp_path / "a.btlog"):
+    with TreeObserver(tree), BtLogWriter(tree, tmp_path / "a.btlog"):
         tree.tick_exactly_once()
     assert [node.run.__qualname__ for node in tree.nodes] == before
     assert all(node.log is None and node.hooks is None for node in tree.nodes)

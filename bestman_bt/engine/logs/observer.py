@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from types import TracebackType
 
-from bestman_bt.engine.logs.stamped import TransitionLog
 from bestman_bt.engine.node import Node
 from bestman_bt.engine.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS
 from bestman_bt.engine.tree import StateChanges, Tree
@@ -25,17 +25,17 @@ class NodeStatistics:
     seconds: dict[int, float] = field(default_factory=lambda: {IDLE: 0.0, RUNNING: 0.0, SUCCESS: 0.0, FAILURE: 0.0})
 
 
-class TreeObserver(TransitionLog):
-    """Collects ``NodeStatistics`` between ``open`` and ``close``.
+class TreeObserver:
+    """Collects ``NodeStatistics`` between ``open`` and ``close``; a context manager.
 
     Counting ticks and skips needs a callback on every node; ``count_ticks=False`` leaves them at zero and costs less.
     """
 
     def __init__(self, tree: Tree, *, count_ticks: bool = True) -> None:
-        super().__init__(tree)
+        self._tree = tree
+        self._states: dict[int, int] = {}
         self.statistics: dict[int, NodeStatistics] = {}
         self._count_ticks = count_ticks
-        self._now = 0.0
 
     def __getitem__(self, path: str) -> NodeStatistics:
         """Return the statistics of the node with this path.
@@ -45,15 +45,21 @@ class TreeObserver(TransitionLog):
         """
         return self.statistics[self._tree.node(path).uid]
 
-    def _begin(self) -> None:
-        now = self._now = self._tree.clock.now()
+    def open(self) -> TreeObserver:
+        """Begin to listen."""
+        now = self._tree.clock.now()
+        self._states = {node.uid: node.state for node in self._tree.nodes}
         self.statistics = {node.uid: NodeStatistics(node.path, last_change=now) for node in self._tree.nodes}
         if self._count_ticks:
             for node in self._tree.nodes:
                 node.add_post_tick(self._count, rebind=False)
             self._tree.rebind()
+        self._tree.subscribe(self._listen)
+        return self
 
-    def _end(self) -> None:
+    def close(self) -> None:
+        """Stop listening."""
+        self._tree.unsubscribe(self._listen)
         now = self._tree.clock.now()
         for uid, statistics in self.statistics.items():
             statistics.seconds[self._states.get(uid, IDLE)] += now - statistics.last_change
@@ -71,7 +77,8 @@ class TreeObserver(TransitionLog):
 
     def _listen(self, changes: StateChanges) -> None:
         stamp = changes.stamp
-        for uid, previous, state in self._with_previous(changes):
+        for uid, state in changes:
+            previous, self._states[uid] = self._states.get(uid, IDLE), state
             statistics = self.statistics[uid]
             statistics.transitions += 1
             statistics.seconds[previous] += stamp - statistics.last_change
@@ -82,3 +89,11 @@ class TreeObserver(TransitionLog):
             elif state == FAILURE:
                 statistics.failures += 1
                 statistics.last_result = FAILURE
+
+    def __enter__(self) -> TreeObserver:
+        return self.open()
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
