@@ -9,8 +9,8 @@ from PIL import Image
 
 from bestman_bt.engine import FAILURE, RUNNING
 from bestman_bt.messages import Pose
+from bestman_bt.records.palette import LOOKS
 from bestman_bt.visualization import RobotSnapshot, ScreenshotError
-from bestman_bt.visualization.node_states import LOOKS
 from bestman_bt.visualization.rerun import ScreenshotParameters, take_screenshots
 from tests.visualization.conftest import changed
 
@@ -36,7 +36,7 @@ def test_a_picture_shows_the_states_of_its_moment_and_no_view_complains(record, 
     early, late = (np.array(Image.open(io.BytesIO(shot.png)).convert("RGB")) for shot in shots)
     assert early.shape == (800, 1280, 3)
     assert [shot.reports for shot in shots] == [(), ()]
-    running, failed = LOOKS[RUNNING].color, LOOKS[FAILURE].color
+    running, failed = LOOKS[RUNNING].dark, LOOKS[FAILURE].dark
     tree = (slice(40, 470), slice(645, 1280))
     assert pixels_near(early[tree], running) > 100 > 10 > pixels_near(early[tree], failed)
     assert pixels_near(late[tree], failed) > 100 > 10 > pixels_near(late[tree], running)

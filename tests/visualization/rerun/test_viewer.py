@@ -19,8 +19,8 @@ from PIL import Image
 
 from bestman_bt.engine import RUNNING
 from bestman_bt.messages import Pose
+from bestman_bt.records.palette import LOOKS
 from bestman_bt.visualization import RecordingError, RobotSnapshot
-from bestman_bt.visualization.node_states import LOOKS
 from bestman_bt.visualization.rerun import Display, LiveFeed, RerunRecorder, Viewer, ViewerParameters, check_recording
 from tests.visualization.conftest import changed
 
@@ -78,7 +78,7 @@ def pixels_that_run(client: ViewerClient) -> int:
     except TimeoutError:
         return 0
     picture = np.array(Image.open(io.BytesIO(png)).convert("RGB")).astype(int)
-    return int(np.sum(np.abs(picture - LOOKS[RUNNING].color).max(axis=-1) < 12))
+    return int(np.sum(np.abs(picture - LOOKS[RUNNING].dark).max(axis=-1) < 12))
 
 
 @pytest.mark.parametrize("content", [b"", b"RRF2", b"<script>alert(1)</script>" * 50, b"RRF2" + bytes(range(256)) * 40])
