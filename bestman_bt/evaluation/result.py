@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from enum import StrEnum
+from functools import cache
 from pathlib import Path
 from typing import Any
+
+from pydantic import TypeAdapter, ValidationError
 
 from behaviours.failure import NodeFailure
 
@@ -84,22 +86,28 @@ class RunResult:
         return plain
 
     @classmethod
-    def from_document(cls, document: Mapping[str, Any]) -> RunResult:
-        """The result that ``to_document`` told; KeyError or TypeError for anything else."""
+    def from_document(cls, document: Any) -> RunResult:
+        """The result that ``to_document`` told; ValueError, with the field, for anything else."""
+        if not isinstance(document, dict):
+            raise ValueError("it is no JSON object")
         fields = {key: value for key, value in document.items() if key not in DERIVED}
-        failure = fields["failure"]
-        return cls(
-            **{
-                **fields,
-                "outcome": Outcome(fields["outcome"]),
-                "failure": None if failure is None else NodeFailure(**failure),
-                "metrics": {key: math.nan if value is None else value for key, value in fields["metrics"].items()},
-            }
-        )
+        if isinstance(metrics := fields.get("metrics"), dict):
+            fields["metrics"] = {key: math.nan if value is None else value for key, value in metrics.items()}
+        try:
+            return _adapter().validate_python(fields)
+        except ValidationError as error:
+            first = error.errors(include_url=False, include_input=False)[0]
+            where = ".".join(str(part) for part in first["loc"])
+            raise ValueError(f"{where}: {first['msg']}") from error
 
     def write(self, path: Path) -> None:
         """Write ``result.json``."""
         path.write_text(json.dumps(self.to_document(), indent=2, allow_nan=False) + "\n", encoding="utf-8")
+
+
+@cache
+def _adapter() -> TypeAdapter[RunResult]:
+    return TypeAdapter(RunResult)
 
 
 def _plain(value: Any) -> Any:

@@ -51,6 +51,8 @@ MAX_PICTURES = 300
 MAX_TEXT = 4096
 """Characters of a text that travels to the page."""
 
+PIECE = 1 << 17
+"""Changes of state that are worked on at a time: of more, what is only needed meanwhile would fill the memory."""
 LONGEST_RUN = 1e9
 """Seconds."""
 
@@ -224,10 +226,11 @@ class RunHistory:
 
     def take_changes(self, changes: Transitions, ticks: NDArray[np.int64]) -> None:
         """Add changes as they are shown, in the order of time, with the tick of each."""
-        fresh = self.states.extend(changes, ticks)
-        self.timeline.change(fresh)
-        for uid in reversed(dict.fromkeys(fresh.uids[::-1].tolist())):
-            self.changed_nodes.touch(uid, self.version)
+        for begin in range(0, len(changes), PIECE):
+            fresh = self.states.extend(changes[begin : begin + PIECE], ticks[begin : begin + PIECE])
+            self.timeline.change(fresh)
+            for uid in reversed(dict.fromkeys(fresh.uids[::-1].tolist())):
+                self.changed_nodes.touch(uid, self.version)
 
     def with_answers(self, changes: Transitions) -> Transitions:
         """NO in the place of FAILURE where a condition has answered; in the order of time, by uids of ``nodes``."""

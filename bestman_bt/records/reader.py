@@ -97,7 +97,9 @@ class _Changes:
 
     def sorted(self) -> tuple[Transitions, NDArray[np.int64]]:
         """All, in the order of time."""
-        told, ticks = Transitions.joined(self.told), np.concatenate(self.ticks)
+        told, ticks = self.told[0], self.ticks[0]
+        if len(self.told) > 1:
+            told, ticks = Transitions.joined(self.told), np.concatenate(self.ticks)
         if (told.times[1:] >= told.times[:-1]).all():
             return told, ticks
         order = np.argsort(told.times, kind="stable")
@@ -150,13 +152,17 @@ def _take_states(history: RunHistory, log: BtLog, name: str, changes: _Changes) 
             _add_fault(history.faults, name, error)
             return
     history.about.setdefault("started", log.start)
-    rate, times = float(history.about.get("tick_rate") or 0.0), log.transitions.times
-    numbers = np.cumsum(np.append(True, times[1:] != times[:-1])[: len(times)])
-    ticks = np.round(times * rate).astype(np.int64) + 1 if rate > 0 else numbers
     offset, count = history.nodes.range_of(MAIN_TREE)
-    known = (log.transitions.uids > 0) & (log.transitions.uids <= count)
-    uids = log.transitions.uids[known].astype(np.uint32) + offset
-    changes.add(Transitions(times[known], uids, log.transitions.statuses[known]), ticks[known])
+    told = log.transitions
+    known = (told.uids > 0) & (told.uids <= count)
+    if not known.all():
+        told = Transitions(told.times[known], told.uids[known], told.statuses[known])
+    rate = float(history.about.get("tick_rate") or 0.0)
+    if rate > 0:
+        ticks = np.round(told.times * rate).astype(np.int64) + 1
+    else:
+        ticks = np.cumsum(np.append(True, told.times[1:] != told.times[:-1])[: len(told)])
+    changes.add(Transitions(told.times, told.uids.astype(np.uint32) + offset, told.statuses), ticks)
     for begin, end in log.gaps:
         words = f"the states from {begin:.1f} s to {end:.1f} s were not read"
         history.take(LogEvent(begin, "warning", words, logger=__name__))

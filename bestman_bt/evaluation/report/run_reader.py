@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 import socket
 from collections import Counter
 from collections.abc import Callable, Iterator
@@ -11,12 +10,11 @@ from pathlib import Path
 from typing import Any
 
 import yaml
-from pydantic import TypeAdapter, ValidationError
 
 from bestman_bt.errors import Error, InputError
 from bestman_bt.evaluation.report.embedded_picture import PictureError, embedded_picture
 from bestman_bt.evaluation.report.story import INTERRUPTED, STILL_RUNNING, RunStory, StoryFailure, StoryPicture
-from bestman_bt.evaluation.result import DERIVED, RunResult
+from bestman_bt.evaluation.result import RunResult
 from bestman_bt.records.activities import activities
 from bestman_bt.records.events import LogEvent
 from bestman_bt.records.history import Picture, RunHistory
@@ -34,8 +32,6 @@ MAX_PICTURES = 50
 NAMED_PICTURES = ("start", "grasp", "end")
 SAME_MOMENT = 0.5
 """Seconds between a failure and the picture that is of it."""
-
-_RESULT = TypeAdapter(RunResult)
 
 
 class ReportError(InputError):
@@ -155,19 +151,7 @@ def _flat(values: dict[Any, Any], prefix: str) -> Iterator[tuple[str, str]]:
 
 
 def _read_result(path: Path) -> RunResult:
-    document = json.loads(path.read_bytes())
-    if not isinstance(document, dict):
-        raise ReportError("it is no JSON object")
-    document = {key: value for key, value in document.items() if key not in DERIVED}
-    metrics = document.get("metrics")
-    if isinstance(metrics, dict):
-        document["metrics"] = {key: math.nan if value is None else value for key, value in metrics.items()}
-    try:
-        return _RESULT.validate_python(document)
-    except ValidationError as error:
-        first = error.errors(include_url=False, include_input=False)[0]
-        where = ".".join(str(part) for part in first["loc"])
-        raise ReportError(f"{where}: {first['msg']}") from error
+    return RunResult.from_document(json.loads(path.read_bytes()))
 
 
 def _read_config(path: Path) -> str:
