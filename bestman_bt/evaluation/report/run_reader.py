@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import socket
 from collections import Counter
@@ -10,9 +11,9 @@ from pathlib import Path
 from typing import Any
 
 import yaml
+from PIL import Image, UnidentifiedImageError
 
 from bestman_bt.errors import Error, InputError
-from bestman_bt.evaluation.report.embedded_picture import PictureError, embedded_picture
 from bestman_bt.evaluation.report.story import INTERRUPTED, STILL_RUNNING, RunStory, StoryFailure, StoryPicture
 from bestman_bt.evaluation.result import RunResult
 from bestman_bt.records.activities import activities
@@ -30,6 +31,9 @@ LONGEST_TEXT = 200
 MAX_FAILURES = 200
 MAX_PICTURES = 50
 NAMED_PICTURES = ("start", "grasp", "end")
+MAX_FILE, MAX_PIXELS = 16_000_000, 30_000_000
+"""Of a picture."""
+WIDTH, QUALITY = 640, 78
 SAME_MOMENT = 0.5
 """Seconds between a failure and the picture that is of it."""
 
@@ -213,11 +217,24 @@ def _pictures(folder: Path, notes: list[str]) -> Iterator[StoryPicture]:
 
 
 def _picture(folder: Path, name: str, caption: str, notes: list[str]) -> StoryPicture | None:
+    """A picture of a run folder; it is decoded and written anew, so that nothing else of the file gets out."""
+    path = folder / name
     try:
-        return embedded_picture(folder, name, caption)
-    except PictureError as error:
-        notes.append(f"picture left out: {_short(error)}")
+        if not path.resolve(strict=True).is_relative_to(folder.resolve()):
+            raise ValueError("it leads out of the run folder")
+        if not path.is_file() or path.stat().st_size > MAX_FILE:
+            raise ValueError(f"it is no picture of at most {MAX_FILE} bytes")
+        with Image.open(path, formats=("PNG", "JPEG")) as image:
+            if image.width * image.height > MAX_PIXELS:
+                raise ValueError(f"it has {image.width} × {image.height} pixels; that is too much")
+            small = image.convert("RGB")
+            small.thumbnail((WIDTH, WIDTH))
+    except (OSError, ValueError, SyntaxError, UnidentifiedImageError, Image.DecompressionBombError) as error:
+        notes.append(f"picture left out: {name!r}: {_short(error)}")
         return None
+    out = io.BytesIO()
+    small.save(out, "JPEG", quality=QUALITY, optimize=True)
+    return StoryPicture(caption, out.getvalue(), small.width, small.height)
 
 
 def _text(value: Any) -> str:

@@ -105,14 +105,16 @@ def test_a_failure_comes_with_the_picture_of_that_moment(tmp_path: Path) -> None
 def test_a_picture_is_unfolded_up_to_a_size(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, pixels: int, fits: bool
 ) -> None:
-    monkeypatch.setattr("bestman_bt.evaluation.report.embedded_picture.MAX_PIXELS", pixels)
+    monkeypatch.setattr("bestman_bt.evaluation.report.run_reader.MAX_PIXELS", pixels)
     folder = write_run(tmp_path / "run", success=False, events=failure_with_picture())
     picture(folder / "pictures" / "1.jpg", 32, 24)
 
     story = read_story(folder)
 
     assert (story.failures[0].picture is not None) is fits
-    assert story.notes == (() if fits else ("picture left out: 'pictures/1.jpg' has 32 × 24 pixels; that is too much",))
+    assert story.notes == (
+        () if fits else ("picture left out: 'pictures/1.jpg': it has 32 × 24 pixels; that is too much",)
+    )
 
 
 def test_of_several_pictures_of_a_node_a_failure_comes_with_the_nearest_one(tmp_path: Path) -> None:
