@@ -31,8 +31,10 @@ class MarkerDetection:
 
 
 @dataclass(frozen=True)
-class MarkerDetectorParameters:
-    """``dictionary``: OpenCV's name, such as DICT_4X4_50 or DICT_APRILTAG_36h11. ``min_perimeter``: of a marker, as a
+class MarkerDetector:
+    """Finds the markers of one dictionary. Raises PerceptionError where OpenCV knows no such dictionary.
+
+    ``dictionary``: OpenCV's name, such as DICT_4X4_50 or DICT_APRILTAG_36h11. ``min_perimeter``: of a marker, as a
     share of the image's longer side. ``max_corrected``: share of the dictionary's error correction that is used.
     """
 
@@ -40,24 +42,19 @@ class MarkerDetectorParameters:
     min_perimeter: float = 0.02
     max_corrected: float = 0.6
 
-
-class MarkerDetector:
-    """Finds the markers of one dictionary. Raises PerceptionError where OpenCV knows no such dictionary."""
-
-    def __init__(self, parameters: MarkerDetectorParameters | None = None) -> None:
-        self.parameters = parameters or MarkerDetectorParameters()
-        self._dictionary = marker_dictionary(self.parameters.dictionary)
+    def __post_init__(self) -> None:
+        marker_dictionary(self.dictionary)
 
     def find(self, image: RGBDImage) -> tuple[MarkerDetection, ...]:
         """All markers in the colour image, by id, then by place."""
         if min(image.rgb.shape[:2]) < 8:
             return ()
         settings = cv2.aruco.DetectorParameters()
-        settings.minMarkerPerimeterRate = self.parameters.min_perimeter
-        settings.errorCorrectionRate = self.parameters.max_corrected
+        settings.minMarkerPerimeterRate = self.min_perimeter
+        settings.errorCorrectionRate = self.max_corrected
         settings.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
         grey = cv2.cvtColor(image.rgb, cv2.COLOR_RGB2GRAY)
-        corners, ids, _ = cv2.aruco.ArucoDetector(self._dictionary, settings).detectMarkers(grey)
+        corners, ids, _ = cv2.aruco.ArucoDetector(marker_dictionary(self.dictionary), settings).detectMarkers(grey)
         if ids is None:
             return ()
         numbers = np.asarray(ids).ravel()

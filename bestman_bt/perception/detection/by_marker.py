@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 
 from bestman_bt.messages import ObjectModel
-from bestman_bt.perception.detection.aruco import MarkerDetection, MarkerDetector, MarkerDetectorParameters
+from bestman_bt.perception.detection.aruco import MarkerDetection, MarkerDetector
 from bestman_bt.perception.detection.base import DetectedScene, Detector, LabelledCluster
 from bestman_bt.perception.detection.from_image import located
 from bestman_bt.perception.pose_estimation import MultiStart, PoseEstimator
@@ -18,54 +18,40 @@ from bestman_bt.perception.view import View
 
 
 @dataclass(frozen=True)
-class ByMarkerParameters(MarkerDetectorParameters):
-    """``markers``: the object's name by the marker's id. ``min_points``: of a cluster that show inside of the marker.
+class ByMarker(MarkerDetector, Detector):
+    """A cluster on which a marker shows has the name that the marker stands for; the pose comes from its model.
 
+    A marker with no cluster under it, for example on the table itself, names nothing.
+
+    ``markers``: the object's name by the marker's id. ``min_points``: of a cluster that show inside of the marker.
     ``min_confidence``: of the pose, below which a thing only has its name.
     """
 
     markers: Mapping[int, str] = field(default_factory=dict)
     min_points: int = 5
     min_confidence: float = 0.5
-
-
-class ByMarker(Detector):
-    """A cluster on which a marker shows has the name that the marker stands for; the pose comes from its model.
-
-    A marker with no cluster under it, for example on the table itself, names nothing.
-    """
-
-    def __init__(
-        self,
-        parameters: ByMarkerParameters | None = None,
-        segmentation: Segmentation | None = None,
-        pose_estimator: PoseEstimator | None = None,
-    ) -> None:
-        self.parameters = parameters or ByMarkerParameters()
-        self.segmentation = segmentation or RegionGrowing()
-        self.pose_estimator = pose_estimator or MultiStart()
-        self.marker_detector = MarkerDetector(self.parameters)
+    segmentation: Segmentation = field(default_factory=RegionGrowing)
+    pose_estimator: PoseEstimator = field(default_factory=MultiStart)
 
     def detect(
         self, view: View, region: Region, models: Sequence[ObjectModel], rng: np.random.Generator
     ) -> DetectedScene:
         """See Detector."""
-        p = self.parameters
         scene = self.segmentation.segment(view, region, rng)
         rest = list(scene.clusters)
         labelled = []
-        for marker in self.marker_detector.find(view.image):
-            if marker.id not in p.markers or not rest:
+        for marker in self.find(view.image):
+            if marker.id not in self.markers or not rest:
                 continue
             counts = [_inside(cluster, marker, view) for cluster in rest]
             best = int(np.argmax(counts))
-            if counts[best] >= p.min_points:
+            if counts[best] >= self.min_points:
                 thing = rest.pop(best)
-                name = p.markers[marker.id]
+                name = self.markers[marker.id]
                 labelled.append(
                     LabelledCluster(thing.points, thing.colors, thing.plane, thing.at_border, name, score=1.0)
                 )
-        return located(scene, labelled, rest, models, self.pose_estimator, view, p.min_confidence)
+        return located(scene, labelled, rest, models, self.pose_estimator, view, self.min_confidence)
 
 
 def _inside(cluster: Cluster, marker: MarkerDetection, view: View) -> int:

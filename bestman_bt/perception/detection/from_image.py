@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Annotated
@@ -9,9 +10,9 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import NDArray
 
-from bestman_bt.messages import ObjectModel, PointCloud
+from bestman_bt.messages import ObjectModel, PointCloud, RGBDImage
 from bestman_bt.perception.detection.base import DetectedScene, Detection, Detector, LabelledCluster
-from bestman_bt.perception.detection.image_detector import ImageDetection, ImageDetector
+from bestman_bt.perception.detection.image_detection import ImageDetection
 from bestman_bt.perception.pose_estimation import MultiStart, PoseEstimator
 from bestman_bt.perception.segmentation import Cluster, Region, RegionGrowing, Segmentation, SegmentedScene
 from bestman_bt.perception.segmentation.voxels import voxel_means
@@ -19,11 +20,14 @@ from bestman_bt.perception.view import View
 
 
 @dataclass(frozen=True)
-class FromImageParameters:
-    """``names``: of things without a model that are also sought. ``prompts``: what to ask for, by the object's name.
+class FromImage(Detector):
+    """Detectors that find things by name in the colour image; the base class finds the cluster and the pose of each.
 
-    ``min_score``: of the image detector; ``min_confidence``: of the pose, below which a thing only has its label.
-    ``whole_share``: a cluster is the thing where this share of it lies in the box or mask. ``min_overlap``:
+    What has a name but no pose is a LabelledCluster among the unknown; what has no name is unknown.
+
+    ``names``: of things without a model that are also sought. ``prompts``: what to ask for, by the object's name.
+    ``min_score``: of what is found in the image; ``min_confidence``: of the pose, below which a thing only has its
+    label. ``whole_share``: a cluster is the thing where this share of it lies in the box or mask. ``min_overlap``:
     intersection over union of a box without mask and the cluster's own box. ``min_points``: voxels of a cluster cut out
     by a mask. ``voxel``: their edge, metres.
     """
@@ -36,29 +40,15 @@ class FromImageParameters:
     min_overlap: float = 0.3
     min_points: int = 30
     voxel: Annotated[float, "m"] = 0.004
+    segmentation: Segmentation = field(default_factory=RegionGrowing)
+    pose_estimator: PoseEstimator = field(default_factory=MultiStart)
 
+    @abstractmethod
+    def find(self, image: RGBDImage, names: Sequence[str]) -> tuple[ImageDetection, ...]:
+        """What of ``names`` is in the image, highest score first; empty where nothing is.
 
-class FromImage(Detector):
-    """Asks an image detector, finds the cluster of each box or mask, and its pose where there is a model of that name.
-
-    What has a name but no pose is a LabelledCluster among the unknown; what has no name is unknown.
-    """
-
-    def __init__(
-        self,
-        image_detector: ImageDetector,
-        parameters: FromImageParameters | None = None,
-        segmentation: Segmentation | None = None,
-        pose_estimator: PoseEstimator | None = None,
-    ) -> None:
-        self.image_detector = image_detector
-        self.parameters: FromImageParameters = parameters or FromImageParameters()
-        self.segmentation = segmentation or RegionGrowing()
-        self.pose_estimator = pose_estimator or MultiStart()
-
-    def prepare(self) -> None:
-        """See Detector."""
-        self.image_detector.prepare()
+        Raises PerceptionError, in words, where it cannot be asked.
+        """
 
     def detect(
         self, view: View, region: Region, models: Sequence[ObjectModel], rng: np.random.Generator
@@ -66,19 +56,18 @@ class FromImage(Detector):
         """See Detector."""
         scene = self.segmentation.segment(view, region, rng)
         labelled, rest = self._labelled(scene, view, region, models)
-        return located(scene, labelled, rest, models, self.pose_estimator, view, self.parameters.min_confidence)
+        return located(scene, labelled, rest, models, self.pose_estimator, view, self.min_confidence)
 
     def seen(self, view: View, models: Sequence[ObjectModel]) -> tuple[ImageDetection, ...]:
-        """What the image detector finds, by the objects' names, highest score first."""
-        p = self.parameters
-        name_of = {p.prompts.get(name, name): name for name in (*(model.name for model in models), *p.names)}
+        """What is found in the image, by the objects' names, highest score first."""
+        name_of = {self.prompts.get(name, name): name for name in (*(model.name for model in models), *self.names)}
         if not name_of:
             return ()
         k = view.image.intrinsics
         found = []
-        for detection in self.image_detector.find(view.image, list(name_of)):
+        for detection in self.find(view.image, list(name_of)):
             clipped = detection.clipped(k.width, k.height)
-            if clipped is not None and detection.score >= p.min_score and detection.label in name_of:
+            if clipped is not None and detection.score >= self.min_score and detection.label in name_of:
                 found.append(ImageDetection(name_of[detection.label], detection.score, clipped.box, clipped.mask))
         return tuple(sorted(found, key=lambda detection: -detection.score))
 
@@ -86,7 +75,6 @@ class FromImage(Detector):
         self, scene: SegmentedScene, view: View, region: Region, models: Sequence[ObjectModel]
     ) -> tuple[list[LabelledCluster], list[Cluster]]:
         """Clusters with labels, and what is left."""
-        p = self.parameters
         rest = list(scene.clusters)
         labelled = []
         for detection in self.seen(view, models):
@@ -94,12 +82,12 @@ class FromImage(Detector):
             inside = [detection.holds(some) for some in pixels]
             counts = [int(held.sum()) for held in inside]
             best = int(np.argmax(counts)) if counts else 0
-            if counts and inside[best].mean() >= p.whole_share:
-                if detection.mask is not None or _overlap(detection.box, pixels[best]) >= p.min_overlap:
+            if counts and inside[best].mean() >= self.whole_share:
+                if detection.mask is not None or _overlap(detection.box, pixels[best]) >= self.min_overlap:
                     labelled.append(_with_label(rest.pop(best), detection))
-            elif detection.mask is not None and counts and counts[best] >= p.min_points:
+            elif detection.mask is not None and counts and counts[best] >= self.min_points:
                 cluster = rest.pop(best)
-                rest += [part for part in [_part(cluster, ~inside[best])] if len(part.points) >= p.min_points]
+                rest += [part for part in [_part(cluster, ~inside[best])] if len(part.points) >= self.min_points]
                 labelled.append(_with_label(_part(cluster, inside[best]), detection))
             elif detection.mask is not None and not self._segmented(detection, scene, view):
                 flat = self._cut_out(detection, scene, view, region)
@@ -110,7 +98,7 @@ class FromImage(Detector):
     def _segmented(self, detection: ImageDetection, scene: SegmentedScene, view: View) -> bool:
         """Whether the segmentation found what the mask shows, whoever has its name by now."""
         pixels = [view.project(cluster.points)[0] for cluster in scene.clusters]
-        return sum(int(detection.holds(some).sum()) for some in pixels) >= self.parameters.min_points
+        return sum(int(detection.holds(some).sum()) for some in pixels) >= self.min_points
 
     def _cut_out(self, detection: ImageDetection, scene: SegmentedScene, view: View, region: Region) -> Cluster | None:
         """The points of a mask on or above the surface: a thing too flat for the segmentation."""
@@ -120,8 +108,8 @@ class FromImage(Detector):
         local = plane.frame_from_plane.inverse().apply(points)
         held = detection.mask[rows, columns] & (local[..., 2] > -0.005) & (local[..., 2] < region.height)
         held &= (np.abs(local[..., 0]) < plane.size[0] / 2) & (np.abs(local[..., 1]) < plane.size[1] / 2)
-        cloud = voxel_means(PointCloud(points[held], view.image.rgb[rows, columns][held]), self.parameters.voxel)
-        if len(cloud) < self.parameters.min_points or cloud.colors is None:
+        cloud = voxel_means(PointCloud(points[held], view.image.rgb[rows, columns][held]), self.voxel)
+        if len(cloud) < self.min_points or cloud.colors is None:
             return None
         height, width = detection.mask.shape
         left, top, right, bottom = detection.box

@@ -9,6 +9,7 @@ from __future__ import annotations
 import ast
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -19,19 +20,21 @@ from numpy.typing import NDArray
 from bestman_bt.errors import MissingExtraError
 from bestman_bt.extras import install_command
 from bestman_bt.messages import RGBDImage
-from bestman_bt.perception.detection.from_image import FromImage, FromImageParameters
-from bestman_bt.perception.detection.image_detector import ImageDetection, ImageDetector
+from bestman_bt.perception.detection.from_image import FromImage
+from bestman_bt.perception.detection.image_detection import ImageDetection
 from bestman_bt.perception.errors import DetectorModelError
-from bestman_bt.perception.pose_estimation import PoseEstimator
-from bestman_bt.perception.segmentation import Segmentation
 
 _GREY = 114
 
 
 @dataclass(frozen=True)
-class OnnxDetectorParameters(FromImageParameters):
-    """``model``: the .onnx file. ``classes``: its classes in order; empty: as its metadata ``names`` says.
+class OnnxDetector(FromImage):
+    """Known objects, and other things by label, through a detector in an ONNX file.
 
+    It is read by ``prepare``, or else at the first image. Raises MissingExtraError without onnxruntime and
+    DetectorModelError where the file is not what it should be.
+
+    ``model``: the .onnx file. ``classes``: its classes in order; empty: as its metadata ``names`` says.
     ``input_size``: (width, height) pixels where the file leaves them open. ``max_overlap``: intersection over union
     from which the lower score of one class gives way. ``threads``: that onnxruntime may use.
     """
@@ -42,24 +45,17 @@ class OnnxDetectorParameters(FromImageParameters):
     max_overlap: float = 0.5
     threads: int = 1
 
-
-class OnnxImageDetector(ImageDetector):
-    """Runs the file; it is read by ``prepare``, or else at the first image.
-
-    Raises MissingExtraError without onnxruntime and DetectorModelError where the file is not what it should be.
-    """
-
-    def __init__(self, parameters: OnnxDetectorParameters) -> None:
-        self.parameters = parameters
-        self._network: _Network | None = None
+    @cached_property
+    def _network(self) -> _Network:
+        return _Network(self)
 
     def prepare(self) -> None:
         """Read the file."""
-        self._loaded()
+        _ = self._network
 
     def find(self, image: RGBDImage, names: Sequence[str]) -> tuple[ImageDetection, ...]:
-        """See ImageDetector; classes that are not in ``names`` are left out."""
-        network, p = self._loaded(), self.parameters
+        """See FromImage; classes that are not in ``names`` are left out."""
+        network = self._network
         wanted = np.array([name in names for name in network.classes])
         if not wanted.any() or image.rgb.size == 0:
             return ()
@@ -67,13 +63,13 @@ class OnnxImageDetector(ImageDetector):
         output = network.run(picture)
         scores = np.where(wanted[:, None], output[4:], 0.0)
         kind, score = scores.argmax(axis=0), scores.max(axis=0)
-        likely = np.isfinite(output).all(axis=0) & (score >= p.min_score) & (output[2:4] > 0.0).all(axis=0)
+        likely = np.isfinite(output).all(axis=0) & (score >= self.min_score) & (output[2:4] > 0.0).all(axis=0)
         boxes, kind, score = output[:4, likely].T.astype(np.float64), kind[likely], score[likely]
         # Letterboxed pixels are counted from the corner of the first, ours from its centre.
         centre, extent = (boxes[:, :2] - shift) / scale - 0.5, boxes[:, 2:] / scale
         corners = np.concatenate([centre - extent / 2, extent], axis=1)
         kept = cv2.dnn.NMSBoxesBatched(
-            corners.tolist(), score.astype(float).tolist(), kind.tolist(), p.min_score, p.max_overlap
+            corners.tolist(), score.astype(float).tolist(), kind.tolist(), self.min_score, self.max_overlap
         )
         found = []
         for index in np.asarray(kept, dtype=np.intp).reshape(-1):
@@ -84,24 +80,6 @@ class OnnxImageDetector(ImageDetector):
             if clipped is not None:
                 found.append(clipped)
         return tuple(sorted(found, key=lambda detection: -detection.score))
-
-    def _loaded(self) -> _Network:
-        if self._network is None:
-            self._network = _Network(self.parameters)
-        return self._network
-
-
-class OnnxDetector(FromImage):
-    """Known objects, and other things by label, through a detector in an ONNX file."""
-
-    def __init__(
-        self,
-        parameters: OnnxDetectorParameters | None = None,
-        segmentation: Segmentation | None = None,
-        pose_estimator: PoseEstimator | None = None,
-    ) -> None:
-        parameters = parameters or OnnxDetectorParameters()
-        super().__init__(OnnxImageDetector(parameters), parameters, segmentation, pose_estimator)
 
 
 def letterbox(rgb: NDArray[np.uint8], size: tuple[int, int]) -> tuple[NDArray[np.float32], float, NDArray[np.float64]]:
@@ -123,7 +101,7 @@ def letterbox(rgb: NDArray[np.uint8], size: tuple[int, int]) -> tuple[NDArray[np
 class _Network:
     """The file, checked: ``size`` (width, height) of its input, ``classes`` in order."""
 
-    def __init__(self, p: OnnxDetectorParameters) -> None:
+    def __init__(self, p: OnnxDetector) -> None:
         path = Path(p.model)
         if not p.model or not path.is_file():
             raise DetectorModelError(f"no ONNX file {p.model!r}; give its path as 'model' of detection/onnx")
@@ -161,7 +139,7 @@ class _Network:
             )
         return np.asarray(output[0], dtype=np.float32)
 
-    def _input_size(self, inputs: Sequence[Any], p: OnnxDetectorParameters) -> tuple[int, int]:
+    def _input_size(self, inputs: Sequence[Any], p: OnnxDetector) -> tuple[int, int]:
         shape = list(inputs[0].shape) if inputs else []
         fits = len(inputs) == 1 and len(shape) == 4 and shape[1] == 3 and inputs[0].type == "tensor(float)"
         if not fits or (isinstance(shape[0], int) and shape[0] != 1):

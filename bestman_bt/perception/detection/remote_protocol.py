@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, Field, ValidationError
 
 from bestman_bt.messages import RGBDImage
-from bestman_bt.perception.detection.image_detector import ImageDetection
+from bestman_bt.perception.detection.image_detection import ImageDetection
 from bestman_bt.perception.view import known_depth
 
 _PNG = b"\x89PNG\r\n\x1a\n"

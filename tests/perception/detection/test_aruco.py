@@ -12,9 +12,7 @@ from bestman_bt.messages import Box, CameraIntrinsics, PlacedShape, Pose, RGBDIm
 from bestman_bt.perception import PerceptionError, View
 from bestman_bt.perception.detection import (
     ByMarker,
-    ByMarkerParameters,
     MarkerDetector,
-    MarkerDetectorParameters,
     marker_shapes,
 )
 from bestman_bt.perception.segmentation import Region
@@ -52,7 +50,7 @@ def look(parts: list, pitch: float = 0.55) -> View:
 def test_a_drawn_marker_is_read_and_its_corners_lie_where_they_were_drawn(dictionary: str, marker: int) -> None:
     pose, size = upright(0.7, 0.05, 0.95, 0.3), 0.12
     view = look(marker_parts(marker, pose, size, dictionary))
-    (found,) = MarkerDetector(MarkerDetectorParameters(dictionary=dictionary)).find(view.image)
+    (found,) = MarkerDetector(dictionary=dictionary).find(view.image)
     assert found.id == marker
     half = size / 2
     corners = np.array([[-half, half, 0.0], [half, half, 0.0], [half, -half, 0.0], [-half, -half, 0.0]])
@@ -72,7 +70,7 @@ def test_a_picture_without_markers_has_none() -> None:
 def test_an_object_has_the_name_of_the_marker_that_it_carries() -> None:
     truth, parts = packet_with(17, 0.1, 0.2)
     _, other = packet_with(18, -0.2)
-    detector = ByMarker(ByMarkerParameters(markers={17: "packet"}))
+    detector = ByMarker(markers={17: "packet"})
     found = detector.detect(look(parts + other), REGION, [PACKET], np.random.default_rng(0))
     (detection,) = found.detections
     assert detection.name == "packet"
@@ -82,7 +80,7 @@ def test_an_object_has_the_name_of_the_marker_that_it_carries() -> None:
 
 def test_a_named_thing_without_a_model_is_labelled() -> None:
     _, parts = packet_with(17, 0.1)
-    detector = ByMarker(ByMarkerParameters(markers={17: "parcel"}))
+    detector = ByMarker(markers={17: "parcel"})
     found = detector.detect(look(parts), REGION, [PACKET], np.random.default_rng(0))
     assert found.detections == ()
     assert found.labelled("parcel") is not None
@@ -91,7 +89,7 @@ def test_a_named_thing_without_a_model_is_labelled() -> None:
 def test_a_marker_on_the_table_names_nothing_that_stands_there() -> None:
     _, parts = packet_with(18, -0.2)
     flat = marker_parts(17, Pose.from_xyz_rpy((0.6, 0.2, 0.752), (0.0, 0.0, -math.pi / 2)), 0.09)
-    detector = ByMarker(ByMarkerParameters(markers={17: "packet"}))
+    detector = ByMarker(markers={17: "packet"})
     view = look(parts + flat)
     assert 17 in [marker.id for marker in detector.marker_detector.find(view.image)]
     found = detector.detect(view, REGION, [PACKET], np.random.default_rng(0))
@@ -100,16 +98,14 @@ def test_a_marker_on_the_table_names_nothing_that_stands_there() -> None:
 
 
 def test_a_marker_without_its_object_does_not_bring_it_back() -> None:
-    found = ByMarker(ByMarkerParameters(markers={17: "packet"})).detect(
-        look([]), REGION, [PACKET], np.random.default_rng(0)
-    )
+    found = ByMarker(markers={17: "packet"}).detect(look([]), REGION, [PACKET], np.random.default_rng(0))
     assert found.detections == ()
     assert found.unknown == ()
 
 
 def test_unknown_dictionaries_and_markers_are_refused_in_words() -> None:
     with pytest.raises(PerceptionError, match="no marker dictionary 'DICT_9X9'; known: .*DICT_4X4_50"):
-        MarkerDetector(MarkerDetectorParameters(dictionary="DICT_9X9"))
+        MarkerDetector(dictionary="DICT_9X9")
     with pytest.raises(PerceptionError, match="DICT_4X4_50 has markers 0 to 49, not 50"):
         marker_shapes(50, 0.1)
 

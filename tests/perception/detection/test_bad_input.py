@@ -13,12 +13,10 @@ from bestman_bt.messages import CameraIntrinsics, Pose, RGBDImage
 from bestman_bt.perception import NoSurfaceError, View
 from bestman_bt.perception.detection import (
     ByMarker,
-    ByMarkerParameters,
     ColorShape,
     Detector,
     FromImage,
     ImageDetection,
-    ImageDetector,
     ModelRegistration,
 )
 from bestman_bt.perception.segmentation import PlaneDbscan, RegionGrowing
@@ -27,7 +25,7 @@ Tables = Callable[..., RenderedTable]
 MODELS = known_models(1)
 
 
-class Sure(ImageDetector):
+class Sure(FromImage):
     """Claims to see everything everywhere."""
 
     def find(self, image: RGBDImage, names: Sequence[str]) -> tuple[ImageDetection, ...]:
@@ -39,8 +37,8 @@ class Sure(ImageDetector):
 DETECTORS = {
     "registration": lambda: ModelRegistration(segmentation=PlaneDbscan()),
     "color and shape": lambda: ColorShape(segmentation=RegionGrowing()),
-    "from image": lambda: FromImage(Sure()),
-    "markers": lambda: ByMarker(ByMarkerParameters(markers={0: "cup"})),
+    "from image": lambda: Sure(),
+    "markers": lambda: ByMarker(markers={0: "cup"}),
 }
 
 

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 import pytest
@@ -11,9 +12,7 @@ from bestman_bt.perception import PerceptionError
 from bestman_bt.perception.detection import (
     DetectedScene,
     FromImage,
-    FromImageParameters,
     ImageDetection,
-    ImageDetector,
     LabelledCluster,
 )
 
@@ -22,16 +21,20 @@ MODELS = known_models(0)
 CUP, CAN, BOX, TIN, CUBE = MODELS
 
 
-class Painted(ImageDetector):
+@dataclass(frozen=True, kw_only=True)
+class Painted(FromImage):
     """Names what the test has painted."""
 
-    def __init__(self, *found: ImageDetection) -> None:
-        self.found = found
-        self.asked: list[str] = []
+    found: tuple[ImageDetection, ...]
+    asked: list[str] = field(default_factory=list)
 
     def find(self, image: RGBDImage, names: Sequence[str]) -> tuple[ImageDetection, ...]:
-        self.asked = list(names)
+        self.asked.extend(names)
         return self.found
+
+
+def painted(*found: ImageDetection, **parameters: object) -> Painted:
+    return Painted(found=found, **parameters)
 
 
 def on_table(*placed: tuple[ObjectModel, float, float, float]) -> RenderedTable:
@@ -61,8 +64,8 @@ def detect(scene: RenderedTable, detector: FromImage, models: Sequence[ObjectMod
 @pytest.mark.parametrize("mask", [True, False], ids=["masks", "boxes"])
 def test_named_boxes_become_objects_with_poses_and_the_others_stay_unknown(mask: bool) -> None:
     scene = on_table((BOX, -0.1, -0.2, 0.5), (CAN, -0.1, 0.0, 0.0), (TIN, 0.1, 0.2, 1.0))
-    painted = Painted(detection_of(scene, 0, "box", mask=mask), detection_of(scene, 1, "can", mask=mask))
-    found = detect(scene, FromImage(painted))
+    detector = painted(detection_of(scene, 0, "box", mask=mask), detection_of(scene, 1, "can", mask=mask))
+    found = detect(scene, detector)
     assert {(detection.name, detection.score) for detection in found.detections} == {("box", 0.9), ("can", 0.9)}
     for item in scene.objects[:2]:
         assert np.linalg.norm(found.find(item.model.name).pose.position - item.pose.position) < 0.004
@@ -72,10 +75,11 @@ def test_named_boxes_become_objects_with_poses_and_the_others_stay_unknown(mask:
 
 def test_a_name_without_a_model_gives_a_labelled_cluster() -> None:
     scene = on_table((BOX, -0.1, -0.2, 0.5), (CAN, -0.1, 0.0, 0.0))
-    painted = Painted(detection_of(scene, 0, "a red packet", 0.7))
-    parameters = FromImageParameters(names=("packet",), prompts={"packet": "a red packet"})
-    found = detect(scene, FromImage(painted, parameters))
-    assert "a red packet" in painted.asked
+    detector = painted(
+        detection_of(scene, 0, "a red packet", 0.7), names=("packet",), prompts={"packet": "a red packet"}
+    )
+    found = detect(scene, detector)
+    assert "a red packet" in detector.asked
     thing = found.labelled("packet")
     assert thing.score == 0.7
     assert np.linalg.norm(thing.points.mean(axis=0) - scene.objects[0].pose.position) < 0.05
@@ -85,7 +89,7 @@ def test_a_name_without_a_model_gives_a_labelled_cluster() -> None:
 
 def test_a_label_that_the_shape_contradicts_has_no_pose() -> None:
     scene = on_table((TIN, -0.1, 0.0, 0.5))
-    found = detect(scene, FromImage(Painted(detection_of(scene, 0, "can"))))
+    found = detect(scene, painted(detection_of(scene, 0, "can")))
     assert found.find("can") is None
     assert found.labelled("can") is not None
 
@@ -94,8 +98,8 @@ def test_masks_part_what_the_segmentation_could_not() -> None:
     twin = solid("twin", Box((0.04, 0.06, 0.10)), (0.2, 0.4, 0.8), 2)
     scene = on_table((BOX, -0.1, 0.0, 0.0), (twin, -0.1, 0.0605, 0.0))
     masks = detection_of(scene, 0, "box", 0.9), detection_of(scene, 1, "twin", 0.8)
-    assert len(detect(scene, FromImage(Painted())).unknown) == 1
-    found = detect(scene, FromImage(Painted(*masks), FromImageParameters(names=("twin",))))
+    assert len(detect(scene, painted()).unknown) == 1
+    found = detect(scene, painted(*masks, names=("twin",)))
     assert found.find("box") is not None
     assert found.labelled("twin") is not None
     middle = found.labelled("twin").points.mean(axis=0)
@@ -105,7 +109,7 @@ def test_masks_part_what_the_segmentation_could_not() -> None:
 def test_a_thing_too_flat_for_the_segmentation_is_cut_out_by_its_mask() -> None:
     card = solid("card", Box((0.06, 0.09, 0.005)), (0.8, 0.2, 0.2), 2)
     scene = on_table((card, -0.1, 0.0, 0.3))
-    found = detect(scene, FromImage(Painted(detection_of(scene, 0, "card")), FromImageParameters(names=("card",))))
+    found = detect(scene, painted(detection_of(scene, 0, "card"), names=("card",)))
     thing = found.labelled("card")
     assert np.linalg.norm(thing.points.mean(axis=0) - scene.objects[0].pose.position) < 0.02
 
@@ -113,37 +117,35 @@ def test_a_thing_too_flat_for_the_segmentation_is_cut_out_by_its_mask() -> None:
 def test_a_box_around_nothing_or_around_everything_names_nothing() -> None:
     scene = on_table((BOX, -0.1, -0.2, 0.5), (CAN, -0.1, 0.0, 0.0))
     empty, all_of_it = ImageDetection("box", 0.9, (5.0, 5.0, 40.0, 40.0)), ImageDetection("can", 0.9, (0, 0, 639, 479))
-    found = detect(scene, FromImage(Painted(empty, all_of_it)))
+    found = detect(scene, painted(empty, all_of_it))
     assert found.detections == ()
     assert not any(isinstance(thing, LabelledCluster) for thing in found.unknown)
 
 
 def test_labels_that_were_not_asked_for_and_low_scores_are_left_out() -> None:
     scene = on_table((BOX, -0.1, -0.2, 0.5))
-    painted = Painted(detection_of(scene, 0, "elephant"), detection_of(scene, 0, "box", 0.1))
-    assert detect(scene, FromImage(painted)).detections == ()
+    detector = painted(detection_of(scene, 0, "elephant"), detection_of(scene, 0, "box", 0.1))
+    assert detect(scene, detector).detections == ()
 
 
 def test_without_models_and_names_nothing_is_asked() -> None:
     scene = on_table((BOX, -0.1, -0.2, 0.5))
-    painted = Painted(detection_of(scene, 0, "box"))
-    assert len(detect(scene, FromImage(painted), models=[]).unknown) == 1
-    assert painted.asked == []
+    detector = painted(detection_of(scene, 0, "box"))
+    assert len(detect(scene, detector, models=[]).unknown) == 1
+    assert detector.asked == []
 
 
 def test_the_higher_score_has_the_cluster() -> None:
     scene = on_table((BOX, -0.1, -0.2, 0.5))
-    names = FromImageParameters(names=("packet", "brick"))
-    found = detect(
-        scene, FromImage(Painted(detection_of(scene, 0, "brick", 0.5), detection_of(scene, 0, "packet", 0.8)), names)
-    )
+    both = detection_of(scene, 0, "brick", 0.5), detection_of(scene, 0, "packet", 0.8)
+    found = detect(scene, painted(*both, names=("packet", "brick")))
     assert found.labelled("packet") is not None
     assert found.labelled("brick") is None
 
 
 def test_another_frame_keeps_the_label() -> None:
     scene = on_table((BOX, -0.1, -0.2, 0.5))
-    found = detect(scene, FromImage(Painted(detection_of(scene, 0, "packet")), FromImageParameters(names=("packet",))))
+    found = detect(scene, painted(detection_of(scene, 0, "packet"), names=("packet",)))
     moved = found.labelled("packet").seen_from(Pose.from_xyz_rpy((1.0, 0.0, 0.0)))
     assert isinstance(moved, LabelledCluster)
     assert moved.label == "packet"

@@ -13,7 +13,7 @@ from benchmarks.rendered_table import known_models
 from bestman_bt.errors import MissingExtraError
 from bestman_bt.messages import CameraIntrinsics, RGBDImage
 from bestman_bt.perception import PerceptionError
-from bestman_bt.perception.detection import ImageDetection, OnnxDetector, OnnxDetectorParameters, OnnxImageDetector
+from bestman_bt.perception.detection import ImageDetection, OnnxDetector
 from bestman_bt.perception.detection.onnx_detector import letterbox
 from bestman_bt.perception.errors import DetectorModelError
 from tests.perception.detection.train_tiny_detector import CLASSES, train, training_scene, true_boxes
@@ -40,7 +40,7 @@ def overlap(detection: ImageDetection, box: np.ndarray) -> float:
 
 @pytest.mark.slow
 def test_a_trained_network_finds_things_in_pictures_that_it_has_not_seen(tiny: Path) -> None:
-    detector = OnnxImageDetector(OnnxDetectorParameters(model=str(tiny), min_score=0.5))
+    detector = OnnxDetector(model=str(tiny), min_score=0.5)
     things = hits = strays = 0
     for seed in range(300, 306):
         scene = training_scene(seed)
@@ -56,7 +56,7 @@ def test_a_trained_network_finds_things_in_pictures_that_it_has_not_seen(tiny: P
 @pytest.mark.slow
 def test_only_what_was_asked_for_is_found(tiny: Path) -> None:
     picture = training_scene(300).view.image
-    detector = OnnxImageDetector(OnnxDetectorParameters(model=str(tiny)))
+    detector = OnnxDetector(model=str(tiny))
     assert {found.label for found in detector.find(picture, ["can"])} == {"can"}
     assert detector.find(picture, ["teapot"]) == ()
 
@@ -64,7 +64,7 @@ def test_only_what_was_asked_for_is_found(tiny: Path) -> None:
 @pytest.mark.slow
 def test_boxes_become_objects_with_poses(tiny: Path) -> None:
     scene = training_scene(300)
-    detector = OnnxDetector(OnnxDetectorParameters(model=str(tiny)))
+    detector = OnnxDetector(model=str(tiny))
     found = detector.detect(scene.view, scene.region, known_models(0), np.random.default_rng(0))
     placed = {item.model.name: item.pose.position for item in scene.objects}
     assert len(found.detections) >= 3
@@ -75,7 +75,7 @@ def test_boxes_become_objects_with_poses(tiny: Path) -> None:
 @pytest.mark.slow
 def test_boxes_of_things_without_a_model_become_labelled_clusters(tiny: Path) -> None:
     scene = training_scene(300)
-    detector = OnnxDetector(OnnxDetectorParameters(model=str(tiny), names=("can",)))
+    detector = OnnxDetector(model=str(tiny), names=("can",))
     found = detector.detect(scene.view, scene.region, [], np.random.default_rng(0))
     assert found.detections == ()
     can = found.labelled("can")
@@ -128,27 +128,27 @@ PICTURE = [(TensorProto.FLOAT, [1, 3, 64, 64])]
 def test_a_file_of_another_kind_is_refused_in_words(
     tmp_path: Path, inputs: list, output: list, names: str, message: str
 ) -> None:
-    parameters = OnnxDetectorParameters(model=save(tmp_path / "other.onnx", inputs, output, names))
+    detector = OnnxDetector(model=save(tmp_path / "other.onnx", inputs, output, names))
     with pytest.raises(DetectorModelError, match=message):
-        OnnxImageDetector(parameters).find(image(np.zeros((48, 64, 3), np.uint8)), ["a"])
+        detector.find(image(np.zeros((48, 64, 3), np.uint8)), ["a"])
 
 
 def test_a_network_that_sees_nothing_gives_nothing(tmp_path: Path) -> None:
-    parameters = OnnxDetectorParameters(model=save(tmp_path / "zeros.onnx", PICTURE, [1, 6, 10], "{0: 'a', 1: 'b'}"))
-    assert OnnxImageDetector(parameters).find(image(np.zeros((48, 64, 3), np.uint8)), ["a", "b"]) == ()
+    detector = OnnxDetector(model=save(tmp_path / "zeros.onnx", PICTURE, [1, 6, 10], "{0: 'a', 1: 'b'}"))
+    assert detector.find(image(np.zeros((48, 64, 3), np.uint8)), ["a", "b"]) == ()
 
 
 def test_classes_may_be_given_where_the_file_has_none(tmp_path: Path) -> None:
-    parameters = OnnxDetectorParameters(model=save(tmp_path / "zeros.onnx", PICTURE, [1, 6, 10]), classes=("a", "b"))
-    assert OnnxImageDetector(parameters).find(image(np.zeros((48, 64, 3), np.uint8)), ["a"]) == ()
+    detector = OnnxDetector(model=save(tmp_path / "zeros.onnx", PICTURE, [1, 6, 10]), classes=("a", "b"))
+    assert detector.find(image(np.zeros((48, 64, 3), np.uint8)), ["a"]) == ()
 
 
-def told(tmp_path: Path, boxes: list[tuple[float, ...]], **options: object) -> OnnxImageDetector:
+def told(tmp_path: Path, boxes: list[tuple[float, ...]], **options: object) -> OnnxDetector:
     """A detector whose network tells of ``boxes``: centre, size, then the scores of a and b; its input is 64 x 64."""
     given = np.zeros((1, 6, 10), np.float32)
     given[0, :, : len(boxes)] = np.array(boxes).T
     file = save(tmp_path / "told.onnx", PICTURE, [1, 6, 10], "{0: 'a', 1: 'b'}", given)
-    return OnnxImageDetector(OnnxDetectorParameters(model=file, **options))
+    return OnnxDetector(model=file, **options)
 
 
 SQUARE = image(np.zeros((64, 64, 3), np.uint8))
@@ -202,11 +202,11 @@ def test_boxes_are_given_in_pixels_of_the_picture_and_cut_at_its_border(
 
 def test_no_file_and_no_network_in_the_file_are_told(tmp_path: Path) -> None:
     with pytest.raises(DetectorModelError, match="no ONNX file ''; give its path as 'model'"):
-        OnnxImageDetector(OnnxDetectorParameters()).find(image(np.zeros((8, 8, 3), np.uint8)), ["a"])
+        OnnxDetector().find(image(np.zeros((8, 8, 3), np.uint8)), ["a"])
     path = tmp_path / "text.onnx"
     path.write_text("not a network")
     with pytest.raises(DetectorModelError, match="is no ONNX model that onnxruntime can load"):
-        OnnxImageDetector(OnnxDetectorParameters(model=str(path))).find(image(np.zeros((8, 8, 3), np.uint8)), ["a"])
+        OnnxDetector(model=str(path)).find(image(np.zeros((8, 8, 3), np.uint8)), ["a"])
 
 
 def test_without_onnxruntime_the_error_names_the_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -223,6 +223,6 @@ def test_all_errors_are_errors_of_perception() -> None:
 @pytest.mark.slow
 def test_equal_pictures_give_equal_detections(tiny: Path) -> None:
     picture = training_scene(300).view.image
-    parameters = OnnxDetectorParameters(model=str(tiny))
-    first, second = (OnnxImageDetector(replace(parameters)).find(picture, CLASSES) for _ in range(2))
+    detector = OnnxDetector(model=str(tiny))
+    first, second = (replace(detector).find(picture, CLASSES) for _ in range(2))
     assert [(f.label, f.score, f.box) for f in first] == [(f.label, f.score, f.box) for f in second]

@@ -17,7 +17,7 @@ import pytest
 
 from benchmarks.rendered_table import TrueObject, known_models, render_table
 from bestman_bt.messages import CameraIntrinsics, Pose, RGBDImage
-from bestman_bt.perception.detection import RemoteDetector, RemoteDetectorParameters, RemoteImageDetector
+from bestman_bt.perception.detection import RemoteDetector
 from bestman_bt.perception.errors import DetectorReplyError, DetectorUnreachableError
 from tests.answering_server import Server, Way, drips, drips_headers, raw, serving_at, sleeps
 
@@ -50,9 +50,9 @@ def picture() -> RGBDImage:
     return RGBDImage(rng.integers(0, 255, (HEIGHT, WIDTH, 3)).astype(np.uint8), depth, k, 0.0)
 
 
-def detector(url: str, **changed: object) -> RemoteImageDetector:
+def detector(url: str, **changed: object) -> RemoteDetector:
     settings = {"timeout": 0.5, "connect_timeout": 0.5, "retries": 0, "backoff": 0.01, **changed}
-    return RemoteImageDetector(RemoteDetectorParameters(url=url, **settings))
+    return RemoteDetector(url=url, **settings)
 
 
 def test_names_and_pictures_arrive_as_they_were_sent(server: Server) -> None:
@@ -233,10 +233,9 @@ def test_the_documented_server_names_objects_that_then_have_poses(documented_ser
         for model, y in ((box, -0.2), (tin, 0.0), (cup, 0.2))
     ]
     scene = render_table(items, table, (0.8, 1.2), np.random.default_rng(0))
-    parameters = RemoteDetectorParameters(
+    detector = RemoteDetector(
         url=documented_server, prompts={"box": "red box", "block": "green block"}, names=("block",), timeout=20.0
     )
-    detector = RemoteDetector(parameters)
     found = detector.detect(scene.view, scene.region, [box, can, cube], np.random.default_rng(0))
     (detection,) = found.detections
     assert detection.name == "box"

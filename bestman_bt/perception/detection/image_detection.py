@@ -1,17 +1,13 @@
-"""Detectors of things in images: names with boxes and masks, in pixels."""
+"""Things found in images: names with boxes and masks, in pixels."""
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bestman_bt.messages import RGBDImage
 from bestman_bt.messages.frozen_array import frozen_array
-from bestman_bt.perception.detection.preparation import Prepared
 from bestman_bt.perception.errors import PerceptionError
 
 
@@ -59,14 +55,3 @@ class ImageDetection:
             nearest = np.clip(nearest, 0, (width - 1, height - 1))
             inside &= self.mask[nearest[:, 1], nearest[:, 0]]
         return inside
-
-
-class ImageDetector(Prepared, ABC):
-    """Finds things by name in one image; knows nothing of geometry."""
-
-    @abstractmethod
-    def find(self, image: RGBDImage, names: Sequence[str]) -> tuple[ImageDetection, ...]:
-        """What of ``names`` is in the image, highest score first; empty where nothing is.
-
-        Raises PerceptionError, in words, where it cannot be asked.
-        """
