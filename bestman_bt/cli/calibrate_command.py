@@ -16,7 +16,7 @@ from bestman_bt.cli.json_output import json_output
 from bestman_bt.cli.options import Json, Seed, Settings
 from bestman_bt.cli.run_view import CONSOLE
 from bestman_bt.configuration import ConfigurationError, Problem, parse_settings
-from bestman_bt.perception.calibration import CalibrationError, IntrinsicsParameters
+from bestman_bt.perception.calibration import CalibrationError, IntrinsicsCalibration
 from bestman_bt.runtime.calibration import (
     CalibrationResult,
     Kind,
@@ -107,7 +107,7 @@ def command(
 def _solve(kind: Kind, folder: Path, method: Method, lens: Lens, report: Report) -> CalibrationResult:
     recorded = load_dataset(folder)
     if kind == "intrinsics":
-        return solve_intrinsics(recorded, IntrinsicsParameters(lens=lens.value), report)
+        return solve_intrinsics(recorded, IntrinsicsCalibration(lens=lens.value), report)
     if kind == "hand-eye":
         return solve_hand_eye(recorded, method.value, report)
     return solve_head(recorded, report)

@@ -18,7 +18,9 @@ from bestman_bt.errors import MissingExtraError
 from bestman_bt.messages import Mesh, ObjectModel
 from bestman_bt.perception.errors import PerceptionError
 from bestman_bt.perception.grasp_pose import antipodal_grasps
-from bestman_bt.perception.object_models import convex_parts, is_closed, simplified, symmetry_order
+from bestman_bt.perception.object_models import is_closed, simplified
+from bestman_bt.perception.object_models.convex_parts import ConvexDecomposition
+from bestman_bt.perception.object_models.symmetry import SymmetrySearch
 from bestman_bt.robot_model import GripperModel
 from bestman_bt.runtime.object_picture import object_picture
 from bestman_bt.scene.grasps_file import grasps_json
@@ -94,7 +96,7 @@ def import_object(
     _check_name(new.name, files, replace)
     mesh, triangles, watertight = _checked_mesh(mesh_file, new)
     try:
-        parts = convex_parts(mesh)
+        parts = ConvexDecomposition().parts(mesh)
     except (PerceptionError, MissingExtraError) as error:
         raise _fault(mesh_file, "", str(error)) from error
     symmetry = new.symmetry if new.symmetry != "auto" else _symmetry(mesh)
@@ -185,7 +187,7 @@ def _better_scale(longest: float) -> str:
 
 
 def _symmetry(mesh: Mesh) -> Symmetry:
-    order = symmetry_order(mesh)
+    order = SymmetrySearch().order(mesh)
     return next(name for name, of_name in SYMMETRY_ORDERS.items() if of_name == order)
 
 

@@ -16,11 +16,8 @@ from bestman_bt.perception.pose_estimation.multi_start import covariance_in_fram
 from bestman_bt.perception.pose_estimation.multi_view import pooled
 from bestman_bt.perception.pose_estimation.point_to_plane import into_model
 from bestman_bt.perception.pose_estimation.registration import (
-    RegistrationParameters,
-    depth_noise,
+    Registration,
     end_aligned_poses,
-    fit_at,
-    refined_fit,
     yaw_difference,
 )
 from bestman_bt.perception.pose_estimation.yaw_profile import YawProfile
@@ -174,9 +171,9 @@ def test_points_are_moved_into_the_frame_of_a_standing_model() -> None:
 
 
 def test_noise_grows_with_the_square_of_the_distance_beyond_forty_centimetres() -> None:
-    p = RegistrationParameters()
+    p = Registration()
     for distance, noise in ((0.3, 0.0012), (0.4, 0.0012), (1.4, 0.0031)):
-        assert depth_noise(np.zeros((1, 3)), np.array([0.0, distance, 0.0]), p) == pytest.approx(noise)
+        assert p.depth_noise(np.zeros((1, 3)), np.array([0.0, distance, 0.0])) == pytest.approx(noise)
 
 
 BRICK = ObjectModel("brick", (1, 0, 0), 0.3, 0.6, (PlacedShape(Box((0.12, 0.06, 0.08)), Pose()),), symmetry_order=2)
@@ -196,25 +193,25 @@ def visible(model: ObjectModel, pose: np.ndarray) -> np.ndarray:
 def test_a_fit_starts_nearby_and_ends_at_the_true_pose(yaw: float) -> None:
     true = np.array([0.1, -0.05, yaw])
     surface, points = model_surface(BRICK, Pose(), 0.003), visible(BRICK, true)
-    fit = refined_fit(surface, points, EYE, true + np.array([0.008, -0.006, 0.1]), 2, RegistrationParameters())
+    fit = Registration().refined_fit(surface, points, EYE, true + np.array([0.008, -0.006, 0.1]), 2)
     assert fit.pose == pytest.approx(true, abs=0.002)
     assert np.abs(fit.residuals).max() < 0.004
     assert fit.frame_from_object(Pose(np.array([0, 0, 0.7])), surface).position == pytest.approx(
         [*true[:2], 0.74], abs=2e-3
     )
-    worse = fit_at(surface, points, EYE, true + np.array([0.01, 0.0, 0.0]), 2, RegistrationParameters())
+    worse = Registration().fit_at(surface, points, EYE, true + np.array([0.01, 0.0, 0.0]), 2)
     assert worse.pose == pytest.approx(true + np.array([0.01, 0.0, 0.0]))
     assert np.sqrt(np.mean(worse.residuals**2)) > 2 * np.sqrt(np.mean(fit.residuals**2))
     assert np.trace(worse.covariance[:2, :2]) > np.trace(fit.covariance[:2, :2])
 
 
 def test_a_body_of_revolution_has_no_yaw_and_a_floor_under_its_errors() -> None:
-    p = RegistrationParameters()
-    fit = refined_fit(model_surface(CAN, Pose(), 0.003), visible(CAN, np.zeros(3)), EYE, np.array([0.005, 0, 0]), 0, p)
+    p = Registration()
+    fit = p.refined_fit(model_surface(CAN, Pose(), 0.003), visible(CAN, np.zeros(3)), EYE, np.array([0.005, 0, 0]), 0)
     assert fit.yaw_std == pytest.approx(math.pi)
     assert fit.covariance[2, :2] == pytest.approx([0.0, 0.0])
     assert fit.covariance[0, 0] >= p.position_floor**2
-    asymmetric = fit_at(model_surface(BRICK, Pose(), 0.003), visible(BRICK, np.zeros(3)), EYE, np.zeros(3), 1, p)
+    asymmetric = p.fit_at(model_surface(BRICK, Pose(), 0.003), visible(BRICK, np.zeros(3)), EYE, np.zeros(3), 1)
     assert asymmetric.yaw_std >= p.asymmetric_yaw_floor
 
 

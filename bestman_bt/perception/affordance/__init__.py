@@ -1,6 +1,6 @@
 """Handles of doors and drawers."""
 
 from bestman_bt.perception.affordance.base import HandleDetector, HandleScene
-from bestman_bt.perception.affordance.front_handles import FrontHandles, FrontHandlesParameters
+from bestman_bt.perception.affordance.front_handles import FrontHandles
 
-__all__ = ["FrontHandles", "FrontHandlesParameters", "HandleDetector", "HandleScene"]
+__all__ = ["FrontHandles", "HandleDetector", "HandleScene"]

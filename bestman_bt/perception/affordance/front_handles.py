@@ -11,16 +11,14 @@ from numpy.typing import NDArray
 
 from bestman_bt.messages import Handle, Pose
 from bestman_bt.perception.affordance.base import HandleDetector, HandleScene
-from bestman_bt.perception.affordance.fronts import Front, FrontsParameters, find_fronts
-from bestman_bt.perception.affordance.grooves import GroovesParameters, find_grooves
+from bestman_bt.perception.affordance.fronts import Front, FrontSearch
+from bestman_bt.perception.affordance.grooves import GrooveSearch
 from bestman_bt.perception.affordance.handle_on_front import HandleOnFront
 from bestman_bt.perception.affordance.joint_suggestion import (
-    JointSuggestionParameters,
-    hinge_line,
-    suggest_joint,
+    JointRules,
 )
-from bestman_bt.perception.affordance.panel_borders import PanelBorders, PanelBordersParameters, panel_borders
-from bestman_bt.perception.affordance.protrusions import ProtrusionsParameters, find_protrusions
+from bestman_bt.perception.affordance.panel_borders import BorderSearch, PanelBorders
+from bestman_bt.perception.affordance.protrusions import ProtrusionSearch
 from bestman_bt.perception.affordance.rectified import RectifiedFront, rectify
 from bestman_bt.perception.affordance.relief import relief
 from bestman_bt.perception.affordance.shared_panels import parted
@@ -30,55 +28,46 @@ from bestman_bt.perception.view import View
 
 
 @dataclass(frozen=True)
-class FrontHandlesParameters:
-    """The parameters of each step.
+class FrontHandles(HandleDetector):
+    """Fronts first; then what stands out of each (bars, knobs) and what is cut into it (recessed edges).
+
+    The panel around a handle, and where on it the handle is, suggest how it opens.
 
     ``min_confidence``: of a handle that is reported. ``apart``: metres; nearer ones are the same handle.
     ``max_distance``: metres from the camera; farther away, noise makes handles. ``completed_std``: metres, of the
     position of a handle of which a part was hidden.
     """
 
-    fronts: FrontsParameters = field(default_factory=FrontsParameters)
-    protrusions: ProtrusionsParameters = field(default_factory=ProtrusionsParameters)
-    grooves: GroovesParameters = field(default_factory=GroovesParameters)
-    borders: PanelBordersParameters = field(default_factory=PanelBordersParameters)
-    joint: JointSuggestionParameters = field(default_factory=JointSuggestionParameters)
+    fronts: FrontSearch = field(default_factory=FrontSearch)
+    protrusions: ProtrusionSearch = field(default_factory=ProtrusionSearch)
+    grooves: GrooveSearch = field(default_factory=GrooveSearch)
+    borders: BorderSearch = field(default_factory=BorderSearch)
+    joint: JointRules = field(default_factory=JointRules)
     min_confidence: float = 0.4
     apart: Annotated[float, "m"] = 0.03
     max_distance: Annotated[float, "m"] = 2.05
     completed_std: Annotated[float, "m"] = 0.015
 
-
-class FrontHandles(HandleDetector):
-    """Fronts first; then what stands out of each (bars, knobs) and what is cut into it (recessed edges).
-
-    The panel around a handle, and where on it the handle is, suggest how it opens.
-    """
-
-    def __init__(self, parameters: FrontHandlesParameters | None = None) -> None:
-        self.parameters = parameters or FrontHandlesParameters()
-
     def detect(self, view: View, rng: np.random.Generator) -> HandleScene:
         """See HandleDetector; chance has no part in it."""
-        p = self.parameters
         if not (np.isfinite(view.image.depth) & (view.image.depth > 0)).any():
             raise PerceptionError("the image has no depth at all; metres are expected, 0 where unknown")
-        fronts = find_fronts(view, p.fronts)
+        fronts = self.fronts.find(view)
         if not fronts:
             return HandleScene((), (), "no upright plane in view")
         found: list[tuple[Front, RectifiedFront, HandleOnFront]] = []
         for front in fronts:
-            around = relief(view, front, p.fronts)
+            around = relief(view, front, self.fronts)
             rectified = rectify(view, front, around)
-            on_front = find_protrusions(around, p.protrusions) + find_grooves(rectified, around, p.grooves, p.borders)
-            found += [(front, rectified, one) for one in on_front if one.confidence >= p.min_confidence]
+            on_front = self.protrusions.find(around) + self.grooves.find(rectified, around, self.borders)
+            found += [(front, rectified, one) for one in on_front if one.confidence >= self.min_confidence]
         # A part of a bar may look like a shorter one: the longest first.
         found.sort(key=lambda entry: -entry[2].confidence * entry[2].length)
         kept: list[tuple[Front, RectifiedFront, HandleOnFront]] = []
         for front, rectified, one in found:
             position = front.frame_from_front.apply(one.centre[None])[0]
-            near = np.linalg.norm(position - view.viewpoint) <= p.max_distance
-            if near and all(_distance(position, on, other) > p.apart for on, _, other in kept):
+            near = np.linalg.norm(position - view.viewpoint) <= self.max_distance
+            if near and all(_distance(position, on, other) > self.apart for on, _, other in kept):
                 kept.append((front, rectified, one))
         handles = []
         for front, rectified, one in kept:
@@ -91,13 +80,12 @@ class FrontHandles(HandleDetector):
     def _handle(
         self, front: Front, rectified: RectifiedFront, one: HandleOnFront, others: list[HandleOnFront]
     ) -> Handle:
-        p = self.parameters
         frame_from_front = front.frame_from_front
         turn = frame_from_front.rotation
-        borders = parted(panel_borders(rectified, *one.rectangle, p.borders, one.borders), one, others)
-        one = one.completed(borders, p.completed_std)
-        suggested = suggest_joint(one.kind, one.upright, one.centre, borders, (front.low, front.high), p.joint)
-        line = None if suggested.hinge_side is None else hinge_line(suggested.hinge_side, one.kind, borders, p.joint)
+        borders = parted(self.borders.around(rectified, *one.rectangle, one.borders), one, others)
+        one = one.completed(borders, self.completed_std)
+        suggested = self.joint.suggest(one.kind, one.upright, one.centre, borders, (front.low, front.high))
+        line = None if suggested.hinge_side is None else self.joint.hinge_line(suggested.hinge_side, one.kind, borders)
         opening = np.array([0.0, 0.0, 1.0])
         if line is not None:
             opening = np.cross(line[1], one.centre - line[0])

@@ -20,8 +20,10 @@ from bestman_bt.perception.view import View
 
 
 @dataclass(frozen=True)
-class FrontsParameters:
-    """Lengths in metres, angles in radians.
+class FrontSearch:
+    """Finds the upright planes in a view.
+
+    Lengths in metres, angles in radians.
 
     ``noise_base``, ``noise_quadratic``: the depth's noise is base + quadratic (z - 0.4 m)², see CameraPart.
     ``window``, ``stride``: pixels, of an image 640 pixels wide, of the local planes.
@@ -52,6 +54,140 @@ class FrontsParameters:
         noise: NDArray[np.float64] = self.noise_base + self.noise_quadratic * beyond**2
         return noise
 
+    def find(self, view: View) -> list[Front]:
+        """All upright planes, largest (by seen windows) first."""
+        intrinsics = view.image.intrinsics
+        scale = intrinsics.width / 640.0
+        window = max(5, 2 * round(self.window * scale / 2) + 1)
+        depth = np.where(np.isfinite(view.image.depth), view.image.depth, 0.0).astype(np.float32)
+        planes = local_planes(depth, intrinsics, window, max(1, round(self.stride * scale)))
+        rotation, eye = view.frame_from_camera.rotation, view.frame_from_camera.position
+        normals = planes.normals @ rotation.T
+        points = planes.points @ rotation.T + eye
+        area = _window_areas(planes, intrinsics.fx)
+        usable = self._upright(planes, normals)
+        fronts: list[Front] = []
+        for _ in range(3 * self.max_fronts):
+            if usable.sum() < 6 or len(fronts) >= self.max_fronts:
+                break
+            members = self._best_plane(points, normals, area, usable)
+            if not members.any():
+                break
+            usable &= ~members
+            for part in self._connected(members, planes, intrinsics.fx):
+                if area[part].sum() >= self.min_area:
+                    fronts.append(self._front(points, normals, part, planes, depth.shape, intrinsics.fx))
+        fronts.sort(key=lambda front: -front.area)
+        return fronts
+
+    def _upright(self, planes: LocalPlanes, normals: NDArray[np.float64]) -> NDArray[np.bool_]:
+        rays = planes.points / np.maximum(np.linalg.norm(planes.points, axis=-1, keepdims=True), 1e-9)
+        facing = -(rays * planes.normals).sum(axis=-1) > math.cos(self.max_incidence)
+        flat = planes.residuals < 1.6 * self.noise(planes.points[..., 2]) + 0.001
+        near = planes.points[..., 2] < self.max_range
+        upright: NDArray[np.bool_] = (
+            planes.valid & facing & flat & near & (np.abs(normals[..., 2]) < math.sin(self.max_tilt))
+        )
+        return upright
+
+    def _best_plane(
+        self,
+        points: NDArray[np.float64],
+        normals: NDArray[np.float64],
+        area: NDArray[np.float64],
+        usable: NDArray[np.bool_],
+    ) -> NDArray[np.bool_]:
+        """The windows of the plane that has most votes, as a mask of the grid."""
+        yaws = np.arctan2(normals[..., 1], normals[..., 0])[usable]
+        weights = area[usable]
+        bins = round(2 * math.pi / self.yaw_bin)
+        votes = np.bincount(((yaws + math.pi) / self.yaw_bin).astype(int) % bins, weights, bins)
+        smooth = votes + np.roll(votes, 1) + np.roll(votes, -1)
+        yaw = (int(np.argmax(smooth)) + 0.5) * self.yaw_bin - math.pi
+        for _ in range(2):
+            turn = (yaws - yaw + math.pi) % (2 * math.pi) - math.pi
+            alike = np.abs(turn) < self.yaw_window
+            yaw += float(np.average(turn[alike], weights=weights[alike]))
+        normal = np.array([math.cos(yaw), math.sin(yaw), 0.0])
+        # Distances are counted from amid the voters: then a small error of the yaw shifts them least.
+        centre = np.average(points[usable][alike], axis=0, weights=weights[alike])
+        offsets = (points - centre) @ normal
+        among = offsets[usable][alike]
+        first = among.min() - 2 * self.offset_bin
+        counted = np.bincount(((among - first) / self.offset_bin).astype(int), weights[alike])
+        peak = int(np.argmax(np.convolve(counted, np.ones(3), mode="same")))
+        offset = first + (peak + 0.5) * self.offset_bin
+        turns = (np.arctan2(normals[..., 1], normals[..., 0]) - yaw + math.pi) % (2 * math.pi) - math.pi
+        wide = usable & (np.abs(turns) < 2 * self.yaw_window)
+        heights = offsets - offset
+        for _ in range(3):
+            inlier = wide & (np.abs(heights) < self.offset_window)
+            if inlier.sum() < 6:
+                break
+            # The plane may lean: the camera's pose is not free of errors.
+            local = points - centre
+            across = local @ np.array([-normal[1], normal[0], 0.0])
+            matrix = np.stack([across[inlier], local[..., 2][inlier], np.ones(int(inlier.sum()))], axis=1)
+            weight = np.sqrt(area[inlier])
+            solution = np.linalg.lstsq(matrix * weight[:, None], offsets[inlier] * weight, rcond=1e-9)[0]
+            heights = offsets - (solution[0] * across + solution[1] * local[..., 2] + solution[2])
+        members: NDArray[np.bool_] = wide & (np.abs(heights) < self.offset_window)
+        return members
+
+    def _connected(self, members: NDArray[np.bool_], planes: LocalPlanes, focal: float) -> list[NDArray[np.bool_]]:
+        """The separate parts of a plane; holes and gaps up to ``max_gap`` do not separate."""
+        depth = float(np.median(planes.points[..., 2][members]))
+        reach = max(1, round(self.max_gap / 2 * focal / depth / planes.stride))
+        kernel = cv2.getStructuringElement(cv2.MORPH_RECT, (2 * reach + 1, 2 * reach + 1))
+        count, labels = cv2.connectedComponents(cv2.dilate(members.astype(np.uint8), kernel), connectivity=4)
+        return [members & (labels == label) for label in range(1, count)]
+
+    def _front(
+        self,
+        points: NDArray[np.float64],
+        normals: NDArray[np.float64],
+        part: NDArray[np.bool_],
+        planes: LocalPlanes,
+        shape: tuple[int, ...],
+        focal: float,
+    ) -> Front:
+        inliers = points[part]
+        centre = inliers.mean(axis=0)
+        mean_normal = normals[part].mean(axis=0)
+        _, _, axes = np.linalg.svd(inliers - centre, full_matrices=False)
+        normal = axes[2] if axes[2] @ mean_normal > 0 else -axes[2]
+        if normal @ mean_normal < 0.985 * np.linalg.norm(mean_normal):
+            # A strip too thin to span a plane by its points alone.
+            normal = mean_normal / np.linalg.norm(mean_normal)
+        right = np.cross([0.0, 0.0, 1.0], normal)
+        right /= np.linalg.norm(right)
+        rotation = np.stack([right, np.cross(normal, right), normal], axis=1)
+        local = (inliers - centre) @ rotation
+        half = 0.5 * self.window * float(planes.points[..., 2][part].mean()) / focal
+        low, high = local[:, :2].min(axis=0) - half, local[:, :2].max(axis=0) + half
+        matrix = np.eye(4)
+        matrix[:3, :3], matrix[:3, 3] = rotation, centre
+        rms = float(np.sqrt(np.mean(local[:, 2] ** 2)))
+        return Front(Pose.from_matrix(matrix), low, high, self._region(part, planes, shape, focal), inliers, rms)
+
+    def _region(
+        self, part: NDArray[np.bool_], planes: LocalPlanes, shape: tuple[int, ...], focal: float
+    ) -> NDArray[np.bool_]:
+        """Grid points of a front as pixels: grown by a window's half, holes closed."""
+        depth = float(planes.points[..., 2][part].mean())
+        reach = max(1, round(self.max_gap / 2 * focal / depth / planes.stride))
+        grown = max(1, round(self.window / 2 / planes.stride))
+        padded = np.pad(part.astype(np.uint8), reach + grown)
+        dilated = cv2.dilate(padded, np.ones((2 * grown + 1, 2 * grown + 1), np.uint8))
+        closed = cv2.morphologyEx(dilated, cv2.MORPH_CLOSE, np.ones((2 * reach + 1, 2 * reach + 1), np.uint8))
+        inner = closed[reach + grown : -(reach + grown), reach + grown : -(reach + grown)]
+        rows, columns = (
+            np.minimum(np.arange(extent) // planes.stride, count - 1)
+            for extent, count in zip(shape, inner.shape, strict=True)
+        )
+        region: NDArray[np.bool_] = inner[np.ix_(rows, columns)] > 0
+        return region
+
 
 @dataclass(frozen=True, eq=False)
 class Front:
@@ -75,150 +211,9 @@ class Front:
         return float(np.prod(self.high - self.low))
 
 
-def find_fronts(view: View, parameters: FrontsParameters) -> list[Front]:
-    """All upright planes, largest (by seen windows) first."""
-    p = parameters
-    intrinsics = view.image.intrinsics
-    scale = intrinsics.width / 640.0
-    window = max(5, 2 * round(p.window * scale / 2) + 1)
-    depth = np.where(np.isfinite(view.image.depth), view.image.depth, 0.0).astype(np.float32)
-    planes = local_planes(depth, intrinsics, window, max(1, round(p.stride * scale)))
-    rotation, eye = view.frame_from_camera.rotation, view.frame_from_camera.position
-    normals = planes.normals @ rotation.T
-    points = planes.points @ rotation.T + eye
-    area = _window_areas(planes, intrinsics.fx)
-    usable = _upright(planes, normals, p)
-    fronts: list[Front] = []
-    for _ in range(3 * p.max_fronts):
-        if usable.sum() < 6 or len(fronts) >= p.max_fronts:
-            break
-        members = _best_plane(points, normals, area, usable, p)
-        if not members.any():
-            break
-        usable &= ~members
-        for part in _connected(members, planes, p, intrinsics.fx):
-            if area[part].sum() >= p.min_area:
-                fronts.append(_front(points, normals, part, planes, depth.shape, p, intrinsics.fx))
-    fronts.sort(key=lambda front: -front.area)
-    return fronts
-
-
 def _window_areas(planes: LocalPlanes, focal: float) -> NDArray[np.float64]:
     """Square metres of the plane that each grid point stands for."""
     rays = planes.points / np.maximum(np.linalg.norm(planes.points, axis=-1, keepdims=True), 1e-9)
     incidence = np.clip(-(rays * planes.normals).sum(axis=-1), 0.1, 1.0)
     area: NDArray[np.float64] = (planes.points[..., 2] * planes.stride / focal) ** 2 / incidence
     return area
-
-
-def _upright(planes: LocalPlanes, normals: NDArray[np.float64], p: FrontsParameters) -> NDArray[np.bool_]:
-    rays = planes.points / np.maximum(np.linalg.norm(planes.points, axis=-1, keepdims=True), 1e-9)
-    facing = -(rays * planes.normals).sum(axis=-1) > math.cos(p.max_incidence)
-    flat = planes.residuals < 1.6 * p.noise(planes.points[..., 2]) + 0.001
-    near = planes.points[..., 2] < p.max_range
-    upright: NDArray[np.bool_] = planes.valid & facing & flat & near & (np.abs(normals[..., 2]) < math.sin(p.max_tilt))
-    return upright
-
-
-def _best_plane(
-    points: NDArray[np.float64],
-    normals: NDArray[np.float64],
-    area: NDArray[np.float64],
-    usable: NDArray[np.bool_],
-    p: FrontsParameters,
-) -> NDArray[np.bool_]:
-    """The windows of the plane that has most votes, as a mask of the grid."""
-    yaws = np.arctan2(normals[..., 1], normals[..., 0])[usable]
-    weights = area[usable]
-    bins = round(2 * math.pi / p.yaw_bin)
-    votes = np.bincount(((yaws + math.pi) / p.yaw_bin).astype(int) % bins, weights, bins)
-    smooth = votes + np.roll(votes, 1) + np.roll(votes, -1)
-    yaw = (int(np.argmax(smooth)) + 0.5) * p.yaw_bin - math.pi
-    for _ in range(2):
-        turn = (yaws - yaw + math.pi) % (2 * math.pi) - math.pi
-        alike = np.abs(turn) < p.yaw_window
-        yaw += float(np.average(turn[alike], weights=weights[alike]))
-    normal = np.array([math.cos(yaw), math.sin(yaw), 0.0])
-    # Distances are counted from amid the voters: then a small error of the yaw shifts them least.
-    centre = np.average(points[usable][alike], axis=0, weights=weights[alike])
-    offsets = (points - centre) @ normal
-    among = offsets[usable][alike]
-    first = among.min() - 2 * p.offset_bin
-    counted = np.bincount(((among - first) / p.offset_bin).astype(int), weights[alike])
-    peak = int(np.argmax(np.convolve(counted, np.ones(3), mode="same")))
-    offset = first + (peak + 0.5) * p.offset_bin
-    turns = (np.arctan2(normals[..., 1], normals[..., 0]) - yaw + math.pi) % (2 * math.pi) - math.pi
-    wide = usable & (np.abs(turns) < 2 * p.yaw_window)
-    heights = offsets - offset
-    for _ in range(3):
-        inlier = wide & (np.abs(heights) < p.offset_window)
-        if inlier.sum() < 6:
-            break
-        # The plane may lean: the camera's pose is not free of errors.
-        local = points - centre
-        across = local @ np.array([-normal[1], normal[0], 0.0])
-        matrix = np.stack([across[inlier], local[..., 2][inlier], np.ones(int(inlier.sum()))], axis=1)
-        weight = np.sqrt(area[inlier])
-        solution = np.linalg.lstsq(matrix * weight[:, None], offsets[inlier] * weight, rcond=1e-9)[0]
-        heights = offsets - (solution[0] * across + solution[1] * local[..., 2] + solution[2])
-    members: NDArray[np.bool_] = wide & (np.abs(heights) < p.offset_window)
-    return members
-
-
-def _connected(
-    members: NDArray[np.bool_], planes: LocalPlanes, p: FrontsParameters, focal: float
-) -> list[NDArray[np.bool_]]:
-    """The separate parts of a plane; holes and gaps up to ``max_gap`` do not separate."""
-    depth = float(np.median(planes.points[..., 2][members]))
-    reach = max(1, round(p.max_gap / 2 * focal / depth / planes.stride))
-    kernel = cv2.getStructuringElement(cv2.MORPH_RECT, (2 * reach + 1, 2 * reach + 1))
-    count, labels = cv2.connectedComponents(cv2.dilate(members.astype(np.uint8), kernel), connectivity=4)
-    return [members & (labels == label) for label in range(1, count)]
-
-
-def _front(
-    points: NDArray[np.float64],
-    normals: NDArray[np.float64],
-    part: NDArray[np.bool_],
-    planes: LocalPlanes,
-    shape: tuple[int, ...],
-    p: FrontsParameters,
-    focal: float,
-) -> Front:
-    inliers = points[part]
-    centre = inliers.mean(axis=0)
-    mean_normal = normals[part].mean(axis=0)
-    _, _, axes = np.linalg.svd(inliers - centre, full_matrices=False)
-    normal = axes[2] if axes[2] @ mean_normal > 0 else -axes[2]
-    if normal @ mean_normal < 0.985 * np.linalg.norm(mean_normal):
-        # A strip too thin to span a plane by its points alone.
-        normal = mean_normal / np.linalg.norm(mean_normal)
-    right = np.cross([0.0, 0.0, 1.0], normal)
-    right /= np.linalg.norm(right)
-    rotation = np.stack([right, np.cross(normal, right), normal], axis=1)
-    local = (inliers - centre) @ rotation
-    half = 0.5 * p.window * float(planes.points[..., 2][part].mean()) / focal
-    low, high = local[:, :2].min(axis=0) - half, local[:, :2].max(axis=0) + half
-    matrix = np.eye(4)
-    matrix[:3, :3], matrix[:3, 3] = rotation, centre
-    rms = float(np.sqrt(np.mean(local[:, 2] ** 2)))
-    return Front(Pose.from_matrix(matrix), low, high, _region(part, planes, shape, p, focal), inliers, rms)
-
-
-def _region(
-    part: NDArray[np.bool_], planes: LocalPlanes, shape: tuple[int, ...], p: FrontsParameters, focal: float
-) -> NDArray[np.bool_]:
-    """Grid points of a front as pixels: grown by a window's half, holes closed."""
-    depth = float(planes.points[..., 2][part].mean())
-    reach = max(1, round(p.max_gap / 2 * focal / depth / planes.stride))
-    grown = max(1, round(p.window / 2 / planes.stride))
-    padded = np.pad(part.astype(np.uint8), reach + grown)
-    dilated = cv2.dilate(padded, np.ones((2 * grown + 1, 2 * grown + 1), np.uint8))
-    closed = cv2.morphologyEx(dilated, cv2.MORPH_CLOSE, np.ones((2 * reach + 1, 2 * reach + 1), np.uint8))
-    inner = closed[reach + grown : -(reach + grown), reach + grown : -(reach + grown)]
-    rows, columns = (
-        np.minimum(np.arange(extent) // planes.stride, count - 1)
-        for extent, count in zip(shape, inner.shape, strict=True)
-    )
-    region: NDArray[np.bool_] = inner[np.ix_(rows, columns)] > 0
-    return region

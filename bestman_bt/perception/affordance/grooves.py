@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from bestman_bt.perception.affordance.handle_on_front import HandleOnFront
 from bestman_bt.perception.affordance.lying_front import LyingFront, Rectangle
-from bestman_bt.perception.affordance.panel_borders import PanelBorders, PanelBordersParameters, Side, seams
+from bestman_bt.perception.affordance.panel_borders import BorderSearch, PanelBorders, Side
 from bestman_bt.perception.affordance.rectified import RectifiedFront
 from bestman_bt.perception.affordance.relief import Relief
 
@@ -21,8 +21,10 @@ Kind = Literal["notch", "slot", "strip"]
 
 
 @dataclass(frozen=True)
-class GroovesParameters:
-    """Lengths in metres. A *notch* is cut into a border; a *slot* runs between two panels; an upright *strip* runs
+class GrooveSearch:
+    """Finds lips: borders of a panel beside an opening, where fingers take hold.
+
+    Lengths in metres. A *notch* is cut into a border; a *slot* runs between two panels; an upright *strip* runs
     along the outer border of a door and is open on its other side.
 
     ``width``: of a groove, least and most: room for fingers, no compartment. ``pair_width``: of two that meet, where
@@ -57,6 +59,147 @@ class GroovesParameters:
     lip: Annotated[float, "m"] = 0.017
     position_std: Annotated[float, "m"] = 0.004
 
+    def find(self, front: RectifiedFront, relief: Relief, borders: BorderSearch) -> list[HandleOnFront]:
+        """The lips of all grooves of a front."""
+        found: list[Groove] = []
+        for upright in (False, True):
+            lying = LyingFront.of(front, upright)
+            kinds: tuple[Kind, ...] = ("notch", "slot", "strip") if upright else ("notch", "slot")
+            for kind in kinds:
+                for groove in self._components(lying, kind):
+                    for part in [groove] if kind == "notch" else self._split_at_seams(groove, front, borders):
+                        if all(math.dist(part.centre, other.centre) > 0.04 for other in found):
+                            found.append(part)
+        return [self._lip(_refined(groove, relief)) for groove in found]
+
+    def _openings(self, lying: LyingFront, kind: Kind) -> NDArray[np.bool_]:
+        """The cells that may be grooves of a kind."""
+        if kind == "notch":
+            return lying.closed(1, lying.cells(self.notch_length)) & ~lying.shown & lying.open
+        if kind == "slot":
+            width = self.pair_width[1] if lying.upright else self.width[1]
+            return lying.closed(lying.cells(width) + 1, 1) & ~lying.shown & lying.open
+        with np.errstate(invalid="ignore"):
+            back = (lying.height < -self.back[0]) & (lying.height > -self.back[1])
+        kernel = np.ones((2 * lying.cells(self.strip_width[1]) + 1, 1), np.uint8)
+        return back & (cv2.dilate(lying.shown.astype(np.uint8), kernel) > 0)
+
+    def _components(self, lying: LyingFront, kind: Kind) -> list[Groove]:
+        mask = self._openings(lying, kind).astype(np.uint8)
+        thin = lying.cells(0.5 * self.strip_width[0] if kind == "strip" else 0.4 * self.width[0], 2)
+        opened = cv2.morphologyEx(mask, cv2.MORPH_OPEN, np.ones((thin, thin), np.uint8))
+        opened = cv2.morphologyEx(opened, cv2.MORPH_CLOSE, np.ones((3, 5), np.uint8))
+        count, labels, stats, _ = cv2.connectedComponentsWithStats(opened, connectivity=4)
+        grooves: list[Groove] = []
+        for label in range(1, count):
+            left, top, width, height, _ = (int(value) for value in stats[label])
+            if width * lying.cell >= self.min_length and height * lying.cell >= self.strip_width[0]:
+                part = labels[top : top + height, left : left + width] == label
+                grooves += self._judge(lying, part, (top, left), kind)
+        return grooves
+
+    def _judge(self, lying: LyingFront, part: NDArray[np.bool_], corner: tuple[int, int], kind: Kind) -> list[Groove]:
+        cell = lying.cell
+        upper, lower = np.argmax(part, axis=0), part.shape[0] - np.argmax(part[::-1], axis=0)
+        seen = part.any(axis=0)
+        first, last = float(np.median(upper[seen])), float(np.median(lower[seen]))
+        full = seen & (part.sum(axis=0) > 0.6 * (last - first))
+        if full.sum() * cell < self.min_length:
+            return []
+        columns = np.flatnonzero(full)
+        left, right = int(columns[0]), int(columns[-1]) + 1
+        length, width = (right - left) * cell, (last - first) * cell
+        place = Rectangle(corner[0] + round(first), corner[0] + round(last), corner[1] + left, corner[1] + right)
+        pair = lying.upright and kind != "strip" and self.pair_width[0] <= width <= self.pair_width[1]
+        if not self._has_measures(kind, pair, length, width + cell) or not self._is_opening(lying, place):
+            return []
+        back = (
+            lying.back(place, *self.back, self.back_slope, self.back_share)
+            if lying.upright and kind != "notch"
+            else None
+        )
+        if lying.upright and kind != "notch" and back is None:
+            return []
+        (seen_above, reach_above), (seen_below, reach_below) = (
+            lying.beside(place, above=above) for above in (True, False)
+        )
+        flanks, hidden = lying.flanked(place)
+        if kind == "notch" and flanks < self.ends:
+            return []
+        if (kind == "slot" or pair) and min(seen_above, seen_below) < self.flanks:
+            return []
+        if kind == "strip" and back is not None:
+            fits = self.strip_width[0] <= back[1] <= self.strip_width[1]
+            if not fits or not lying.ends_in_the_open(place, back[0], panel_above=seen_above > seen_below):
+                return []
+            # Its outer border lies behind the front: seen from that side it is farther out.
+            width = min(width, self.width[1])
+        # A level lip belongs to the panel below; an upright one to the door, which is wider than what stands beside it.
+        wide_above = reach_above * (seen_above >= self.flanks) > reach_below * (seen_below >= self.flanks)
+        sides = (-1.0, 1.0) if pair else (-1.0 if lying.upright and wide_above else 1.0,)
+        grooves = []
+        for side in sides:
+            border, share, reach = (lower, seen_below, reach_below) if side > 0 else (upper, seen_above, reach_above)
+            deviation = float(np.abs(border[full] - np.median(border[full])).mean()) * cell
+            if share < self.flanks or reach < self.panel[lying.upright] or deviation > self.straightness + 0.5 * cell:
+                continue
+            row = (place.bottom if side > 0 else place.top) - 0.5
+            centre = lying.point(row, 0.5 * (place.start + place.stop) - 0.5)
+            confidence = share * (1.0 - 0.3 * deviation / self.straightness) * float(full[left:right].mean())
+            inward = side if lying.upright else -side
+            breadth = 0.5 * width if pair else width
+            grooves.append(Groove(centre, length, breadth, lying.upright, inward, max(0.0, confidence), hidden > 0.5))
+        return grooves
+
+    def _split_at_seams(self, groove: Groove, front: RectifiedFront, borders: BorderSearch) -> list[Groove]:
+        """A groove may run along several panels: each has its part of it."""
+        x, y = groove.centre
+        beside = sorted(groove.inward * distance for distance in (0.012, 0.9 * self.panel[0]))
+        half = groove.length / 2 - self.grip
+        along = y if groove.upright else x
+        if groove.upright:
+            low, high = np.array([x + beside[0], y - half]), np.array([x + beside[1], y + half])
+        else:
+            low, high = np.array([x - half, y + beside[0]]), np.array([x + half, y + beside[1]])
+        cuts = sorted(borders.seams(front, low, high, groove.upright))
+        ends = [along - groove.length / 2, *cuts, along + groove.length / 2]
+        parts = []
+        for first, last in pairwise(ends):
+            if last - first >= self.min_length:
+                middle = 0.5 * (first + last)
+                centre = (x, middle) if groove.upright else (middle, y)
+                parts.append(replace(groove, centre=centre, length=last - first))
+        return parts
+
+    def _has_measures(self, kind: Kind, pair: bool, length: float, width: float) -> bool:
+        if kind == "strip":
+            # With the side behind its back, which may be seen beside it.
+            return length >= self.strip_length and width <= self.strip_width[1] + self.width[1]
+        slender = length >= (1.0 if pair else 1.6) * width
+        short = kind != "notch" or length <= self.notch_length
+        return slender and short and (pair or self.width[0] <= width <= self.width[1] + 0.003)
+
+    def _is_opening(self, lying: LyingFront, place: Rectangle) -> bool:
+        """Whether something far enough behind the front is seen, and not mainly what hides it."""
+        inside = lying.height[place.top : place.bottom, place.start : place.stop]
+        known = inside[np.isfinite(inside)]
+        if not len(known):
+            return False
+        return bool((known > 0.01).mean() <= self.before and np.percentile(known, 15) < -self.depth)
+
+    def _lip(self, groove: Groove) -> HandleOnFront:
+        x, y = groove.centre
+        grip, beyond = groove.inward * self.grip, -groove.inward * groove.width
+        if groove.upright:
+            side: Side = "right" if beyond > 0 else "left"
+            borders = replace(PanelBorders(), **{side: x + beyond})
+            middle, angle = np.array([x + grip, y, -self.lip / 2]), math.pi / 2
+        else:
+            borders = PanelBorders(top=y + beyond) if beyond > 0 else PanelBorders(bottom=y + beyond)
+            middle, angle = np.array([x, y + grip, -self.lip / 2]), 0.0
+        measures = (middle, angle, self.lip / 2, groove.length, groove.confidence, self.position_std)
+        return HandleOnFront("edge", *measures, borders, groove.end_hidden)
+
 
 @dataclass(frozen=True)
 class Groove:
@@ -74,155 +217,6 @@ class Groove:
     inward: float
     confidence: float
     end_hidden: bool
-
-
-def find_grooves(
-    front: RectifiedFront, relief: Relief, parameters: GroovesParameters, borders: PanelBordersParameters
-) -> list[HandleOnFront]:
-    """The lips of all grooves of a front."""
-    found: list[Groove] = []
-    for upright in (False, True):
-        lying = LyingFront.of(front, upright)
-        kinds: tuple[Kind, ...] = ("notch", "slot", "strip") if upright else ("notch", "slot")
-        for kind in kinds:
-            for groove in _components(lying, kind, parameters):
-                for part in [groove] if kind == "notch" else _split_at_seams(groove, front, parameters, borders):
-                    if all(math.dist(part.centre, other.centre) > 0.04 for other in found):
-                        found.append(part)
-    return [_lip(_refined(groove, relief), parameters) for groove in found]
-
-
-def _openings(lying: LyingFront, kind: Kind, p: GroovesParameters) -> NDArray[np.bool_]:
-    """The cells that may be grooves of a kind."""
-    if kind == "notch":
-        return lying.closed(1, lying.cells(p.notch_length)) & ~lying.shown & lying.open
-    if kind == "slot":
-        width = p.pair_width[1] if lying.upright else p.width[1]
-        return lying.closed(lying.cells(width) + 1, 1) & ~lying.shown & lying.open
-    with np.errstate(invalid="ignore"):
-        back = (lying.height < -p.back[0]) & (lying.height > -p.back[1])
-    kernel = np.ones((2 * lying.cells(p.strip_width[1]) + 1, 1), np.uint8)
-    return back & (cv2.dilate(lying.shown.astype(np.uint8), kernel) > 0)
-
-
-def _components(lying: LyingFront, kind: Kind, p: GroovesParameters) -> list[Groove]:
-    mask = _openings(lying, kind, p).astype(np.uint8)
-    thin = lying.cells(0.5 * p.strip_width[0] if kind == "strip" else 0.4 * p.width[0], 2)
-    opened = cv2.morphologyEx(mask, cv2.MORPH_OPEN, np.ones((thin, thin), np.uint8))
-    opened = cv2.morphologyEx(opened, cv2.MORPH_CLOSE, np.ones((3, 5), np.uint8))
-    count, labels, stats, _ = cv2.connectedComponentsWithStats(opened, connectivity=4)
-    grooves: list[Groove] = []
-    for label in range(1, count):
-        left, top, width, height, _ = (int(value) for value in stats[label])
-        if width * lying.cell >= p.min_length and height * lying.cell >= p.strip_width[0]:
-            part = labels[top : top + height, left : left + width] == label
-            grooves += _judge(lying, part, (top, left), kind, p)
-    return grooves
-
-
-def _judge(
-    lying: LyingFront, part: NDArray[np.bool_], corner: tuple[int, int], kind: Kind, p: GroovesParameters
-) -> list[Groove]:
-    cell = lying.cell
-    upper, lower = np.argmax(part, axis=0), part.shape[0] - np.argmax(part[::-1], axis=0)
-    seen = part.any(axis=0)
-    first, last = float(np.median(upper[seen])), float(np.median(lower[seen]))
-    full = seen & (part.sum(axis=0) > 0.6 * (last - first))
-    if full.sum() * cell < p.min_length:
-        return []
-    columns = np.flatnonzero(full)
-    left, right = int(columns[0]), int(columns[-1]) + 1
-    length, width = (right - left) * cell, (last - first) * cell
-    place = Rectangle(corner[0] + round(first), corner[0] + round(last), corner[1] + left, corner[1] + right)
-    pair = lying.upright and kind != "strip" and p.pair_width[0] <= width <= p.pair_width[1]
-    if not _has_measures(kind, pair, length, width + cell, p) or not _is_opening(lying, place, p):
-        return []
-    back = lying.back(place, *p.back, p.back_slope, p.back_share) if lying.upright and kind != "notch" else None
-    if lying.upright and kind != "notch" and back is None:
-        return []
-    (seen_above, reach_above), (seen_below, reach_below) = (lying.beside(place, above=above) for above in (True, False))
-    flanks, hidden = lying.flanked(place)
-    if kind == "notch" and flanks < p.ends:
-        return []
-    if (kind == "slot" or pair) and min(seen_above, seen_below) < p.flanks:
-        return []
-    if kind == "strip" and back is not None:
-        fits = p.strip_width[0] <= back[1] <= p.strip_width[1]
-        if not fits or not lying.ends_in_the_open(place, back[0], panel_above=seen_above > seen_below):
-            return []
-        # Its outer border lies behind the front: seen from that side it is farther out.
-        width = min(width, p.width[1])
-    # A level lip belongs to the panel below; an upright one to the door, which is wider than what stands beside it.
-    wide_above = reach_above * (seen_above >= p.flanks) > reach_below * (seen_below >= p.flanks)
-    sides = (-1.0, 1.0) if pair else (-1.0 if lying.upright and wide_above else 1.0,)
-    grooves = []
-    for side in sides:
-        border, share, reach = (lower, seen_below, reach_below) if side > 0 else (upper, seen_above, reach_above)
-        deviation = float(np.abs(border[full] - np.median(border[full])).mean()) * cell
-        if share < p.flanks or reach < p.panel[lying.upright] or deviation > p.straightness + 0.5 * cell:
-            continue
-        row = (place.bottom if side > 0 else place.top) - 0.5
-        centre = lying.point(row, 0.5 * (place.start + place.stop) - 0.5)
-        confidence = share * (1.0 - 0.3 * deviation / p.straightness) * float(full[left:right].mean())
-        inward = side if lying.upright else -side
-        breadth = 0.5 * width if pair else width
-        grooves.append(Groove(centre, length, breadth, lying.upright, inward, max(0.0, confidence), hidden > 0.5))
-    return grooves
-
-
-def _split_at_seams(
-    groove: Groove, front: RectifiedFront, p: GroovesParameters, borders: PanelBordersParameters
-) -> list[Groove]:
-    """A groove may run along several panels: each has its part of it."""
-    x, y = groove.centre
-    beside = sorted(groove.inward * distance for distance in (0.012, 0.9 * p.panel[0]))
-    half = groove.length / 2 - p.grip
-    along = y if groove.upright else x
-    if groove.upright:
-        low, high = np.array([x + beside[0], y - half]), np.array([x + beside[1], y + half])
-    else:
-        low, high = np.array([x - half, y + beside[0]]), np.array([x + half, y + beside[1]])
-    cuts = sorted(seams(front, low, high, groove.upright, borders))
-    ends = [along - groove.length / 2, *cuts, along + groove.length / 2]
-    parts = []
-    for first, last in pairwise(ends):
-        if last - first >= p.min_length:
-            middle = 0.5 * (first + last)
-            centre = (x, middle) if groove.upright else (middle, y)
-            parts.append(replace(groove, centre=centre, length=last - first))
-    return parts
-
-
-def _has_measures(kind: Kind, pair: bool, length: float, width: float, p: GroovesParameters) -> bool:
-    if kind == "strip":
-        # With the side behind its back, which may be seen beside it.
-        return length >= p.strip_length and width <= p.strip_width[1] + p.width[1]
-    slender = length >= (1.0 if pair else 1.6) * width
-    short = kind != "notch" or length <= p.notch_length
-    return slender and short and (pair or p.width[0] <= width <= p.width[1] + 0.003)
-
-
-def _is_opening(lying: LyingFront, place: Rectangle, p: GroovesParameters) -> bool:
-    """Whether something far enough behind the front is seen, and not mainly what hides it."""
-    inside = lying.height[place.top : place.bottom, place.start : place.stop]
-    known = inside[np.isfinite(inside)]
-    if not len(known):
-        return False
-    return bool((known > 0.01).mean() <= p.before and np.percentile(known, 15) < -p.depth)
-
-
-def _lip(groove: Groove, p: GroovesParameters) -> HandleOnFront:
-    x, y = groove.centre
-    grip, beyond = groove.inward * p.grip, -groove.inward * groove.width
-    if groove.upright:
-        side: Side = "right" if beyond > 0 else "left"
-        borders = replace(PanelBorders(), **{side: x + beyond})
-        middle, angle = np.array([x + grip, y, -p.lip / 2]), math.pi / 2
-    else:
-        borders = PanelBorders(top=y + beyond) if beyond > 0 else PanelBorders(bottom=y + beyond)
-        middle, angle = np.array([x, y + grip, -p.lip / 2]), 0.0
-    measures = (middle, angle, p.lip / 2, groove.length, groove.confidence, p.position_std)
-    return HandleOnFront("edge", *measures, borders, groove.end_hidden)
 
 
 def _refined(groove: Groove, relief: Relief, reach: float = 0.018) -> Groove:

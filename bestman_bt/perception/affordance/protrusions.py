@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from bestman_bt.perception.affordance.handle_on_front import HandleOnFront
 from bestman_bt.perception.affordance.relief import Relief
-from bestman_bt.perception.affordance.surround import Surround, SurroundParameters
+from bestman_bt.perception.affordance.surround import Surround, SurroundLimits
 
 # Mean distance of the seen half of a cylinder from its axis, in radii, where pixels fall evenly on its width.
 _SEEN_DISTANCE = math.pi / 4
@@ -24,8 +24,10 @@ Pixels = tuple[NDArray[np.intp], NDArray[np.intp]]
 
 
 @dataclass(frozen=True)
-class ProtrusionsParameters:
-    """Lengths in metres.
+class ProtrusionSearch:
+    """Finds bars and knobs before a front.
+
+    Lengths in metres.
 
     ``low``, ``high``: heights before the front at which bars and knobs are seen. ``layers``: of heights that are
     searched one by one, so that what stands close before a handle does not swallow it. ``significance``: a
@@ -62,173 +64,165 @@ class ProtrusionsParameters:
     max_slope: Annotated[float, "rad"] = math.radians(10.0)
     min_filled: float = 0.75
     finger_room: Annotated[float, "m"] = 0.008
-    surround: SurroundParameters = field(default_factory=SurroundParameters)
+    surround: SurroundLimits = field(default_factory=SurroundLimits)
 
+    def find(self, relief: Relief) -> list[HandleOnFront]:
+        """All bars and knobs before one front; the same one may be found more than once."""
+        with np.errstate(invalid="ignore"):
+            limit = np.maximum(self.low, self.significance * relief.noise)
+            before = relief.near & (relief.height > limit) & (relief.height < self.high)
+        crowded = cv2.boxFilter(before.astype(np.uint8), cv2.CV_32F, (5, 5), normalize=False) >= 2
+        rows, columns = np.nonzero(before & crowded)
+        pixels: Pixels = (rows, columns)
+        if len(pixels[0]) < self.min_pixels:
+            return []
+        flat, height = relief.on_level(pixels, 0.0), relief.height[pixels]
+        found: list[HandleOnFront] = []
+        free = np.ones(len(height), dtype=bool)
+        for low, high in ((self.low, self.high), *self.layers):
+            layer = np.flatnonzero(free & (height > low) & (height < high))
+            if len(layer) < self.min_pixels:
+                continue
+            for group in self._groups(flat[layer], max(0.003, relief.pixel_size())):
+                members = layer[group]
+                one = self._judge(relief, (pixels[0][members], pixels[1][members]))
+                if one is not None:
+                    found.append(one)
+                    free[members] = False
+        return found
 
-def find_protrusions(relief: Relief, parameters: ProtrusionsParameters) -> list[HandleOnFront]:
-    """All bars and knobs before one front; the same one may be found more than once."""
-    p = parameters
-    with np.errstate(invalid="ignore"):
-        limit = np.maximum(p.low, p.significance * relief.noise)
-        before = relief.near & (relief.height > limit) & (relief.height < p.high)
-    crowded = cv2.boxFilter(before.astype(np.uint8), cv2.CV_32F, (5, 5), normalize=False) >= 2
-    rows, columns = np.nonzero(before & crowded)
-    pixels: Pixels = (rows, columns)
-    if len(pixels[0]) < p.min_pixels:
-        return []
-    flat, height = relief.on_level(pixels, 0.0), relief.height[pixels]
-    found: list[HandleOnFront] = []
-    free = np.ones(len(height), dtype=bool)
-    for low, high in ((p.low, p.high), *p.layers):
-        layer = np.flatnonzero(free & (height > low) & (height < high))
-        if len(layer) < p.min_pixels:
-            continue
-        for group in _groups(flat[layer], max(0.003, relief.pixel_size()), p):
-            members = layer[group]
-            one = _judge(relief, (pixels[0][members], pixels[1][members]), p)
-            if one is not None:
-                found.append(one)
-                free[members] = False
-    return found
+    def _groups(self, flat: NDArray[np.float64], cell: float) -> list[NDArray[np.intp]]:
+        """Points (N, 2), metres, that lie near each other in all directions, or along a level or an upright bar.
 
+        Their cells are those of the front's plane: there a bar is level or upright, whatever the camera's angle.
+        """
+        places = np.floor((flat - flat.min(axis=0)) / cell).astype(np.intp)
+        near, far = 2 * math.ceil(self.gap / cell / 2) + 1, 2 * math.ceil(self.bar_gap / cell / 2) + 1
+        places += far
+        mask = np.zeros(places.max(axis=0) + far + 1, dtype=np.uint8)
+        mask[places[:, 0], places[:, 1]] = 1
+        groups: dict[bytes, NDArray[np.intp]] = {}
+        for size in ((near, near), (far, 3), (3, far)):
+            closed = cv2.morphologyEx(mask, cv2.MORPH_CLOSE, np.ones(size, np.uint8))
+            count, labels = cv2.connectedComponents(closed, connectivity=8)
+            label_of = labels[places[:, 0], places[:, 1]]
+            order = np.argsort(label_of, kind="stable")
+            borders = np.searchsorted(label_of[order], np.arange(1, count + 1))
+            for first, last in pairwise(borders):
+                if last - first >= self.min_pixels:
+                    groups.setdefault(order[first:last].tobytes(), order[first:last])
+        return list(groups.values())
 
-def _groups(flat: NDArray[np.float64], cell: float, p: ProtrusionsParameters) -> list[NDArray[np.intp]]:
-    """Points (N, 2), metres, that lie near each other in all directions, or along a level or an upright bar.
+    def _judge(self, relief: Relief, pixels: Pixels) -> HandleOnFront | None:
+        pixel = relief.pixel_size()
+        if len(pixels[0]) * pixel**2 > self.bar_length[1] * self.post_reach:
+            return None
+        heights = relief.height[pixels]
+        level, sigma = float(np.median(heights)), float(np.median(relief.noise[pixels]))
+        # Posts are left out.
+        top = np.abs(heights - level) < self.level_spread + 3.0 * sigma
+        if top.sum() < self.min_pixels or top.mean() < 0.4:
+            return None
+        flat = relief.on_level((pixels[0][top], pixels[1][top]), level)
+        low, high = flat.min(axis=0), flat.max(axis=0)
+        if (high - low).max() > self.bar_length[1]:
+            return None
+        centre = flat.mean(axis=0)
+        axes = _axes(flat - centre)
+        length, width = (_extent((flat - centre) @ axis) + 0.5 * pixel for axis in axes)
+        like_bar = length >= self.bar_slenderness * width and length >= self.bar_length[0] and width < self.post_reach
+        like_knob = (
+            length <= self.knob_size[1] and width >= self.knob_size[0] and length < self.knob_slenderness * width
+        )
+        if not (like_bar or like_knob):
+            return None
+        members = self._members(relief, low, high, level, sigma)
+        if len(members[0]) < self.min_pixels:
+            return None
+        return (self._bar if like_bar else self._knob)(relief, members, sigma)
 
-    Their cells are those of the front's plane: there a bar is level or upright, whatever the camera's angle.
-    """
-    places = np.floor((flat - flat.min(axis=0)) / cell).astype(np.intp)
-    near, far = 2 * math.ceil(p.gap / cell / 2) + 1, 2 * math.ceil(p.bar_gap / cell / 2) + 1
-    places += far
-    mask = np.zeros(places.max(axis=0) + far + 1, dtype=np.uint8)
-    mask[places[:, 0], places[:, 1]] = 1
-    groups: dict[bytes, NDArray[np.intp]] = {}
-    for size in ((near, near), (far, 3), (3, far)):
-        closed = cv2.morphologyEx(mask, cv2.MORPH_CLOSE, np.ones(size, np.uint8))
-        count, labels = cv2.connectedComponents(closed, connectivity=8)
-        label_of = labels[places[:, 0], places[:, 1]]
-        order = np.argsort(label_of, kind="stable")
-        borders = np.searchsorted(label_of[order], np.arange(1, count + 1))
-        for first, last in pairwise(borders):
-            if last - first >= p.min_pixels:
-                groups.setdefault(order[first:last].tobytes(), order[first:last])
-    return list(groups.values())
-
-
-def _judge(relief: Relief, pixels: Pixels, p: ProtrusionsParameters) -> HandleOnFront | None:
-    pixel = relief.pixel_size()
-    if len(pixels[0]) * pixel**2 > p.bar_length[1] * p.post_reach:
-        return None
-    heights = relief.height[pixels]
-    level, sigma = float(np.median(heights)), float(np.median(relief.noise[pixels]))
-    # Posts are left out.
-    top = np.abs(heights - level) < p.level_spread + 3.0 * sigma
-    if top.sum() < p.min_pixels or top.mean() < 0.4:
-        return None
-    flat = relief.on_level((pixels[0][top], pixels[1][top]), level)
-    low, high = flat.min(axis=0), flat.max(axis=0)
-    if (high - low).max() > p.bar_length[1]:
-        return None
-    centre = flat.mean(axis=0)
-    axes = _axes(flat - centre)
-    length, width = (_extent((flat - centre) @ axis) + 0.5 * pixel for axis in axes)
-    like_bar = length >= p.bar_slenderness * width and length >= p.bar_length[0] and width < p.post_reach
-    like_knob = length <= p.knob_size[1] and width >= p.knob_size[0] and length < p.knob_slenderness * width
-    if not (like_bar or like_knob):
-        return None
-    members = _members(relief, low, high, level, sigma, p)
-    if len(members[0]) < p.min_pixels:
-        return None
-    return (_bar if like_bar else _knob)(relief, members, sigma, p)
-
-
-def _members(
-    relief: Relief,
-    low: NDArray[np.float64],
-    high: NDArray[np.float64],
-    level: float,
-    sigma: float,
-    p: ProtrusionsParameters,
-) -> Pixels:
-    """All pixels of a thing: halfway between the front and it is the limit that errs least."""
-    pixel = relief.pixel_size()
-    rows, columns = relief.window(low - pixel, high + pixel, level)
-    height = relief.height[rows, columns]
-    with np.errstate(invalid="ignore"):
-        chosen = (height > 0.5 * level) & (np.abs(height - level) < p.level_spread + 3.0 * sigma)
-    inside = np.nonzero(chosen)
-    pixels = (inside[0] + rows.start, inside[1] + columns.start)
-    flat = relief.on_level(pixels, level)
-    within = ((flat > low - pixel) & (flat < high + pixel)).all(axis=1)
-    return pixels[0][within], pixels[1][within]
-
-
-def _bar(relief: Relief, pixels: Pixels, sigma: float, p: ProtrusionsParameters) -> HandleOnFront | None:
-    heights = relief.height[pixels]
-    seen_level = level = float(heights.mean())
-    for _ in range(2):
+    def _members(
+        self, relief: Relief, low: NDArray[np.float64], high: NDArray[np.float64], level: float, sigma: float
+    ) -> Pixels:
+        """All pixels of a thing: halfway between the front and it is the limit that errs least."""
+        pixel = relief.pixel_size()
+        rows, columns = relief.window(low - pixel, high + pixel, level)
+        height = relief.height[rows, columns]
+        with np.errstate(invalid="ignore"):
+            chosen = (height > 0.5 * level) & (np.abs(height - level) < self.level_spread + 3.0 * sigma)
+        inside = np.nonzero(chosen)
+        pixels = (inside[0] + rows.start, inside[1] + columns.start)
         flat = relief.on_level(pixels, level)
-        centre, along, keep = _line(flat)
-        s, t = (flat - centre) @ along, (flat - centre) @ np.array([-along[1], along[0]])
-        to_eye = relief.eye - np.array([*centre, level])
-        to_eye -= np.array([*along, 0.0]) * (to_eye[:2] @ along)
-        facing = float(to_eye[2] / np.linalg.norm(to_eye))
-        # Pixels fall evenly on the width; its standard deviation does not mind those that dropped out.
-        radius = max(0.003, facing * math.sqrt(3.0) * float(np.std(t[keep])))
-        level = seen_level - _SEEN_DISTANCE * radius * facing
-    if level - radius < p.finger_room:
-        return None
-    low, high = float(s[keep].min()), float(s[keep].max())
-    length = high - low
-    if not (p.bar_width[0] <= 2 * radius <= p.bar_width[1] and p.bar_length[0] <= length <= p.bar_length[1]):
-        return None
-    slope = float(np.polyfit(s[keep], heights[keep], 1)[0])
-    slope_std = sigma / (math.sqrt(float(keep.sum())) * float(np.std(s[keep])))
-    if abs(math.atan(slope)) > p.max_slope + 2 * slope_std:
-        return None
-    middle = centre + 0.5 * (low + high) * along
-    surround = Surround(relief, flat[keep].min(axis=0), flat[keep].max(axis=0), level, p.surround)
-    bins = max(3, int(length / max(0.012, 2.5 * relief.pixel_size())))
-    where = np.concatenate([s[keep], surround.hidden(middle, along, radius) + 0.5 * (low + high)])
-    where = where[(where >= low) & (where <= high)]
-    filled = np.bincount(np.minimum(((where - low) / length * bins).astype(int), bins - 1), minlength=bins) > 0
-    if filled.mean() < p.min_filled:
-        return None
-    free = surround.bar(middle, along, length, radius)
-    if free is None:
-        return None
-    count = float(keep.sum())
-    lateral = radius / math.sqrt(count) + 0.3 * relief.pixel_size()
-    std = math.sqrt((sigma / math.sqrt(count)) ** 2 + lateral**2 + 0.0015**2)
-    confidence = min(1.0, free[0] * float(filled.mean()) * (1.0 - math.exp(-count / 12.0)))
-    angle = math.atan2(along[1], along[0])
-    centre_of_bar = np.array([*middle, level])
-    return HandleOnFront("bar", centre_of_bar, angle, radius, length, confidence, std, end_hidden=free[1])
+        within = ((flat > low - pixel) & (flat < high + pixel)).all(axis=1)
+        return pixels[0][within], pixels[1][within]
 
+    def _bar(self, relief: Relief, pixels: Pixels, sigma: float) -> HandleOnFront | None:
+        heights = relief.height[pixels]
+        seen_level = level = float(heights.mean())
+        for _ in range(2):
+            flat = relief.on_level(pixels, level)
+            centre, along, keep = _line(flat)
+            s, t = (flat - centre) @ along, (flat - centre) @ np.array([-along[1], along[0]])
+            to_eye = relief.eye - np.array([*centre, level])
+            to_eye -= np.array([*along, 0.0]) * (to_eye[:2] @ along)
+            facing = float(to_eye[2] / np.linalg.norm(to_eye))
+            # Pixels fall evenly on the width; its standard deviation does not mind those that dropped out.
+            radius = max(0.003, facing * math.sqrt(3.0) * float(np.std(t[keep])))
+            level = seen_level - _SEEN_DISTANCE * radius * facing
+        if level - radius < self.finger_room:
+            return None
+        low, high = float(s[keep].min()), float(s[keep].max())
+        length = high - low
+        if not (
+            self.bar_width[0] <= 2 * radius <= self.bar_width[1] and self.bar_length[0] <= length <= self.bar_length[1]
+        ):
+            return None
+        slope = float(np.polyfit(s[keep], heights[keep], 1)[0])
+        slope_std = sigma / (math.sqrt(float(keep.sum())) * float(np.std(s[keep])))
+        if abs(math.atan(slope)) > self.max_slope + 2 * slope_std:
+            return None
+        middle = centre + 0.5 * (low + high) * along
+        surround = Surround(relief, flat[keep].min(axis=0), flat[keep].max(axis=0), level, self.surround)
+        bins = max(3, int(length / max(0.012, 2.5 * relief.pixel_size())))
+        where = np.concatenate([s[keep], surround.hidden(middle, along, radius) + 0.5 * (low + high)])
+        where = where[(where >= low) & (where <= high)]
+        filled = np.bincount(np.minimum(((where - low) / length * bins).astype(int), bins - 1), minlength=bins) > 0
+        if filled.mean() < self.min_filled:
+            return None
+        free = surround.bar(middle, along, length, radius)
+        if free is None:
+            return None
+        count = float(keep.sum())
+        lateral = radius / math.sqrt(count) + 0.3 * relief.pixel_size()
+        std = math.sqrt((sigma / math.sqrt(count)) ** 2 + lateral**2 + 0.0015**2)
+        confidence = min(1.0, free[0] * float(filled.mean()) * (1.0 - math.exp(-count / 12.0)))
+        angle = math.atan2(along[1], along[0])
+        centre_of_bar = np.array([*middle, level])
+        return HandleOnFront("bar", centre_of_bar, angle, radius, length, confidence, std, end_hidden=free[1])
 
-def _knob(relief: Relief, pixels: Pixels, sigma: float, p: ProtrusionsParameters) -> HandleOnFront | None:
-    heights = relief.height[pixels]
-    level = float(np.median(heights))
-    if level < p.knob_height:
-        return None
-    flat = relief.on_level(pixels, level)
-    # Seen aslant, the side of a knob lengthens it: its breadth tells its size.
-    breadth = float(np.ptp((flat - flat.mean(axis=0)) @ _axes(flat - flat.mean(axis=0))[1]))
-    radius = 0.5 * breadth + 0.5 * relief.pixel_size()
-    if not p.knob_radius[0] <= radius <= p.knob_radius[1]:
-        return None
-    low, high = flat.min(axis=0), flat.max(axis=0)
-    share = Surround(relief, low, high, level, p.surround).knob(0.5 * (low + high), radius)
-    if share is None:
-        return None
-    level -= _SEEN_KNOB * radius
-    if level < p.knob_standoff * radius:
-        return None
-    flat = relief.on_level(pixels, level)
-    centre = 0.5 * (flat.min(axis=0) + flat.max(axis=0))
-    std = math.sqrt((sigma / math.sqrt(len(heights))) ** 2 + 0.003**2)
-    confidence = min(1.0, share * (1.0 - math.exp(-len(heights) / 10.0)))
-    return HandleOnFront("knob", np.array([*centre, level]), 0.0, radius, 2 * radius, confidence, std)
+    def _knob(self, relief: Relief, pixels: Pixels, sigma: float) -> HandleOnFront | None:
+        heights = relief.height[pixels]
+        level = float(np.median(heights))
+        if level < self.knob_height:
+            return None
+        flat = relief.on_level(pixels, level)
+        # Seen aslant, the side of a knob lengthens it: its breadth tells its size.
+        breadth = float(np.ptp((flat - flat.mean(axis=0)) @ _axes(flat - flat.mean(axis=0))[1]))
+        radius = 0.5 * breadth + 0.5 * relief.pixel_size()
+        if not self.knob_radius[0] <= radius <= self.knob_radius[1]:
+            return None
+        low, high = flat.min(axis=0), flat.max(axis=0)
+        share = Surround(relief, low, high, level, self.surround).knob(0.5 * (low + high), radius)
+        if share is None:
+            return None
+        level -= _SEEN_KNOB * radius
+        if level < self.knob_standoff * radius:
+            return None
+        flat = relief.on_level(pixels, level)
+        centre = 0.5 * (flat.min(axis=0) + flat.max(axis=0))
+        std = math.sqrt((sigma / math.sqrt(len(heights))) ** 2 + 0.003**2)
+        confidence = min(1.0, share * (1.0 - math.exp(-len(heights) / 10.0)))
+        return HandleOnFront("knob", np.array([*centre, level]), 0.0, radius, 2 * radius, confidence, std)
 
 
 def _line(flat: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from bestman_bt.perception.affordance.fronts import Front, FrontsParameters
+from bestman_bt.perception.affordance.fronts import Front, FrontSearch
 from bestman_bt.perception.view import View
 
 
@@ -58,7 +58,7 @@ class Relief:
         return float(np.linalg.norm(self.eye) * np.linalg.norm(self.rays[0, 1] - self.rays[0, 0]))
 
 
-def relief(view: View, front: Front, parameters: FrontsParameters, margin: float = 0.08) -> Relief:
+def relief(view: View, front: Front, search: FrontSearch, margin: float = 0.08) -> Relief:
     """The relief of ``front``, with ``margin`` metres around it."""
     k = view.image.intrinsics
     grow = max(
@@ -75,6 +75,6 @@ def relief(view: View, front: Front, parameters: FrontsParameters, margin: float
     depth = view.image.depth[rows, columns].astype(np.float64)
     known = np.isfinite(depth) & (depth > 0)
     height = np.where(known, rays[..., 2] * depth + eye[2], np.nan)
-    noise = parameters.noise(np.where(known, depth, 0.4)) + 0.0005
+    noise = search.noise(np.where(known, depth, 0.4)) + 0.0005
     near = cv2.dilate(front.region[rows, columns].astype(np.uint8), np.ones((2 * grow + 1, 2 * grow + 1), np.uint8)) > 0
     return Relief(front, rows, columns, height, noise, near, rays, eye)

@@ -13,8 +13,10 @@ from bestman_bt.perception.affordance.relief import Relief
 
 
 @dataclass(frozen=True)
-class SurroundParameters:
-    """Lengths in metres.
+class SurroundLimits:
+    """What has to be seen around a handle.
+
+    Lengths in metres.
 
     ``ring``: width of the strip around; ``edge_pixels``: between it and the thing, where depth drops out.
     ``sides``: least share of a strip that must show the front; ``ends``: least share beyond an end of a bar that lies
@@ -35,7 +37,7 @@ class Surround:
     """The pixels around a thing from ``low`` to ``high`` (x, y), ``level`` metres before its front."""
 
     def __init__(
-        self, relief: Relief, low: NDArray[np.float64], high: NDArray[np.float64], level: float, p: SurroundParameters
+        self, relief: Relief, low: NDArray[np.float64], high: NDArray[np.float64], level: float, p: SurroundLimits
     ) -> None:
         self._p = p
         self._margin = p.edge_pixels * relief.pixel_size()

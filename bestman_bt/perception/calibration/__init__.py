@@ -2,21 +2,20 @@
 
 from bestman_bt.perception.calibration.board_chain import (
     BoardView,
-    ChainParameters,
+    ChainCalibration,
     ChainPoses,
     ChainResult,
-    calibrate_chain,
 )
 from bestman_bt.perception.calibration.board_pose import BoardPose, board_pose, project
 from bestman_bt.perception.calibration.boards import Board, BoardSighting, CharucoBoard, Checkerboard
-from bestman_bt.perception.calibration.daniilidis import Daniilidis, DaniilidisParameters
-from bestman_bt.perception.calibration.depth_error import DepthErrorParameters, DepthErrorResult, calibrate_depth
+from bestman_bt.perception.calibration.daniilidis import Daniilidis
+from bestman_bt.perception.calibration.depth_error import DepthCalibration, DepthErrorResult
 from bestman_bt.perception.calibration.errors import CalibrationError, DegenerateMotionError
-from bestman_bt.perception.calibration.hand_eye import HandEye, HandEyeParameters, HandEyeResult
+from bestman_bt.perception.calibration.hand_eye import HandEye, HandEyeResult
 from bestman_bt.perception.calibration.hand_eye_refinement import HandEyeNoise
 from bestman_bt.perception.calibration.head_camera import HeadAxes, HeadCameraResult, calibrate_head_camera
-from bestman_bt.perception.calibration.intrinsics import IntrinsicsParameters, IntrinsicsResult, calibrate_intrinsics
-from bestman_bt.perception.calibration.park_martin import ParkMartin, ParkMartinParameters
+from bestman_bt.perception.calibration.intrinsics import IntrinsicsCalibration, IntrinsicsResult
+from bestman_bt.perception.calibration.park_martin import ParkMartin
 
 __all__ = [
     "Board",
@@ -24,30 +23,24 @@ __all__ = [
     "BoardSighting",
     "BoardView",
     "CalibrationError",
-    "ChainParameters",
+    "ChainCalibration",
     "ChainPoses",
     "ChainResult",
     "CharucoBoard",
     "Checkerboard",
     "Daniilidis",
-    "DaniilidisParameters",
     "DegenerateMotionError",
-    "DepthErrorParameters",
+    "DepthCalibration",
     "DepthErrorResult",
     "HandEye",
     "HandEyeNoise",
-    "HandEyeParameters",
     "HandEyeResult",
     "HeadAxes",
     "HeadCameraResult",
-    "IntrinsicsParameters",
+    "IntrinsicsCalibration",
     "IntrinsicsResult",
     "ParkMartin",
-    "ParkMartinParameters",
     "board_pose",
-    "calibrate_chain",
-    "calibrate_depth",
     "calibrate_head_camera",
-    "calibrate_intrinsics",
     "project",
 ]

@@ -5,19 +5,18 @@ Daniilidis, "Hand-eye calibration using dual quaternions", International Journal
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from bestman_bt.messages import Pose
 from bestman_bt.perception.calibration.errors import DegenerateMotionError
-from bestman_bt.perception.calibration.hand_eye import HandEye, HandEyeParameters, RelativeMotions
+from bestman_bt.perception.calibration.hand_eye import HandEye, RelativeMotions
 
 
-class DaniilidisParameters(HandEyeParameters):
-    """As for every hand-eye calibration."""
-
-
+@dataclass(frozen=True)
 class Daniilidis(HandEye):
     """Rotation and translation at once: the dual quaternion of X spans the null space of all motions."""
 

@@ -17,8 +17,10 @@ from bestman_bt.perception.camera_model import DepthCorrection
 
 
 @dataclass(frozen=True)
-class DepthErrorParameters:
-    """``margin``: share of the seen pattern's size that is left out at its border. ``min_pixels``: of a view.
+class DepthCalibration:
+    """Fits scale and offset of a depth sensor.
+
+    ``margin``: share of the seen pattern's size that is left out at its border. ``min_pixels``: of a view.
 
     ``outlier``: metres from which on a view counts less. ``min_range``: metres between the nearest and the farthest
     view, else scale and offset cannot be told apart.
@@ -28,6 +30,64 @@ class DepthErrorParameters:
     outlier: float = 0.005
     min_pixels: int = 200
     min_range: float = 0.25
+
+    def calibrate(
+        self, views: Sequence[tuple[BoardSighting, Pose, NDArray[np.float32]]], intrinsics: CameraIntrinsics
+    ) -> DepthErrorResult:
+        """Fit scale and offset.
+
+        ``views``: corners, ``eye_from_board`` by them, and the depth image (H, W) as told, metres. Raises
+        CalibrationError, or DegenerateMotionError where all views are from one distance.
+        """
+        pairs = [self.told_and_true(*view, intrinsics) for view in views]
+        usable = np.array([pair for pair in pairs if pair is not None]).reshape(-1, 2)
+        if len(usable) < 3:
+            raise CalibrationError(
+                f"{len(usable)} of {len(views)} views have depth on the board, at least 3 are needed"
+            )
+        told, true = usable.T
+        if np.ptp(true) < self.min_range:
+            raise DegenerateMotionError(
+                f"all views are from {true.min():.2f} to {true.max():.2f} m: scale and offset of the depth cannot be "
+                f"told apart; record views at least {self.min_range:g} m nearer and farther"
+            )
+        solved = least_squares(lambda x: x[0] * true + x[1] - told, [1.0, 0.0], loss="soft_l1", f_scale=self.outlier)
+        residuals = solved.x[0] * true + solved.x[1] - told
+        variance = float(np.sum(residuals**2)) / max(len(true) - 2, 1)
+        covariance = variance * np.linalg.inv(solved.jac.T @ solved.jac)
+        scale, offset = (float(value) for value in solved.x)
+        if not scale > 0.0:
+            raise CalibrationError(
+                f"told depths fall as true ones rise (scale {scale:.3f}): is the depth image aligned?"
+            )
+        deviations = np.sqrt(np.diag(covariance))
+        return DepthErrorResult(
+            DepthCorrection(scale, offset), float(deviations[0]), float(deviations[1]), true, residuals
+        )
+
+    def told_and_true(
+        self, sighting: BoardSighting, eye_from_board: Pose, depth: NDArray[np.float32], intrinsics: CameraIntrinsics
+    ) -> tuple[float, float] | None:
+        """Median told depth and the true depth there, metres, over the pixels that show the pattern.
+
+        None if too few do.
+        """
+        outline = cv2.convexHull(sighting.pixels.astype(np.float32)).reshape(-1, 2)
+        middle = outline.mean(axis=0)
+        outline = middle + (1.0 - self.margin) * (outline - middle)
+        mask = np.zeros(depth.shape, dtype=np.uint8)
+        cv2.fillConvexPoly(mask, np.rint(outline).astype(np.int32), 1)
+        v, u = np.nonzero((mask > 0) & np.isfinite(depth) & (depth > 0.0))
+        if len(u) < self.min_pixels:
+            return None
+        pixels = np.stack([u, v], axis=1).astype(float).reshape(-1, 1, 2)
+        rays = cv2.undistortPoints(pixels, intrinsics.matrix, np.array(intrinsics.distortion)).reshape(-1, 2)
+        normal = eye_from_board.rotation[:, 2]
+        true = normal @ eye_from_board.position / (rays @ normal[:2] + normal[2])
+        # The median of the difference is robust against holes and edges; both ends are told at the mean distance.
+        difference = float(np.median(depth[v, u] - true))
+        at = float(np.mean(true))
+        return at + difference, at
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,59 +102,3 @@ class DepthErrorResult:
     offset_std: float
     distances: NDArray[np.float64]
     residuals: NDArray[np.float64]
-
-
-def calibrate_depth(
-    views: Sequence[tuple[BoardSighting, Pose, NDArray[np.float32]]],
-    intrinsics: CameraIntrinsics,
-    parameters: DepthErrorParameters = DepthErrorParameters(),
-) -> DepthErrorResult:
-    """Fit scale and offset. ``views``: corners, ``eye_from_board`` by them, and the depth image (H, W) as told, metres.
-
-    Raises CalibrationError, or DegenerateMotionError where all views are from one distance.
-    """
-    pairs = [told_and_true(*view, intrinsics, parameters) for view in views]
-    usable = np.array([pair for pair in pairs if pair is not None]).reshape(-1, 2)
-    if len(usable) < 3:
-        raise CalibrationError(f"{len(usable)} of {len(views)} views have depth on the board, at least 3 are needed")
-    told, true = usable.T
-    if np.ptp(true) < parameters.min_range:
-        raise DegenerateMotionError(
-            f"all views are from {true.min():.2f} to {true.max():.2f} m: scale and offset of the depth cannot be told "
-            f"apart; record views at least {parameters.min_range:g} m nearer and farther"
-        )
-    solved = least_squares(lambda x: x[0] * true + x[1] - told, [1.0, 0.0], loss="soft_l1", f_scale=parameters.outlier)
-    residuals = solved.x[0] * true + solved.x[1] - told
-    variance = float(np.sum(residuals**2)) / max(len(true) - 2, 1)
-    covariance = variance * np.linalg.inv(solved.jac.T @ solved.jac)
-    scale, offset = (float(value) for value in solved.x)
-    if not scale > 0.0:
-        raise CalibrationError(f"told depths fall as true ones rise (scale {scale:.3f}): is the depth image aligned?")
-    deviations = np.sqrt(np.diag(covariance))
-    return DepthErrorResult(DepthCorrection(scale, offset), float(deviations[0]), float(deviations[1]), true, residuals)
-
-
-def told_and_true(
-    sighting: BoardSighting,
-    eye_from_board: Pose,
-    depth: NDArray[np.float32],
-    intrinsics: CameraIntrinsics,
-    parameters: DepthErrorParameters = DepthErrorParameters(),
-) -> tuple[float, float] | None:
-    """Median told depth and the true depth there, metres, over the pixels that show the pattern; None if too few do."""
-    outline = cv2.convexHull(sighting.pixels.astype(np.float32)).reshape(-1, 2)
-    middle = outline.mean(axis=0)
-    outline = middle + (1.0 - parameters.margin) * (outline - middle)
-    mask = np.zeros(depth.shape, dtype=np.uint8)
-    cv2.fillConvexPoly(mask, np.rint(outline).astype(np.int32), 1)
-    v, u = np.nonzero((mask > 0) & np.isfinite(depth) & (depth > 0.0))
-    if len(u) < parameters.min_pixels:
-        return None
-    pixels = np.stack([u, v], axis=1).astype(float).reshape(-1, 1, 2)
-    rays = cv2.undistortPoints(pixels, intrinsics.matrix, np.array(intrinsics.distortion)).reshape(-1, 2)
-    normal = eye_from_board.rotation[:, 2]
-    true = normal @ eye_from_board.position / (rays @ normal[:2] + normal[2])
-    # The median of the difference is robust against holes and edges; both ends are told at the mean distance.
-    difference = float(np.median(depth[v, u] - true))
-    at = float(np.mean(true))
-    return at + difference, at

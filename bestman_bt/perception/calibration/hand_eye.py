@@ -19,22 +19,6 @@ LARGEST_ANGLE = math.radians(170.0)
 """Motions that turn further are left out: near half a turn the sign of their axis is chance."""
 
 
-@dataclass(frozen=True)
-class HandEyeParameters:
-    """``refine``: whether least squares follow the closed form. ``noise``: of the poses, weighs the residuals.
-
-    ``min_views``: fewer are refused. ``min_second_rotation``: radians (root mean square, between views) about the
-    second axis. ``max_angle_mismatch``: radians by which the median motion of the camera may turn differently from its
-    carrier.
-    """
-
-    refine: bool = True
-    noise: HandEyeNoise = field(default_factory=HandEyeNoise)
-    min_views: int = 4
-    min_second_rotation: float = math.radians(3.0)
-    max_angle_mismatch: float = math.radians(3.0)
-
-
 @dataclass(frozen=True, eq=False)
 class HandEyeResult:
     """``carrier_from_eye``: the camera on its carrier; ``world_from_target``: where the target stands.
@@ -59,11 +43,21 @@ class RelativeMotions:
     eye: NDArray[np.float64]
 
 
+@dataclass(frozen=True)
 class HandEye(ABC):
-    """Solves ``world_from_carrier @ X @ eye_from_target = world_from_target`` for X, ``carrier_from_eye``."""
+    """Solves ``world_from_carrier @ X @ eye_from_target = world_from_target`` for X, ``carrier_from_eye``.
 
-    def __init__(self, parameters: HandEyeParameters = HandEyeParameters()) -> None:
-        self._parameters = parameters
+    ``refine``: whether least squares follow the closed form. ``noise``: of the poses, weighs the residuals.
+    ``min_views``: fewer are refused. ``min_second_rotation``: radians (root mean square, between views) about the
+    second axis. ``max_angle_mismatch``: radians by which the median motion of the camera may turn differently from its
+    carrier.
+    """
+
+    refine: bool = True
+    noise: HandEyeNoise = field(default_factory=HandEyeNoise)
+    min_views: int = 4
+    min_second_rotation: float = math.radians(3.0)
+    max_angle_mismatch: float = math.radians(3.0)
 
     @abstractmethod
     def closed_form(self, motions: RelativeMotions) -> Pose:
@@ -88,27 +82,24 @@ class HandEye(ABC):
         self, world_from_carrier: Sequence[Pose], eye_from_target: Sequence[Pose], what_moves: str = "arm"
     ) -> HandEyeResult:
         """The general case: the camera is carried, the target stands still in the world. Raises as above."""
-        parameters = self._parameters
         if len(world_from_carrier) != len(eye_from_target):
             raise CalibrationError(
                 f"as many poses as views are needed, got {len(world_from_carrier)} and {len(eye_from_target)}"
             )
-        if len(world_from_carrier) < parameters.min_views:
+        if len(world_from_carrier) < self.min_views:
             raise CalibrationError(
-                f"at least {parameters.min_views} views are needed, got {len(world_from_carrier)}; 15 to 25 are good"
+                f"at least {self.min_views} views are needed, got {len(world_from_carrier)}; 15 to 25 are good"
             )
         motions = relative_motions(world_from_carrier, eye_from_target)
         self._check(motions, what_moves)
         start = self.closed_form(motions)
-        noise = parameters.noise
-        refined = refine(world_from_carrier, eye_from_target, start, noise, move=parameters.refine)
+        refined = refine(world_from_carrier, eye_from_target, start, self.noise, move=self.refine)
         return _result(refined)
 
     def _check(self, motions: RelativeMotions, what_moves: str) -> None:
-        parameters = self._parameters
         turns = Rotation.from_matrix(motions.carrier[:, :3, :3]).as_rotvec()
         spread = np.sqrt(np.maximum(np.linalg.eigvalsh(turns.T @ turns / max(len(turns), 1)), 0.0))
-        if spread[1] < parameters.min_second_rotation:
+        if spread[1] < self.min_second_rotation:
             raise DegenerateMotionError(
                 f"the views turn by {math.degrees(spread[2]):.1f}° about one axis but only by "
                 f"{math.degrees(spread[1]):.1f}° about any other; turn the {what_moves} by 20° and more about two axes "
@@ -116,7 +107,7 @@ class HandEye(ABC):
             )
         seen = Rotation.from_matrix(motions.eye[:, :3, :3]).magnitude()
         mismatch = float(np.median(np.abs(np.linalg.norm(turns, axis=1) - seen)))
-        if mismatch > parameters.max_angle_mismatch:
+        if mismatch > self.max_angle_mismatch:
             raise CalibrationError(
                 "camera and carrier turn by different angles between the same views (median "
                 f"{math.degrees(mismatch):.1f}° apart): poses and images do not belong together, or the target moved"

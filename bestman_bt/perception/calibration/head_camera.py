@@ -19,11 +19,10 @@ from scipy.spatial.transform import Rotation
 from bestman_bt.messages import CameraIntrinsics, Pose
 from bestman_bt.perception.calibration.board_chain import (
     BoardView,
-    ChainParameters,
+    ChainCalibration,
     ChainPoses,
     ChainResult,
     Unknown,
-    calibrate_chain,
 )
 from bestman_bt.perception.calibration.board_pose import board_pose
 
@@ -57,7 +56,7 @@ def calibrate_head_camera(
     camera: Pose,
     board: Pose | None = None,
     axes: HeadAxes = HeadAxes(),
-    parameters: ChainParameters | None = None,
+    chain: ChainCalibration | None = None,
 ) -> HeadCameraResult:
     """Calibrate from ``mount`` (base_from_mount) and ``camera`` (carrier_from_camera), as the robot model has them.
 
@@ -71,11 +70,11 @@ def calibrate_head_camera(
     if board is None:
         free = (*free, "board")
     start = ChainPoses(mount, camera, board or _first_board(views, intrinsics, mount, camera))
-    chain = calibrate_chain(views, intrinsics, start, free, parameters or ChainParameters())
-    turned = mount.inverse() @ chain.poses.mount
-    tilted = chain.poses.camera @ camera.inverse()
+    result = (chain or ChainCalibration()).calibrate(views, intrinsics, start, free)
+    turned = mount.inverse() @ result.poses.mount
+    tilted = result.poses.camera @ camera.inverse()
     pan_offset = _about(turned, axes.pan) if "mount" in free else None
-    return HeadCameraResult(chain, free, pan_offset, _about(tilted, axes.tilt))
+    return HeadCameraResult(result, free, pan_offset, _about(tilted, axes.tilt))
 
 
 def _first_board(views: Sequence[BoardView], intrinsics: CameraIntrinsics, mount: Pose, camera: Pose) -> Pose:

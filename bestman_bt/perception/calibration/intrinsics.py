@@ -29,8 +29,10 @@ _FIXED = {
 
 
 @dataclass(frozen=True)
-class IntrinsicsParameters:
-    """``lens``: which coefficients are estimated; k3 only helps very wide lenses, others it makes less certain.
+class IntrinsicsCalibration:
+    """Calibrates a camera's lens by images of a board.
+
+    ``lens``: which coefficients are estimated; k3 only helps very wide lenses, others it makes less certain.
 
     ``min_views``, ``min_corners``: fewer are refused.
 
@@ -43,6 +45,53 @@ class IntrinsicsParameters:
     min_corners: int = 8
     min_coverage: float = 0.6
     min_tilt: float = math.radians(15.0)
+
+    def calibrate(self, sightings: Sequence[BoardSighting | None], size: tuple[int, int]) -> IntrinsicsResult:
+        """Calibrate a camera with images of ``size`` (width, height); None stands for a view without a board.
+
+        Raises CalibrationError or DegenerateMotionError with what to record in addition.
+        """
+        seen = [(i, s) for i, s in enumerate(sightings) if s is not None and len(s.points) >= self.min_corners]
+        if len(seen) < self.min_views:
+            raise CalibrationError(
+                f"{len(seen)} of {len(sightings)} views show at least {self.min_corners} corners of the board, "
+                f"{self.min_views} are needed"
+            )
+        covered = coverage(np.concatenate([sighting.pixels for _, sighting in seen]), size)
+        if covered.mean() < self.min_coverage:
+            raise CalibrationError(
+                f"the corners cover {covered.mean():.0%} of the image, {self.min_coverage:.0%} are needed; "
+                f"show the board {_missing(covered)}"
+            )
+        error, matrix, distortion, turns, _, deviations, _, errors = cv2.calibrateCameraExtended(
+            [sighting.points.astype(np.float32) for _, sighting in seen],
+            [sighting.pixels.astype(np.float32) for _, sighting in seen],
+            size,
+            np.eye(3),
+            np.zeros(5),
+            flags=_FIXED[self.lens],
+        )
+        tilts = [math.acos(min(1.0, abs(float(cv2.Rodrigues(turn)[0][2, 2])))) for turn in turns]
+        if sum(tilt >= self.min_tilt for tilt in tilts) < 3:
+            raise DegenerateMotionError(
+                f"fewer than three views show the board leaning by {math.degrees(self.min_tilt):.0f}° or more; "
+                "held parallel to the image it does not tell focal length from distance"
+            )
+        if not math.isfinite(error) or not np.isfinite(matrix).all():
+            raise CalibrationError(
+                "the calibration did not converge; check the board's numbers of squares and their size"
+            )
+        coefficients = tuple(float(value) for value in np.ravel(distortion)[:5]) if self.lens != "none" else ()
+        intrinsics = CameraIntrinsics(
+            *size, float(matrix[0, 0]), float(matrix[1, 1]), float(matrix[0, 2]), float(matrix[1, 2]), coefficients
+        )
+        return IntrinsicsResult(
+            intrinsics,
+            np.ravel(deviations)[:9].astype(float),
+            np.ravel(errors).astype(float),
+            tuple(i for i, _ in seen),
+            covered,
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,56 +112,6 @@ class IntrinsicsResult:
     def error(self) -> float:
         """Root mean square reprojection error of all views, pixels."""
         return float(np.sqrt(np.mean(self.errors**2)))
-
-
-def calibrate_intrinsics(
-    sightings: Sequence[BoardSighting | None],
-    size: tuple[int, int],
-    parameters: IntrinsicsParameters = IntrinsicsParameters(),
-) -> IntrinsicsResult:
-    """Calibrate a camera with images of ``size`` (width, height); None stands for a view without a board.
-
-    Raises CalibrationError or DegenerateMotionError with what to record in addition.
-    """
-    seen = [(i, s) for i, s in enumerate(sightings) if s is not None and len(s.points) >= parameters.min_corners]
-    if len(seen) < parameters.min_views:
-        raise CalibrationError(
-            f"{len(seen)} of {len(sightings)} views show at least {parameters.min_corners} corners of the board, "
-            f"{parameters.min_views} are needed"
-        )
-    covered = coverage(np.concatenate([sighting.pixels for _, sighting in seen]), size)
-    if covered.mean() < parameters.min_coverage:
-        raise CalibrationError(
-            f"the corners cover {covered.mean():.0%} of the image, {parameters.min_coverage:.0%} are needed; "
-            f"show the board {_missing(covered)}"
-        )
-    error, matrix, distortion, turns, _, deviations, _, errors = cv2.calibrateCameraExtended(
-        [sighting.points.astype(np.float32) for _, sighting in seen],
-        [sighting.pixels.astype(np.float32) for _, sighting in seen],
-        size,
-        np.eye(3),
-        np.zeros(5),
-        flags=_FIXED[parameters.lens],
-    )
-    tilts = [math.acos(min(1.0, abs(float(cv2.Rodrigues(turn)[0][2, 2])))) for turn in turns]
-    if sum(tilt >= parameters.min_tilt for tilt in tilts) < 3:
-        raise DegenerateMotionError(
-            f"fewer than three views show the board leaning by {math.degrees(parameters.min_tilt):.0f}° or more; "
-            "held parallel to the image it does not tell focal length from distance"
-        )
-    if not math.isfinite(error) or not np.isfinite(matrix).all():
-        raise CalibrationError("the calibration did not converge; check the board's numbers of squares and their size")
-    coefficients = tuple(float(value) for value in np.ravel(distortion)[:5]) if parameters.lens != "none" else ()
-    intrinsics = CameraIntrinsics(
-        *size, float(matrix[0, 0]), float(matrix[1, 1]), float(matrix[0, 2]), float(matrix[1, 2]), coefficients
-    )
-    return IntrinsicsResult(
-        intrinsics,
-        np.ravel(deviations)[:9].astype(float),
-        np.ravel(errors).astype(float),
-        tuple(i for i, _ in seen),
-        covered,
-    )
 
 
 def coverage(pixels: NDArray[np.float64], size: tuple[int, int]) -> NDArray[np.bool_]:

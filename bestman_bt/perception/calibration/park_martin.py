@@ -6,17 +6,16 @@ Automation 1994.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from bestman_bt.messages import Pose
-from bestman_bt.perception.calibration.hand_eye import HandEye, HandEyeParameters, RelativeMotions
+from bestman_bt.perception.calibration.hand_eye import HandEye, RelativeMotions
 
 
-class ParkMartinParameters(HandEyeParameters):
-    """As for every hand-eye calibration."""
-
-
+@dataclass(frozen=True)
 class ParkMartin(HandEye):
     """Rotation first, from the logarithms of the motions; then the translation, by linear least squares."""
 

@@ -1,8 +1,8 @@
 """What is worked out once about a new object: its symmetry, convex parts and a mesh of a sensible size."""
 
 from bestman_bt.perception.object_models.closed import is_closed
-from bestman_bt.perception.object_models.convex_parts import ConvexPartsParameters, convex_parts
+from bestman_bt.perception.object_models.convex_parts import ConvexDecomposition
 from bestman_bt.perception.object_models.simplified import simplified
-from bestman_bt.perception.object_models.symmetry import SymmetryParameters, symmetry_order
+from bestman_bt.perception.object_models.symmetry import SymmetrySearch
 
-__all__ = ["ConvexPartsParameters", "SymmetryParameters", "convex_parts", "is_closed", "simplified", "symmetry_order"]
+__all__ = ["ConvexDecomposition", "SymmetrySearch", "is_closed", "simplified"]

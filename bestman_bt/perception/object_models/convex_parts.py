@@ -20,8 +20,10 @@ from bestman_bt.perception.object_models.closed import bodies_of, closed
 
 
 @dataclass(frozen=True)
-class ConvexPartsParameters:
-    """``concavity``: CoACD's threshold, as a share of the size. ``most``: parts. ``convex_share``: a body that fills
+class ConvexDecomposition:
+    """Cuts bodies into convex parts.
+
+    ``concavity``: CoACD's threshold, as a share of the size. ``most``: parts. ``convex_share``: a body that fills
     this much of its hull is taken for its hull. ``iterations``, ``nodes``, ``depth``: of the tree search; the library's
     own defaults take six times as long for parts that are hardly better. ``resolution``: samples per part.
     """
@@ -34,44 +36,41 @@ class ConvexPartsParameters:
     depth: int = 2
     resolution: int = 1000
 
+    def parts(self, mesh: Mesh) -> tuple[Mesh, ...]:
+        """Convex meshes that together fill ``mesh``, whose corners are joined where triangles meet.
 
-def convex_parts(mesh: Mesh, parameters: ConvexPartsParameters | None = None) -> tuple[Mesh, ...]:
-    """Convex meshes that together fill ``mesh``, whose corners are joined where triangles meet.
+        Holes are closed first, and each body is cut on its own. Raises PerceptionError where the mesh cannot be closed
+        or encloses no volume. The same mesh gives the same parts.
+        """
+        mesh = closed(mesh)
+        if mesh.volume < 1e-4 * float(np.ptp(mesh.vertices, axis=0).max()) ** 3:
+            raise PerceptionError("the mesh encloses no volume: no convex parts can fill it")
+        bodies = bodies_of(mesh)
+        # A shell turned inwards is the inside of a hollow body: the two belong together.
+        if any(body.volume <= 0.0 for body in bodies):
+            bodies = [trimesh.Trimesh(mesh.vertices.copy(), mesh.faces.copy(), process=False)]
+        pieces = [piece for body in bodies for piece in self._cut(body)]
+        hulls = [trimesh.convex.convex_hull(np.asarray(piece.vertices)) for piece in pieces]
+        return tuple(Mesh(np.asarray(hull.vertices), np.asarray(hull.faces)) for hull in hulls if hull.volume > 0.0)
 
-    Holes are closed first, and each body is cut on its own. Raises PerceptionError where the mesh cannot be closed or
-    encloses no volume. The same mesh gives the same parts.
-    """
-    parameters = parameters or ConvexPartsParameters()
-    mesh = closed(mesh)
-    if mesh.volume < 1e-4 * float(np.ptp(mesh.vertices, axis=0).max()) ** 3:
-        raise PerceptionError("the mesh encloses no volume: no convex parts can fill it")
-    bodies = bodies_of(mesh)
-    # A shell turned inwards is the inside of a hollow body: the two belong together.
-    if any(body.volume <= 0.0 for body in bodies):
-        bodies = [trimesh.Trimesh(mesh.vertices.copy(), mesh.faces.copy(), process=False)]
-    pieces = [piece for body in bodies for piece in _cut(body, parameters)]
-    hulls = [trimesh.convex.convex_hull(np.asarray(piece.vertices)) for piece in pieces]
-    return tuple(Mesh(np.asarray(hull.vertices), np.asarray(hull.faces)) for hull in hulls if hull.volume > 0.0)
+    def _cut(self, body: Any) -> list[Any]:
+        if body.volume >= self.convex_share * body.convex_hull.volume:
+            return [body]
+        try:
+            import coacd
+        except ModuleNotFoundError as error:
+            raise MissingExtraError(f"convex parts need coacd: {install_command('objects')}") from error
 
-
-def _cut(body: Any, parameters: ConvexPartsParameters) -> list[Any]:
-    if body.volume >= parameters.convex_share * body.convex_hull.volume:
-        return [body]
-    try:
-        import coacd
-    except ModuleNotFoundError as error:
-        raise MissingExtraError(f"convex parts need coacd: {install_command('objects')}") from error
-
-    coacd.set_log_level("error")
-    pieces = coacd.run_coacd(
-        coacd.Mesh(np.asarray(body.vertices), np.asarray(body.faces)),
-        threshold=parameters.concavity,
-        max_convex_hull=parameters.most,
-        preprocess_mode="off",
-        resolution=parameters.resolution,
-        mcts_iterations=parameters.iterations,
-        mcts_nodes=parameters.nodes,
-        mcts_max_depth=parameters.depth,
-        seed=0,
-    )
-    return [trimesh.Trimesh(vertices, faces, process=False) for vertices, faces in pieces]
+        coacd.set_log_level("error")
+        pieces = coacd.run_coacd(
+            coacd.Mesh(np.asarray(body.vertices), np.asarray(body.faces)),
+            threshold=self.concavity,
+            max_convex_hull=self.most,
+            preprocess_mode="off",
+            resolution=self.resolution,
+            mcts_iterations=self.iterations,
+            mcts_nodes=self.nodes,
+            mcts_max_depth=self.depth,
+            seed=0,
+        )
+        return [trimesh.Trimesh(vertices, faces, process=False) for vertices, faces in pieces]

@@ -21,8 +21,10 @@ EXACT = 0.2
 
 
 @dataclass(frozen=True)
-class SymmetryParameters:
-    """``tolerance``: metres that a turned surface may be off itself, anywhere.
+class SymmetrySearch:
+    """Finds by which turns about z a surface falls on itself.
+
+    ``tolerance``: metres that a turned surface may be off itself, anywhere.
 
     ``roundness``: the same for turns by any angle, as a share of the radius: a prism of 12 sides or more (3.4 %)
     counts as a cylinder that somebody drew with few triangles, one of 10 sides (4.9 %) does not.
@@ -34,36 +36,35 @@ class SymmetryParameters:
     samples: int = 20_000
     tried: int = 3_000
 
+    def order(self, mesh: Mesh) -> int:
+        """As ``ObjectModel.symmetry_order``: 0 any turn, 1 none, else 2, 4, 6, 8 or 10 turns about z look the same.
 
-def symmetry_order(mesh: Mesh, parameters: SymmetryParameters | None = None) -> int:
-    """As ``ObjectModel.symmetry_order``: 0 any turn, 1 none, else 2, 4, 6, 8 or 10 turns about z look the same.
-
-    ``mesh``: in metres, z up; the axis goes through the middle of its bounding box. The same mesh gives the same order.
-    """
-    parameters = parameters or SymmetryParameters()
-    vertices = mesh.vertices - (mesh.vertices.min(axis=0) + mesh.vertices.max(axis=0)) / 2
-    surface = _Surface(vertices, mesh.faces, parameters)
-    radius = float(np.linalg.norm(vertices[:, :2], axis=1).max())
-    round_within = max(parameters.tolerance, parameters.roundness * radius)
-    # Half a step of each prism: where its corners come to lie over the middles of its faces.
-    if all(surface.falls_on_itself(math.pi / sides, round_within) for sides in range(2, 13)):
-        return 0
-    # An octagonal prism of 56 mm is within the tolerance of tenth turns, too: only multiples of the exact turns count.
-    exact = next((n for n in ORDERS if surface.falls_on_itself(2 * math.pi / n, EXACT * parameters.tolerance)), 1)
-    multiples = [n for n in ORDERS if n % exact == 0]
-    return next((n for n in multiples if surface.falls_on_itself(2 * math.pi / n, parameters.tolerance)), exact)
+        ``mesh``: in metres, z up; the axis goes through the middle of its bounding box. The same mesh gives the
+        same order.
+        """
+        vertices = mesh.vertices - (mesh.vertices.min(axis=0) + mesh.vertices.max(axis=0)) / 2
+        surface = _Surface(vertices, mesh.faces, self)
+        radius = float(np.linalg.norm(vertices[:, :2], axis=1).max())
+        round_within = max(self.tolerance, self.roundness * radius)
+        # Half a step of each prism: where its corners come to lie over the middles of its faces.
+        if all(surface.falls_on_itself(math.pi / sides, round_within) for sides in range(2, 13)):
+            return 0
+        # An octagonal prism of 56 mm is within the tolerance of tenth turns, too: only multiples of the exact count.
+        exact = next((n for n in ORDERS if surface.falls_on_itself(2 * math.pi / n, EXACT * self.tolerance)), 1)
+        multiples = [n for n in ORDERS if n % exact == 0]
+        return next((n for n in multiples if surface.falls_on_itself(2 * math.pi / n, self.tolerance)), exact)
 
 
 class _Surface:
     """Triangles, and samples that lead to those near a point."""
 
-    def __init__(self, vertices: NDArray[np.float64], faces: NDArray[np.int64], parameters: SymmetryParameters) -> None:
+    def __init__(self, vertices: NDArray[np.float64], faces: NDArray[np.int64], p: SymmetrySearch) -> None:
         mesh = trimesh.Trimesh(vertices, faces, process=False)
-        samples, self._faces = trimesh.sample.sample_surface(mesh, parameters.samples, seed=0)
+        samples, self._faces = trimesh.sample.sample_surface(mesh, p.samples, seed=0)
         self._triangles = vertices[faces]
         self._tree = cKDTree(samples)
         corners = vertices[np.unique(faces)]
-        self._tried = np.concatenate([samples[: parameters.tried], corners[:: -(-len(corners) // parameters.tried)]])
+        self._tried = np.concatenate([samples[: p.tried], corners[:: -(-len(corners) // p.tried)]])
 
     def falls_on_itself(self, angle: float, tolerance: float) -> bool:
         """Whether the surface turned by ``angle`` radians about z is nowhere more than ``tolerance`` metres off."""

@@ -2,6 +2,6 @@
 
 from bestman_bt.perception.occupancy.base import OccupancyMapper, VoxelRegion
 from bestman_bt.perception.occupancy.freeing import freed
-from bestman_bt.perception.occupancy.log_odds import LogOdds, LogOddsParameters
+from bestman_bt.perception.occupancy.log_odds import LogOdds
 
-__all__ = ["LogOdds", "LogOddsParameters", "OccupancyMapper", "VoxelRegion", "freed"]
+__all__ = ["LogOdds", "OccupancyMapper", "VoxelRegion", "freed"]

@@ -6,7 +6,7 @@ same updates with clamping; instead of walking along each ray, every voxel looks
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Annotated
 
 import numpy as np
@@ -18,9 +18,11 @@ from bestman_bt.perception.occupancy.base import OccupancyMapper, VoxelRegion
 from bestman_bt.perception.view import View
 
 
-@dataclass(frozen=True)
-class LogOddsParameters:
-    """``hit``, ``miss``: log odds that a view adds to a voxel with a surface, or takes from one that it sees through.
+@dataclass(eq=False)
+class LogOdds(OccupancyMapper):
+    """A dense grid: surfaces from the measured points, free space from the rays, surfaces win within one view.
+
+    ``hit``, ``miss``: log odds that a view adds to a voxel with a surface, or takes from one that it sees through.
 
     ``limit``: log odds stay within ±``limit``; small, so that two views clear what has moved away. ``min_hits``:
     measured points that make a surface. ``noise_base``, ``noise_quadratic``: of depth, as in CameraPart; a ray frees
@@ -36,17 +38,10 @@ class LogOddsParameters:
     noise_quadratic: Annotated[float, "1/m"] = 0.0019
     noise_deviations: float = 3.0
     max_range: Annotated[float, "m"] = 5.0
-
-
-class LogOdds(OccupancyMapper):
-    """A dense grid: surfaces from the measured points, free space from the rays, surfaces win within one view."""
-
-    def __init__(self, parameters: LogOddsParameters = LogOddsParameters()) -> None:
-        self._parameters = parameters
-        self._region: VoxelRegion | None = None
-        self._odds: NDArray[np.float32] = np.zeros((0, 0, 0), dtype=np.float32)
-        self._seen: NDArray[np.bool_] = np.zeros((0, 0, 0), dtype=bool)
-        self._stamp = 0.0
+    _region: VoxelRegion | None = field(default=None, init=False, repr=False)
+    _odds: NDArray[np.float32] = field(init=False, repr=False)
+    _seen: NDArray[np.bool_] = field(init=False, repr=False)
+    _stamp: float = field(default=0.0, init=False, repr=False)
 
     def begin(self, region: VoxelRegion) -> None:
         """Forget everything and map this region from now on."""
@@ -59,13 +54,13 @@ class LogOdds(OccupancyMapper):
         """Take in one view, given in the frame of the region."""
         region = self._begun()
         image = view.image
-        trusted = np.isfinite(image.depth) & (image.depth > 0.0) & (image.depth <= self._parameters.max_range)
+        trusted = np.isfinite(image.depth) & (image.depth > 0.0) & (image.depth <= self.max_range)
         depth = np.where(trusted, image.depth, np.float32(0.0))
         surface = self._surface(view, depth, region)
         free = self._seen_through(view, depth, region) & ~surface
-        self._odds[surface] += self._parameters.hit
-        self._odds[free] -= self._parameters.miss
-        np.clip(self._odds, -self._parameters.limit, self._parameters.limit, out=self._odds)
+        self._odds[surface] += self.hit
+        self._odds[free] -= self.miss
+        np.clip(self._odds, -self.limit, self.limit, out=self._odds)
         self._seen |= surface | free
         self._stamp = max(self._stamp, image.stamp)
 
@@ -97,18 +92,18 @@ class LogOdds(OccupancyMapper):
             inside &= (along >= 0.0) & (along < count)
             index = index * count + np.where(inside, along, 0.0).astype(np.int32)
         hits = np.bincount(index[inside], minlength=int(np.prod(region.shape)))
-        return (hits >= self._parameters.min_hits).reshape(region.shape)
+        return (hits >= self.min_hits).reshape(region.shape)
 
     def _seen_through(self, view: View, depth: NDArray[np.float32], region: VoxelRegion) -> NDArray[np.bool_]:
         """Voxels whose centre lies before what its pixel measured, by more than the voxel's half diagonal and noise."""
-        k, parameters = view.image.intrinsics, self._parameters
+        k = view.image.intrinsics
         camera_from_grid = view.frame_from_camera.inverse() @ region.frame_from_grid
         rotation = (camera_from_grid.rotation * region.resolution).astype(np.float32)
         x, y, z = (np.arange(count, dtype=np.float32) + np.float32(0.5) for count in region.shape)
         seen = np.zeros(region.shape, dtype=bool)
         position = camera_from_grid.position.astype(np.float32)
-        noise = parameters.noise_base + parameters.noise_quadratic * np.clip(depth - 0.4, 0.0, None) ** 2
-        nearest = depth - parameters.noise_deviations * noise - region.resolution * np.sqrt(3.0) / 2
+        noise = self.noise_base + self.noise_quadratic * np.clip(depth - 0.4, 0.0, None) ** 2
+        nearest = depth - self.noise_deviations * noise - region.resolution * np.sqrt(3.0) / 2
         reach = np.where(depth > 0.0, nearest, 0.0).astype(np.float32).ravel()
         for i in range(len(x)):  # slices along x keep the intermediate arrays small enough for the cache
             u, v, w = (

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Annotated
 
 import numpy as np
@@ -23,19 +24,14 @@ from bestman_bt.perception.pose_estimation.model_colors import model_palette
 from bestman_bt.perception.pose_estimation.model_surface import ModelSurface, model_surface
 from bestman_bt.perception.pose_estimation.registration import (
     Fit,
-    RegistrationParameters,
-    coarse_poses,
-    depth_noise,
+    Registration,
     end_aligned_poses,
-    refined_fit,
     yaw_difference,
 )
-from bestman_bt.perception.pose_estimation.stray_points import StrayParameters, with_strays
+from bestman_bt.perception.pose_estimation.stray_points import StrayPoints
 from bestman_bt.perception.pose_estimation.turned_surface import TurnedSurface, turned_surface
 from bestman_bt.perception.pose_estimation.yaw_profile import (
-    YawProfileParameters,
-    profile_likelihood,
-    yaw_profile,
+    YawSearch,
 )
 from bestman_bt.perception.segmentation.base import Cluster
 from bestman_bt.perception.view import View
@@ -45,8 +41,10 @@ PLANE_HEIGHT_STD, PLANE_TILT_STD = 0.0003, 0.001
 
 
 @dataclass(frozen=True)
-class MultiStartParameters(RegistrationParameters):
-    """Those of the registration, and: lengths in metres, angles in radians.
+class MultiStart(Registration, PoseEstimator):
+    """Registers known models to a cluster from many starts and judges each fit against the whole image.
+
+    Lengths in metres, angles in radians.
 
     ``size_tolerance``: a model is not tried where its height or reach is off by more, or its colour distance is beyond
     ``color_limit``. ``tipped``: also try objects that lie on their side. ``yaw_margin``: how much lower the logit of
@@ -64,32 +62,28 @@ class MultiStartParameters(RegistrationParameters):
     explained_retry: float = 0.95
     hidden_length: Annotated[float, "m"] = 0.008
     confidence: ConfidenceModel = field(default_factory=ConfidenceModel)
-    yaw: YawProfileParameters = field(default_factory=YawProfileParameters)
-    strays: StrayParameters = field(default_factory=StrayParameters)
+    yaw: YawSearch = field(default_factory=YawSearch)
+    strays: StrayPoints = field(default_factory=StrayPoints)
 
-
-class MultiStart(PoseEstimator):
-    """See the module. It keeps the sampled surfaces of the models that it has met."""
-
-    def __init__(self, parameters: MultiStartParameters | None = None) -> None:
-        self.parameters = parameters or MultiStartParameters()
-        self.surfaces = SurfaceStore(self.parameters.spacing, self.parameters.tipped)
+    @cached_property
+    def surfaces(self) -> SurfaceStore:
+        """Sampled surfaces of the models that it has met."""
+        return SurfaceStore(self.spacing, self.tipped)
 
     def estimate(self, cluster: Cluster, models: Sequence[ObjectModel], view: View) -> tuple[PoseHypothesis, ...]:
         """See PoseEstimator."""
-        seen = SeenCluster.of(cluster, view, self.parameters)
+        seen = SeenCluster.of(cluster, view, self)
         found = [best for model in models if (best := self._fit_model(model, seen)) is not None]
         found.sort(key=lambda hypothesis: -hypothesis.confidence)
         return tuple(found)
 
     def _fit_model(self, model: ObjectModel, seen: SeenCluster) -> PoseHypothesis | None:
-        p = self.parameters
         color = color_distance(seen.cluster.colors, model.color)
-        if color > p.color_limit:
+        if color > self.color_limit:
             return None
         best: _Candidate | None = None
         for index, surface in enumerate(self.surfaces.resting(model)):
-            if not seen.may_be(surface, p.size_tolerance):
+            if not seen.may_be(surface, self.size_tolerance):
                 continue
             turns = model.symmetry_order if index == 0 else 2
             if turns == 1:
@@ -119,24 +113,23 @@ class MultiStart(PoseEstimator):
         )
 
     def _fit_some_starts(self, surface: ModelSurface, seen: SeenCluster, turns: int, color: float) -> _Candidate:
-        p = self.parameters
 
         def judged(start: NDArray[np.float64]) -> tuple[float, Fit, Evidence]:
-            fit = refined_fit(surface, seen.points, seen.eye, start, turns, p)
+            fit = self.refined_fit(surface, seen.points, seen.eye, start, turns)
             evidence = seen.judge(surface, fit)
-            return p.confidence.logit(evidence, color), fit, evidence
+            return self.confidence.logit(evidence, color), fit, evidence
 
-        starts = coarse_poses(surface, seen.points, seen.eye, turns, p.refined, p)
+        starts = self.coarse_poses(surface, seen.points, seen.eye, turns, self.refined)
         fits = sorted((judged(start) for start in starts), key=lambda item: -item[0])
-        if turns and fits[0][2].floating > p.floating_retry and fits[0][2].explained > p.explained_retry:
-            shifted = end_aligned_poses(surface, seen.points, fits[0][1].pose, p.hidden_length)
+        if turns and fits[0][2].floating > self.floating_retry and fits[0][2].explained > self.explained_retry:
+            shifted = end_aligned_poses(surface, seen.points, fits[0][1].pose, self.hidden_length)
             fits = sorted([*fits, *map(judged, shifted)], key=lambda item: -item[0])
         logit, best, evidence = fits[0]
         others = [
             fit
             for other_logit, fit, _ in fits[1:]
-            if logit - other_logit < p.yaw_margin
-            and yaw_difference(float(best.pose[2] - fit.pose[2]), turns) > p.yaw_separation
+            if logit - other_logit < self.yaw_margin
+            and yaw_difference(float(best.pose[2] - fit.pose[2]), turns) > self.yaw_separation
         ]
         arcs = tuple((float(fit.pose[2]), 3.0 * fit.yaw_std) for fit in (best, *others))
         return _Candidate(logit, surface, best, evidence, YawSet(arcs))
@@ -144,20 +137,19 @@ class MultiStart(PoseEstimator):
     def _fit_at_all_yaws(
         self, model: ObjectModel, surface: ModelSurface, seen: SeenCluster, color: float
     ) -> _Candidate:
-        p = self.parameters
         turned = self.surfaces.turned(surface)
         palette = model_palette(model)
-        points = with_strays(seen.points, seen.plane_view, palette, p.strays)
-        start = coarse_poses(surface, seen.points, seen.eye, 1, 1, p)[0]
-        profile = yaw_profile(turned, points, seen.plane_view, start, palette, seen.noise, p.yaw)
-        starts = profile.starts(p.yaw.margin, p.refined)
-        fits = [refined_fit(surface, points, seen.eye, start, 1, p) for start in starts]
+        points = self.strays.added_to(seen.points, seen.plane_view, palette)
+        start = self.coarse_poses(surface, seen.points, seen.eye, 1, 1)[0]
+        profile = self.yaw.profile(turned, points, seen.plane_view, start, palette, seen.noise)
+        starts = profile.starts(self.yaw.margin, self.refined)
+        fits = [self.refined_fit(surface, points, seen.eye, start, 1) for start in starts]
         poses = np.array([fit.pose for fit in fits])
-        likelihood = profile_likelihood(turned, points, seen.plane_view, poses, palette, seen.noise, p.yaw)
+        likelihood = self.yaw.likelihood(turned, points, seen.plane_view, poses, palette, seen.noise)
         best = fits[int(likelihood.argmax())]
         evidence = seen.judge(surface, best)
-        yaws = profile.open_yaws(p.yaw.margin, float(best.pose[2]), best.yaw_std)
-        return _Candidate(p.confidence.logit(evidence, color), surface, best, evidence, yaws)
+        yaws = profile.open_yaws(self.yaw.margin, float(best.pose[2]), best.yaw_std)
+        return _Candidate(self.confidence.logit(evidence, color), surface, best, evidence, yaws)
 
 
 @dataclass(frozen=True, eq=False)
@@ -183,11 +175,11 @@ class SeenCluster:
     noise: float
 
     @classmethod
-    def of(cls, cluster: Cluster, view: View, parameters: RegistrationParameters) -> SeenCluster:
+    def of(cls, cluster: Cluster, view: View, registration: Registration) -> SeenCluster:
         """Move cluster and view into the frame of the cluster's plane."""
         plane_from_frame = cluster.plane.frame_from_plane.inverse()
         points, plane_view = plane_from_frame.apply(cluster.points), view.seen_from(plane_from_frame)
-        noise = depth_noise(points, plane_view.viewpoint, parameters)
+        noise = registration.depth_noise(points, plane_view.viewpoint)
         return cls(cluster, view, plane_view, points, plane_view.viewpoint, noise)
 
     def may_be(self, surface: ModelSurface, tolerance: float) -> bool:

@@ -24,13 +24,11 @@ from bestman_bt.perception.pose_estimation.model_colors import model_palette
 from bestman_bt.perception.pose_estimation.model_surface import ModelSurface
 from bestman_bt.perception.pose_estimation.multi_start import (
     MultiStart,
-    MultiStartParameters,
     SeenCluster,
     covariance_in_frame,
 )
-from bestman_bt.perception.pose_estimation.registration import Fit, coarse_poses, fit_at, refined_fit
-from bestman_bt.perception.pose_estimation.stray_points import with_strays
-from bestman_bt.perception.pose_estimation.yaw_profile import YawProfile, profile_likelihood, yaw_profile
+from bestman_bt.perception.pose_estimation.registration import Fit
+from bestman_bt.perception.pose_estimation.yaw_profile import YawProfile
 from bestman_bt.perception.segmentation.base import Cluster, SupportPlane
 from bestman_bt.perception.view import View
 
@@ -44,22 +42,16 @@ class Observation:
 
 
 @dataclass(frozen=True)
-class MultiViewParameters:
-    """``single``: of the registration in each view. ``camera_position_std``, metres, and ``camera_yaw_std``, radians:
+class MultiView:
+    """Joins several views of one object: fits are fused, evidence about the yaw is multiplied. Objects stand upright.
+
+    ``single``: of the registration in each view. ``camera_position_std``, metres, and ``camera_yaw_std``, radians:
     how well the views' camera poses are known relative to each other.
     """
 
-    single: MultiStartParameters = field(default_factory=MultiStartParameters)
+    single: MultiStart = field(default_factory=MultiStart)
     camera_position_std: Annotated[float, "m"] = 0.0015
     camera_yaw_std: Annotated[float, "rad"] = 0.005
-
-
-class MultiView:
-    """See the module. Objects stand upright in it."""
-
-    def __init__(self, parameters: MultiViewParameters | None = None) -> None:
-        self.parameters = parameters or MultiViewParameters()
-        self.single = MultiStart(self.parameters.single)
 
     def estimate(
         self, observations: Sequence[Observation], models: Sequence[ObjectModel]
@@ -74,13 +66,13 @@ class MultiView:
             return self.single.estimate(observations[0].cluster, models, observations[0].view)
         # The plane that most was seen of is the common one.
         plane = max((o.cluster.plane for o in observations), key=lambda plane: len(plane.inliers))
-        seen = [_seen_on(plane, observation, self.parameters.single) for observation in observations]
+        seen = [_seen_on(plane, observation, self.single) for observation in observations]
         found = [best for model in models if (best := self._fit_model(model, seen)) is not None]
         found.sort(key=lambda hypothesis: -hypothesis.confidence)
         return tuple(found)
 
     def _fit_model(self, model: ObjectModel, seen: Sequence[SeenCluster]) -> PoseHypothesis | None:
-        p = self.parameters.single
+        p = self.single
         colors = np.concatenate([item.cluster.colors for item in seen])
         color = color_distance(colors, model.color)
         surface = self.single.surfaces.resting(model)[0]
@@ -89,7 +81,7 @@ class MultiView:
         turns = model.symmetry_order
         palette = model_palette(model)
         all_points = [
-            with_strays(item.points, item.plane_view, palette, p.strays) if turns == 1 else item.points for item in seen
+            p.strays.added_to(item.points, item.plane_view, palette) if turns == 1 else item.points for item in seen
         ]
         profile = self._profile(surface, seen, all_points, palette) if turns == 1 else None
         starts = self._starts(surface, seen, turns, profile)
@@ -123,11 +115,11 @@ class MultiView:
         palette: NDArray[np.float64],
     ) -> YawProfile:
         """Product of the views' likelihoods, on the yaws of the first; positions: the means."""
-        p = self.parameters.single
+        p = self.single
         turned = self.single.surfaces.turned(surface)
-        start = coarse_poses(surface, seen[0].points, seen[0].eye, 1, 1, p)[0]
+        start = p.coarse_poses(surface, seen[0].points, seen[0].eye, 1, 1)[0]
         profiles = [
-            yaw_profile(turned, points, item.plane_view, start, palette, item.noise, p.yaw)
+            p.yaw.profile(turned, points, item.plane_view, start, palette, item.noise)
             for item, points in zip(seen, all_points, strict=True)
         ]
         return YawProfile(
@@ -139,10 +131,10 @@ class MultiView:
     def _starts(
         self, surface: ModelSurface, seen: Sequence[SeenCluster], turns: int, profile: YawProfile | None
     ) -> list[NDArray[np.float64]]:
-        p = self.parameters.single
+        p = self.single
         if profile is not None:
             return profile.starts(p.yaw.margin, p.refined)
-        return [start for item in seen for start in coarse_poses(surface, item.points, item.eye, turns, p.refined, p)]
+        return [start for item in seen for start in p.coarse_poses(surface, item.points, item.eye, turns, p.refined)]
 
     def _fused(
         self,
@@ -153,16 +145,15 @@ class MultiView:
         turns: int,
     ) -> tuple[Fit, Evidence]:
         """The fits of all views in one, and the evidence for it, weighed by the views' points."""
-        p = self.parameters
         information, weighted = np.zeros((3, 3)), np.zeros(3)
-        widening = np.diag([p.camera_position_std**2, p.camera_position_std**2, p.camera_yaw_std**2])
+        widening = np.diag([self.camera_position_std**2, self.camera_position_std**2, self.camera_yaw_std**2])
         for item, points in zip(seen, all_points, strict=True):
-            fit = refined_fit(surface, points, item.eye, start, turns, p.single)
+            fit = self.single.refined_fit(surface, points, item.eye, start, turns)
             own = np.linalg.inv(fit.covariance + widening)
             information += own
             weighted += own @ (fit.pose - start)
         pose = start + np.linalg.solve(information, weighted)
-        fits = [fit_at(surface, item.points, item.eye, pose, turns, p.single) for item in seen]
+        fits = [self.single.fit_at(surface, item.points, item.eye, pose, turns) for item in seen]
         covariance = np.asarray(np.linalg.inv(information), dtype=np.float64)
         if not turns:
             covariance[2, 2] = math.pi**2
@@ -179,10 +170,10 @@ class MultiView:
         palette: NDArray[np.float64],
         fit: Fit,
     ) -> float:
-        p = self.parameters.single
+        p = self.single
         turned = self.single.surfaces.turned(surface)
         values = [
-            profile_likelihood(turned, points, item.plane_view, fit.pose[None], palette, item.noise, p.yaw)[0]
+            p.yaw.likelihood(turned, points, item.plane_view, fit.pose[None], palette, item.noise)[0]
             for item, points in zip(seen, all_points, strict=True)
         ]
         return float(sum(values))
@@ -192,17 +183,17 @@ class MultiView:
             return YawSet()
         if profile is None:
             return YawSet(((float(fit.pose[2]), 3.0 * fit.yaw_std),))
-        return profile.open_yaws(self.parameters.single.yaw.margin, float(fit.pose[2]), fit.yaw_std)
+        return profile.open_yaws(self.single.yaw.margin, float(fit.pose[2]), fit.yaw_std)
 
 
-def _seen_on(plane: SupportPlane, observation: Observation, parameters: MultiStartParameters) -> SeenCluster:
+def _seen_on(plane: SupportPlane, observation: Observation, single: MultiStart) -> SeenCluster:
     """Cluster and view lifted or lowered until the plane under the cluster is ``plane``: camera heights err."""
     cluster, view = observation.cluster, observation.view
     x, y, _ = cluster.points.mean(axis=0)
     lift = np.array([0.0, 0.0, plane.height_at(x, y) - cluster.plane.height_at(x, y)])
     camera = Pose(view.frame_from_camera.position + lift, view.frame_from_camera.quaternion)
     moved = Cluster(cluster.points + lift, cluster.colors, plane, cluster.at_border)
-    return SeenCluster.of(moved, View(view.image, camera), parameters)
+    return SeenCluster.of(moved, View(view.image, camera), single)
 
 
 def pooled(evidence: Sequence[Evidence], weights: NDArray[np.float64]) -> Evidence:

@@ -27,8 +27,10 @@ from bestman_bt.perception.pose_estimation.point_to_plane import (
 
 
 @dataclass(frozen=True)
-class RegistrationParameters:
-    """Lengths in metres, angles in radians.
+class Registration:
+    """Fits the surface of a model to the points of a cluster.
+
+    Lengths in metres, angles in radians.
 
     ``spacing``: of surface samples. ``coarse_points``, ``fine_points``: of the cluster, at most. ``yaw_step``: between
     starts; ``offsets``: of the starts from the cluster's centre, away from the camera (which sees only the near side).
@@ -58,6 +60,105 @@ class RegistrationParameters:
     yaw_floor: Annotated[float, "rad"] = 0.003
     asymmetric_yaw_floor: Annotated[float, "rad"] = 0.017
 
+    def depth_noise(self, points: NDArray[np.float64], eye: NDArray[np.float64]) -> float:
+        """Standard deviation, metres, expected at the distance of ``points`` (N, 3)."""
+        distance = float(np.linalg.norm(points.mean(axis=0) - eye))
+        return self.noise_base + self.noise_quadratic * max(0.0, distance - 0.4) ** 2
+
+    def coarse_poses(
+        self, surface: ModelSurface, points: NDArray[np.float64], eye: NDArray[np.float64], turns: int, limit: int
+    ) -> list[NDArray[np.float64]]:
+        """The best distinct poses (3,) of all starts, at most ``limit``; ``turns``: symmetry order about z."""
+        points = points[evenly(len(points), self.coarse_points)]
+        lower, upper = np.percentile(points[:, :2], [2.0, 98.0], axis=0)
+        centre = (lower + upper) / 2
+        away = centre - eye[:2]
+        away /= max(float(np.linalg.norm(away)), 1e-9)
+        span = 2 * math.pi / turns if turns else 0.0
+        count = max(1, math.ceil(span / self.yaw_step - 1e-9))
+        yaws = np.arange(count) * (span / count)
+        starts = np.array([[*(centre + offset * away), yaw] for offset in self.offsets for yaw in yaws])
+        for iteration in range(self.coarse_iterations):
+            moved = into_model(points, starts)
+            nearest = surface.nearest_samples(moved)
+            scale = self.coarse_scale * (2.0 if iteration < self.coarse_iterations // 2 else 1.0)
+            normals = surface.normals[nearest]
+            residuals = ((moved - surface.points[nearest]) * normals).sum(axis=2)
+            step, _ = gauss_newton(residuals, normals, moved, starts, scale, bool(turns))
+            starts = starts + step
+        moved = into_model(points, starts)
+        distances = np.linalg.norm(moved - surface.points[surface.nearest_samples(moved)], axis=2)
+        costs = np.minimum(distances, 0.02).mean(axis=1)
+        chosen: list[NDArray[np.float64]] = []
+        for i in np.argsort(costs, kind="stable"):
+            apart = all(
+                np.hypot(*(starts[i, :2] - other[:2])) > 0.006
+                or yaw_difference(starts[i, 2] - other[2], turns) > self.yaw_separation
+                for other in chosen
+            )
+            if apart:
+                chosen.append(starts[i])
+            if len(chosen) == limit:
+                break
+        return chosen
+
+    def refined_fit(
+        self,
+        surface: ModelSurface,
+        points: NDArray[np.float64],
+        eye: NDArray[np.float64],
+        start: NDArray[np.float64],
+        turns: int,
+    ) -> Fit:
+        """Fit to the samples that face the camera: of a thin wall only one side can have been measured."""
+        pose = start[None]
+        some = points[evenly(len(points), self.fine_points)]
+        # What faces the camera depends on the pose: it is found anew for the second half.
+        for iteration in range(self.fine_iterations):
+            if iteration in (0, self.fine_iterations // 2):
+                seen = _FacingSide(surface, eye, pose)
+            moved = into_model(some, pose)
+            residuals, directions, places = residual_rows(*seen.nearest(moved[0]), moved[0], self.spacing)
+            step, _ = gauss_newton(residuals[None], directions[None], places[None], pose, self.fine_scale, bool(turns))
+            pose = pose + step
+        return self._judged_fit(surface, points, seen, pose, turns)
+
+    def fit_at(
+        self,
+        surface: ModelSurface,
+        points: NDArray[np.float64],
+        eye: NDArray[np.float64],
+        pose: NDArray[np.float64],
+        turns: int,
+    ) -> Fit:
+        """Residuals and covariance of ``pose`` (3,) as it is."""
+        return self._judged_fit(surface, points, _FacingSide(surface, eye, pose[None]), pose[None], turns)
+
+    def _judged_fit(
+        self,
+        surface: ModelSurface,
+        points: NDArray[np.float64],
+        seen: _FacingSide,
+        pose: NDArray[np.float64],
+        turns: int,
+    ) -> Fit:
+        moved = into_model(points, pose)
+        offsets, normals = seen.nearest(moved[0])
+        rows, directions, places = residual_rows(offsets, normals, moved[0], self.spacing)
+        _, information = gauss_newton(rows[None], directions[None], places[None], pose, self.fine_scale, bool(turns))
+        along = (offsets * normals).sum(axis=1)
+        distances = np.linalg.norm(offsets, axis=1)
+        beside = distances**2 - along**2 > (2 * self.spacing) ** 2
+        residuals = np.where(beside, distances, along)
+        sigma = max(float(np.sqrt(np.mean(np.minimum(residuals**2, 0.01**2)))), 1e-4)
+        covariance = np.linalg.inv(information[0]) * (self.error_factor * sigma) ** 2
+        yaw_floor = self.asymmetric_yaw_floor if turns == 1 else self.yaw_floor
+        covariance += np.diag([self.position_floor**2, self.position_floor**2, yaw_floor**2])
+        if not turns:
+            covariance[2], covariance[:, 2] = 0.0, 0.0
+            covariance[2, 2] = math.pi**2
+        return Fit(pose[0], residuals, covariance)
+
 
 @dataclass(frozen=True, eq=False)
 class Fit:
@@ -79,89 +180,6 @@ class Fit:
     def yaw_std(self) -> float:
         """Radians."""
         return math.sqrt(float(self.covariance[2, 2]))
-
-
-def depth_noise(points: NDArray[np.float64], eye: NDArray[np.float64], p: RegistrationParameters) -> float:
-    """Standard deviation, metres, expected at the distance of ``points`` (N, 3)."""
-    distance = float(np.linalg.norm(points.mean(axis=0) - eye))
-    return p.noise_base + p.noise_quadratic * max(0.0, distance - 0.4) ** 2
-
-
-def coarse_poses(
-    surface: ModelSurface,
-    points: NDArray[np.float64],
-    eye: NDArray[np.float64],
-    turns: int,
-    limit: int,
-    p: RegistrationParameters,
-) -> list[NDArray[np.float64]]:
-    """The best distinct poses (3,) of all starts, at most ``limit``; ``turns``: symmetry order about z."""
-    points = points[evenly(len(points), p.coarse_points)]
-    lower, upper = np.percentile(points[:, :2], [2.0, 98.0], axis=0)
-    centre = (lower + upper) / 2
-    away = centre - eye[:2]
-    away /= max(float(np.linalg.norm(away)), 1e-9)
-    span = 2 * math.pi / turns if turns else 0.0
-    count = max(1, math.ceil(span / p.yaw_step - 1e-9))
-    yaws = np.arange(count) * (span / count)
-    starts = np.array([[*(centre + offset * away), yaw] for offset in p.offsets for yaw in yaws])
-    for iteration in range(p.coarse_iterations):
-        moved = into_model(points, starts)
-        nearest = surface.nearest_samples(moved)
-        scale = p.coarse_scale * (2.0 if iteration < p.coarse_iterations // 2 else 1.0)
-        normals = surface.normals[nearest]
-        residuals = ((moved - surface.points[nearest]) * normals).sum(axis=2)
-        step, _ = gauss_newton(residuals, normals, moved, starts, scale, bool(turns))
-        starts = starts + step
-    moved = into_model(points, starts)
-    distances = np.linalg.norm(moved - surface.points[surface.nearest_samples(moved)], axis=2)
-    costs = np.minimum(distances, 0.02).mean(axis=1)
-    chosen: list[NDArray[np.float64]] = []
-    for i in np.argsort(costs, kind="stable"):
-        apart = all(
-            np.hypot(*(starts[i, :2] - other[:2])) > 0.006
-            or yaw_difference(starts[i, 2] - other[2], turns) > p.yaw_separation
-            for other in chosen
-        )
-        if apart:
-            chosen.append(starts[i])
-        if len(chosen) == limit:
-            break
-    return chosen
-
-
-def refined_fit(
-    surface: ModelSurface,
-    points: NDArray[np.float64],
-    eye: NDArray[np.float64],
-    start: NDArray[np.float64],
-    turns: int,
-    p: RegistrationParameters,
-) -> Fit:
-    """Fit to the samples that face the camera: of a thin wall only one side can have been measured."""
-    pose = start[None]
-    some = points[evenly(len(points), p.fine_points)]
-    # What faces the camera depends on the pose: it is found anew for the second half.
-    for iteration in range(p.fine_iterations):
-        if iteration in (0, p.fine_iterations // 2):
-            seen = _FacingSide(surface, eye, pose)
-        moved = into_model(some, pose)
-        residuals, directions, places = residual_rows(*seen.nearest(moved[0]), moved[0], p.spacing)
-        step, _ = gauss_newton(residuals[None], directions[None], places[None], pose, p.fine_scale, bool(turns))
-        pose = pose + step
-    return _judged_fit(surface, points, seen, pose, turns, p)
-
-
-def fit_at(
-    surface: ModelSurface,
-    points: NDArray[np.float64],
-    eye: NDArray[np.float64],
-    pose: NDArray[np.float64],
-    turns: int,
-    p: RegistrationParameters,
-) -> Fit:
-    """Residuals and covariance of ``pose`` (3,) as it is."""
-    return _judged_fit(surface, points, _FacingSide(surface, eye, pose[None]), pose[None], turns, p)
 
 
 def end_aligned_poses(
@@ -203,29 +221,3 @@ class _FacingSide:
 
     def nearest(self, moved: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         return nearest_offsets(self._tree, self._samples, self._normals, moved)
-
-
-def _judged_fit(
-    surface: ModelSurface,
-    points: NDArray[np.float64],
-    seen: _FacingSide,
-    pose: NDArray[np.float64],
-    turns: int,
-    p: RegistrationParameters,
-) -> Fit:
-    moved = into_model(points, pose)
-    offsets, normals = seen.nearest(moved[0])
-    rows, directions, places = residual_rows(offsets, normals, moved[0], p.spacing)
-    _, information = gauss_newton(rows[None], directions[None], places[None], pose, p.fine_scale, bool(turns))
-    along = (offsets * normals).sum(axis=1)
-    distances = np.linalg.norm(offsets, axis=1)
-    beside = distances**2 - along**2 > (2 * p.spacing) ** 2
-    residuals = np.where(beside, distances, along)
-    sigma = max(float(np.sqrt(np.mean(np.minimum(residuals**2, 0.01**2)))), 1e-4)
-    covariance = np.linalg.inv(information[0]) * (p.error_factor * sigma) ** 2
-    yaw_floor = p.asymmetric_yaw_floor if turns == 1 else p.yaw_floor
-    covariance += np.diag([p.position_floor**2, p.position_floor**2, yaw_floor**2])
-    if not turns:
-        covariance[2], covariance[:, 2] = 0.0, 0.0
-        covariance[2, 2] = math.pi**2
-    return Fit(pose[0], residuals, covariance)

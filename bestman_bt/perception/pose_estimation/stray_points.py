@@ -17,8 +17,10 @@ from bestman_bt.perception.view import View
 
 
 @dataclass(frozen=True)
-class StrayParameters:
-    """Lengths in metres.
+class StrayPoints:
+    """Finds points near a cluster that belong to the object.
+
+    Lengths in metres.
 
     ``reach``: how far from the cluster's box strays are sought; ``link``: how far one is from the next, or from the
     cluster, at most. ``color``: distance of chromaticities to the nearest colour of the model, at most. ``voxel``: one
@@ -31,30 +33,32 @@ class StrayParameters:
     voxel: Annotated[float, "m"] = 0.004
     min_height: Annotated[float, "m"] = 0.010
 
+    def added_to(
+        self, points: NDArray[np.float64], plane_view: View, palette: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """``points`` (N, 3) of a cluster, and points near it that have the model's colours and are linked to it.
 
-def with_strays(
-    points: NDArray[np.float64], plane_view: View, palette: NDArray[np.float64], parameters: StrayParameters
-) -> NDArray[np.float64]:
-    """``points`` (N, 3) of a cluster, and measured points near it that have the model's colours and are linked to it.
-
-    All in the plane's frame. ``palette``: (K, 3), the model's colours.
-    """
-    p = parameters
-    grow = np.array([p.reach, p.reach, p.link])
-    lower, upper = points.min(axis=0) - grow, points.max(axis=0) + grow
-    lower[2] = p.min_height
-    corners = np.array([[x, y, z] for x in (lower[0], upper[0]) for y in (lower[1], upper[1]) for z in (0.0, upper[2])])
-    cloud = plane_view.cloud(corners)
-    cloud = cloud.selected(((cloud.points > lower) & (cloud.points < upper)).all(axis=1))
-    assert cloud.colors is not None
-    cloud = cloud.selected(color_distances(cloud.colors, palette) < p.color)
-    known = cKDTree(points)
-    if len(cloud):
-        cloud = voxel_means(cloud.selected(known.query(cloud.points)[0] > p.voxel), p.voxel)
-    if len(cloud) == 0:
-        return points
-    pairs = cKDTree(cloud.points).query_pairs(p.link, output_type="ndarray")
-    count = len(cloud)
-    _, group = connected_components(coo_matrix((np.ones(len(pairs)), pairs.T), shape=(count, count)), directed=False)
-    linked = np.isin(group, group[known.query(cloud.points)[0] <= p.link])
-    return np.concatenate([points, cloud.points[linked]])
+        All in the plane's frame. ``palette``: (K, 3), the model's colours.
+        """
+        grow = np.array([self.reach, self.reach, self.link])
+        lower, upper = points.min(axis=0) - grow, points.max(axis=0) + grow
+        lower[2] = self.min_height
+        corners = np.array(
+            [[x, y, z] for x in (lower[0], upper[0]) for y in (lower[1], upper[1]) for z in (0.0, upper[2])]
+        )
+        cloud = plane_view.cloud(corners)
+        cloud = cloud.selected(((cloud.points > lower) & (cloud.points < upper)).all(axis=1))
+        assert cloud.colors is not None
+        cloud = cloud.selected(color_distances(cloud.colors, palette) < self.color)
+        known = cKDTree(points)
+        if len(cloud):
+            cloud = voxel_means(cloud.selected(known.query(cloud.points)[0] > self.voxel), self.voxel)
+        if len(cloud) == 0:
+            return points
+        pairs = cKDTree(cloud.points).query_pairs(self.link, output_type="ndarray")
+        count = len(cloud)
+        _, group = connected_components(
+            coo_matrix((np.ones(len(pairs)), pairs.T), shape=(count, count)), directed=False
+        )
+        linked = np.isin(group, group[known.query(cloud.points)[0] <= self.link])
+        return np.concatenate([points, cloud.points[linked]])

@@ -25,8 +25,10 @@ from bestman_bt.perception.view import View
 
 
 @dataclass(frozen=True)
-class YawProfileParameters:
-    """Lengths in metres.
+class YawSearch:
+    """Asks every yaw how well it explains a view.
+
+    Lengths in metres.
 
     ``points``: of the cluster, at most; ``slide_points``, ``iterations``, ``scale``: for sliding. ``telling``: samples
     that move by more than this when the object turns are asked whether they would float, ``samples`` of them at most.
@@ -49,6 +51,86 @@ class YawProfileParameters:
     position_error: Annotated[float, "m"] = 0.002
     color: float = 0.10
     margin: float = 16.0
+
+    def profile(
+        self,
+        turned: TurnedSurface,
+        points: NDArray[np.float64],
+        plane_view: View,
+        start: NDArray[np.float64],
+        palette: NDArray[np.float64],
+        noise: float,
+    ) -> YawProfile:
+        """Profile over the turns of ``turned``.
+
+        ``points``: (N, 3) of the cluster, ``plane_view``: the view they come from, both in the plane's frame.
+        ``start``: (3,), x, y, yaw of one good fit. ``palette``: (K, 3), colours of the model. ``noise``: of depth,
+        metres.
+        """
+        yaws = start[2] + turned.angles
+        c, s = math.cos(start[2]), math.sin(start[2])
+        shifts = turned.shifts @ np.array([[c, s], [-s, c]])
+        poses = np.column_stack([start[:2] + shifts, yaws])
+        some = points[evenly(len(points), self.points)]
+        poses = slide(
+            turned.surface,
+            some[evenly(len(some), self.slide_points)],
+            poses,
+            self.iterations,
+            self.scale,
+            plane_view.viewpoint,
+        )
+        log_likelihood = self.likelihood(turned, some, plane_view, poses, palette, noise)
+        return YawProfile(yaws, poses[:, :2], log_likelihood)
+
+    def likelihood(
+        self,
+        turned: TurnedSurface,
+        points: NDArray[np.float64],
+        plane_view: View,
+        poses: NDArray[np.float64],
+        palette: NDArray[np.float64],
+        noise: float,
+    ) -> NDArray[np.float64]:
+        """Log-likelihood (S,) of the poses (S, 3): x, y, yaw in the plane's frame."""
+        variance = noise**2 + self.model_error**2
+        unexplained = surface_distances(turned.surface, points, poses, plane_view.viewpoint)
+        cost = np.minimum(unexplained**2 / (2 * variance), self.cap).sum(axis=1)
+        floating = self._floating_cost(turned, plane_view, poses, palette, variance)
+        log_likelihood: NDArray[np.float64] = -cost - self.floating_weight * floating
+        return log_likelihood
+
+    def _floating_cost(
+        self,
+        turned: TurnedSurface,
+        plane_view: View,
+        poses: NDArray[np.float64],
+        palette: NDArray[np.float64],
+        variance: float,
+    ) -> NDArray[np.float64]:
+        telling = np.flatnonzero((turned.telling > self.telling) & (turned.surface.points[:, 2] > 0.01))
+        cost = np.zeros(len(poses))
+        if len(telling) == 0:
+            return cost
+        asked = telling[evenly(len(telling), self.samples)]
+        samples, normals = turned.surface.points[asked], turned.surface.normals[asked]
+        c, s = np.cos(poses[:, 2])[:, None], np.sin(poses[:, 2])[:, None]
+
+        def turn(v: NDArray[np.float64]) -> NDArray[np.float64]:
+            x, y = c * v[:, 0] - s * v[:, 1], s * v[:, 0] + c * v[:, 1]
+            return np.stack([x, y, np.broadcast_to(v[:, 2], x.shape)], axis=2)
+
+        placed = turn(samples)
+        placed[..., :2] += poses[:, None, :2]
+        towards = plane_view.viewpoint - placed
+        facing = (towards * turn(normals)).sum(axis=2) > 0.15 * np.linalg.norm(towards, axis=2)
+        pose_of, _ = np.nonzero(facing)
+        pixels, depth = plane_view.project(placed[facing])
+        near = float(np.nanmedian(depth)) if len(depth) else 1.0
+        radius = max(1, round(self.position_error * plane_view.image.intrinsics.fx / max(near, 1e-3)))
+        excess = seen_space(plane_view, pixels, radius, palette, self.color).excess(pixels, depth)
+        np.add.at(cost, pose_of, np.minimum(excess**2 / (2 * variance), self.cap))
+        return cost * (len(telling) / len(asked))
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,82 +181,3 @@ def _widened(arc: tuple[float, float], angle: float, half: float) -> tuple[float
     offset = wrap_angle(angle - arc[0])
     lower, upper = min(-arc[1], offset - half), max(arc[1], offset + half)
     return wrap_angle(arc[0] + (lower + upper) / 2), min(math.pi, (upper - lower) / 2)
-
-
-def yaw_profile(
-    turned: TurnedSurface,
-    points: NDArray[np.float64],
-    plane_view: View,
-    start: NDArray[np.float64],
-    palette: NDArray[np.float64],
-    noise: float,
-    parameters: YawProfileParameters,
-) -> YawProfile:
-    """Profile over the turns of ``turned``.
-
-    ``points``: (N, 3) of the cluster, ``plane_view``: the view they come from, both in the plane's frame. ``start``:
-    (3,), x, y, yaw of one good fit. ``palette``: (K, 3), colours of the model. ``noise``: of depth, metres.
-    """
-    p = parameters
-    yaws = start[2] + turned.angles
-    c, s = math.cos(start[2]), math.sin(start[2])
-    shifts = turned.shifts @ np.array([[c, s], [-s, c]])
-    poses = np.column_stack([start[:2] + shifts, yaws])
-    some = points[evenly(len(points), p.points)]
-    poses = slide(
-        turned.surface, some[evenly(len(some), p.slide_points)], poses, p.iterations, p.scale, plane_view.viewpoint
-    )
-    log_likelihood = profile_likelihood(turned, some, plane_view, poses, palette, noise, p)
-    return YawProfile(yaws, poses[:, :2], log_likelihood)
-
-
-def profile_likelihood(
-    turned: TurnedSurface,
-    points: NDArray[np.float64],
-    plane_view: View,
-    poses: NDArray[np.float64],
-    palette: NDArray[np.float64],
-    noise: float,
-    parameters: YawProfileParameters,
-) -> NDArray[np.float64]:
-    """Log-likelihood (S,) of the poses (S, 3): x, y, yaw in the plane's frame."""
-    p = parameters
-    variance = noise**2 + p.model_error**2
-    unexplained = surface_distances(turned.surface, points, poses, plane_view.viewpoint)
-    cost = np.minimum(unexplained**2 / (2 * variance), p.cap).sum(axis=1)
-    floating = _floating_cost(turned, plane_view, poses, palette, variance, p)
-    log_likelihood: NDArray[np.float64] = -cost - p.floating_weight * floating
-    return log_likelihood
-
-
-def _floating_cost(
-    turned: TurnedSurface,
-    plane_view: View,
-    poses: NDArray[np.float64],
-    palette: NDArray[np.float64],
-    variance: float,
-    p: YawProfileParameters,
-) -> NDArray[np.float64]:
-    telling = np.flatnonzero((turned.telling > p.telling) & (turned.surface.points[:, 2] > 0.01))
-    cost = np.zeros(len(poses))
-    if len(telling) == 0:
-        return cost
-    asked = telling[evenly(len(telling), p.samples)]
-    samples, normals = turned.surface.points[asked], turned.surface.normals[asked]
-    c, s = np.cos(poses[:, 2])[:, None], np.sin(poses[:, 2])[:, None]
-
-    def turn(v: NDArray[np.float64]) -> NDArray[np.float64]:
-        x, y = c * v[:, 0] - s * v[:, 1], s * v[:, 0] + c * v[:, 1]
-        return np.stack([x, y, np.broadcast_to(v[:, 2], x.shape)], axis=2)
-
-    placed = turn(samples)
-    placed[..., :2] += poses[:, None, :2]
-    towards = plane_view.viewpoint - placed
-    facing = (towards * turn(normals)).sum(axis=2) > 0.15 * np.linalg.norm(towards, axis=2)
-    pose_of, _ = np.nonzero(facing)
-    pixels, depth = plane_view.project(placed[facing])
-    near = float(np.nanmedian(depth)) if len(depth) else 1.0
-    radius = max(1, round(p.position_error * plane_view.image.intrinsics.fx / max(near, 1e-3)))
-    excess = seen_space(plane_view, pixels, radius, palette, p.color).excess(pixels, depth)
-    np.add.at(cost, pose_of, np.minimum(excess**2 / (2 * variance), p.cap))
-    return cost * (len(telling) / len(asked))

@@ -4,14 +4,12 @@ from bestman_bt.perception.tracking.base import Tracked, Tracker
 from bestman_bt.perception.tracking.global_nearest_neighbour import (
     THING,
     GlobalNearestNeighbour,
-    GlobalNearestNeighbourParameters,
 )
 from bestman_bt.perception.tracking.presence import Presence, presence
 
 __all__ = [
     "THING",
     "GlobalNearestNeighbour",
-    "GlobalNearestNeighbourParameters",
     "Presence",
     "Tracked",
     "Tracker",

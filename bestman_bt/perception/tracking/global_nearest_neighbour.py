@@ -25,8 +25,10 @@ THING = "thing"
 
 
 @dataclass(frozen=True)
-class GlobalNearestNeighbourParameters:
-    """Metres and radians.
+class GlobalNearestNeighbour(Tracker):
+    """Assigns all sightings of a view to the known objects at once, at the least total distance.
+
+    Metres and radians.
 
     ``moved_distance``: an object that is so far from its place counts as moved, or ``deviations`` times the standard
     deviation of the distance where that is more; ``moved_turn``: the same for turns of objects whose yaw is known.
@@ -39,13 +41,6 @@ class GlobalNearestNeighbourParameters:
     deviations: float = 3.0
     thing_distance: Annotated[float, "m"] = 0.08
     replaced_distance: Annotated[float, "m"] = 0.04
-
-
-class GlobalNearestNeighbour(Tracker):
-    """See the module."""
-
-    def __init__(self, parameters: GlobalNearestNeighbourParameters | None = None) -> None:
-        self.parameters = parameters or GlobalNearestNeighbourParameters()
 
     def update(
         self,
@@ -93,7 +88,7 @@ class GlobalNearestNeighbour(Tracker):
                     continue
                 distance = float(np.linalg.norm(belief.pose.position - sighting.pose.position))
                 same = belief.model.name == sighting.model.name if belief.recognised else self._alike(belief, sighting)
-                if same and (belief.recognised or distance < self.parameters.thing_distance):
+                if same and (belief.recognised or distance < self.thing_distance):
                     costs[i, j] = distance
         rows, columns = linear_sum_assignment(costs)
         return {int(i): names[j] for i, j in zip(rows, columns, strict=True) if costs[i, j] < impossible}
@@ -103,18 +98,17 @@ class GlobalNearestNeighbour(Tracker):
         if belief.model.name != sighting.model.name:
             return False
         sizes = [np.sort(thing.model.size) for thing in (belief, sighting)]
-        return bool(np.abs(sizes[0] - sizes[1]).max() < self.parameters.thing_distance)
+        return bool(np.abs(sizes[0] - sizes[1]).max() < self.thing_distance)
 
     def _moved(self, before: ObjectBelief, sighting: ObjectBelief, drift: float) -> bool:
-        p = self.parameters
         distance = float(np.linalg.norm(before.pose.position - sighting.pose.position))
         deviation = math.sqrt(before.position_std**2 + sighting.position_std**2 + 2 * drift**2)
-        if distance > max(p.moved_distance, p.deviations * deviation):
+        if distance > max(self.moved_distance, self.deviations * deviation):
             return True
         if not before.recognised or not before.model.symmetry_order:
             return False
         return all(
-            abs(wrap_angle(middle - other)) - half - other_half > p.moved_turn
+            abs(wrap_angle(middle - other)) - half - other_half > self.moved_turn
             for middle, half in _with_symmetry(before)
             for other, other_half in sighting.yaw_set.arcs or ((sighting.pose.yaw, 0.0),)
         )
@@ -126,7 +120,7 @@ class GlobalNearestNeighbour(Tracker):
             x, y, z = belief.pose.position - other.pose.position
             # On another board of a shelf it takes no place away.
             same_height = abs(z) < (belief.model.size[2] + other.model.size[2]) / 2
-            if same_height and math.hypot(x, y) < self.parameters.replaced_distance:
+            if same_height and math.hypot(x, y) < self.replaced_distance:
                 return "replaced"
         return "removed" if presence(belief.model, belief.pose, view) is Presence.GONE else None
 

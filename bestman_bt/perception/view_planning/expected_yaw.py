@@ -22,14 +22,16 @@ from bestman_bt.perception.pose_estimation.base import PoseHypothesis
 from bestman_bt.perception.pose_estimation.model_surface import model_surface
 from bestman_bt.perception.pose_estimation.point_to_plane import evenly
 from bestman_bt.perception.pose_estimation.turned_surface import TurnedSurface, turned_surface
-from bestman_bt.perception.pose_estimation.yaw_profile import YawProfileParameters
+from bestman_bt.perception.pose_estimation.yaw_profile import YawSearch
 from bestman_bt.perception.view_planning.base import RankedView, ViewPlanner
 from bestman_bt.perception.view_planning.line_of_sight import hidden_by_shapes, unobstructed
 
 
 @dataclass(frozen=True)
-class ExpectedYawParameters:
-    """Lengths in metres, angles in radians.
+class ExpectedYaw(ViewPlanner):
+    """Ranks views by how many yaws of the object they are expected to leave open.
+
+    Lengths in metres, angles in radians.
 
     ``distances``, ``elevations``, ``azimuths``: of the candidates around the object's middle; the defaults suit a
     camera beside the hand, one on a mast wants about (0.9, 1.2). ``filling``: the object takes at most this share of
@@ -51,30 +53,22 @@ class ExpectedYawParameters:
     noise_base: Annotated[float, "m"] = 0.0012
     noise_quadratic: Annotated[float, "1/m"] = 0.0019
     caution: float = 0.3
-    profile: YawProfileParameters = field(default_factory=YawProfileParameters)
-
-
-class ExpectedYaw(ViewPlanner):
-    """See the module. It keeps the surfaces of the models that it has met."""
-
-    def __init__(self, parameters: ExpectedYawParameters | None = None) -> None:
-        self.parameters = parameters or ExpectedYawParameters()
-        self._turned: dict[ObjectModel, TurnedSurface] = {}
+    profile: YawSearch = field(default_factory=YawSearch)
+    _turned: dict[ObjectModel, TurnedSurface] = field(default_factory=dict, init=False, repr=False)
 
     def candidates(self, hypothesis: PoseHypothesis, intrinsics: CameraIntrinsics) -> tuple[Pose, ...]:
         """See ViewPlanner; nearest ring first."""
-        p = self.parameters
         lower, upper = hypothesis.model.bounds()
         centre = hypothesis.pose.apply((lower + upper) / 2)
         radius = float(np.linalg.norm(upper - lower)) / 2
         half_angle = math.atan(min(intrinsics.width / intrinsics.fx, intrinsics.height / intrinsics.fy) / 2)
-        least = radius / math.sin(p.filling * half_angle)
-        rings = sorted({max(distance, least) for distance in p.distances})
+        least = radius / math.sin(self.filling * half_angle)
+        rings = sorted({max(distance, least) for distance in self.distances})
         return tuple(
-            looking_at(centre, azimuth * 2 * math.pi / p.azimuths, elevation, distance)
+            looking_at(centre, azimuth * 2 * math.pi / self.azimuths, elevation, distance)
             for distance in rings
-            for elevation in p.elevations
-            for azimuth in range(p.azimuths)
+            for elevation in self.elevations
+            for azimuth in range(self.azimuths)
         )
 
     def rank(
@@ -92,7 +86,7 @@ class ExpectedYaw(ViewPlanner):
         telling, others = self._samples(turned)
         chosen = np.concatenate([telling, others])
         seen = self._visible(hypothesis, turned, yaws, chosen, candidates, intrinsics, obstacles)
-        share = len(telling) / max(1, int((turned.telling > self.parameters.profile.telling).sum()))
+        share = len(telling) / max(1, int((turned.telling > self.profile.telling).sum()))
         ranked = []
         for index, frame_from_camera in enumerate(candidates):
             distance = float(np.linalg.norm(frame_from_camera.position - hypothesis.pose.position))
@@ -102,24 +96,22 @@ class ExpectedYaw(ViewPlanner):
 
     def _samples(self, turned: TurnedSurface) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
         """Indices of samples that change when the object turns, and of others, which may hide those."""
-        p = self.parameters
-        tells = turned.telling > p.profile.telling
+        tells = turned.telling > self.profile.telling
         telling, others = np.flatnonzero(tells), np.flatnonzero(~tells)
-        telling = telling[evenly(len(telling), p.telling_samples)]
-        return telling, others[evenly(len(others), p.samples - len(telling))]
+        telling = telling[evenly(len(telling), self.telling_samples)]
+        return telling, others[evenly(len(others), self.samples - len(telling))]
 
     def _turned_surface(self, model: ObjectModel) -> TurnedSurface:
         if model not in self._turned:
-            self._turned[model] = turned_surface(model_surface(model, Pose(), self.parameters.spacing))
+            self._turned[model] = turned_surface(model_surface(model, Pose(), self.spacing))
         return self._turned[model]
 
     def _yaws(self, hypothesis: PoseHypothesis) -> tuple[NDArray[np.float64], float]:
         """Turns (Y,) away from the likeliest yaw that are open, and the width that each stands for, radians."""
-        p = self.parameters
         open_yaws: YawSet = hypothesis.yaw_set
         if not hypothesis.upright or open_yaws.width == 0.0:
             return np.zeros(1), 0.0
-        step = max(p.min_step, open_yaws.width / p.yaw_samples)
+        step = max(self.min_step, open_yaws.width / self.yaw_samples)
         turns: list[float] = []
         for middle, half in open_yaws.arcs:
             count = max(1, round(2 * half / step))
@@ -143,7 +135,7 @@ class ExpectedYaw(ViewPlanner):
         seen = np.zeros((len(candidates), len(yaws), len(chosen)), dtype=bool)
         eyes = np.array([candidate.position for candidate in candidates])
         # A little wider than the samples are apart: else one would look through between them.
-        cell = 1.5 * self.parameters.spacing * math.sqrt(len(turned.surface.points) / len(chosen))
+        cell = 1.5 * self.spacing * math.sqrt(len(turned.surface.points) / len(chosen))
         for index, (yaw, shift) in enumerate(zip(yaws, turned.shift(yaws), strict=True)):
             frame_from_turned = frame_from_rest @ Pose.from_xyz_rpy((*shift, 0.0), (0.0, 0.0, yaw))
             placed = frame_from_turned.apply(points)
@@ -163,18 +155,17 @@ class ExpectedYaw(ViewPlanner):
         share: float,
     ) -> float:
         """Radians; ``seen``: (Y, T) of the ``telling`` samples, which are the ``share`` of all that tell."""
-        p = self.parameters
         if step == 0.0:
             return 0.0
-        noise = p.noise_base + p.noise_quadratic * max(0.0, distance - 0.4) ** 2
-        variance = noise**2 + p.profile.model_error**2
+        noise = self.noise_base + self.noise_quadratic * max(0.0, distance - 0.4) ** 2
+        variance = noise**2 + self.profile.model_error**2
         # Evidence that what is seen at yaw a does not belong to yaw b: (Y, Y).
         turns = turned.nearest_turn(yaws[None, :] - yaws[:, None])
         moved = np.maximum(0.0, turned.distances[:, telling] - turned.distances[0, telling])
-        costs = np.minimum(moved**2 / (2 * variance), p.profile.cap)
+        costs = np.minimum(moved**2 / (2 * variance), self.profile.cap)
         foreseen = np.take_along_axis(seen.astype(np.float64) @ costs.T, turns, axis=1)
-        evidence = p.caution * p.profile.floating_weight / share * (foreseen + foreseen.T)
-        return float(step * (evidence < p.profile.margin).sum(axis=1).mean())
+        evidence = self.caution * self.profile.floating_weight / share * (foreseen + foreseen.T)
+        return float(step * (evidence < self.profile.margin).sum(axis=1).mean())
 
 
 def looking_at(centre: NDArray[np.float64], azimuth: float, elevation: float, distance: float) -> Pose:

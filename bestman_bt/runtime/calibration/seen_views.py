@@ -11,7 +11,7 @@ import numpy as np
 from bestman_bt.configuration import ConfigurationError
 from bestman_bt.manipulation.errors import ManipulationError
 from bestman_bt.messages import CameraIntrinsics, Pose
-from bestman_bt.perception.calibration import BoardSighting, CalibrationError, calibrate_depth
+from bestman_bt.perception.calibration import BoardSighting, CalibrationError, DepthCalibration
 from bestman_bt.robot_model import ArmModel, JointGroupModel, load_robot_model
 from bestman_bt.runtime.calibration.dataset import Dataset, Progress, RecordedView, pose_of
 from bestman_bt.runtime.calibration.result import CalibrationResult
@@ -98,7 +98,7 @@ def add_depth(seen: Seen, poses: Sequence[Pose], settings: dict[str, Any], figur
     if not with_depth:
         return []
     try:
-        found = calibrate_depth(with_depth, seen.intrinsics)
+        found = DepthCalibration().calibrate(with_depth, seen.intrinsics)
     except CalibrationError as error:
         return [f"depth was not calibrated: {error}"]
     settings |= {"depth_scale": found.correction.scale, "depth_offset": found.correction.offset}

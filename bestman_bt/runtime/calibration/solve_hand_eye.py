@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from bestman_bt.messages import Pose
-from bestman_bt.perception.calibration import BoardView, CalibrationError, ChainPoses, board_pose, calibrate_chain
+from bestman_bt.perception.calibration import BoardView, CalibrationError, ChainCalibration, ChainPoses, board_pose
 from bestman_bt.registry import ALGORITHMS
 from bestman_bt.runtime.calibration.dataset import Dataset, Progress
 from bestman_bt.runtime.calibration.result import CalibrationResult, deviations
@@ -29,7 +29,7 @@ def solve_hand_eye(dataset: Dataset, method: str, progress: Progress) -> Calibra
     first = algorithm.calibrate(world_from_carrier, in_camera)
     views = [BoardView(*view) for view in zip(seen.sightings, carriers, holders, strict=True)]
     start = ChainPoses(Pose(), first.carrier_from_eye, first.world_from_target)
-    refined = calibrate_chain(views, seen.intrinsics, start, ("camera", "board"))
+    refined = ChainCalibration().calibrate(views, seen.intrinsics, start, ("camera", "board"))
     camera = refined.poses.camera
     settings: dict[str, Any] = {}
     figures: dict[str, Any] = {

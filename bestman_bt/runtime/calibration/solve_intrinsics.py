@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from typing import Any
 
-from bestman_bt.perception.calibration import IntrinsicsParameters, board_pose, calibrate_intrinsics, project
+from bestman_bt.perception.calibration import IntrinsicsCalibration, board_pose, project
 from bestman_bt.runtime.calibration.dataset import Dataset, Progress
 from bestman_bt.runtime.calibration.result import CalibrationResult
 from bestman_bt.runtime.calibration.seen_views import Seen, result_of
 
 
-def solve_intrinsics(dataset: Dataset, parameters: IntrinsicsParameters, progress: Progress) -> CalibrationResult:
+def solve_intrinsics(dataset: Dataset, method: IntrinsicsCalibration, progress: Progress) -> CalibrationResult:
     """Focal lengths, principal point, distortion. Raises CalibrationError."""
     views, size = dataset.read(progress)
-    found = calibrate_intrinsics([view.sighting for view in views], size, parameters)
+    found = method.calibrate([view.sighting for view in views], size)
     k = found.intrinsics
     used = tuple(views[index] for index in found.used)
     sightings = tuple(view.sighting for view in used if view.sighting is not None)

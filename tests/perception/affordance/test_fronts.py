@@ -9,7 +9,7 @@ import pytest
 from benchmarks.perception_measures.distractors import Parts, block
 from benchmarks.rendering import render_view
 from bestman_bt.messages import Pose
-from bestman_bt.perception.affordance.fronts import Front, FrontsParameters, find_fronts
+from bestman_bt.perception.affordance.fronts import Front, FrontSearch
 from bestman_bt.perception.affordance.relief import relief
 
 CameraBefore = Callable[[np.ndarray, float, float, float], Pose]
@@ -17,7 +17,7 @@ GREY = (0.6, 0.6, 0.6)
 
 
 def fronts_of(parts: Parts, pose: Pose) -> list[Front]:
-    return find_fronts(render_view(parts, pose, np.random.default_rng(0)), FrontsParameters())
+    return FrontSearch().find(render_view(parts, pose, np.random.default_rng(0)))
 
 
 def test_two_fronts_that_lie_20_millimetres_apart_in_depth_are_two(camera: CameraBefore) -> None:
@@ -47,8 +47,8 @@ def test_floors_and_table_tops_are_no_fronts(camera: CameraBefore) -> None:
 def test_the_relief_measures_heights_before_a_front_and_where_rays_meet_it(camera: CameraBefore) -> None:
     parts = block((0.0, -0.6, 0.0), (0.4, 0.6, 1.0), GREY) + block((-0.04, 0.1, 0.5), (0.0, 0.2, 0.6), GREY)
     view = render_view(parts, camera(np.array([0.0, 0.0, 0.5]), 1.2, 20.0, 10.0), np.random.default_rng(0))
-    front = max(find_fronts(view, FrontsParameters()), key=lambda one: one.area)
-    around = relief(view, front, FrontsParameters())
+    front = max(FrontSearch().find(view), key=lambda one: one.area)
+    around = relief(view, front, FrontSearch())
     box_middle = front.frame_from_front.inverse().apply(np.array([[-0.04, 0.15, 0.55]]))[0]
     rows, columns = around.window(box_middle[:2] - 0.03, box_middle[:2] + 0.03, 0.04)
     assert float(np.nanmedian(around.height[rows, columns])) == pytest.approx(0.04, abs=0.002)

@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from bestman_bt.perception.affordance.panel_borders import PanelBorders, PanelBordersParameters, panel_borders
+from bestman_bt.perception.affordance.panel_borders import BorderSearch, PanelBorders
 from bestman_bt.perception.affordance.rectified import RectifiedFront
 
 CELL = 0.004
@@ -18,7 +18,7 @@ def front(columns: int = 300, rows: int = 200) -> RectifiedFront:
 
 def borders_around(scene: RectifiedFront, x: float, y: float) -> PanelBorders:
     half = np.array([0.05, 0.006])
-    return panel_borders(scene, np.array([x, y]) - half, np.array([x, y]) + half, PanelBordersParameters())
+    return BorderSearch().around(scene, np.array([x, y]) - half, np.array([x, y]) + half)
 
 
 def test_seams_and_the_ends_of_the_front_bound_the_panel() -> None:

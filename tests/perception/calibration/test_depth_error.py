@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from bestman_bt.messages import Pose
-from bestman_bt.perception.calibration import CalibrationError, DegenerateMotionError, calibrate_depth
+from bestman_bt.perception.calibration import CalibrationError, DegenerateMotionError, DepthCalibration
 from tests.perception.calibration.recorded import LENS, corners, sighting, turned
 
 
@@ -26,7 +26,7 @@ def view(distance: float, rng: np.random.Generator, scale: float = 1.0, offset: 
 def test_scale_and_offset_are_recovered():
     rng = np.random.default_rng(1)
     views = [view(distance, rng, 1.02, -0.008) for distance in np.linspace(0.35, 1.1, 12)]
-    result = calibrate_depth(views, LENS)
+    result = DepthCalibration().calibrate(views, LENS)
     assert result.correction.scale == pytest.approx(1.02, abs=0.002)
     assert result.correction.offset == pytest.approx(-0.008, abs=0.0015)
     assert abs(result.correction.scale - 1.02) < 4 * result.scale_std + 1e-3
@@ -38,7 +38,7 @@ def test_one_view_with_something_before_the_board_does_not_matter():
     rng = np.random.default_rng(2)
     views = [view(distance, rng, 0.99, 0.004) for distance in np.linspace(0.35, 1.1, 12)]
     views[5][2][:] = 0.2
-    result = calibrate_depth(views, LENS)
+    result = DepthCalibration().calibrate(views, LENS)
     assert result.correction.scale == pytest.approx(0.99, abs=0.004)
     assert result.correction.offset == pytest.approx(0.004, abs=0.0015)
     assert np.argmax(np.abs(result.residuals)) == 5
@@ -47,11 +47,11 @@ def test_one_view_with_something_before_the_board_does_not_matter():
 def test_one_distance_does_not_tell_scale_from_offset():
     rng = np.random.default_rng(3)
     with pytest.raises(DegenerateMotionError, match="cannot be told apart"):
-        calibrate_depth([view(0.5, rng) for _ in range(5)], LENS)
+        DepthCalibration().calibrate([view(0.5, rng) for _ in range(5)], LENS)
 
 
 def test_images_without_depth_are_refused():
     rng = np.random.default_rng(4)
     blind = [(s, p, np.zeros_like(d)) for s, p, d in (view(0.5, rng), view(0.9, rng))]
     with pytest.raises(CalibrationError, match="0 of 2 views have depth on the board"):
-        calibrate_depth(blind, LENS)
+        DepthCalibration().calibrate(blind, LENS)

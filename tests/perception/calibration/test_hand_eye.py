@@ -13,7 +13,6 @@ from bestman_bt.perception.calibration import (
     CalibrationError,
     Daniilidis,
     DegenerateMotionError,
-    HandEyeParameters,
     ParkMartin,
 )
 from bestman_bt.perception.calibration.hand_eye import relative_motions
@@ -27,7 +26,7 @@ METHODS = (ParkMartin, Daniilidis)
 def test_without_noise_the_camera_is_found_exactly(method, refine):
     for seed in range(10):
         truth = hand_eye_recording(seed, views=5, position=0.0, rotation=0.0)
-        found = method(HandEyeParameters(refine=refine)).eye_in_hand(truth.world_from_carrier, truth.eye_from_target)
+        found = method(refine=refine).eye_in_hand(truth.world_from_carrier, truth.eye_from_target)
         assert errors(found.carrier_from_eye, truth.carrier_from_eye) == pytest.approx((0.0, 0.0), abs=1e-5)
         assert errors(found.world_from_target, truth.world_from_target) == pytest.approx((0.0, 0.0), abs=1e-5)
 
@@ -50,7 +49,7 @@ def test_the_refinement_is_better_than_either_closed_form():
     recordings = [hand_eye_recording(seed) for seed in range(40)]
 
     def mean_error(refine: bool) -> float:
-        method = Daniilidis(HandEyeParameters(refine=refine))
+        method = Daniilidis(refine=refine)
         found = [method.eye_in_hand(r.world_from_carrier, r.eye_from_target).carrier_from_eye for r in recordings]
         return float(np.mean([errors(pose, r.carrier_from_eye)[0] for pose, r in zip(found, recordings, strict=True)]))
 

@@ -11,10 +11,9 @@ from bestman_bt.messages import Pose
 from bestman_bt.perception.calibration import (
     BoardView,
     CalibrationError,
-    ChainParameters,
+    ChainCalibration,
     ChainPoses,
     DegenerateMotionError,
-    calibrate_chain,
     calibrate_head_camera,
 )
 from tests.perception.calibration.recorded import CAMERA, LENS, errors, hand_eye_recording, noisy, sighting
@@ -96,8 +95,8 @@ def test_a_board_that_any_view_shows_elsewhere_is_held(moved: int | None):
     for holder, pan in zip(holders, np.linspace(-0.3, 0.4, 6), strict=True):
         eye_from_board = (MOUNT @ head(pan, 0.6) @ CAMERA_ON_HEAD).inverse() @ holder @ BOARD
         views.append(BoardView(sighting(eye_from_board, CAMERA, rng, 0.0), head(pan, 0.6), holder))
-    anything = ChainParameters(worst_deviation=1e9)
-    found = calibrate_head_camera(views, CAMERA, MOUNT, CAMERA_ON_HEAD, parameters=anything)
+    anything = ChainCalibration(worst_deviation=1e9)
+    found = calibrate_head_camera(views, CAMERA, MOUNT, CAMERA_ON_HEAD, chain=anything)
     assert found.free == (("camera", "board") if moved is None else ("mount", "camera", "board"))
 
 
@@ -141,8 +140,8 @@ def test_one_wrong_view_does_not_spoil_a_wrist_camera():
     ]
     views[3] = BoardView(views[3].sighting, hands[3] @ Pose(np.array([0.03, 0.0, 0.0])))
     start = ChainPoses(Pose(), noisy(truth.carrier_from_eye, 0.01, 0.02, rng), truth.world_from_target)
-    result = calibrate_chain(views, CAMERA, start, ("camera", "board"))
-    trusting = calibrate_chain(views, CAMERA, start, ("camera", "board"), ChainParameters(outlier=1e6))
+    result = ChainCalibration().calibrate(views, CAMERA, start, ("camera", "board"))
+    trusting = ChainCalibration(outlier=1e6).calibrate(views, CAMERA, start, ("camera", "board"))
     millimetres, degrees = errors(result.poses.camera, truth.carrier_from_eye)
     assert millimetres < 1.0
     assert degrees < 0.2

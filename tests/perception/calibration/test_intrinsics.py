@@ -11,8 +11,7 @@ from bestman_bt.messages import Pose
 from bestman_bt.perception.calibration import (
     CalibrationError,
     DegenerateMotionError,
-    IntrinsicsParameters,
-    calibrate_intrinsics,
+    IntrinsicsCalibration,
     project,
 )
 from tests.perception.calibration.recorded import CAMERA, LENS, corners, sighting, turned
@@ -34,8 +33,8 @@ def sightings(rng: np.random.Generator, count: int = 25, lean: float = 0.6, came
 
 @pytest.mark.slow
 def test_focal_length_centre_and_distortion_are_recovered():
-    parameters = IntrinsicsParameters(lens="k1_k2_p1_p2_k3")
-    result = calibrate_intrinsics(sightings(np.random.default_rng(1), 40), SIZE, parameters)
+    parameters = IntrinsicsCalibration(lens="k1_k2_p1_p2_k3")
+    result = parameters.calibrate(sightings(np.random.default_rng(1), 40), SIZE)
     k = result.intrinsics
     found = np.array([k.fx, k.fy, k.cx, k.cy])
     true = np.array([LENS.fx, LENS.fy, LENS.cx, LENS.cy])
@@ -50,8 +49,8 @@ def test_focal_length_centre_and_distortion_are_recovered():
 
 
 def test_a_pinhole_is_recovered_without_distortion_when_asked():
-    parameters = IntrinsicsParameters(lens="none")
-    result = calibrate_intrinsics(sightings(np.random.default_rng(2), camera=CAMERA), SIZE, parameters)
+    parameters = IntrinsicsCalibration(lens="none")
+    result = parameters.calibrate(sightings(np.random.default_rng(2), camera=CAMERA), SIZE)
     assert result.intrinsics.distortion == ()
     assert result.intrinsics.fx == pytest.approx(CAMERA.fx, abs=1.0)
 
@@ -59,22 +58,22 @@ def test_a_pinhole_is_recovered_without_distortion_when_asked():
 def test_views_without_a_board_are_left_out_and_counted():
     rng = np.random.default_rng(3)
     with_gaps = [None, *sightings(rng), None]
-    result = calibrate_intrinsics(with_gaps, SIZE)
+    result = IntrinsicsCalibration().calibrate(with_gaps, SIZE)
     assert 0 not in result.used
     assert len(result.used) == len(result.errors)
     with pytest.raises(CalibrationError, match="0 of 3 views show at least 8 corners of the board, 8 are needed"):
-        calibrate_intrinsics([None] * 3, SIZE)
+        IntrinsicsCalibration().calibrate([None] * 3, SIZE)
 
 
 def test_a_corner_of_the_image_that_was_never_covered_is_named():
     rng = np.random.default_rng(4)
     left_only = [s for s in sightings(rng, 80) if s.pixels[:, 0].max() < 330]
     with pytest.raises(CalibrationError, match=r"cover \d\d% of the image, 60% are needed; .* right"):
-        calibrate_intrinsics(left_only, SIZE)
+        IntrinsicsCalibration().calibrate(left_only, SIZE)
 
 
 @pytest.mark.slow
 def test_boards_that_never_lean_are_refused():
     flat = sightings(np.random.default_rng(5), 40, lean=math.radians(2.0), camera=CAMERA)
     with pytest.raises(DegenerateMotionError, match="leaning by 15° or more"):
-        calibrate_intrinsics(flat, SIZE, IntrinsicsParameters(lens="none"))
+        IntrinsicsCalibration(lens="none").calibrate(flat, SIZE)

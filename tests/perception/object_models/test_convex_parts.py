@@ -8,7 +8,8 @@ import trimesh
 
 from bestman_bt.messages import Mesh
 from bestman_bt.perception import PerceptionError
-from bestman_bt.perception.object_models import convex_parts, simplified
+from bestman_bt.perception.object_models import simplified
+from bestman_bt.perception.object_models.convex_parts import ConvexDecomposition
 
 
 def mesh_of(shape: trimesh.Trimesh) -> Mesh:
@@ -29,11 +30,11 @@ def tray() -> trimesh.Trimesh:
 
 @pytest.fixture(scope="module")
 def tray_parts() -> tuple[Mesh, ...]:
-    return convex_parts(mesh_of(tray()))
+    return ConvexDecomposition().parts(mesh_of(tray()))
 
 
 def solids(mesh: Mesh) -> list[trimesh.Trimesh]:
-    return [trimesh.Trimesh(part.vertices, part.faces) for part in convex_parts(mesh)]
+    return [trimesh.Trimesh(part.vertices, part.faces) for part in ConvexDecomposition().parts(mesh)]
 
 
 def test_a_convex_body_is_its_own_part_and_bodies_are_parted() -> None:
@@ -72,7 +73,7 @@ def test_a_tray_stays_open(tray_parts: tuple[Mesh, ...]) -> None:
 
 @pytest.mark.slow
 def test_the_same_mesh_gives_the_same_parts(tray_parts: tuple[Mesh, ...]) -> None:
-    for a, b in zip(tray_parts, convex_parts(mesh_of(tray())), strict=True):
+    for a, b in zip(tray_parts, ConvexDecomposition().parts(mesh_of(tray())), strict=True):
         np.testing.assert_array_equal(a.vertices, b.vertices)
 
 
@@ -89,13 +90,13 @@ def test_a_surface_that_cannot_be_closed_is_refused() -> None:
     turned = ball.faces.copy()
     turned[7] = turned[7, ::-1]
     with pytest.raises(PerceptionError, match="cannot be closed"):
-        convex_parts(Mesh(ball.vertices, turned))
+        ConvexDecomposition().parts(Mesh(ball.vertices, turned))
 
 
 def test_what_encloses_nothing_is_refused() -> None:
     sheet = Mesh(np.array([[0, 0, 0], [0.1, 0, 0], [0, 0.1, 0.0]]), np.array([[0, 1, 2]]))
     with pytest.raises(PerceptionError, match="no volume"):
-        convex_parts(sheet)
+        ConvexDecomposition().parts(sheet)
 
 
 def test_a_fine_mesh_is_thinned_out_and_keeps_its_shape() -> None:

@@ -19,7 +19,7 @@ from bestman_bt.messages import (
     distance_to_shape,
 )
 from bestman_bt.perception import PerceptionError, View
-from bestman_bt.perception.occupancy import LogOdds, LogOddsParameters, VoxelRegion, freed
+from bestman_bt.perception.occupancy import LogOdds, VoxelRegion, freed
 from tests.perception.seen_boxes import looking_at, view_of
 
 TABLE = PlacedShape(Box((0.8, 1.2, 0.04)), Pose(np.array([0.0, 0.0, 0.73])))
@@ -114,7 +114,7 @@ def test_depth_beyond_the_range_says_nothing_neither_of_the_wall_nor_of_what_is_
     states = LogOdds().fuse([view_of([wall(distance)], AHEAD)], FAR).states
     assert bool((states == VOXEL_OCCUPIED).any()) is trusted
     assert bool((states == VOXEL_FREE).any()) is trusted
-    assert (LogOdds(LogOddsParameters(max_range=5.5)).fuse([view_of([wall(distance)], AHEAD)], FAR).states != 0).any()
+    assert (LogOdds(max_range=5.5).fuse([view_of([wall(distance)], AHEAD)], FAR).states != 0).any()
 
 
 def test_space_is_free_up_to_a_voxel_and_the_noise_before_a_surface_and_unknown_behind_it():

@@ -10,7 +10,7 @@ import pytest
 from benchmarks.rendered_table import TrueObject, mast_camera, solid
 from bestman_bt.messages import Box
 from bestman_bt.messages.pose import wrap_angle
-from bestman_bt.perception.pose_estimation import MultiStart, MultiStartParameters, PoseHypothesis
+from bestman_bt.perception.pose_estimation import MultiStart, PoseHypothesis
 
 from .seen_objects import cluster_of, photographed, shipped, standing
 
@@ -99,6 +99,6 @@ def test_a_model_that_explains_nothing_gets_no_confidence_and_does_not_fail() ->
     cluster = cluster_of(view, item)
     far = replace(cluster, points=cluster.points + np.array([0.25, 0.2, 0.0]))
     models = [shipped(name) for name in ("mug", "duck", "bowl", "sugar_box")]
-    found = MultiStart(MultiStartParameters(color_limit=9.0, size_tolerance=1.0)).estimate(far, models, view)
+    found = MultiStart(color_limit=9.0, size_tolerance=1.0).estimate(far, models, view)
     assert {one.model.name for one in found} == {"mug", "duck", "bowl", "sugar_box"}
     assert all(one.confidence < 0.01 for one in found)

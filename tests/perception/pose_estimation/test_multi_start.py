@@ -9,7 +9,7 @@ import pytest
 
 from benchmarks.rendered_table import RenderedTable, TrueObject, known_models, render_table, solid
 from bestman_bt.messages import Box, ObjectModel, Pose
-from bestman_bt.perception.pose_estimation import MultiStart, MultiStartParameters, PoseHypothesis
+from bestman_bt.perception.pose_estimation import MultiStart, PoseHypothesis
 from bestman_bt.perception.segmentation import Cluster, PlaneDbscan
 
 Tables = Callable[..., RenderedTable]
@@ -86,7 +86,7 @@ def test_a_fallen_can_is_found_lying_where_that_is_asked_for() -> None:
     place = Pose.from_xyz_rpy((0.7, 0.0, 0.75))
     pose = place @ Pose.from_xyz_rpy((-0.1, 0.0, 0.033), (math.pi / 2, 0.0, 0.4))
     scene = render_table([TrueObject(can, pose, True)], place, (0.8, 1.2), np.random.default_rng(4))
-    best = hypotheses(scene, scene.objects[0], (can,), MultiStart(MultiStartParameters(tipped=True)))[0]
+    best = hypotheses(scene, scene.objects[0], (can,), MultiStart(tipped=True))[0]
     assert not best.upright
     assert best.confidence > 0.8
     assert np.linalg.norm(best.pose.position - pose.position) < 0.003

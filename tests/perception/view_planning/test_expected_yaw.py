@@ -7,7 +7,7 @@ import pytest
 
 from bestman_bt.messages import Box, CameraIntrinsics, PlacedShape, Pose, YawSet
 from bestman_bt.perception.pose_estimation import PoseHypothesis
-from bestman_bt.perception.view_planning import ExpectedYaw, ExpectedYawParameters
+from bestman_bt.perception.view_planning import ExpectedYaw
 from bestman_bt.perception.view_planning.expected_yaw import looking_at
 from bestman_bt.scene import read_object
 
@@ -95,7 +95,7 @@ def test_equal_input_gives_equal_ranks_and_no_candidate_gives_none() -> None:
 
 
 def test_parameters_for_a_camera_on_a_mast_give_farther_views() -> None:
-    planner = ExpectedYaw(ExpectedYawParameters(distances=(0.9, 1.2), azimuths=6))
+    planner = ExpectedYaw(distances=(0.9, 1.2), azimuths=6)
     mug = believed("mug", ((0.0, 0.6),))
     views = planner.candidates(mug, K)
     assert len(views) == 36

@@ -13,7 +13,7 @@ import yaml
 
 from bestman_bt.configuration import ConfigurationError
 from bestman_bt.messages import Pose
-from bestman_bt.perception.calibration import CalibrationError, DegenerateMotionError, IntrinsicsParameters
+from bestman_bt.perception.calibration import CalibrationError, DegenerateMotionError, IntrinsicsCalibration
 from bestman_bt.runtime.calibration import load_dataset, plot_residuals, solve_hand_eye, solve_head, solve_intrinsics
 from tests.perception.calibration.recorded import errors
 from tests.runtime.calibration.conftest import HAND_FROM_EYE, written_pose
@@ -144,7 +144,7 @@ def test_a_camera_without_a_head_is_no_head_camera(dataset: Write) -> None:
 
 def test_eight_views_in_the_middle_do_not_make_a_lens(dataset: Write) -> None:
     with pytest.raises(CalibrationError, match=r"cover \d+% of the image"):
-        solve_intrinsics(load_dataset(dataset()), IntrinsicsParameters(), silent)
-    rough = solve_intrinsics(load_dataset(dataset()), IntrinsicsParameters(lens="none", min_coverage=0.1), silent)
+        solve_intrinsics(load_dataset(dataset()), IntrinsicsCalibration(), silent)
+    rough = solve_intrinsics(load_dataset(dataset()), IntrinsicsCalibration(lens="none", min_coverage=0.1), silent)
     assert rough.parts["my_camera"]["set"]["focal_length"][0] == pytest.approx(433.0, abs=8.0)
     assert rough.parts["my_camera"]["set"]["distortion"] == []
