@@ -181,9 +181,9 @@ def pushes(skills: SkillContext, leaf: Leaf) -> Iterator[Push]:
 
 def _palm(gripper: GripperModel) -> NDArray[np.float64]:
     """Points (N, 3) all over the palm of a hand with closed fingers, tool frame, ``PALM_STEP`` apart."""
-    from bestman_bt.perception.grasp_pose import HandShape, HandShapeParameters
+    from bestman_bt.perception.grasp_pose import HandShape, HandSize
 
-    centres, halves = HandShape(gripper, HandShapeParameters()).boxes(np.array([gripper.part.min_width]))
+    centres, halves = HandShape(gripper, HandSize()).boxes(np.array([gripper.part.min_width]))
     centre, half = centres[0, 2], halves[0, 2]
     steps = [np.linspace(-extent, extent, 2 + int(2 * extent / PALM_STEP)) for extent in half]
     points: NDArray[np.float64] = centre + np.stack(np.meshgrid(*steps), axis=-1).reshape(-1, 3)

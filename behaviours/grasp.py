@@ -73,7 +73,7 @@ class PlanGrasp(OnArm, Skill):
 
     def _plan(self, belief: ObjectBelief, count: int) -> list[PlannedGrasp]:
         from bestman_bt.manipulation.motion_planning import approaches
-        from bestman_bt.perception.grasp_pose import rank_grasps
+        from bestman_bt.perception.grasp_pose import GraspRanking
 
         skills = self.skills
         scene = skills.planning_scene()
@@ -82,7 +82,7 @@ class PlanGrasp(OnArm, Skill):
         reference = skills.arm_positions()
         base_from_object = skills.map_from_base.inverse() @ belief.pose
         planned: list[tuple[float, PlannedGrasp]] = []
-        for ranked in rank_grasps(grasp_candidates(skills, belief), self._reachability):
+        for ranked in GraspRanking().rank(grasp_candidates(skills, belief), self._reachability):
             candidate = ranked.candidate
             for approach in approaches(
                 skills.kinematics,

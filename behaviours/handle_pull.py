@@ -89,9 +89,9 @@ def pull_grasps(skills: SkillContext, opening: Opening, belief: HandleBelief) ->
 
     Of those that hold a bar at the same place with the same finger up, which are turns about it, only the best.
     """
-    from bestman_bt.perception.grasp_pose import rank_grasps
+    from bestman_bt.perception.grasp_pose import GraspRanking
 
-    ranked = [entry.candidate for entry in rank_grasps(handle_grasp_candidates(skills, belief))]
+    ranked = [entry.candidate for entry in GraspRanking().rank(handle_grasp_candidates(skills, belief))]
     if not opening.bar_turns:
         return ranked[:GRASPS]
     kept: list[GraspCandidate] = []

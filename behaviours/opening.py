@@ -132,9 +132,9 @@ def _palm_limit(skills: SkillContext, handle: Handle) -> float:
 
     Where the map is too vague to check the palm against it, what was seen of the handle tells how far the front is.
     """
-    from bestman_bt.perception.grasp_pose import HandShapeParameters
+    from bestman_bt.perception.grasp_pose import HandSize
 
-    depth, half = skills.gripper_model.part.finger_depth, HandShapeParameters().palm_size[1] / 2
+    depth, half = skills.gripper_model.part.finger_depth, HandSize().palm_size[1] / 2
     room = max(0.0, handle.standoff - PALM_GAP)
     return math.asin(min(1.0, room / math.hypot(depth, half))) + math.atan2(depth, half)
 

@@ -17,7 +17,7 @@ APPROACH = (0.0, 0.05, 0.10)
 
 
 class HandReach:
-    """Answers ``rank_grasps``: 1 where hand and wrist camera find room at a grasp and on the way to it, else 0.
+    """Answers ``GraspRanking``: 1 where hand and wrist camera find room at a grasp and on the way to it, else 0.
 
     ``table``: what was measured of it; ``things``: boxes around all else that was seen. Fingers may be near other
     things: how near, the grasp planner has decided on their points.

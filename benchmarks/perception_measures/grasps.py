@@ -22,7 +22,7 @@ from bestman_bt.configuration.data import data_names
 from bestman_bt.messages import ObjectModel, Pose
 from bestman_bt.perception import PerceptionError
 from bestman_bt.perception.detection import DetectedScene, Detection, Detector, ModelRegistration
-from bestman_bt.perception.grasp_pose import GraspPlanner, GraspTarget, ModelBased, rank_grasps
+from bestman_bt.perception.grasp_pose import GraspPlanner, GraspRanking, GraspTarget, ModelBased
 from bestman_bt.scene import read_object
 
 GAP = (0.03, 0.08)
@@ -71,7 +71,7 @@ def plan_grasp(rig: GraspRig, scene: GraspScene, wanted: str) -> PlannedGrasp:
     x, y, _ = detection.pose.position
     candidates = _planner().plan(target, rig.gripper, found.plane.height_at(x, y))
     things = [cluster.obstacle() for cluster in found.obstacles_beside(wanted)]
-    ranked = rank_grasps(candidates, HandReach(rig, found.plane.slab(0.02, 0.2), things))
+    ranked = GraspRanking().rank(candidates, HandReach(rig, found.plane.slab(0.02, 0.2), things))
     if not ranked:
         why = "none of the grasps can be reached" if candidates else "no grasp was found"
         return PlannedGrasp(view, None, why, notes)

@@ -25,7 +25,7 @@ from benchmarks.perception_measures.two_views import SecondViewParameters, fused
 from bestman_bt.configuration import ConfigurationError
 from bestman_bt.messages import Mesh, ObjectModel, Pose
 from bestman_bt.perception import PerceptionError, View
-from bestman_bt.perception.grasp_pose import AntipodalCloud, GraspPlanner, rank_grasps
+from bestman_bt.perception.grasp_pose import AntipodalCloud, GraspPlanner, GraspRanking
 from bestman_bt.perception.segmentation import PlaneDbscan, Segmentation, SegmentedScene
 from bestman_bt.scene import read_object
 from hal.api import CommandRefusedError
@@ -101,7 +101,7 @@ def plan_grasp(rig: GraspRig, scene: GraspScene) -> PlannedGrasp:
     x, y, _ = target.box.pose.position
     candidates = _planner().plan(target, rig.gripper, seen.planes[0].height_at(x, y))
     things = [other.obstacle() for other in seen.clusters if other is not cluster]
-    ranked = rank_grasps(candidates, HandReach(rig, seen.planes[0].slab(0.02, 0.2), things))
+    ranked = GraspRanking().rank(candidates, HandReach(rig, seen.planes[0].slab(0.02, 0.2), things))
     notes["views"] = 1 if second is None else 2
     if not ranked:
         why = "none of the grasps can be reached" if candidates else "no grasp was found"

@@ -17,7 +17,7 @@ from bestman_bt.configuration import ConfigurationError, Problem, data_names, re
 from bestman_bt.errors import MissingExtraError
 from bestman_bt.messages import Mesh, ObjectModel
 from bestman_bt.perception.errors import PerceptionError
-from bestman_bt.perception.grasp_pose import antipodal_grasps
+from bestman_bt.perception.grasp_pose import AntipodalModel
 from bestman_bt.perception.object_models import is_closed, simplified
 from bestman_bt.perception.object_models.convex_parts import ConvexDecomposition
 from bestman_bt.perception.object_models.symmetry import SymmetrySearch
@@ -120,7 +120,7 @@ def write_grasps(object_file: Path, gripper: GripperModel, gripper_name: str) ->
     Raises ConfigurationError for a file that is no object.
     """
     model = read_object(object_file)
-    grasps = antipodal_grasps(model, gripper, np.random.default_rng(0), GRASPS)
+    grasps = AntipodalModel().grasps(model, gripper, np.random.default_rng(0), GRASPS)
     beside = f"{object_file.stem}.grasps.json"
     (object_file.parent / beside).write_text(grasps_json(gripper_name, grasps), encoding="utf-8")
     if "grasps" not in read_document(object_file).data:

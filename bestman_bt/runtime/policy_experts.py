@@ -6,7 +6,7 @@ from bestman_bt.configuration import find_data
 from bestman_bt.manipulation.kinematics import DampedLeastSquares
 from bestman_bt.manipulation.policy import PickedObject, PickingExpert, PickingParameters, ReachingExpert
 from bestman_bt.messages import Pose
-from bestman_bt.perception.grasp_pose import GraspTarget, ModelBased, ModelBasedParameters
+from bestman_bt.perception.grasp_pose import GraspTarget, ModelBased
 from bestman_bt.robot_model import ArmModel, GripperModel, RobotModel
 from bestman_bt.scene.object_file import read_object
 
@@ -26,7 +26,7 @@ def picking_expert(robot: RobotModel, name: str, parameters: PickingParameters |
     model = read_object(find_data("object", name))
     middle = Pose.from_xyz_rpy([0.5 * (low + high) for low, high in zip(p.lower, p.upper, strict=True)])
     support = float(middle.position[2] + model.bounds()[0, 2])
-    planner = ModelBased(ModelBasedParameters())
+    planner = ModelBased()
     candidates = planner.plan(GraspTarget.of_model(model, middle), robot.of(GripperModel)["gripper"], support)
     best = next((candidate for candidate in candidates if candidate.approach == "top"), None)
     if best is None:

@@ -13,7 +13,7 @@ import pytest
 from behaviours.closing import Push, pushes
 from behaviours.leaf import Leaf, find_leaf
 from bestman_bt.messages import Box, Pose
-from bestman_bt.perception.grasp_pose import HandShape, HandShapeParameters
+from bestman_bt.perception.grasp_pose import HandShape, HandSize
 from bestman_bt.scene import read_furniture
 from bestman_bt.world_model import HandleBelief, handle_shape
 from tests.behaviours.scripted import scripted_skills
@@ -37,7 +37,7 @@ def standing_open(task: str, articulation: str, position: float, handle_seen: bo
 
 def in_palm(skills: Any, points: np.ndarray, map_from_tool: Pose, grown: float) -> bool:
     """Whether one of the points (N, 3), map frame, is in the palm, grown by so many metres."""
-    centres, halves = HandShape(skills.gripper_model, HandShapeParameters()).boxes(CLOSED_FINGERS)
+    centres, halves = HandShape(skills.gripper_model, HandSize()).boxes(CLOSED_FINGERS)
     local = map_from_tool.inverse().apply(points) - centres[0, 2]
     return bool((np.abs(local) < halves[0, 2] + grown).all(axis=1).any())
 

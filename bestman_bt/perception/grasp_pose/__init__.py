@@ -1,38 +1,31 @@
 """Grasps for parallel grippers."""
 
-from bestman_bt.perception.grasp_pose.antipodal_cloud import AntipodalCloud, AntipodalCloudParameters
-from bestman_bt.perception.grasp_pose.antipodal_model import AntipodalModelParameters, antipodal_grasps
-from bestman_bt.perception.grasp_pose.anygrasp import AnyGraspAdapter, AnyGraspAdapterParameters
+from bestman_bt.perception.grasp_pose.antipodal_cloud import AntipodalCloud
+from bestman_bt.perception.grasp_pose.antipodal_model import AntipodalModel
+from bestman_bt.perception.grasp_pose.anygrasp import AnyGraspAdapter
 from bestman_bt.perception.grasp_pose.base import GraspCandidate, GraspPlanner, GraspTarget
-from bestman_bt.perception.grasp_pose.bounding_box import BoundingBox, BoundingBoxParameters
-from bestman_bt.perception.grasp_pose.hand_placement import HandPlacementParameters
-from bestman_bt.perception.grasp_pose.hand_shape import HandShape, HandShapeParameters
-from bestman_bt.perception.grasp_pose.handle_grasp import HandleGrasp, HandleGraspParameters
+from bestman_bt.perception.grasp_pose.bounding_box import BoundingBox
+from bestman_bt.perception.grasp_pose.hand_placement import HandPlacement
+from bestman_bt.perception.grasp_pose.hand_shape import HandShape, HandSize
+from bestman_bt.perception.grasp_pose.handle_grasp import HandleGrasp
 from bestman_bt.perception.grasp_pose.handle_motion import handle_motion
-from bestman_bt.perception.grasp_pose.model_based import ModelBased, ModelBasedParameters
-from bestman_bt.perception.grasp_pose.ranking import GraspRankingParameters, RankedGrasp, rank_grasps
+from bestman_bt.perception.grasp_pose.model_based import ModelBased
+from bestman_bt.perception.grasp_pose.ranking import GraspRanking, RankedGrasp
 
 __all__ = [
     "AntipodalCloud",
-    "AntipodalCloudParameters",
-    "AntipodalModelParameters",
+    "AntipodalModel",
     "AnyGraspAdapter",
-    "AnyGraspAdapterParameters",
     "BoundingBox",
-    "BoundingBoxParameters",
     "GraspCandidate",
     "GraspPlanner",
-    "GraspRankingParameters",
+    "GraspRanking",
     "GraspTarget",
-    "HandPlacementParameters",
+    "HandPlacement",
     "HandShape",
-    "HandShapeParameters",
+    "HandSize",
     "HandleGrasp",
-    "HandleGraspParameters",
     "ModelBased",
-    "ModelBasedParameters",
     "RankedGrasp",
-    "antipodal_grasps",
     "handle_motion",
-    "rank_grasps",
 ]

@@ -3,7 +3,7 @@
 Pairs of points whose normals oppose each other within friction cones (Nguyen 1988), and lines through the middle,
 give closing axes; hands turned about them are closed on the cloud and ranked by what the pads meet, as ten Pas et al.
 ("Grasp Pose Detection in Point Clouds", 2017) rank theirs by what lies between the fingers, without a network.
-The sides that no camera saw are assumed: see ``completed_cloud``.
+The sides that no camera saw are assumed: see CloudCompletion.
 """
 
 from __future__ import annotations
@@ -19,18 +19,20 @@ from bestman_bt.messages import Pose
 from bestman_bt.perception.errors import PerceptionError
 from bestman_bt.perception.grasp_pose.base import GraspCandidate, GraspPlanner, GraspTarget
 from bestman_bt.perception.grasp_pose.clearance import surroundings_of
-from bestman_bt.perception.grasp_pose.completed_cloud import CompletedCloud, CompletedCloudParameters, completed_cloud
-from bestman_bt.perception.grasp_pose.contact_quality import ContactQualityParameters, contact_quality
-from bestman_bt.perception.grasp_pose.hand_placement import HandPlacementParameters
+from bestman_bt.perception.grasp_pose.completed_cloud import CloudCompletion, CompletedCloud
+from bestman_bt.perception.grasp_pose.contact_quality import ContactQuality
+from bestman_bt.perception.grasp_pose.hand_placement import HandPlacement
 from bestman_bt.perception.grasp_pose.hand_poses import HandPoses, different_hands, hands_about
-from bestman_bt.perception.grasp_pose.hand_shape import HandShape, HandShapeParameters
+from bestman_bt.perception.grasp_pose.hand_shape import HandShape, HandSize
 from bestman_bt.perception.grasp_pose.pad_contact import PadContacts, close_pads
 from bestman_bt.robot_model import GripperModel
 
 
 @dataclass(frozen=True)
-class AntipodalCloudParameters:
-    """Metres and radians.
+class AntipodalCloud(GraspPlanner):
+    """Grasps of an unknown object by its measured cloud. Raises PerceptionError for targets without one.
+
+    Metres and radians.
 
     ``contacts``: points tried as a contact; ``pairs``: closing axes kept of those that they make. ``friction``: tangent
     of the cones in which a pair must lie, wide, since normals are noisy; ``contact_friction``: the same for what the
@@ -66,29 +68,21 @@ class AntipodalCloudParameters:
     apart: Annotated[float, "m"] = 0.010
     apart_angle: Annotated[float, "rad"] = math.radians(15.0)
     max_candidates: int = 80
-    cloud: CompletedCloudParameters = field(default_factory=CompletedCloudParameters)
-    quality: ContactQualityParameters = field(default_factory=ContactQualityParameters)
-    hand: HandPlacementParameters = field(default_factory=HandPlacementParameters)
-    shape: HandShapeParameters = field(default_factory=HandShapeParameters)
-
-
-class AntipodalCloud(GraspPlanner):
-    """See the module. Needs targets with a cloud; raises PerceptionError for others."""
-
-    def __init__(self, parameters: AntipodalCloudParameters | None = None) -> None:
-        self.parameters = parameters or AntipodalCloudParameters()
+    cloud: CloudCompletion = field(default_factory=CloudCompletion)
+    quality: ContactQuality = field(default_factory=ContactQuality)
+    hand: HandPlacement = field(default_factory=HandPlacement)
+    shape: HandSize = field(default_factory=HandSize)
 
     def plan(self, target: GraspTarget, gripper: GripperModel, support_height: float) -> tuple[GraspCandidate, ...]:
         """See GraspPlanner; empty for a cloud of too few points."""
-        p = self.parameters
         if target.cloud is None:
             raise PerceptionError("AntipodalCloud needs a target with a cloud; for a box alone use BoundingBox")
-        cloud = completed_cloud(target.cloud, target.viewpoints, support_height, p.cloud)
+        cloud = self.cloud.complete(target.cloud, target.viewpoints, support_height)
         if cloud is None:
             return ()
         # For the object the palm begins where the hand may reach no further over it, a little before its true place.
-        reach = p.hand.reach(gripper) + p.object_clearance + 1e-6
-        shape = HandShape(gripper, p.shape, reach)
+        reach = self.hand.reach(gripper) + self.object_clearance + 1e-6
+        shape = HandShape(gripper, self.shape, reach)
         hands = self._hands(cloud, gripper, shape, support_height)
         contacts = close_pads(
             cloud.points,
@@ -97,23 +91,23 @@ class AntipodalCloud(GraspPlanner):
             np.full(len(hands), gripper.max_width),
             gripper.part.pad_size,
             gripper.part.finger_depth,
-            p.patch_depth,
+            self.patch_depth,
         )
         hands = hands.shifted(contacts.centre[:, 1], 1)
         quality = self._quality(hands, contacts, cloud, gripper)
         order = np.argsort(-quality, kind="stable")
         order = order[quality[order] > 0.0]
-        openings = p.hand.openings(contacts.width, gripper)
+        openings = self.hand.openings(contacts.width, gripper)
         tried = hands.selected(order)
         lowest = shape.lowest(tried, openings[order]) - support_height
-        free = ~shape.touches(tried, openings[order], cloud.points, p.object_clearance)
-        free &= lowest >= p.support_clearance - 1e-6
+        free = ~shape.touches(tried, openings[order], cloud.points, self.object_clearance)
+        free &= lowest >= self.support_clearance - 1e-6
         others = surroundings_of(target, support_height, shape.reach + float(np.ptp(cloud.points, axis=0).max()))
         around = shape.clearances(tried, openings[order], others)
-        free &= around > p.surroundings_clearance
+        free &= around > self.surroundings_clearance
         clearances = np.zeros(len(hands))
         clearances[order] = np.minimum(around, lowest)
-        chosen = different_hands(hands, order[free], p.max_candidates, p.apart, p.apart_angle)
+        chosen = different_hands(hands, order[free], self.max_candidates, self.apart, self.apart_angle)
         return tuple(
             self._candidate(hands.pose(index), contacts.width[index], quality[index], clearances[index], gripper)
             for index in chosen
@@ -123,18 +117,17 @@ class AntipodalCloud(GraspPlanner):
         self, cloud: CompletedCloud, gripper: GripperModel, shape: HandShape, support_height: float
     ) -> HandPoses:
         """Tilted hands on all closing axes, each as deep as palm and support allow, and at the axis itself."""
-        p = self.parameters
         middles, closing = self._closing_axes(cloud, gripper)
-        hands = hands_about(middles, closing, np.array(p.tilts))
+        hands = hands_about(middles, closing, np.array(self.tilts))
         wide_open = np.full(len(hands), gripper.max_width)
         room = np.full(len(hands), np.inf)
-        palm = np.array(p.shape.palm_size) / 2
+        palm = np.array(self.shape.palm_size) / 2
         for part in hands.passes(len(cloud.points)):
             x, y, z = hands.selected(part).local(cloud.points)
             below_palm = (np.abs(x) < palm[0]) & (np.abs(y) < palm[1])
-            room[part] = np.where(below_palm, z, np.inf).min(axis=1) + p.hand.reach(gripper)
+            room[part] = np.where(below_palm, z, np.inf).min(axis=1) + self.hand.reach(gripper)
         descent = np.maximum(-hands.rotations[:, 2, 2], 0.2)
-        above = shape.lowest(hands, wide_open) - support_height - p.support_clearance
+        above = shape.lowest(hands, wide_open) - support_height - self.support_clearance
         deepest = np.minimum(room, above / descent)
         usable = np.isfinite(deepest)
         hands, deepest = hands.selected(usable), deepest[usable]
@@ -148,17 +141,16 @@ class AntipodalCloud(GraspPlanner):
         self, cloud: CompletedCloud, gripper: GripperModel
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Middles and unit directions (A, 3) along which the hand might close."""
-        p = self.parameters
-        chosen = np.linspace(0, len(cloud.points) - 1, min(len(cloud.points), p.contacts)).astype(np.intp)
+        chosen = np.linspace(0, len(cloud.points) - 1, min(len(cloud.points), self.contacts)).astype(np.intp)
         points, normals = cloud.points[chosen], cloud.normals[chosen]
         lines = points[None] - points[:, None]
         lengths = np.linalg.norm(lines, axis=2)
         safe = np.maximum(lengths, 1e-9)
         leaving = -np.einsum("ijk,ik->ij", lines, normals) / safe
         arriving = np.einsum("ijk,jk->ij", lines, normals) / safe
-        cone = math.cos(math.atan(p.friction))
-        fits = (lengths > max(gripper.part.min_width, 0.004)) & (lengths <= p.hand.widest(gripper))
-        level = np.abs(lines[:, :, 2]) <= math.sin(p.max_slope) * safe
+        cone = math.cos(math.atan(self.friction))
+        fits = (lengths > max(gripper.part.min_width, 0.004)) & (lengths <= self.hand.widest(gripper))
+        level = np.abs(lines[:, :, 2]) <= math.sin(self.max_slope) * safe
         first, second = np.nonzero(np.triu((leaving > cone) & (arriving > cone) & fits & level, 1))
         middles = (points[first] + points[second]) / 2
         axes = lines[first, second] / lengths[first, second][:, None]
@@ -169,37 +161,35 @@ class AntipodalCloud(GraspPlanner):
         # One pair of each kind: middles in the same 8 mm, directions within about 12 degrees.
         kinds = np.round(np.column_stack([middles / 0.008, axes / 0.2])).astype(np.int64)[order]
         _, once = np.unique(kinds, axis=0, return_index=True)
-        kept = order[np.sort(once)[: p.pairs]]
-        angles = np.arange(p.yaws) * math.pi / p.yaws
-        level_axes = np.column_stack([np.cos(angles), np.sin(angles), np.zeros(p.yaws)])
-        across = np.column_stack([-np.sin(angles), np.cos(angles), np.zeros(p.yaws)])
-        swept = [cloud.centre_of_mass + step * across for step in (-p.beside, 0.0, p.beside)]
+        kept = order[np.sort(once)[: self.pairs]]
+        angles = np.arange(self.yaws) * math.pi / self.yaws
+        level_axes = np.column_stack([np.cos(angles), np.sin(angles), np.zeros(self.yaws)])
+        across = np.column_stack([-np.sin(angles), np.cos(angles), np.zeros(self.yaws)])
+        swept = [cloud.centre_of_mass + step * across for step in (-self.beside, 0.0, self.beside)]
         return np.concatenate([middles[kept], *swept]), np.concatenate([axes[kept], *[level_axes] * 3])
 
     def _quality(
         self, hands: HandPoses, contacts: PadContacts, cloud: CompletedCloud, gripper: GripperModel
     ) -> NDArray[np.float64]:
-        p = self.parameters
-        widest = p.hand.widest(gripper)
-        quality = contact_quality(
+        widest = self.hand.widest(gripper)
+        quality = self.quality.judge(
             hands,
             contacts,
             cloud.centre_of_mass,
             gripper,
-            p.quality,
             widest=widest,
-            friction=p.contact_friction,
-            bulge=p.bulge,
+            friction=self.contact_friction,
+            bulge=self.bulge,
         )
         tilt = np.arccos(np.clip(-hands.rotations[:, 2, 2], -1.0, 1.0))
-        return quality * (1.0 - p.tilt_weight * tilt / (math.pi / 4))
+        return quality * (1.0 - self.tilt_weight * tilt / (math.pi / 4))
 
     def _candidate(
         self, tool: Pose, width: float, quality: float, clearance: float, gripper: GripperModel
     ) -> GraspCandidate:
         rotation = tool.rotation
         kind = "top" if rotation[2, 2] < -math.cos(math.pi / 4) else "side"
-        candidate = self.parameters.hand.candidate(
+        candidate = self.hand.candidate(
             tool.position, rotation[:, 2], rotation[:, 1], float(width), float(quality), kind, gripper
         )
         return replace(candidate, clearance=float(clearance))

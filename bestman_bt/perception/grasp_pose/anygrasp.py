@@ -9,8 +9,8 @@ the approach, y the closing direction, and the finger tips are ``depth`` beyond 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from importlib import import_module
 from typing import Annotated, Any
 
@@ -22,9 +22,9 @@ from bestman_bt.messages import Pose
 from bestman_bt.perception.errors import PerceptionError
 from bestman_bt.perception.grasp_pose.base import GraspCandidate, GraspPlanner, GraspTarget
 from bestman_bt.perception.grasp_pose.clearance import surroundings_of
-from bestman_bt.perception.grasp_pose.hand_placement import HandPlacementParameters
+from bestman_bt.perception.grasp_pose.hand_placement import HandPlacement
 from bestman_bt.perception.grasp_pose.hand_poses import HandPoses, different_hands
-from bestman_bt.perception.grasp_pose.hand_shape import HandShape, HandShapeParameters
+from bestman_bt.perception.grasp_pose.hand_shape import HandShape, HandSize
 from bestman_bt.robot_model import GripperModel
 
 ROW = 17
@@ -32,9 +32,11 @@ ROW = 17
 
 
 @dataclass(frozen=True)
-class AnyGraspAdapterParameters:
-    """``network``: ``"module:factory"``; the factory takes no arguments and returns the loaded detector.
+class AnyGraspAdapter(GraspPlanner):
+    """Asks a network with the interface of AnyGrasp. Raises PerceptionError for targets without cloud or viewpoint.
 
+    ``network``: ``"module:factory"``; the factory takes no arguments and returns the loaded detector, an object with
+    ``get_grasp`` or a callable with its signature. It is loaded when first needed.
     Metres. ``region``: around the target's points, in which grasps are asked for; ``on_target``: at most this far from
     one of them must the middle between the finger tips be. ``max_tilt``: of the approach from straight down, radians.
     ``object_clearance``, ``surroundings_clearance``: of the open hand.
@@ -47,26 +49,11 @@ class AnyGraspAdapterParameters:
     object_clearance: Annotated[float, "m"] = 0.0
     surroundings_clearance: Annotated[float, "m"] = 0.004
     max_candidates: int = 80
-    hand: HandPlacementParameters = field(default_factory=HandPlacementParameters)
-    shape: HandShapeParameters = field(default_factory=HandShapeParameters)
-
-
-class AnyGraspAdapter(GraspPlanner):
-    """See the module. Needs targets with a cloud and a viewpoint.
-
-    ``network``: the loaded detector: an object with ``get_grasp`` or a callable with its signature; None: the one
-    that the parameters name, loaded when first needed.
-    """
-
-    def __init__(
-        self, parameters: AnyGraspAdapterParameters | None = None, network: Callable[..., Any] | None = None
-    ) -> None:
-        self.parameters = parameters or AnyGraspAdapterParameters()
-        self._network = network
+    hand: HandPlacement = field(default_factory=HandPlacement)
+    shape: HandSize = field(default_factory=HandSize)
 
     def plan(self, target: GraspTarget, gripper: GripperModel, support_height: float) -> tuple[GraspCandidate, ...]:
         """See GraspPlanner; raises PerceptionError where the network is missing or answers in another format."""
-        p = self.parameters
         if target.cloud is None or target.viewpoints is None or not len(target.viewpoints):
             raise PerceptionError("AnyGraspAdapter needs a target with a cloud and the viewpoint that it was seen from")
         kept = np.isfinite(target.cloud.points).all(axis=1)
@@ -78,23 +65,23 @@ class AnyGraspAdapter(GraspPlanner):
         colors = None if target.cloud.colors is None else target.cloud.colors[kept]
         rows = self._ask(frame_from_camera, points, colors, target.surroundings)
         hands, widths = tool_poses(rows, frame_from_camera, gripper)
-        widths = np.maximum(widths - 2 * p.hand.clearance, gripper.part.min_width + 1e-4)
-        shape = HandShape(gripper, p.shape)
-        openings = p.hand.openings(widths, gripper)
-        free = np.array([p.hand.fits(float(width), gripper) for width in widths], dtype=bool)
-        free &= hands.rotations[:, 2, 2] < -math.cos(p.max_tilt)
-        free &= cKDTree(points).query(hands.positions)[0] < p.on_target if len(hands) else free
+        widths = np.maximum(widths - 2 * self.hand.clearance, gripper.part.min_width + 1e-4)
+        shape = HandShape(gripper, self.shape)
+        openings = self.hand.openings(widths, gripper)
+        free = np.array([self.hand.fits(float(width), gripper) for width in widths], dtype=bool)
+        free &= hands.rotations[:, 2, 2] < -math.cos(self.max_tilt)
+        free &= cKDTree(points).query(hands.positions)[0] < self.on_target if len(hands) else free
         lowest = shape.lowest(hands, openings) - support_height
-        free &= ~shape.touches(hands, openings, points, p.object_clearance) & (lowest > 0.0)
+        free &= ~shape.touches(hands, openings, points, self.object_clearance) & (lowest > 0.0)
         around = shape.clearances(hands, openings, others)
-        free &= around > p.surroundings_clearance
+        free &= around > self.surroundings_clearance
         order = np.argsort(-rows[:, 0], kind="stable")
-        chosen = different_hands(hands, order[free[order]], p.max_candidates, 0.005, math.radians(10.0))
+        chosen = different_hands(hands, order[free[order]], self.max_candidates, 0.005, math.radians(10.0))
         candidates = []
         for index in chosen:
             rotation = hands.rotations[index]
             kind = "top" if rotation[2, 2] < -math.cos(math.pi / 4) else "side"
-            candidate = p.hand.candidate(
+            candidate = self.hand.candidate(
                 hands.positions[index],
                 rotation[:, 2],
                 rotation[:, 1],
@@ -122,16 +109,14 @@ class AnyGraspAdapter(GraspPlanner):
         if colors is not None:
             shades[: len(points)] = colors.astype(np.float32) / 255.0
         target = camera_from_frame.apply(points)
-        lower, upper = target.min(axis=0) - self.parameters.region, target.max(axis=0) + self.parameters.region
+        lower, upper = target.min(axis=0) - self.region, target.max(axis=0) + self.region
         limits = [float(value) for pair in zip(lower, upper, strict=True) for value in pair]
-        network = self._loaded()
-        answer = getattr(network, "get_grasp", network)(seen, shades, limits)
+        answer = getattr(self._network, "get_grasp", self._network)(seen, shades, limits)
         return grasp_rows(answer)
 
-    def _loaded(self) -> Any:
-        if self._network is None:
-            self._network = load_network(self.parameters.network)
-        return self._network
+    @cached_property
+    def _network(self) -> Any:
+        return load_network(self.network)
 
 
 def load_network(name: str) -> Any:

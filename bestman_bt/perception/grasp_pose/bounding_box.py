@@ -13,14 +13,16 @@ from bestman_bt.messages import Box, Pose
 from bestman_bt.perception.errors import PerceptionError
 from bestman_bt.perception.grasp_pose.base import GraspCandidate, GraspPlanner, GraspTarget
 from bestman_bt.perception.grasp_pose.clearance import clear_candidates, surroundings_of
-from bestman_bt.perception.grasp_pose.hand_placement import HandPlacementParameters
-from bestman_bt.perception.grasp_pose.hand_shape import HandShape, HandShapeParameters
+from bestman_bt.perception.grasp_pose.hand_placement import HandPlacement
+from bestman_bt.perception.grasp_pose.hand_shape import HandShape, HandSize
 from bestman_bt.robot_model import GripperModel
 
 
 @dataclass(frozen=True)
-class BoundingBoxParameters:
-    """``longer_side``: also across the longer side where that fits. ``quality``: of the best grasp, 0 to 1.
+class BoundingBox(GraspPlanner):
+    """Closes across the smaller side of the target's box first, both ways round.
+
+    ``longer_side``: also across the longer side where that fits. ``quality``: of the best grasp, 0 to 1.
 
     ``surroundings_clearance``: metres between open hand and ``GraspTarget.surroundings``, at least. ``beside``: places
     tried to both sides of the middle, as shares of half the free length, for where something stands in the way there.
@@ -30,15 +32,8 @@ class BoundingBoxParameters:
     quality: float = 0.6
     surroundings_clearance: Annotated[float, "m"] = 0.004
     beside: float = 0.5
-    hand: HandPlacementParameters = field(default_factory=HandPlacementParameters)
-    shape: HandShapeParameters = field(default_factory=HandShapeParameters)
-
-
-class BoundingBox(GraspPlanner):
-    """Closes across the smaller side of the target's box first, both ways round."""
-
-    def __init__(self, parameters: BoundingBoxParameters | None = None) -> None:
-        self.parameters = parameters or BoundingBoxParameters()
+    hand: HandPlacement = field(default_factory=HandPlacement)
+    shape: HandSize = field(default_factory=HandSize)
 
     def plan(self, target: GraspTarget, gripper: GripperModel, support_height: float) -> tuple[GraspCandidate, ...]:
         """See GraspPlanner."""
@@ -47,12 +42,11 @@ class BoundingBox(GraspPlanner):
             raise PerceptionError(f"GraspTarget box should be a Box but is {type(shape).__name__}")
         if not np.all(np.isfinite(shape.size)) or min(shape.size) <= 0.0:
             raise PerceptionError(f"GraspTarget box should have a finite size above 0 but has {shape.size}")
-        p = self.parameters
-        hand = HandShape(gripper, p.shape)
+        hand = HandShape(gripper, self.shape)
         others = surroundings_of(target, support_height, hand.reach + max(shape.size))
-        for shares in ((0.0,), (-p.beside, p.beside)):
+        for shares in ((0.0,), (-self.beside, self.beside)):
             candidates = self._across(shape, pose, shares, gripper, support_height)
-            clear = clear_candidates(candidates, hand, others, support_height, p.surroundings_clearance)
+            clear = clear_candidates(candidates, hand, others, support_height, self.surroundings_clearance)
             if clear:
                 return tuple(clear)
         return ()
@@ -61,7 +55,7 @@ class BoundingBox(GraspPlanner):
         self, box: Box, pose: Pose, shares: tuple[float, ...], gripper: GripperModel, support_height: float
     ) -> list[GraspCandidate]:
         """Grasps at the middle, and at ``shares`` of the way from there to where the pads would stand over."""
-        hand = self.parameters.hand
+        hand = self.hand
         axes = pose.rotation.T
         upwards = np.abs(axes[:, 2]) * box.size
         top = float(pose.position[2] + upwards.sum() / 2)
@@ -71,7 +65,7 @@ class BoundingBox(GraspPlanner):
         vertical = int(np.argmax(np.abs(axes[:, 2])))
         level = sorted((axis for axis in range(3) if axis != vertical), key=lambda axis: box.size[axis])
         candidates = []
-        for rank, axis in enumerate(level if self.parameters.longer_side else level[:1]):
+        for rank, axis in enumerate(level if self.longer_side else level[:1]):
             width = box.size[axis]
             if not hand.fits(width, gripper):
                 continue
@@ -81,7 +75,7 @@ class BoundingBox(GraspPlanner):
                 closing = np.array([math.cos(yaw + turn), math.sin(yaw + turn), 0.0])
                 along = np.array([-math.sin(yaw), math.cos(yaw), 0.0])
                 position = np.array([*pose.position[:2], height]) + share * free * along
-                quality = self.parameters.quality * (1.0 - 0.3 * rank) * (1.0 - 0.4 * abs(share))
+                quality = self.quality * (1.0 - 0.3 * rank) * (1.0 - 0.4 * abs(share))
                 down = np.array([0.0, 0.0, -1.0])
                 candidates.append(hand.candidate(position, down, closing, width, quality, "top", gripper))
         return candidates

@@ -20,8 +20,10 @@ from bestman_bt.robot_model import GripperModel
 
 
 @dataclass(frozen=True)
-class ContactQualityParameters:
-    """Weights of the log-odds.
+class ContactQuality:
+    """Tells how likely a grasp holds, by what the pads meet.
+
+    Weights of the log-odds.
 
     ``angle``: per radian between closing direction and the patch's normal, at the worse side. ``across``, ``along``: of
     the smaller patch's spread over the pad's, 0 to 1. ``offset``: per width of a pad between the two patches. ``tip``:
@@ -40,40 +42,38 @@ class ContactQualityParameters:
     arm: Annotated[float, "1/m"] = -15.0
     hanging_share: float = 0.3
 
+    def judge(
+        self,
+        hands: HandPoses,
+        contacts: PadContacts,
+        centre_of_mass: NDArray[np.float64],
+        gripper: GripperModel,
+        *,
+        widest: float,
+        friction: float,
+        bulge: float,
+    ) -> NDArray[np.float64]:
+        """0 to 1 for each of K hands (K,).
 
-def contact_quality(
-    hands: HandPoses,
-    contacts: PadContacts,
-    centre_of_mass: NDArray[np.float64],
-    gripper: GripperModel,
-    parameters: ContactQualityParameters,
-    *,
-    widest: float,
-    friction: float,
-    bulge: float,
-) -> NDArray[np.float64]:
-    """0 to 1 for each of K hands (K,).
-
-    ``centre_of_mass``: (3,) in the frame of the hands, whose z points up. It is 0 where the object is wider than
-    ``widest`` metres, the angle between closing direction and normal beyond the cone of ``friction`` (its tangent), or
-    the object wider by ``bulge`` metres between the fingers above the pads.
-    """
-    p = parameters
-    angle = np.arccos(np.clip(contacts.alignment, -1.0, 1.0))
-    spread = np.clip(contacts.extent / (np.array(gripper.part.pad_size) / math.sqrt(12.0)), 0.0, 1.0)
-    closing = hands.rotations[:, :, 1]
-    middles = hands.positions + np.einsum("kij,kj->ki", hands.rotations, contacts.centre)
-    arm = centre_of_mass - middles
-    arm -= closing * np.einsum("ij,ij->i", arm, closing)[:, None]
-    log_odds = (
-        p.bias
-        + p.angle * angle
-        + spread @ np.array([p.across, p.along])
-        + p.offset * np.minimum(contacts.offset / gripper.part.pad_size[0], 1.0)
-        + p.tip * np.maximum(contacts.centre[:, 2], 0.0) / (gripper.part.pad_size[1] / 2)
-        + p.wide * np.maximum(contacts.width / gripper.max_width - 0.75, 0.0) / 0.25
-        + p.arm * np.linalg.norm(arm * [1.0, 1.0, p.hanging_share], axis=1)
-    )
-    fits = (contacts.width > gripper.part.min_width) & (contacts.width <= widest)
-    fits &= (contacts.bulge < bulge) & (angle < math.atan(friction))
-    return np.where(fits, 1.0 / (1.0 + np.exp(-log_odds)), 0.0)
+        ``centre_of_mass``: (3,) in the frame of the hands, whose z points up. It is 0 where the object is wider than
+        ``widest`` metres, the angle between closing direction and normal beyond the cone of ``friction`` (its
+        tangent), or the object wider by ``bulge`` metres between the fingers above the pads.
+        """
+        angle = np.arccos(np.clip(contacts.alignment, -1.0, 1.0))
+        spread = np.clip(contacts.extent / (np.array(gripper.part.pad_size) / math.sqrt(12.0)), 0.0, 1.0)
+        closing = hands.rotations[:, :, 1]
+        middles = hands.positions + np.einsum("kij,kj->ki", hands.rotations, contacts.centre)
+        arm = centre_of_mass - middles
+        arm -= closing * np.einsum("ij,ij->i", arm, closing)[:, None]
+        log_odds = (
+            self.bias
+            + self.angle * angle
+            + spread @ np.array([self.across, self.along])
+            + self.offset * np.minimum(contacts.offset / gripper.part.pad_size[0], 1.0)
+            + self.tip * np.maximum(contacts.centre[:, 2], 0.0) / (gripper.part.pad_size[1] / 2)
+            + self.wide * np.maximum(contacts.width / gripper.max_width - 0.75, 0.0) / 0.25
+            + self.arm * np.linalg.norm(arm * [1.0, 1.0, self.hanging_share], axis=1)
+        )
+        fits = (contacts.width > gripper.part.min_width) & (contacts.width <= widest)
+        fits &= (contacts.bulge < bulge) & (angle < math.atan(friction))
+        return np.where(fits, 1.0 / (1.0 + np.exp(-log_odds)), 0.0)

@@ -14,8 +14,10 @@ from bestman_bt.robot_model import GripperModel
 
 
 @dataclass(frozen=True)
-class HandPlacementParameters:
-    """Metres.
+class HandPlacement:
+    """Where the hand stands for a grasp.
+
+    Metres.
 
     ``clearance``: between each finger and the object before closing; ``least_clearance``: the same for objects so wide
     that the hand cannot open farther. ``max_depth``: of the tool frame below the object's top, less where the palm

@@ -13,8 +13,10 @@ from bestman_bt.robot_model import GripperModel
 
 
 @dataclass(frozen=True)
-class HandShapeParameters:
-    """Metres; the defaults hold for a Franka hand, the rest (opening, depth, pads) is in the GripperModel.
+class HandSize:
+    """The measures of a hand that its GripperModel does not tell.
+
+    Metres; the defaults hold for a Franka hand, the rest (opening, depth, pads) is in the GripperModel.
 
     ``finger_thickness``: from the pad outwards. ``palm_size``: full (across, along) the closing direction.
     ``palm_length``: behind the palm, with the room that the hand needs to come in on a straight line.
@@ -30,7 +32,7 @@ class HandShape:
     """The fingers of ``gripper``, opened, and the palm ``depth`` metres behind the tool (the gripper's by default)."""
 
     gripper: GripperModel
-    parameters: HandShapeParameters
+    size: HandSize
     depth: float | None = None
 
     @property
@@ -40,15 +42,15 @@ class HandShape:
     @property
     def reach(self) -> float:
         """No part is farther from the tool frame than this, metres, opened as wide as it goes."""
-        palm, depth = self.parameters.palm_size, self._depth
-        side = max(palm[1] / 2, self.gripper.max_width / 2 + self.parameters.finger_thickness)
-        return float(np.linalg.norm([palm[0] / 2, side, depth + self.parameters.palm_length]))
+        palm, depth = self.size.palm_size, self._depth
+        side = max(palm[1] / 2, self.gripper.max_width / 2 + self.size.finger_thickness)
+        return float(np.linalg.norm([palm[0] / 2, side, depth + self.size.palm_length]))
 
     def boxes(self, openings: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Centres and half sizes (K, 3, 3) of two fingers and the palm in the tool frame, for openings (K,)."""
-        thickness, palm = self.parameters.finger_thickness, self.parameters.palm_size
+        thickness, palm = self.size.finger_thickness, self.size.palm_size
         pad_width, pad_height = self.gripper.part.pad_size
-        depth, length = self._depth, self.parameters.palm_length
+        depth, length = self._depth, self.size.palm_length
         centres = np.zeros((len(openings), 3, 3))
         centres[:, 0, 1] = (openings + thickness) / 2
         centres[:, 1, 1] = -centres[:, 0, 1]

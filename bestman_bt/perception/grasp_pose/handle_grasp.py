@@ -13,15 +13,27 @@ from bestman_bt.messages import Handle
 from bestman_bt.perception.errors import PerceptionError
 from bestman_bt.perception.grasp_pose.base import GraspCandidate, GraspPlanner, GraspTarget
 from bestman_bt.perception.grasp_pose.clearance import clear_candidates, hands_of, surroundings_of
-from bestman_bt.perception.grasp_pose.hand_placement import HandPlacementParameters
-from bestman_bt.perception.grasp_pose.hand_shape import HandShape, HandShapeParameters
+from bestman_bt.perception.grasp_pose.hand_placement import HandPlacement
+from bestman_bt.perception.grasp_pose.hand_shape import HandShape, HandSize
 from bestman_bt.perception.grasp_pose.handle_motion import handle_motion
 from bestman_bt.robot_model import GripperModel
 
 
+@dataclass(frozen=True, eq=False)
+class _Way:
+    """One way to hold it in the handle's frame: position, approach, closing (3,) each, and how good it is, 0 to 1."""
+
+    position: NDArray[np.float64]
+    approach: NDArray[np.float64]
+    closing: NDArray[np.float64]
+    quality: float
+
+
 @dataclass(frozen=True)
-class HandleGraspParameters:
-    """Metres and radians.
+class HandleGrasp(GraspPlanner):
+    """Grasps of bars, knobs and lips. Raises PerceptionError for targets without a handle.
+
+    Metres and radians.
 
     ``bar_tilts``: of the approach about a bar, from straight at the front; ``knob_turns``: closing directions about a
     knob; ``knob_tilts``: of the approach there; ``edge_tilts``: of the approach to a lip, a right angle is along the
@@ -48,39 +60,21 @@ class HandleGraspParameters:
     pocket: Annotated[float, "m"] = 0.020
     surroundings_clearance: Annotated[float, "m"] = 0.005
     opened_by: Annotated[float, "m"] = 0.05
-    hand: HandPlacementParameters = field(default_factory=HandPlacementParameters)
-    shape: HandShapeParameters = field(default_factory=HandShapeParameters)
-
-
-@dataclass(frozen=True, eq=False)
-class _Way:
-    """One way to hold it in the handle's frame: position, approach, closing (3,) each, and how good it is, 0 to 1."""
-
-    position: NDArray[np.float64]
-    approach: NDArray[np.float64]
-    closing: NDArray[np.float64]
-    quality: float
-
-
-class HandleGrasp(GraspPlanner):
-    """See the module. Needs targets with a handle; raises PerceptionError for others."""
-
-    def __init__(self, parameters: HandleGraspParameters | None = None) -> None:
-        self.parameters = parameters or HandleGraspParameters()
+    hand: HandPlacement = field(default_factory=HandPlacement)
+    shape: HandSize = field(default_factory=HandSize)
 
     def plan(self, target: GraspTarget, gripper: GripperModel, support_height: float) -> tuple[GraspCandidate, ...]:
         """See GraspPlanner; ``support_height``: of the floor, or of what stands below the handle.
 
         Empty where the handle is too thick, or the hand finds no room before or behind it.
         """
-        p = self.parameters
         handle = target.handle
         if handle is None:
             raise PerceptionError("HandleGrasp needs a target with a handle: detect handles first")
         width = 2 * handle.radius
-        if not p.hand.fits(width, gripper):
+        if not self.hand.fits(width, gripper):
             return ()
-        shape = HandShape(gripper, p.shape)
+        shape = HandShape(gripper, self.shape)
         ways = {"bar": self._bar, "knob": self._knob, "edge": self._edge}[handle.kind](handle, gripper)
         candidates = []
         for way in ways:
@@ -88,16 +82,16 @@ class HandleGrasp(GraspPlanner):
                 placed = self._before_front(self._candidate(handle, way, sign, width, gripper), handle, shape)
                 candidates += [placed] if placed else []
         others = surroundings_of(target, support_height, shape.reach + handle.length)
-        candidates = clear_candidates(candidates, shape, others, support_height, p.surroundings_clearance)
+        candidates = clear_candidates(candidates, shape, others, support_height, self.surroundings_clearance)
         candidates = [candidate for candidate in candidates if candidate.clearance > 0.0]
         return tuple(sorted(candidates, key=lambda candidate: -candidate.quality))
 
     def _bar(self, handle: Handle, gripper: GripperModel) -> list[_Way]:
         """Closing across the bar, turned about it, at some places along it."""
-        free = max(0.0, handle.length / 2 - self.parameters.end - gripper.part.pad_size[0] / 2)
+        free = max(0.0, handle.length / 2 - self.end - gripper.part.pad_size[0] / 2)
         ways = []
-        for share in self.parameters.along if free > 0.01 else (0.0,):
-            for tilt in self.parameters.bar_tilts:
+        for share in self.along if free > 0.01 else (0.0,):
+            for tilt in self.bar_tilts:
                 approach = np.array([0.0, math.sin(tilt), -math.cos(tilt)])
                 closing = np.array([0.0, math.cos(tilt), math.sin(tilt)])
                 quality = self._tilted(tilt) * (1.0 - 0.15 * abs(share))
@@ -107,10 +101,10 @@ class HandleGrasp(GraspPlanner):
     def _knob(self, handle: Handle, gripper: GripperModel) -> list[_Way]:
         """Closing in all directions across the knob, also from a little aside."""
         ways = []
-        for turn in np.arange(self.parameters.knob_turns) * math.pi / self.parameters.knob_turns:
+        for turn in np.arange(self.knob_turns) * math.pi / self.knob_turns:
             closing = np.array([math.cos(turn), math.sin(turn), 0.0])
             beside = np.array([-math.sin(turn), math.cos(turn), 0.0])
-            for tilt in self.parameters.knob_tilts:
+            for tilt in self.knob_tilts:
                 approach = math.sin(tilt) * beside - np.array([0.0, 0.0, math.cos(tilt)])
                 ways.append(_Way(np.zeros(3), approach, closing, 0.9 * self._tilted(tilt)))
         return ways
@@ -120,8 +114,8 @@ class HandleGrasp(GraspPlanner):
         free = max(0.0, handle.length / 2 - gripper.part.pad_size[0])
         ways = []
         for side in free_sides(handle):
-            for share in self.parameters.along if free > 0.01 else (0.0,):
-                for tilt in self.parameters.edge_tilts:
+            for share in self.along if free > 0.01 else (0.0,):
+                for tilt in self.edge_tilts:
                     approach = np.array([0.0, -side * math.sin(tilt), -math.cos(tilt)])
                     closing = np.array([0.0, -side * math.cos(tilt), math.sin(tilt)])
                     quality = 0.7 * self._tilted(math.pi / 2 - tilt) * (1.0 - 0.15 * abs(share))
@@ -129,21 +123,20 @@ class HandleGrasp(GraspPlanner):
         return ways
 
     def _tilted(self, tilt: float) -> float:
-        return 1.0 - self.parameters.tilt_weight * abs(tilt) / (math.pi / 4)
+        return 1.0 - self.tilt_weight * abs(tilt) / (math.pi / 4)
 
     def _candidate(self, handle: Handle, way: _Way, sign: float, width: float, gripper: GripperModel) -> GraspCandidate:
         turn = handle.pose.rotation
         position = handle.pose.apply(way.position[None])[0]
         quality = way.quality * (0.5 + 0.5 * handle.confidence)
-        candidate = self.parameters.hand.candidate(
+        candidate = self.hand.candidate(
             position, turn @ way.approach, sign * (turn @ way.closing), width, quality, "handle", gripper
         )
-        return replace(candidate, lift=handle_motion(handle, self.parameters.opened_by) @ candidate.grasp)
+        return replace(candidate, lift=handle_motion(handle, self.opened_by) @ candidate.grasp)
 
     def _before_front(self, candidate: GraspCandidate, handle: Handle, shape: HandShape) -> GraspCandidate | None:
         """The candidate, drawn back where its finger tips would meet the front; None where that is not enough."""
-        p = self.parameters
-        for back in np.linspace(0.0, p.back, 5):
+        for back in np.linspace(0.0, self.back, 5):
             moved = self._drawn_back(candidate, float(back), handle)
             if self._depth_in_front(moved, handle, shape) <= 0.0:
                 return moved
@@ -155,8 +148,8 @@ class HandleGrasp(GraspPlanner):
         shift = -back * candidate.grasp.rotation[:, 2]
         grasp = replace(candidate.grasp, position=candidate.grasp.position + shift)
         before = replace(candidate.pre_grasp, position=candidate.pre_grasp.position + shift)
-        quality = candidate.quality * (1.0 - 0.3 * back / self.parameters.back)
-        lift = handle_motion(handle, self.parameters.opened_by) @ grasp
+        quality = candidate.quality * (1.0 - 0.3 * back / self.back)
+        lift = handle_motion(handle, self.opened_by) @ grasp
         return replace(candidate, grasp=grasp, pre_grasp=before, lift=lift, quality=quality)
 
     def _depth_in_front(self, candidate: GraspCandidate, handle: Handle, shape: HandShape) -> float:
@@ -164,16 +157,15 @@ class HandleGrasp(GraspPlanner):
 
         The recess beside and behind a lip is free.
         """
-        p = self.parameters
         points = handle.pose.inverse().apply(shape.outline(hands_of([candidate]), candidate.opening))
-        depth = p.front_clearance - handle.standoff - points[:, 2]
+        depth = self.front_clearance - handle.standoff - points[:, 2]
         if handle.kind == "edge":
-            back = handle.radius + p.recess_depth
+            back = handle.radius + self.recess_depth
             for side in free_sides(handle):
                 beside = side * points[:, 1]
-                in_recess = (beside > -p.pocket) & (beside < p.lip + p.recess_width) & (points[:, 2] > -back)
+                in_recess = (beside > -self.pocket) & (beside < self.lip + self.recess_width) & (points[:, 2] > -back)
                 in_recess &= np.abs(points[:, 0]) < handle.length / 2
-                in_lip = (beside < p.lip) & (np.abs(points[:, 2]) < handle.radius)
+                in_lip = (beside < self.lip) & (np.abs(points[:, 2]) < handle.radius)
                 depth[in_recess & ~in_lip] = 0.0
         return float(depth.max())
 

@@ -16,21 +16,37 @@ from numpy.typing import NDArray
 
 from bestman_bt.messages import Box, Cylinder, Mesh, ObjectGrasp, ObjectModel, PlacedShape, Pose, Sphere
 from bestman_bt.perception.errors import PerceptionError
-from bestman_bt.perception.grasp_pose.antipodal_model import antipodal_grasps
+from bestman_bt.perception.grasp_pose.antipodal_model import AntipodalModel
 from bestman_bt.perception.grasp_pose.base import GraspCandidate, GraspPlanner, GraspTarget
 from bestman_bt.perception.grasp_pose.clearance import clear_candidates, surroundings_of
-from bestman_bt.perception.grasp_pose.hand_placement import HandPlacementParameters
+from bestman_bt.perception.grasp_pose.hand_placement import HandPlacement
 from bestman_bt.perception.grasp_pose.hand_poses import HandPoses
-from bestman_bt.perception.grasp_pose.hand_shape import HandShape, HandShapeParameters
+from bestman_bt.perception.grasp_pose.hand_shape import HandShape, HandSize
 from bestman_bt.perception.pose_estimation.model_surface import sample_shape
 from bestman_bt.robot_model import GripperModel
 
 UP = np.array([0.0, 0.0, 1.0])
 
 
+@dataclass(frozen=True, eq=False)
+class _Contacts:
+    """A pair of contacts in the frame: its middle and unit direction (3,), distance, and 0 to 1 how good it is.
+
+    ``slack``: how far above or below the middle the same pair is found again, metres.
+    """
+
+    centre: NDArray[np.float64]
+    closing: NDArray[np.float64]
+    width: float
+    quality: float
+    slack: float
+
+
 @dataclass(frozen=True)
-class ModelBasedParameters:
-    """Metres and radians.
+class ModelBased(GraspPlanner):
+    """Grasps of a known object, by its shape or its model's own. Raises PerceptionError for targets without a model.
+
+    Metres and radians.
 
     ``yaw_step``: between grasps around an axis of revolution. ``sides``: also propose grasps from the side.
     ``room_below``: height of a hand from the side above the support, where the object is that tall: the wrist
@@ -50,37 +66,18 @@ class ModelBasedParameters:
     antipodal_count: int = 128
     max_tilt: Annotated[float, "rad"] = math.radians(95.0)
     tilt_weight: float = 0.3
-    hand: HandPlacementParameters = field(default_factory=HandPlacementParameters)
-    shape: HandShapeParameters = field(default_factory=HandShapeParameters)
-
-
-@dataclass(frozen=True, eq=False)
-class _Contacts:
-    """A pair of contacts in the frame: its middle and unit direction (3,), distance, and 0 to 1 how good it is.
-
-    ``slack``: how far above or below the middle the same pair is found again, metres.
-    """
-
-    centre: NDArray[np.float64]
-    closing: NDArray[np.float64]
-    width: float
-    quality: float
-    slack: float
-
-
-class ModelBased(GraspPlanner):
-    """See the module. Needs targets with a model; raises PerceptionError for others."""
-
-    def __init__(self, parameters: ModelBasedParameters | None = None) -> None:
-        self.parameters = parameters or ModelBasedParameters()
-        self._found: dict[tuple[ObjectModel, GripperModel], tuple[ObjectGrasp, ...]] = {}
+    hand: HandPlacement = field(default_factory=HandPlacement)
+    shape: HandSize = field(default_factory=HandSize)
+    _found: dict[tuple[ObjectModel, GripperModel], tuple[ObjectGrasp, ...]] = field(
+        default_factory=dict, init=False, repr=False
+    )
 
     def plan(self, target: GraspTarget, gripper: GripperModel, support_height: float) -> tuple[GraspCandidate, ...]:
         """See GraspPlanner."""
         if target.model is None or target.frame_from_object is None:
             raise PerceptionError("ModelBased needs a target with a model; for an unknown object use BoundingBox")
         model, pose = target.model, target.frame_from_object
-        hand, least = HandShape(gripper, self.parameters.shape), self.parameters.surroundings_clearance
+        hand, least = HandShape(gripper, self.shape), self.surroundings_clearance
         others = surroundings_of(target, support_height, hand.reach + float(np.linalg.norm(model.size)) / 2)
         candidates: list[GraspCandidate] = []
         if len(model.collision) == 1 and not isinstance(model.collision[0].shape, Mesh):
@@ -92,7 +89,7 @@ class ModelBased(GraspPlanner):
             candidates = self._placed(self._grasps(model, gripper), pose, gripper, support_height)
             candidates = clear_candidates(candidates, hand, others, support_height, least)
         candidates.sort(key=lambda candidate: -candidate.quality)
-        return tuple(candidates[: self.parameters.max_candidates])
+        return tuple(candidates[: self.max_candidates])
 
     def _grasps(self, model: ObjectModel, gripper: GripperModel) -> tuple[ObjectGrasp, ...]:
         if model.grasps:
@@ -100,14 +97,14 @@ class ModelBased(GraspPlanner):
         if (model, gripper) not in self._found:
             # The same contacts each time: a model has one set of grasps.
             rng = np.random.default_rng(0)
-            self._found[model, gripper] = antipodal_grasps(model, gripper, rng, self.parameters.antipodal_count)
+            self._found[model, gripper] = AntipodalModel().grasps(model, gripper, rng, self.antipodal_count)
         return self._found[model, gripper]
 
     def _placed(
         self, grasps: tuple[ObjectGrasp, ...], frame_from_object: Pose, gripper: GripperModel, support_height: float
     ) -> list[GraspCandidate]:
         """The grasps of a model that come from above or from the side, clear of the support."""
-        hand, shape = self.parameters.hand, HandShape(gripper, self.parameters.shape)
+        hand, shape = self.hand, HandShape(gripper, self.shape)
         candidates = []
         for grasp in grasps:
             if not hand.fits(grasp.width, gripper):
@@ -117,9 +114,9 @@ class ModelBased(GraspPlanner):
             tilt = math.acos(float(np.clip(-rotation[2, 2], -1.0, 1.0)))
             openings = hand.openings(np.array([grasp.width]), gripper)
             lowest = float(shape.lowest(HandPoses(rotation[None], tool.position[None]), openings)[0])
-            if tilt > self.parameters.max_tilt or lowest < support_height + hand.support_clearance:
+            if tilt > self.max_tilt or lowest < support_height + hand.support_clearance:
                 continue
-            quality = grasp.quality * (1.0 - self.parameters.tilt_weight * tilt / (math.pi / 2))
+            quality = grasp.quality * (1.0 - self.tilt_weight * tilt / (math.pi / 2))
             kind = "top" if tilt < math.pi / 4 else "side"
             position, approach, closing = tool.position, rotation[:, 2], rotation[:, 1]
             candidates.append(hand.candidate(position, approach, closing, grasp.width, quality, kind, gripper))
@@ -133,7 +130,7 @@ class ModelBased(GraspPlanner):
         return [
             candidate
             for contacts in self._contacts(model.collision[0], frame_from_object)
-            if self.parameters.hand.fits(contacts.width, gripper)
+            if self.hand.fits(contacts.width, gripper)
             for candidate in self._hands(contacts, outline, gripper, support_height)
         ]
 
@@ -141,7 +138,7 @@ class ModelBased(GraspPlanner):
         """Samples of the collision shapes' surface in the frame, (n, 3): what the hand must not touch."""
         return np.concatenate(
             [
-                (frame_from_object @ placed.pose).apply(sample_shape(placed.shape, self.parameters.spacing)[0])
+                (frame_from_object @ placed.pose).apply(sample_shape(placed.shape, self.spacing)[0])
                 for placed in model.collision
             ]
         )
@@ -149,7 +146,7 @@ class ModelBased(GraspPlanner):
     def _contacts(self, placed: PlacedShape, frame_from_object: Pose) -> Iterator[_Contacts]:
         pose = frame_from_object @ placed.pose
         axes, centre = pose.rotation.T, pose.position
-        turns = np.arange(0.0, math.pi - 1e-9, self.parameters.yaw_step)
+        turns = np.arange(0.0, math.pi - 1e-9, self.yaw_step)
         match placed.shape:
             case Box() as box:
                 for i in range(3):
@@ -185,7 +182,7 @@ class ModelBased(GraspPlanner):
         level /= np.linalg.norm(level)
         for sign in (1.0, -1.0):
             yield from self._from_top(contacts, sign * level, outline, gripper, support_height)
-            if self.parameters.sides:
+            if self.sides:
                 yield from self._from_side(contacts, sign * level, outline, gripper, support_height)
 
     def _from_top(
@@ -196,7 +193,7 @@ class ModelBased(GraspPlanner):
         gripper: GripperModel,
         support_height: float,
     ) -> Iterator[GraspCandidate]:
-        hand = self.parameters.hand
+        hand = self.hand
         across = np.cross(closing, UP)
         beside = np.abs((outline - contacts.centre) @ across) < hand.hand_half_thickness
         top = float(outline[beside, 2].max()) if beside.any() else float(outline[:, 2].max())
@@ -220,12 +217,12 @@ class ModelBased(GraspPlanner):
         gripper: GripperModel,
         support_height: float,
     ) -> Iterator[GraspCandidate]:
-        hand = self.parameters.hand
+        hand = self.hand
         approach = np.cross(closing, UP)
         lowest = support_height + hand.hand_half_thickness + hand.support_clearance
         top = float(outline[:, 2].max())
         highest = min(float(contacts.centre[2]) + contacts.slack, top - gripper.part.pad_size[0] / 2)
-        height = max(float(contacts.centre[2]), lowest, min(support_height + self.parameters.room_below, highest))
+        height = max(float(contacts.centre[2]), lowest, min(support_height + self.room_below, highest))
         if height > highest:
             return
         # The near end of the object must stay before the palm.

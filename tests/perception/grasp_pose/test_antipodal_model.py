@@ -7,8 +7,8 @@ import pytest
 
 from benchmarks.rendered_table import solid, tumbler
 from bestman_bt.messages import Box, ObjectGrasp, ObjectModel, PlacedShape, Pose, Sphere
-from bestman_bt.perception.grasp_pose import antipodal_grasps
-from bestman_bt.perception.grasp_pose.hand_shape import HandShape, HandShapeParameters
+from bestman_bt.perception.grasp_pose.antipodal_model import AntipodalModel
+from bestman_bt.perception.grasp_pose.hand_shape import HandShape, HandSize
 from bestman_bt.perception.grasp_pose.solid_surface import solid_surface
 from tests.robot_models import gripper_model
 
@@ -25,7 +25,7 @@ MUG = ObjectModel("mug", (1, 1, 1), 0.1, 0.8, (PlacedShape(tumbler(0.045, 0.09),
 
 
 def grasps(model: ObjectModel, count: int = 64) -> tuple[ObjectGrasp, ...]:
-    return antipodal_grasps(model, GRIPPER, np.random.default_rng(0), count)
+    return AntipodalModel().grasps(model, GRIPPER, np.random.default_rng(0), count)
 
 
 @pytest.fixture(scope="module")
@@ -82,7 +82,7 @@ def test_a_mug_is_taken_by_its_rim_and_by_its_handle(of_mug: tuple[ObjectGrasp, 
 def test_the_open_hand_stays_clear_of_the_model(of_mug: tuple[ObjectGrasp, ...]) -> None:
     # Sampled anew and finer than the search does.
     points = solid_surface(MUG, 0.003).points
-    shape = HandShape(GRIPPER, HandShapeParameters())
+    shape = HandShape(GRIPPER, HandSize())
     for grasp in of_mug:
         inside = grasp.object_from_tool.inverse().apply(points)
         opening = min(0.08, grasp.width + 0.02)

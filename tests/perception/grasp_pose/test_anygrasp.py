@@ -3,13 +3,14 @@ from __future__ import annotations
 import sys
 import types
 from typing import Any
+from unittest import mock
 
 import numpy as np
 import pytest
 
 from bestman_bt.messages import Box, PlacedShape, PointCloud, Pose
 from bestman_bt.perception import PerceptionError
-from bestman_bt.perception.grasp_pose import AnyGraspAdapter, AnyGraspAdapterParameters, GraspCandidate, GraspTarget
+from bestman_bt.perception.grasp_pose import AnyGraspAdapter, GraspCandidate, GraspTarget
 from bestman_bt.perception.grasp_pose.anygrasp import camera_looking_at
 from bestman_bt.perception.pose_estimation.model_surface import sample_shape
 from tests.robot_models import gripper_model
@@ -59,7 +60,10 @@ class Network:
 
 
 def plan(network: Any, of: GraspTarget | None = None) -> tuple[GraspCandidate, ...]:
-    return AnyGraspAdapter(network=network).plan(of or target(), GRIPPER, SUPPORT)
+    module = types.ModuleType("a_grasp_network")
+    module.load = lambda: network
+    with mock.patch.dict(sys.modules, a_grasp_network=module):
+        return AnyGraspAdapter(network="a_grasp_network:load").plan(of or target(), GRIPPER, SUPPORT)
 
 
 def test_the_finger_tips_come_where_the_network_puts_its_own() -> None:
@@ -124,7 +128,7 @@ def test_the_network_is_loaded_by_the_name_of_its_factory(monkeypatch: pytest.Mo
     module = types.ModuleType("a_grasp_network")
     module.load = lambda: Network(FROM_TOP)
     monkeypatch.setitem(sys.modules, "a_grasp_network", module)
-    adapter = AnyGraspAdapter(AnyGraspAdapterParameters(network="a_grasp_network:load"))
+    adapter = AnyGraspAdapter(network="a_grasp_network:load")
     assert len(adapter.plan(target(), GRIPPER, SUPPORT)) == 1
 
 
@@ -138,7 +142,7 @@ def test_the_network_is_loaded_by_the_name_of_its_factory(monkeypatch: pytest.Mo
 )
 def test_a_network_that_is_missing_is_said_to_be(name: str, message: str) -> None:
     with pytest.raises(PerceptionError, match=message):
-        AnyGraspAdapter(AnyGraspAdapterParameters(network=name)).plan(target(), GRIPPER, SUPPORT)
+        AnyGraspAdapter(network=name).plan(target(), GRIPPER, SUPPORT)
 
 
 def test_a_target_without_a_viewpoint_is_refused() -> None:

@@ -11,19 +11,18 @@ import pytest
 from bestman_bt.messages import Pose
 from bestman_bt.perception.grasp_pose import (
     GraspCandidate,
-    GraspRankingParameters,
-    HandPlacementParameters,
-    rank_grasps,
+    GraspRanking,
+    HandPlacement,
 )
 from bestman_bt.perception.grasp_pose.clearance import clear_candidates, columns_below
-from bestman_bt.perception.grasp_pose.contact_quality import ContactQualityParameters, contact_quality
+from bestman_bt.perception.grasp_pose.contact_quality import ContactQuality
 from bestman_bt.perception.grasp_pose.hand_poses import HandPoses, different_hands, hands_about
-from bestman_bt.perception.grasp_pose.hand_shape import HandShape, HandShapeParameters
+from bestman_bt.perception.grasp_pose.hand_shape import HandShape, HandSize
 from bestman_bt.perception.grasp_pose.pad_contact import PadContacts, close_pads
 from tests.robot_models import gripper_model, with_part
 
 GRIPPER = gripper_model(finger_depth=0.045, pad_size=(0.02, 0.016))
-SHAPE = HandShape(GRIPPER, HandShapeParameters(finger_thickness=0.02, palm_size=(0.06, 0.2), palm_length=0.1))
+SHAPE = HandShape(GRIPPER, HandSize(finger_thickness=0.02, palm_size=(0.06, 0.2), palm_length=0.1))
 TOOL = Pose.from_xyz_rpy((0.5, -0.2, 0.8), (math.pi - 0.3, 0.2, 1.0))
 
 
@@ -133,11 +132,7 @@ def quality(centre_of_mass: tuple[float, float, float] = (0, 0, 0), **changes: f
     )
     upright = Pose.from_xyz_rpy((0, 0, 0), (math.pi, 0, 0))
     options = {"widest": 0.073, "friction": 0.5, "bulge": 0.004}
-    return float(
-        contact_quality(
-            hands(upright), contacts, np.array(centre_of_mass), GRIPPER, ContactQualityParameters(), **options
-        )[0]
-    )
+    return float(ContactQuality().judge(hands(upright), contacts, np.array(centre_of_mass), GRIPPER, **options)[0])
 
 
 def odds(value: float) -> float:
@@ -179,7 +174,7 @@ def test_beyond_its_bounds_a_contact_holds_nothing(changes: dict, holds: bool) -
     assert (quality(**changes) > 0.0) is holds
 
 
-PLACEMENT = HandPlacementParameters()
+PLACEMENT = HandPlacement()
 
 
 @pytest.mark.parametrize(("width", "fits"), [(0.0, False), (0.001, True), (0.0729, True), (0.0731, False)])
@@ -265,29 +260,27 @@ def test_grasps_are_ranked_by_quality_room_and_reachability() -> None:
         for c, q, r in zip(poses, (0.8, 0.8, 0.7, 0.9), (1, 0.0075, 1, 1), strict=True)
     ]
     answers = {id(made[3].grasp): 0.5, id(made[2].grasp): 1.7}
-    ranked = rank_grasps(made, lambda pose: answers.get(id(pose), 1.0))
+    ranked = GraspRanking().rank(made, lambda pose: answers.get(id(pose), 1.0))
     assert [one.score for one in ranked] == pytest.approx([0.8, 0.7, 0.8 * 0.85, 0.45])
     assert [one.candidate for one in ranked] == [made[0], made[2], made[1], made[3]]
     assert ranked[1].reachability == 1.0
-    assert [one.candidate for one in rank_grasps(made, lambda pose: float(pose is made[2].grasp))] == [made[2]]
+    assert [one.candidate for one in GraspRanking().rank(made, lambda pose: float(pose is made[2].grasp))] == [made[2]]
 
 
 def test_reachability_is_asked_no_more_often_than_it_can_matter() -> None:
     made, asked = spread(6, quality=0.5), []
-    parameters = GraspRankingParameters(enough=2)
-    rank_grasps(made, lambda pose: asked.append(pose) or 1.0, parameters)
+    parameters = GraspRanking(enough=2)
+    parameters.rank(made, lambda pose: asked.append(pose) or 1.0)
     assert len(asked) == 2
     asked.clear()
-    rank_grasps(made, lambda pose: asked.append(pose) or 0.5, parameters)
+    parameters.rank(made, lambda pose: asked.append(pose) or 0.5)
     assert len(asked) == 6
     batches = []
-    rank_grasps(
-        made, parameters=parameters, reachability_of_all=lambda poses: batches.append(len(poses)) or [1.0] * len(poses)
-    )
+    parameters.rank(made, reachability_of_all=lambda poses: batches.append(len(poses)) or [1.0] * len(poses))
     assert batches == [2]
 
 
 def test_the_first_few_are_unlike_each_other_and_the_rest_follows() -> None:
     twins = [candidate(TOOL, 0.9), candidate(TOOL, 0.8), *spread(3, quality=0.7)[1:]]
-    ranked = [one.candidate for one in rank_grasps(twins, parameters=GraspRankingParameters(different=2))]
+    ranked = [one.candidate for one in GraspRanking(different=2).rank(twins)]
     assert ranked == [twins[0], twins[2], twins[1], twins[3]]

@@ -12,8 +12,7 @@ from bestman_bt.perception.grasp_pose import (
     GraspCandidate,
     GraspTarget,
     HandleGrasp,
-    HandleGraspParameters,
-    HandShapeParameters,
+    HandSize,
 )
 from tests.robot_models import gripper_model, with_part
 
@@ -115,9 +114,9 @@ def test_a_bar_near_the_front_is_taken_from_further_out_and_one_too_near_not_at_
 def test_a_lip_is_pinched_where_the_hand_has_room_above_the_recess() -> None:
     lip = handle("edge", radius=0.006, standoff=-0.006, panel=Pose(np.array([1.0, 0.2, 0.7])))
     slim = with_part(GRIPPER, pad_size=(0.02, 0.012), max_width=0.03)
-    shape = HandShapeParameters(finger_thickness=0.010, palm_size=(0.05, 0.04))
-    closed = HandleGrasp(HandleGraspParameters(shape=shape))
-    open_above = HandleGrasp(HandleGraspParameters(shape=shape, recess_width=0.3))
+    shape = HandSize(finger_thickness=0.010, palm_size=(0.05, 0.04))
+    closed = HandleGrasp(shape=shape)
+    open_above = HandleGrasp(shape=shape, recess_width=0.3)
     assert plan(lip) == closed.plan(target(lip), slim, 0.0) == (), "palm and fingers would meet what is above"
     candidates = open_above.plan(target(lip), slim, 0.0)
     assert candidates

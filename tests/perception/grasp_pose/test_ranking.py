@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from bestman_bt.messages import Pose
-from bestman_bt.perception.grasp_pose import GraspCandidate, GraspRankingParameters, rank_grasps
+from bestman_bt.perception.grasp_pose import GraspCandidate, GraspRanking
 
 
 def candidate(x: float, quality: float, clearance: float = 1.0) -> GraspCandidate:
@@ -17,11 +17,12 @@ def places(ranked: tuple) -> list[float]:
 
 
 def test_the_better_grasp_comes_first() -> None:
-    assert places(rank_grasps([candidate(0.1, 0.4), candidate(0.2, 0.9), candidate(0.3, 0.6)])) == [0.2, 0.3, 0.1]
+    ranked = GraspRanking().rank([candidate(0.1, 0.4), candidate(0.2, 0.9), candidate(0.3, 0.6)])
+    assert places(ranked) == [0.2, 0.3, 0.1]
 
 
 def test_room_around_the_hand_counts() -> None:
-    ranked = rank_grasps([candidate(0.1, 0.80, clearance=0.002), candidate(0.2, 0.75, clearance=0.05)])
+    ranked = GraspRanking().rank([candidate(0.1, 0.80, clearance=0.002), candidate(0.2, 0.75, clearance=0.05)])
     assert places(ranked) == [0.2, 0.1]
     assert ranked[0].score == pytest.approx(0.75)
     assert ranked[1].score < 0.8
@@ -29,7 +30,7 @@ def test_room_around_the_hand_counts() -> None:
 
 def test_what_cannot_be_reached_is_left_out_and_what_is_hard_to_reach_comes_later() -> None:
     reach = {0.1: 0.0, 0.2: 0.4, 0.3: 1.0}
-    ranked = rank_grasps(
+    ranked = GraspRanking().rank(
         [candidate(x, quality) for x, quality in ((0.1, 0.9), (0.2, 0.8), (0.3, 0.5))],
         lambda pose: reach[float(pose.position[0])],
     )
@@ -44,7 +45,7 @@ def test_reach_is_asked_for_no_more_often_than_needed() -> None:
         asked.append(float(pose.position[0]))
         return 1.0
 
-    rank_grasps([candidate(x, 1.0 - x) for x in np.linspace(0, 0.9, 50)], reach, GraspRankingParameters(enough=5))
+    GraspRanking(enough=5).rank([candidate(x, 1.0 - x) for x in np.linspace(0, 0.9, 50)], reach)
     assert len(asked) == 5
 
 
@@ -55,15 +56,15 @@ def test_batches_give_the_same_ranking_as_single_questions() -> None:
     def reach(pose: Pose) -> float:
         return 0.0 if pose.position[0] < 0.4 else float(pose.position[0])
 
-    single = rank_grasps(candidates, reach)
-    batch = rank_grasps(candidates, reachability_of_all=lambda poses: [reach(pose) for pose in poses])
+    single = GraspRanking().rank(candidates, reach)
+    batch = GraspRanking().rank(candidates, reachability_of_all=lambda poses: [reach(pose) for pose in poses])
     assert places(single)[:12] == places(batch)[:12]
 
 
 def test_the_first_few_differ_from_each_other() -> None:
     near = [candidate(0.1 + 0.001 * i, 0.9 - 0.001 * i) for i in range(10)]
-    assert places(rank_grasps([*near, candidate(0.5, 0.3)]))[:2] == [0.1, 0.5]
+    assert places(GraspRanking().rank([*near, candidate(0.5, 0.3)]))[:2] == [0.1, 0.5]
 
 
 def test_no_candidates_give_no_ranking() -> None:
-    assert rank_grasps([]) == ()
+    assert GraspRanking().rank([]) == ()
