@@ -26,7 +26,6 @@ import numpy as np
 from bestman_bt.evaluation.interval import wilson_interval
 from bestman_bt.manipulation.kinematics import (
     DampedLeastSquares,
-    all_solutions,
     build_reachability_map,
     rank_stand_poses_along,
     stands_around,
@@ -59,24 +58,6 @@ def inverse_kinematics(robot: RobotModel, count: int, seed: int) -> dict[str, ob
             near = float(np.linalg.norm(reached.position - target.position)) < 1e-3
             solved += inside and near and turn < math.radians(0.5)
     return {"poses": count, "solved": solved, **share(solved, count), "ms": spread(seconds)}
-
-
-def branches(robot: RobotModel, count: int, seed: int) -> dict[str, object]:
-    arm, kinematics, start = robot.of(ArmModel)["arm"], DampedLeastSquares(robot), STARTS[robot.name]
-    rng = np.random.default_rng(seed)
-    found, members, seconds = [], [], []
-    for q in rng.uniform(arm.lower + 0.03, arm.upper - 0.03, (count, len(start))):
-        began = time.process_time()
-        solutions = all_solutions(kinematics, kinematics.tool_pose(q), start, arm, rng)
-        seconds.append(time.process_time() - began)
-        found.append(len(solutions))
-        members.append(sum(len(branch.family) for branch in solutions))
-    return {
-        "poses": count,
-        "branches_mean": float(np.mean(found)),
-        "members_mean": float(np.mean(members)),
-        "ms": spread(seconds),
-    }
 
 
 def doors(count: int, seed: int) -> dict[str, object]:
@@ -151,7 +132,6 @@ def spread(seconds: list[float]) -> dict[str, float]:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--poses", type=int, default=2000)
-    parser.add_argument("--branches", type=int, default=50)
     parser.add_argument("--doors", type=int, default=40)
     parser.add_argument("--seed", type=int, default=7000)
     arguments = parser.parse_args()
@@ -159,7 +139,6 @@ def main() -> None:
     for robot in (fixed_panda(), fixed_ur5()):
         figures[robot.name] = {
             "inverse_kinematics": inverse_kinematics(robot, arguments.poses, arguments.seed),
-            "all_solutions": branches(robot, arguments.branches, arguments.seed) if arguments.branches else None,
         }
     if arguments.doors:
         figures["doors"] = doors(arguments.doors, arguments.seed)

@@ -1,6 +1,5 @@
 """Kinematics: frames of the whole robot, inverse kinematics, paths of the tool, reachability, where to stand."""
 
-from bestman_bt.manipulation.kinematics.all_solutions import AllSolutionsParameters, SolutionBranch, all_solutions
 from bestman_bt.manipulation.kinematics.arc_path import (
     ArcPath,
     ArcPathParameters,
@@ -37,7 +36,6 @@ from bestman_bt.manipulation.kinematics.stand_pose import (
 )
 
 __all__ = [
-    "AllSolutionsParameters",
     "ArcPath",
     "ArcPathParameters",
     "ArmBodies",
@@ -51,13 +49,11 @@ __all__ = [
     "IsFreeAt",
     "ReachabilityMap",
     "ReachabilityMapParameters",
-    "SolutionBranch",
     "StandAlong",
     "StandAlongParameters",
     "StandPose",
     "StandPoseParameters",
     "Stations",
-    "all_solutions",
     "arc_path",
     "arc_path_through",
     "body_between",

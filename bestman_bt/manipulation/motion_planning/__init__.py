@@ -1,6 +1,5 @@
 """Motion planning for arms."""
 
-from bestman_bt.manipulation.motion_planning.along_arc import AlongArc, AlongArcParameters
 from bestman_bt.manipulation.motion_planning.aorrtc import AORRTC, AORRTCParameters
 from bestman_bt.manipulation.motion_planning.approach import Approach, approaches
 from bestman_bt.manipulation.motion_planning.base import (
@@ -26,8 +25,6 @@ __all__ = [
     "KPIECE",
     "PRM",
     "AORRTCParameters",
-    "AlongArc",
-    "AlongArcParameters",
     "Approach",
     "BITStar",
     "BITStarParameters",

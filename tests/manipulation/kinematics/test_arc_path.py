@@ -7,9 +7,10 @@ import pytest
 
 from bestman_bt.manipulation.errors import ManipulationError
 from bestman_bt.manipulation.kinematics import ArcPathParameters, DampedLeastSquares, arc_path
-from bestman_bt.manipulation.trajectory import SpeedScale, Toppra, limit_usage
+from bestman_bt.manipulation.trajectory import SpeedScale, Toppra
 from bestman_bt.messages import Pose
 from tests.manipulation.kinematics.door_stations import door_stations
+from tests.rigs.limit_usage import limit_usage
 
 
 @pytest.fixture(scope="module")

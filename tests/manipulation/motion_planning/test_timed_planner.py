@@ -13,11 +13,12 @@ from bestman_bt.manipulation.motion_planning import (
     TimedMotionPlanner,
     Upright,
 )
-from bestman_bt.manipulation.trajectory import SpeedScale, Toppra, ToppraParameters, first_touch, limit_usage
+from bestman_bt.manipulation.trajectory import SpeedScale, Toppra, ToppraParameters, first_touch
 from bestman_bt.manipulation.trajectory.collision_check import dense_samples
 from bestman_bt.messages import Pose
 from tests.manipulation.motion_planning.joint_worlds import TWO, JointWorld, Kept
 from tests.manipulation.table_and_shelf import problems
+from tests.rigs.limit_usage import limit_usage
 
 
 class CarelessAtFirst(MotionPlanner):

@@ -28,9 +28,10 @@ from bestman_bt.manipulation.policy import (
     pose_vector,
     roll_out,
 )
-from bestman_bt.manipulation.trajectory import SpeedScale, limit_usage
+from bestman_bt.manipulation.trajectory import SpeedScale
 from bestman_bt.messages import Pose
 from tests.manipulation.kinematics.slides import LIMITS, Slides, at
+from tests.rigs.limit_usage import limit_usage
 from tests.robot_models import joint_group_model
 
 DELTAS, POSITIONS, TWIST = ActionSpace.JOINT_DELTAS, ActionSpace.JOINT_POSITIONS, ActionSpace.TOOL_TWIST

@@ -16,8 +16,8 @@ from bestman_bt.manipulation.policy import (
     StaleChunkError,
     StreamedMotion,
 )
-from bestman_bt.manipulation.trajectory import limit_usage
 from bestman_bt.messages import JointTrajectory
+from tests.rigs.limit_usage import limit_usage
 
 DT, HORIZON, EXECUTED = 0.08, 10, 5
 LATENCY = 0.12

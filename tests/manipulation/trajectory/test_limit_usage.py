@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from bestman_bt.manipulation.errors import ManipulationError
-from bestman_bt.manipulation.trajectory import limit_usage, rescaled
 from bestman_bt.messages import JointTrajectory
+from tests.rigs.limit_usage import limit_usage
 
 
 @pytest.fixture
@@ -27,7 +27,8 @@ def test_the_shares_are_those_of_the_known_motion(arm, swing):
 
 
 def test_a_motion_that_is_twice_as_fast_is_told_by_each_limit(arm, swing):
-    usage = limit_usage(rescaled(swing, 2.0), arm, np.full(7, 64.0))
+    twice = JointTrajectory(swing.joint_names, swing.times / 2, swing.positions, 2 * swing.velocities)
+    usage = limit_usage(twice, arm, np.full(7, 64.0))
     assert not usage.within()
     assert usage.acceleration == pytest.approx(32 / arm.acceleration[0], rel=0.01)
     assert usage.jerk == pytest.approx(4.0, rel=0.02)

@@ -9,8 +9,8 @@ from bestman_bt.manipulation.trajectory import (
     RuckigStateToStateParameters,
     SpeedScale,
     TrajectoryError,
-    limit_usage,
 )
+from tests.rigs.limit_usage import limit_usage
 
 FULL = SpeedScale(1.0, 1.0)
 

@@ -14,15 +14,11 @@ from bestman_bt.manipulation.trajectory import (
     ToppraParameters,
     TrajectoryError,
     first_touch,
-    limit_usage,
-    rescaled,
-    rescaled_from,
-    stop_along,
 )
 from bestman_bt.manipulation.trajectory.collision_check import dense_samples
 from bestman_bt.messages import JointTrajectory
 from tests.manipulation.motion_planning.joint_worlds import TWO, JointWorld
-from tests.robot_models import joint_group_model
+from tests.rigs.limit_usage import limit_usage
 
 FULL = SpeedScale(1.0, 1.0)
 NAMES = TWO.joint_names
@@ -102,76 +98,6 @@ def test_acceleration_and_jerk_are_shares_of_each_joints_limit_in_either_directi
 
 
 PATHS = [np.random.default_rng(seed).uniform(TWO.lower * 0.9, TWO.upper * 0.9, (5, 2)) for seed in range(4)]
-
-
-@pytest.mark.parametrize("path", [PATHS[0], pytest.param(PATHS[1], marks=pytest.mark.slow)], ids=range(2))
-def test_stops_and_new_speeds_keep_the_limits_on_the_path_at_any_time(path: np.ndarray) -> None:
-    whole = Toppra().parametrize(path, TWO, SpeedScale(0.8, 0.8))
-    dense = np.array([whole.sample(t)[0] for t in np.linspace(0.0, whole.duration, 1500)])
-    for share in (0.33, 0.8):
-        time = share * whole.duration
-        slower = rescaled_from(whole, time, 0.4, TWO)
-        for changed in (stop_along(whole, time, TWO), slower, rescaled_from(whole, time, 1.1, TWO)):
-            assert limit_usage(changed, TWO, rate=200.0).within(1.03)
-            off = np.linalg.norm(dense[:, None] - changed.positions[None, ::5], axis=2).min(axis=0)
-            assert off.max() < 6e-3
-            assert np.all(changed.velocities[-1] == 0.0)
-        assert np.allclose(slower.positions[-1], path[-1], atol=1e-6)
-
-
-@pytest.mark.parametrize("sign", [1.0, -1.0])
-@pytest.mark.parametrize("joint", [0, 1])
-def test_a_cruising_joint_stops_at_its_full_deceleration(joint: int, sign: float) -> None:
-    speed = 0.8 * TWO.velocity[joint]
-    stop = stop_along(uniform(sign * speed, 4.0, joint), 1.0, TWO)
-    assert stop.duration == pytest.approx(speed / TWO.acceleration[joint], rel=0.02)
-    way = abs(stop.positions[-1, joint] - stop.positions[0, joint])
-    assert way == pytest.approx(speed**2 / (2 * TWO.acceleration[joint]), rel=0.02)
-
-
-def test_a_stop_before_the_beginning_and_after_the_end_stays_there() -> None:
-    whole = Toppra().parametrize(PATHS[0], TWO)
-    assert np.array_equal(stop_along(whole, -1.0, TWO).positions[0], PATHS[0][0])
-    over = stop_along(uniform(0.5), 2.0, TWO)
-    assert np.array_equal(over.velocities, np.zeros((1, 2)))
-    assert np.array_equal(over.positions, uniform(0.5).positions[-1:])
-
-
-def test_other_joints_than_those_of_the_motion_are_refused() -> None:
-    other = joint_group_model(("c", "d"))
-    with pytest.raises(ManipulationError, match="limits are of .* but the motion is of"):
-        stop_along(uniform(0.5), 0.2, other)
-
-
-def test_a_speed_factor_is_bounded_by_velocity_and_by_the_root_of_acceleration() -> None:
-    """At 0.5 of a's velocity twice as fast is allowed; at 0.25 of b's acceleration, twice as well."""
-    cruise = uniform(0.5)
-    assert rescaled_from(cruise, 0.1, 2.0, TWO).duration < cruise.duration
-    with pytest.raises(TrajectoryError, match=r"speed factor of 2\.06 but 2\.1 was asked"):
-        rescaled_from(cruise, 0.1, 2.1, TWO)
-    times = np.linspace(0.0, 1.0, 101)
-    positions, velocities = np.zeros((2, 101, 2))
-    positions[:, 1], velocities[:, 1] = 0.625 * times**2 - 0.5, 1.25 * times - 0.9
-    positions[:, 1] = 0.625 * times**2 - 0.9 * times
-    hard = motion(times, positions, velocities)
-    assert limit_usage(hard, TWO).acceleration == pytest.approx(0.25)
-    rescaled_from(hard, 0.1, 2.0, TWO)
-    with pytest.raises(TrajectoryError, match=r"speed factor of 2\.03 but 2\.05 was asked"):
-        rescaled_from(hard, 0.1, 2.05, TWO)
-
-
-def test_a_motion_beyond_the_limits_may_still_be_slowed_down_or_go_on() -> None:
-    fast = uniform(1.2)
-    for factor in (0.5, 1.0):
-        assert rescaled_from(fast, 0.1, factor, TWO).duration > 0.0
-    with pytest.raises(TrajectoryError, match=r"speed factor of 0\.86"):
-        rescaled_from(fast, 0.1, 1.01, TWO)
-
-
-def test_rescaling_scales_speed_and_keeps_the_places() -> None:
-    slow = rescaled(uniform(0.5), 0.25)
-    assert slow.duration == 4.0
-    assert slow.velocities[:, 0] == pytest.approx(0.125)
 
 
 @pytest.mark.parametrize(
