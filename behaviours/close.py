@@ -96,7 +96,7 @@ class Close(OnArm, Skill):
         self.feedback_message = f"{leaf.articulation} closed, to {left:.3f} by the map"
 
     def _plan(self, leaf: Leaf) -> _Plan | None:
-        from bestman_bt.manipulation.kinematics import arc_path_through
+        from bestman_bt.manipulation.kinematics import ArcSearch
         from bestman_bt.manipulation.motion_planning import approaches
 
         skills = self.skills
@@ -119,7 +119,9 @@ class Close(OnArm, Skill):
                     skills.rng,
                 ):
                     is_free = free_along(skills, leaf, positions, "fingers")
-                    arc = arc_path_through(kinematics, way, 0, option, approach.into[-1], skills.arm_model, is_free)
+                    arc = ArcSearch().path_through(
+                        kinematics, way, 0, option, approach.into[-1], skills.arm_model, is_free
+                    )
                     if arc.complete:
                         score = arc.margin - 0.2 * abs(push.tilts[option])
                         plans.append(_Plan(push, approach, push.guide(arc), score))

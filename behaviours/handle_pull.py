@@ -56,12 +56,12 @@ class HandlePull:
 
 def plan_pull(skills: SkillContext, opening: Opening, belief: HandleBelief) -> HandlePull | None:
     """The grasp from which the arm gets farthest from where it stands; None if there is none within reach."""
-    from bestman_bt.manipulation.kinematics import StandAlongParameters, cartesian_path
+    from bestman_bt.manipulation.kinematics import ArcStands, cartesian_path
 
     base_from_map, here = skills.map_from_base.inverse(), [skills.world.base.pose]
     free = world_at_leaf(skills, opening.leaf, opening.start, "free")
     contact = world_at_leaf(skills, opening.leaf, opening.start, "fingers")
-    from_here = StandAlongParameters(enough=1, most=1, starts=6, options=7, min_fraction=0.3)
+    from_here = ArcStands(enough=1, most=1, starts=6, options=7, min_fraction=0.3)
     plans: list[HandlePull] = []
     worlds: LeafWorlds = {}
     for candidate in pull_grasps(skills, opening, belief):

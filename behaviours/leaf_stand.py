@@ -14,7 +14,7 @@ from behaviours.leaf import Leaf, LeafWorlds, Touching, free_along
 from bestman_bt.messages import Box, Pose2D
 
 if TYPE_CHECKING:
-    from bestman_bt.manipulation.kinematics import ReachabilityMap, StandAlong, StandAlongParameters, Stations
+    from bestman_bt.manipulation.kinematics import ArcStands, ReachabilityMap, StandAlong, Stations
 
 BASE_GAP = 0.05
 """Metres that the robot's body keeps from where the leaf passes."""
@@ -81,20 +81,20 @@ def find_stands(skills: SkillContext, leaf: Leaf, ways: Iterable[LeafWay]) -> li
 
     The arm's reachability map says which stands are looked at, so that few paths are searched in vain.
     """
-    from bestman_bt.manipulation.kinematics import StandAlongParameters, promising_stands
+    from bestman_bt.manipulation.kinematics import ArcStands
 
     kinematics, current = skills.kinematics, skills.world.base.pose
     reachability = _reachability(skills)
     found: list[StandAlong] = []
     promising: list[LeafWay] = []
     worlds: LeafWorlds = {}
-    few = StandAlongParameters(enough=2, starts=3)
+    few = ArcStands(enough=2, starts=3)
     for batch in BATCHES:
         for way in promising or ways:
             if batch is BATCHES[0]:
                 stands = way.stands
                 if reachability is not None:
-                    stands = promising_stands(stands, way.stations, kinematics, reachability, current)
+                    stands = ArcStands().promising(stands, way.stations, kinematics, reachability, current)
                 way = replace(way, stands=stands)
                 promising.append(way)
             these = replace(way, stands=way.stands[batch])
@@ -109,16 +109,14 @@ def stands_along_leaf(
     leaf: Leaf,
     way: LeafWay,
     worlds: LeafWorlds,
-    parameters: StandAlongParameters,
+    search: ArcStands,
     reachability: ReachabilityMap | None = None,
 ) -> tuple[StandAlong, ...]:
     """Of the stands of ``way`` those, best first, from which the arm follows it while the leaf moves.
 
     ``worlds``: as in ``free_along``.
     """
-    from bestman_bt.manipulation.kinematics import rank_stand_poses_along
-
-    return rank_stand_poses_along(
+    return search.rank(
         way.stands,
         way.stations,
         skills.kinematics,
@@ -128,7 +126,6 @@ def stands_along_leaf(
         reachability,
         is_free_at=lambda stand: free_along(skills, leaf, way.positions, way.touching, stand, way.skip, worlds),
         current=skills.world.base.pose,
-        parameters=parameters,
     )
 
 

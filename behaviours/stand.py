@@ -132,17 +132,17 @@ class FindStandPose(OnArm, Skill):
         return float(self._middle()[2] - held.model.bounds()[0, 2])
 
     def _rank(self, furniture: MapFurniture, target: StandTarget) -> tuple[StandPose, ...]:
-        from bestman_bt.manipulation.kinematics import rank_stand_poses, stands_along
+        from bestman_bt.manipulation.kinematics import StandSearch
 
-        skills = self.skills
+        skills, search = self.skills, StandSearch()
         corners = np.array(skills.base.model.footprint)
         costmap = skills.seen_costmap(DRIVEN)
         candidates = [
             stand
-            for stand in stands_along(with_open_drawers(skills, furniture), target.at, float(corners[:, 0].max()))
+            for stand in search.beside(with_open_drawers(skills, furniture), target.at, float(corners[:, 0].max()))
             if all(stand.distance_to(tried) > SAME_STAND for tried in self._tried)
         ]
-        return rank_stand_poses(
+        return search.rank(
             candidates,
             target.tool_poses,
             skills.kinematics,

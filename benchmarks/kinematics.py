@@ -17,6 +17,8 @@ import time
 from itertools import pairwise
 from pathlib import Path
 
+from bestman_bt.manipulation.kinematics import ArcStands, ReachabilitySampling
+
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 sys.path.insert(0, str(Path(__file__).parents[1]))
@@ -26,8 +28,6 @@ import numpy as np
 from bestman_bt.evaluation.interval import wilson_interval
 from bestman_bt.manipulation.kinematics import (
     DampedLeastSquares,
-    build_reachability_map,
-    rank_stand_poses_along,
     stands_around,
 )
 from bestman_bt.messages import Pose
@@ -65,7 +65,7 @@ def doors(count: int, seed: int) -> dict[str, object]:
     arm, kinematics = robot.of(ArmModel)["arm"], DampedLeastSquares(robot)
     home = robot.posture("home", arm.joint_names)
     began = time.process_time()
-    reachability = build_reachability_map(kinematics, arm)
+    reachability = ReachabilitySampling().build(kinematics, arm)
     map_seconds = time.process_time() - began
     figures: dict[str, object] = {"doors": count, "map_seconds": round(map_seconds, 2)}
     for name, stiff, used in (
@@ -83,7 +83,7 @@ def doors(count: int, seed: int) -> dict[str, object]:
             around = stands_around(door[len(door) // 2][len(door[0]) // 2].position)
             candidates = [s for s in around if hinge.inverse().apply(np.array([s.x, s.y, 0.0]))[0] < -0.4]
             began = time.process_time()
-            ranked = rank_stand_poses_along(candidates, door, kinematics, arm, home, rng, used)
+            ranked = ArcStands().rank(candidates, door, kinematics, arm, home, rng, used)
             seconds.append(time.process_time() - began)
             opened += bool(ranked)
             stands.append(len(ranked))

@@ -18,16 +18,22 @@ from bestman_bt.manipulation.collision import (
 )
 from bestman_bt.manipulation.errors import ManipulationError
 from bestman_bt.manipulation.kinematics import DampedLeastSquares, ForwardKinematics, link_hulls
-from bestman_bt.manipulation.motion_planning import PlanningError, RRTConnect, RRTConnectParameters
+from bestman_bt.manipulation.motion_planning import PlanningError, RRTConnect
 from bestman_bt.messages import Cylinder, PlacedShape, Pose
 from bestman_bt.robot_model import ArmModel, BaseModel, CameraPart, GripperModel, RobotModel, joints_above
 
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
-class PostureSearchParameters:
-    """Metres and radians.
+@dataclass(eq=False)
+class PostureSearch:
+    """Searches by inverse kinematics from random tool poses, hand down; the random numbers are the caller's.
+
+    A posture counts by the radius around the base's axis that arm and hand need, how far they stand out beyond the base
+    while it drives, the share of a table before it that they hide from the first camera, and, at home, by its distance
+    from singularities and joint limits.
+
+    Metres and radians.
 
     ``samples``: tool poses tried per posture, ``branches``: arm configurations asked for at each. ``clearance``: kept
     between the links. ``home_reach``, ``home_height``: of the tool from the shoulder, in shares of the arm's reach.
@@ -39,6 +45,8 @@ class PostureSearchParameters:
     ``travel_weight``: metres of radius per radian that the farthest joint is away from home.
     """
 
+    robot: RobotModel
+    arm: str = "arm"
     samples: int = 150
     branches: int = 4
     clearance: float = 0.012
@@ -60,18 +68,9 @@ class PostureSearchParameters:
     )
     picture_width: int = 160
 
-
-class PostureSearch:
-    """Searches by inverse kinematics from random tool poses, hand down; the random numbers are the caller's.
-
-    A posture counts by the radius around the base's axis that arm and hand need, how far they stand out beyond the base
-    while it drives, the share of a table before it that they hide from the first camera, and, at home, by its distance
-    from singularities and joint limits.
-    """
-
-    def __init__(self, robot: RobotModel, arm: str = "arm", parameters: PostureSearchParameters | None = None) -> None:
-        self.robot, self.arm = robot, robot.of(ArmModel)[arm]
-        self.parameters = parameters or PostureSearchParameters()
+    def __post_init__(self) -> None:
+        robot, arm = self.robot, self.arm
+        self._arm = robot.of(ArmModel)[arm]
         self._kinematics = DampedLeastSquares(robot, arm)
         self._forward = ForwardKinematics(robot)
         self._hands = {
@@ -79,23 +78,22 @@ class PostureSearch:
             for gripper in robot.of(GripperModel).values()
             for joint, position in gripper.joint_positions(gripper.max_width).items()
         }
-        moved = set(self.arm.joint_names)
+        moved = set(self._arm.joint_names)
         self._hulls = {link: hulls for link, hulls in link_hulls(robot).items() if moved & joints_above(robot, link)}
-        scene = PlanningScene(positions=self._hands, self_padding=self.parameters.clearance)
+        scene = PlanningScene(positions=self._hands, self_padding=self.clearance)
         collision = CoalCollisionModel(robot)
         self._empty, self._holding = (collision.world(s, arm) for s in (scene, scene.holding(self._held(arm))))
-        self._planner = RRTConnect(RRTConnectParameters(max_checks=5000, attempts=2))
+        self._planner = RRTConnect(max_checks=5000, attempts=2)
         self._shoulder, self._reach = self._kinematics.reach
 
     def home(self, rng: np.random.Generator) -> Array:
         """The hand in front, looking down, far from singularities and limits: (n,) joint positions."""
-        p = self.parameters
         x, y, z = self._shoulder
-        tool = _looking_down(np.array([x + p.home_reach * self._reach, y, z + p.home_height * self._reach]), 0.0)
+        tool = _looking_down(np.array([x + self.home_reach * self._reach, y, z + self.home_height * self._reach]), 0.0)
 
         def cost(q: Array) -> float:
-            span = self.arm.upper - self.arm.lower
-            to_limit = float(np.min(np.minimum(q - self.arm.lower, self.arm.upper - q) / span))
+            span = self._arm.upper - self._arm.lower
+            to_limit = float(np.min(np.minimum(q - self._arm.lower, self._arm.upper - q) / span))
             turned = float(np.abs(q).sum()) / len(q)
             return 0.1 * turned - 3.0 * min(to_limit, 0.15) - 5.0 * self._kinematics.manipulability(q)
 
@@ -106,13 +104,13 @@ class PostureSearch:
         camera's view.
         """
         middle = np.array([0.0, 0.0, self._shoulder[2] + 0.35 * self._reach])
-        tools = self._around(middle, self.parameters.carry_box, rng)
+        tools = self._around(middle, self.carry_box, rng)
         return self._best(tools, lambda q: self._cost(q, home, head), rng, "carry", self._holding, home)
 
     def carry_beside(self, rng: np.random.Generator, home: Array, head: dict[str, float]) -> Array:
         """The hand beside the base, looking down, lower than above it: for what is large."""
         middle = self._shoulder + np.array([0.0, -0.38, 0.05]) * self._reach
-        tools = self._around(middle, self.parameters.beside_box, rng)
+        tools = self._around(middle, self.beside_box, rng)
         return self._best(tools, lambda q: self._cost(q, home, head), rng, "carry_beside", self._holding, home)
 
     def radius(self, positions: Array) -> float:
@@ -134,24 +132,23 @@ class PostureSearch:
     def hidden(self, positions: Array, head: dict[str, float]) -> float:
         """The share of the table that arm and hand hide from the first camera; ``head``: joints that carry it."""
         camera = next(iter(self.robot.of(CameraPart).values()), None)
-        if camera is None or set(self.arm.joint_names) & joints_above(self.robot, camera.optical_frame):
+        if camera is None or set(self._arm.joint_names) & joints_above(self.robot, camera.optical_frame):
             return 0.0
         base_from_camera = self._forward.pose(camera.optical_frame, {**self._named(positions), **head})
         return self._covered(camera, base_from_camera, self._points(positions, head))
 
     def _cost(self, positions: Array, home: Array, head: dict[str, float]) -> float:
-        p = self.parameters
         travel = float(np.abs(positions - home).max())
-        room = self.radius(positions) + p.overhang_weight * self.stands_out(positions)
-        return room + p.hidden_weight * self.hidden(positions, head) + p.travel_weight * travel
+        room = self.radius(positions) + self.overhang_weight * self.stands_out(positions)
+        return room + self.hidden_weight * self.hidden(positions, head) + self.travel_weight * travel
 
     def _held(self, arm: str) -> AttachedObject:
         """A thing of usual size in the hand; what hangs below it is what a posture for an empty hand forgets."""
-        radius, length = self.parameters.held
+        radius, length = self.held
         along = Pose(np.array([0.0, 0.0, length / 6.0]))
         touched = frozenset(hand_links(self.robot, arm))
         return AttachedObject(
-            "held", (PlacedShape(Cylinder(radius, length), Pose()),), self.arm.tool_frame, along, touched
+            "held", (PlacedShape(Cylinder(radius, length), Pose()),), self._arm.tool_frame, along, touched
         )
 
     def _best(
@@ -164,19 +161,17 @@ class PostureSearch:
         home: Array | None = None,
     ) -> Array:
         """The free configuration of least ``cost``; with ``home``, one that a motion leads to from there."""
-        middle = np.clip(0.0, self.arm.lower + 0.1, self.arm.upper - 0.1)
+        middle = np.clip(0.0, self._arm.lower + 0.1, self._arm.upper - 0.1)
         free: list[tuple[float, Array]] = []
         for tool in tools:
-            found = self._kinematics.solve(
-                tool, middle, rng, count=self.parameters.branches, is_valid=world.is_free, attempts=20
-            )
+            found = self._kinematics.solve(tool, middle, rng, count=self.branches, is_valid=world.is_free, attempts=20)
             for solution in found.solutions:
                 positions = self._unwound(solution)
                 if world.is_free(positions):
                     free.append((cost(positions), positions))
         free.sort(key=lambda found: found[0])
         if home is not None and free:
-            free = self._reached(free[: self.parameters.tries], home, world, rng)
+            free = self._reached(free[: self.tries], home, world, rng)
         if not free:
             why = "no free configuration" + (" that a motion from home leads to" if home is not None else "")
             raise ManipulationError(f"robot {self.robot.name!r}: {why} found for the posture {name!r}")
@@ -189,24 +184,24 @@ class PostureSearch:
         reached = []
         for value, positions in postures:
             try:
-                motion = self._planner.plan(home, [positions], world, self.arm, rng)
+                motion = self._planner.plan(home, [positions], world, self._arm, rng)
             except PlanningError:
                 continue
-            reached.append((value + self.parameters.motion_weight * motion.length, positions))
+            reached.append((value + self.motion_weight * motion.length, positions))
         return reached
 
     def _unwound(self, positions: Array) -> Array:
         """Joints that turn more than once, brought within half a turn of zero where their limits allow it."""
         turned = (positions + np.pi) % (2 * np.pi) - np.pi
-        return np.where((turned >= self.arm.lower) & (turned <= self.arm.upper), turned, positions)
+        return np.where((turned >= self._arm.lower) & (turned <= self._arm.upper), turned, positions)
 
     def _around(self, middle: Array, box: tuple[float, float, float], rng: np.random.Generator) -> Iterator[Pose]:
-        for _ in range(self.parameters.samples):
+        for _ in range(self.samples):
             place = middle + rng.uniform(-1.0, 1.0, 3) * np.array(box) * self._reach
             yield _looking_down(place, rng.uniform(-np.pi, np.pi))
 
     def _named(self, positions: Array) -> dict[str, float]:
-        return {**self._hands, **dict(zip(self.arm.joint_names, positions.tolist(), strict=True))}
+        return {**self._hands, **dict(zip(self._arm.joint_names, positions.tolist(), strict=True))}
 
     def _points(self, positions: Array, head: dict[str, float]) -> list[Array]:
         named = {**self._named(positions), **head}
@@ -219,10 +214,10 @@ class PostureSearch:
 
     def _covered(self, camera: CameraPart, base_from_camera: Pose, bodies: list[Array]) -> float:
         lens = camera.intrinsics
-        scale = self.parameters.picture_width / lens.width
+        scale = self.picture_width / lens.width
         shape = (round(lens.height * scale), round(lens.width * scale))
         table, robot = np.zeros(shape, np.uint8), np.zeros(shape, np.uint8)
-        for mask, bodies_in_it in ((table, [np.array(self.parameters.table)]), (robot, bodies)):
+        for mask, bodies_in_it in ((table, [np.array(self.table)]), (robot, bodies)):
             for points in bodies_in_it:
                 seen = base_from_camera.inverse().apply(points)
                 seen = seen[seen[:, 2] > camera.near]

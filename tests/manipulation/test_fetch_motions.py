@@ -14,9 +14,8 @@ from bestman_bt.manipulation.collision import (
 )
 from bestman_bt.manipulation.kinematics import (
     DampedLeastSquares,
+    StandSearch,
     cartesian_path,
-    rank_stand_poses,
-    stands_along,
 )
 from bestman_bt.manipulation.motion_planning import RRTConnect, TimedMotionPlanner, Upright
 from bestman_bt.manipulation.trajectory import SpeedScale, Toppra, first_touch
@@ -44,7 +43,8 @@ def test_a_cup_is_reached_lifted_and_carried_upright(diff_panda, seed):
     ]
 
     front = max(x for x, _ in diff_panda.of(BaseModel)["base"].footprint)
-    stands = rank_stand_poses(stands_along(TABLE, cup, front), grasps, kinematics, arm, carry, rng)
+    search = StandSearch()
+    stands = search.rank(search.beside(TABLE, cup, front), grasps, kinematics, arm, carry, rng)
     stand = stands[0].pose @ Pose2D(*rng.normal(0, 0.01, 2), rng.normal(0, 0.01))
     belief.base = BasePose(stand, 0.01, 0.01, 0.0)
     base_from_map = stand.to_pose().inverse()

@@ -10,7 +10,7 @@ import pytest
 from bestman_bt.manipulation.collision import AttachedObject, CoalCollisionModel, PlanningScene, hand_links
 from bestman_bt.manipulation.kinematics import DampedLeastSquares
 from bestman_bt.manipulation.motion_planning import RRTConnect
-from bestman_bt.manipulation.posture_search import PostureSearch, PostureSearchParameters
+from bestman_bt.manipulation.posture_search import PostureSearch
 from bestman_bt.messages import Cylinder, PlacedShape, Pose
 from bestman_bt.robot_model import ArmModel, load_robot_model
 
@@ -19,7 +19,7 @@ HEAD = {"head_pan_joint": 0.0, "head_tilt_joint": np.radians(47.0)}
 
 @pytest.fixture(scope="module")
 def search() -> PostureSearch:
-    return PostureSearch(load_robot_model("diff_xarm6"), parameters=PostureSearchParameters(samples=12))
+    return PostureSearch(load_robot_model("diff_xarm6"), samples=12)
 
 
 @pytest.fixture(scope="module")
@@ -70,7 +70,7 @@ def test_a_motion_leads_from_home_to_a_posture_for_carrying_and_a_short_one_is_p
     world = CoalCollisionModel(search.robot).world(PlanningScene(positions={}))
     lengths = []
     for weight in (0.0, 1.0):
-        other = PostureSearch(search.robot, parameters=replace(search.parameters, motion_weight=weight))
+        other = replace(search, motion_weight=weight)
         carry = other.carry(np.random.default_rng(4), home, HEAD)
         plan = RRTConnect().plan(home, [carry], world, search.robot.of(ArmModel)["arm"], np.random.default_rng(0))
         lengths.append(plan.length)
@@ -80,8 +80,8 @@ def test_a_motion_leads_from_home_to_a_posture_for_carrying_and_a_short_one_is_p
 @pytest.mark.slow
 def test_what_stands_out_beyond_the_base_less_is_preferred(search: PostureSearch, home: np.ndarray) -> None:
     assert search.stands_out(home) == pytest.approx(0.25, abs=0.03)
-    careless = PostureSearch(search.robot, parameters=replace(search.parameters, overhang_weight=0.0))
-    careful = PostureSearch(search.robot, parameters=replace(search.parameters, overhang_weight=10.0))
+    careless = replace(search, overhang_weight=0.0)
+    careful = replace(search, overhang_weight=10.0)
     beside = [each.carry_beside(np.random.default_rng(2), home, HEAD) for each in (careless, careful)]
     assert search.stands_out(beside[1]) < search.stands_out(beside[0]) - 0.05
 

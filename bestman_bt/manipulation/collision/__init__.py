@@ -9,7 +9,7 @@ from bestman_bt.manipulation.collision.planning_scene import (
     VoxelObstacle,
 )
 from bestman_bt.manipulation.collision.scene_from_world_model import (
-    SceneParameters,
+    SceneMargins,
     finger_contacts,
     hand_links,
     held_object,
@@ -23,8 +23,8 @@ __all__ = [
     "CollisionModel",
     "CollisionWorld",
     "PlanningScene",
+    "SceneMargins",
     "SceneObstacle",
-    "SceneParameters",
     "VoxelObstacle",
     "finger_contacts",
     "hand_links",

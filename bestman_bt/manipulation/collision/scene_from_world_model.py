@@ -20,8 +20,10 @@ FLOOR = "floor"
 
 
 @dataclass(frozen=True)
-class SceneParameters:
-    """``padding``: metres kept from everything. ``reach``: metres from the base beyond which nothing matters.
+class SceneMargins:
+    """What is kept clear of, and what counts as an obstacle.
+
+    ``padding``: metres kept from everything. ``reach``: metres from the base beyond which nothing matters.
 
     ``furniture_offset``, ``furniture_turn``: how far furniture may be from where the map has it, metres and radians;
     a piece that is known better (``MapFurniture.position_error``) is as far off as that.
@@ -49,7 +51,7 @@ def planning_scene_from_world_model(
     arm: str = "arm",
     ignore: Iterable[str] = (),
     allowed_pairs: Iterable[tuple[str, str]] = (),
-    parameters: SceneParameters = SceneParameters(),
+    margins: SceneMargins = SceneMargins(),
     explained: Iterable[PlacedShape] = (),
     hollow: Iterable[str] = (),
 ) -> PlanningScene:
@@ -74,18 +76,18 @@ def planning_scene_from_world_model(
     within = _with_boards(world_model, hollow)
     bodies = (
         _floor(),
-        *_walls(world_model, base_from_map, parameters),
-        *_furniture(world_model, base_from_map, parameters, within),
+        *_walls(world_model, base_from_map, margins),
+        *_furniture(world_model, base_from_map, margins, within),
         *hollow_furniture(
             world_model,
             base_from_map,
             within,
-            offset=parameters.furniture_offset,
-            turn=parameters.furniture_turn,
-            reach=parameters.reach,
+            offset=margins.furniture_offset,
+            turn=margins.furniture_turn,
+            reach=margins.reach,
         ),
         *_measured(world_model, base_from_map),
-        *_objects(world_model, base_from_map, parameters),
+        *_objects(world_model, base_from_map, margins),
     )
     obstacles = [body for body in bodies if body.name not in left_out]
     grid = world_model.occupancy
@@ -99,16 +101,16 @@ def planning_scene_from_world_model(
             if other != arm and (held := held_object(world_model, robot, other)) is not None
         ),
         allowed_pairs=frozenset(frozenset(pair) for pair in allowed_pairs),
-        padding=parameters.padding,
+        padding=margins.padding,
         voxels=()
         if grid is None
         else voxel_obstacles(
             grid,
             base_from_map,
             (*(placed for body in bodies for placed in body.shapes), *explained),
-            slack=parameters.voxel_slack,
-            reach=parameters.reach,
-            unknown=parameters.unknown_is_obstacle,
+            slack=margins.voxel_slack,
+            reach=margins.reach,
+            unknown=margins.unknown_is_obstacle,
         ),
     )
 
@@ -150,14 +152,14 @@ def _floor() -> SceneObstacle:
     return SceneObstacle(FLOOR, (PlacedShape(Box((6.0, 6.0, 0.1)), Pose(np.array([0.0, 0.0, -0.05]))),))
 
 
-def _walls(world_model: WorldModel, base_from_map: Pose, parameters: SceneParameters) -> list[SceneObstacle]:
+def _walls(world_model: WorldModel, base_from_map: Pose, margins: SceneMargins) -> list[SceneObstacle]:
     obstacles = []
     for i, (x1, y1, x2, y2) in enumerate(world_model.map.walls):
         length = math.hypot(x2 - x1, y2 - y1)
-        centre = ((x1 + x2) / 2, (y1 + y2) / 2, parameters.wall_height / 2)
+        centre = ((x1 + x2) / 2, (y1 + y2) / 2, margins.wall_height / 2)
         pose = base_from_map @ Pose.from_xyz_rpy(centre, (0.0, 0.0, math.atan2(y2 - y1, x2 - x1)))
-        size = (length + parameters.wall_thickness, parameters.wall_thickness, parameters.wall_height)
-        if _distance_to_box(pose, size) < parameters.reach:
+        size = (length + margins.wall_thickness, margins.wall_thickness, margins.wall_height)
+        if _distance_to_box(pose, size) < margins.reach:
             obstacles.append(SceneObstacle(f"wall{i}", (PlacedShape(Box(size), pose),)))
     return obstacles
 
@@ -179,22 +181,22 @@ def _open_or_measured_inside(world_model: WorldModel, piece: MapFurniture) -> bo
 
 
 def _furniture(
-    world_model: WorldModel, base_from_map: Pose, parameters: SceneParameters, hollow: Iterable[str]
+    world_model: WorldModel, base_from_map: Pose, margins: SceneMargins, hollow: Iterable[str]
 ) -> list[SceneObstacle]:
     measured = {name.partition("/")[0] for name in world_model.obstacles} | set(hollow)
     obstacles = []
     for furniture in world_model.map.furniture.values():
-        size = _grown(furniture, parameters)
+        size = _grown(furniture, margins)
         pose = base_from_map @ furniture.pose.to_pose(furniture.height / 2)
-        if furniture.name not in measured and _distance_to_box(pose, size) < parameters.reach:
+        if furniture.name not in measured and _distance_to_box(pose, size) < margins.reach:
             obstacles.append(SceneObstacle(furniture.name, (PlacedShape(Box(size), pose),)))
     return obstacles
 
 
-def _grown(furniture: MapFurniture, parameters: SceneParameters) -> tuple[float, float, float]:
+def _grown(furniture: MapFurniture, margins: SceneMargins) -> tuple[float, float, float]:
     x, y = furniture.footprint
-    offset = min(parameters.furniture_offset, furniture.position_error)
-    turn = math.sin(min(parameters.furniture_turn, furniture.heading_error))
+    offset = min(margins.furniture_offset, furniture.position_error)
+    turn = math.sin(min(margins.furniture_turn, furniture.heading_error))
     return (
         x + 2 * offset + y * turn,
         y + 2 * offset + x * turn,
@@ -209,12 +211,12 @@ def _measured(world_model: WorldModel, base_from_map: Pose) -> list[SceneObstacl
     ]
 
 
-def _objects(world_model: WorldModel, base_from_map: Pose, parameters: SceneParameters) -> list[SceneObstacle]:
+def _objects(world_model: WorldModel, base_from_map: Pose, margins: SceneMargins) -> list[SceneObstacle]:
     obstacles = []
     for belief in world_model.objects.values():
         base_from_object = base_from_map @ belief.pose
-        if np.linalg.norm(base_from_object.position[:2]) < parameters.reach:
-            padding = min(parameters.object_deviations * belief.position_std, parameters.max_object_padding)
+        if np.linalg.norm(base_from_object.position[:2]) < margins.reach:
+            padding = min(margins.object_deviations * belief.position_std, margins.max_object_padding)
             shapes = _in_base(belief.model.collision, base_from_object)
             obstacles.append(SceneObstacle(belief.name, shapes, padding))
     return obstacles

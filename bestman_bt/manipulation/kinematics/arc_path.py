@@ -18,6 +18,7 @@ from bestman_bt.manipulation.errors import ManipulationError
 from bestman_bt.manipulation.joint_values import JointLimits, joint_vector
 from bestman_bt.manipulation.kinematics.base import InverseKinematics
 from bestman_bt.messages import Pose
+from bestman_bt.messages.bounds import Positive, WholeNumber
 
 Stations = Sequence[Sequence[Pose]]
 """For each station the tool poses that are allowed there; neighbours in the list are neighbours in the hand's turn."""
@@ -27,23 +28,135 @@ IsFreeAt = Callable[[NDArray[np.float64], int], bool]
 
 
 @dataclass(frozen=True)
-class ArcPathParameters:
-    """``turn``: list places by which the hand may turn from one station to the next.
+class ArcSearch:
+    """Finds joint paths that follow an arc of the tool.
+
+    ``turn``: list places by which the hand may turn from one station to the next.
 
     ``max_step``: rad that a joint may move between stations. ``centring``: rad by which redundancy pushes a joint away
     from its limit, per station; ``limit_margin``: rad that it does not push beyond. ``margin_weight``: cost of a joint
     at its limit, against rad² of motion.
     """
 
-    turn: int = 1
-    max_step: float = 0.4
+    turn: WholeNumber = 1
+    max_step: Positive = 0.4
     centring: float = 0.1
     limit_margin: float = 0.02
     margin_weight: float = 0.1
 
-    def __post_init__(self) -> None:
-        if self.turn < 0 or not self.max_step > 0:
-            raise ManipulationError(f"turn should be at least 0 and max_step above 0 but they are {self}")
+    def path(
+        self,
+        kinematics: InverseKinematics,
+        stations: Stations,
+        start: ArrayLike,
+        limits: JointLimits,
+        is_free: IsFreeAt | None = None,
+    ) -> ArcPath:
+        """The joint path from ``start`` (n,) through all ``stations`` (tool poses in the base frame).
+
+        The tool at ``start`` has to be within one smooth step of a pose of the first station. Raises ManipulationError
+        if there is no station, one of them is empty, or ``start`` has the wrong shape or is not finite.
+        """
+        check_stations(stations)
+        origin = _Node(joint_vector(start, len(kinematics.joint_names), "start of an arc"), -1, 0.0)
+        return self._search(kinematics, stations, [origin], limits, is_free, first=0)
+
+    def path_through(
+        self,
+        kinematics: InverseKinematics,
+        stations: Stations,
+        middle: int,
+        option: int,
+        positions: NDArray[np.float64],
+        limits: JointLimits,
+        is_free: IsFreeAt | None = None,
+    ) -> ArcPath:
+        """The path through all stations that passes ``positions`` (n,), a solution of one pose of station ``middle``.
+
+        Where it cannot be completed, ``path`` holds the stations from the first one reached onwards only if that is
+        station 0; else it is empty.
+        """
+        root = _Node(positions, option, 0.0)
+        last = len(stations) - 1
+        back = self._search(
+            kinematics,
+            stations[middle::-1],
+            [root],
+            limits,
+            None if is_free is None else lambda q, i: is_free(q, middle - i),
+        )
+        if not back.complete:
+            return ArcPath(
+                np.zeros((0, len(positions))), (), last + 1, f"backwards from station {middle}: {back.failure}", 0.0
+            )
+        ahead = self._search(
+            kinematics,
+            stations[middle:],
+            [root],
+            limits,
+            None if is_free is None else lambda q, i: is_free(q, middle + i),
+        )
+        return ArcPath(
+            np.vstack([back.path[::-1], ahead.path[1:]]),
+            back.options[::-1] + ahead.options[1:],
+            last + 1,
+            ahead.failure and f"onwards from station {middle}: {ahead.failure}",
+            min(back.margin, ahead.margin),
+        )
+
+    def _search(
+        self,
+        kinematics: InverseKinematics,
+        stations: Stations,
+        layer: list[_Node],
+        limits: JointLimits,
+        is_free: IsFreeAt | None,
+        first: int = 1,
+    ) -> ArcPath:
+        """Layer by layer; ``first``: the first station to be reached (1 where ``layer`` stands at station 0 already).
+
+        Nodes come cheapest first, so that those are passed over from which a pose can hardly be reached at less cost:
+        the strain in it is about the same from anywhere.
+        """
+        failure = ""
+        for station in range(first, len(stations)):
+            following: dict[int, _Node] = {}
+            refused = 0
+            for node in sorted(layer, key=lambda node: node.cost):
+                seed = node.positions + self._push(kinematics, node.positions, limits)
+                for option in _reachable_options(node.option, len(stations[station]), self.turn):
+                    if option in following and following[option].cost - following[option].strain <= node.cost:
+                        continue
+                    positions = kinematics.track(stations[station][option], seed)
+                    if positions is None or np.abs(positions - node.positions).max() > self.max_step:
+                        continue
+                    moved = positions - node.positions
+                    strain = self.margin_weight * (1.0 - joint_margin(positions, limits)) ** 4
+                    cost = node.cost + float(moved @ moved) + strain
+                    if option in following and following[option].cost <= cost:
+                        continue
+                    if is_free is not None and not is_free(positions, station):
+                        refused += 1
+                        continue
+                    following[option] = _Node(positions, option, cost, strain, node)
+            if not following:
+                cause = "refused by the validity check" if refused else "no smooth inverse kinematics"
+                failure = f"{cause} at station {station} of {len(stations)}"
+                break
+            layer = list(following.values())
+        return _traced(min(layer, key=lambda node: node.cost), len(stations), failure, limits)
+
+    def _push(
+        self, kinematics: InverseKinematics, positions: NDArray[np.float64], limits: JointLimits
+    ) -> NDArray[np.float64]:
+        """A motion in the null space that brings joints away from their limits, the stronger the nearer they are."""
+        middle, half = 0.5 * (limits.upper + limits.lower), 0.5 * (limits.upper - limits.lower)
+        away = -self.centring * ((positions - middle) / half) ** 3
+        jacobian = kinematics.jacobian(positions)
+        push: NDArray[np.float64] = away - np.linalg.pinv(jacobian, rcond=1e-3) @ (jacobian @ away)
+        lower = np.minimum(positions, limits.lower + self.limit_margin)
+        upper = np.maximum(positions, limits.upper - self.limit_margin)
+        return np.clip(positions + push, lower, upper) - positions
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,72 +193,6 @@ class _Node:
     before: _Node | None = None
 
 
-def arc_path(
-    kinematics: InverseKinematics,
-    stations: Stations,
-    start: ArrayLike,
-    limits: JointLimits,
-    is_free: IsFreeAt | None = None,
-    parameters: ArcPathParameters | None = None,
-) -> ArcPath:
-    """The joint path from ``start`` (n,) through all ``stations`` (tool poses in the base frame).
-
-    The tool at ``start`` has to be within one smooth step of a pose of the first station. Raises ManipulationError if
-    there is no station, one of them is empty, or ``start`` has the wrong shape or is not finite.
-    """
-    check_stations(stations)
-    parameters = parameters or ArcPathParameters()
-    origin = _Node(joint_vector(start, len(kinematics.joint_names), "start of an arc"), -1, 0.0)
-    return _search(kinematics, stations, [origin], limits, is_free, parameters, first=0)
-
-
-def arc_path_through(
-    kinematics: InverseKinematics,
-    stations: Stations,
-    middle: int,
-    option: int,
-    positions: NDArray[np.float64],
-    limits: JointLimits,
-    is_free: IsFreeAt | None = None,
-    parameters: ArcPathParameters | None = None,
-) -> ArcPath:
-    """The path through all stations that passes ``positions`` (n,), a solution of one pose of the station ``middle``.
-
-    Where it cannot be completed, ``path`` holds the stations from the first one reached onwards only if that is
-    station 0; else it is empty.
-    """
-    parameters = parameters or ArcPathParameters()
-    root = _Node(positions, option, 0.0)
-    last = len(stations) - 1
-    back = _search(
-        kinematics,
-        stations[middle::-1],
-        [root],
-        limits,
-        None if is_free is None else lambda q, i: is_free(q, middle - i),
-        parameters,
-    )
-    if not back.complete:
-        return ArcPath(
-            np.zeros((0, len(positions))), (), last + 1, f"backwards from station {middle}: {back.failure}", 0.0
-        )
-    ahead = _search(
-        kinematics,
-        stations[middle:],
-        [root],
-        limits,
-        None if is_free is None else lambda q, i: is_free(q, middle + i),
-        parameters,
-    )
-    return ArcPath(
-        np.vstack([back.path[::-1], ahead.path[1:]]),
-        back.options[::-1] + ahead.options[1:],
-        last + 1,
-        ahead.failure and f"onwards from station {middle}: {ahead.failure}",
-        min(back.margin, ahead.margin),
-    )
-
-
 def check_stations(stations: Stations) -> None:
     """Raise ManipulationError if there is no station or one has no pose."""
     if not stations or any(len(poses) == 0 for poses in stations):
@@ -158,67 +205,8 @@ def joint_margin(positions: NDArray[np.float64], limits: JointLimits) -> float:
     return float(np.clip(2.0 * room.min(), 0.0, 1.0))
 
 
-def _search(
-    kinematics: InverseKinematics,
-    stations: Stations,
-    layer: list[_Node],
-    limits: JointLimits,
-    is_free: IsFreeAt | None,
-    parameters: ArcPathParameters,
-    first: int = 1,
-) -> ArcPath:
-    """Layer by layer; ``first``: the first station to be reached (1 where ``layer`` stands at station 0 already).
-
-    Nodes come cheapest first, so that those are passed over from which a pose can hardly be reached at less cost: the
-    strain in it is about the same from anywhere.
-    """
-    failure = ""
-    for station in range(first, len(stations)):
-        following: dict[int, _Node] = {}
-        refused = 0
-        for node in sorted(layer, key=lambda node: node.cost):
-            seed = node.positions + _push(kinematics, node.positions, limits, parameters)
-            for option in _reachable_options(node.option, len(stations[station]), parameters.turn):
-                if option in following and following[option].cost - following[option].strain <= node.cost:
-                    continue
-                positions = kinematics.track(stations[station][option], seed)
-                if positions is None or np.abs(positions - node.positions).max() > parameters.max_step:
-                    continue
-                moved = positions - node.positions
-                strain = parameters.margin_weight * (1.0 - joint_margin(positions, limits)) ** 4
-                cost = node.cost + float(moved @ moved) + strain
-                if option in following and following[option].cost <= cost:
-                    continue
-                if is_free is not None and not is_free(positions, station):
-                    refused += 1
-                    continue
-                following[option] = _Node(positions, option, cost, strain, node)
-        if not following:
-            cause = "refused by the validity check" if refused else "no smooth inverse kinematics"
-            failure = f"{cause} at station {station} of {len(stations)}"
-            break
-        layer = list(following.values())
-    return _traced(min(layer, key=lambda node: node.cost), len(stations), failure, limits)
-
-
 def _reachable_options(option: int, count: int, turn: int) -> range:
     return range(count) if option < 0 else range(max(0, option - turn), min(count, option + turn + 1))
-
-
-def _push(
-    kinematics: InverseKinematics,
-    positions: NDArray[np.float64],
-    limits: JointLimits,
-    parameters: ArcPathParameters,
-) -> NDArray[np.float64]:
-    """A motion in the null space that brings joints away from their limits, the stronger the nearer they are."""
-    middle, half = 0.5 * (limits.upper + limits.lower), 0.5 * (limits.upper - limits.lower)
-    away = -parameters.centring * ((positions - middle) / half) ** 3
-    jacobian = kinematics.jacobian(positions)
-    push: NDArray[np.float64] = away - np.linalg.pinv(jacobian, rcond=1e-3) @ (jacobian @ away)
-    lower = np.minimum(positions, limits.lower + parameters.limit_margin)
-    upper = np.maximum(positions, limits.upper - parameters.limit_margin)
-    return np.clip(positions + push, lower, upper) - positions
 
 
 def _traced(node: _Node, stations: int, failure: str, limits: JointLimits) -> ArcPath:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Annotated
 
@@ -31,12 +31,16 @@ from bestman_bt.manipulation.kinematics.pinocchio_model import (
     to_se3,
 )
 from bestman_bt.messages import Pose
+from bestman_bt.messages.bounds import Count
 from bestman_bt.robot_model import ArmModel, RobotModel
 
 
-@dataclass(frozen=True)
-class DampedLeastSquaresParameters:
-    """``tolerance``: m and rad, every component of the error. ``damping``: added to J Jᵀ, in proportion to the
+@dataclass(frozen=True, eq=False)
+class DampedLeastSquares(InverseKinematics):
+    """q ← clip(q + Jᵀ (J Jᵀ + λI)⁻¹ e) from one start position after another.
+
+    ``fixed``: positions of joints outside the arm (a torso that carries it); those that are missing stand at zero.
+    ``tolerance``: m and rad, every component of the error. ``damping``: added to J Jᵀ, in proportion to the
     error where that is below ``fade``, m and rad. ``max_step``: rad per joint.
 
     ``limit_margin``: rad kept from the joint limits. ``attempts``: start positions: the reference, then
@@ -46,14 +50,17 @@ class DampedLeastSquaresParameters:
     ends; ``track_patience``: the same where the solution is near.
     """
 
+    robot: RobotModel
+    arm: str = "arm"
+    fixed: Mapping[str, float] = field(default_factory=dict)
     tolerance: Annotated[float, "m, rad"] = 2e-5
     damping: float = 1e-4
     fade: Annotated[float, "m, rad"] = 0.05
     max_step: Annotated[float, "rad"] = 0.4
-    max_iterations: int = 100
+    max_iterations: Count = 100
     patience: int = 20
     limit_margin: Annotated[float, "rad"] = 0.02
-    attempts: int = 60
+    attempts: Count = 60
     near_attempts: int = 6
     near_std: Annotated[float, "rad"] = 0.6
     distinct: Annotated[float, "rad"] = 0.2
@@ -62,44 +69,26 @@ class DampedLeastSquaresParameters:
     track_patience: int = 6
 
     def __post_init__(self) -> None:
-        for name in ("max_iterations", "attempts"):
-            if getattr(self, name) < 1:
-                raise ManipulationError(
-                    f"DampedLeastSquaresParameters {name} should be at least 1 but is {getattr(self, name)}"
-                )
-
-
-class DampedLeastSquares(InverseKinematics):
-    """q ← clip(q + Jᵀ (J Jᵀ + λI)⁻¹ e) from one start position after another.
-
-    ``fixed``: positions of joints outside the arm (a torso that carries it); those that are missing stand at zero.
-    """
-
-    def __init__(
-        self,
-        robot: RobotModel,
-        arm: str = "arm",
-        parameters: DampedLeastSquaresParameters | None = None,
-        fixed: Mapping[str, float] | None = None,
-    ) -> None:
-        if arm not in robot.of(ArmModel):
+        if self.arm not in self.robot.of(ArmModel):
             raise ManipulationError(
-                f"robot {robot.name!r} has no arm {arm!r}; it has {', '.join(robot.of(ArmModel)) or 'none'}"
+                f"robot {self.robot.name!r} has no arm {self.arm!r}; "
+                f"it has {', '.join(self.robot.of(ArmModel)) or 'none'}"
             )
-        self.robot = robot
-        self.arm = robot.of(ArmModel)[arm]
-        self.parameters = parameters or DampedLeastSquaresParameters()
-        self.fixed = dict(fixed or {})
+
+    @cached_property
+    def arm_model(self) -> ArmModel:
+        """The arm: its joints with their limits, and its tool."""
+        return self.robot.of(ArmModel)[self.arm]
 
     @property
     def joint_names(self) -> tuple[str, ...]:
         """Names of the arm's joints."""
-        return self.arm.joint_names
+        return self.arm_model.joint_names
 
     @cached_property
     def _model(self) -> pinocchio.Model:
         full = build_model(self.robot)
-        return pinocchio.buildReducedModel(full, joints_to_lock(full, self.arm), configuration(full, self.fixed))
+        return pinocchio.buildReducedModel(full, joints_to_lock(full, self.arm_model), configuration(full, self.fixed))
 
     @cached_property
     def _data(self) -> pinocchio.Data:
@@ -107,11 +96,11 @@ class DampedLeastSquares(InverseKinematics):
 
     @cached_property
     def _order(self) -> NDArray[np.intp] | None:
-        return arm_order(self._model, self.arm)
+        return arm_order(self._model, self.arm_model)
 
     @cached_property
     def _tool(self) -> int:
-        return frame_index(self._model, self.arm.tool_frame)
+        return frame_index(self._model, self.arm_model.tool_frame)
 
     @cached_property
     def _root_from_base(self) -> pinocchio.SE3:
@@ -121,8 +110,8 @@ class DampedLeastSquares(InverseKinematics):
 
     @cached_property
     def _bounds(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        margin = np.minimum(self.parameters.limit_margin, (self.arm.upper - self.arm.lower) / 4)
-        return self.arm.lower + margin, self.arm.upper - margin
+        margin = np.minimum(self.limit_margin, (self.arm_model.upper - self.arm_model.lower) / 4)
+        return self.arm_model.lower + margin, self.arm_model.upper - margin
 
     def tool_pose(self, positions: ArrayLike) -> Pose:
         """Forward kinematics: base_from_tool at ``positions`` (n,)."""
@@ -164,12 +153,12 @@ class DampedLeastSquares(InverseKinematics):
         closest, rejected, tried = (np.inf, np.inf), 0, 0
         if not self._in_reach(target):
             return IKResult((), *self._errors(target, origin), 0)
-        for attempt in range(attempts or self.parameters.attempts):
+        for attempt in range(attempts or self.attempts):
             tried = attempt + 1
             if attempt == 0:
                 start = origin
-            elif attempt <= self.parameters.near_attempts:
-                start = origin + rng.normal(0.0, self.parameters.near_std, len(origin))
+            elif attempt <= self.near_attempts:
+                start = origin + rng.normal(0.0, self.near_std, len(origin))
             else:
                 start = rng.uniform(lower, upper)
             q, reached = self._descend(target, np.clip(start, lower, upper), lower, upper)
@@ -177,7 +166,7 @@ class DampedLeastSquares(InverseKinematics):
                 if not solutions:
                     closest = min(closest, self._errors(target, q), key=sum)
                 continue
-            if any(np.abs(q - other).max() < self.parameters.distinct for other in solutions):
+            if any(np.abs(q - other).max() < self.distinct for other in solutions):
                 continue
             if is_valid is not None and not is_valid(q):
                 rejected += 1
@@ -200,10 +189,10 @@ class DampedLeastSquares(InverseKinematics):
             origin,
             np.minimum(lower, origin),
             np.maximum(upper, origin),
-            self.parameters.track_patience,
-            self.parameters.track_leash,
+            self.track_patience,
+            self.track_leash,
         )
-        return q if reached and np.abs(q - origin).max() <= self.parameters.track_step else None
+        return q if reached and np.abs(q - origin).max() <= self.track_step else None
 
     def _descend(
         self,
@@ -215,17 +204,17 @@ class DampedLeastSquares(InverseKinematics):
         leash: float = math.inf,
     ) -> tuple[NDArray[np.float64], bool]:
         """Most of the time of planning goes here, hence LAPACK and lists: numpy's own calls cost several times that."""
-        model, data, tool, parameters = self._model, self._data, self._tool, self.parameters
-        patience = parameters.patience if patience is None else patience
+        model, data, tool = self._model, self._data, self._tool
+        patience = self.patience if patience is None else patience
         to_arm = None if self._order is None else np.argsort(self._order)
         q, best, since_best = start, math.inf, 0
-        for _ in range(parameters.max_iterations):
+        for _ in range(self.max_iterations):
             in_model = self._to_model(q)
             pinocchio.forwardKinematics(model, data, in_model)
             tool_from_target = pinocchio.updateFramePlacement(model, data, tool).actInv(target)
             error = pinocchio.log6(tool_from_target).vector
             size = _largest(error)
-            if size < parameters.tolerance:
+            if size < self.tolerance:
                 return q, True
             if size < best:
                 best, since_best = size, 0
@@ -236,11 +225,11 @@ class DampedLeastSquares(InverseKinematics):
             jacobian = pinocchio.computeFrameJacobian(model, data, in_model, tool, pinocchio.LOCAL)
             jacobian = pinocchio.Jlog6(tool_from_target.inverse()) @ jacobian
             damped = jacobian @ jacobian.T
-            damped.ravel()[::7] += parameters.damping * min(1.0, size / parameters.fade)
+            damped.ravel()[::7] += self.damping * min(1.0, size / self.fade)
             step = jacobian.T @ dposv(damped, error)[1]
             if to_arm is not None:
                 step = step[to_arm]
-            step *= min(1.0, parameters.max_step / max(_largest(step), 1e-12))
+            step *= min(1.0, self.max_step / max(_largest(step), 1e-12))
             q = np.minimum(np.maximum(q + step, lower), upper)
             if leash < math.inf and _largest(q - start) > leash:
                 break
@@ -265,10 +254,10 @@ class DampedLeastSquares(InverseKinematics):
         while model.parents[chain[-1]] != 0:
             chain.append(model.parents[chain[-1]])
         lengths = [float(np.linalg.norm(model.jointPlacements[joint].translation)) for joint in chain[:-1]]
-        travel = self.arm.upper - self.arm.lower
+        travel = self.arm_model.upper - self.arm_model.lower
         sliding = sum(
             float(travel[i])
-            for i, name in enumerate(self.arm.joint_names)
+            for i, name in enumerate(self.arm_model.joint_names)
             if model.joints[model.getJointId(name)].shortname().startswith("JointModelP")
         )
         tip = float(np.linalg.norm(model.frames[self._tool].placement.translation))
@@ -292,7 +281,7 @@ class DampedLeastSquares(InverseKinematics):
         return self._root_from_base * to_se3(base_from_tool)
 
     def _checked(self, values: ArrayLike, what: str) -> NDArray[np.float64]:
-        return joint_vector(values, len(self.arm.joint_names), f"{what} of arm joints")
+        return joint_vector(values, len(self.arm_model.joint_names), f"{what} of arm joints")
 
 
 def _largest(values: NDArray[np.float64]) -> float:

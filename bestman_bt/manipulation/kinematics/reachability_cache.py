@@ -15,8 +15,7 @@ import numpy as np
 from bestman_bt.manipulation.kinematics.damped_least_squares import DampedLeastSquares
 from bestman_bt.manipulation.kinematics.reachability_map import (
     ReachabilityMap,
-    ReachabilityMapParameters,
-    build_reachability_map,
+    ReachabilitySampling,
 )
 
 _VERSION = 1
@@ -26,19 +25,19 @@ _FIELDS = ("origin", "voxel", "directions", "counts", "manipulability", "plenty"
 
 def reachability_map(
     kinematics: DampedLeastSquares,
-    parameters: ReachabilityMapParameters | None = None,
+    sampling: ReachabilitySampling | None = None,
     folder: Path | None = None,
 ) -> ReachabilityMap:
     """The map of an arm from ``folder`` (default: the user's cache), else built and put there.
 
     A file that cannot be read is built anew; a folder that cannot be written only costs the next start its time.
     """
-    parameters = parameters or ReachabilityMapParameters()
-    file = (folder or cache_folder()) / f"reachability-{_key(kinematics, parameters)}.npz"
+    sampling = sampling or ReachabilitySampling()
+    file = (folder or cache_folder()) / f"reachability-{_key(kinematics, sampling)}.npz"
     stored = _read(file)
     if stored is not None:
         return stored
-    built = build_reachability_map(kinematics, kinematics.arm, parameters)
+    built = sampling.build(kinematics, kinematics.arm_model)
     _write(file, built)
     return built
 
@@ -49,8 +48,8 @@ def cache_folder() -> Path:
     return (Path(home) if home else Path.home() / ".cache") / "bestman-bt"
 
 
-def _key(kinematics: DampedLeastSquares, parameters: ReachabilityMapParameters) -> str:
-    arm = kinematics.arm
+def _key(kinematics: DampedLeastSquares, sampling: ReachabilitySampling) -> str:
+    arm = kinematics.arm_model
     content = (
         _VERSION,
         kinematics.robot.urdf,
@@ -60,7 +59,7 @@ def _key(kinematics: DampedLeastSquares, parameters: ReachabilityMapParameters) 
         arm.lower.tolist(),
         arm.upper.tolist(),
         sorted(kinematics.fixed.items()),
-        sorted(asdict(parameters).items()),
+        sorted(asdict(sampling).items()),
     )
     return hashlib.sha256(repr(content).encode()).hexdigest()[:24]
 

@@ -15,27 +15,56 @@ from bestman_bt.manipulation.errors import ManipulationError
 from bestman_bt.manipulation.joint_values import JointLimits
 from bestman_bt.manipulation.kinematics.base import InverseKinematics
 from bestman_bt.manipulation.kinematics.screw_chain import ScrewChain
+from bestman_bt.messages.bounds import Count, Positive
 
 
 @dataclass(frozen=True)
-class ReachabilityMapParameters:
-    """``voxel``: metres. ``directions``: approach directions, evenly over the sphere. ``samples``: joint positions.
+class ReachabilitySampling:
+    """Fills reachability maps from random joint positions.
+
+    ``voxel``: metres. ``directions``: approach directions, evenly over the sphere. ``samples``: joint positions.
 
     ``plenty``: samples in a cell at which it counts as fully reachable. ``seed``: of the samples.
     """
 
-    voxel: float = 0.08
-    directions: int = 32
-    samples: int = 500_000
-    plenty: int = 6
+    voxel: Positive = 0.08
+    directions: Count = 32
+    samples: Count = 500_000
+    plenty: Count = 6
     seed: int = 0
 
-    def __post_init__(self) -> None:
-        for name in ("voxel", "directions", "samples", "plenty"):
-            if not getattr(self, name) > 0:
-                raise ManipulationError(
-                    f"ReachabilityMapParameters {name} should be above 0 but is {getattr(self, name)}"
-                )
+    def build(self, kinematics: InverseKinematics, limits: JointLimits) -> ReachabilityMap:
+        """Fill a map from joint positions drawn evenly within ``limits``; it takes seconds.
+
+        Equal input gives an equal map. The samples know nothing of self-collision: the map ranks, inverse kinematics
+        decides.
+        """
+        shoulder, reach = kinematics.reach
+        side = int(np.ceil(2.0 * reach / self.voxel))
+        origin = shoulder - 0.5 * side * self.voxel
+        directions = even_directions(self.directions)
+        cells = side**3 * len(directions)
+        counts, nimble = np.zeros(cells, np.int64), np.zeros(cells, np.float32)
+        chain = ScrewChain.of(kinematics)
+        rng = np.random.default_rng(self.seed)
+        batch = 20_000
+        for done in range(0, self.samples, batch):
+            size = min(batch, self.samples - done)
+            positions, approaches, measures = chain.reach(rng.uniform(limits.lower, limits.upper, (size, chain.joints)))
+            voxels = np.clip(np.floor((positions - origin) / self.voxel).astype(int), 0, side - 1)
+            aims = np.argmax(approaches @ directions.T, axis=1)
+            index = np.ravel_multi_index((*voxels.T, aims), (side, side, side, len(directions)))
+            counts += np.bincount(index, minlength=cells)
+            np.maximum.at(nimble, index, measures.astype(np.float32))
+        shape = (side, side, side, len(directions))
+        return ReachabilityMap(
+            origin,
+            self.voxel,
+            directions,
+            np.minimum(counts, np.iinfo(np.uint16).max).astype(np.uint16).reshape(shape),
+            nimble.reshape(shape),
+            self.plenty,
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,42 +118,6 @@ class ReachabilityMap:
         highest = np.array(self.counts.shape[:3]) - 1
         inside = np.all((voxels >= 0) & (voxels <= highest), axis=1)
         return np.clip(voxels, 0, highest), inside
-
-
-def build_reachability_map(
-    kinematics: InverseKinematics, limits: JointLimits, parameters: ReachabilityMapParameters | None = None
-) -> ReachabilityMap:
-    """Fill a map from joint positions drawn evenly within ``limits``; equal input gives an equal map. Takes seconds.
-
-    The samples know nothing of self-collision: the map ranks, inverse kinematics decides.
-    """
-    parameters = parameters or ReachabilityMapParameters()
-    shoulder, reach = kinematics.reach
-    side = int(np.ceil(2.0 * reach / parameters.voxel))
-    origin = shoulder - 0.5 * side * parameters.voxel
-    directions = even_directions(parameters.directions)
-    cells = side**3 * len(directions)
-    counts, nimble = np.zeros(cells, np.int64), np.zeros(cells, np.float32)
-    chain = ScrewChain.of(kinematics)
-    rng = np.random.default_rng(parameters.seed)
-    batch = 20_000
-    for done in range(0, parameters.samples, batch):
-        size = min(batch, parameters.samples - done)
-        positions, approaches, measures = chain.reach(rng.uniform(limits.lower, limits.upper, (size, chain.joints)))
-        voxels = np.clip(np.floor((positions - origin) / parameters.voxel).astype(int), 0, side - 1)
-        aims = np.argmax(approaches @ directions.T, axis=1)
-        index = np.ravel_multi_index((*voxels.T, aims), (side, side, side, len(directions)))
-        counts += np.bincount(index, minlength=cells)
-        np.maximum.at(nimble, index, measures.astype(np.float32))
-    shape = (side, side, side, len(directions))
-    return ReachabilityMap(
-        origin,
-        parameters.voxel,
-        directions,
-        np.minimum(counts, np.iinfo(np.uint16).max).astype(np.uint16).reshape(shape),
-        nimble.reshape(shape),
-        parameters.plenty,
-    )
 
 
 def even_directions(count: int) -> NDArray[np.float64]:

@@ -14,28 +14,29 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from bestman_bt.manipulation.errors import ManipulationError
 from bestman_bt.manipulation.joint_values import JointLimits, joint_vector
 from bestman_bt.manipulation.kinematics.arc_path import (
     ArcPath,
-    ArcPathParameters,
+    ArcSearch,
     IsFreeAt,
     Stations,
-    arc_path_through,
     check_stations,
     joint_margin,
 )
 from bestman_bt.manipulation.kinematics.base import InverseKinematics
 from bestman_bt.manipulation.kinematics.reachability_map import ReachabilityMap
 from bestman_bt.messages import Pose, Pose2D, wrap_angle
+from bestman_bt.messages.bounds import Count
 
 _EVERY_15_DEGREES = tuple(math.radians(degrees) for degrees in range(-180, 180, 15))
 _AT_ONCE = 32  # stands whose promise is computed in one array, which is to stay in the processor's cache
 
 
 @dataclass(frozen=True)
-class StandAlongParameters:
-    """``enough``: stands with a complete path after which the search ends. ``most``: stands to try at all.
+class ArcStands:
+    """Finds base poses from which a whole arc of the tool is followed.
+
+    ``enough``: stands with a complete path after which the search ends. ``most``: stands to try at all.
 
     ``starts``: inverse kinematics solutions per stand from which the path is searched; ``options``: turns of the hand
     at the middle station for which they are sought, with ``ik_attempts`` start positions each. ``good_margin``: a path
@@ -43,21 +44,136 @@ class StandAlongParameters:
     path are left out. ``travel_cost``: score lost per metre of driving.
     """
 
-    enough: int = 4
-    most: int = 60
-    starts: int = 4
-    options: int = 5
-    ik_attempts: int = 6
+    enough: Count = 4
+    most: Count = 60
+    starts: Count = 4
+    options: Count = 5
+    ik_attempts: Count = 6
     good_margin: float = 0.15
     min_fraction: float = 1.0
     travel_cost: float = 0.05
 
-    def __post_init__(self) -> None:
-        for name in ("enough", "most", "starts", "options", "ik_attempts"):
-            if getattr(self, name) < 1:
-                raise ManipulationError(
-                    f"StandAlongParameters {name} should be at least 1 but is {getattr(self, name)}"
-                )
+    def rank(
+        self,
+        candidates: Sequence[Pose2D],
+        stations: Stations,
+        kinematics: InverseKinematics,
+        limits: JointLimits,
+        reference: ArrayLike,
+        rng: np.random.Generator,
+        reachability: ReachabilityMap | None = None,
+        is_base_free: Callable[[Pose2D], bool] = lambda pose: True,
+        is_free_at: Callable[[Pose2D], IsFreeAt] | None = None,
+        current: Pose2D | None = None,
+        arc: ArcSearch | None = None,
+    ) -> tuple[StandAlong, ...]:
+        """Stands from which the tool follows all ``stations`` (poses in the map frame), best first; perhaps none.
+
+        ``reachability``: orders the candidates, else their distance does. ``is_free_at``: for a stand, whether the arm
+        is free at a station. ``current``: where the base is now. Raises ManipulationError as ``ArcSearch.path``.
+        """
+        check_stations(stations)
+        origin = joint_vector(reference, len(kinematics.joint_names), "reference")
+        promise = self._promises(candidates, stations, kinematics, reachability, current)
+        found: list[StandAlong] = []
+        tried, complete = 0, 0
+        for index in np.argsort(-promise, kind="stable"):
+            stand = candidates[index]
+            if not np.isfinite(promise[index]) or tried >= self.most or complete >= self.enough:
+                break
+            if not is_base_free(stand):
+                continue
+            tried += 1
+            is_free = None if is_free_at is None else is_free_at(stand)
+            base_from_map = stand.to_pose().inverse()
+            local = [[base_from_map @ pose for pose in poses] for poses in stations]
+            best = self._best_arc(local, kinematics, limits, origin, rng, is_free, arc)
+            if best is None or best.fraction < self.min_fraction - 1e-9:
+                continue
+            complete += best.complete
+            score = best.fraction + best.margin - self._travel(stand, current)
+            found.append(StandAlong(stand, score, best))
+        return tuple(sorted(found, key=lambda stand: (-stand.arc.complete, -stand.score)))
+
+    def promising(
+        self,
+        candidates: Sequence[Pose2D],
+        stations: Stations,
+        kinematics: InverseKinematics,
+        reachability: ReachabilityMap,
+        current: Pose2D | None = None,
+    ) -> tuple[Pose2D, ...]:
+        """Candidates from which all ``stations`` (poses in the map frame) are in reach, most likely first."""
+        check_stations(stations)
+        promise = self._promises(candidates, stations, kinematics, reachability, current)
+        order = np.argsort(-promise, kind="stable")
+        return tuple(candidates[index] for index in order if np.isfinite(promise[index]))
+
+    def _promises(
+        self,
+        candidates: Sequence[Pose2D],
+        stations: Stations,
+        kinematics: InverseKinematics,
+        reachability: ReachabilityMap | None,
+        current: Pose2D | None,
+    ) -> NDArray[np.float64]:
+        """How likely each stand is: -inf where a station is out of reach.
+
+        The worst station of the best way through them, on which the hand turns from place to neighbouring place.
+        """
+        shoulder, reach = kinematics.reach
+        sizes = [len(poses) for poses in stations]
+        positions = np.array([pose.position for poses in stations for pose in poses])
+        approaches = np.array([pose.rotation[:, 2] for poses in stations for pose in poses])
+        promises = np.empty(len(candidates))
+        for first in range(0, len(candidates), _AT_ONCE):
+            stands = candidates[first : first + _AT_ONCE]
+            base_from_map = [stand.to_pose().inverse() for stand in stands]
+            local = np.array([positions @ pose.rotation.T + pose.position for pose in base_from_map])
+            distances = np.linalg.norm(local - shoulder, axis=2) / reach
+            if reachability is None:
+                likely = 1.0 - np.abs(distances - 0.6)
+            else:
+                aims = np.array([approaches @ pose.rotation.T for pose in base_from_map])
+                likely = reachability.score(local.reshape(-1, 3), aims.reshape(-1, 3)).reshape(distances.shape)
+            likely = np.where(distances <= 1.0, likely, -np.inf)
+            widest = _widest_way(np.split(likely, np.cumsum(sizes)[:-1], axis=1))
+            promises[first : first + _AT_ONCE] = widest - [self._travel(stand, current) for stand in stands]
+        return promises
+
+    def _travel(self, stand: Pose2D, current: Pose2D | None) -> float:
+        if current is None:
+            return 0.0
+        turn = abs(wrap_angle(stand.theta - current.theta))
+        return self.travel_cost * (stand.distance_to(current) + 0.2 * turn)
+
+    def _best_arc(
+        self,
+        stations: list[list[Pose]],
+        kinematics: InverseKinematics,
+        limits: JointLimits,
+        reference: NDArray[np.float64],
+        rng: np.random.Generator,
+        is_free: IsFreeAt | None,
+        arc: ArcSearch | None,
+    ) -> ArcPath | None:
+        """The path through solutions at the middle station: what is farthest from both ends of the arc's demands."""
+        middle = len(stations) // 2
+        options = sorted(set(np.linspace(0, len(stations[middle]) - 1, self.options).round().astype(int).tolist()))
+        is_valid = None if is_free is None else lambda q: is_free(q, middle)
+        starts: list[tuple[float, int, NDArray[np.float64]]] = []
+        for option in options:
+            result = kinematics.solve(stations[middle][option], reference, rng, self.starts, is_valid, self.ik_attempts)
+            starts += [(joint_margin(q, limits), option, q) for q in result.solutions]
+        starts.sort(key=lambda entry: -entry[0])
+        best: ArcPath | None = None
+        for _, option, positions in starts[: self.starts]:
+            path = (arc or ArcSearch()).path_through(kinematics, stations, middle, option, positions, limits, is_free)
+            if best is None or (path.fraction, path.margin) > (best.fraction, best.margin):
+                best = path
+            if best.complete and best.margin >= self.good_margin:
+                break
+        return best
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,98 +204,6 @@ def stands_around(
     )
 
 
-def rank_stand_poses_along(
-    candidates: Sequence[Pose2D],
-    stations: Stations,
-    kinematics: InverseKinematics,
-    limits: JointLimits,
-    reference: ArrayLike,
-    rng: np.random.Generator,
-    reachability: ReachabilityMap | None = None,
-    is_base_free: Callable[[Pose2D], bool] = lambda pose: True,
-    is_free_at: Callable[[Pose2D], IsFreeAt] | None = None,
-    current: Pose2D | None = None,
-    parameters: StandAlongParameters | None = None,
-    arc: ArcPathParameters | None = None,
-) -> tuple[StandAlong, ...]:
-    """Stands from which the tool follows all ``stations`` (poses in the map frame), best first; empty if there is none.
-
-    ``reachability``: orders the candidates, else their distance does. ``is_free_at``: for a stand, whether the arm is
-    free at a station. ``current``: where the base is now. Raises ManipulationError as ``arc_path``.
-    """
-    check_stations(stations)
-    parameters = parameters or StandAlongParameters()
-    origin = joint_vector(reference, len(kinematics.joint_names), "reference")
-    promise = _promises(candidates, stations, kinematics, reachability, current, parameters)
-    found: list[StandAlong] = []
-    tried, complete = 0, 0
-    for index in np.argsort(-promise, kind="stable"):
-        stand = candidates[index]
-        if not np.isfinite(promise[index]) or tried >= parameters.most or complete >= parameters.enough:
-            break
-        if not is_base_free(stand):
-            continue
-        tried += 1
-        is_free = None if is_free_at is None else is_free_at(stand)
-        base_from_map = stand.to_pose().inverse()
-        local = [[base_from_map @ pose for pose in poses] for poses in stations]
-        best = _best_arc(local, kinematics, limits, origin, rng, is_free, parameters, arc)
-        if best is None or best.fraction < parameters.min_fraction - 1e-9:
-            continue
-        complete += best.complete
-        score = best.fraction + best.margin - _travel(stand, current, parameters)
-        found.append(StandAlong(stand, score, best))
-    return tuple(sorted(found, key=lambda stand: (-stand.arc.complete, -stand.score)))
-
-
-def promising_stands(
-    candidates: Sequence[Pose2D],
-    stations: Stations,
-    kinematics: InverseKinematics,
-    reachability: ReachabilityMap,
-    current: Pose2D | None = None,
-    parameters: StandAlongParameters | None = None,
-) -> tuple[Pose2D, ...]:
-    """Those of ``candidates`` from which all ``stations`` (poses in the map frame) are in reach, most likely first."""
-    check_stations(stations)
-    promise = _promises(candidates, stations, kinematics, reachability, current, parameters or StandAlongParameters())
-    order = np.argsort(-promise, kind="stable")
-    return tuple(candidates[index] for index in order if np.isfinite(promise[index]))
-
-
-def _promises(
-    candidates: Sequence[Pose2D],
-    stations: Stations,
-    kinematics: InverseKinematics,
-    reachability: ReachabilityMap | None,
-    current: Pose2D | None,
-    parameters: StandAlongParameters,
-) -> NDArray[np.float64]:
-    """How likely each stand is: -inf where a station is out of reach.
-
-    The worst station of the best way through them, on which the hand turns from place to neighbouring place.
-    """
-    shoulder, reach = kinematics.reach
-    sizes = [len(poses) for poses in stations]
-    positions = np.array([pose.position for poses in stations for pose in poses])
-    approaches = np.array([pose.rotation[:, 2] for poses in stations for pose in poses])
-    promises = np.empty(len(candidates))
-    for first in range(0, len(candidates), _AT_ONCE):
-        stands = candidates[first : first + _AT_ONCE]
-        base_from_map = [stand.to_pose().inverse() for stand in stands]
-        local = np.array([positions @ pose.rotation.T + pose.position for pose in base_from_map])
-        distances = np.linalg.norm(local - shoulder, axis=2) / reach
-        if reachability is None:
-            likely = 1.0 - np.abs(distances - 0.6)
-        else:
-            aims = np.array([approaches @ pose.rotation.T for pose in base_from_map])
-            likely = reachability.score(local.reshape(-1, 3), aims.reshape(-1, 3)).reshape(distances.shape)
-        likely = np.where(distances <= 1.0, likely, -np.inf)
-        widest = _widest_way(np.split(likely, np.cumsum(sizes)[:-1], axis=1))
-        promises[first : first + _AT_ONCE] = widest - [_travel(stand, current, parameters) for stand in stands]
-    return promises
-
-
 def _widest_way(likely: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
     """(S,) the largest minimum along a way through all stations (the widest path), from a place to the same or next.
 
@@ -197,41 +221,3 @@ def _widest_way(likely: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
         best = np.minimum(best, station)
     widest: NDArray[np.float64] = best.max(axis=1)
     return widest
-
-
-def _travel(stand: Pose2D, current: Pose2D | None, parameters: StandAlongParameters) -> float:
-    if current is None:
-        return 0.0
-    turn = abs(wrap_angle(stand.theta - current.theta))
-    return parameters.travel_cost * (stand.distance_to(current) + 0.2 * turn)
-
-
-def _best_arc(
-    stations: list[list[Pose]],
-    kinematics: InverseKinematics,
-    limits: JointLimits,
-    reference: NDArray[np.float64],
-    rng: np.random.Generator,
-    is_free: IsFreeAt | None,
-    parameters: StandAlongParameters,
-    arc: ArcPathParameters | None,
-) -> ArcPath | None:
-    """The path through solutions at the middle station: what is farthest from both ends of the arc's demands."""
-    middle = len(stations) // 2
-    options = sorted(set(np.linspace(0, len(stations[middle]) - 1, parameters.options).round().astype(int).tolist()))
-    is_valid = None if is_free is None else lambda q: is_free(q, middle)
-    starts: list[tuple[float, int, NDArray[np.float64]]] = []
-    for option in options:
-        result = kinematics.solve(
-            stations[middle][option], reference, rng, parameters.starts, is_valid, parameters.ik_attempts
-        )
-        starts += [(joint_margin(q, limits), option, q) for q in result.solutions]
-    starts.sort(key=lambda entry: -entry[0])
-    best: ArcPath | None = None
-    for _, option, positions in starts[: parameters.starts]:
-        path = arc_path_through(kinematics, stations, middle, option, positions, limits, is_free, arc)
-        if best is None or (path.fraction, path.margin) > (best.fraction, best.margin):
-            best = path
-        if best.complete and best.margin >= parameters.good_margin:
-            break
-    return best

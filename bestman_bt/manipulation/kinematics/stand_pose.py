@@ -25,8 +25,10 @@ ToolPoses = Sequence[Pose]
 
 
 @dataclass(frozen=True)
-class StandPoseParameters:
-    """``gaps``: metres between the base's front and the furniture. ``offsets``: metres sideways from the target.
+class StandSearch:
+    """Finds base poses from which the arm reaches what it has to.
+
+    ``gaps``: metres between the base's front and the furniture. ``offsets``: metres sideways from the target.
 
     ``preferred_reach``: share of the arm's reach at which it works best. ``enough``: good stands after which the search
     ends. ``ik_attempts``: start positions per tool pose. ``travel_cost``: score lost per metre of driving.
@@ -40,6 +42,122 @@ class StandPoseParameters:
     ik_attempts: int = 8
     travel_cost: float = 0.05
     comfort_weight: float = 0.5
+
+    def beside(
+        self, furniture: MapFurniture, target: ArrayLike, base_front: float, sides: Sequence[str] = ("front",)
+    ) -> tuple[Pose2D, ...]:
+        """Stands beside ``furniture``, facing it, abreast of ``target`` (x, y) in the map frame, or a little sideways.
+
+        ``base_front``: metres from the base's origin to its front. ``sides``: of ``front`` (-x of the furniture),
+        ``back``, ``left`` (+y) and ``right``. Raises ManipulationError for another side.
+        """
+        x, y = furniture.pose.inverse().apply(np.asarray(target, dtype=float)[:2])
+        half_x, half_y = furniture.footprint[0] / 2, furniture.footprint[1] / 2
+        stands = []
+        for side in sides:
+            if side not in _HEADINGS:
+                raise ManipulationError(f"side should be one of {', '.join(_HEADINGS)} but is {side!r}")
+            heading = _HEADINGS[side]
+            half_depth, half_width = (half_x, half_y) if side in ("front", "back") else (half_y, half_x)
+            # The target in a frame that looks the way the robot will look, its origin at the furniture's.
+            abreast = float(Pose2D(theta=heading).inverse().apply(np.array([x, y]))[1])
+            for gap in self.gaps:
+                for offset in self.offsets:
+                    lateral = float(np.clip(abreast + offset, -half_width, half_width))
+                    stand = Pose2D(theta=heading) @ Pose2D(-half_depth - gap - base_front, lateral, 0.0)
+                    stands.append(furniture.pose @ stand)
+        return tuple(dict.fromkeys(stands))
+
+    def rank(
+        self,
+        candidates: Sequence[Pose2D],
+        alternatives: Sequence[ToolPoses],
+        kinematics: InverseKinematics,
+        limits: JointLimits,
+        reference: ArrayLike,
+        rng: np.random.Generator,
+        is_base_free: Callable[[Pose2D], bool] = lambda pose: True,
+        world_at: Callable[[Pose2D], CollisionWorld] | None = None,
+        current: Pose2D | None = None,
+        reachability: ReachabilityMap | None = None,
+    ) -> tuple[StandPose, ...]:
+        """Stands from which at least one alternative is reachable, best first; empty if there is none.
+
+        ``alternatives``: each a sequence of tool poses in the map frame that must all be reached (pre-grasp, grasp).
+        ``reference``: (n,) radians, where inverse kinematics starts. ``is_base_free``: whether the base may stand
+        there. ``world_at``: the collision world of the arm for a stand; without it collisions are not looked at.
+        ``current``: where the base is now. Stands that the arm's ``reachability`` (without it: their distance to the target) favours
+        are tried first, and the search ends after ``enough`` that reach something.
+        """
+        if not alternatives or any(len(poses) == 0 for poses in alternatives):
+            raise ManipulationError("alternatives should hold at least one sequence of tool poses, none of them empty")
+        ranked: list[StandPose] = []
+        for stand in sorted(
+            candidates, key=lambda pose: self._effort(pose, alternatives, kinematics, current, reachability)
+        ):
+            if not is_base_free(stand):
+                continue
+            rated = self._rate(stand, alternatives, kinematics, limits, reference, rng, world_at, current)
+            if rated is not None:
+                ranked.append(rated)
+                if len(ranked) >= self.enough:
+                    break
+        return tuple(sorted(ranked, key=lambda stand: -stand.score))
+
+    def _effort(
+        self,
+        stand: Pose2D,
+        alternatives: Sequence[ToolPoses],
+        kinematics: InverseKinematics,
+        current: Pose2D | None,
+        reachability: ReachabilityMap | None,
+    ) -> float:
+        base_from_map = stand.to_pose().inverse()
+        if reachability is not None:
+            lasts = [base_from_map @ poses[-1] for poses in alternatives]
+            likely = reachability.score([pose.position for pose in lasts], [pose.rotation[:, 2] for pose in lasts])
+            return self._travel(stand, current) - float(np.mean(likely))
+        shoulder, reach = kinematics.reach
+        distances = [
+            float(np.linalg.norm(base_from_map.apply(poses[-1].position) - shoulder)) for poses in alternatives
+        ]
+        return abs(float(np.mean(distances)) / reach - self.preferred_reach) + self._travel(stand, current)
+
+    def _travel(self, stand: Pose2D, current: Pose2D | None) -> float:
+        if current is None:
+            return 0.0
+        turn = abs(wrap_angle(stand.theta - current.theta))
+        return self.travel_cost * (stand.distance_to(current) + 0.2 * turn)
+
+    def _rate(
+        self,
+        stand: Pose2D,
+        alternatives: Sequence[ToolPoses],
+        kinematics: InverseKinematics,
+        limits: JointLimits,
+        reference: ArrayLike,
+        rng: np.random.Generator,
+        world_at: Callable[[Pose2D], CollisionWorld] | None,
+        current: Pose2D | None,
+    ) -> StandPose | None:
+        base_from_map = stand.to_pose().inverse()
+        is_valid = None if world_at is None else world_at(stand).is_free
+        reached: list[tuple[float, int, NDArray[np.float64]]] = []
+        for number, poses in enumerate(alternatives):
+            solutions: list[NDArray[np.float64]] = []
+            for pose in poses:
+                seed = solutions[-1] if solutions else reference
+                result = kinematics.solve(base_from_map @ pose, seed, rng, is_valid=is_valid, attempts=self.ik_attempts)
+                if not result.found:
+                    break
+                solutions.append(result.best)
+            if len(solutions) == len(poses):
+                reached.append((min(_comfort(q, limits) for q in solutions), number, solutions[0]))
+        if not reached:
+            return None
+        comfort, number, positions = max(reached, key=lambda entry: entry[0])
+        score = len(reached) / len(alternatives) + self.comfort_weight * comfort - self._travel(stand, current)
+        return StandPose(stand, score, len(reached), number, positions)
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,134 +174,7 @@ class StandPose:
     positions: NDArray[np.float64]
 
 
-def stands_along(
-    furniture: MapFurniture,
-    target: ArrayLike,
-    base_front: float,
-    sides: Sequence[str] = ("front",),
-    parameters: StandPoseParameters | None = None,
-) -> tuple[Pose2D, ...]:
-    """Stands beside ``furniture``, facing it, abreast of ``target`` (x, y) in the map frame, or a little sideways.
-
-    ``base_front``: metres from the base's origin to its front. ``sides``: of ``front`` (-x of the furniture), ``back``,
-    ``left`` (+y) and ``right``. Raises ManipulationError for another side.
-    """
-    parameters = parameters or StandPoseParameters()
-    x, y = furniture.pose.inverse().apply(np.asarray(target, dtype=float)[:2])
-    half_x, half_y = furniture.footprint[0] / 2, furniture.footprint[1] / 2
-    stands = []
-    for side in sides:
-        if side not in _HEADINGS:
-            raise ManipulationError(f"side should be one of {', '.join(_HEADINGS)} but is {side!r}")
-        heading = _HEADINGS[side]
-        half_depth, half_width = (half_x, half_y) if side in ("front", "back") else (half_y, half_x)
-        # The target in a frame that looks the way the robot will look, its origin at the furniture's.
-        abreast = float(Pose2D(theta=heading).inverse().apply(np.array([x, y]))[1])
-        for gap in parameters.gaps:
-            for offset in parameters.offsets:
-                lateral = float(np.clip(abreast + offset, -half_width, half_width))
-                stand = Pose2D(theta=heading) @ Pose2D(-half_depth - gap - base_front, lateral, 0.0)
-                stands.append(furniture.pose @ stand)
-    return tuple(dict.fromkeys(stands))
-
-
 _HEADINGS = {"front": 0.0, "back": math.pi, "left": -math.pi / 2, "right": math.pi / 2}
-
-
-def rank_stand_poses(
-    candidates: Sequence[Pose2D],
-    alternatives: Sequence[ToolPoses],
-    kinematics: InverseKinematics,
-    limits: JointLimits,
-    reference: ArrayLike,
-    rng: np.random.Generator,
-    is_base_free: Callable[[Pose2D], bool] = lambda pose: True,
-    world_at: Callable[[Pose2D], CollisionWorld] | None = None,
-    current: Pose2D | None = None,
-    parameters: StandPoseParameters | None = None,
-    reachability: ReachabilityMap | None = None,
-) -> tuple[StandPose, ...]:
-    """Stands from which at least one alternative is reachable, best first; empty if there is none.
-
-    ``alternatives``: each a sequence of tool poses in the map frame that must all be reached (pre-grasp, grasp).
-    ``reference``: (n,) radians, where inverse kinematics starts. ``is_base_free``: whether the base may stand there.
-    ``world_at``: the collision world of the arm for a stand; without it collisions are not looked at. ``current``:
-    where the base is now. Stands that the arm's ``reachability`` (without it: their distance to the target) favours
-    are tried first, and the search ends after ``enough`` that reach something.
-    """
-    if not alternatives or any(len(poses) == 0 for poses in alternatives):
-        raise ManipulationError("alternatives should hold at least one sequence of tool poses, none of them empty")
-    parameters = parameters or StandPoseParameters()
-    ranked: list[StandPose] = []
-    for stand in sorted(
-        candidates, key=lambda pose: _effort(pose, alternatives, kinematics, current, parameters, reachability)
-    ):
-        if not is_base_free(stand):
-            continue
-        rated = _rate(stand, alternatives, kinematics, limits, reference, rng, world_at, current, parameters)
-        if rated is not None:
-            ranked.append(rated)
-            if len(ranked) >= parameters.enough:
-                break
-    return tuple(sorted(ranked, key=lambda stand: -stand.score))
-
-
-def _effort(
-    stand: Pose2D,
-    alternatives: Sequence[ToolPoses],
-    kinematics: InverseKinematics,
-    current: Pose2D | None,
-    parameters: StandPoseParameters,
-    reachability: ReachabilityMap | None,
-) -> float:
-    base_from_map = stand.to_pose().inverse()
-    if reachability is not None:
-        lasts = [base_from_map @ poses[-1] for poses in alternatives]
-        likely = reachability.score([pose.position for pose in lasts], [pose.rotation[:, 2] for pose in lasts])
-        return _travel(stand, current, parameters) - float(np.mean(likely))
-    shoulder, reach = kinematics.reach
-    distances = [float(np.linalg.norm(base_from_map.apply(poses[-1].position) - shoulder)) for poses in alternatives]
-    return abs(float(np.mean(distances)) / reach - parameters.preferred_reach) + _travel(stand, current, parameters)
-
-
-def _travel(stand: Pose2D, current: Pose2D | None, parameters: StandPoseParameters) -> float:
-    if current is None:
-        return 0.0
-    turn = abs(wrap_angle(stand.theta - current.theta))
-    return parameters.travel_cost * (stand.distance_to(current) + 0.2 * turn)
-
-
-def _rate(
-    stand: Pose2D,
-    alternatives: Sequence[ToolPoses],
-    kinematics: InverseKinematics,
-    limits: JointLimits,
-    reference: ArrayLike,
-    rng: np.random.Generator,
-    world_at: Callable[[Pose2D], CollisionWorld] | None,
-    current: Pose2D | None,
-    parameters: StandPoseParameters,
-) -> StandPose | None:
-    base_from_map = stand.to_pose().inverse()
-    is_valid = None if world_at is None else world_at(stand).is_free
-    reached: list[tuple[float, int, NDArray[np.float64]]] = []
-    for number, poses in enumerate(alternatives):
-        solutions: list[NDArray[np.float64]] = []
-        for pose in poses:
-            seed = solutions[-1] if solutions else reference
-            result = kinematics.solve(
-                base_from_map @ pose, seed, rng, is_valid=is_valid, attempts=parameters.ik_attempts
-            )
-            if not result.found:
-                break
-            solutions.append(result.best)
-        if len(solutions) == len(poses):
-            reached.append((min(_comfort(q, limits) for q in solutions), number, solutions[0]))
-    if not reached:
-        return None
-    comfort, number, positions = max(reached, key=lambda entry: entry[0])
-    score = len(reached) / len(alternatives) + parameters.comfort_weight * comfort - _travel(stand, current, parameters)
-    return StandPose(stand, score, len(reached), number, positions)
 
 
 def _comfort(positions: NDArray[np.float64], limits: JointLimits) -> float:

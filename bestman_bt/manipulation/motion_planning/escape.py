@@ -20,8 +20,10 @@ _HALVINGS = 4
 
 
 @dataclass(frozen=True)
-class EscapeParameters:
-    """``step``: radians of the joint that moves most in one step; ``largest_motion``: of any joint, all in all.
+class Escape:
+    """Moves an arm out of a start in collision.
+
+    ``step``: radians of the joint that moves most in one step; ``largest_motion``: of any joint, all in all.
 
     ``deepest``: metres of overlap, padding included, beyond which the belief is taken to be wrong and nothing is
     moved. ``spare``: metres of clearance at which the motion ends. ``directions``: random ones that are tried.
@@ -33,61 +35,54 @@ class EscapeParameters:
     spare: float = 0.002
     directions: int = 24
 
+    def path(
+        self, start: ArrayLike, world: CollisionWorld, limits: JointLimits, rng: np.random.Generator
+    ) -> NDArray[np.float64]:
+        """Waypoints (N, n), radians, from ``start`` to where the arm is free; the clearance grows with every row.
 
-def escape_path(
-    start: ArrayLike,
-    world: CollisionWorld,
-    limits: JointLimits,
-    rng: np.random.Generator,
-    parameters: EscapeParameters | None = None,
-) -> NDArray[np.float64]:
-    """Waypoints (N, n), radians, from ``start`` to where the arm is free; the clearance grows with every row.
-
-    One row where the start is free. Raises PlanningError (``start_in_collision``) that names the pairs where they
-    overlap too far, or no small motion leads out.
-    """
-    p = parameters or EscapeParameters()
-    origin = joint_vector(start, len(limits.joint_names), "start of an escape")
-    path = [origin]
-    if world.is_free(origin):
+        One row where the start is free. Raises PlanningError (``start_in_collision``) that names the pairs where they
+        overlap too far, or no small motion leads out.
+        """
+        origin = joint_vector(start, len(limits.joint_names), "start of an escape")
+        path = [origin]
+        if world.is_free(origin):
+            return np.array(path)
+        clearance = world.clearance(origin)
+        if clearance < -self.deepest:
+            raise _refusal(origin, world, f"by {-1e3 * clearance:.0f} mm, too far to move out of it")
+        while clearance < self.spare or not world.is_free(path[-1]):
+            found = self._better(path[-1], clearance, world, limits, rng)
+            if found is None:
+                if world.is_free(path[-1]):
+                    break
+                raise _refusal(origin, world, "and no small motion leads out of it")
+            positions, clearance = found
+            if np.abs(positions - origin).max() > self.largest_motion:
+                raise _refusal(origin, world, f"and {self.largest_motion:g} rad of motion do not lead out of it")
+            path.append(positions)
         return np.array(path)
-    clearance = world.clearance(origin)
-    if clearance < -p.deepest:
-        raise _refusal(origin, world, f"by {-1e3 * clearance:.0f} mm, too far to move out of it")
-    while clearance < p.spare or not world.is_free(path[-1]):
-        found = _better(path[-1], clearance, world, limits, rng, p)
-        if found is None:
-            if world.is_free(path[-1]):
-                break
-            raise _refusal(origin, world, "and no small motion leads out of it")
-        positions, clearance = found
-        if np.abs(positions - origin).max() > p.largest_motion:
-            raise _refusal(origin, world, f"and {p.largest_motion:g} rad of motion do not lead out of it")
-        path.append(positions)
-    return np.array(path)
 
-
-def _better(
-    positions: NDArray[np.float64],
-    clearance: float,
-    world: CollisionWorld,
-    limits: JointLimits,
-    rng: np.random.Generator,
-    p: EscapeParameters,
-) -> tuple[NDArray[np.float64], float] | None:
-    """A step with more clearance; None if none is found."""
-    gradient = _gradient(positions, clearance, world)
-    for halving in range(_HALVINGS):
-        found = _step(positions, gradient, p.step / 2**halving, world, limits)
-        if found is not None and found[1] > clearance:
-            return found
-    tried = [
-        found
-        for direction in rng.normal(size=(p.directions, len(positions)))
-        if (found := _step(positions, direction, p.step, world, limits)) is not None
-    ]
-    best = max(tried, key=lambda found: found[1], default=None)
-    return best if best is not None and best[1] > clearance else None
+    def _better(
+        self,
+        positions: NDArray[np.float64],
+        clearance: float,
+        world: CollisionWorld,
+        limits: JointLimits,
+        rng: np.random.Generator,
+    ) -> tuple[NDArray[np.float64], float] | None:
+        """A step with more clearance; None if none is found."""
+        gradient = _gradient(positions, clearance, world)
+        for halving in range(_HALVINGS):
+            found = _step(positions, gradient, self.step / 2**halving, world, limits)
+            if found is not None and found[1] > clearance:
+                return found
+        tried = [
+            found
+            for direction in rng.normal(size=(self.directions, len(positions)))
+            if (found := _step(positions, direction, self.step, world, limits)) is not None
+        ]
+        best = max(tried, key=lambda found: found[1], default=None)
+        return best if best is not None and best[1] > clearance else None
 
 
 def _step(

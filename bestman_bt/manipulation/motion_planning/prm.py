@@ -19,40 +19,33 @@ from scipy.spatial import cKDTree
 
 from bestman_bt.manipulation.motion_planning.checked_edges import CheckedEdges
 from bestman_bt.manipulation.motion_planning.query import PlanningQuery
-from bestman_bt.manipulation.motion_planning.sampling_planner import SamplingParameters, SamplingPlanner
+from bestman_bt.manipulation.motion_planning.sampling_planner import SamplingPlanner
 from bestman_bt.manipulation.motion_planning.validity import CountedValidity
+from bestman_bt.messages.bounds import Count
 
 
 @dataclass(frozen=True)
-class PRMParameters(SamplingParameters):
-    """Beside the fields of all sampling planners (``max_iterations``: of shortest paths):
+class PRM(SamplingPlanner):
+    """A roadmap per question, and the shortest path on it; blocked edges leave it.
 
-    ``samples``: valid postures in a roadmap. ``neighbours``: edges per posture.
+    ``samples``: valid postures in a roadmap. ``neighbours``: edges per posture. ``max_iterations``: of shortest paths.
     """
 
-    max_checks: int = 30_000
-    max_iterations: int = 2_000
-    attempts: int = 3
-    samples: int = 1500
-    neighbours: int = 15
-
-
-class PRM(SamplingPlanner):
-    """A roadmap per question, and the shortest path on it; blocked edges leave it."""
-
-    def __init__(self, parameters: PRMParameters | None = None) -> None:
-        self.parameters: PRMParameters = parameters or PRMParameters()
+    max_checks: Count = 30_000
+    max_iterations: Count = 2_000
+    attempts: Count = 3
+    samples: Count = 1500
+    neighbours: Count = 15
 
     def search(self, query: PlanningQuery, validity: CountedValidity, seed: int) -> NDArray[np.float64] | None:
         """See the base class."""
-        parameters = self.parameters
-        last_check = validity.checks + parameters.max_checks
+        last_check = validity.checks + self.max_checks
         rng = np.random.default_rng(seed)
         nodes = self._nodes(query, validity, rng, last_check)
-        weights = _neighbours(nodes, parameters.neighbours)
-        edges = CheckedEdges(validity, parameters.check_step, parameters.check_step)
+        weights = _neighbours(nodes, self.neighbours)
+        edges = CheckedEdges(validity, self.check_step, self.check_step)
         goals = np.arange(1, len(query.goals) + 1)
-        for _ in range(parameters.max_iterations):
+        for _ in range(self.max_iterations):
             route = _shortest(weights, goals)
             if route is None or validity.checks > last_check:
                 return None
@@ -71,7 +64,7 @@ class PRM(SamplingPlanner):
     ) -> NDArray[np.float64]:
         """(N, n): the start, the goals, then valid samples."""
         nodes = [query.start, *query.goals]
-        wanted = len(nodes) + self.parameters.samples
+        wanted = len(nodes) + self.samples
         while len(nodes) < wanted and validity.checks < last_check:
             sample = rng.uniform(query.lower, query.upper)
             if validity(sample):

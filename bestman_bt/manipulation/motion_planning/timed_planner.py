@@ -18,7 +18,7 @@ from bestman_bt.manipulation.motion_planning.base import (
     PlanningError,
     PlanningErrorCode,
 )
-from bestman_bt.manipulation.motion_planning.escape import escape_path
+from bestman_bt.manipulation.motion_planning.escape import Escape
 from bestman_bt.manipulation.trajectory.base import SpeedScale, TimeParametrization
 from bestman_bt.manipulation.trajectory.collision_check import dense_samples, first_touch
 from bestman_bt.messages import JointTrajectory
@@ -84,7 +84,7 @@ class TimedMotionPlanner:
 
         Raises PlanningError (``start_in_collision``) where there is none, or the start is free already.
         """
-        path = escape_path(start, world, limits, rng)
+        path = Escape().path(start, world, limits, rng)
         if len(path) == 1:
             raise PlanningError(
                 PlanningErrorCode.START_IN_COLLISION, "there is nothing to escape from: the start is free"

@@ -12,44 +12,31 @@ import numpy as np
 import ruckig
 from numpy.typing import ArrayLike, NDArray
 
-from bestman_bt.manipulation.errors import ManipulationError
 from bestman_bt.manipulation.joint_values import JointLimits, joint_vector
 from bestman_bt.manipulation.trajectory.base import SpeedScale, TrajectoryError
 from bestman_bt.messages import JointTrajectory
+from bestman_bt.messages.bounds import Positive
 
 
 @dataclass(frozen=True)
-class RuckigStateToStateParameters:
-    """``jerk_time``: seconds in which a joint may go from rest to its full acceleration; this gives the jerk limits.
+class RuckigStateToState:
+    """The fastest motion between two states within velocity, acceleration and jerk limits.
+
+    It knows nothing of obstacles: check the result with ``first_touch``.
+
+    ``jerk_time``: seconds in which a joint may go from rest to its full acceleration; this gives the jerk limits.
 
     ``rate``: Hz of the result, which also has a sample wherever the jerk of a joint changes: between its samples the
     motion is then exactly cubic. ``straight``: from rest to rest, move on the straight joint-space line.
     """
 
-    jerk_time: float = 0.1
-    rate: float = 100.0
+    jerk_time: Positive = 0.1
+    rate: Positive = 100.0
     straight: bool = True
-
-    def __post_init__(self) -> None:
-        for name in ("jerk_time", "rate"):
-            if not getattr(self, name) > 0:
-                raise ManipulationError(
-                    f"RuckigStateToStateParameters {name} should be above 0 but is {getattr(self, name)}"
-                )
-
-
-class RuckigStateToState:
-    """The fastest motion between two states within velocity, acceleration and jerk limits.
-
-    It knows nothing of obstacles: check the result with ``first_touch``.
-    """
-
-    def __init__(self, parameters: RuckigStateToStateParameters | None = None) -> None:
-        self.parameters = parameters or RuckigStateToStateParameters()
 
     def jerk_limits(self, limits: JointLimits, scale: SpeedScale | None = None) -> NDArray[np.float64]:
         """The jerk limits (n,) in rad/s³ that ``plan`` keeps."""
-        return limits.acceleration * (scale or SpeedScale()).acceleration / self.parameters.jerk_time
+        return limits.acceleration * (scale or SpeedScale()).acceleration / self.jerk_time
 
     def plan(
         self,
@@ -83,7 +70,7 @@ class RuckigStateToState:
         request.max_velocity = fastest.tolist()
         request.max_acceleration = (limits.acceleration * scale.acceleration).tolist()
         request.max_jerk = self.jerk_limits(limits, scale).tolist()
-        if self.parameters.straight:
+        if self.straight:
             request.synchronization = ruckig.Synchronization.Phase
         motion = ruckig.Trajectory(count)
         result = ruckig.Ruckig(count).calculate(request, motion)
@@ -94,7 +81,7 @@ class RuckigStateToState:
 
     def _sampled(self, motion: ruckig.Trajectory, limits: JointLimits) -> JointTrajectory:
         duration = float(motion.duration)
-        marks = [np.linspace(0.0, duration, max(2, math.ceil(duration * self.parameters.rate) + 1))]
+        marks = [np.linspace(0.0, duration, max(2, math.ceil(duration * self.rate) + 1))]
         for profile in motion.profiles[0]:
             marks.append(np.cumsum([*profile.brake.t, *profile.t]))
         times = np.sort(np.concatenate(marks))

@@ -12,49 +12,40 @@ from typing import TYPE_CHECKING, Annotated
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from bestman_bt.manipulation.errors import ManipulationError
 from bestman_bt.manipulation.joint_values import JointLimits, joint_path
 from bestman_bt.manipulation.trajectory.base import SpeedScale, TimeParametrization, TrajectoryError
 from bestman_bt.messages import JointTrajectory
+from bestman_bt.messages.bounds import Count, Positive
 
 if TYPE_CHECKING:
     import toppra
 
 
 @dataclass(frozen=True)
-class ToppraParameters:
-    """``waypoint_spacing``: rad between points of the spline (a sparse spline leaves the path by up to 0.45 rad).
+class Toppra(TimeParametrization):
+    """A cubic spline along the path, as fast as velocity and acceleration limits allow.
+
+    ``waypoint_spacing``: rad between points of the spline (a sparse spline leaves the path by up to 0.45 rad).
 
     ``grid_per_waypoint``, ``min_grid``: points at which toppra holds the limits; between them accelerations overshoot
     by a few percent, which is measured at ``check_rate`` Hz and taken away by slowing the whole motion.
     ``rate``: Hz of the result. ``position_slack``: rad by which the first sample may lie outside its limits.
     """
 
-    waypoint_spacing: Annotated[float, "rad"] = 0.05
-    grid_per_waypoint: int = 4
-    min_grid: int = 200
-    check_rate: Annotated[float, "Hz"] = 1000.0
-    rate: Annotated[float, "Hz"] = 100.0
+    waypoint_spacing: Annotated[Positive, "rad"] = 0.05
+    grid_per_waypoint: Count = 4
+    min_grid: Count = 200
+    check_rate: Annotated[Positive, "Hz"] = 1000.0
+    rate: Annotated[Positive, "Hz"] = 100.0
     position_slack: Annotated[float, "rad"] = 0.01
 
     def __post_init__(self) -> None:
-        for name in ("waypoint_spacing", "grid_per_waypoint", "min_grid", "check_rate", "rate"):
-            if getattr(self, name) <= 0:
-                raise ManipulationError(f"ToppraParameters {name} should be above 0 but is {getattr(self, name)}")
-
-
-class Toppra(TimeParametrization):
-    """A cubic spline along the path, as fast as velocity and acceleration limits allow."""
-
-    def __init__(self, parameters: ToppraParameters | None = None) -> None:
         import toppra  # noqa: F401 - now, for it takes half a second, which the first motion does not have
-
-        self.parameters = parameters or ToppraParameters()
 
     def parametrize(self, path: ArrayLike, limits: JointLimits, scale: SpeedScale | None = None) -> JointTrajectory:
         """Time ``path`` (N, n) within ``scale`` of ``limits``; see the base class."""
         count = len(limits.joint_names)
-        waypoints = _densified(joint_path(path, count, "path"), self.parameters.waypoint_spacing)
+        waypoints = _densified(joint_path(path, count, "path"), self.waypoint_spacing)
         if len(waypoints) < 2:
             return JointTrajectory(limits.joint_names, np.zeros(1), waypoints, np.zeros((1, count)))
         scale = scale or SpeedScale()
@@ -62,12 +53,12 @@ class Toppra(TimeParametrization):
         motion = self._solve(waypoints, velocity, acceleration)
         stretch = self._overshoot(motion, velocity, acceleration)
         duration = motion.duration * stretch
-        times = np.linspace(0.0, duration, max(2, math.ceil(duration * self.parameters.rate) + 1))
+        times = np.linspace(0.0, duration, max(2, math.ceil(duration * self.rate) + 1))
         positions = motion(times / stretch)
         velocities = motion(times / stretch, 1) / stretch
         positions[[0, -1]] = waypoints[[0, -1]]
         velocities[[0, -1]] = 0.0
-        _check_positions(positions, limits, self.parameters.position_slack)
+        _check_positions(positions, limits, self.position_slack)
         return JointTrajectory(limits.joint_names, times, positions, velocities)
 
     def _solve(
@@ -78,7 +69,7 @@ class Toppra(TimeParametrization):
 
         lengths = np.linalg.norm(np.diff(waypoints, axis=0), axis=1)
         marks = np.concatenate([[0.0], np.cumsum(lengths)])
-        grid = max(self.parameters.min_grid, self.parameters.grid_per_waypoint * len(waypoints))
+        grid = max(self.min_grid, self.grid_per_waypoint * len(waypoints))
         solver = algorithm.TOPPRA(
             [
                 constraint.JointVelocityConstraint(np.stack([-velocity, velocity], axis=1)),
@@ -104,7 +95,7 @@ class Toppra(TimeParametrization):
         acceleration: NDArray[np.float64],
     ) -> float:
         """How many times longer the motion has to take so that every sample keeps the limits; at least 1."""
-        times = np.linspace(0.0, motion.duration, max(2, math.ceil(motion.duration * self.parameters.check_rate)))
+        times = np.linspace(0.0, motion.duration, max(2, math.ceil(motion.duration * self.check_rate)))
         too_fast = float(np.max(np.abs(motion(times, 1)) / velocity))
         too_hard = float(np.max(np.abs(motion(times, 2)) / acceleration))
         return max(1.0, too_fast, math.sqrt(too_hard))

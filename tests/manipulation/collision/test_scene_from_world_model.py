@@ -8,7 +8,7 @@ import pytest
 
 from bestman_bt.manipulation.collision import (
     CoalCollisionModel,
-    SceneParameters,
+    SceneMargins,
     finger_contacts,
     planning_scene_from_world_model,
 )
@@ -92,8 +92,8 @@ def test_the_held_object_is_in_the_hand_and_no_longer_on_the_table(belief, diff_
 def test_an_object_is_padded_by_twice_its_deviation_but_not_without_end(belief, diff_panda):
     belief.objects["cup"] = replace(belief.objects["cup"], position_std=0.02)
     assert named(scene_of(belief, diff_panda))["cup"].padding == pytest.approx(0.01)
-    wide = SceneParameters(object_deviations=3.0, max_object_padding=0.05, padding=0.007)
-    scene = scene_of(belief, diff_panda, parameters=wide)
+    wide = SceneMargins(object_deviations=3.0, max_object_padding=0.05, padding=0.007)
+    scene = scene_of(belief, diff_panda, margins=wide)
     assert named(scene)["cup"].padding == pytest.approx(0.05)
     assert scene.padding == 0.007
 
@@ -124,7 +124,7 @@ def test_the_floor_begins_at_the_height_of_the_base(belief, diff_panda):
 def test_what_is_near_is_told_from_the_base_by_the_nearest_point(belief, diff_panda):
     """The table's edge is 0.4 m before the base, its middle 0.8 m; the cup 0.71 m, and 2.6 m from the map's origin."""
     for reach, expected in ((0.35, {"floor"}), (0.45, {"floor", "table"}), (0.72, {"floor", "table", "cup"})):
-        scene = scene_of(belief, diff_panda, parameters=SceneParameters(reach=reach, furniture_offset=0.0))
+        scene = scene_of(belief, diff_panda, margins=SceneMargins(reach=reach, furniture_offset=0.0))
         assert set(named(scene)) == expected
 
 

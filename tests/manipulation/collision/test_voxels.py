@@ -10,8 +10,8 @@ import pytest
 from bestman_bt.manipulation.collision import (
     CoalCollisionModel,
     PlanningScene,
+    SceneMargins,
     SceneObstacle,
-    SceneParameters,
     VoxelObstacle,
     planning_scene_from_world_model,
 )
@@ -114,11 +114,11 @@ def test_a_believed_object_and_the_target_of_a_grasp_explain_what_was_seen_of_th
 
 @pytest.mark.slow
 def test_unknown_space_counts_as_filled_when_asked(belief, diff_panda, collision_of):
-    asked = SceneParameters(unknown_is_obstacle=True)
-    names = [voxels.name for voxels in scene_of(belief, diff_panda, parameters=asked).voxels]
+    asked = SceneMargins(unknown_is_obstacle=True)
+    names = [voxels.name for voxels in scene_of(belief, diff_panda, margins=asked).voxels]
     assert names == ["occupied", "unknown"]
     known = collision_of.world(scene_of(belief, diff_panda).without("occupied"))
-    cautious = collision_of.world(scene_of(belief, diff_panda, parameters=asked).without("occupied"))
+    cautious = collision_of.world(scene_of(belief, diff_panda, margins=asked).without("occupied"))
     rng = np.random.default_rng(4)
     postures = LEFT + rng.normal(0.0, 0.4, (100, 7))
     refused = [q for q in postures if known.is_free(q) and not cautious.is_free(q)]

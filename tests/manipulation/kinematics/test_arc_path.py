@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from bestman_bt.manipulation.errors import ManipulationError
-from bestman_bt.manipulation.kinematics import ArcPathParameters, DampedLeastSquares, arc_path
+from bestman_bt.manipulation.kinematics import ArcSearch, DampedLeastSquares
 from bestman_bt.manipulation.trajectory import SpeedScale, Toppra
 from bestman_bt.messages import Pose
 from tests.manipulation.kinematics.door_stations import door_stations
@@ -25,7 +25,7 @@ def grasped(kinematics, ready, door):
 
 
 def test_the_path_follows_every_station_on_one_branch_within_the_limits(kinematics, arm, door, grasped):
-    arc = arc_path(kinematics, door, grasped, arm)
+    arc = ArcSearch().path(kinematics, door, grasped, arm)
     assert arc.complete
     assert arc.fraction == 1.0
     assert len(arc.path) == len(door)
@@ -43,21 +43,21 @@ def test_the_path_follows_every_station_on_one_branch_within_the_limits(kinemati
 def test_a_hand_that_may_turn_gets_farther_than_one_that_may_not(kinematics, arm, ready):
     door = door_stations(Pose(np.array([0.6, -0.1, 0.45])), 0.4, 1, sweep=math.radians(85))
     start = kinematics.solve(door[0][5], ready, np.random.default_rng(0)).best
-    stiff = arc_path(kinematics, [[poses[5]] for poses in door], start, arm)
-    free = arc_path(kinematics, door, start, arm)
+    stiff = ArcSearch().path(kinematics, [[poses[5]] for poses in door], start, arm)
+    free = ArcSearch().path(kinematics, door, start, arm)
     assert free.fraction > stiff.fraction + 0.3
 
 
 def test_redundancy_keeps_the_joints_from_their_limits(kinematics, arm, door, grasped):
-    pushed = arc_path(kinematics, door, grasped, arm)
-    least = arc_path(kinematics, door, grasped, arm, parameters=ArcPathParameters(centring=0.0))
+    pushed = ArcSearch().path(kinematics, door, grasped, arm)
+    least = ArcSearch(centring=0.0).path(kinematics, door, grasped, arm)
     assert pushed.margin >= least.margin
 
 
 def test_an_arc_out_of_reach_ends_where_the_arm_does(kinematics, arm, ready):
     start = kinematics.tool_pose(ready)
     line = [[Pose(np.add(start.position, [0.03 * i, 0, 0]), start.quaternion)] for i in range(40)]
-    arc = arc_path(kinematics, line, ready, arm)
+    arc = ArcSearch().path(kinematics, line, ready, arm)
     assert not arc.complete
     assert 0.1 < arc.fraction < 0.9
     assert arc.failure == f"no smooth inverse kinematics at station {len(arc.path)} of 40"
@@ -66,7 +66,7 @@ def test_an_arc_out_of_reach_ends_where_the_arm_does(kinematics, arm, ready):
 
 
 def test_the_validity_check_is_asked_station_by_station(kinematics, arm, door, grasped):
-    arc = arc_path(kinematics, door, grasped, arm, is_free=lambda q, station: station < 7)
+    arc = ArcSearch().path(kinematics, door, grasped, arm, is_free=lambda q, station: station < 7)
     assert len(arc.path) == 7
     assert "refused by the validity check at station 7" in arc.failure
 
@@ -74,7 +74,7 @@ def test_the_validity_check_is_asked_station_by_station(kinematics, arm, door, g
 def test_a_start_elsewhere_reaches_nothing_and_says_so(kinematics, arm, door, grasped):
     away = grasped.copy()
     away[0] += 0.9
-    arc = arc_path(kinematics, door, away, arm)
+    arc = ArcSearch().path(kinematics, door, away, arm)
     assert arc.path.shape == (0, 7)
     assert arc.fraction == 0.0
     assert "station 0" in arc.failure
@@ -85,7 +85,7 @@ def test_a_stretched_arm_is_followed_into_and_out_of_its_singularity_or_refused_
     stretched = np.array([0.0, 0.7, 0.0, -0.12, 0.0, 1.2, 0.785])
     tool = kinematics.tool_pose(stretched)
     line = [[Pose(np.add(tool.position, [0.0, 0.01 * i, 0.004 * i]), tool.quaternion)] for i in range(25)]
-    arc = arc_path(kinematics, line, stretched, arm)
+    arc = ArcSearch().path(kinematics, line, stretched, arm)
     assert len(arc.path) >= 1
     assert np.abs(np.diff(arc.path, axis=0)).max(initial=0.0) <= 0.4
     assert np.isfinite(arc.path).all()
@@ -93,22 +93,20 @@ def test_a_stretched_arm_is_followed_into_and_out_of_its_singularity_or_refused_
 
 def test_bad_requests_are_refused_by_name(panda, kinematics, arm, door, grasped):
     with pytest.raises(ManipulationError, match="at least one station"):
-        arc_path(kinematics, [], grasped, arm)
+        ArcSearch().path(kinematics, [], grasped, arm)
     with pytest.raises(ManipulationError, match="at least one tool pose"):
-        arc_path(kinematics, [door[0], []], grasped, arm)
+        ArcSearch().path(kinematics, [door[0], []], grasped, arm)
     with pytest.raises(ManipulationError, match=r"start of an arc should be 7 .* \(6,\)"):
-        arc_path(kinematics, door, grasped[:6], arm)
+        ArcSearch().path(kinematics, door, grasped[:6], arm)
     with pytest.raises(ManipulationError, match="start of an arc should be finite"):
-        arc_path(DampedLeastSquares(panda), door, grasped * np.nan, arm)
+        ArcSearch().path(DampedLeastSquares(panda), door, grasped * np.nan, arm)
     with pytest.raises(ManipulationError, match="base_from_tool should be finite"):
-        arc_path(kinematics, [[Pose(np.array([np.nan, 0, 0]))]], grasped, arm)
-    with pytest.raises(ManipulationError, match="turn should be at least 0"):
-        ArcPathParameters(turn=-1)
+        ArcSearch().path(kinematics, [[Pose(np.array([np.nan, 0, 0]))]], grasped, arm)
 
 
 def test_the_timed_arc_keeps_the_limits_and_the_bar_on_its_circle(kinematics, arm, ready):
     door = door_stations(Pose(np.array([0.6, -0.1, 0.45])), 0.35, 1, sweep=math.radians(60), stations=30)
-    arc = arc_path(kinematics, door, kinematics.solve(door[0][5], ready, np.random.default_rng(0)).best, arm)
+    arc = ArcSearch().path(kinematics, door, kinematics.solve(door[0][5], ready, np.random.default_rng(0)).best, arm)
     trajectory = Toppra().parametrize(arc.path, arm, SpeedScale(0.2, 0.2))
     assert limit_usage(trajectory, arm).within(0.21)
     radius = np.hypot(0.05, 0.35)

@@ -8,8 +8,7 @@ import pytest
 from bestman_bt.manipulation.errors import ManipulationError
 from bestman_bt.manipulation.kinematics import (
     DampedLeastSquares,
-    ReachabilityMapParameters,
-    build_reachability_map,
+    ReachabilitySampling,
     reachability_map,
 )
 from bestman_bt.manipulation.kinematics.reachability_cache import cache_folder
@@ -18,12 +17,12 @@ from bestman_bt.manipulation.kinematics.screw_chain import ScrewChain
 from bestman_bt.messages import Pose
 from bestman_bt.robot_model import ArmModel
 
-SMALL = ReachabilityMapParameters(voxel=0.2, directions=12, samples=20_000)
+SMALL = ReachabilitySampling(voxel=0.2, directions=12, samples=20_000)
 
 
 @pytest.fixture(scope="module")
 def full(kinematics, arm):
-    return build_reachability_map(kinematics, arm, ReachabilityMapParameters(samples=300_000))
+    return ReachabilitySampling(samples=300_000).build(kinematics, arm)
 
 
 def test_many_positions_at_once_agree_with_the_kinematics_of_one(diff_panda, rng):
@@ -73,7 +72,7 @@ def test_poses_out_of_reach_score_zero(kinematics, full):
 
 
 def test_the_same_arm_gives_the_same_map(kinematics, arm):
-    first, again = (build_reachability_map(kinematics, arm, SMALL) for _ in range(2))
+    first, again = (SMALL.build(kinematics, arm) for _ in range(2))
     assert np.array_equal(first.counts, again.counts)
     assert np.array_equal(first.manipulability, again.manipulability)
     assert first.counts.sum() == SMALL.samples
@@ -91,7 +90,7 @@ def test_a_map_is_stored_and_found_again(kinematics, tmp_path):
 
 def test_another_robot_or_other_parameters_have_a_file_of_their_own(kinematics, diff_panda, tmp_path):
     reachability_map(kinematics, SMALL, tmp_path)
-    reachability_map(kinematics, ReachabilityMapParameters(voxel=0.25, directions=12, samples=20_000), tmp_path)
+    reachability_map(kinematics, ReachabilitySampling(voxel=0.25, directions=12, samples=20_000), tmp_path)
     reachability_map(DampedLeastSquares(diff_panda), SMALL, tmp_path)
     assert len(list(tmp_path.iterdir())) == 3
 
@@ -137,5 +136,3 @@ def test_bad_requests_are_refused_by_name(full):
         full.score([[0, 0]], [[0, 0, 1]])
     with pytest.raises(ManipulationError, match="finite"):
         full.score([[np.nan, 0, 0]], [[0, 0, 1]])
-    with pytest.raises(ManipulationError, match="samples should be above 0 but is 0"):
-        ReachabilityMapParameters(samples=0)

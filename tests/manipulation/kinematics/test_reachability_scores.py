@@ -10,15 +10,14 @@ import pytest
 from bestman_bt.manipulation.kinematics import (
     DampedLeastSquares,
     ReachabilityMap,
-    ReachabilityMapParameters,
-    build_reachability_map,
+    ReachabilitySampling,
     reachability_map,
 )
 from bestman_bt.robot_model import ArmModel
 from tests.manipulation.two_arms import two_arms
 from tests.robot_models import with_limits
 
-TINY = ReachabilityMapParameters(voxel=0.5, directions=4, samples=50)
+TINY = ReachabilitySampling(voxel=0.5, directions=4, samples=50)
 AIMS = np.array([[0.0, 0.0, -1.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 DOWN, FORWARD, UP = np.eye(3)[[2]] * -1, np.eye(3)[[0]], np.eye(3)[[2]]
 
@@ -54,10 +53,10 @@ def test_dexterity_is_told_voxel_by_voxel(small) -> None:
 
 
 def test_many_samples_of_one_cell_are_counted_up_to_what_fits(kinematics, arm) -> None:
-    one_cell = ReachabilityMapParameters(voxel=5.0, directions=1, samples=70_000)
-    assert build_reachability_map(kinematics, arm, one_cell).counts.tolist() == [[[[65535]]]]
+    one_cell = ReachabilitySampling(voxel=5.0, directions=1, samples=70_000)
+    assert one_cell.build(kinematics, arm).counts.tolist() == [[[[65535]]]]
     few = replace(one_cell, samples=300)
-    assert build_reachability_map(kinematics, arm, few).counts.sum() == 300
+    assert few.build(kinematics, arm).counts.sum() == 300
 
 
 def test_whatever_moves_the_tool_or_bounds_the_arm_makes_another_map(tmp_path) -> None:

@@ -7,12 +7,9 @@ import pytest
 
 from bestman_bt.manipulation.errors import ManipulationError
 from bestman_bt.manipulation.kinematics import (
+    ArcStands,
     DampedLeastSquares,
-    ReachabilityMapParameters,
-    StandAlongParameters,
-    build_reachability_map,
-    promising_stands,
-    rank_stand_poses_along,
+    ReachabilitySampling,
     stands_around,
 )
 from bestman_bt.messages import Pose, Pose2D
@@ -26,7 +23,7 @@ pytestmark = pytest.mark.slow
 def mobile(diff_panda):
     limits = diff_panda.of(ArmModel)["arm"]
     kinematics = DampedLeastSquares(diff_panda)
-    map_ = build_reachability_map(kinematics, limits, ReachabilityMapParameters(samples=200_000))
+    map_ = ReachabilitySampling(samples=200_000).build(kinematics, limits)
     return kinematics, limits, diff_panda.posture("home", limits.joint_names), map_
 
 
@@ -38,7 +35,7 @@ def test_a_door_is_opened_by_eighty_degrees_from_each_ranked_stand(mobile, radiu
     candidates = [
         stand for stand in stands_around(door[9][5].position) if hinge.inverse().apply([stand.x, stand.y, 0])[0] < -0.35
     ]
-    ranked = rank_stand_poses_along(candidates, door, kinematics, limits, home, rng, map_)
+    ranked = ArcStands().rank(candidates, door, kinematics, limits, home, rng, map_)
     assert len(ranked) >= 3
     assert [stand.score for stand in ranked] == sorted((stand.score for stand in ranked), reverse=True)
     for stand in ranked:
@@ -56,16 +53,7 @@ def test_without_a_map_the_distance_orders_the_stands_and_equal_input_gives_equa
     door = door_stations(Pose(np.array([0.0, 0.0, 0.9])), 0.4, 1)
     candidates = [stand for stand in stands_around(door[9][5].position) if stand.x < -0.35]
     first, again = (
-        rank_stand_poses_along(
-            candidates,
-            door,
-            kinematics,
-            limits,
-            home,
-            np.random.default_rng(5),
-            parameters=StandAlongParameters(enough=1),
-        )
-        for _ in range(2)
+        ArcStands(enough=1).rank(candidates, door, kinematics, limits, home, np.random.default_rng(5)) for _ in range(2)
     )
     assert len(first) == 1
     assert first[0].pose == again[0].pose
@@ -76,35 +64,16 @@ def test_stands_and_arm_positions_that_are_not_free_are_left_out(mobile, rng):
     kinematics, limits, home, map_ = mobile
     door = door_stations(Pose(np.array([0.0, 0.0, 0.9])), 0.4, 1)
     candidates = [stand for stand in stands_around(door[9][5].position) if stand.x < -0.35]
-    ranked = rank_stand_poses_along(
-        candidates,
-        door,
-        kinematics,
-        limits,
-        home,
-        rng,
-        map_,
-        is_base_free=lambda stand: stand.y > 0.5,
-        parameters=StandAlongParameters(enough=1),
+    ranked = ArcStands(enough=1).rank(
+        candidates, door, kinematics, limits, home, rng, map_, is_base_free=lambda stand: stand.y > 0.5
     )
     assert ranked
     assert all(stand.pose.y > 0.5 for stand in ranked)
-    few = StandAlongParameters(most=3)
+    few = ArcStands(most=3)
     refuse = lambda stand: lambda q, station: station < 12  # noqa: E731
-    assert (
-        rank_stand_poses_along(candidates, door, kinematics, limits, home, rng, map_, is_free_at=refuse, parameters=few)
-        == ()
-    )
-    partial = rank_stand_poses_along(
-        candidates,
-        door,
-        kinematics,
-        limits,
-        home,
-        rng,
-        map_,
-        is_free_at=refuse,
-        parameters=StandAlongParameters(most=3, min_fraction=0.5),
+    assert few.rank(candidates, door, kinematics, limits, home, rng, map_, is_free_at=refuse) == ()
+    partial = ArcStands(most=3, min_fraction=0.5).rank(
+        candidates, door, kinematics, limits, home, rng, map_, is_free_at=refuse
     )
     assert partial
     assert all(stand.arc.fraction == pytest.approx(12 / 18) for stand in partial)
@@ -114,7 +83,7 @@ def test_stands_and_arm_positions_that_are_not_free_are_left_out(mobile, rng):
 def test_nothing_is_found_out_of_reach(mobile, rng):
     kinematics, limits, home, map_ = mobile
     door = door_stations(Pose(np.array([0.0, 0.0, 2.6])), 0.4, 1)
-    assert rank_stand_poses_along(stands_around([0, 0]), door, kinematics, limits, home, rng, map_) == ()
+    assert ArcStands().rank(stands_around([0, 0]), door, kinematics, limits, home, rng, map_) == ()
 
 
 def test_stands_lie_round_the_target_and_look_at_it():
@@ -129,18 +98,16 @@ def test_stands_lie_round_the_target_and_look_at_it():
 def test_bad_requests_are_refused_by_name(mobile, rng):
     kinematics, limits, home, _ = mobile
     with pytest.raises(ManipulationError, match="at least one station"):
-        rank_stand_poses_along([], [], kinematics, limits, home, rng)
+        ArcStands().rank([], [], kinematics, limits, home, rng)
     with pytest.raises(ManipulationError, match="reference should be finite"):
-        rank_stand_poses_along([], [[Pose()]], kinematics, limits, home * np.nan, rng)
-    with pytest.raises(ManipulationError, match="enough should be at least 1 but is 0"):
-        StandAlongParameters(enough=0)
+        ArcStands().rank([], [[Pose()]], kinematics, limits, home * np.nan, rng)
 
 
 def test_which_stands_are_in_reach_does_not_depend_on_how_many_are_asked_about(mobile):
     kinematics, _, _, map_ = mobile
     door = door_stations(Pose(np.array([0.0, 0.0, 0.9])), 0.4, 1)
     stands = stands_around(door[9][5].position, distances=(0.6, 1.1), turns=(0.0, 0.5))
-    together = promising_stands(stands, door, kinematics, map_)
-    alone = [stand for stand in stands if promising_stands([stand], door, kinematics, map_)]
+    together = ArcStands().promising(stands, door, kinematics, map_)
+    alone = [stand for stand in stands if ArcStands().promising([stand], door, kinematics, map_)]
     assert 0 < len(alone) < len(stands)
     assert set(together) == set(alone)

@@ -9,11 +9,8 @@ from bestman_bt.manipulation.collision import CoalCollisionModel, planning_scene
 from bestman_bt.manipulation.errors import ManipulationError
 from bestman_bt.manipulation.kinematics import (
     DampedLeastSquares,
-    ReachabilityMapParameters,
-    StandPoseParameters,
-    build_reachability_map,
-    rank_stand_poses,
-    stands_along,
+    ReachabilitySampling,
+    StandSearch,
 )
 from bestman_bt.messages import Pose, Pose2D
 from bestman_bt.robot_model import ArmModel, BaseModel
@@ -42,16 +39,16 @@ def front_of(robot):
 
 def test_stands_face_the_asked_side_and_keep_the_gap(diff_panda):
     front = front_of(diff_panda)
-    parameters = StandPoseParameters(gaps=(0.1,), offsets=(0.0,))
+    parameters = StandSearch(gaps=(0.1,), offsets=(0.0,))
     normals = {"front": (-1, 0), "back": (1, 0), "left": (0, 1), "right": (0, -1)}
     for side, normal in normals.items():
-        (stand,) = stands_along(TABLE, OBJECT, front, (side,), parameters)
+        (stand,) = parameters.beside(TABLE, OBJECT, front, (side,))
         in_furniture = TABLE.pose.inverse() @ stand
         depth = TABLE.footprint[0 if normal[0] else 1] / 2
         assert np.dot([in_furniture.x, in_furniture.y], normal) == pytest.approx(depth + front + 0.1)
         assert np.allclose([math.cos(in_furniture.theta), math.sin(in_furniture.theta)], np.negative(normal))
     with pytest.raises(ManipulationError, match="side should be one of front, back, left, right but is 'top'"):
-        stands_along(TABLE, OBJECT, front, ("top",))
+        StandSearch().beside(TABLE, OBJECT, front, ("top",))
 
 
 def test_every_ranked_stand_reaches_the_object_without_touching_the_table(diff_panda, mobile, rng):
@@ -63,9 +60,9 @@ def test_every_ranked_stand_reaches_the_object_without_touching_the_table(diff_p
         belief = WorldModel(semantic_map, base=BasePose(stand, 0.01, 0.01, 0.0))
         return model.world(planning_scene_from_world_model(belief, diff_panda, diff_panda.postures["home"]))
 
-    candidates = stands_along(TABLE, OBJECT, front_of(diff_panda))
+    candidates = StandSearch().beside(TABLE, OBJECT, front_of(diff_panda))
     alternatives = grasps(OBJECT)
-    ranked = rank_stand_poses(candidates, alternatives, kinematics, limits, home, rng, world_at=world_at)
+    ranked = StandSearch().rank(candidates, alternatives, kinematics, limits, home, rng, world_at=world_at)
     assert ranked
     assert [stand.score for stand in ranked] == sorted((stand.score for stand in ranked), reverse=True)
     for stand in ranked:
@@ -77,8 +74,8 @@ def test_every_ranked_stand_reaches_the_object_without_touching_the_table(diff_p
 @pytest.mark.slow
 def test_stands_where_the_base_may_not_be_are_left_out(diff_panda, mobile, rng):
     kinematics, limits, home = mobile
-    candidates = stands_along(TABLE, OBJECT, front_of(diff_panda))
-    ranked = rank_stand_poses(
+    candidates = StandSearch().beside(TABLE, OBJECT, front_of(diff_panda))
+    ranked = StandSearch().rank(
         candidates, grasps(OBJECT), kinematics, limits, home, rng, is_base_free=lambda pose: pose.x > 3.15
     )
     assert ranked
@@ -87,18 +84,18 @@ def test_stands_where_the_base_may_not_be_are_left_out(diff_panda, mobile, rng):
 
 def test_nothing_is_ranked_where_nothing_is_reachable(diff_panda, mobile, rng):
     kinematics, limits, home = mobile
-    candidates = stands_along(TABLE, OBJECT, front_of(diff_panda))
-    assert rank_stand_poses(candidates, grasps(np.add(OBJECT, [0, 0, 1.5])), kinematics, limits, home, rng) == ()
+    candidates = StandSearch().beside(TABLE, OBJECT, front_of(diff_panda))
+    assert StandSearch().rank(candidates, grasps(np.add(OBJECT, [0, 0, 1.5])), kinematics, limits, home, rng) == ()
     with pytest.raises(ManipulationError, match="alternatives"):
-        rank_stand_poses(candidates, [], kinematics, limits, home, rng)
+        StandSearch().rank(candidates, [], kinematics, limits, home, rng)
 
 
 def test_of_equal_stands_the_nearer_one_is_preferred(diff_panda, mobile, rng):
     kinematics, limits, home = mobile
-    sides = [stands_along(TABLE, (3.0, 1.0), front_of(diff_panda), (side,)) for side in ("front", "back")]
+    sides = [StandSearch().beside(TABLE, (3.0, 1.0), front_of(diff_panda), (side,)) for side in ("front", "back")]
     assert sides[1]
     target = np.array([3.0, 1.0, 0.77])
-    ranked = rank_stand_poses(
+    ranked = StandSearch().rank(
         sides[0] + sides[1], grasps(target), kinematics, limits, home, rng, current=Pose2D(3.0, 3.0, -math.pi / 2)
     )
     assert ranked[0].pose in sides[1]
@@ -107,8 +104,8 @@ def test_of_equal_stands_the_nearer_one_is_preferred(diff_panda, mobile, rng):
 @pytest.mark.slow
 def test_a_reachability_map_puts_the_stands_that_reach_first(diff_panda, mobile, rng):
     kinematics, limits, home = mobile
-    map_ = build_reachability_map(kinematics, limits, ReachabilityMapParameters(samples=100_000))
-    near = stands_along(TABLE, OBJECT, front_of(diff_panda))
+    map_ = ReachabilitySampling(samples=100_000).build(kinematics, limits)
+    near = StandSearch().beside(TABLE, OBJECT, front_of(diff_panda))
     far = tuple(stand @ Pose2D(-0.6, 0.0, 0.0) for stand in near)
     asked = []
 
@@ -116,9 +113,9 @@ def test_a_reachability_map_puts_the_stands_that_reach_first(diff_panda, mobile,
         asked.append(stand)
         return True
 
-    ranked = rank_stand_poses(
+    ranked = StandSearch().rank(
         far + near, grasps(OBJECT), kinematics, limits, home, rng, is_base_free, reachability=map_
     )
-    assert len(ranked) == StandPoseParameters().enough
+    assert len(ranked) == StandSearch().enough
     assert all(stand.pose in near for stand in ranked)
     assert len(asked) <= len(ranked) + 2

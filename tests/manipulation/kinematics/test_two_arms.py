@@ -37,11 +37,11 @@ def named(arm: DampedLeastSquares, positions: np.ndarray) -> dict[str, float]:
 
 
 def side_of(arm: DampedLeastSquares) -> str:
-    return arm.arm.tool_frame.removesuffix("_tool")
+    return arm.arm_model.tool_frame.removesuffix("_tool")
 
 
 def samples(arm: DampedLeastSquares, rng: np.random.Generator, count: int = 10) -> np.ndarray:
-    return rng.uniform(arm.arm.lower, arm.arm.upper, (count, 7))
+    return rng.uniform(arm.arm_model.lower, arm.arm_model.upper, (count, 7))
 
 
 def same(a: Pose, b: Pose, tolerance: float = 1e-9) -> bool:
@@ -56,7 +56,7 @@ def test_poses_are_given_in_the_base_frame(robot, forward) -> None:
 
 def test_the_tool_is_where_forward_kinematics_by_name_has_it(arm, forward, rng) -> None:
     for q in samples(arm, rng):
-        expected = forward.pose(arm.arm.tool_frame, named(arm, q))
+        expected = forward.pose(arm.arm_model.tool_frame, named(arm, q))
         assert same(arm.tool_pose(q), expected)
         axis = np.array([0.6, 0.0, 0.8])
         assert np.allclose(arm.tool_direction(q, axis), expected.rotation @ axis)

@@ -3,13 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
 from bestman_bt.manipulation.collision import CollisionWorld
+from bestman_bt.manipulation.motion_planning import MotionPlanner, Portfolio
 from tests.robot_models import joint_group_model
 
 TWO = joint_group_model(("a", "b"), lower=(-2.0, -1.0), upper=(2.0, 1.5), velocity=(1.0, 2.0), acceleration=(2.0, 5.0))
+
+
+@dataclass(frozen=True, kw_only=True)
+class PortfolioOf(Portfolio):
+    """Of planners that a test brings."""
+
+    members: tuple[MotionPlanner, ...]
 
 
 class JointWorld(CollisionWorld):

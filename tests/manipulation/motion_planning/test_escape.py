@@ -9,7 +9,7 @@ import pytest
 
 from bestman_bt.manipulation.collision import PlanningScene, SceneObstacle
 from bestman_bt.manipulation.errors import ManipulationError
-from bestman_bt.manipulation.motion_planning import EscapeParameters, PlanningError, PlanningErrorCode, escape_path
+from bestman_bt.manipulation.motion_planning import Escape, PlanningError, PlanningErrorCode
 from bestman_bt.messages import Box, PlacedShape, Pose
 from tests.manipulation.motion_planning.joint_worlds import TWO, JointWorld
 from tests.manipulation.table_and_shelf import FINGERS
@@ -36,7 +36,7 @@ def fingertips(collision_model, ready) -> float:
 
 
 def test_a_free_start_needs_no_motion(collision_model, arm, ready, rng) -> None:
-    assert escape_path(ready, collision_model.world(scene()), arm, rng).tolist() == [ready.tolist()]
+    assert Escape().path(ready, collision_model.world(scene()), arm, rng).tolist() == [ready.tolist()]
 
 
 @pytest.mark.parametrize("overlap", [0.001, 0.006, 0.016])
@@ -45,7 +45,7 @@ def test_the_clearance_grows_from_step_to_step_until_the_arm_is_free(
 ) -> None:
     world = collision_model.world(scene(slab(fingertips + overlap)))
     assert not world.is_free(ready)
-    path = escape_path(ready, world, arm, rng)
+    path = Escape().path(ready, world, arm, rng)
     clearances = [world.clearance(positions) for positions in path]
     assert all(after > before for before, after in pairwise(clearances))
     assert clearances[0] < 0.0 < clearances[-1]
@@ -58,7 +58,7 @@ def test_the_clearance_grows_from_step_to_step_until_the_arm_is_free(
 
 def test_the_same_generator_gives_the_same_way_out(collision_model, arm, ready, fingertips) -> None:
     world = collision_model.world(scene(slab(fingertips + 0.01)))
-    first, second = (escape_path(ready, world, arm, np.random.default_rng(3)) for _ in range(2))
+    first, second = (Escape().path(ready, world, arm, np.random.default_rng(3)) for _ in range(2))
     assert first.tolist() == second.tolist()
 
 
@@ -67,7 +67,7 @@ def test_what_overlaps_too_far_is_refused_with_the_pair_and_the_depth(
 ) -> None:
     world = collision_model.world(scene(slab(fingertips + 0.08, thickness=0.3)))
     with pytest.raises(PlanningError, match=r"slab.*mm, too far to move out of it") as caught:
-        escape_path(ready, world, arm, rng)
+        Escape().path(ready, world, arm, rng)
     assert caught.value.code is PlanningErrorCode.START_IN_COLLISION
 
 
@@ -81,7 +81,7 @@ def test_a_hand_that_is_wedged_in_is_refused(collision_model, arm, ready, rng, k
     world = collision_model.world(scene(*walls))
     assert not world.is_free(ready)
     with pytest.raises(PlanningError, match="lead out of it|too far"):
-        escape_path(ready, world, arm, rng, EscapeParameters(largest_motion=0.05))
+        Escape(largest_motion=0.05).path(ready, world, arm, rng)
 
 
 class Slope(JointWorld):
@@ -96,7 +96,7 @@ class Slope(JointWorld):
 
 
 def out_of(world, start, rng, **changes):
-    return escape_path(np.array(start), world, TWO, rng, EscapeParameters(**changes))
+    return Escape(**changes).path(np.array(start), world, TWO, rng)
 
 
 @pytest.mark.parametrize("direction", [1.0, -1.0])
@@ -151,4 +151,4 @@ def test_nan_and_wrong_dimensions_are_refused(collision_model, arm, ready, rng) 
     world = collision_model.world(scene())
     for start in (np.full(7, np.nan), ready[:6]):
         with pytest.raises(ManipulationError, match="start of an escape"):
-            escape_path(start, world, arm, rng)
+            Escape().path(start, world, arm, rng)

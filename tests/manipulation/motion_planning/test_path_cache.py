@@ -6,10 +6,8 @@ import pytest
 from bestman_bt.manipulation.collision import SceneObstacle
 from bestman_bt.manipulation.motion_planning import (
     PathCache,
-    PathCacheParameters,
     PlanningError,
     RRTConnect,
-    RRTConnectParameters,
 )
 from bestman_bt.manipulation.motion_planning.edge import dense_points
 from bestman_bt.messages import Box, PlacedShape, Pose
@@ -34,7 +32,7 @@ def test_the_same_question_in_the_same_scene_is_answered_from_memory(cache, worl
 
 
 def test_a_start_beside_the_known_one_gets_a_path_from_where_it_is(world, arm, rng):
-    cache = PathCache(parameters=PathCacheParameters(quantum=10.0))
+    cache = PathCache(quantum=10.0)
     cache.plan(START, [GOAL], world, arm, rng)
     beside = START + 1e-3
     plan = cache.plan(beside, [GOAL], world, arm, rng)
@@ -84,7 +82,7 @@ def test_a_path_is_checked_even_where_the_world_cannot_tell_that_it_has_changed(
 
 
 def test_the_oldest_path_is_forgotten_first_and_failures_are_not_kept(world, arm, rng):
-    cache = PathCache(parameters=PathCacheParameters(size=1))
+    cache = PathCache(size=1)
     cache.plan(START, [GOAL], world, arm, rng)
     cache.plan(GOAL, [START], world, arm, rng)
     cache.plan(START, [GOAL], world, arm, rng)
@@ -141,7 +139,7 @@ def test_a_remembered_path_begins_and_ends_where_it_is_asked_to_and_stays_as_it_
 
 
 def test_the_path_that_was_used_last_is_kept_longest():
-    cache, world = PathCache(parameters=PathCacheParameters(size=2)), Marked(lambda q: True, "w")
+    cache, world = PathCache(size=2), Marked(lambda q: True, "w")
     others = [np.array([0.0, 0.5]), np.array([0.0, -0.5])]
     for goal in (TO, others[0], TO, others[1], TO):
         ask(cache, FROM, [goal], world)
@@ -152,7 +150,7 @@ def test_the_path_that_was_used_last_is_kept_longest():
 
 def test_a_constraint_is_asked_of_new_and_of_remembered_paths():
     """Two constraints of the same words; the only way round the wall breaks the second one."""
-    cache = PathCache(RRTConnect(RRTConnectParameters(max_checks=500, attempts=2)))
+    cache = PathCache(RRTConnect(max_checks=500, attempts=2))
     wall = Marked(lambda q: abs(q[0]) > 0.1 or q[1] > 0.8, "w")
     assert ask(cache, FROM, [TO], wall, Kept(1.5, 1.5)).path[:, 1].max() > 0.8
     free = Marked(lambda q: True, "w")

@@ -12,35 +12,29 @@ from bestman_bt.manipulation.motion_planning import (
     AORRTC,
     KPIECE,
     PRM,
-    AORRTCParameters,
     BITStar,
-    BITStarParameters,
-    KPIECEParameters,
     MotionPlanner,
     PathCache,
     PlanningError,
     PlanningErrorCode,
     Portfolio,
-    PortfolioParameters,
-    PRMParameters,
     RRTConnect,
-    RRTConnectParameters,
     RRTStar,
-    RRTStarParameters,
 )
 from bestman_bt.manipulation.motion_planning.edge import dense_points
 from bestman_bt.registry import ALGORITHMS
+from tests.manipulation.motion_planning.joint_worlds import PortfolioOf
 from tests.manipulation.table_and_shelf import problems
 
 SEARCHING = (
-    (RRTConnect, RRTConnectParameters),
-    (RRTStar, RRTStarParameters),
-    (BITStar, BITStarParameters),
-    (AORRTC, AORRTCParameters),
-    (PRM, PRMParameters),
-    (KPIECE, KPIECEParameters),
+    RRTConnect,
+    RRTStar,
+    BITStar,
+    AORRTC,
+    PRM,
+    KPIECE,
 )
-ALL = (*(planner for planner, _ in SEARCHING), Portfolio, PathCache)
+ALL = (*SEARCHING, Portfolio, PathCache)
 SHELF = 6
 """A problem of the ten whose straight way is blocked and which all planners solve in tens of milliseconds."""
 
@@ -88,28 +82,20 @@ def test_bad_requests_are_refused_by_name(planner, world, arm, ready, rng):
         planner.plan(start, [], world, arm, rng)
 
 
-@pytest.mark.parametrize(("planner_class", "parameters"), SEARCHING, ids=lambda x: x.__name__)
-def test_a_search_that_ends_without_an_exact_path_is_a_failure(planner_class, parameters, world, arm, rng):
+@pytest.mark.parametrize("planner_class", SEARCHING, ids=lambda x: x.__name__)
+def test_a_search_that_ends_without_an_exact_path_is_a_failure(planner_class, world, arm, rng):
     start, goal = problems()[5]
-    hurried = planner_class(parameters(max_checks=30, attempts=1))
+    hurried = planner_class(max_checks=30, attempts=1)
     message = f"{planner_class.__name__} found no path to any of 1 goals .*; on the straight way .* and .* collide"
     with pytest.raises(PlanningError, match=message) as refused:
         hurried.plan(start, [goal], world, arm, rng)
     assert refused.value.code is PlanningErrorCode.NO_PATH
 
 
-@pytest.mark.parametrize(("planner_class", "parameters"), SEARCHING, ids=lambda x: x.__name__)
-def test_zero_iterations_are_refused(planner_class, parameters):
-    with pytest.raises(ManipulationError, match=f"{parameters.__name__} max_iterations should be above 0 but is 0"):
-        parameters(max_iterations=0)
-    with pytest.raises(ManipulationError, match="wall_limit should be above 0 but is nan"):
-        parameters(wall_limit=float("nan"))
-
-
 def test_a_wall_limit_aborts_with_an_error(world, arm, rng):
     start, goal = problems()[5]
     with pytest.raises(PlanningError, match="planning was aborted after 1e-06 s and") as aborted:
-        RRTConnect(RRTConnectParameters(wall_limit=1e-6)).plan(start, [goal], world, arm, rng)
+        RRTConnect(wall_limit=1e-6).plan(start, [goal], world, arm, rng)
     assert aborted.value.code is PlanningErrorCode.TIMEOUT
 
 
@@ -144,7 +130,7 @@ def test_every_planner_has_a_registered_name():
 
 def test_a_portfolio_of_the_best_is_no_longer_than_any_of_its_planners(world, arm):
     start, goal = problems()[SHELF]
-    both = Portfolio(PortfolioParameters(planners=("rrt_connect", "kpiece"), take="best"))
+    both = Portfolio(planners=("rrt_connect", "kpiece"), take="best")
     rngs = np.random.default_rng(3).spawn(2)
     lengths = [
         p.plan(start, [goal], world, arm, rng).length for p, rng in zip((RRTConnect(), KPIECE()), rngs, strict=True)
@@ -154,12 +140,8 @@ def test_a_portfolio_of_the_best_is_no_longer_than_any_of_its_planners(world, ar
 
 def test_a_portfolio_goes_on_to_the_next_planner_and_tells_of_all_failures(world, arm, rng):
     start, goal = problems()[5]
-    hopeless = RRTConnect(RRTConnectParameters(max_checks=30, attempts=1))
-    plan = Portfolio(planners=(hopeless, KPIECE())).plan(start, [goal], world, arm, rng)
+    hopeless = RRTConnect(max_checks=30, attempts=1)
+    plan = PortfolioOf(members=(hopeless, KPIECE())).plan(start, [goal], world, arm, rng)
     assert np.array_equal(plan.path[-1], goal)
     with pytest.raises(PlanningError, match="RRTConnect found no path .*; RRTConnect found no path"):
-        Portfolio(planners=(hopeless, hopeless)).plan(start, [goal], world, arm, rng)
-    with pytest.raises(ManipulationError, match="take should be 'first' or 'best' but is 'luck'"):
-        PortfolioParameters(take="luck")
-    with pytest.raises(ManipulationError, match="planners should be among aorrtc, .* but has path_cache"):
-        PortfolioParameters(planners=("path_cache",))
+        PortfolioOf(members=(hopeless, hopeless)).plan(start, [goal], world, arm, rng)

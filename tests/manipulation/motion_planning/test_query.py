@@ -15,14 +15,11 @@ from bestman_bt.manipulation.motion_planning import (
     PlanningError,
     PlanningErrorCode,
     Portfolio,
-    PortfolioParameters,
-    PRMParameters,
     RRTConnect,
-    RRTConnectParameters,
 )
 from bestman_bt.manipulation.motion_planning.edge import dense_points, halving_order
 from bestman_bt.manipulation.motion_planning.query import check_query
-from tests.manipulation.motion_planning.joint_worlds import TWO, JointWorld, Kept
+from tests.manipulation.motion_planning.joint_worlds import TWO, JointWorld, Kept, PortfolioOf
 
 FREE = JointWorld(lambda q: True)
 START, GOAL = np.array([0.5, 0.0]), np.array([-0.5, 0.2])
@@ -71,7 +68,7 @@ WALL = JointWorld(lambda q: abs(q[0]) > 0.1 or q[1] > 0.8)
 """Between a = -0.1 and 0.1 there is a way above b = 0.8 alone."""
 
 
-@pytest.mark.parametrize("planner", [RRTConnect(), KPIECE(), PRM(PRMParameters(samples=300))])
+@pytest.mark.parametrize("planner", [RRTConnect(), KPIECE(), PRM(samples=300)])
 def test_paths_keep_the_limits_the_world_and_the_constraint(planner):
     goals = [np.array([3.0, 0.0]), np.array([-1.5, 1.4]), np.array([-1.0, -0.5])]
     ceiling = Kept(1.3, 1.3)
@@ -83,7 +80,7 @@ def test_paths_keep_the_limits_the_world_and_the_constraint(planner):
 
 
 def test_a_constraint_that_leaves_no_way_is_no_path():
-    hurried = RRTConnect(RRTConnectParameters(max_checks=600, attempts=2))
+    hurried = RRTConnect(max_checks=600, attempts=2)
     with pytest.raises(PlanningError) as refused:
         hurried.plan(START, [np.array([-0.5, -0.2])], WALL, TWO, np.random.default_rng(1), Kept(0.7, 0.7))
     assert refused.value.code is PlanningErrorCode.NO_PATH
@@ -110,9 +107,7 @@ def test_a_search_is_bounded_by_its_checks_and_every_attempt_is_made():
     for attempts, most in ((1, 700), (3, 2000)):
         closed.asked.clear()
         with pytest.raises(PlanningError):
-            RRTConnect(RRTConnectParameters(max_checks=500, attempts=attempts)).plan(
-                START, [GOAL], closed, TWO, np.random.default_rng(0)
-            )
+            RRTConnect(max_checks=500, attempts=attempts).plan(START, [GOAL], closed, TWO, np.random.default_rng(0))
         assert 0.6 * most < len(closed.asked) < most
 
 
@@ -135,12 +130,12 @@ LONG, SHORT = [np.array([0.0, 1.0])], []
 def test_a_portfolio_goes_on_after_no_path_and_after_time_is_up_but_not_after_a_refusal():
     for code in (PlanningErrorCode.NO_PATH, PlanningErrorCode.TIMEOUT):
         second = Scripted(SHORT)
-        plan = Portfolio(planners=(Scripted(code), second)).plan(START, [GOAL], FREE, TWO, np.random.default_rng(0))
+        plan = PortfolioOf(members=(Scripted(code), second)).plan(START, [GOAL], FREE, TWO, np.random.default_rng(0))
         assert len(plan.path) == 2
         assert len(second.asked) == 1
     never = Scripted(SHORT)
     with pytest.raises(PlanningError) as refused:
-        Portfolio(planners=(Scripted(PlanningErrorCode.START_IN_COLLISION), never)).plan(
+        PortfolioOf(members=(Scripted(PlanningErrorCode.START_IN_COLLISION), never)).plan(
             START, [GOAL], FREE, TWO, np.random.default_rng(0)
         )
     assert refused.value.code is PlanningErrorCode.START_IN_COLLISION
@@ -150,17 +145,17 @@ def test_a_portfolio_goes_on_after_no_path_and_after_time_is_up_but_not_after_a_
 def test_a_portfolio_asks_the_next_only_as_it_takes_the_best_and_hands_on_the_constraint():
     kept = Kept(1.0, 1.0)
     first, second = Scripted(LONG), Scripted(SHORT)
-    plan = Portfolio(planners=(first, second)).plan(START, [GOAL], FREE, TWO, np.random.default_rng(0), kept)
+    plan = PortfolioOf(members=(first, second)).plan(START, [GOAL], FREE, TWO, np.random.default_rng(0), kept)
     assert len(plan.path) == 3
     assert second.asked == []
     assert first.asked[0][-1] is kept
-    best = Portfolio(PortfolioParameters(take="best"), (first, second))
+    best = PortfolioOf(take="best", members=(first, second))
     assert len(best.plan(START, [GOAL], FREE, TWO, np.random.default_rng(0), kept).path) == 2
 
 
 def test_all_but_the_last_of_a_portfolio_are_impatient():
     closed = JointWorld(lambda q: abs(q[0]) > 0.1)
-    impatient = Portfolio(PortfolioParameters(planners=("rrt_connect", "prm"), impatience=200))
+    impatient = Portfolio(planners=("rrt_connect", "prm"), impatience=200)
     with pytest.raises(PlanningError) as refused:
         impatient.plan(START, [GOAL], closed, TWO, np.random.default_rng(0))
     first, last = (int(count) for count in re.findall(r"after (\d+) collision checks", str(refused.value)))

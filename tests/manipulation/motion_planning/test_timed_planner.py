@@ -13,7 +13,7 @@ from bestman_bt.manipulation.motion_planning import (
     TimedMotionPlanner,
     Upright,
 )
-from bestman_bt.manipulation.trajectory import SpeedScale, Toppra, ToppraParameters, first_touch
+from bestman_bt.manipulation.trajectory import SpeedScale, Toppra, first_touch
 from bestman_bt.manipulation.trajectory.collision_check import dense_samples
 from bestman_bt.messages import Pose
 from tests.manipulation.motion_planning.joint_worlds import TWO, JointWorld, Kept
@@ -110,7 +110,7 @@ def test_a_timed_motion_is_held_against_what_the_constraint_tolerates(timed, kep
 
 def test_a_motion_that_breaks_the_constraint_between_its_samples_is_refused():
     """Samples half a second apart: the motion passes the bound and is back before the next one."""
-    coarse = TimedMotionPlanner(Corner(), Toppra(ToppraParameters(rate=2.0)))
+    coarse = TimedMotionPlanner(Corner(), Toppra(rate=2.0))
     path = np.array([START, [0.3, 1.0], GOAL])
     peak = coarse.timing.parametrize(path, TWO)
     highest = max(float(peak.sample(t)[0][1]) for t in np.linspace(0, peak.duration, 2000))

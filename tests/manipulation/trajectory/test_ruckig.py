@@ -6,7 +6,6 @@ import pytest
 from bestman_bt.manipulation.errors import ManipulationError
 from bestman_bt.manipulation.trajectory import (
     RuckigStateToState,
-    RuckigStateToStateParameters,
     SpeedScale,
     TrajectoryError,
 )
@@ -16,7 +15,7 @@ FULL = SpeedScale(1.0, 1.0)
 
 
 def test_velocity_acceleration_and_jerk_keep_their_limits_on_dense_samples(arm, rng):
-    timing = RuckigStateToState(RuckigStateToStateParameters(straight=False))
+    timing = RuckigStateToState(straight=False)
     for _ in range(20):
         start, goal = rng.uniform(arm.lower + 0.6, arm.upper - 0.6, (2, 7))
         speed = rng.uniform(-0.3, 0.3, 7)
@@ -60,5 +59,3 @@ def test_bad_requests_are_refused_by_name(arm, ready):
         RuckigStateToState().plan(ready, ready[:6], arm)
     with pytest.raises(ManipulationError, match="start should be finite"):
         RuckigStateToState().plan(ready * np.nan, ready, arm)
-    with pytest.raises(ManipulationError, match="jerk_time should be above 0 but is 0"):
-        RuckigStateToStateParameters(jerk_time=0)

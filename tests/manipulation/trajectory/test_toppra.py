@@ -5,7 +5,7 @@ import pytest
 
 from bestman_bt.manipulation.errors import ManipulationError
 from bestman_bt.manipulation.motion_planning.edge import dense_points
-from bestman_bt.manipulation.trajectory import SpeedScale, Toppra, ToppraParameters, TrajectoryError
+from bestman_bt.manipulation.trajectory import SpeedScale, Toppra, TrajectoryError
 
 # Sharp corners, a reversal and a repeated waypoint.
 CORNERS = np.array(
@@ -23,7 +23,7 @@ CORNERS = np.array(
 @pytest.mark.parametrize("scale", [SpeedScale(0.5, 0.35), SpeedScale(1.0, 1.0), SpeedScale(0.1, 1.0)])
 @pytest.mark.parametrize("min_grid", [40, 200])
 def test_the_executed_motion_keeps_three_percent_of_every_limit(arm, scale, min_grid):
-    timing = Toppra(ToppraParameters(min_grid=min_grid, grid_per_waypoint=1))
+    timing = Toppra(min_grid=min_grid, grid_per_waypoint=1)
     trajectory = timing.parametrize(CORNERS, arm, scale)
     times = np.linspace(0.0, trajectory.duration, 4000)
     velocities = np.array([trajectory.sample(time)[1] for time in times])
@@ -52,7 +52,7 @@ def test_the_motion_starts_and_ends_at_rest_at_the_ends_of_the_path_and_stays_on
 
 
 def test_samples_come_at_the_asked_rate(arm):
-    trajectory = Toppra(ToppraParameters(rate=50.0)).parametrize(CORNERS, arm)
+    trajectory = Toppra(rate=50.0).parametrize(CORNERS, arm)
     assert trajectory.joint_names == arm.joint_names
     assert np.max(np.diff(trajectory.times)) <= 0.02
     assert len(trajectory.times) == pytest.approx(trajectory.duration * 50, abs=2)
@@ -85,5 +85,3 @@ def test_bad_requests_are_refused_by_name(arm, ready):
         Toppra().parametrize([ready, ready * np.nan], arm)
     with pytest.raises(TrajectoryError, match=r"velocity should be above 0 and at most 1 but is 1\.5"):
         SpeedScale(velocity=1.5)
-    with pytest.raises(ManipulationError, match="rate should be above 0 but is 0"):
-        ToppraParameters(rate=0)

@@ -8,10 +8,8 @@ import pytest
 from bestman_bt.manipulation.errors import ManipulationError
 from bestman_bt.manipulation.trajectory import (
     RuckigStateToState,
-    RuckigStateToStateParameters,
     SpeedScale,
     Toppra,
-    ToppraParameters,
     TrajectoryError,
     first_touch,
 )
@@ -119,7 +117,7 @@ def test_speed_and_acceleration_are_scaled_each_by_itself_in_both_directions(
 ) -> None:
     """On a coarse grid toppra overshoots: the motion is slowed by what its samples show."""
     for one in (path, path[::-1]):
-        timed = Toppra(ToppraParameters(min_grid=20, grid_per_waypoint=1)).parametrize(one, TWO, scale)
+        timed = Toppra(min_grid=20, grid_per_waypoint=1).parametrize(one, TWO, scale)
         usage = limit_usage(timed, TWO)
         assert usage.velocity <= 1.03 * scale.velocity
         assert usage.acceleration <= 1.03 * scale.acceleration
@@ -141,13 +139,13 @@ def test_shares_of_limits_are_above_nothing_and_at_most_all(name: str, value: fl
         SpeedScale(**{name: value})
 
 
-RUCKIG = RuckigStateToState(RuckigStateToStateParameters(straight=False))
+RUCKIG = RuckigStateToState(straight=False)
 
 
 @pytest.mark.parametrize("scale", [SpeedScale(1.0, 0.2), SpeedScale(0.2, 1.0), FULL])
 @pytest.mark.parametrize("straight", [True, False])
 def test_jerk_limited_motions_keep_the_scaled_limits_and_use_one_of_them(scale: SpeedScale, straight: bool) -> None:
-    timing = RuckigStateToState(RuckigStateToStateParameters(straight=straight))
+    timing = RuckigStateToState(straight=straight)
     jerk = timing.jerk_limits(TWO, scale)
     assert jerk == pytest.approx(TWO.acceleration * scale.acceleration / 0.1)
     for start, goal in ((PATHS[0][0], PATHS[0][1]), (PATHS[0][1], PATHS[0][0])):
@@ -189,9 +187,7 @@ def test_an_arm_that_moves_through_its_goal_comes_back_to_it() -> None:
 
 def test_between_its_samples_a_jerk_limited_motion_is_exactly_cubic() -> None:
     """Also where it brakes first, since it began too fast for what is left."""
-    fine, coarse = (
-        RuckigStateToState(RuckigStateToStateParameters(rate=rate, straight=False)) for rate in (1000.0, 5.0)
-    )
+    fine, coarse = (RuckigStateToState(rate=rate, straight=False) for rate in (1000.0, 5.0))
     for velocity in ([0.9, 0.0], [-0.9, 1.9]):
         plans = [timing.plan(np.zeros(2), np.array([0.5, 0.1]), TWO, FULL, velocity) for timing in (fine, coarse)]
         for time in np.linspace(0.0, plans[0].duration, 200):

@@ -91,7 +91,7 @@ def test_a_marker_on_the_table_names_nothing_that_stands_there() -> None:
     flat = marker_parts(17, Pose.from_xyz_rpy((0.6, 0.2, 0.752), (0.0, 0.0, -math.pi / 2)), 0.09)
     detector = ByMarker(markers={17: "packet"})
     view = look(parts + flat)
-    assert 17 in [marker.id for marker in detector.marker_detector.find(view.image)]
+    assert 17 in [marker.id for marker in detector.find(view.image)]
     found = detector.detect(view, REGION, [PACKET], np.random.default_rng(0))
     assert found.detections == ()
     assert found.labelled("packet") is None

@@ -62,7 +62,7 @@ def test_from_the_side_the_hand_keeps_room_below_it_for_camera_and_wrist_where_t
             solid("low", Cylinder(0.03, 0.07), (1, 1, 1), 0),
         )
     }
-    assert heights["cup"] == pytest.approx(min(ModelBased().parameters.room_below, CUP.size[2] - 0.01))
+    assert heights["cup"] == pytest.approx(min(ModelBased().room_below, CUP.size[2] - 0.01))
     assert heights["bottle"] == pytest.approx(0.12), "its middle"
     assert heights["low"] == pytest.approx(0.06), "a pad's half width below its top"
 

@@ -77,7 +77,7 @@ def test_several_views_name_the_object_and_narrow_its_place() -> None:
     both = FUSION.estimate([first, second], models)
     assert both[0].model is item.model
     # As good as one view without camera error, at most as bad as the error of the camera poses.
-    assert both[0].position_std < FUSION.parameters.camera_position_std
+    assert both[0].position_std < FUSION.camera_position_std
     assert len(both[0].yaw_set.arcs) == 1
 
 

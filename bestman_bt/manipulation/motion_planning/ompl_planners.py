@@ -1,0 +1,147 @@
+"""Planners of OMPL, each with the counts that suit it.
+
+Sucan, Moll and Kavraki, "The Open Motion Planning Library", IEEE Robotics & Automation Magazine 2012.
+"""
+
+from __future__ import annotations
+
+import math
+from abc import abstractmethod
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+from numpy.typing import NDArray
+from ompl import base, geometric
+
+from bestman_bt.manipulation.motion_planning.ompl_search import ompl_search
+from bestman_bt.manipulation.motion_planning.query import PlanningQuery
+from bestman_bt.manipulation.motion_planning.sampling_planner import SamplingPlanner
+from bestman_bt.manipulation.motion_planning.validity import CountedValidity
+from bestman_bt.messages.bounds import Count, Positive
+
+Made = Callable[[base.SpaceInformation], base.Planner]
+
+
+@dataclass(frozen=True)
+class OmplPlanner(SamplingPlanner):
+    """A planner of OMPL that searches once per attempt."""
+
+    max_iterations: Count = 1_000_000
+
+    @abstractmethod
+    def ompl(self, information: base.SpaceInformation, extent: float) -> base.Planner:
+        """OMPL's planner; ``extent``: radians between the farthest corners of the joint limits."""
+
+    def search(self, query: PlanningQuery, validity: CountedValidity, seed: int) -> NDArray[np.float64] | None:
+        """See the base class."""
+        make = _with_extent(self.ompl, query)
+        return ompl_search(query, validity, seed, make, self.check_step, self.max_checks, self.max_iterations)
+
+
+@dataclass(frozen=True)
+class AORRTC(OmplPlanner):
+    """RRT-Connect again and again, each time for less than the best path so far.
+
+    Wilson, Thomason, Kingston, Kavraki and Gammell, "Nearly-optimal bidirectional planning: AORRTC", 2025. An attempt
+    always uses ``max_checks``, the more the shorter the path.
+    """
+
+    max_checks: Count = 6_000
+    attempts: Count = 5
+
+    def ompl(self, information: base.SpaceInformation, extent: float) -> base.Planner:
+        """See the base class."""
+        return geometric.AORRTC(information)
+
+
+@dataclass(frozen=True)
+class BITStar(OmplPlanner):
+    """Batches of samples, searched in the order of the solution that they could give.
+
+    Gammell, Srinivasa and Barfoot, "Batch Informed Trees (BIT*)", ICRA 2015. An attempt always uses ``max_checks``, the
+    more the shorter the path.
+    """
+
+    max_checks: Count = 10_000
+    attempts: Count = 4
+
+    def ompl(self, information: base.SpaceInformation, extent: float) -> base.Planner:
+        """See the base class."""
+        return geometric.BITstar(information)
+
+
+@dataclass(frozen=True)
+class KPIECE(OmplPlanner):
+    """Two trees over a coarse grid of projections, grown where it is least explored; edges are checked at the end.
+
+    Sucan and Kavraki, "Kinodynamic motion planning by interior-exterior cell exploration", WAFR 2008; here its lazy
+    bidirectional variant (LBKPIECE), which took a fifth of the checks of the one-tree KPIECE and more.
+    """
+
+    max_checks: Count = 20_000
+    attempts: Count = 3
+
+    def ompl(self, information: base.SpaceInformation, extent: float) -> base.Planner:
+        """See the base class."""
+        return geometric.LBKPIECE1(information)
+
+
+@dataclass(frozen=True)
+class RRTStar(OmplPlanner):
+    """One tree, rewired as it grows, so that paths get shorter: slow where a goal is hard to reach.
+
+    Karaman and Frazzoli, "Sampling-based algorithms for optimal motion planning", IJRR 2011. An attempt always uses
+    ``max_checks``, the more the shorter the path.
+    """
+
+    max_checks: Count = 20_000
+    attempts: Count = 3
+
+    def ompl(self, information: base.SpaceInformation, extent: float) -> base.Planner:
+        """See the base class."""
+        planner = geometric.RRTstar(information)
+        # Branches of any length: with OMPL's own range it did not reach the shelf in 40,000 checks.
+        planner.setRange(extent)
+        return planner
+
+
+@dataclass(frozen=True)
+class RRTConnect(SamplingPlanner):
+    """Two trees that grow towards each other: first with short branches, then with long ones.
+
+    Kuffner and LaValle, "RRT-Connect: an efficient approach to single-query path planning", ICRA 2000.
+
+    ``short_range``: rad, the longest branch of a first search, which keeps paths short; ``short_checks``: collision
+    checks that it may take. Then branches may be of any length, which finds the way through narrow places.
+    """
+
+    max_checks: Count = 10_000
+    attempts: Count = 12
+    short_range: Annotated[Positive, "rad"] = 0.7
+    short_checks: Count = 1500
+
+    def search(self, query: PlanningQuery, validity: CountedValidity, seed: int) -> NDArray[np.float64] | None:
+        """See the base class."""
+        stages = ((self.short_range, min(self.short_checks, self.max_checks)), (math.inf, 0))
+        before = validity.checks
+        for longest, checks in stages:
+            left = self.max_checks - (validity.checks - before)
+
+            def ompl(information: base.SpaceInformation, extent: float, longest: float = longest) -> base.Planner:
+                planner = geometric.RRTConnect(information)
+                planner.setRange(min(longest, extent))
+                return planner
+
+            if left > 0:
+                make = _with_extent(ompl, query)
+                found = ompl_search(query, validity, seed, make, self.check_step, checks or left, self.max_iterations)
+                if found is not None:
+                    return found
+        return None
+
+
+def _with_extent(ompl: Callable[[base.SpaceInformation, float], base.Planner], query: PlanningQuery) -> Made:
+    extent = float(np.linalg.norm(query.upper - query.lower))
+    return lambda information: ompl(information, extent)
