@@ -34,10 +34,10 @@ class PolicyMotion:
     """
 
     def __init__(self, skills: SkillContext, box: Workspace, deadline: float) -> None:
-        from bestman_bt.manipulation.policy import ChunkStream, ChunkStreamParameters
+        from bestman_bt.manipulation.policy import ChunkStream
 
         self._skills, self.box, self.deadline = skills, box, deadline
-        self.stream = ChunkStream(skills.arm_model, ChunkStreamParameters(speed=POLICY_SPEED))
+        self.stream = ChunkStream(skills.arm_model, speed=POLICY_SPEED)
         self.closed_at: Pose | None = None
         self._arm: Motion[None] | None = None
         self._fingers: Motion[GripperOutcome] | None = None

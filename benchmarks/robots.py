@@ -21,7 +21,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from bestman_bt.configuration import ConfigurationError
 from bestman_bt.robot_model import RobotModel, combine, load_robot_model
-from bestman_bt.runtime.robot_trial import RobotTrial, TrialParameters, try_robot
+from bestman_bt.runtime.robot_trial import RobotTrial, TrialProcedure
 
 BASES = ("differential_base", "omni_base", "husky_base")
 ARMS = ("panda_arm", "iiwa_arm", "xarm6_arm", "ur5_arm")
@@ -63,11 +63,11 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=7000)
     parser.add_argument("--markdown", type=Path, help="write the page here")
     options = parser.parse_args()
-    parameters, rows, passed = TrialParameters(), [], 0
+    procedure, rows, passed = TrialProcedure(), [], 0
     for names in [*itertools.product(options.bases, options.arms, options.hands), ALONE]:
         compose: partial[RobotModel] = partial(load_robot_model, "a1") if names == ALONE else partial(combine, *names)
         try:
-            trial: RobotTrial | str = try_robot(compose, parameters, options.seed)
+            trial: RobotTrial | str = procedure.run(compose, options.seed)
         except ConfigurationError as error:
             trial = str(error)
         passed += isinstance(trial, RobotTrial) and trial.passed
@@ -76,8 +76,8 @@ def main() -> int:
     head = HEAD.format(
         passed=passed,
         count=len(rows),
-        standing=parameters.standing,
-        postures=parameters.postures,
+        standing=procedure.standing,
+        postures=procedure.postures,
         seed=options.seed,
     )
     if options.markdown:

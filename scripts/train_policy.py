@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from bestman_bt.configuration import data_root
-from bestman_bt.manipulation.policy import PICKING_FEATURES, REACHING_FEATURES, BehaviourCloningParameters, clone
+from bestman_bt.manipulation.policy import PICKING_FEATURES, REACHING_FEATURES, BehaviourCloning
 from bestman_bt.robot_model import load_robot_model
 from bestman_bt.runtime.policy_experts import picking_expert, reaching_expert
 
@@ -58,13 +58,13 @@ def main() -> None:
     chunks = sum(len(demonstration.chunks) for demonstration in demonstrations)
     print(f"{episodes} demonstrations, {chunks} chunks in {time.perf_counter() - started:.0f} s")
     started = time.perf_counter()
-    parameters = BehaviourCloningParameters(
+    training = BehaviourCloning(
         hidden=recipe.hidden,
         steps=options.steps or recipe.steps,
         precision=recipe.precision,
         seed=options.seed,
     )
-    policy = clone(demonstrations, expert.specification(robot.name), parameters, recipe.features)
+    policy = training.train(demonstrations, expert.specification(robot.name), recipe.features)
     name = f"{options.which}_{robot.name}" if options.which == "reach" else f"pick_{PICKED}_{robot.name}"
     out = options.out or data_root() / "assets/policies" / f"{name}.onnx"
     policy.save(out)

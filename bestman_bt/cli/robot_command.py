@@ -47,10 +47,10 @@ def check(
 ) -> None:
     """Compose and load a robot, let it stand for 5 s, and move its arms to three postures."""
     from bestman_bt.runtime.robot_facts import find_robot
-    from bestman_bt.runtime.robot_trial import TrialParameters, try_robot
+    from bestman_bt.runtime.robot_trial import TrialProcedure
 
     with json_output(as_json) as write:
-        trial = try_robot(lambda: find_robot(name), TrialParameters(), seed)
+        trial = TrialProcedure().run(lambda: find_robot(name), seed)
         facts = {
             "name": name,
             "passed": trial.passed,

@@ -107,11 +107,16 @@ class PlanQuestion:
             return problem, plan_within(chosen, problem, self.limits)
         from bestman_bt.task_planning import language
 
-        parameters = language.LanguagePlannerParameters(limits=self.limits)
         record, replay = transcript.record, transcript.replay
         try:
             found = language.plan_from_text(
-                text or "", problem, str(planner), parameters, record=record, replay=replay, further=self._refusals
+                text or "",
+                problem,
+                str(planner),
+                limits=self.limits,
+                record=record,
+                replay=replay,
+                further=self._refusals,
             )
         except (language.EndpointNotSetError, language.TranscriptError) as error:
             raise ConfigurationError([WrongInput("bestman-bt plan", None, "", str(error))]) from error

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from bestman_bt.configuration import find_data
 from bestman_bt.manipulation.kinematics import DampedLeastSquares
-from bestman_bt.manipulation.policy import PickedObject, PickingExpert, PickingParameters, ReachingExpert
+from bestman_bt.manipulation.policy import PickedObject, PickingExpert, ReachingExpert
 from bestman_bt.messages import Pose
 from bestman_bt.perception.grasp_pose import GraspTarget, ModelBased
 from bestman_bt.robot_model import ArmModel, GripperModel, RobotModel
@@ -17,14 +17,16 @@ def reaching_expert(robot: RobotModel) -> ReachingExpert:
     return ReachingExpert(DampedLeastSquares(robot), arm, robot.posture("home", arm.joint_names))
 
 
-def picking_expert(robot: RobotModel, name: str, parameters: PickingParameters | None = None) -> PickingExpert:
+def picking_expert(robot: RobotModel, name: str) -> PickingExpert:
     """For the robot's arm and a shipped object, with the best grasp from above that the grasp planner finds.
 
     LookupError where the hand cannot take it from above.
     """
-    p, arm = parameters or PickingParameters(), robot.of(ArmModel)["arm"]
+    arm = robot.of(ArmModel)["arm"]
     model = read_object(find_data("object", name))
-    middle = Pose.from_xyz_rpy([0.5 * (low + high) for low, high in zip(p.lower, p.upper, strict=True)])
+    middle = Pose.from_xyz_rpy(
+        [0.5 * (low + high) for low, high in zip(PickingExpert.lower, PickingExpert.upper, strict=True)]
+    )
     support = float(middle.position[2] + model.bounds()[0, 2])
     planner = ModelBased()
     candidates = planner.plan(GraspTarget.of_model(model, middle), robot.of(GripperModel)["gripper"], support)
@@ -32,4 +34,4 @@ def picking_expert(robot: RobotModel, name: str, parameters: PickingParameters |
     if best is None:
         raise LookupError(f"the hand cannot take the {name} from above")
     picked = PickedObject(name, float(best.grasp.position[2] - middle.position[2]), best.width, best.opening)
-    return PickingExpert(DampedLeastSquares(robot), arm, robot.posture("home", arm.joint_names), picked, p)
+    return PickingExpert(DampedLeastSquares(robot), arm, robot.posture("home", arm.joint_names), picked)

@@ -23,8 +23,11 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class TrialParameters:
-    """Seconds, radians. ``swing``: how far a joint may go from home; ``step``: between checked configurations."""
+class TrialProcedure:
+    """Tries a robot: it has to stand, and to move its arms to some postures.
+
+    Seconds, radians. ``swing``: how far a joint may go from home; ``step``: between checked configurations.
+    """
 
     standing: float = 5.0
     postures: int = 3
@@ -32,6 +35,46 @@ class TrialParameters:
     step: float = 0.05
     draws: int = 300
     speed: float = 0.6
+
+    def run(self, compose: Callable[[], RobotModel], seed: int) -> RobotTrial:
+        """Try the robot that ``compose`` makes, alone on a floor; postures are drawn at random from ``seed``.
+
+        ``compose`` is called once to import modules, then the shortest of five calls counts (as ``timeit`` advises).
+        """
+        model = compose()
+        seconds = []
+        for _ in range(5):
+            began = time.process_time()
+            compose()
+            seconds.append(time.process_time() - began)
+        composed = min(seconds)
+        robot = PyBulletRobot(model, _floor(), seed=seed)
+        began = time.process_time()
+        robot.connect()
+        loaded = time.process_time() - began
+        try:
+            truth = GroundTruth(robot)
+            start = truth.base_pose()
+            robot.clock.sleep(self.standing)
+            drift = math.dist(truth.base_pose().position, start.position)
+            reached = 0
+            touching: set[tuple[str, str]] = set()
+            for name, arm in model.of(ArmModel).items():
+                hands = _hands(model)
+                world = CoalCollisionModel(model).world(PlanningScene(positions=hands, self_padding=0.0), name)
+                part, rng = cast(Arm, robot.parts[name]), np.random.default_rng(seed)
+                for target in _postures(arm, world, part.positions(), self, rng):
+                    motion = part.move_to(target, self.speed)
+                    while not motion.done:
+                        robot.clock.sleep(0.05)
+                        touching.update(world.colliding_pairs(np.clip(part.positions(), arm.lower, arm.upper)))
+                    reached += motion.status is MotionStatus.SUCCEEDED
+            after = math.dist(truth.base_pose().position, start.position)
+        finally:
+            robot.disconnect()
+        asked = self.postures * len(model.of(ArmModel))
+        mass = payload(model, model.base_frame).mass
+        return RobotTrial(composed, loaded, mass, drift, after, reached, asked, tuple(sorted(touching)))
 
 
 @dataclass(frozen=True)
@@ -66,57 +109,16 @@ class RobotTrial:
         return self.quick and self.sound
 
 
-def try_robot(compose: Callable[[], RobotModel], parameters: TrialParameters, seed: int) -> RobotTrial:
-    """Try the robot that ``compose`` makes, alone on a floor; postures are drawn at random from ``seed``.
-
-    ``compose`` is called once to import modules, then the shortest of five calls counts (as ``timeit`` advises).
-    """
-    model = compose()
-    seconds = []
-    for _ in range(5):
-        began = time.process_time()
-        compose()
-        seconds.append(time.process_time() - began)
-    composed = min(seconds)
-    robot = PyBulletRobot(model, _floor(), seed=seed)
-    began = time.process_time()
-    robot.connect()
-    loaded = time.process_time() - began
-    try:
-        truth = GroundTruth(robot)
-        start = truth.base_pose()
-        robot.clock.sleep(parameters.standing)
-        drift = math.dist(truth.base_pose().position, start.position)
-        reached = 0
-        touching: set[tuple[str, str]] = set()
-        for name, arm in model.of(ArmModel).items():
-            hands = _hands(model)
-            world = CoalCollisionModel(model).world(PlanningScene(positions=hands, self_padding=0.0), name)
-            part, rng = cast(Arm, robot.parts[name]), np.random.default_rng(seed)
-            for target in _postures(arm, world, part.positions(), parameters, rng):
-                motion = part.move_to(target, parameters.speed)
-                while not motion.done:
-                    robot.clock.sleep(0.05)
-                    touching.update(world.colliding_pairs(np.clip(part.positions(), arm.lower, arm.upper)))
-                reached += motion.status is MotionStatus.SUCCEEDED
-        after = math.dist(truth.base_pose().position, start.position)
-    finally:
-        robot.disconnect()
-    asked = parameters.postures * len(model.of(ArmModel))
-    mass = payload(model, model.base_frame).mass
-    return RobotTrial(composed, loaded, mass, drift, after, reached, asked, tuple(sorted(touching)))
-
-
 def _postures(
-    arm: ArmModel, world: CollisionWorld, start: Array, parameters: TrialParameters, rng: np.random.Generator
+    arm: ArmModel, world: CollisionWorld, start: Array, procedure: TrialProcedure, rng: np.random.Generator
 ) -> Iterator[Array]:
     """Joint positions (n,) to which a straight line in joint space leads from the one before without a collision."""
     home, here, found = start, start, 0
-    for _ in range(parameters.draws):
-        if found == parameters.postures:
+    for _ in range(procedure.draws):
+        if found == procedure.postures:
             return
-        target = np.clip(home + rng.uniform(-parameters.swing, parameters.swing, len(home)), arm.lower, arm.upper)
-        steps = max(2, math.ceil(float(np.abs(target - here).max()) / parameters.step))
+        target = np.clip(home + rng.uniform(-procedure.swing, procedure.swing, len(home)), arm.lower, arm.upper)
+        steps = max(2, math.ceil(float(np.abs(target - here).max()) / procedure.step))
         if all(world.is_free(here + share * (target - here)) for share in np.linspace(0.0, 1.0, steps)):
             yield target
             here, found = target, found + 1

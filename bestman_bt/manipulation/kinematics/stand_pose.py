@@ -86,8 +86,8 @@ class StandSearch:
         ``alternatives``: each a sequence of tool poses in the map frame that must all be reached (pre-grasp, grasp).
         ``reference``: (n,) radians, where inverse kinematics starts. ``is_base_free``: whether the base may stand
         there. ``world_at``: the collision world of the arm for a stand; without it collisions are not looked at.
-        ``current``: where the base is now. Stands that the arm's ``reachability`` (without it: their distance to the target) favours
-        are tried first, and the search ends after ``enough`` that reach something.
+        ``current``: where the base is now. Stands that the arm's ``reachability`` (without it: their distance to the
+        target) favours are tried first, and the search ends after ``enough`` that reach something.
         """
         if not alternatives or any(len(poses) == 0 for poses in alternatives):
             raise ManipulationError("alternatives should hold at least one sequence of tool poses, none of them empty")

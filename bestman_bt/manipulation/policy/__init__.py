@@ -1,9 +1,9 @@
 """Learning-based manipulation: policies that give action chunks, where they come from, what they learn from."""
 
 from bestman_bt.manipulation.policy.base import ActionChunk, Observation, Policy
-from bestman_bt.manipulation.policy.behaviour_cloning import BehaviourCloningParameters, ClonedPolicy, clone
+from bestman_bt.manipulation.policy.behaviour_cloning import BehaviourCloning, ClonedPolicy
 from bestman_bt.manipulation.policy.chunk_path import chunk_path
-from bestman_bt.manipulation.policy.chunk_stream import ChunkStream, ChunkStreamParameters, StreamedMotion
+from bestman_bt.manipulation.policy.chunk_stream import ChunkStream, StreamedMotion
 from bestman_bt.manipulation.policy.demonstration import Demonstration
 from bestman_bt.manipulation.policy.demonstrations import DatasetError, DemonstrationFormat, DemonstrationRecorder
 from bestman_bt.manipulation.policy.errors import (
@@ -20,19 +20,17 @@ from bestman_bt.manipulation.policy.features import feature_vector, pose_error, 
 from bestman_bt.manipulation.policy.load import load_policy
 from bestman_bt.manipulation.policy.onnx_policy import (
     OnnxPolicy,
-    OnnxPolicyParameters,
     PolicyCard,
     PolicyNormalization,
 )
-from bestman_bt.manipulation.policy.openpi_client import OpenpiPolicy, OpenpiPolicyParameters
+from bestman_bt.manipulation.policy.openpi_client import OpenpiPolicy
 from bestman_bt.manipulation.policy.picking import (
     PICKING_FEATURES,
     PickedObject,
     PickingExpert,
-    PickingParameters,
     PickState,
 )
-from bestman_bt.manipulation.policy.reaching import REACHING_FEATURES, ReachingExpert, ReachingParameters
+from bestman_bt.manipulation.policy.reaching import REACHING_FEATURES, ReachingExpert
 from bestman_bt.manipulation.policy.rollout import Rollout, roll_out
 from bestman_bt.manipulation.policy.specification import ActionSpace, PolicySpecification
 from bestman_bt.manipulation.policy.workspace import Workspace
@@ -42,9 +40,8 @@ __all__ = [
     "REACHING_FEATURES",
     "ActionChunk",
     "ActionSpace",
-    "BehaviourCloningParameters",
+    "BehaviourCloning",
     "ChunkStream",
-    "ChunkStreamParameters",
     "ClonedPolicy",
     "DatasetError",
     "Demonstration",
@@ -53,13 +50,10 @@ __all__ = [
     "ExpertPolicy",
     "Observation",
     "OnnxPolicy",
-    "OnnxPolicyParameters",
     "OpenpiPolicy",
-    "OpenpiPolicyParameters",
     "PickState",
     "PickedObject",
     "PickingExpert",
-    "PickingParameters",
     "Policy",
     "PolicyActionError",
     "PolicyCard",
@@ -71,13 +65,11 @@ __all__ = [
     "PolicySpecification",
     "PolicyUnreachableError",
     "ReachingExpert",
-    "ReachingParameters",
     "Rollout",
     "StaleChunkError",
     "StreamedMotion",
     "Workspace",
     "chunk_path",
-    "clone",
     "feature_vector",
     "load_policy",
     "pose_error",

@@ -22,28 +22,71 @@ from bestman_bt.manipulation.policy.features import feature_vector
 from bestman_bt.manipulation.policy.onnx_policy import PolicyCard, PolicyNormalization
 from bestman_bt.manipulation.policy.reaching import REACHING_FEATURES
 from bestman_bt.manipulation.policy.specification import PolicySpecification
+from bestman_bt.messages.bounds import Count, Positive
 
 Array = NDArray[np.float32]
 
 
 @dataclass(frozen=True)
-class BehaviourCloningParameters:
-    """``hidden``: widths. ``steps`` of Adam on batches of ``batch``, ``rate`` falling to 0 by a cosine.
+class BehaviourCloning:
+    """Trains a network on demonstrations.
+
+    ``hidden``: widths. ``steps`` of Adam on batches of ``batch``, ``rate`` falling to 0 by a cosine.
 
     ``precision``: a chunk that goes a share s of the usual way weighs 1 / (s + precision): the last centimetre counts.
     """
 
     hidden: tuple[int, ...] = (192, 192)
-    steps: int = 12000
-    batch: int = 256
-    rate: float = 2e-3
-    precision: float = 0.05
+    steps: Count = 12000
+    batch: Count = 256
+    rate: Positive = 2e-3
+    precision: Positive = 0.05
     seed: int = 0
 
-    def __post_init__(self) -> None:
-        for name in ("steps", "batch", "rate", "precision"):
-            if not getattr(self, name) > 0:
-                raise PolicyError(f"BehaviourCloningParameters {name} should be above 0 but is {getattr(self, name)}")
+    def train(
+        self,
+        demonstrations: Sequence[Demonstration],
+        specification: PolicySpecification,
+        features: Sequence[str] = REACHING_FEATURES,
+    ) -> ClonedPolicy:
+        """Train on all chunks of the demonstrations; equal input gives equal weights on one machine."""
+        if not demonstrations:
+            raise PolicyError("behaviour cloning needs at least one demonstration")
+        seen = np.array([feature_vector(o, features) for d in demonstrations for o in d.observations])
+        done = np.concatenate([d.chunks for d in demonstrations]).reshape(len(seen), -1)
+        norm = PolicyNormalization(
+            seen.mean(axis=0), seen.std(axis=0) + 1e-6, np.zeros(done.shape[1]), np.sqrt((done**2).mean(axis=0)) + 1e-6
+        )
+        inputs = ((seen - norm.input_mean) / norm.input_scale).astype(np.float32)
+        targets = (done / norm.output_scale).astype(np.float32)
+        moved = targets.reshape(len(seen), specification.horizon, -1)[:, :, : len(specification.joint_names)]
+        weights = (1.0 / (np.sqrt((moved**2).mean(axis=(1, 2))) + self.precision)).astype(np.float32)
+        layers, loss = self._fit(inputs, targets, weights / weights.mean())
+        training = {"chunks": len(seen), "episodes": len(demonstrations), "loss": round(loss, 6), **asdict(self)}
+        return ClonedPolicy(layers, PolicyCard(specification, tuple(features), norm, training), loss)
+
+    def _fit(self, inputs: Array, targets: Array, weights: Array) -> tuple[tuple[tuple[Array, Array], ...], float]:
+        rng = np.random.default_rng(self.seed)
+        sizes = [inputs.shape[1], *self.hidden, targets.shape[1]]
+        values: list[Array] = []
+        for fan_in, fan_out in pairwise(sizes):
+            values.append((rng.normal(size=(fan_in, fan_out)) * np.sqrt(1.6 / fan_in)).astype(np.float32))
+            values.append(np.zeros(fan_out, dtype=np.float32))
+        first = [np.zeros_like(value) for value in values]
+        second = [np.zeros_like(value) for value in values]
+        recent: list[float] = []
+        for step in range(self.steps):
+            rows = rng.integers(len(inputs), size=self.batch)
+            loss, gradients = _gradients(values, inputs[rows], targets[rows], weights[rows])
+            rate = self.rate * 0.5 * (1.0 + np.cos(np.pi * step / self.steps))
+            corrected = np.float32(rate * np.sqrt(1.0 - 0.999 ** (step + 1)) / (1.0 - 0.9 ** (step + 1)))
+            for value, m, v, gradient in zip(values, first, second, gradients, strict=True):
+                m += np.float32(0.1) * (gradient - m)
+                v += np.float32(0.001) * (gradient * gradient - v)
+                value -= corrected * m / (np.sqrt(v) + np.float32(1e-8))
+            recent = [*recent[-99:], loss]
+        layers = tuple((values[i], values[i + 1]) for i in range(0, len(values), 2))
+        return layers, float(np.mean(recent))
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,56 +130,6 @@ class ClonedPolicy:
         path.parent.mkdir(parents=True, exist_ok=True)
         onnx.save(model, str(path))
         self.card.write(path.with_suffix(".json"))
-
-
-def clone(
-    demonstrations: Sequence[Demonstration],
-    specification: PolicySpecification,
-    parameters: BehaviourCloningParameters | None = None,
-    features: Sequence[str] = REACHING_FEATURES,
-) -> ClonedPolicy:
-    """Train on all chunks of the demonstrations; equal input gives equal weights on one machine."""
-    p = parameters or BehaviourCloningParameters()
-    if not demonstrations:
-        raise PolicyError("behaviour cloning needs at least one demonstration")
-    seen = np.array([feature_vector(o, features) for d in demonstrations for o in d.observations])
-    done = np.concatenate([d.chunks for d in demonstrations]).reshape(len(seen), -1)
-    norm = PolicyNormalization(
-        seen.mean(axis=0), seen.std(axis=0) + 1e-6, np.zeros(done.shape[1]), np.sqrt((done**2).mean(axis=0)) + 1e-6
-    )
-    inputs = ((seen - norm.input_mean) / norm.input_scale).astype(np.float32)
-    targets = (done / norm.output_scale).astype(np.float32)
-    moved = targets.reshape(len(seen), specification.horizon, -1)[:, :, : len(specification.joint_names)]
-    weights = (1.0 / (np.sqrt((moved**2).mean(axis=(1, 2))) + p.precision)).astype(np.float32)
-    layers, loss = _fit(inputs, targets, weights / weights.mean(), p)
-    training = {"chunks": len(seen), "episodes": len(demonstrations), "loss": round(loss, 6), **asdict(p)}
-    return ClonedPolicy(layers, PolicyCard(specification, tuple(features), norm, training), loss)
-
-
-def _fit(
-    inputs: Array, targets: Array, weights: Array, p: BehaviourCloningParameters
-) -> tuple[tuple[tuple[Array, Array], ...], float]:
-    rng = np.random.default_rng(p.seed)
-    sizes = [inputs.shape[1], *p.hidden, targets.shape[1]]
-    values: list[Array] = []
-    for fan_in, fan_out in pairwise(sizes):
-        values.append((rng.normal(size=(fan_in, fan_out)) * np.sqrt(1.6 / fan_in)).astype(np.float32))
-        values.append(np.zeros(fan_out, dtype=np.float32))
-    first = [np.zeros_like(value) for value in values]
-    second = [np.zeros_like(value) for value in values]
-    recent: list[float] = []
-    for step in range(p.steps):
-        rows = rng.integers(len(inputs), size=p.batch)
-        loss, gradients = _gradients(values, inputs[rows], targets[rows], weights[rows])
-        rate = p.rate * 0.5 * (1.0 + np.cos(np.pi * step / p.steps))
-        corrected = np.float32(rate * np.sqrt(1.0 - 0.999 ** (step + 1)) / (1.0 - 0.9 ** (step + 1)))
-        for value, m, v, gradient in zip(values, first, second, gradients, strict=True):
-            m += np.float32(0.1) * (gradient - m)
-            v += np.float32(0.001) * (gradient * gradient - v)
-            value -= corrected * m / (np.sqrt(v) + np.float32(1e-8))
-        recent = [*recent[-99:], loss]
-    layers = tuple((values[i], values[i + 1]) for i in range(0, len(values), 2))
-    return layers, float(np.mean(recent))
 
 
 def _gradients(values: list[Array], inputs: Array, targets: Array, weights: Array) -> tuple[float, list[Array]]:

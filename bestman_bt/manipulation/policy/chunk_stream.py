@@ -16,9 +16,10 @@ import ruckig
 from numpy.typing import NDArray
 
 from bestman_bt.manipulation.joint_values import JointLimits, joint_path
-from bestman_bt.manipulation.policy.errors import PolicyActionError, PolicyError, StaleChunkError
+from bestman_bt.manipulation.policy.errors import PolicyActionError, StaleChunkError
 from bestman_bt.manipulation.trajectory import SpeedScale
 from bestman_bt.messages import JointTrajectory
+from bestman_bt.messages.bounds import Positive
 
 Array = NDArray[np.float64]
 MAX_SLOWDOWN = 20.0
@@ -36,24 +37,6 @@ _CREEP = 0.02
 """rad/s at which a joint may always move."""
 _IN_TIME = 1e-3
 """Seconds that the motion may be late at a waypoint."""
-
-
-@dataclass(frozen=True)
-class ChunkStreamParameters:
-    """``speed``: share of the arm's limits. ``jerk_time``: seconds from rest to full acceleration.
-
-    ``blend``: seconds in which the weight of the chunk under way falls to 0. ``period``: between samples, seconds.
-    """
-
-    speed: SpeedScale = field(default_factory=lambda: SpeedScale(0.5, 0.35))
-    jerk_time: float = 0.1
-    blend: float = 0.4
-    period: float = 0.02
-
-    def __post_init__(self) -> None:
-        for name in ("jerk_time", "blend", "period"):
-            if not getattr(self, name) > 0:
-                raise PolicyError(f"ChunkStreamParameters {name} should be above 0 but is {getattr(self, name)}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,24 +74,32 @@ class StreamedMotion:
         return StreamState(positions, velocities, accelerations * (time < self.end))
 
 
+@dataclass(eq=False)
 class ChunkStream:
     """The motion under way and how the next chunk goes on from it.
 
     ``splice`` proposes; nothing changes until ``accept``, so that the proposal can be checked first. Whatever has been
     accepted ends at rest: an arm whose policy says nothing more comes to rest by itself.
+
+    ``speed``: share of the arm's limits. ``jerk_time``: seconds from rest to full acceleration.
+
+    ``blend``: seconds in which the weight of the chunk under way falls to 0. ``period``: between samples, seconds.
     """
 
-    def __init__(self, limits: JointLimits, parameters: ChunkStreamParameters | None = None) -> None:
-        self.parameters = parameters or ChunkStreamParameters()
-        self._limits = limits
-        p = self.parameters
-        self._speed = limits.velocity * p.speed.velocity
-        self._acceleration = limits.acceleration * p.speed.acceleration
-        self.jerk_limits = self._acceleration / p.jerk_time
+    limits: JointLimits
+    speed: SpeedScale = field(default_factory=lambda: SpeedScale(0.5, 0.35))
+    jerk_time: Positive = 0.1
+    blend: Positive = 0.4
+    period: Positive = 0.02
+    motion: StreamedMotion | None = field(default=None, init=False)
+
+    def __post_init__(self) -> None:
+        self._speed = self.limits.velocity * self.speed.velocity
+        self._acceleration = self.limits.acceleration * self.speed.acceleration
+        self.jerk_limits = self._acceleration / self.jerk_time
         """(n,) rad/s³."""
         self._jerk = _JERK_SHARE * self.jerk_limits
-        self._ruckig = ruckig.Ruckig(len(limits.joint_names))
-        self.motion: StreamedMotion | None = None
+        self._ruckig = ruckig.Ruckig(len(self.limits.joint_names))
 
     def moving(self, time: float) -> bool:
         """Whether a motion is under way at ``time``."""
@@ -121,7 +112,7 @@ class ChunkStream:
         quicker than the limits it is stretched. Raises PolicyActionError where it would take 20 times as long or leave
         the joints' range, StaleChunkError where it is over by then.
         """
-        path = joint_path(path, len(self._limits.joint_names), "path")
+        path = joint_path(path, len(self.limits.joint_names), "path")
         times: Array = seen + dt * np.arange(len(path), dtype=np.float64)
         if self.moving(seen) and self.motion is not None:
             state = self.motion.state(at)
@@ -134,8 +125,8 @@ class ChunkStream:
         ahead = times > at + 0.5 * dt
         if not ahead.any():
             raise StaleChunkError(f"the chunk of {dt * (len(path) - 1):.2f} s is over before it could begin")
-        lower = np.minimum(self._limits.lower + _MARGIN, state.positions)
-        upper = np.maximum(self._limits.upper - _MARGIN, state.positions)
+        lower = np.minimum(self.limits.lower + _MARGIN, state.positions)
+        upper = np.maximum(self.limits.upper - _MARGIN, state.positions)
         waypoints = np.clip(waypoints[ahead], lower, upper)
         waypoints = np.vstack([state.positions, waypoints])
         passing: Array = np.concatenate([[at], times[ahead]])
@@ -176,7 +167,7 @@ class ChunkStream:
     def _blended(self, point: Array, time: float, at: float) -> Array:
         assert self.motion is not None
         said, intended = self.motion.said, self.motion.intended
-        overlap = min(self.parameters.blend, said + intended.duration - at)
+        overlap = min(self.blend, said + intended.duration - at)
         u = 1.0 if overlap <= 0.0 else min(max((time - at) / overlap, 0.0), 1.0)
         share = u * u * (3.0 - 2.0 * u)
         blended: Array = share * point + (1.0 - share) * intended.sample(time - said)[0]
@@ -208,7 +199,7 @@ class ChunkStream:
                 raise PolicyActionError("there is no motion within the limits that goes on along the chunk")
             lateness, reached, segment = best
             late += max(0.0, lateness)
-            count = max(1, math.ceil(segment.duration / self.parameters.period - 1e-9))
+            count = max(1, math.ceil(segment.duration / self.period - 1e-9))
             for k in range(1, count + 1):
                 time = segment.duration * k / count
                 position, velocity, acceleration = segment.at_time(time)
@@ -286,7 +277,7 @@ class ChunkStream:
     def _motion(
         self, sampled: list[tuple[float, StreamState]], at: float, times: Array, targets: list[StreamState]
     ) -> StreamedMotion:
-        names, limits = self._limits.joint_names, self._limits
+        names, limits = self.limits.joint_names, self.limits
         trajectory = JointTrajectory(
             names,
             np.array([time for time, _ in sampled]),

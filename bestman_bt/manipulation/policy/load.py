@@ -10,26 +10,26 @@ import yaml
 
 from bestman_bt.manipulation.policy.base import Policy
 from bestman_bt.manipulation.policy.errors import PolicyModelError
-from bestman_bt.manipulation.policy.onnx_policy import OnnxPolicy, OnnxPolicyParameters
-from bestman_bt.manipulation.policy.openpi_client import OpenpiPolicy, OpenpiPolicyParameters
+from bestman_bt.manipulation.policy.onnx_policy import OnnxPolicy
+from bestman_bt.manipulation.policy.openpi_client import OpenpiPolicy
 
 
 def load_policy(path: str | Path) -> Policy:
-    """The policy of a file; PolicyModelError if it is none. A .yaml holds the fields of OpenpiPolicyParameters."""
+    """The policy of a file; PolicyModelError if it is none. A .yaml holds the fields of OpenpiPolicy."""
     path = Path(path)
     if path.suffix == ".onnx":
-        return OnnxPolicy(OnnxPolicyParameters(str(path)))
+        return OnnxPolicy(str(path))
     if path.suffix != ".yaml":
         raise PolicyModelError(f"a policy is an .onnx or a .yaml file, not {str(path)!r}")
     try:
         values = yaml.safe_load(path.read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
         raise PolicyModelError(f"{path} does not describe a policy server: {error}") from error
-    return OpenpiPolicy(_server(path, values))
+    return _server(path, values)
 
 
-def _server(path: Path, values: Any) -> OpenpiPolicyParameters:
-    known = {field.name for field in fields(OpenpiPolicyParameters)}
+def _server(path: Path, values: Any) -> OpenpiPolicy:
+    known = {field.name for field in fields(OpenpiPolicy) if field.init}
     if not isinstance(values, dict) or not values.get("url") or set(values) - known:
         wrong = sorted(set(values) - known) if isinstance(values, dict) else "no fields"
         raise PolicyModelError(f"{path} should have 'url' and other fields of a policy server; it has {wrong}")
@@ -39,6 +39,6 @@ def _server(path: Path, values: Any) -> OpenpiPolicyParameters:
                 if not isinstance(values[name], list):
                     raise TypeError(f"{name} should be a list, got {values[name]!r}")
                 values[name] = tuple(values[name])
-        return OpenpiPolicyParameters(**values)
+        return OpenpiPolicy(**values)
     except (TypeError, PolicyModelError) as error:
         raise PolicyModelError(f"{path} does not describe a policy server: {error}") from error

@@ -27,14 +27,6 @@ from bestman_bt.manipulation.policy.features import feature_vector
 from bestman_bt.manipulation.policy.specification import ActionSpace, PolicySpecification
 
 
-@dataclass(frozen=True)
-class OnnxPolicyParameters:
-    """``model``: the .onnx file; its specification lies beside it as .json. ``threads``: that onnxruntime may use."""
-
-    model: str = ""
-    threads: int = 1
-
-
 @dataclass(frozen=True, eq=False)
 class PolicyNormalization:
     """Features are shifted by ``input_mean`` and divided by ``input_scale``, both (f,); outputs the other way round."""
@@ -99,22 +91,28 @@ class PolicyCard:
             raise PolicyModelError(f"{path} does not describe a policy: {error}") from error
 
 
+@dataclass(frozen=True)
 class OnnxPolicy(Policy):
     """Gives the network's chunk, turned back into radians; it keeps nothing between two questions.
 
     The specification is read at the first use of it, the network at the first ``act``. Raises MissingExtraError
     without onnxruntime, PolicyModelError where the files do not fit, PolicyActionError where the network gives NaN.
+
+    ``model``: the .onnx file; its specification lies beside it as .json. ``threads``: that onnxruntime may use.
     """
 
-    def __init__(self, parameters: OnnxPolicyParameters) -> None:
-        self.parameters = parameters
-        self._path = Path(parameters.model)
+    model: str = ""
+    threads: int = 1
+
+    @property
+    def _path(self) -> Path:
+        return Path(self.model)
 
     @cached_property
     def card(self) -> PolicyCard:
         """What lies beside the network."""
-        if not self.parameters.model or not self._path.is_file():
-            raise PolicyModelError(f"no ONNX file {self.parameters.model!r}; give its path as 'model' of policy/onnx")
+        if not self.model or not self._path.is_file():
+            raise PolicyModelError(f"no ONNX file {self.model!r}; give its path as 'model' of policy/onnx")
         card = PolicyCard.read(self._path.with_suffix(".json"))
         spec, outputs = card.specification, len(card.normalization.output_mean)
         spaces = (ActionSpace.JOINT_POSITIONS.value, ActionSpace.JOINT_DELTAS.value)
@@ -176,7 +174,7 @@ class OnnxPolicy(Policy):
         except ImportError as error:
             raise MissingExtraError(f"policy/onnx needs onnxruntime: {install_command('onnx')}") from error
         options = onnxruntime.SessionOptions()
-        options.intra_op_num_threads = options.inter_op_num_threads = self.parameters.threads
+        options.intra_op_num_threads = options.inter_op_num_threads = self.threads
         options.log_severity_level = 3
         try:
             return onnxruntime.InferenceSession(str(self._path), options, providers=["CPUExecutionProvider"])

@@ -31,9 +31,14 @@ from bestman_bt.manipulation.policy.msgpack_numpy import pack, unpack
 from bestman_bt.manipulation.policy.specification import ActionSpace, PolicySpecification
 
 
-@dataclass(frozen=True)
-class OpenpiPolicyParameters:
-    """How to reach the server, and how its keys and columns map to ours; the defaults are those of ``pi0_droid``.
+@dataclass(eq=False)
+class OpenpiPolicy(Policy):
+    """Connects at the first question, and again where a connection was lost.
+
+    Raises PolicyUnreachableError where no answer came, PolicyServerError where the server tells of an error or breaks
+    the protocol, PolicyActionError for actions of another shape or NaN, MissingExtraError without the extra.
+
+    How to reach the server, and how its keys and columns map to ours; the defaults are those of ``pi0_droid``.
 
     ``url``: as ``ws://host:8000``. ``api_key``: sent as openpi does. ``connect_timeout``, ``timeout``: seconds for the
     connection with its metadata, and for an answer. ``retries``: new connections where one breaks or is late.
@@ -59,6 +64,9 @@ class OpenpiPolicyParameters:
     dt: float = 1.0 / 15.0
     gripper_column: int | None = 7
     gripper_open: float = 0.08
+    _connection: Any = field(default=None, init=False, repr=False)
+    _open: ExitStack = field(default_factory=ExitStack, init=False, repr=False)
+    _metadata: dict[str, Any] = field(default_factory=dict, init=False, repr=False)
 
     def __post_init__(self) -> None:
         if self.space not in {space.value for space in ActionSpace}:
@@ -68,39 +76,24 @@ class OpenpiPolicyParameters:
             if not getattr(self, name) > 0:
                 raise PolicyModelError(f"{name} of a policy server should be above 0 but is {getattr(self, name)}")
 
-
-class OpenpiPolicy(Policy):
-    """Connects at the first question, and again where a connection was lost.
-
-    Raises PolicyUnreachableError where no answer came, PolicyServerError where the server tells of an error or breaks
-    the protocol, PolicyActionError for actions of another shape or NaN, MissingExtraError without the extra.
-    """
-
-    def __init__(self, parameters: OpenpiPolicyParameters) -> None:
-        self.parameters = parameters
-        self._connection: Any = None
-        self._open = ExitStack()
-        self._metadata: dict[str, Any] = {}
-
     @property
     def specification(self) -> PolicySpecification:
-        """See Policy; from the parameters: the protocol does not carry it."""
-        p = self.parameters
+        """See Policy; from the fields: the protocol does not carry it."""
         return PolicySpecification(
-            joint_names=p.joint_names,
-            space=p.space,
+            joint_names=self.joint_names,
+            space=self.space,
             horizon=0,
-            dt=p.dt,
-            goal_size=7 if p.goal_key else 0,
-            images=dict.fromkeys(p.image_keys, p.image_size),
-            needs_gripper=bool(p.gripper_key),
-            moves_gripper=p.gripper_column is not None,
-            description=p.prompt,
+            dt=self.dt,
+            goal_size=7 if self.goal_key else 0,
+            images=dict.fromkeys(self.image_keys, self.image_size),
+            needs_gripper=bool(self.gripper_key),
+            moves_gripper=self.gripper_column is not None,
+            description=self.prompt,
         )
 
     def metadata(self) -> dict[str, Any]:
         """What the server told of itself; connects if need be."""
-        self._connected(time.monotonic() + self.parameters.connect_timeout)
+        self._connected(time.monotonic() + self.connect_timeout)
         return dict(self._metadata)
 
     def reset(self) -> None:
@@ -110,15 +103,15 @@ class OpenpiPolicy(Policy):
         """See Policy."""
         question = pack(self._question(observation))
         reason = ""
-        for _ in range(self.parameters.retries + 1):
+        for _ in range(self.retries + 1):
             try:
                 return self._chunk(self._ask(question))
             except _ConnectionLostError as error:
                 self.close()
                 reason = str(error)
-        tries = self.parameters.retries + 1
+        tries = self.retries + 1
         raise PolicyUnreachableError(
-            f"{self.parameters.url} gave no answer in {tries} {'tries' if tries > 1 else 'try'}; the last: {reason}"
+            f"{self.url} gave no answer in {tries} {'tries' if tries > 1 else 'try'}; the last: {reason}"
         )
 
     def close(self) -> None:
@@ -127,63 +120,61 @@ class OpenpiPolicy(Policy):
         self._open.close()
 
     def _question(self, observation: Observation) -> dict[str, Any]:
-        p = self.parameters
-        question: dict[str, Any] = {"prompt": p.prompt} if p.prompt else {}
-        if p.joint_key:
-            question[p.joint_key] = observation.joint_positions.astype(np.float32)
-        if p.goal_key:
-            question[p.goal_key] = observation.goal.astype(np.float32)
-        if p.gripper_key:
+        question: dict[str, Any] = {"prompt": self.prompt} if self.prompt else {}
+        if self.joint_key:
+            question[self.joint_key] = observation.joint_positions.astype(np.float32)
+        if self.goal_key:
+            question[self.goal_key] = observation.goal.astype(np.float32)
+        if self.gripper_key:
             if observation.gripper_width is None:
                 raise PolicyObservationError("the policy needs the gripper's width, which the observation lacks")
-            closed = 1.0 - np.clip(observation.gripper_width / p.gripper_open, 0.0, 1.0)
-            question[p.gripper_key] = np.array([closed], dtype=np.float32)
-        for camera, key in p.image_keys.items():
+            closed = 1.0 - np.clip(observation.gripper_width / self.gripper_open, 0.0, 1.0)
+            question[self.gripper_key] = np.array([closed], dtype=np.float32)
+        for camera, key in self.image_keys.items():
             if camera not in observation.images:
                 raise PolicyObservationError(f"the policy needs the camera {camera!r}, which the observation lacks")
-            question[key] = resize_with_pad(observation.images[camera], p.image_size)
+            question[key] = resize_with_pad(observation.images[camera], self.image_size)
         return question
 
     def _ask(self, question: bytes) -> dict[str, Any]:
-        connection = self._connected(time.monotonic() + self.parameters.connect_timeout)
-        deadline = time.monotonic() + self.parameters.timeout
+        connection = self._connected(time.monotonic() + self.connect_timeout)
+        deadline = time.monotonic() + self.timeout
         try:
             connection.send(question)
             answer = connection.recv(timeout=max(0.0, deadline - time.monotonic()))
         except _lost() as error:
-            raise _ConnectionLostError(_words(error, self.parameters.timeout)) from error
+            raise _ConnectionLostError(_words(error, self.timeout)) from error
         if isinstance(answer, str):
             # openpi's server sends the traceback as text, then closes.
             self.close()
-            raise PolicyServerError(f"{self.parameters.url} failed: {answer.strip().splitlines()[-1][:500]}")
+            raise PolicyServerError(f"{self.url} failed: {answer.strip().splitlines()[-1][:500]}")
         return self._map(answer)
 
     def _connected(self, deadline: float) -> Any:
         if self._connection is None:
-            p = self.parameters
             connect = _websockets_connect()
-            headers = {"Authorization": f"Api-Key {p.api_key}"} if p.api_key else None
+            headers = {"Authorization": f"Api-Key {self.api_key}"} if self.api_key else None
             try:
                 # No proxy from the environment: the server stands in the robot's own network.
                 connecting = connect(
-                    p.url,
+                    self.url,
                     compression=None,
                     max_size=None,
                     additional_headers=headers,
-                    open_timeout=p.connect_timeout,
+                    open_timeout=self.connect_timeout,
                     close_timeout=0.5,
                     proxy=None,
                 )
                 connection = self._open.enter_context(connecting)
             except ValueError as error:
-                raise PolicyUnreachableError(f"{p.url!r} is no websocket address: {error}") from error
+                raise PolicyUnreachableError(f"{self.url!r} is no websocket address: {error}") from error
             except _lost() as error:
-                raise _ConnectionLostError(_words(error, p.connect_timeout)) from error
+                raise _ConnectionLostError(_words(error, self.connect_timeout)) from error
             try:
                 greeting = connection.recv(timeout=max(0.0, deadline - time.monotonic()))
             except _lost() as error:
                 self.close()
-                raise _ConnectionLostError(f"no metadata: {_words(error, p.connect_timeout)}") from error
+                raise _ConnectionLostError(f"no metadata: {_words(error, self.connect_timeout)}") from error
             self._connection = connection
             self._metadata = self._map(greeting)
         return self._connection
@@ -192,23 +183,22 @@ class OpenpiPolicy(Policy):
         value = unpack(data) if isinstance(data, bytes) else None
         if not isinstance(value, dict):
             self.close()
-            raise PolicyServerError(f"{self.parameters.url} should send a map in msgpack but sends {data[:80]!r}")
+            raise PolicyServerError(f"{self.url} should send a map in msgpack but sends {data[:80]!r}")
         return value
 
     def _chunk(self, answer: dict[str, Any]) -> ActionChunk:
-        p = self.parameters
         actions = answer.get("actions")
         if not isinstance(actions, np.ndarray) or actions.ndim != 2 or actions.dtype.kind not in "fiu":
             found = actions.shape if isinstance(actions, np.ndarray) else type(actions).__name__
-            raise PolicyActionError(f"{p.url} should answer with 'actions' of shape (H, m) but it is {found}")
-        count = 6 if p.space == ActionSpace.TOOL_TWIST.value else len(p.joint_names)
-        needed = count if p.gripper_column is None else max(count, p.gripper_column + 1, -p.gripper_column)
+            raise PolicyActionError(f"{self.url} should answer with 'actions' of shape (H, m) but it is {found}")
+        count = 6 if self.space == ActionSpace.TOOL_TWIST.value else len(self.joint_names)
+        needed = count if self.gripper_column is None else max(count, self.gripper_column + 1, -self.gripper_column)
         if actions.shape[1] < needed:
-            raise PolicyActionError(f"{p.url} should give at least {needed} columns but gives {actions.shape[1]}")
+            raise PolicyActionError(f"{self.url} should give at least {needed} columns but gives {actions.shape[1]}")
         widths = None
-        if p.gripper_column is not None:
-            widths = p.gripper_open * (1.0 - np.clip(actions[:, p.gripper_column].astype(float), 0.0, 1.0))
-        return ActionChunk(actions[:, :count].astype(float), p.dt, ActionSpace(p.space), widths)
+        if self.gripper_column is not None:
+            widths = self.gripper_open * (1.0 - np.clip(actions[:, self.gripper_column].astype(float), 0.0, 1.0))
+        return ActionChunk(actions[:, :count].astype(float), self.dt, ActionSpace(self.space), widths)
 
 
 def resize_with_pad(image: NDArray[np.uint8], size: tuple[int, int]) -> NDArray[np.uint8]:

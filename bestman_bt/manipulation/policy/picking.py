@@ -14,7 +14,6 @@ import numpy as np
 import ruckig
 from numpy.typing import NDArray
 
-from bestman_bt.manipulation.errors import ManipulationError
 from bestman_bt.manipulation.kinematics import InverseKinematics
 from bestman_bt.manipulation.policy.base import Observation
 from bestman_bt.manipulation.policy.demonstration import Demonstration
@@ -42,8 +41,31 @@ _LEVER = 0.05
 
 
 @dataclass(frozen=True)
-class PickingParameters:
-    """Where the object stands and how the expert moves; metres, radians and seconds in the base frame.
+class PickedObject:
+    """What the expert picks, from above: ``rise``: metres from its middle up to the grasp; ``width`` between the
+    fingers there; ``opening``: of the gripper before."""
+
+    name: str
+    rise: float
+    width: float
+    opening: float
+
+
+@dataclass(frozen=True, eq=False)
+class PickState:
+    """The arm, (n,) each, and the gripper's width in metres."""
+
+    positions: Array
+    velocities: Array
+    accelerations: Array
+    width: float
+
+
+@dataclass(eq=False)
+class PickingExpert:
+    """Starts, objects and demonstrations for one arm; every choice comes from the generator that is passed in.
+
+    Metres, radians and seconds in the base frame.
 
     ``lower``, ``upper``: corners of the box of the object's middle; ``tool_lower``, ``tool_upper``: of the tool's
     starts, turned by ``max_yaw`` and ``max_tilt`` at most. ``slow``: rad/s below which the arm may close the gripper.
@@ -53,6 +75,10 @@ class PickingParameters:
     episode. ``drift``: rad off the way, at most, after each chunk. ``margin``: of the workspace around both boxes.
     """
 
+    kinematics: InverseKinematics
+    arm: ArmModel
+    home: Array
+    picked: PickedObject
     lower: tuple[float, float, float] = (0.48, -0.30, 0.79)
     upper: tuple[float, float, float] = (0.74, 0.30, 0.81)
     tool_lower: tuple[float, float, float] = (0.38, -0.25, 0.98)
@@ -79,63 +105,20 @@ class PickingParameters:
     jerk_time: float = 0.1
 
     def __post_init__(self) -> None:
-        for low, high in ((self.lower, self.upper), (self.tool_lower, self.tool_upper)):
-            if not all(a < b for a, b in zip(low, high, strict=True)):
-                raise ManipulationError(f"PickingParameters corner {low} should lie below {high}")
-        for name in ("horizon", "dt", "executed", "chunks", "carrot"):
-            if not getattr(self, name) > 0:
-                raise ManipulationError(f"PickingParameters {name} should be above 0 but is {getattr(self, name)}")
-
-
-@dataclass(frozen=True)
-class PickedObject:
-    """What the expert picks, from above: ``rise``: metres from its middle up to the grasp; ``width`` between the
-    fingers there; ``opening``: of the gripper before."""
-
-    name: str
-    rise: float
-    width: float
-    opening: float
-
-
-@dataclass(frozen=True, eq=False)
-class PickState:
-    """The arm, (n,) each, and the gripper's width in metres."""
-
-    positions: Array
-    velocities: Array
-    accelerations: Array
-    width: float
-
-
-class PickingExpert:
-    """Starts, objects and demonstrations for one arm; every choice comes from the generator that is passed in."""
-
-    def __init__(
-        self,
-        kinematics: InverseKinematics,
-        arm: ArmModel,
-        home: Array,
-        picked: PickedObject,
-        parameters: PickingParameters | None = None,
-    ) -> None:
-        self.kinematics, self.arm, self.home, self.picked = kinematics, arm, home, picked
-        self.parameters = p = parameters or PickingParameters()
-        self._ruckig = ruckig.Ruckig(len(home), p.dt)
-        acceleration = arm.acceleration * p.speed.acceleration
-        self._limits = arm.velocity * p.speed.velocity, acceleration, acceleration / p.jerk_time
+        self._ruckig = ruckig.Ruckig(len(self.home), self.dt)
+        acceleration = self.arm.acceleration * self.speed.acceleration
+        self._limits = self.arm.velocity * self.speed.velocity, acceleration, acceleration / self.jerk_time
 
     def specification(self, robot: str) -> PolicySpecification:
         """That of a policy which learns from these demonstrations."""
-        p = self.parameters
-        low = np.minimum(p.lower, p.tool_lower) - p.margin
-        high = np.maximum(p.upper, p.tool_upper) + p.margin
+        low = np.minimum(self.lower, self.tool_lower) - self.margin
+        high = np.maximum(self.upper, self.tool_upper) + self.margin
         return PolicySpecification(
             joint_names=self.arm.joint_names,
             space="joint_deltas",
-            horizon=p.horizon,
-            dt=p.dt,
-            executed=p.executed,
+            horizon=self.horizon,
+            dt=self.dt,
+            executed=self.executed,
             robot=robot,
             needs_gripper=True,
             moves_gripper=True,
@@ -146,12 +129,11 @@ class PickingExpert:
 
     def task(self, rng: np.random.Generator) -> tuple[Array, Pose]:
         """Joint positions (n,) and the pose of the object, both in their boxes."""
-        p = self.parameters
-        goal = Pose.from_xyz_rpy(rng.uniform(p.lower, p.upper), (0.0, 0.0, rng.uniform(-math.pi, math.pi)))
+        goal = Pose.from_xyz_rpy(rng.uniform(self.lower, self.upper), (0.0, 0.0, rng.uniform(-math.pi, math.pi)))
         while True:
-            axis, tilt = rng.uniform(-math.pi, math.pi), rng.uniform(0.0, p.max_tilt)
-            turn = (tilt * math.cos(axis), tilt * math.sin(axis), rng.uniform(-p.max_yaw, p.max_yaw))
-            tool = Pose.from_xyz_rpy(rng.uniform(p.tool_lower, p.tool_upper), turn) @ Pose.from_xyz_rpy(
+            axis, tilt = rng.uniform(-math.pi, math.pi), rng.uniform(0.0, self.max_tilt)
+            turn = (tilt * math.cos(axis), tilt * math.sin(axis), rng.uniform(-self.max_yaw, self.max_yaw))
+            tool = Pose.from_xyz_rpy(rng.uniform(self.tool_lower, self.tool_upper), turn) @ Pose.from_xyz_rpy(
                 np.zeros(3), (math.pi, 0.0, 0.0)
             )
             start = self._posture(tool, rng)
@@ -163,12 +145,11 @@ class PickingExpert:
 
         It ends where the arm comes to a limit; PolicyError if it begins there.
         """
-        p = self.parameters
         state, goal = self._begin(rng)
         observations: list[Observation] = []
         chunks: list[Array] = []
         lifted = False
-        while len(chunks) < p.chunks and not lifted:
+        while len(chunks) < self.chunks and not lifted:
             lifted = self.lifted(state, goal)
             try:
                 steps, gripper = self._ahead(state, goal)
@@ -179,7 +160,7 @@ class PickingExpert:
             observations.append(self.observation(state, goal, rng))
             deltas = np.diff([step.positions for step in steps], axis=0)
             chunks.append(np.column_stack([deltas, gripper]))
-            state = self._pushed(steps[p.executed], rng)
+            state = self._pushed(steps[self.executed], rng)
         return Demonstration(tuple(observations), np.array(chunks))
 
     def plan(self, state: PickState, goal: Pose) -> tuple[Array, Array]:
@@ -190,7 +171,7 @@ class PickingExpert:
     def lifted(self, state: PickState, goal: Pose) -> bool:
         """Whether the object is in the hand and as high as it shall be, within a centimetre."""
         height = float(self.kinematics.tool_pose(state.positions).position[2] - goal.position[2])
-        return self._grips(state.width) and height > self.picked.rise + self.parameters.lift - 0.01
+        return self._grips(state.width) and height > self.picked.rise + self.lift - 0.01
 
     def observation(self, state: PickState, goal: Pose, rng: np.random.Generator | None = None) -> Observation:
         """What is seen; with ``rng`` the gripper's width is off by the half of a millimetre that encoders are."""
@@ -208,7 +189,7 @@ class PickingExpert:
         target, gripper = self._intent(state, goal)
         tool = self.kinematics.tool_pose(state.positions)
         for share in (1.0, 0.5, 0.2):
-            nearer = _towards(tool, target, share * self.parameters.carrot)
+            nearer = _towards(tool, target, share * self.carrot)
             positions = self.kinematics.track(nearer, state.positions)
             if positions is not None:
                 return self._moved(state, np.clip(positions, self.arm.lower, self.arm.upper), gripper), gripper
@@ -219,18 +200,18 @@ class PickingExpert:
 
     def _intent(self, state: PickState, goal: Pose) -> tuple[Pose, float]:
         """Where the tool shall go from here, and what the gripper is told."""
-        p, thing = self.parameters, self.picked
+        thing = self.picked
         tool = self.kinematics.tool_pose(state.positions)
         grasp = self._grasp(goal)
         if self._grips(state.width):
-            return _above(grasp, p.lift), CLOSED
+            return _above(grasp, self.lift), CLOSED
         if state.width < 0.5 * (thing.width + thing.opening):
             return grasp, CLOSED
         error = pose_error(grasp, tool)
         aside = float(np.linalg.norm(error[:2])) + _LEVER * float(np.linalg.norm(error[3:]))
-        u = min(max((aside - p.aligned) / (p.astray - p.aligned), 0.0), 1.0)
-        above = p.hover * u * u * (3.0 - 2.0 * u)
-        there = float(np.linalg.norm(error[:3])) < p.at_grasp and float(np.abs(state.velocities).max()) < p.slow
+        u = min(max((aside - self.aligned) / (self.astray - self.aligned), 0.0), 1.0)
+        above = self.hover * u * u * (3.0 - 2.0 * u)
+        there = float(np.linalg.norm(error[:3])) < self.at_grasp and float(np.abs(state.velocities).max()) < self.slow
         closing = there or state.width < thing.opening - 0.002
         return _above(grasp, above), CLOSED if closing else OPEN
 
@@ -243,7 +224,7 @@ class PickingExpert:
 
     def _ahead(self, state: PickState, goal: Pose) -> tuple[list[PickState], list[float]]:
         states, told = [state], []
-        for _ in range(self.parameters.horizon):
+        for _ in range(self.horizon):
             state, gripper = self.step(state, goal)
             states.append(state)
             told.append(gripper)
@@ -270,7 +251,7 @@ class PickingExpert:
         )
 
     def _width_after(self, width: float, gripper: float) -> float:
-        way = self.parameters.closing_speed * self.parameters.dt
+        way = self.closing_speed * self.dt
         return min(width + way, self.picked.opening) if gripper > 0.0 else max(width - way, self.picked.width)
 
     def _begin(self, rng: np.random.Generator) -> tuple[PickState, Pose]:
@@ -281,7 +262,7 @@ class PickingExpert:
         grasp = self._grasp(goal)
         held = kind > 0.8
         aside = rng.uniform(-1.0, 1.0, 2) * (0.005 if held else 0.03 * rng.uniform())
-        up = rng.uniform(0.0, self.parameters.lift if held else self.parameters.hover)
+        up = rng.uniform(0.0, self.lift if held else self.hover)
         turn = rng.uniform(-1.0, 1.0, 3) * 0.1 * rng.uniform()
         near = Pose(grasp.position + np.append(aside, up)) @ Pose.from_xyz_rpy(np.zeros(3), turn)
         positions = self._posture(near @ Pose(np.zeros(3), grasp.quaternion), rng)
@@ -290,14 +271,14 @@ class PickingExpert:
 
     def _pushed(self, state: PickState, rng: np.random.Generator) -> PickState:
         """A little off, most often very little."""
-        push = self.parameters.drift * rng.uniform() ** 2
+        push = self.drift * rng.uniform() ** 2
         positions = state.positions + rng.normal(0.0, push, len(state.positions))
         velocities = state.velocities + rng.normal(0.0, 2.0 * push, len(positions))
         positions = np.clip(positions, self.arm.lower + 0.03, self.arm.upper - 0.03)
         return PickState(positions, velocities, state.accelerations, state.width)
 
     def _posture(self, tool: Pose, rng: np.random.Generator) -> Array | None:
-        reference = self.home + rng.normal(0.0, self.parameters.posture_noise, len(self.home))
+        reference = self.home + rng.normal(0.0, self.posture_noise, len(self.home))
         found = self.kinematics.solve(tool, np.clip(reference, self.arm.lower, self.arm.upper), rng, attempts=1)
         return found.best if found.found else None
 

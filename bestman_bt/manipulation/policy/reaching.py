@@ -27,9 +27,9 @@ from bestman_bt.robot_model import ArmModel
 REACHING_FEATURES = ("joint_positions", "joint_velocities", "goal_error")
 
 
-@dataclass(frozen=True)
-class ReachingParameters:
-    """The box of goals and how the expert moves.
+@dataclass(eq=False)
+class ReachingExpert:
+    """Starts, goals and demonstrations for one arm; every choice comes from the generator that is passed in.
 
     ``lower``, ``upper``: corners for the tool in the base frame, metres. ``max_yaw``, ``max_tilt``: how far the tool
     turns from ``posture``'s direction, radians. ``posture_noise``: rad on the joints at which a search begins.
@@ -38,6 +38,9 @@ class ReachingParameters:
     ``margin``: metres around the goals' box in which the tool may be on its way.
     """
 
+    kinematics: InverseKinematics
+    arm: ArmModel
+    home: NDArray[np.float64]
     lower: tuple[float, float, float] = (0.42, -0.30, 0.82)
     upper: tuple[float, float, float] = (0.65, 0.30, 1.15)
     max_yaw: float = 0.5
@@ -52,39 +55,17 @@ class ReachingParameters:
     near: float = 0.3
     margin: float = 0.10
     speed: SpeedScale = field(default_factory=lambda: SpeedScale(0.4, 0.25))
-
-    def __post_init__(self) -> None:
-        if not all(low < high for low, high in zip(self.lower, self.upper, strict=True)):
-            raise ManipulationError(f"ReachingParameters lower {self.lower} should lie below upper {self.upper}")
-        for name in ("horizon", "dt", "executed", "chunks"):
-            if not getattr(self, name) > 0:
-                raise ManipulationError(f"ReachingParameters {name} should be above 0 but is {getattr(self, name)}")
-
-
-class ReachingExpert:
-    """Starts, goals and demonstrations for one arm; every choice comes from the generator that is passed in."""
-
-    def __init__(
-        self,
-        kinematics: InverseKinematics,
-        arm: ArmModel,
-        home: NDArray[np.float64],
-        parameters: ReachingParameters | None = None,
-    ) -> None:
-        self.kinematics, self.arm, self.home = kinematics, arm, home
-        self.parameters = parameters or ReachingParameters()
-        self._motion = RuckigStateToState()
+    _motion: RuckigStateToState = field(default_factory=RuckigStateToState, init=False, repr=False)
 
     def specification(self, robot: str) -> PolicySpecification:
         """That of a policy which learns from these demonstrations."""
-        p = self.parameters
-        low, high = np.array(p.lower) - p.margin, np.array(p.upper) + p.margin
+        low, high = np.array(self.lower) - self.margin, np.array(self.upper) + self.margin
         return PolicySpecification(
             joint_names=self.arm.joint_names,
             space="joint_deltas",
-            horizon=p.horizon,
-            dt=p.dt,
-            executed=p.executed,
+            horizon=self.horizon,
+            dt=self.dt,
+            executed=self.executed,
             robot=robot,
             workspace=(tuple(low.tolist()), tuple(high.tolist())),
             description="moves the tool to the goal pose; trained by behaviour cloning of reaching",
@@ -121,26 +102,25 @@ class ReachingExpert:
         if not found.found:
             return None
         try:
-            return self._motion.plan(start, found.best, self.arm, self.parameters.speed, start_velocity=velocity)
+            return self._motion.plan(start, found.best, self.arm, self.speed, start_velocity=velocity)
         except ManipulationError:
             return None
 
     def demonstrate(self, rng: np.random.Generator) -> Demonstration:
         """One episode."""
-        p = self.parameters
-        positions, goal = self.task(rng, near=bool(rng.uniform() < p.near))
+        positions, goal = self.task(rng, near=bool(rng.uniform() < self.near))
         velocities = np.zeros(len(positions))
         observations, chunks = [], []
-        for _ in range(p.chunks):
+        for _ in range(self.chunks):
             motion = self.motion(positions, goal, rng, velocities)
             if motion is None:
                 break
             tool = self.kinematics.tool_pose(positions)
             observations.append(Observation(positions, tool, pose_vector(goal), joint_velocities=velocities))
-            times = np.arange(p.horizon + 1) * p.dt
+            times = np.arange(self.horizon + 1) * self.dt
             samples = np.array([motion.sample(float(time))[0] for time in times])
             chunks.append(np.diff(samples, axis=0))
-            positions, velocities = self._pushed(*motion.sample(float(times[p.executed])), rng)
+            positions, velocities = self._pushed(*motion.sample(float(times[self.executed])), rng)
         if not chunks:
             raise PolicyError("the expert found no motion to a goal that it had reached before")
         return Demonstration(tuple(observations), np.array(chunks))
@@ -149,24 +129,23 @@ class ReachingExpert:
         self, positions: NDArray[np.float64], velocities: NDArray[np.float64], rng: np.random.Generator
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """A little off, most often very little."""
-        push = self.parameters.drift * rng.uniform() ** 2
-        fastest = self.arm.velocity * self.parameters.speed.velocity
+        push = self.drift * rng.uniform() ** 2
+        fastest = self.arm.velocity * self.speed.velocity
         return (
             np.clip(positions + rng.normal(0.0, push, len(positions)), self.arm.lower + 0.03, self.arm.upper - 0.03),
             np.clip(velocities + rng.normal(0.0, 2.0 * push, len(positions)), -fastest, fastest),
         )
 
     def _pose(self, rng: np.random.Generator) -> Pose:
-        p = self.parameters
         straight = self.kinematics.tool_pose(self.home).quaternion
-        tilt_axis, tilt = rng.uniform(-math.pi, math.pi), rng.uniform(0.0, p.max_tilt)
+        tilt_axis, tilt = rng.uniform(-math.pi, math.pi), rng.uniform(0.0, self.max_tilt)
         turn = Pose.from_xyz_rpy(
-            rng.uniform(p.lower, p.upper),
-            (tilt * math.cos(tilt_axis), tilt * math.sin(tilt_axis), rng.uniform(-p.max_yaw, p.max_yaw)),
+            rng.uniform(self.lower, self.upper),
+            (tilt * math.cos(tilt_axis), tilt * math.sin(tilt_axis), rng.uniform(-self.max_yaw, self.max_yaw)),
         )
         return turn @ Pose(np.zeros(3), straight)
 
     def _posture(self, pose: Pose, rng: np.random.Generator) -> NDArray[np.float64] | None:
-        reference = self.home + rng.normal(0.0, self.parameters.posture_noise, len(self.home))
+        reference = self.home + rng.normal(0.0, self.posture_noise, len(self.home))
         found = self.kinematics.solve(pose, np.clip(reference, self.arm.lower, self.arm.upper), rng, attempts=1)
         return found.best if found.found else None

@@ -1,22 +1,19 @@
 """From plans to behavior trees."""
 
-from bestman_bt.task_planning.builders.backchain import BackchainBuilder, BackchainBuilderParameters
+from bestman_bt.task_planning.builders.backchain import BackchainBuilder
 from bestman_bt.task_planning.builders.base import TreeBuilder
 from bestman_bt.task_planning.builders.plan_tree import PlanTree
-from bestman_bt.task_planning.builders.reactive import ReactiveBuilder, ReactiveBuilderParameters
+from bestman_bt.task_planning.builders.reactive import ReactiveBuilder
 from bestman_bt.task_planning.builders.regression import Ready, kernels, staircase
-from bestman_bt.task_planning.builders.sequence import SequenceBuilder, SequenceBuilderParameters
+from bestman_bt.task_planning.builders.sequence import SequenceBuilder
 from bestman_bt.task_planning.builders.steps import Step, steps_one_by_one, steps_side_by_side
 
 __all__ = [
     "BackchainBuilder",
-    "BackchainBuilderParameters",
     "PlanTree",
     "ReactiveBuilder",
-    "ReactiveBuilderParameters",
     "Ready",
     "SequenceBuilder",
-    "SequenceBuilderParameters",
     "Step",
     "TreeBuilder",
     "kernels",

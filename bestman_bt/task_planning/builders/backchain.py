@@ -20,28 +20,23 @@ MAX_ACTIONS = 2000
 
 
 @dataclass(frozen=True)
-class BackchainBuilderParameters:
-    """``attempts``: how many times the tree is begun anew after a failure."""
-
-    attempts: int = 3
-
-
 class BackchainBuilder(TreeBuilder):
     """For each goal: does it hold, else do what brings it about, before which its pre-conditions are treated alike.
 
     A pre-condition that the plan found true has nothing beside it: once undone, the tree fails. As in ``reactive``, an
     action that runs is left to its end while its hold-conditions are believed.
+
+    ``attempts``: how many times the tree is begun anew after a failure.
     """
 
-    def __init__(self, parameters: BackchainBuilderParameters | None = None) -> None:
-        self.parameters = parameters or BackchainBuilderParameters()
+    attempts: int = 3
 
     def root(self, plan: TaskPlan, goal: tuple[Literal, ...], writer: Writer) -> XmlElement:
         """Retries around the sequence of goals."""
         chain = _Chain(plan.actions, writer)
         goals = chain.conditions(goal, len(plan.actions), frozenset())
         attempt = writer.node("Sequence", "reach_the_goal", [*goals, writer.holds("goal_reached", goal)])
-        return writer.node("RetryUntilSuccessful", "attempts", [attempt], num_attempts=str(self.parameters.attempts))
+        return writer.node("RetryUntilSuccessful", "attempts", [attempt], num_attempts=str(self.attempts))
 
 
 class _Chain:

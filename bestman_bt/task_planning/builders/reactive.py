@@ -13,8 +13,15 @@ from bestman_bt.task_planning.symbolic import Literal, TaskPlan
 
 
 @dataclass(frozen=True)
-class ReactiveBuilderParameters:
-    """``attempts``: how many actions may fail before the tree does. ``rounds``: actions that may be done, per step.
+class ReactiveBuilder(TreeBuilder):
+    """PLANEX (Fikes, Hart, Nilsson 1972) as a behavior tree.
+
+    Round by round it does the last step that leads to the goal by what is believed, though others after it may be left
+    out. So it skips what is true already or has become needless, redoes what was undone, and fails where no step helps:
+    then another plan is needed. It asks between actions and not while one runs, for an action's effects show before it
+    is done (an object is held before the arm is back); what must hold all the way is asked at each tick.
+
+    ``attempts``: how many actions may fail before the tree does. ``rounds``: actions that may be done, per step.
 
     ``most_ways``: alternatives that are asked for before a step. ``parallel``: whether independent actions of different
     parts go side by side.
@@ -25,25 +32,11 @@ class ReactiveBuilderParameters:
     most_ways: int = 8
     parallel: bool = True
 
-
-class ReactiveBuilder(TreeBuilder):
-    """PLANEX (Fikes, Hart, Nilsson 1972) as a behavior tree.
-
-    Round by round it does the last step that leads to the goal by what is believed, though others after it may be left
-    out. So it skips what is true already or has become needless, redoes what was undone, and fails where no step helps:
-    then another plan is needed. It asks between actions and not while one runs, for an action's effects show before it
-    is done (an object is held before the arm is back); what must hold all the way is asked at each tick.
-    """
-
-    def __init__(self, parameters: ReactiveBuilderParameters | None = None) -> None:
-        self.parameters = parameters or ReactiveBuilderParameters()
-
     def root(self, plan: TaskPlan, goal: tuple[Literal, ...], writer: Writer) -> XmlElement:
         """Retries around rounds; a round is a staircase of IfThenElse: the last step is asked for first."""
-        parameters = self.parameters
-        steps = steps_side_by_side(plan) if parameters.parallel else steps_one_by_one(plan)
+        steps = steps_side_by_side(plan) if self.parallel else steps_one_by_one(plan)
         otherwise = writer.node("AlwaysFailure", "no_step_is_ready")
-        for number, (step, ways) in enumerate(staircase(steps, goal, parameters.most_ways), 1):
+        for number, (step, ways) in enumerate(staircase(steps, goal, self.most_ways), 1):
             if ways:
                 ready = writer.any_of(f"{number}_is_ready", ways)
                 otherwise = writer.node(
@@ -55,7 +48,7 @@ class ReactiveBuilder(TreeBuilder):
             [writer.holds("goal", goal), writer.node("Inverter", "on_unless_it_fails", [otherwise])],
         )
         rounds = writer.node(
-            "RetryUntilSuccessful", "round_by_round", [a_round], num_attempts=str(parameters.rounds * len(steps))
+            "RetryUntilSuccessful", "round_by_round", [a_round], num_attempts=str(self.rounds * len(steps))
         )
         attempt = writer.node("Sequence", "reach_the_goal", [rounds, writer.holds("goal_reached", goal)])
-        return writer.node("RetryUntilSuccessful", "attempts", [attempt], num_attempts=str(parameters.attempts))
+        return writer.node("RetryUntilSuccessful", "attempts", [attempt], num_attempts=str(self.attempts))

@@ -13,24 +13,19 @@ from bestman_bt.task_planning.symbolic import Literal, TaskPlan
 
 
 @dataclass(frozen=True)
-class SequenceBuilderParameters:
-    """``parallel``: whether independent actions of different parts go side by side."""
-
-    parallel: bool = True
-
-
 class SequenceBuilder(TreeBuilder):
     """The plan as it stands; it fails with the first action that fails, or before one that would be in vain.
 
     Before each action it asks for its kernel: a pre-condition of a later one that broke is noticed at once, too.
+
+    ``parallel``: whether independent actions of different parts go side by side.
     """
 
-    def __init__(self, parameters: SequenceBuilderParameters | None = None) -> None:
-        self.parameters = parameters or SequenceBuilderParameters()
+    parallel: bool = True
 
     def root(self, plan: TaskPlan, goal: tuple[Literal, ...], writer: Writer) -> XmlElement:
         """A Sequence: is it ready, do it, and so on; at last, does the goal hold."""
-        steps = steps_side_by_side(plan) if self.parameters.parallel else steps_one_by_one(plan)
+        steps = steps_side_by_side(plan) if self.parallel else steps_one_by_one(plan)
         children: list[XmlElement] = []
         for number, (step, kernel) in enumerate(zip(steps, kernels(steps, goal), strict=False), 1):
             children += [writer.holds(f"{number}_is_ready", kernel), writer.step(number, step)]

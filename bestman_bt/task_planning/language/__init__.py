@@ -1,7 +1,7 @@
 """Language models as planners: an instruction in words goes in, a checked plan comes out, or a refusal in words."""
 
 from bestman_bt.task_planning.language.chat import ChatEndpoint, ChatReply, ChatRequest, Message, Usage
-from bestman_bt.task_planning.language.endpoint import EndpointAddress, EndpointParameters, HttpEndpoint
+from bestman_bt.task_planning.language.endpoint import EndpointAddress, EndpointLimits, HttpEndpoint
 from bestman_bt.task_planning.language.errors import (
     EndpointNotSetError,
     EndpointReplyError,
@@ -13,7 +13,7 @@ from bestman_bt.task_planning.language.errors import (
 )
 from bestman_bt.task_planning.language.from_text import plan_from_text
 from bestman_bt.task_planning.language.goals import GoalReader
-from bestman_bt.task_planning.language.planner import LanguagePlanner, LanguagePlannerParameters, Proposal
+from bestman_bt.task_planning.language.planner import LanguagePlanner, Proposal
 from bestman_bt.task_planning.language.transcripts import RecordingEndpoint, ReplayEndpoint
 
 __all__ = [
@@ -21,15 +21,14 @@ __all__ = [
     "ChatReply",
     "ChatRequest",
     "EndpointAddress",
+    "EndpointLimits",
     "EndpointNotSetError",
-    "EndpointParameters",
     "EndpointReplyError",
     "EndpointUnreachableError",
     "GoalReader",
     "HttpEndpoint",
     "LanguageError",
     "LanguagePlanner",
-    "LanguagePlannerParameters",
     "Message",
     "NoValidAnswerError",
     "Proposal",

@@ -38,7 +38,7 @@ _OPTIONAL = ("response_format", "temperature", "max_tokens")
 
 
 @dataclass(frozen=True)
-class EndpointParameters(PostLimits):
+class EndpointLimits(PostLimits):
     """As ``PostLimits``, and ``max_tokens``: of an answer. A server that refuses ``temperature``, ``max_tokens`` or the
     schema is asked again without.
     """
@@ -95,15 +95,15 @@ class EndpointAddress:
 class HttpEndpoint(ChatEndpoint):
     """Posts to ``<base_url>/chat/completions``; keeps nothing between two questions."""
 
-    def __init__(self, address: EndpointAddress, parameters: EndpointParameters | None = None) -> None:
+    def __init__(self, address: EndpointAddress, limits: EndpointLimits | None = None) -> None:
         self.address = address
-        self.parameters = parameters or EndpointParameters()
+        self.limits = limits or EndpointLimits()
 
     def complete(self, request: ChatRequest) -> ChatReply:
         """See ChatEndpoint; logs seconds, tokens and dollars."""
         body, started = self._body(request), time.monotonic()
         try:
-            completion = ask_again(lambda: self._completion(body), self.parameters, self._warn)
+            completion = ask_again(lambda: self._completion(body), self.limits, self._warn)
         except NoAnswerError as error:
             raise EndpointUnreachableError(f"{self._name} {error}") from error
         reply = completion.reply(self._usage(completion, time.monotonic() - started))
@@ -125,8 +125,8 @@ class HttpEndpoint(ChatEndpoint):
                 "type": "json_schema",
                 "json_schema": {"name": "answer", "strict": True, "schema": request.schema},
             },
-            "temperature": self.parameters.temperature,
-            "max_tokens": self.parameters.max_tokens,
+            "temperature": self.limits.temperature,
+            "max_tokens": self.limits.max_tokens,
         }
 
     def _usage(self, completion: Completion, seconds: float) -> Usage:
@@ -154,7 +154,7 @@ class HttpEndpoint(ChatEndpoint):
         headers = {**_HEADERS, **address.key.headers()}
         try:
             # A proxy of the environment is the way out of the building, not to this machine.
-            return post_json(url, body, self.parameters, headers, through_proxy=not address.is_local)
+            return post_json(url, body, self.limits, headers, through_proxy=not address.is_local)
         except TryAgainError as error:
             raise TryAgainError(address.key.removed_from(str(error)), error.wait) from None
         except AnswerRefusedError as error:

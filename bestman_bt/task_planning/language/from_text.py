@@ -11,12 +11,11 @@ from bestman_bt.task_planning.language.endpoint import EndpointAddress, HttpEndp
 from bestman_bt.task_planning.language.goals import GoalReader
 from bestman_bt.task_planning.language.planner import (
     LanguagePlanner,
-    LanguagePlannerParameters,
     PlanCheck,
     Proposal,
 )
 from bestman_bt.task_planning.language.transcripts import RecordingEndpoint, ReplayEndpoint, open_transcript
-from bestman_bt.task_planning.limits import plan_within
+from bestman_bt.task_planning.limits import PlanLimits, plan_within
 from bestman_bt.task_planning.planners import made_planner, planner_class
 from bestman_bt.task_planning.symbolic import PlanningError, Problem
 
@@ -25,8 +24,9 @@ def plan_from_text(
     text: str,
     problem: Problem,
     planner: str = "language",
-    parameters: LanguagePlannerParameters | None = None,
     *,
+    tries: int = 4,
+    limits: PlanLimits | None = None,
     record: Path | None = None,
     replay: Path | None = None,
     further: PlanCheck | None = None,
@@ -34,14 +34,14 @@ def plan_from_text(
     """A plan for what ``text`` asks for, in the state of ``problem``; empty: for the problem's own goal.
 
     ``planner``: ``language`` asks the model for the steps; any other name of the registry plans for the goal that the
-    model reads from the text, within the same limits. ``record``, ``replay``: a transcript to write, or to take the
-    answers from instead of an endpoint. ``further``: see LanguagePlanner. Raises LanguageError, or what the planner
+    model reads from the text. ``tries``, ``limits``, ``further``: see LanguagePlanner. ``record``, ``replay``: a
+    transcript to write, or to take the answers from instead of an endpoint. Raises LanguageError, or what the planner
     raises; UnknownNameError for a planner that there is not.
     """
     made = planner_class(planner)
     if text:
         problem = replace(problem, instruction=text, goal=())
-    parameters = parameters or LanguagePlannerParameters()
+    limits = limits or PlanLimits()
     with ExitStack() as files:
         endpoint: ChatEndpoint
         if replay is not None:
@@ -51,9 +51,9 @@ def plan_from_text(
         if record is not None:
             endpoint = RecordingEndpoint(endpoint, files.enter_context(open_transcript(record)))
         if issubclass(made, LanguagePlanner):
-            return made(parameters, endpoint, further).propose(problem)
-        meant, usage = GoalReader(parameters, endpoint).read(problem)
-    plan = plan_within(made_planner(planner), meant, parameters.limits)
+            return made(tries=tries, limits=limits, endpoint=endpoint, further=further).propose(problem)
+        meant, usage = GoalReader(tries, limits, endpoint).read(problem)
+    plan = plan_within(made_planner(planner), meant, limits)
     faults = further(meant, plan) if further is not None else ()
     if faults:
         raise PlanningError("; ".join(faults))

@@ -21,14 +21,6 @@ PlanCheck = Callable[[Problem, TaskPlan], Sequence[str]]
 
 
 @dataclass(frozen=True)
-class LanguagePlannerParameters:
-    """``tries``: questions until an answer has no fault. ``limits``: what the user allows."""
-
-    tries: int = 4
-    limits: PlanLimits = field(default_factory=PlanLimits)
-
-
-@dataclass(frozen=True)
 class Proposal:
     """What came out: the problem with the goal as it was understood, a plan for it that was checked, and its price."""
 
@@ -37,22 +29,20 @@ class Proposal:
     usage: Usage
 
 
+@dataclass(frozen=True)
 class LanguagePlanner(TaskPlanner):
     """Asks for the steps (as SayCan and ProgPrompt do), checks each answer and tells the model what is wrong with it.
 
     ``endpoint``: None asks that of the environment, once a plan is wanted. ``further``: what else has to be true of a
     plan, for example of its tree on this robot; its words go back to the model as well.
+
+    ``tries``: questions until an answer has no fault. ``limits``: what the user allows.
     """
 
-    def __init__(
-        self,
-        parameters: LanguagePlannerParameters | None = None,
-        endpoint: ChatEndpoint | None = None,
-        further: PlanCheck | None = None,
-    ) -> None:
-        self.parameters = parameters or LanguagePlannerParameters()
-        self._endpoint = endpoint
-        self._further = further
+    tries: int = 4
+    limits: PlanLimits = field(default_factory=PlanLimits)
+    endpoint: ChatEndpoint | None = None
+    further: PlanCheck | None = None
 
     def plan(self, problem: Problem) -> TaskPlan:
         """As ``TaskPlanner.plan``, for the goal, or for the instruction where there is none; LanguageError beside."""
@@ -62,9 +52,9 @@ class LanguagePlanner(TaskPlanner):
         """The plan with the goal that it reaches. Raises LanguageError where no valid answer comes, GoalError where the
         limits name what there is not.
         """
-        p, further = self.parameters, self._further
+        further = self.further
         names = PlainNames.of(problem.objects)
-        told, limits = names.renamed(problem), p.limits.resolved(problem).renamed(names.told)
+        told, limits = names.renamed(problem), self.limits.resolved(problem).renamed(names.told)
         model = plan_answer(told, limits)
 
         def check(answer: PlanAnswer) -> tuple[Problem, TaskPlan]:
@@ -79,6 +69,6 @@ class LanguagePlanner(TaskPlanner):
             return meant, plan
 
         request = ChatRequest(plan_messages(told, limits), json_schema(model))
-        endpoint = self._endpoint or HttpEndpoint(EndpointAddress.from_environment())
-        (meant, plan), usage = ask_until_valid(endpoint, request, model, check, p.tries)
+        endpoint = self.endpoint or HttpEndpoint(EndpointAddress.from_environment())
+        (meant, plan), usage = ask_until_valid(endpoint, request, model, check, self.tries)
         return Proposal(meant, plan, usage)

@@ -11,7 +11,7 @@ from bestman_bt.task_planning.symbolic.facts import (
 )
 from bestman_bt.task_planning.symbolic.grounding import ground, reachable_actions
 from bestman_bt.task_planning.symbolic.pddl_reading import PddlError, read_pddl
-from bestman_bt.task_planning.symbolic.planner import SymbolicPlanner, SymbolicPlannerParameters
+from bestman_bt.task_planning.symbolic.planner import SymbolicPlanner
 from bestman_bt.task_planning.symbolic.problem import (
     Action,
     Condition,
@@ -39,7 +39,6 @@ __all__ = [
     "PlanningError",
     "Problem",
     "SymbolicPlanner",
-    "SymbolicPlannerParameters",
     "TaskPlan",
     "Unsolvable",
     "goal_as_facts",

@@ -19,21 +19,16 @@ class PlannerMissingError(PlanningError, MissingExtraError):
 
 
 @dataclass(frozen=True)
-class FastDownwardPlannerParameters:
-    """``engine``: of unified-planning: ``fast-downward`` finds a plan, ``fast-downward-opt`` the cheapest one.
+class FastDownwardPlanner(TaskPlanner):
+    """Plans with an engine of unified-planning; extra ``planning``.
+
+    ``engine``: of unified-planning: ``fast-downward`` finds a plan, ``fast-downward-opt`` the cheapest one.
 
     ``timeout``: seconds after which it is given up; what is found before does not depend on it.
     """
 
     engine: str = "fast-downward"
     timeout: float = 60.0
-
-
-class FastDownwardPlanner(TaskPlanner):
-    """Plans with an engine of unified-planning; extra ``planning``."""
-
-    def __init__(self, parameters: FastDownwardPlannerParameters | None = None) -> None:
-        self.parameters = parameters or FastDownwardPlannerParameters()
 
     def plan(self, problem: Problem) -> TaskPlan:
         """As ``TaskPlanner.plan``; PlannerMissingError names the extra."""
@@ -45,13 +40,13 @@ class FastDownwardPlanner(TaskPlanner):
         planning = unified_planning(engine="up_fast_downward")
         text = PddlText(problem)
         stated = planning.io.PDDLReader().parse_problem_string(text.domain(), text.problem())
-        with planning.shortcuts.OneshotPlanner(name=self.parameters.engine) as engine:
-            result = engine.solve(stated, timeout=self.parameters.timeout)
+        with planning.shortcuts.OneshotPlanner(name=self.engine) as engine:
+            result = engine.solve(stated, timeout=self.timeout)
         if result.plan is None:
             if "UNSOLVABLE" in result.status.name:
                 unmet = problem.unmet_in(problem.state)
                 raise Unsolvable(f"no plan leads to {' and '.join(map(str, unmet))}", unmet)
-            raise PlanningError(f"{self.parameters.engine} found no plan: {result.status.name.lower()}")
+            raise PlanningError(f"{self.engine} found no plan: {result.status.name.lower()}")
         steps = (text.action(step.action.name, map(str, step.actual_parameters)) for step in result.plan.actions)
         return TaskPlan(tuple(instantiate(problem, operator, arguments) for operator, arguments in steps))
 

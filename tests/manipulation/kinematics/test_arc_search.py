@@ -208,7 +208,8 @@ def test_stands_out_of_reach_of_a_station_promise_nothing():
 
 
 def rank(candidates, alternatives, search=None, **options):
-    return (search or StandSearch()).rank(candidates, alternatives, SLIDES, LIMITS, HOME, np.random.default_rng(0), **options)
+    search, rng = search or StandSearch(), np.random.default_rng(0)
+    return search.rank(candidates, alternatives, SLIDES, LIMITS, HOME, rng, **options)
 
 
 def test_an_alternative_is_as_comfortable_as_its_least_comfortable_pose():

@@ -9,16 +9,15 @@ import pytest
 
 from bestman_bt.manipulation.kinematics import DampedLeastSquares
 from bestman_bt.manipulation.policy import (
-    BehaviourCloningParameters,
+    BehaviourCloning,
     ClonedPolicy,
     Demonstration,
     ReachingExpert,
-    clone,
 )
 from bestman_bt.robot_model import ArmModel, RobotModel
 
-BRIEF = BehaviourCloningParameters(hidden=(16,), steps=50)
-SHORT = BehaviourCloningParameters(hidden=(96, 96), steps=2500, batch=128, rate=4e-3)
+BRIEF = BehaviourCloning(hidden=(16,), steps=50)
+SHORT = BehaviourCloning(hidden=(96, 96), steps=2500, batch=128, rate=4e-3)
 
 
 @pytest.fixture(scope="session")
@@ -42,7 +41,7 @@ def few_demonstrations(expert: ReachingExpert) -> list[Demonstration]:
 @pytest.fixture(scope="session")
 def briefly_cloned(expert: ReachingExpert, few_demonstrations: list[Demonstration]) -> ClonedPolicy:
     """It has learned next to nothing: for tests of files and of what goes in and out."""
-    return clone(few_demonstrations, expert.specification("diff_panda"), BRIEF)
+    return BRIEF.train(few_demonstrations, expert.specification("diff_panda"))
 
 
 @pytest.fixture(scope="session")
@@ -54,7 +53,7 @@ def briefly_trained(briefly_cloned: ClonedPolicy, tmp_path_factory: pytest.TempP
 
 @pytest.fixture(scope="session")
 def cloned(expert: ReachingExpert, demonstrations: list[Demonstration]) -> ClonedPolicy:
-    return clone(demonstrations, expert.specification("diff_panda"), SHORT)
+    return SHORT.train(demonstrations, expert.specification("diff_panda"))
 
 
 @pytest.fixture(scope="session")

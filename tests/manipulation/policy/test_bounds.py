@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 import pytest
 
@@ -11,7 +9,6 @@ from bestman_bt.manipulation.policy import (
     ActionChunk,
     ActionSpace,
     ChunkStream,
-    ChunkStreamParameters,
     Observation,
     Policy,
     PolicyActionError,
@@ -184,7 +181,6 @@ def test_features_are_what_their_names_say() -> None:
 JOINTS = joint_group_model(
     ("a", "b"), lower=(-1.0, -0.5), upper=(1.0, 0.5), velocity=(1.0, 2.0), acceleration=(4.0, 8.0)
 )
-STREAM = ChunkStreamParameters(speed=SpeedScale(0.5, 0.5))
 DT = 0.1
 
 
@@ -194,7 +190,7 @@ def going(start: list[float], step: list[float], count: int = 10) -> np.ndarray:
 
 @pytest.fixture
 def stream() -> ChunkStream:
-    return ChunkStream(JOINTS, STREAM)
+    return ChunkStream(JOINTS, speed=SpeedScale(0.5, 0.5))
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
@@ -273,14 +269,6 @@ def test_the_older_chunk_counts_until_it_was_over_or_the_blend_is(stream: ChunkS
     assert after[1] == pytest.approx(0.1, abs=2e-3)
     early = spliced.state(1.7).positions
     assert 0.0 < early[1] < 0.03
-
-
-@pytest.mark.parametrize(
-    "make", [lambda: ChunkStreamParameters(blend=0.0), lambda: ChunkStreamParameters(jerk_time=-1)]
-)
-def test_parameters_of_a_stream_are_above_nothing(make: Callable[[], object]) -> None:
-    with pytest.raises(ValueError, match="should be above 0"):
-        make()
 
 
 class Pushing(Policy):

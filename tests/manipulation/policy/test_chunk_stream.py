@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from bestman_bt.manipulation.policy import (
     ChunkStream,
-    ChunkStreamParameters,
     PolicyActionError,
     ReachingExpert,
     StaleChunkError,
@@ -98,7 +97,7 @@ def test_chunks_that_disagree_leave_no_jumps(expert: ReachingExpert, line: NDArr
 
 def test_between_two_chunks_the_older_ones_weight_falls_from_one_to_nothing(expert: ReachingExpert) -> None:
     aside = 0.05 * np.ones(7)
-    stream = ChunkStream(expert.arm, ChunkStreamParameters(blend=0.3))
+    stream = ChunkStream(expert.arm, blend=0.3)
     still = np.tile(expert.home, (HORIZON + 1, 1))
     slow = still + 0.01 * np.arange(HORIZON + 1)[:, None] * np.ones(7)
     stream.accept(stream.splice(slow, DT, 0.0, 0.0), 0.0)

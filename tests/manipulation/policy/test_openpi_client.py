@@ -17,7 +17,6 @@ from bestman_bt.manipulation.policy import (
     ActionSpace,
     Observation,
     OpenpiPolicy,
-    OpenpiPolicyParameters,
     PolicyActionError,
     PolicyError,
     PolicyModelError,
@@ -31,7 +30,7 @@ from bestman_bt.manipulation.policy.openpi_client import resize_with_pad
 from bestman_bt.messages import Pose
 
 JOINTS = tuple(f"panda_joint{i}" for i in range(1, 8))
-PARAMETERS = OpenpiPolicyParameters(
+SERVER = OpenpiPolicy(
     joint_names=JOINTS,
     prompt="reach the red cup",
     connect_timeout=5.0,
@@ -46,15 +45,15 @@ def observation() -> Observation:
 
 
 @pytest.fixture
-def serve() -> Iterator[Callable[[str], OpenpiPolicyParameters]]:
+def serve() -> Iterator[Callable[[str], OpenpiPolicy]]:
     servers: list[subprocess.Popen[str]] = []
 
-    def start(mode: str) -> OpenpiPolicyParameters:
+    def start(mode: str) -> OpenpiPolicy:
         command = [sys.executable, str(Path(__file__).with_name("openpi_server.py")), mode]
         server = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
         servers.append(server)
         assert server.stdout is not None
-        return replace(PARAMETERS, url=f"ws://127.0.0.1:{int(server.stdout.readline())}")
+        return replace(SERVER, url=f"ws://127.0.0.1:{int(server.stdout.readline())}")
 
     yield start
     for server in servers:
@@ -62,8 +61,8 @@ def serve() -> Iterator[Callable[[str], OpenpiPolicyParameters]]:
         server.communicate()
 
 
-def test_an_observation_goes_out_and_actions_come_back(serve: Callable[[str], OpenpiPolicyParameters]) -> None:
-    policy = OpenpiPolicy(serve("good"))
+def test_an_observation_goes_out_and_actions_come_back(serve: Callable[[str], OpenpiPolicy]) -> None:
+    policy = serve("good")
     assert policy.metadata() == {"model": "tiny", "mode": "good"}
     policy.reset()
     chunk = policy.act(observation())
@@ -76,9 +75,9 @@ def test_an_observation_goes_out_and_actions_come_back(serve: Callable[[str], Op
     np.testing.assert_allclose(chunk.gripper_widths, 0.06, atol=1e-6)
 
 
-def test_widths_go_out_and_come_back_between_closed_and_open(serve: Callable[[str], OpenpiPolicyParameters]) -> None:
+def test_widths_go_out_and_come_back_between_closed_and_open(serve: Callable[[str], OpenpiPolicy]) -> None:
     """A hand that is open a little farther than it should be, or closed a little more, is open or closed."""
-    policy = OpenpiPolicy(serve("good"))
+    policy = serve("good")
     for width, told in ((0.1, 0.08), (-0.01, 0.0), (0.02, 0.02)):
         chunk = policy.act(replace(observation(), gripper_width=width))
         np.testing.assert_allclose(chunk.gripper_widths, told, atol=1e-6)
@@ -108,15 +107,15 @@ def test_arrays_that_are_no_numbers_are_neither_sent_nor_accepted(dtype: str) ->
     np.testing.assert_array_equal(unpack(pack({"a": numbers}))["a"], numbers)
 
 
-def test_pictures_go_out_as_large_as_the_server_wants_them(serve: Callable[[str], OpenpiPolicyParameters]) -> None:
-    policy = OpenpiPolicy(serve("good"))
+def test_pictures_go_out_as_large_as_the_server_wants_them(serve: Callable[[str], OpenpiPolicy]) -> None:
+    policy = serve("good")
     answer = policy._ask(pack(policy._question(observation())))
     policy.close()
     assert answer["state"] == {"image_shape": [224, 224, 3], "brightest": 90, "prompt": "reach the red cup"}
 
 
-def test_a_lost_connection_is_made_anew(serve: Callable[[str], OpenpiPolicyParameters]) -> None:
-    policy = OpenpiPolicy(serve("one_each"))
+def test_a_lost_connection_is_made_anew(serve: Callable[[str], OpenpiPolicy]) -> None:
+    policy = serve("one_each")
     chunks = [policy.act(observation()) for _ in range(3)]
     policy.close()
     assert all(np.array_equal(chunk.actions, chunks[0].actions) for chunk in chunks)
@@ -134,16 +133,16 @@ def test_a_lost_connection_is_made_anew(serve: Callable[[str], OpenpiPolicyParam
     ],
 )
 def test_an_answer_that_cannot_be_used_is_an_error_of_its_type(
-    serve: Callable[[str], OpenpiPolicyParameters], mode: str, error: type[PolicyError], told: str
+    serve: Callable[[str], OpenpiPolicy], mode: str, error: type[PolicyError], told: str
 ) -> None:
-    policy = OpenpiPolicy(serve(mode))
+    policy = serve(mode)
     with pytest.raises(error, match=told):
         policy.act(observation())
     policy.close()
 
 
-def test_a_server_that_is_late_is_given_up_within_the_timeout(serve: Callable[[str], OpenpiPolicyParameters]) -> None:
-    policy = OpenpiPolicy(replace(serve("silent"), timeout=0.3, retries=1))
+def test_a_server_that_is_late_is_given_up_within_the_timeout(serve: Callable[[str], OpenpiPolicy]) -> None:
+    policy = replace(serve("silent"), timeout=0.3, retries=1)
     started = time.monotonic()
     with pytest.raises(PolicyUnreachableError, match=r"in 2 tries; the last: no answer within 0\.3 s"):
         policy.act(observation())
@@ -153,11 +152,11 @@ def test_a_server_that_is_late_is_given_up_within_the_timeout(serve: Callable[[s
 @pytest.mark.parametrize("url", ["ws://127.0.0.1:9", "no address"])
 def test_where_there_is_no_server_that_is_said(url: str) -> None:
     with pytest.raises(PolicyUnreachableError, match=url):
-        OpenpiPolicy(replace(PARAMETERS, url=url)).act(observation())
+        replace(SERVER, url=url).act(observation())
 
 
 def test_a_camera_or_width_that_is_missing_is_refused_before_anything_is_sent() -> None:
-    policy = OpenpiPolicy(replace(PARAMETERS, url="ws://127.0.0.1:9"))
+    policy = replace(SERVER, url="ws://127.0.0.1:9")
     with pytest.raises(PolicyObservationError, match="camera 'head'"):
         policy.act(Observation(np.zeros(7), Pose(), gripper_width=0.06))
     with pytest.raises(PolicyObservationError, match="gripper's width"):

@@ -86,7 +86,7 @@ def test_it_lifts_only_what_it_grips(picker: PickingExpert) -> None:
 
 def test_a_demonstration_holds_what_was_seen_and_the_chunks_that_followed(picker: PickingExpert) -> None:
     demonstration = picker.demonstrate(np.random.default_rng(3))
-    count, horizon = len(demonstration.observations), picker.parameters.horizon
+    count, horizon = len(demonstration.observations), picker.horizon
     assert demonstration.chunks.shape == (count, horizon, 8)
     assert set(np.unique(demonstration.chunks[:, :, 7])) <= {-1.0, 1.0}
     again = picker.demonstrate(np.random.default_rng(3))

@@ -12,17 +12,15 @@ import pytest
 
 from bestman_bt.manipulation.policy import (
     ActionChunk,
-    BehaviourCloningParameters,
+    BehaviourCloning,
     ClonedPolicy,
     Demonstration,
     Observation,
     OnnxPolicy,
-    OnnxPolicyParameters,
     PolicyActionError,
     PolicyModelError,
     PolicyObservationError,
     ReachingExpert,
-    clone,
     load_policy,
     pose_vector,
     roll_out,
@@ -55,10 +53,10 @@ def test_told_a_wrong_goal_the_policy_does_not_reach_the_right_one(trained: Path
 def test_the_same_seed_trains_the_same_weights_and_another_seed_others(
     expert: ReachingExpert, few_demonstrations: list[Demonstration]
 ) -> None:
-    parameters = BehaviourCloningParameters(hidden=(16,), steps=50)
+    parameters = BehaviourCloning(hidden=(16,), steps=50)
     specification = expert.specification("diff_panda")
     first, again, other = (
-        clone(few_demonstrations, specification, replace(parameters, seed=seed)).layers[0][0] for seed in (3, 3, 4)
+        replace(parameters, seed=seed).train(few_demonstrations, specification).layers[0][0] for seed in (3, 3, 4)
     )
     np.testing.assert_array_equal(first, again)
     assert not np.array_equal(first, other)
@@ -122,7 +120,7 @@ def test_a_description_of_another_shape_than_the_network_is_refused(copy: Path, 
 
 def test_files_that_are_missing_or_something_else_are_refused(copy: Path, seen: Observation, tmp_path: Path) -> None:
     with pytest.raises(PolicyModelError, match="no ONNX file"):
-        OnnxPolicy(OnnxPolicyParameters(str(tmp_path / "absent.onnx"))).act(seen)
+        OnnxPolicy(str(tmp_path / "absent.onnx")).act(seen)
     copy.write_bytes(b"no network")
     with pytest.raises(PolicyModelError, match="no ONNX model"):
         load_policy(copy).act(seen)

@@ -14,11 +14,8 @@ from bestman_bt.engine import FAILURE, RUNNING, SUCCESS, NodeRegistry
 from bestman_bt.runtime.plugins import node_registry
 from bestman_bt.task_planning.builders import (
     BackchainBuilder,
-    BackchainBuilderParameters,
     ReactiveBuilder,
-    ReactiveBuilderParameters,
     SequenceBuilder,
-    SequenceBuilderParameters,
     TreeBuilder,
     kernels,
     staircase,
@@ -345,9 +342,8 @@ def test_the_order_matters_where_one_changes_what_the_other_changes_or_needs_or_
 def test_a_plan_goes_one_by_one_where_nothing_may_go_side_by_side() -> None:
     plan = ("TuckArm()", "GoTo(table)")
     for parallel, begun in product((True, False), (ReactiveBuilder, SequenceBuilder)):
-        parameters = {ReactiveBuilder: ReactiveBuilderParameters, SequenceBuilder: SequenceBuilderParameters}[begun]
         problem = kitchen("tucked and near(table)")
-        xml = begun(parameters(parallel=parallel)).build(plan_of(problem, *plan), problem.goal).document().to_xml()
+        xml = begun(parallel=parallel).build(plan_of(problem, *plan), problem.goal).document().to_xml()
         assert ("<Parallel" in xml) is parallel
         assert ('success_count="-1" failure_count="1"' in xml) is parallel
         world = SymbolicWorld(problem)
@@ -359,14 +355,14 @@ def test_builders_take_their_own_numbers_of_attempts() -> None:
     problem = kitchen(FETCH_GOAL)
     plan = plan_of(problem, *FETCH)
     for builder in (
-        ReactiveBuilder(ReactiveBuilderParameters(attempts=7, rounds=2)),
-        BackchainBuilder(BackchainBuilderParameters(attempts=7)),
+        ReactiveBuilder(attempts=7, rounds=2),
+        BackchainBuilder(attempts=7),
     ):
         xml = builder.build(plan, problem.goal).document().to_xml()
         assert 'name="attempts" num_attempts="7"' in xml
     assert (
         'name="round_by_round" num_attempts="8"'
-        in ReactiveBuilder(ReactiveBuilderParameters(rounds=2)).build(plan, problem.goal).document().to_xml()
+        in ReactiveBuilder(rounds=2).build(plan, problem.goal).document().to_xml()
     )
 
 

@@ -12,7 +12,7 @@ import pytest
 
 from bestman_bt.task_planning.language.api_key import ApiKey
 from bestman_bt.task_planning.language.chat import ChatRequest, Message
-from bestman_bt.task_planning.language.endpoint import EndpointAddress, EndpointParameters, HttpEndpoint
+from bestman_bt.task_planning.language.endpoint import EndpointAddress, EndpointLimits, HttpEndpoint
 from bestman_bt.task_planning.language.errors import (
     EndpointNotSetError,
     EndpointReplyError,
@@ -39,7 +39,7 @@ QUESTION = ChatRequest((Message("system", "be good"), Message("user", "hello")),
 def endpoint(server: Server, key: str = KEY, **changed: object) -> HttpEndpoint:
     settings = {"timeout": 10.0, "retries": 2, "backoff": 0.01, **changed}
     address = EndpointAddress(server.base_url, "small", ApiKey(key), (3.0, 2.0))
-    return HttpEndpoint(address, EndpointParameters(**settings))
+    return HttpEndpoint(address, EndpointLimits(**settings))
 
 
 def test_only_the_documented_fields_are_sent() -> None:

@@ -9,7 +9,6 @@ import pytest
 from bestman_bt.registry import PLANNERS, UnknownNameError
 from bestman_bt.task_planning.language import (
     EndpointNotSetError,
-    LanguagePlannerParameters,
     NoValidAnswerError,
     RefusedError,
     plan_from_text,
@@ -25,10 +24,6 @@ PLAN = "OpenContainer(drawer)\nPickUp(mug, drawer/board)\nPutDown(mug, table)"
 
 def reads(goal: list[str], refusal: str | None = None) -> Way:
     return says({"refusal": refusal, "goal": goal})
-
-
-def limited(**limits: object) -> LanguagePlannerParameters:
-    return LanguagePlannerParameters(limits=PlanLimits(**limits))
 
 
 @pytest.fixture
@@ -86,10 +81,12 @@ def test_limits_hold_for_the_symbolic_planners_steps(ask: Callable[[Server], Non
     with serving(reads(GOAL)) as server:
         ask(server)
         with pytest.raises(Unsolvable):
-            plan_from_text(INSTRUCTION, kitchen(), "symbolic", limited(forbidden=frozenset({"drawer"})))
+            plan_from_text(INSTRUCTION, kitchen(), "symbolic", limits=PlanLimits(forbidden=frozenset({"drawer"})))
         with pytest.raises(LimitsExceededError, match="3 steps; at most 2 are allowed"):
-            plan_from_text(INSTRUCTION, kitchen(), "symbolic", limited(max_actions=2))
-        proposal = plan_from_text(INSTRUCTION, kitchen(), "symbolic", limited(forbidden=frozenset({"fridge"})))
+            plan_from_text(INSTRUCTION, kitchen(), "symbolic", limits=PlanLimits(max_actions=2))
+        proposal = plan_from_text(
+            INSTRUCTION, kitchen(), "symbolic", limits=PlanLimits(forbidden=frozenset({"fridge"}))
+        )
     assert str(proposal.plan) == PLAN
     assert all("allowed" not in str(need) for action in proposal.plan.actions for need in action.pre)
 

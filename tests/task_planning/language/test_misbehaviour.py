@@ -5,14 +5,14 @@ from dataclasses import replace
 
 import pytest
 
-from bestman_bt.task_planning.language.endpoint import EndpointAddress, EndpointParameters, HttpEndpoint
+from bestman_bt.task_planning.language.endpoint import EndpointAddress, EndpointLimits, HttpEndpoint
 from bestman_bt.task_planning.language.errors import (
     EndpointUnreachableError,
     LanguageError,
     NoValidAnswerError,
     RefusedError,
 )
-from bestman_bt.task_planning.language.planner import LanguagePlanner, LanguagePlannerParameters, Proposal
+from bestman_bt.task_planning.language.planner import LanguagePlanner, Proposal
 from bestman_bt.task_planning.symbolic import PlanningError, parse_literals
 from tests.answering_server import Server, Way, breaks_off, sleeps
 from tests.task_planning.language.kitchen_problem import FETCH, RIGHT, answer, kitchen, step
@@ -79,9 +79,9 @@ SERVERS: dict[str, tuple[Way, str]] = {
 
 
 def planner(server: Server, tries: int = 3, timeout: float = 10.0) -> LanguagePlanner:
-    parameters = EndpointParameters(timeout=timeout, retries=1, backoff=0.01)
+    parameters = EndpointLimits(timeout=timeout, retries=1, backoff=0.01)
     endpoint = HttpEndpoint(EndpointAddress(server.base_url, "small"), parameters)
-    return LanguagePlanner(LanguagePlannerParameters(tries), endpoint)
+    return LanguagePlanner(tries, endpoint=endpoint)
 
 
 def assert_right(proposal: Proposal) -> None:
@@ -184,10 +184,7 @@ def test_an_answer_in_a_code_fence_is_read() -> None:
 
 def test_what_further_checks_say_goes_back_to_the_model() -> None:
     with serving(says(RIGHT)) as server:
-        asked = planner(server, tries=2)
-        one_armed = LanguagePlanner(
-            asked.parameters, asked._endpoint, lambda problem, plan: ["no arm reaches the drawer"]
-        )
+        one_armed = replace(planner(server, tries=2), further=lambda problem, plan: ["no arm reaches the drawer"])
         with pytest.raises(NoValidAnswerError, match="no arm reaches the drawer"):
             one_armed.propose(kitchen())
         assert "no arm reaches the drawer" in server.questions[1]["messages"][-1]["content"]

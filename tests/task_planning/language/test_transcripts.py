@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 
 from bestman_bt.task_planning.language.api_key import ApiKey
-from bestman_bt.task_planning.language.endpoint import EndpointAddress, EndpointParameters, HttpEndpoint
+from bestman_bt.task_planning.language.endpoint import EndpointAddress, EndpointLimits, HttpEndpoint
 from bestman_bt.task_planning.language.errors import EndpointReplyError, TranscriptError
-from bestman_bt.task_planning.language.planner import LanguagePlanner, LanguagePlannerParameters
+from bestman_bt.task_planning.language.planner import LanguagePlanner
 from bestman_bt.task_planning.language.transcripts import RecordingEndpoint, ReplayEndpoint, open_transcript
 from tests.answering_server import Way
 from tests.task_planning.language.kitchen_problem import RIGHT, kitchen
@@ -20,14 +20,14 @@ KEY = "sk-very-secret-0123456789"
 
 def record(path: Path, *ways: Way) -> str:
     """Plan at a server with these ways; returns the plan."""
-    parameters = EndpointParameters(timeout=20.0, retries=1, backoff=0.01)
+    parameters = EndpointLimits(timeout=20.0, retries=1, backoff=0.01)
     with serving(*ways) as server, path.open("w") as file:
         endpoint = HttpEndpoint(EndpointAddress(server.base_url, "small", ApiKey(KEY)), parameters)
         return str(LanguagePlanner(endpoint=RecordingEndpoint(endpoint, file)).plan(kitchen()))
 
 
 def replayed(path: Path, tries: int = 4) -> LanguagePlanner:
-    return LanguagePlanner(LanguagePlannerParameters(tries), ReplayEndpoint(path))
+    return LanguagePlanner(tries, endpoint=ReplayEndpoint(path))
 
 
 def test_a_recorded_conversation_gives_the_same_plan_without_a_server(tmp_path: Path) -> None:

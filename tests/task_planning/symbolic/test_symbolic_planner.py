@@ -16,7 +16,6 @@ from bestman_bt.task_planning.symbolic import (
     PlanningError,
     Problem,
     SymbolicPlanner,
-    SymbolicPlannerParameters,
     Unsolvable,
     instantiate,
     parse_conditions,
@@ -68,7 +67,7 @@ def kitchen(goal, state="on(mug, drawer); on(cup, table); hand_empty", operators
 
 
 def planned(problem, **parameters):
-    plan = SymbolicPlanner(SymbolicPlannerParameters(**parameters)).plan(problem)
+    plan = SymbolicPlanner(**parameters).plan(problem)
     state = problem.state
     for action in plan.actions:
         assert action.broken_in(state) == ()
@@ -241,7 +240,7 @@ def cheapest(problem):
 @given(small_problems())
 def test_what_is_planned_works_and_is_the_cheapest_after_enough_improvement(problem):
     best = cheapest(problem)
-    patient = SymbolicPlanner(SymbolicPlannerParameters(weights=(1.0,) * 20))
+    patient = SymbolicPlanner(weights=(1.0,) * 20)
     if best == math.inf:
         with pytest.raises(Unsolvable):
             patient.plan(problem)
