@@ -46,6 +46,25 @@ def faults(*settings: str) -> list[str]:
             ["local_planning.min_lookahead=0.5"],
             "local_planning.min_lookahead: min_lookahead (0.5) should not be larger than max_lookahead (0.4)",
         ),
+        (
+            ["motion_planning.max_iterations=0"],
+            "motion_planning.max_iterations: should be greater than or equal to 1, got 0",
+        ),
+        (["motion_planning.wall_limit=0"], "motion_planning.wall_limit: should be greater than 0, got 0"),
+        (
+            ["motion_planning.algorithm=portfolio", "motion_planning.take=luck"],
+            "motion_planning.take: should be 'first' or 'best', got 'luck'",
+        ),
+        (
+            ["motion_planning.algorithm=portfolio", "motion_planning.planners=[path_cache]"],
+            "motion_planning.planners[0]: should be one of",
+        ),
+        (
+            ["motion_planning.algorithm=path_cache", "motion_planning.planner={attempts: 0}"],
+            "motion_planning.planner.attempts: should be greater than or equal to 1, got 0",
+        ),
+        (["kinematics.attempts=0"], "kinematics.attempts: should be greater than or equal to 1, got 0"),
+        (["trajectory.rate=0"], "trajectory.rate: should be greater than 0, got 0"),
         (["local_planning.algorithm=3"], "local_planning.algorithm: should be the name of an algorithm, got 3"),
         (
             ["global_planning.algorithm=astar"],
