@@ -56,8 +56,9 @@ def faults(*settings: str) -> list[str]:
             "motion_planning.take: should be 'first' or 'best', got 'luck'",
         ),
         (
-            ["motion_planning.algorithm=portfolio", "motion_planning.planners=[path_cache]"],
-            "motion_planning.planners[0]: should be one of",
+            ["motion_planning.algorithm=portfolio", "motion_planning.planners=[prm, path_cache]"],
+            "motion_planning.planners[1]: should be 'aorrtc', 'bit_star', 'kpiece', 'prm', 'rrt_connect' or "
+            "'rrt_star', got 'path_cache'",
         ),
         (
             ["motion_planning.algorithm=path_cache", "motion_planning.planner={attempts: 0}"],
