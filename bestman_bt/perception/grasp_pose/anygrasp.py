@@ -35,10 +35,10 @@ ROW = 17
 class AnyGraspAdapter(GraspPlanner):
     """Asks a network with the interface of AnyGrasp. Raises PerceptionError for targets without cloud or viewpoint.
 
-    ``network``: ``"module:factory"``; the factory takes no arguments and returns the loaded detector, an object with
-    ``get_grasp`` or a callable with its signature. It is loaded when first needed.
-    Metres. ``region``: around the target's points, in which grasps are asked for; ``on_target``: at most this far from
-    one of them must the middle between the finger tips be. ``max_tilt``: of the approach from straight down, radians.
+    Lengths in metres. ``network``: ``"module:factory"``; the factory takes no arguments and returns the loaded
+    detector, an object with ``get_grasp`` or a callable with its signature. It is loaded when first needed.
+    ``region``: around the target's points, in which grasps are asked for; ``on_target``: at most this far from one of
+    them must the middle between the finger tips be. ``max_tilt``: of the approach from straight down, radians.
     ``object_clearance``, ``surroundings_clearance``: of the open hand.
     """
 
