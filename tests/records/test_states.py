@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from bestman_bt.engine.logs import Transitions
 from bestman_bt.records.states import BYTES_A_NODE, HistoryLimits, NodeStates, StateHistory
 
 IDLE, RUNNING, SUCCESS, FAILURE = 0, 1, 2, 3
@@ -111,3 +112,23 @@ def test_nodes_that_come_later_are_idle_before() -> None:
     history.record(1.0, 1, [(3, SUCCESS)])
     assert list(history.at(0.5).nodes.states) == [0, RUNNING, IDLE, IDLE]
     assert list(history.at(1.0).nodes.states) == [0, RUNNING, IDLE, SUCCESS]
+
+
+def test_changes_that_are_taken_over_at_once_count_as_those_that_came_tick_by_tick() -> None:
+    random = np.random.default_rng(7)
+    times = np.repeat(np.arange(400) / 10, 5)
+    changes = Transitions(
+        times, random.integers(1, 9, 2000, np.uint32), random.choice([0, 1, 2, 3, 5], 2000).astype("u1")
+    )
+    one, other = StateHistory(HistoryLimits(chunk=64)), StateHistory()
+    one.now, other.now = NodeStates(8), NodeStates(8)
+    for tick in range(400):
+        mine = changes[5 * tick : 5 * tick + 5]
+        one.record(tick / 10, tick, list(zip(mine.uids.tolist(), mine.statuses.tolist(), strict=True)))
+    other.extend(changes, np.repeat(np.arange(400), 5))
+    for time in (0.05, 13.37, 39.9):
+        told, expected = other.at(time), one.at(time)
+        assert told.tick == expected.tick
+        for name, values in vars(expected.nodes).items():
+            np.testing.assert_allclose(getattr(told.nodes, name), values, err_msg=name)
+    assert other.changes() == one.changes()
