@@ -18,7 +18,7 @@ class SimulatedBattery(SimulatedSensor[BatteryReading], Battery):
     """Loses what idle electronics and motors draw in every step; nothing is won back from braking motors.
 
     A motor draws its mechanical power, by the drives' efficiency, and the heat of its windings, which grows with the
-    square of its torque. Current and voltage are those of the mean power since the reading before. ``line.fault``
+    square of its torque. Current and voltage are those of the mean power since the reading before. ``fault``
     makes it fail as a sensor.
     """
 

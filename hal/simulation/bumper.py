@@ -17,7 +17,7 @@ from hal.simulation.simulation import Simulation
 class SimulatedBumper(SimulatedSensor[BumperReading], Bumper):
     """A strip is pressed by ``threshold`` newtons in all, pushed inwards, at most ``height`` above the floor.
 
-    ``line.fault`` makes it fail.
+    ``fault`` makes it fail.
     """
 
     def __init__(self, name: str, model: MountedBumper, _: np.random.Generator | None = None) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from enum import Enum
 from functools import cached_property
 
 import cv2
@@ -14,59 +13,39 @@ from scipy import ndimage
 
 from bestman_bt.messages import CameraIntrinsics, Pose, RGBDImage
 from bestman_bt.robot_model import CameraPart
-from hal.api import Camera, NoDataError
+from hal.api import Camera
 from hal.simulation.bodies import SimulationError
 from hal.simulation.guards import Reader, ReadPurpose
-from hal.simulation.sensor_pipeline import SimulatedSensor
+from hal.simulation.sensor_pipeline import SensorFault, SimulatedSensor
 from hal.simulation.simulation import Simulation
 
 EDGE_CURVATURE = 0.03
 
 
-class CameraFault(Enum):
-    """How a camera can fail: no image at all, a black one, one without depth, or the last one again and again."""
-
-    SILENT = "silent"
-    BLACK = "black"
-    NO_DEPTH = "no_depth"
-    FROZEN = "frozen"
-
-
 class SimulatedCamera(SimulatedSensor[RGBDImage], Camera):
-    """Renders when asked, with a latency all the time; the true pose of its link is used for that alone.
-
-    ``fault``: set it to make the camera fail from now on, None to repair it.
-    """
+    """Renders when asked, with a latency all the time; the true pose of its link is used for that alone."""
 
     def __init__(self, name: str, model: CameraPart, rng: np.random.Generator) -> None:
         super().__init__(name, model.rate, model.latency, on_demand=True)
         self._model, self._rng = model, rng
         self.intrinsics, self.optical_frame = model.intrinsics, model.optical_frame
-        self._last: RGBDImage | None = None
-        self.fault: CameraFault | None = None
 
     def capture(self) -> RGBDImage:
         """Render colour and depth, and spoil the depth as the model says."""
-        if self.fault is CameraFault.SILENT:
-            raise NoDataError(f"{self.name} delivers no images")
-        if self.fault is CameraFault.FROZEN and self._last is not None:
-            return self._last
-        self._last = self.read()
-        return self._last
+        return self.read()
 
     def begin(self, simulation: Simulation) -> Callable[[], RGBDImage]:
         """Look into this simulation."""
         reader = simulation.reader(ReadPurpose.SENSOR)
-        self._last = None
         return lambda: self._film(simulation, reader)
 
     def _film(self, simulation: Simulation, reader: Reader) -> RGBDImage:
         model = self._model
         rgb, depth = self._seen(reader, simulation.link_pose(reader, model.optical_frame))
         noisy = spoil_depth(depth, model, self._rng)
-        if self.fault is CameraFault.BLACK:
+        if self.fault is SensorFault.BLACK:
             rgb = np.zeros_like(rgb)
-        if self.fault in (CameraFault.BLACK, CameraFault.NO_DEPTH):
+        if self.fault in (SensorFault.BLACK, SensorFault.NO_DEPTH):
             noisy = np.zeros_like(noisy)
         return RGBDImage(rgb, noisy, model.intrinsics, simulation.now)
 

@@ -23,26 +23,16 @@ class EncoderReading:
     speeds: Array
 
 
-class Encoders:
-    """The encoders of one part. ``line.fault`` makes them fail; drives go on, they have encoders of their own."""
+class Encoders(SensorPipeline[EncoderReading]):
+    """The encoders of one part. ``fault`` makes them fail; drives go on, they have encoders of their own."""
 
     def __init__(self, name: str, model: EncodersConfig, step_rate: float, rng: np.random.Generator) -> None:
+        super().__init__(f"{name} (encoders)", model.rate or step_rate, model.latency, on_demand=model.rate is None)
         self._model, self._rng = model, rng
-        rate, on_demand = model.rate or step_rate, model.rate is None
-        line_name = f"{name} (encoders)"
-        self.line: SensorPipeline[EncoderReading] = SensorPipeline(line_name, rate, model.latency, on_demand)
-
-    def read(self) -> EncoderReading:
-        """The latest reading; NotConnectedError, NoDataError."""
-        return self.line.read()
 
     def attach(self, simulation: Simulation, take: Callable[[], EncoderReading]) -> None:
         """``take``: what the joints do now, without noise."""
-        self.line.attach(simulation, lambda: self._measure(take()))
-
-    def detach(self) -> None:
-        """Let go."""
-        self.line.detach()
+        self.start(simulation, lambda: self._measure(take()))
 
     def _measure(self, true: EncoderReading) -> EncoderReading:
         model = self._model

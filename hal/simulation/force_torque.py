@@ -39,7 +39,7 @@ class SimulatedForceTorque(SimulatedSensor[Wrench], ForceTorque):
     The wrench is what the world does to all that hangs on the sensor, weight and inertia included, about the
     origin of ``frame`` and along its axes: a hand that hangs straight down pulls with +m g along z. Contact forces are
     those of the last physics step, inertia is the mean since the reading before. What pads resist twisting with
-    (spinning friction) is missing from the torque: Bullet does not tell it. ``line.fault`` makes it fail.
+    (spinning friction) is missing from the torque: Bullet does not tell it. ``fault`` makes it fail.
     """
 
     def __init__(self, name: str, model: MountedForceTorque, rng: np.random.Generator) -> None:
@@ -48,12 +48,12 @@ class SimulatedForceTorque(SimulatedSensor[Wrench], ForceTorque):
         self.frame = model.part.frame
         self._offset = rng.standard_normal(6) * np.repeat([model.part.offset_force, model.part.offset_torque], 3)
         self._masses: dict[int, float] = {}
-        self._latest: Wrench | None = None
+        self._measured: Wrench | None = None
         self._motion: _Motion | None = None
 
     def wrench(self) -> Wrench:
         """The latest wrench, with offset and noise."""
-        return self.line.read()
+        return self.read()
 
     def begin(self, simulation: Simulation) -> Callable[[], Wrench]:
         """Find what hangs on the sensor."""
@@ -62,19 +62,19 @@ class SimulatedForceTorque(SimulatedSensor[Wrench], ForceTorque):
         if missing or not self._mounted.joints:
             raise SimulationError(f"{self.name} carries nothing that has a shape ({', '.join(missing) or 'no joint'})")
         self._masses = {link: built.link_masses[link] for link in built.below(self._mounted.joints)}
-        self._latest = self._motion = None
+        self._measured = self._motion = None
         reader = simulation.reader(ReadPurpose.SENSOR)
         return lambda: self._measure(simulation, reader)
 
     def _measure(self, simulation: Simulation, reader: Reader) -> Wrench:
         model, now = self._model, simulation.now
-        if self._latest is None or self._reading(now) > self._reading(self._latest.stamp):
+        if self._measured is None or self._reading(now) > self._reading(self._measured.stamp):
             values = self._load(simulation, reader) + self._offset
             values += np.repeat([model.noise_force, model.noise_torque], 3) * self._rng.standard_normal(6)
             most = np.repeat([model.max_force, model.max_torque], 3)
             values = np.clip(values, -most, most)
-            self._latest = Wrench(values[:3], values[3:], now)
-        return self._latest
+            self._measured = Wrench(values[:3], values[3:], now)
+        return self._measured
 
     def _reading(self, stamp: float) -> int:
         return math.floor(stamp * self._model.rate + 1e-6)

@@ -20,7 +20,7 @@ GRAVITY = np.array([0.0, 0.0, -9.81])
 class SimulatedImu(SimulatedSensor[ImuReading], Imu):
     """Measures at its rate: angular velocity and specific force, both as means since the reading before.
 
-    Each axis has a bias of its own, drawn once, and normal noise. ``line.fault`` makes it fail.
+    Each axis has a bias of its own, drawn once, and normal noise. ``fault`` makes it fail.
     """
 
     def __init__(self, name: str, model: ImuPart, rng: np.random.Generator) -> None:

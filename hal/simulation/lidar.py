@@ -16,7 +16,7 @@ from hal.simulation.simulation import Simulation
 
 
 class SimulatedLidar(SimulatedSensor[LaserScan], Lidar):
-    """Casts its beams when asked; a beam that the robot's own body blocks sees nothing. ``line.fault``: it fails.
+    """Casts its beams when asked; a beam that the robot's own body blocks sees nothing. ``fault``: it fails.
 
     One that is built into a base looks out through a slot: its beams begin where they leave the outline of the base.
     """
@@ -29,7 +29,7 @@ class SimulatedLidar(SimulatedSensor[LaserScan], Lidar):
 
     def scan(self) -> LaserScan:
         """One scan; noise is normal, with the model's standard deviation."""
-        return self.line.read()
+        return self.read()
 
     def begin(self, simulation: Simulation) -> Callable[[], LaserScan]:
         """Find where the beams begin."""

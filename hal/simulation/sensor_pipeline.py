@@ -16,10 +16,12 @@ Reading = TypeVar("Reading")
 
 
 class SensorFault(Enum):
-    """How a sensor can fail: no reading at all, or the last one again and again."""
+    """How a sensor can fail: no reading at all, or the last one again and again; a camera: black, or without depth."""
 
     SILENT = "silent"
     FROZEN = "frozen"
+    BLACK = "black"
+    NO_DEPTH = "no_depth"
 
 
 class SensorPipeline(Generic[Reading]):
@@ -29,8 +31,8 @@ class SensorPipeline(Generic[Reading]):
     sensor fail from now on, None to repair it.
     """
 
-    def __init__(self, name: str, rate: float, latency: float, on_demand: bool = False) -> None:
-        self._name, self._rate, self._latency = name, rate, latency
+    def __init__(self, name: str, rate: float, latency: float = 0.0, on_demand: bool = False) -> None:
+        self.name, self._rate, self._latency = name, rate, latency
         self._on_demand = on_demand and latency == 0.0
         self._simulation: Simulation | None = None
         self._take: Callable[[], Reading] | None = None
@@ -39,7 +41,7 @@ class SensorPipeline(Generic[Reading]):
         self._taken = 0
         self.fault: SensorFault | None = None
 
-    def attach(self, simulation: Simulation, take: Callable[[], Reading]) -> None:
+    def start(self, simulation: Simulation, take: Callable[[], Reading]) -> None:
         """``take`` measures now."""
         self._simulation, self._take = simulation, take
         self._latest = None
@@ -55,13 +57,13 @@ class SensorPipeline(Generic[Reading]):
     def read(self) -> Reading:
         """The latest reading; raises NotConnectedError, or NoDataError where there is none."""
         if self._simulation is None or self._take is None:
-            raise NotConnectedError(f"{self._name} was used while the robot is not connected; call connect()")
+            raise NotConnectedError(f"{self.name} was used while the robot is not connected; call connect()")
         if self.fault is SensorFault.SILENT:
-            raise NoDataError(f"{self._name} delivers no readings")
+            raise NoDataError(f"{self.name} delivers no readings")
         if self.fault is not SensorFault.FROZEN or self._latest is None:
             self._receive(self._simulation.now, self._take)
         if self._latest is None:
-            raise NoDataError(f"{self._name} has measured nothing yet")
+            raise NoDataError(f"{self.name} has measured nothing yet")
         return self._latest
 
     def _receive(self, now: float, take: Callable[[], Reading]) -> None:
@@ -86,25 +88,13 @@ class SensorPipeline(Generic[Reading]):
         return math.floor(now * self._rate + 1e-6)
 
 
-class SimulatedSensor(Sensor, Generic[Reading]):
-    """A sensor of the simulation; a subclass says in ``begin`` what it measures. ``line.fault`` makes it fail."""
-
-    def __init__(self, name: str, rate: float, latency: float = 0.0, on_demand: bool = False) -> None:
-        super().__init__(name)
-        self.line: SensorPipeline[Reading] = SensorPipeline(name, rate, latency, on_demand)
+class SimulatedSensor(SensorPipeline[Reading], Sensor):
+    """A sensor of the simulation; a subclass says in ``begin`` what it measures. ``fault``: see SensorPipeline."""
 
     @abstractmethod
     def begin(self, simulation: Simulation) -> Callable[[], Reading]:
         """Called when the world has been built and is at rest; what it returns is called to measure."""
 
-    def read(self) -> Reading:
-        """The latest reading."""
-        return self.line.read()
-
     def attach(self, simulation: Simulation) -> None:
         """Measure in this simulation."""
-        self.line.attach(simulation, self.begin(simulation))
-
-    def detach(self) -> None:
-        """Let go."""
-        self.line.detach()
+        self.start(simulation, self.begin(simulation))

@@ -10,8 +10,7 @@ import pytest
 from bestman_bt.engine import FAILURE, SUCCESS
 from bestman_bt.runtime import Session
 from bestman_bt.world_model import HeldObject
-from hal.simulation import GroundTruth
-from hal.simulation.camera import CameraFault
+from hal.simulation import GroundTruth, SensorFault
 from tests.behaviours.at_the_table import failures_of, tick, tree_of
 from tests.behaviours.truth import known_world, put, succeeds, table_with, why_not
 
@@ -112,7 +111,7 @@ def test_a_camera_that_delivers_nothing_is_told_and_the_object_stays_in_the_hand
     session, _, held = taken
     session.skills.held = replace(held, width=session.skills.gripper.width())
     camera = session.robot.parts["wrist_camera"]
-    camera.fault = CameraFault.BLACK
+    camera.fault = SensorFault.BLACK
     assert why_not(session, '<CheckHeld object="cup"/>')[0] == "camera_black"
     camera.fault = None
     assert session.skills.held is not None

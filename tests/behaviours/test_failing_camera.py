@@ -9,7 +9,7 @@ import pytest
 from bestman_bt.configuration import load_run
 from bestman_bt.engine import FAILURE, SUCCESS
 from bestman_bt.runtime import Session, open_session
-from hal.simulation.camera import CameraFault
+from hal.simulation import SensorFault
 from tests.behaviours.at_the_table import failures_of, standing_at_a_table, tick, tree_of
 
 DETECT = '<Sequence><LookAt surface="table"/><DetectObject object="cup" surface="table"/></Sequence>'
@@ -24,10 +24,10 @@ def session() -> Iterator[Session]:
 @pytest.mark.parametrize(
     ("fault", "code"),
     [
-        (CameraFault.SILENT, "camera_no_image"),
-        pytest.param(CameraFault.BLACK, "camera_black", marks=pytest.mark.slow),
-        pytest.param(CameraFault.NO_DEPTH, "camera_no_depth", marks=pytest.mark.slow),
-        (CameraFault.FROZEN, "camera_stale"),
+        (SensorFault.SILENT, "camera_no_image"),
+        pytest.param(SensorFault.BLACK, "camera_black", marks=pytest.mark.slow),
+        pytest.param(SensorFault.NO_DEPTH, "camera_no_depth", marks=pytest.mark.slow),
+        (SensorFault.FROZEN, "camera_stale"),
     ],
 )
 def test_detection_fails_with_the_camera_and_works_when_it_works(session: Session, fault, code: str) -> None:

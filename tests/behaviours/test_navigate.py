@@ -58,12 +58,12 @@ def test_a_halt_while_it_plans_around_something_leaves_nothing_moving(kitchen_wi
 
 def test_a_lidar_that_is_silent_for_a_moment_costs_time_and_no_more(kitchen_with) -> None:
     session, truth = kitchen_with()
-    tree, line = session.load(tree_of(to("-0.5;0.0;0.0"))), session.robot.parts["lidar"].line
+    tree, lidar = session.load(tree_of(to("-0.5;0.0;0.0"))), session.robot.parts["lidar"]
     assert tick(tree, 30) == RUNNING
-    line.fault = SensorFault.SILENT
+    lidar.fault = SensorFault.SILENT
     assert tick(tree, 20) == RUNNING
     assert fastest(session) < 0.01
-    line.fault = None
+    lidar.fault = None
     assert tick(tree, 400) == SUCCESS, session.skills.failures
     assert at(truth, "-0.5;0.0;0.0")
 
@@ -77,9 +77,9 @@ def test_a_lidar_that_is_silent_for_a_moment_costs_time_and_no_more(kitchen_with
 )
 def test_a_lidar_that_fails_for_good_stops_the_base_and_is_named(kitchen_with, fault, code, words) -> None:
     session, truth = kitchen_with()
-    tree, line = session.load(tree_of(to("-0.3;0.0;0.0", replans=1))), session.robot.parts["lidar"].line
+    tree, lidar = session.load(tree_of(to("-0.3;0.0;0.0", replans=1))), session.robot.parts["lidar"]
     assert tick(tree, 30) == RUNNING
-    line.fault = fault
+    lidar.fault = fault
     before = truth.base_pose().to_pose2d()
     tick(tree, 600)
     failure = session.skills.failures[-1]

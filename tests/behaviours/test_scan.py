@@ -11,8 +11,7 @@ from bestman_bt.engine import SUCCESS
 from bestman_bt.messages import VOXEL_FREE, VOXEL_OCCUPIED
 from bestman_bt.runtime import Session
 from bestman_bt.runtime.looking import furniture_to_look_at, standing_before
-from hal.simulation import GroundTruth
-from hal.simulation.camera import CameraFault
+from hal.simulation import GroundTruth, SensorFault
 from tests.behaviours.at_the_table import tick, tree_of
 from tests.behaviours.truth import known_world, put, succeeds, table_with, why_not
 
@@ -140,7 +139,7 @@ def test_a_scan_without_any_picture_fails_and_changes_no_belief(table) -> None:
     session, _ = table
     before = dict(session.skills.world.objects)
     camera = session.robot.parts["head_camera"]
-    camera.fault = CameraFault.BLACK
+    camera.fault = SensorFault.BLACK
     code, words = why_not(session, SCAN_TABLE)
     camera.fault = None
     assert code == "camera_black"

@@ -150,23 +150,23 @@ def test_an_algorithm_that_finds_nothing_fails_the_skill(bystander: Session) -> 
 def test_a_silent_sensor_fails_whoever_reads_it(bystander: Session, leaf: str) -> None:
     sensor = bystander.robot.parts["wrist_force_torque"]
     assert tick(load(bystander, f"<{leaf}/>"), 50) == SUCCESS
-    sensor.line.fault = SensorFault.SILENT
+    sensor.fault = SensorFault.SILENT
     try:
         assert tick(load(bystander, f"<{leaf}/>"), 50) == FAILURE
     finally:
-        sensor.line.fault = None
+        sensor.fault = None
     ((code, words),) = failures_of(bystander)
     assert code == "no_data"
     assert "wrist_force_torque" in words
 
 
 def test_a_leaf_that_needs_silent_encoders_fails_with_a_code(bystander: Session) -> None:
-    line = bystander.robot.encoders("arm").line
-    line.fault = SensorFault.SILENT
+    encoders = bystander.robot.encoders("arm")
+    encoders.fault = SensorFault.SILENT
     try:
         assert tick(load(bystander, '<MoveArm posture="home"/>'), 50) == FAILURE
     finally:
-        line.fault = None
+        encoders.fault = None
     ((code, words),) = failures_of(bystander)
     assert code == "disconnected"
     assert "arm (encoders) delivers no readings" in words

@@ -45,7 +45,7 @@ def test_a_guarded_move_ends_at_once_where_the_wrist_falls_silent(stand_before):
     sensor = scene.robot.parts["wrist_force_torque"]
     moving = scene.arm.move_until(scene.handle.outward, 0.05, 0.1, 8.0)
     scene.robot.clock.sleep(0.5)
-    sensor.line.fault = SensorFault.SILENT
+    sensor.fault = SensorFault.SILENT
     scene.robot.clock.sleep(0.1)
     assert moving.status is MotionStatus.FAILED
     assert moving.failure.code is MotionErrorCode.DISCONNECTED
@@ -57,7 +57,7 @@ def test_a_guarded_move_ends_at_once_where_the_wrist_falls_silent(stand_before):
     scene.robot.clock.sleep(0.1)
     assert not scene.wrist.taring, "there is nothing to learn from"
     assert scene.wrist.tared == offset
-    sensor.line.fault = None
+    sensor.fault = None
 
 
 def test_a_guarded_move_ends_at_once_where_joints_of_another_controller_fall_silent(stand_before, monkeypatch):

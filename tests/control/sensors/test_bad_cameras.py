@@ -15,7 +15,8 @@ from bestman_bt.robot_model import CameraPart
 from bestman_bt.scene import semantic_map
 from bestman_bt.world_model import WorldModel
 from hal.api import Camera
-from hal.simulation.camera import CameraFault, SimulatedCamera
+from hal.simulation import SensorFault
+from hal.simulation.camera import SimulatedCamera
 
 
 @pytest.fixture
@@ -52,10 +53,10 @@ class Playback(Camera):
 @pytest.mark.parametrize(
     ("fault", "code", "words"),
     [
-        (CameraFault.SILENT, CameraErrorCode.NO_IMAGE, "head_camera gave no image: head_camera delivers no images"),
-        (CameraFault.BLACK, CameraErrorCode.BLACK, "head_camera gave a black image"),
-        (CameraFault.NO_DEPTH, CameraErrorCode.NO_DEPTH, r"without depth \(0.00% of its pixels"),
-        (CameraFault.FROZEN, CameraErrorCode.STALE, r"is 0.6\d s old, 0.5 s are allowed"),
+        (SensorFault.SILENT, CameraErrorCode.NO_IMAGE, "head_camera gave no image: head_camera delivers no readings"),
+        (SensorFault.BLACK, CameraErrorCode.BLACK, "head_camera gave a black image"),
+        (SensorFault.NO_DEPTH, CameraErrorCode.NO_DEPTH, r"without depth \(0.00% of its pixels"),
+        (SensorFault.FROZEN, CameraErrorCode.STALE, r"is 0.6\d s old, 0.5 s are allowed"),
     ],
 )
 def test_a_camera_that_stops_delivering_is_told_with_code_and_words(robot, sensor, camera, fault, code, words):
@@ -99,7 +100,7 @@ def test_of_images_that_were_held_up_five_are_asked_for_at_most(robot, camera, k
 def test_nobody_is_shown_an_image_that_is_none(sensor, camera):
     shown = []
     sensor.subscribe(shown.append)
-    camera.fault = CameraFault.BLACK
+    camera.fault = SensorFault.BLACK
     with pytest.raises(CameraError):
         sensor.capture()
     assert shown == []

@@ -135,16 +135,16 @@ def test_a_stop_of_the_robot_cancels_the_action(simulate):
 
 def test_a_base_whose_lidar_falls_silent_is_stopped_at_once_and_drives_again_when_it_is_back(simulate):
     simulated = simulate(1)
-    base, line = simulated.robot.part("base", MobileBase), simulated.robot.parts["lidar"].line
+    base, lidar = simulated.robot.part("base", MobileBase), simulated.robot.parts["lidar"]
     handle = simulated.base.drive(1.5)
     simulated.robot.clock.sleep(1.5)
-    line.fault = SensorFault.SILENT
+    lidar.fault = SensorFault.SILENT
     simulated.wait(handle, limit=0.2)
     assert handle.failure.code is MotionErrorCode.DISCONNECTED
     speed = base.velocity().vx
     simulated.robot.clock.sleep(0.1)  # its dead-man would let it drive on for longer
     assert base.velocity().vx < speed - 0.1
-    line.fault = None
+    lidar.fault = None
     assert simulated.wait(simulated.base.drive(-0.2)).status is MotionStatus.SUCCEEDED
 
 

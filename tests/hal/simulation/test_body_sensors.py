@@ -238,11 +238,11 @@ def test_a_sensor_that_is_switched_off_raises_and_a_frozen_one_repeats(
 ) -> None:
     part = robot.part(name, kind)
     fresh = read(part)
-    part.line.fault = SensorFault.FROZEN
+    part.fault = SensorFault.FROZEN
     robot.clock.sleep(1.0)
     assert read(part).stamp == fresh.stamp
-    part.line.fault = SensorFault.SILENT
+    part.fault = SensorFault.SILENT
     with pytest.raises(NoDataError, match=name):
         read(part)
-    part.line.fault = None
+    part.fault = None
     assert read(part).stamp > fresh.stamp

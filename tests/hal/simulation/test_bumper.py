@@ -58,6 +58,6 @@ def test_driving_against_a_box_presses_the_strips_in_front_and_nothing_else(robo
 
 def test_a_bumper_can_be_switched_off(robot):
     bumper = robot.parts["bumper"]
-    bumper.line.fault = SensorFault.SILENT
+    bumper.fault = SensorFault.SILENT
     with pytest.raises(NoDataError, match="bumper"):
         bumper.read()

@@ -110,16 +110,16 @@ def test_wheel_odometry_comes_late_and_noisy_and_does_not_run_away(empty_world: 
 def test_encoders_that_fail_say_nothing_or_the_same_again(empty_world: World) -> None:
     with panda(empty_world) as robot:
         for name in ("arm", "head", "base"):
-            robot.encoders(name).line.fault = SensorFault.SILENT
+            robot.encoders(name).fault = SensorFault.SILENT
         base = robot.part("base", MobileBase)
         for read in (robot.part("arm", Arm).positions, robot.part("head", JointGroup).velocities, base.odometry):
             with pytest.raises(NoDataError, match="delivers no readings"):
                 read()
         for name in ("arm", "head", "base"):
-            robot.encoders(name).line.fault = None
+            robot.encoders(name).fault = None
         before = base.odometry(), robot.part("arm", Arm).positions()
         for name in ("arm", "base"):
-            robot.encoders(name).line.fault = SensorFault.FROZEN
+            robot.encoders(name).fault = SensorFault.FROZEN
         drive(robot, 0.5)
         robot.part("arm", Arm).move_to(before[1] + 0.1)
         robot.clock.sleep(0.5)
@@ -133,8 +133,8 @@ def test_what_needs_encoders_fails_with_a_code(empty_world: World) -> None:
         here = arm.positions()
         motion = base.move_forward(1.0)
         robot.clock.sleep(0.5)
-        robot.encoders("base").line.fault = SensorFault.SILENT
-        robot.encoders("arm").line.fault = SensorFault.SILENT
+        robot.encoders("base").fault = SensorFault.SILENT
+        robot.encoders("arm").fault = SensorFault.SILENT
         robot.clock.sleep(0.1)
         assert motion.status is MotionStatus.FAILED
         assert motion.failure is not None

@@ -12,8 +12,8 @@ from bestman_bt.messages import CameraIntrinsics
 from bestman_bt.robot_model import CameraPart
 from hal.api import Camera, NoDataError
 from hal.pybullet import PyBulletRobot
-from hal.simulation import SimulationError
-from hal.simulation.camera import CameraFault, Lens, SimulatedCamera
+from hal.simulation import SensorFault, SimulationError
+from hal.simulation.camera import Lens, SimulatedCamera
 
 DISTORTION = (-0.25, 0.08, 0.001, -0.0008, 0.01)
 SMALL = CameraIntrinsics(320, 240, 216.0, 216.0, 159.5, 119.5)
@@ -67,18 +67,18 @@ def test_the_systematic_error_of_the_depth_is_that_of_the_model(robot) -> None:
 def test_a_camera_fails_as_told_and_works_again(robot) -> None:
     failing = camera(robot)
     good = failing.capture()
-    failing.fault = CameraFault.SILENT
-    with pytest.raises(NoDataError, match="head_camera delivers no images"):
+    failing.fault = SensorFault.SILENT
+    with pytest.raises(NoDataError, match="head_camera delivers no readings"):
         failing.capture()
-    failing.fault = CameraFault.BLACK
+    failing.fault = SensorFault.BLACK
     black = failing.capture()
     assert not black.rgb.any()
     assert not black.depth.any()
-    failing.fault = CameraFault.NO_DEPTH
+    failing.fault = SensorFault.NO_DEPTH
     blind = failing.capture()
     assert blind.rgb.any()
     assert not blind.depth.any()
-    failing.fault = CameraFault.FROZEN
+    failing.fault = SensorFault.FROZEN
     robot.clock.sleep(0.1)
     assert failing.capture() is blind
     failing.fault = None
