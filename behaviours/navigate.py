@@ -98,24 +98,24 @@ class NavigateTo(Skill):
             other: Path2D | None = None
             self.path_ = path
             self.feedback_message = f"driving {path.length:.1f} m"
-            handle = base.follow(path, known)
+            motion = base.follow(path, known)
             try:
-                other = yield from self._follow(handle, goal, known)
+                other = yield from self._follow(motion, goal, known)
             finally:
                 if other is None:  # halted while a plan is made: nothing may move on
-                    handle.cancel()
+                    motion.cancel()
             if other is None:
                 return
             path = other
 
-    def _follow(self, handle: Motion[BasePose], goal: Pose2D, known: Costmap) -> StepsTo[Path2D | None]:
+    def _follow(self, motion: Motion[BasePose], goal: Pose2D, known: Costmap) -> StepsTo[Path2D | None]:
         """Until the drive has ended or the path is no longer free: None or another path."""
         skills, base = self.skills, self.skills.base
         while True:
-            yield Until(passed(skills.clock, CHECK_PERIOD), handle)
+            yield Until(passed(skills.clock, CHECK_PERIOD), motion)
             self._walked_about |= bool(base.layer.moving.obstacles)
-            if handle.done:
-                yield handle
+            if motion.done:
+                yield motion
                 return None
             contact = base.blocked_at()
             if contact is None:
@@ -125,7 +125,7 @@ class NavigateTo(Skill):
             found = yield from self._plan(goal, base.layer.on(known))
             if isinstance(found, Path2D) and found.length <= most:
                 return found
-            if ahead < NEAR and not handle.done:
+            if ahead < NEAR and not motion.done:
                 yield base.park()
                 if ahead < SUDDEN:
                     most += yield from self._back_up()

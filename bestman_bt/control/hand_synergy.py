@@ -68,7 +68,7 @@ class HandSynergy:
         self._torque: Array = self._limits
         self._still_for = self._running_for = 0.0
         self._timer: Timer | None = None
-        self._handle: Motion[HandOutcome] | None = None
+        self._motion: Motion[HandOutcome] | None = None
 
     def closure(self) -> float:
         """How far the hand is closed by its encoders, 0 to 1: the projection on the way from open to closed."""
@@ -92,17 +92,17 @@ class HandSynergy:
             raise ValueError(f"the closure of {self._hand.name} should be within 0 and 1, got {closure}")
         if force is not None and not force > 0.0:
             raise ValueError(f"the force of {self._hand.name} should be above 0 N, got {force}")
-        if self._handle is not None:
-            self._handle.abort(MotionErrorCode.SUPERSEDED, "a newer command took over")
+        if self._motion is not None:
+            self._motion.abort(MotionErrorCode.SUPERSEDED, "a newer command took over")
         torque = self._limits if force is None else np.full(len(self._limits), force * self._parameters.lever)
         self._torque = np.minimum(torque, self._limits)
         self._closure = min(1.0, max(0.0, self.closure())) if self._timer is None else self._closure
         self._target, self._still_for, self._running_for = closure, 0.0, 0.0
-        self._handle = Motion(self._hand.name, self.stop)
+        self._motion = Motion(self._hand.name, self.stop)
         if self._timer is None:
             self._timer = self._clock.every(self._parameters.period, self._tick)
         self._tick()
-        return self._handle
+        return self._motion
 
     def stop(self) -> None:
         """Hold where the fingers are."""
@@ -124,21 +124,21 @@ class HandSynergy:
         self._watch(wanted, positions, speeds)
 
     def _watch(self, wanted: Array, positions: Array, speeds: Array) -> None:
-        p, handle = self._parameters, self._handle
-        if handle is None or handle.done:
+        p, motion = self._parameters, self._motion
+        if motion is None or motion.done:
             return
         self._running_for += p.period
         arrived = self._closure == self._target and float(np.abs(speeds).max()) < p.settled
         self._still_for = self._still_for + p.period if arrived else 0.0
         if self._still_for >= p.settle_time:
             off = float(np.abs(wanted - positions).mean())
-            handle.succeed(HandOutcome(self.closure(), off > p.blocked))
+            motion.succeed(HandOutcome(self.closure(), off > p.blocked))
         elif self._running_for > p.timeout:
-            handle.fail(MotionErrorCode.TIMEOUT, f"the fingers of {self._hand.name} do not come to rest")
+            motion.fail(MotionErrorCode.TIMEOUT, f"the fingers of {self._hand.name} do not come to rest")
 
     def _end(self, failure: Failure) -> None:
         if self._timer is not None:
             self._timer.cancel()
             self._timer = None
-        if self._handle is not None:
-            self._handle.end(MotionStatus.CANCELED, failure)
+        if self._motion is not None:
+            self._motion.end(MotionStatus.CANCELED, failure)

@@ -40,13 +40,13 @@ class HeadController:
         target = np.asarray(point, dtype=float)
         positions, miss = self._solve(target)
         if miss > self._tolerance:
-            handle: Motion[None] = Motion(self.name)
+            motion: Motion[None] = Motion(self.name)
             place = ", ".join(f"{value:.2f}" for value in target)
-            handle.fail(
+            motion.fail(
                 MotionErrorCode.UNREACHABLE,
                 f"{self.name} cannot look at ({place}) m in the base frame: {math.degrees(miss):.0f}° are missing",
             )
-            return handle
+            return motion
         return self.move_to(positions, speed_scale)
 
     def move_to(self, positions: ArrayLike, speed_scale: float = 1.0) -> Motion[None]:

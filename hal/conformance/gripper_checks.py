@@ -27,16 +27,16 @@ def a_gripper_opens_and_closes(robot: Robot, gripper: Gripper) -> None:
     """To the widths asked; closed on nothing, it is empty."""
     closed, opened = gripper.model.part.min_width, gripper.model.max_width
     middle = (closed + opened) / 2
-    for motion, width, empty in (
+    for command, width, empty in (
         (gripper.open, opened, False),
         (gripper.close, closed, True),
         (lambda: gripper.move(middle), middle, False),
     ):
-        handle = motion()
-        finish(robot, handle)
+        motion = command()
+        finish(robot, motion)
         state = gripper.state()
-        ended = f"the gripper's motion ended {handle.status}: {handle.failure}"
-        require(handle.status is MotionStatus.SUCCEEDED, ended)
+        ended = f"the gripper's motion ended {motion.status}: {motion.failure}"
+        require(motion.status is MotionStatus.SUCCEEDED, ended)
         require(abs(gripper.width() - width) < 0.003, f"the width is {gripper.width():.4f}, asked were {width:.4f}")
         require(state.at_target and not state.moving and not state.object_held, f"unexpected state {state}")
         require(state.empty == empty, f"at width {width} the state is {state}")

@@ -40,7 +40,7 @@ class ArmController:
     """Runs motions of one arm. The arm's driver watches that it tracks; a guard can watch for anything else.
 
     A guard is asked every ``guard_period`` seconds while the arm moves; when it answers with a text, the arm is
-    brought to rest and the handle fails with that text. ``kinematics`` and ``wrist`` are needed by what feels its way:
+    brought to rest and the motion fails with that text. ``kinematics`` and ``wrist`` are needed by what feels its way:
     ``move_until`` and ``follow_constraint``.
     """
 
@@ -96,12 +96,12 @@ class ArmController:
         axis = _unit(direction)
         _check_positive(speed=speed, max_distance=max_distance, stop_force=stop_force)
         kinematics, wrist = self._feeling("move_until")
-        handle: Motion[GuardedOutcome] = Motion(self._arm.name, self._cancel_stream)
+        motion: Motion[GuardedOutcome] = Motion(self._arm.name, self._cancel_stream)
         stream = ToolStream(self._arm, kinematics, self._streaming)
         self._run(
-            GuardedMove(stream, wrist, axis, speed, max_distance, stop_force, handle, self._guarded), handle, stream
+            GuardedMove(stream, wrist, axis, speed, max_distance, stop_force, motion, self._guarded), motion, stream
         )
-        return handle
+        return motion
 
     def follow_constraint(
         self,
@@ -135,12 +135,12 @@ class ArmController:
         if math.isinf(distance) and math.isinf(angle):
             raise ValueError("follow_constraint needs a distance or an angle to end at")
         kinematics, wrist = self._feeling("follow_constraint")
-        handle: Motion[FollowedMotion] = Motion(self._arm.name, self._cancel_stream)
+        motion: Motion[FollowedMotion] = Motion(self._arm.name, self._cancel_stream)
         stream = ToolStream(self._arm, kinematics, self._streaming)
         goal = FollowGoal(speed, distance, angle, max_pull, max_side, turn, guide, axis, learns)
-        following = ConstraintFollowing(stream, wrist, start, goal, handle, grip, hint, self._following)
-        self._run(following, handle, stream)
-        return handle
+        following = ConstraintFollowing(stream, wrist, start, goal, motion, grip, hint, self._following)
+        self._run(following, motion, stream)
+        return motion
 
     def stop(self) -> None:
         """Bring the arm to rest at once."""
@@ -152,10 +152,10 @@ class ArmController:
             raise ValueError(f"{what} needs an arm controller with kinematics and a wrist force-torque sensor")
         return self._kinematics, self._wrist
 
-    def _run(self, action: _Streaming, handle: Motion[Any], stream: ToolStream) -> None:
+    def _run(self, action: _Streaming, motion: Motion[Any], stream: ToolStream) -> None:
         self._end_stream(MotionErrorCode.SUPERSEDED, "a newer command took over")
         self._arm.stop()  # also ends a motion under way
-        self._stream = _Stream(action, handle, self._arm)
+        self._stream = _Stream(action, motion, self._arm)
         self._stream.start(self._clock, stream.parameters.period)
 
     def _cancel_stream(self) -> None:
@@ -166,14 +166,14 @@ class ArmController:
             self._stream.end(Failure(code, text))
             self._stream = None
 
-    def _watched(self, handle: Motion[None], guard: Guard | None, free: JointTrajectory | None) -> Motion[None]:
-        if free is not None and not handle.done:
+    def _watched(self, motion: Motion[None], guard: Guard | None, free: JointTrajectory | None) -> Motion[None]:
+        if free is not None and not motion.done:
             monitor = ContactMonitor(self._arm, self._clock, self._wrist, free, self._contact)
-            watch = _Watch(handle, monitor.objection, self._arm, MotionErrorCode.COLLISION)
+            watch = _Watch(motion, monitor.objection, self._arm, MotionErrorCode.COLLISION)
             watch.start(self._clock, self._contact.period)
-        if guard is not None and not handle.done:
-            _Watch(handle, guard, self._arm).start(self._clock, self._guard_period)
-        return handle
+        if guard is not None and not motion.done:
+            _Watch(motion, guard, self._arm).start(self._clock, self._guard_period)
+        return motion
 
 
 class _Watch:
@@ -181,12 +181,12 @@ class _Watch:
 
     def __init__(
         self,
-        handle: Motion[None],
+        motion: Motion[None],
         guard: Guard,
         arm: Arm,
         code: MotionErrorCode = MotionErrorCode.GUARDED,
     ) -> None:
-        self._handle, self._guard, self._arm, self._code = handle, guard, arm, code
+        self._motion, self._guard, self._arm, self._code = motion, guard, arm, code
         self._timer: Timer | None = None
 
     def start(self, clock: Clock, period: float) -> None:
@@ -195,22 +195,22 @@ class _Watch:
     def _tick(self) -> None:
         failure: Failure | None = None
         try:
-            if not self._handle.done and (objection := self._guard()) is not None:
+            if not self._motion.done and (objection := self._guard()) is not None:
                 failure = Failure(self._code, objection)
         except READING_ERRORS as error:
             failure = replace(error.failure, code=MotionErrorCode.DISCONNECTED)
         if failure is not None:
-            self._handle.end(MotionStatus.FAILED, failure)
+            self._motion.end(MotionStatus.FAILED, failure)
             self._arm.stop()
-        if self._handle.done and self._timer is not None:
+        if self._motion.done and self._timer is not None:
             self._timer.cancel()
 
 
 class _Stream:
     """Calls a streaming action every period until it is over, and then stops the arm."""
 
-    def __init__(self, action: _Streaming, handle: Motion[Any], arm: Arm) -> None:
-        self._action, self._handle, self._arm = action, handle, arm
+    def __init__(self, action: _Streaming, motion: Motion[Any], arm: Arm) -> None:
+        self._action, self._motion, self._arm = action, motion, arm
         self._timer: Timer | None = None
 
     def start(self, clock: Clock, period: float) -> None:
@@ -219,7 +219,7 @@ class _Stream:
     def end(self, failure: Failure) -> None:
         if self._timer is not None:
             self._timer.cancel()
-        self._handle.end(MotionStatus.CANCELED, failure)
+        self._motion.end(MotionStatus.CANCELED, failure)
 
     def _tick(self) -> None:
         try:
@@ -228,7 +228,7 @@ class _Stream:
             self.end(replace(error.failure, code=MotionErrorCode.STOPPED))
             return
         except READING_ERRORS as error:
-            self._handle.end(MotionStatus.FAILED, replace(error.failure, code=MotionErrorCode.DISCONNECTED))
+            self._motion.end(MotionStatus.FAILED, replace(error.failure, code=MotionErrorCode.DISCONNECTED))
             going = False
         if not going:
             if self._timer is not None:

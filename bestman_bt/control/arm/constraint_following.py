@@ -147,12 +147,12 @@ class ConstraintFollowing:
         wrist: WristWrench,
         direction: Array,
         goal: FollowGoal,
-        handle: Motion[FollowedMotion],
+        motion: Motion[FollowedMotion],
         grip: Callable[[], str | None] | None = None,
         hint: JointKind | None = None,
         parameters: ConstraintFollowingParameters | None = None,
     ) -> None:
-        self._stream, self._wrist, self._goal, self._handle, self._grip = stream, wrist, goal, handle, grip
+        self._stream, self._wrist, self._goal, self._motion, self._grip = stream, wrist, goal, motion, grip
         self._parameters = parameters or ConstraintFollowingParameters()
         self._held_at = np.zeros(3) if goal.guide is None else goal.guide.held_at
         self._start = self._held(stream.measured())
@@ -283,8 +283,8 @@ class ConstraintFollowing:
         axis, start, held = self._estimator.axis, self._start, self._held(tool)
         distance, angle = axis.travelled(start, held), axis.angle(start, held)
         pull, side = (float(value) for value in self._peak)
-        motion = FollowedMotion(end, axis, distance, angle, pull, side, tool, self._turned)
+        followed = FollowedMotion(end, axis, distance, angle, pull, side, tool, self._turned)
         if end is FollowEnd.REACHED:
-            self._handle.succeed(motion)
+            self._motion.succeed(followed)
         else:
-            self._handle.fail(_CODES[end], text, motion)
+            self._motion.fail(_CODES[end], text, followed)

@@ -52,10 +52,10 @@ class GuardedMove:
         speed: float,
         max_distance: float,
         stop_force: float,
-        handle: Motion[GuardedOutcome],
+        motion: Motion[GuardedOutcome],
         parameters: GuardedMoveParameters | None = None,
     ) -> None:
-        self._stream, self._wrist, self._handle = stream, wrist, handle
+        self._stream, self._wrist, self._motion = stream, wrist, motion
         self._direction, self._target_speed = direction, speed
         self._max_distance, self._stop_force = max_distance, stop_force
         self._parameters = parameters or GuardedMoveParameters()
@@ -75,7 +75,7 @@ class GuardedMove:
         touched = distance >= p.blind_way and opposing >= self._stop_force
         left = self._max_distance - float((self._stream.pose.position - self._start.position) @ self._direction)
         if touched or left <= 1e-4:
-            self._handle.succeed(GuardedOutcome(touched, distance, self._force, tool))
+            self._motion.succeed(GuardedOutcome(touched, distance, self._force, tool))
             return False
         self._speed = min(self._speed + p.acceleration * period, self._target_speed, (2 * p.acceleration * left) ** 0.5)
         for slower in (1.0, 0.5, 0.2):
@@ -84,5 +84,5 @@ class GuardedMove:
             if self._stream.send(Pose(pose.position + way, pose.quaternion)) is StreamStep.SENT:
                 return True
         text = f"the arm can go no further than {distance:.3f} m: a joint limit or a singularity is ahead"
-        self._handle.fail(MotionErrorCode.UNREACHABLE, text, GuardedOutcome(False, distance, self._force, tool))
+        self._motion.fail(MotionErrorCode.UNREACHABLE, text, GuardedOutcome(False, distance, self._force, tool))
         return False

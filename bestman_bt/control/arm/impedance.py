@@ -62,7 +62,7 @@ class ImpedanceController:
         self._target = Pose()
         self._posture: Array = np.zeros(len(self._most))
         self._timer: Timer | None = None
-        self._handle: Motion[None] | None = None
+        self._motion: Motion[None] | None = None
 
     @property
     def target(self) -> Pose:
@@ -70,7 +70,7 @@ class ImpedanceController:
         return self._target
 
     def hold(self, base_from_tool: Pose | None = None) -> Motion[None]:
-        """Tie the tool to a pose (where it is, by default) until the handle is cancelled or something else commands.
+        """Tie the tool to a pose (where it is, by default) until the motion is cancelled or something else commands.
 
         It goes on as RUNNING; ``move_target`` pulls it elsewhere. It fails as TRACKING where a joint gets too fast, and
         ends as STOPPED with the robot.
@@ -78,24 +78,24 @@ class ImpedanceController:
         self._end(Failure(MotionErrorCode.SUPERSEDED, "a newer command took over"))
         self._posture = self._arm.positions()
         self._target = base_from_tool or self._kinematics.tool_pose(self._posture)
-        self._handle = Motion(self._arm.name, self._release)
+        self._motion = Motion(self._arm.name, self._release)
         self._timer = self._clock.every(self._parameters.period, self._tick)
         self._tick()
-        return self._handle
+        return self._motion
 
     def move_target(self, base_from_tool: Pose) -> None:
         """Tie the tool to another pose from now on."""
         self._target = base_from_tool
 
     def _tick(self) -> None:
-        handle = self._handle
-        if handle is None or handle.done:
+        motion = self._motion
+        if motion is None or motion.done:
             return
         try:
             speeds = self._arm.velocities()
             if np.any(np.abs(speeds) > self._fastest):
                 worst = self._arm.joint_names[int(np.argmax(np.abs(speeds) / self._fastest))]
-                handle.fail(MotionErrorCode.TRACKING, f"{worst} turns faster than it may while the arm gives way")
+                motion.fail(MotionErrorCode.TRACKING, f"{worst} turns faster than it may while the arm gives way")
                 self._release()
                 return
             self._arm.command(efforts=self._torques(self._arm.positions(), speeds))
@@ -139,5 +139,5 @@ class ImpedanceController:
         if self._timer is not None:
             self._timer.cancel()
             self._timer = None
-        if self._handle is not None:
-            self._handle.end(MotionStatus.CANCELED, failure)
+        if self._motion is not None:
+            self._motion.end(MotionStatus.CANCELED, failure)

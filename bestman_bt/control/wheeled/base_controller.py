@@ -74,7 +74,7 @@ class _Action:
     not.
     """
 
-    handle: Motion[BasePose]
+    motion: Motion[BasePose]
     follower: PathFollower | None
     goal: Pose2D | None
     position_tolerance: float
@@ -89,7 +89,7 @@ class _Action:
 class BaseController:
     """Drives one base by odometry and lidar; keeps ``world.base`` up to date from ``start`` to ``close``.
 
-    A new action supersedes the one under way. Every handle's result is the believed pose at the end. ``odometry``: of
+    A new action supersedes the one under way. Every motion's result is the believed pose at the end. ``odometry``: of
     wheels and gyroscope together; by default that of the wheels. ``monitor``: has the last word on each velocity; by
     default one without a bumper. ``layer``: what the lidar sees and the map lacks. ``localisation``: where the base is.
     ``model``: limits and footprint.
@@ -142,7 +142,7 @@ class BaseController:
     def stuck(self) -> bool:
         """Whether the base does not get on, for a while already or until it gave up, and nothing has begun since."""
         action = self._action
-        if action is None or action.handle.done:
+        if action is None or action.motion.done:
             return self._gave_up
         return action.follower is not None and action.watch.without > self._parameters.stuck_time
 
@@ -253,7 +253,7 @@ class BaseController:
     def _driven(self) -> _DrivenPath | None:
         """The path that is driven, None where none is."""
         action = self._action
-        return None if action is None or action.handle.done else action.driven
+        return None if action is None or action.motion.done else action.driven
 
     def _follow_by(self, follower: PathFollower) -> None:
         if follower is not self._follower:
@@ -282,20 +282,20 @@ class BaseController:
         with self._lock:
             p = self._parameters
             tolerance = p.position_tolerance if position_tolerance is None else position_tolerance
-            handle: Motion[BasePose] = Motion(self._base.name, self._base.stop)
+            motion: Motion[BasePose] = Motion(self._base.name, self._base.stop)
             watch = ProgressWatch(p.stall_distance, p.stall_angle, p.stall_time)
-            self._replace(_Action(handle, follower, goal, tolerance, watch, by_odometry, speed, driven))
+            self._replace(_Action(motion, follower, goal, tolerance, watch, by_odometry, speed, driven))
             # One that is lost gets another chance; else one that is sent on again and again would never find out.
             self.localisation.look_again(forgive=self.localisation.lost)
             self._gave_up = False
-            return handle
+            return motion
 
     def _replace(self, action: _Action | None) -> None:
         """Cancel the action under way, if any."""
         if self._action is not None:
             superseded = action is not None
             code = MotionErrorCode.SUPERSEDED if superseded else MotionErrorCode.STOPPED
-            self._action.handle.abort(code, "a newer command took over" if superseded else "the base was stopped")
+            self._action.motion.abort(code, "a newer command took over" if superseded else "the base was stopped")
         self._action = action
 
     def _tick(self) -> None:
@@ -303,7 +303,7 @@ class BaseController:
         with self._lock:
             try:
                 self.localisation.step()
-                if self._action is not None and self._action.handle.done:
+                if self._action is not None and self._action.motion.done:
                     self._action = None
                 if self._action is not None:
                     self._advance(self._action)
@@ -392,7 +392,7 @@ class BaseController:
                 )
                 self._end(MotionStatus.FAILED, Failure(MotionErrorCode.TOLERANCE, text))
                 return
-        action.handle.succeed(self._world.base)
+        action.motion.succeed(self._world.base)
         self._action = None
 
     def _halt(self, code: MotionErrorCode, text: str) -> None:
@@ -402,7 +402,7 @@ class BaseController:
     def _end(self, status: MotionStatus, failure: Failure) -> None:
         if self._action is not None:
             self._gave_up = failure.code is MotionErrorCode.BLOCKED
-            self._action.handle.end(status, failure)
+            self._action.motion.end(status, failure)
             self._action = None
 
 
