@@ -97,6 +97,9 @@ class Connection(ABC):
     def recover(self) -> None:
         """Clear a fault of the controller so that it can be commanded again; ConnectionFailedError where it cannot."""
 
+    def abandon(self) -> None:  # noqa: B027 - for wires that need it
+        """Drop a wire that was lost, at once: what it or the SDK still holds is not to act when it is back."""
+
     # The same for all
 
     def connect(self) -> None:
@@ -152,6 +155,8 @@ class Connection(ABC):
         """End the motions of its parts as failed, and bring the parts to rest as far as that is possible."""
         for part in self._moving():
             part.fail(fault)
+        if fault.code is MotionErrorCode.DISCONNECTED:
+            self.abandon()
 
     def clear(self, noted: Failure | None) -> None:
         """After a stop because of ``noted``: clear what the controller reports, or connect again where it was lost.

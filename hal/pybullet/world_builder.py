@@ -9,9 +9,8 @@ from bestman_bt.messages import Box, PlacedShape, Pose
 from bestman_bt.robot_model import BaseModel, GripperModel, LeggedBaseModel, MimicJoint, RobotModel, WheeledBaseModel
 from bestman_bt.robot_model.bare_frames import without_bare_frames
 from bestman_bt.scene import PlacedFurniture, PlacedObject, Walker, World, wall_box
-from hal.pybullet.body_urdf import SLIDES, Color, body_urdf, walker_urdf
+from hal.pybullet.body_urdf import SLIDES, Color, body_urdf, furniture_urdf, joint_name, walker_urdf
 from hal.pybullet.client import PhysicsClient
-from hal.pybullet.furniture_urdf import furniture_urdf, joint_name
 from hal.pybullet.package import pybullet
 from hal.pybullet.parameters import PhysicsParameters
 from hal.simulation import BuiltWorld, SimulationError

@@ -28,9 +28,8 @@ from hal.hardware import (
 )
 from hal.parts import ConnectionFailedError, DrivenBase, JointReading, StreamedJointGroup
 from hal.rosbridge import decoding
-from hal.rosbridge.base import RosBase, TransformOdometry
 from hal.rosbridge.camera import RosCamera
-from hal.rosbridge.joints import JointStates, RosJoints
+from hal.rosbridge.channels import RosBase, RosJoints, TransformOdometry, joint_reading
 from hal.rosbridge.link import RosLink
 from hal.rosbridge.options import TOPICS, RosbridgeOptions
 from hal.rosbridge.stream import Stream
@@ -153,11 +152,9 @@ class RosbridgeConnection(Connection):
                 raise ConnectionFailedError(f"{self.name}: {fault}")
             time.sleep(0.02)
 
-    def fail(self, fault: Failure) -> None:
-        """A wire that was lost may still hold velocities, which are not to act when it is back."""
-        super().fail(fault)
-        if fault.code is MotionErrorCode.DISCONNECTED:
-            self._link.abandon()
+    def abandon(self) -> None:
+        """The wire may still hold velocities."""
+        self._link.abandon()
 
     # Private
 
@@ -182,7 +179,9 @@ class RosbridgeConnection(Connection):
         model = self.model.of(JointGroupModel)[name]
         ros_names = tuple(options.joints.get(joint, joint) for joint in model.joint_names)
         topic = options.topic("joint_group", name, "states")
-        states: Stream[JointReading] = self._stream(name, topic, JointStates(ros_names).decode, self._stale_after)
+        states: Stream[JointReading] = self._stream(
+            name, topic, lambda message, at: joint_reading(ros_names, message), self._stale_after
+        )
         self._listen(states, "sensor_msgs", "JointState", watched=True)
         output = options.topic("joint_group", name, "commands")
         channel = RosJoints(self._link, output, ros_names, options, states)

@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from bestman_bt.robot_model import JointedModel
 from hal.parts import JointChannel, JointReading
-from hal.simulation.encoders import EncoderReading, Encoders
 from hal.simulation.parameters import SimulationParameters
+from hal.simulation.sensor_pipeline import EncoderReading, Encoders
 from hal.simulation.simulation import SimulatedChannel, Simulation
 
 Array = NDArray[np.float64]

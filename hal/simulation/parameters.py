@@ -14,7 +14,7 @@ class SimulationParameters:
     ``gripper_holding_force``: newtons at most with which fingers hold their width while nothing is asked of them.
     ``odometry_calibration``: standard deviation of the relative errors of the wheel radii and the track that odometry
     believes, drawn once from the robot's seed. ``contact_turn``: radians that a hand and what it holds turn until the
-    contacts between them have been found afresh (see contact_refresh).
+    contacts between them have been found afresh (see ``ContactRefresh``).
     """
 
     step_rate: float = 240.0

@@ -42,7 +42,6 @@ from hal.parts import (
 )
 from hal.simulation.audit_record import AuditRecord, DisturbanceLog
 from hal.simulation.bodies import check_names
-from hal.simulation.encoders import Encoders
 from hal.simulation.engine import Engine
 from hal.simulation.finger_motors import FingerMotors
 from hal.simulation.imu import SimulatedImu
@@ -50,7 +49,7 @@ from hal.simulation.joint_motors import JointMotors
 from hal.simulation.leg_drive import LEGS_CANNOT, LegDrive
 from hal.simulation.monitor import AuditMonitor
 from hal.simulation.parameters import SimulationParameters
-from hal.simulation.sensor_pipeline import SimulatedSensor
+from hal.simulation.sensor_pipeline import Encoders, SimulatedSensor
 from hal.simulation.simulation import Simulation
 from hal.simulation.suction import SuctionPump
 from hal.simulation.wheel_drive import WheelDrive

@@ -1,4 +1,4 @@
-"""Simulated sensors: rate, latency, and how they can fail."""
+"""Simulated sensors and encoders: rate, latency, and how they can fail."""
 
 from __future__ import annotations
 
@@ -6,12 +6,18 @@ import math
 from abc import abstractmethod
 from collections import deque
 from collections.abc import Callable
+from dataclasses import dataclass
 from enum import Enum
 from typing import Generic, TypeVar
 
+import numpy as np
+from numpy.typing import NDArray
+
+from bestman_bt.robot_model import EncodersConfig
 from hal.api import NoDataError, NotConnectedError, Sensor
 from hal.simulation.simulation import Simulation
 
+Array = NDArray[np.float64]
 Reading = TypeVar("Reading")
 
 
@@ -98,3 +104,30 @@ class SimulatedSensor(SensorPipeline[Reading], Sensor):
     def attach(self, simulation: Simulation) -> None:
         """Measure in this simulation."""
         self.start(simulation, self.begin(simulation))
+
+
+@dataclass(frozen=True, eq=False)
+class EncoderReading:
+    """Positions (n,), rad or m, and speeds (m,) of the same joints or of the first of them, per second."""
+
+    positions: Array
+    speeds: Array
+
+
+class Encoders(SensorPipeline[EncoderReading]):
+    """The encoders of one part. ``fault`` makes them fail; drives go on, they have encoders of their own."""
+
+    def __init__(self, name: str, model: EncodersConfig, step_rate: float, rng: np.random.Generator) -> None:
+        super().__init__(f"{name} (encoders)", model.rate or step_rate, model.latency, on_demand=model.rate is None)
+        self._model, self._rng = model, rng
+
+    def attach(self, simulation: Simulation, take: Callable[[], EncoderReading]) -> None:
+        """``take``: what the joints do now, without noise."""
+        self.start(simulation, lambda: self._measure(take()))
+
+    def _measure(self, true: EncoderReading) -> EncoderReading:
+        model = self._model
+        return EncoderReading(self._noisy(true.positions, model.noise), self._noisy(true.speeds, model.noise_speed))
+
+    def _noisy(self, values: Array, deviation: float) -> Array:
+        return values + deviation * self._rng.standard_normal(values.shape) if deviation else values

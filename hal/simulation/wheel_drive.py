@@ -14,8 +14,8 @@ from bestman_bt.robot_model import BasePart, WheeledBaseModel
 from hal.api import NoDataError, NotConnectedError
 from hal.parts import BaseChannel, BaseReading
 from hal.simulation.drive import Odometry, make_drives
-from hal.simulation.encoders import EncoderReading, Encoders
 from hal.simulation.parameters import SimulationParameters
+from hal.simulation.sensor_pipeline import EncoderReading, Encoders
 from hal.simulation.simulation import SimulatedChannel, Simulation
 
 Array = NDArray[np.float64]

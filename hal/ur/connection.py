@@ -145,11 +145,9 @@ class URConnection(Connection):
         """Unlock, power on, start the program again."""
         self._link.call("recover", timeout=READY_TIME)
 
-    def fail(self, fault: Failure) -> None:
-        """A lost controller also loses the SDK, which would connect again of its own accord."""
-        super().fail(fault)
-        if fault.code is MotionErrorCode.DISCONNECTED:
-            self._link.abandon()
+    def abandon(self) -> None:
+        """End the SDK, which would connect again of its own accord."""
+        self._link.abandon()
 
     def _cycle(self, elapsed: float) -> None:
         report = self._link.pump()
