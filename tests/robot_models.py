@@ -9,10 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from bestman_bt.messages import CameraIntrinsics
 from bestman_bt.robot_model import (
     ArmModel,
     ArmPart,
     BasePart,
+    CameraPart,
     GripperModel,
     GripperPart,
     JointGroupModel,
@@ -91,3 +93,15 @@ def gripper_model(hand_link: str = "hand", linkage: tuple[str, ...] = (), **chan
         "friction": 0.8,
     }
     return GripperModel(GripperPart(**{**usual, **changes}), hand_link, linkage=linkage)
+
+
+def seen_through(camera: CameraPart, k: CameraIntrinsics) -> CameraPart:
+    """The same camera with another pinhole and lens."""
+    return replace(
+        camera,
+        width=k.width,
+        height=k.height,
+        focal_length=(k.fx, k.fy),
+        principal_point=(k.cx, k.cy),
+        distortion=k.distortion,
+    )

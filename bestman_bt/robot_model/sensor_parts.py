@@ -8,7 +8,7 @@ others always do.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal
 
@@ -87,17 +87,6 @@ class CameraPart(PartConfig):
         fx, fy = self.focal_length or (focal, focal)
         cx, cy = self.principal_point or ((self.width - 1) / 2, (self.height - 1) / 2)
         return CameraIntrinsics(self.width, self.height, fx, fy, cx, cy, self.distortion)
-
-    def with_intrinsics(self, k: CameraIntrinsics) -> CameraPart:
-        """The same camera with another pinhole and lens."""
-        return replace(
-            self,
-            width=k.width,
-            height=k.height,
-            focal_length=(k.fx, k.fy),
-            principal_point=(k.cx, k.cy),
-            distortion=k.distortion,
-        )
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,4 +1,4 @@
-"""Pictures by PyBullet's software renderer: what cameras see, what people see, and which body a pixel shows."""
+"""Pictures for people by PyBullet's software renderer, and what it is told of a viewpoint or a lens."""
 
 from __future__ import annotations
 
@@ -10,44 +10,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bestman_bt.messages import CameraIntrinsics, PlacedShape, Pose
+from bestman_bt.messages import CameraIntrinsics, PlacedShape
 from hal.pybullet.body_urdf import body_urdf
 from hal.pybullet.client import PhysicsClient
 from hal.pybullet.package import pybullet
 from hal.simulation import Viewpoint
 from hal.simulation.photographer import smooth
-
-NUDGE = 1e-4
-"""Metres: at rare poses TinyRenderer draws nothing, a black frame; a tenth of a millimetre further on it draws."""
-ATTEMPTS = 4
-NOT_DRAWN = 0.01
-"""Metres before the lens in which nothing is drawn. What is nearer than the camera's own ``near`` is in the picture,
-and hides what is behind it, but has no depth."""
-
-
-def depth_image(
-    client: PhysicsClient, map_from_optical: Pose, k: CameraIntrinsics, near: float, far: float
-) -> tuple[NDArray[np.uint8], NDArray[np.float64]]:
-    """See ``Engine``."""
-    nearest = min(near, NOT_DRAWN)
-    rotation = map_from_optical.rotation
-    forward, up = rotation[:, 2], -rotation[:, 1]
-    for attempt in range(ATTEMPTS):
-        eye = map_from_optical.position + attempt * NUDGE * forward
-        image = client.getCameraImage(
-            k.width,
-            k.height,
-            viewMatrix=pybullet.computeViewMatrix(eye.tolist(), (eye + forward).tolist(), up.tolist()),
-            projectionMatrix=projection_matrix(k, nearest, far),
-            shadow=0,
-            renderer=pybullet.ER_TINY_RENDERER,
-        )
-        rgb = np.asarray(image[2], dtype=np.uint8).reshape(k.height, k.width, 4)[..., :3]
-        buffer = np.asarray(image[3], dtype=np.float64).reshape(k.height, k.width)
-        if rgb.any() or (buffer < 1.0).any():
-            break
-    depth = far * nearest / (far - (far - nearest) * buffer)
-    return rgb, np.where((buffer < 1.0) & (depth >= near), depth, 0.0)
 
 
 def projection_matrix(k: CameraIntrinsics, near: float, far: float) -> list[float]:
@@ -63,11 +31,11 @@ def projection_matrix(k: CameraIntrinsics, near: float, far: float) -> list[floa
 
 
 def photo(client: PhysicsClient, viewpoint: Viewpoint, width: int, height: int) -> NDArray[np.uint8]:
-    """See ``Engine``."""
+    """A picture for people, (H, W, 3)."""
     image = client.getCameraImage(
         width,
         height,
-        **_matrices(viewpoint, width / height),
+        **view_matrices(viewpoint, width / height),
         shadow=1,
         lightDirection=viewpoint.light_direction,
         lightDistance=4.0,
@@ -80,23 +48,8 @@ def photo(client: PhysicsClient, viewpoint: Viewpoint, width: int, height: int) 
     return np.asarray(image[2], dtype=np.uint8).reshape(height, width, 4)[..., :3]
 
 
-def segments(
-    client: PhysicsClient, viewpoint: Viewpoint, width: int, height: int
-) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """See ``Engine``."""
-    image = client.getCameraImage(
-        width,
-        height,
-        **_matrices(viewpoint, width / height),
-        shadow=0,
-        renderer=pybullet.ER_TINY_RENDERER,
-        flags=pybullet.ER_SEGMENTATION_MASK_OBJECT_AND_LINKINDEX,
-    )
-    mask = np.asarray(image[4], dtype=np.intp).reshape(height, width)
-    return np.where(mask >= 0, mask & ((1 << 24) - 1), -1), np.where(mask >= 0, (mask >> 24) - 1, -1)
-
-
-def _matrices(viewpoint: Viewpoint, aspect: float) -> dict[str, Any]:
+def view_matrices(viewpoint: Viewpoint, aspect: float) -> dict[str, Any]:
+    """Arguments of ``getCameraImage``; ``aspect``: width by height."""
     return {
         "viewMatrix": pybullet.computeViewMatrix(viewpoint.eye, viewpoint.target, [0.0, 0.0, 1.0]),
         "projectionMatrix": pybullet.computeProjectionMatrixFOV(viewpoint.field_of_view, aspect, viewpoint.near, 30.0),

@@ -45,7 +45,6 @@ class ReadPurpose(Enum):
     MONITOR = "monitor"  # the audit itself
     EVALUATION = "evaluation"
     RECORDING = "recording"
-    WALKER = "walker"  # what people see of the robot
     SCRIPT = "script"  # what somebody who disturbs sees
 
 

@@ -17,6 +17,7 @@ from bestman_bt.world_model import WorldModel
 from hal.api import Camera
 from hal.simulation import SensorFault
 from hal.simulation.camera import SimulatedCamera
+from tests.robot_models import seen_through
 
 
 @pytest.fixture
@@ -133,7 +134,7 @@ def test_algorithms_see_a_pinhole_whatever_the_lens_and_the_depth_sensor(robot, 
     straight = model.of(CameraPart)["head_camera"]
     exact = replace(straight, noise_base=0.0, noise_quadratic=0.0, dropout=0.0, edge_dropout=0.0, depth_step=0.0)
     lens = replace(exact.intrinsics, distortion=(-0.2, 0.05, 0.001, 0.001))
-    wrong = replace(exact.with_intrinsics(lens), depth_scale=1.03, depth_offset=-0.01)
+    wrong = replace(seen_through(exact, lens), depth_scale=1.03, depth_offset=-0.01)
     images = []
     for camera_model in (exact, wrong):
         camera = SimulatedCamera("head_camera", camera_model, np.random.default_rng(3))

@@ -18,6 +18,7 @@ from hal.api import Arm
 from hal.conformance import CHECKS, LIFE_CHECKS, Check
 from tests.hal.conformance import broken_commands, broken_connections, broken_readings, broken_stops
 from tests.hal.conformance.changed_robot import Break, Make, changed, failing, of, wrapped
+from tests.robot_models import seen_through
 
 EXAMPLE = Path(__file__).resolve().parents[3] / "examples" / "driver_in_memory"
 ADDED = {
@@ -35,7 +36,7 @@ def small_model() -> RobotModel:
     parts = Document({"parts": {name: {"part": part, "mount": link} for name, (part, link) in ADDED.items()}})
     model = compose_robot("small", read_document(find_data("robot", "diff_panda")).merged(parts))
     cameras = {
-        name: camera.with_intrinsics(replace(camera.intrinsics, width=8, height=6))
+        name: seen_through(camera, replace(camera.intrinsics, width=8, height=6))
         for name, camera in model.of(CameraPart).items()
     }
     return replace(model, parts={**model.parts, **cameras})

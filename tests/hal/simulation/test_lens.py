@@ -14,6 +14,7 @@ from hal.api import Camera, NoDataError
 from hal.pybullet import PyBulletRobot
 from hal.simulation import SensorFault, SimulationError
 from hal.simulation.camera import Lens, SimulatedCamera
+from tests.robot_models import seen_through
 
 DISTORTION = (-0.25, 0.08, 0.001, -0.0008, 0.01)
 SMALL = CameraIntrinsics(320, 240, 216.0, 216.0, 159.5, 119.5)
@@ -28,7 +29,7 @@ def robot(robot_model, table_worlds):
 def camera(robot: PyBulletRobot, intrinsics: CameraIntrinsics = SMALL, **changes) -> SimulatedCamera:
     """The head camera with another model, without noise, in the same world."""
     noiseless = {"noise_base": 0.0, "noise_quadratic": 0.0, "dropout": 0.0, "edge_dropout": 0.0, "depth_step": 0.0}
-    model = replace(robot.model.of(CameraPart)["head_camera"], **(noiseless | changes)).with_intrinsics(intrinsics)
+    model = seen_through(replace(robot.model.of(CameraPart)["head_camera"], **(noiseless | changes)), intrinsics)
     other = SimulatedCamera("head_camera", model, np.random.default_rng(1))
     other.attach(robot.simulation)
     return other
