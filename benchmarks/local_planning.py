@@ -23,7 +23,7 @@ from benchmarks.navigation_measures.processor_times import timed_ticks
 from benchmarks.navigation_measures.report import median, percentile, print_report, scaled
 from bestman_bt.control import MotionStatus
 from bestman_bt.control.lidar import LidarSensor
-from bestman_bt.control.wheeled import BaseController, CollisionMonitor, CollisionMonitorParameters
+from bestman_bt.control.wheeled import BaseController, CollisionMonitor
 from bestman_bt.manipulation.kinematics import ForwardKinematics
 from bestman_bt.messages import Box, Path2D, PlacedShape, Pose, Pose2D, wrap_angle
 from bestman_bt.navigation.global_planning import Costmap, GridAStar
@@ -140,7 +140,7 @@ def drive(model: RobotModel, planner: str, seed: int, boxes: int, monitored: boo
         follower = PLANNERS[planner]()
         base_part = robot.part("base", MobileBase)
         lidar = LidarSensor(robot.part("lidar", Lidar), ForwardKinematics(model))
-        monitor = CollisionMonitor(base_part.model, (), CollisionMonitorParameters(enabled=monitored))
+        monitor = CollisionMonitor(base_part.model, enabled=monitored)
         localizer = ScanToMap(belief.map)
         base = BaseController(base_part, robot.clock, lidar, localizer, follower, belief, monitor=monitor)
         base.start()

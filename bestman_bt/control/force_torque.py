@@ -16,37 +16,29 @@ from hal.api import Clock, ForceTorque, RobotError, Timer
 GRAVITY = 9.81
 
 
-@dataclass(frozen=True)
-class WristWrenchParameters:
-    """``tare_time``: seconds of readings that an offset is the mean of. ``tare_period``: seconds between two of them.
-
-    ``still``: newtons; readings that vary more than that around their mean make no offset.
-    """
-
-    tare_time: float = 0.25
-    tare_period: float = 1.0 / 60.0
-    still: float = 1.5
-
-
+@dataclass(eq=False)
 class WristWrench:
     """Gravity by forward kinematics and the URDF's masses, offset by readings at rest, both taken away.
 
     All wrenches are what the world does to the hand. Inertia is not taken away: 1 kg of hand that gathers speed with
     5 m/s² feels 5 N.
+
+    ``tare_time``: seconds of readings that an offset is the mean of. ``tare_period``: seconds between two of them.
+
+    ``still``: newtons; readings that vary more than that around their mean make no offset.
     """
 
-    def __init__(
-        self,
-        sensor: ForceTorque,
-        kinematics: ForwardKinematics,
-        joints: JointStateSensor,
-        clock: Clock,
-        parameters: WristWrenchParameters | None = None,
-    ) -> None:
-        self._sensor, self._kinematics, self._joints, self._clock = sensor, kinematics, joints, clock
-        self._parameters = parameters or WristWrenchParameters()
-        self._payload = payload(kinematics.robot, sensor.frame)
-        self.frame = sensor.frame
+    sensor: ForceTorque
+    kinematics: ForwardKinematics
+    joints: JointStateSensor
+    clock: Clock
+    tare_time: float = 0.25
+    tare_period: float = 1.0 / 60.0
+    still: float = 1.5
+
+    def __post_init__(self) -> None:
+        self._payload = payload(self.kinematics.robot, self.sensor.frame)
+        self.frame = self.sensor.frame
         self._offset: NDArray[np.float64] = np.zeros(6)
         self._tared = False
         self._readings: list[NDArray[np.float64]] = []
@@ -70,11 +62,11 @@ class WristWrench:
         """
         if self._timer is None:
             self._readings = []
-            self._timer = self._clock.every(self._parameters.tare_period, self._gather)
+            self._timer = self.clock.every(self.tare_period, self._gather)
 
     def contact(self) -> Wrench:
         """What touches the hand: the wrench about the origin of ``frame``, in its axes."""
-        reading = self._sensor.wrench()
+        reading = self.sensor.wrench()
         values = np.concatenate([reading.force, reading.torque]) - self._weight(self._base_from_sensor()) - self._offset
         return Wrench(values[:3], values[3:], reading.stamp)
 
@@ -87,7 +79,7 @@ class WristWrench:
         return Wrench(force, torque, wrench.stamp)
 
     def _base_from_sensor(self) -> Pose:
-        return self._kinematics.pose(self._sensor.frame, self._joints.positions())
+        return self.kinematics.pose(self.sensor.frame, self.joints.positions())
 
     def _weight(self, base_from_sensor: Pose) -> NDArray[np.float64]:
         """The wrench of the hand's weight in the sensor's frame, (6,); the base stands level."""
@@ -96,17 +88,16 @@ class WristWrench:
 
     def _gather(self) -> None:
         try:
-            reading = self._sensor.wrench()
+            reading = self.sensor.wrench()
         except RobotError:
             self._end_taring()  # who reads it next hears why
             return
         weight = self._weight(self._base_from_sensor())
         self._readings.append(np.concatenate([reading.force, reading.torque]) - weight)
-        parameters = self._parameters
-        if len(self._readings) * parameters.tare_period >= parameters.tare_time:
+        if len(self._readings) * self.tare_period >= self.tare_time:
             self._end_taring()
             readings = np.array(self._readings)
-            if np.abs(readings - readings.mean(axis=0))[:, :3].max() <= parameters.still:
+            if np.abs(readings - readings.mean(axis=0))[:, :3].max() <= self.still:
                 self._offset, self._tared = readings.mean(axis=0), True
 
     def _end_taring(self) -> None:

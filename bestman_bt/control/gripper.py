@@ -10,23 +10,6 @@ from hal.api import Gripper, Motion
 
 
 @dataclass(frozen=True)
-class GripperParameters:
-    """How to let go, and what counts as held.
-
-    ``closing_speed``, ``release_speed``: m/s of the width at most; faster fingers push what they meet first aside, and
-    drag along what they leave. ``release_clearance``: metres that a
-    release opens beyond the present width. ``width_tolerance``: metres by which a held object's width may differ.
-    ``slip_tolerance``: metres by which the width may change while it is held.
-    """
-
-    closing_speed: float = 0.1
-    release_speed: float = 0.02
-    release_clearance: float = 0.016
-    width_tolerance: float = 0.006
-    slip_tolerance: float = 0.003
-
-
-@dataclass(frozen=True)
 class GripperOutcome:
     """Where the fingers came to rest: ``width`` in metres; ``object_held``: whether they press on something there."""
 
@@ -34,30 +17,45 @@ class GripperOutcome:
     object_held: bool
 
 
+@dataclass(eq=False)
 class GripperController:
-    """Commands one gripper and tells, from its encoder and motor alone, whether it holds something."""
+    """Commands one gripper and tells, from its encoder and motor alone, whether it holds something.
 
-    def __init__(self, gripper: Gripper, parameters: GripperParameters | None = None) -> None:
-        self._gripper, self.name, self.model = gripper, gripper.name, gripper.model
-        self._parameters = parameters or GripperParameters()
+    How to let go, and what counts as held.
+
+    ``closing_speed``, ``release_speed``: m/s of the width at most; faster fingers push what they meet first aside, and
+    drag along what they leave. ``release_clearance``: metres that a
+    release opens beyond the present width. ``width_tolerance``: metres by which a held object's width may differ.
+    ``slip_tolerance``: metres by which the width may change while it is held.
+    """
+
+    gripper: Gripper
+    closing_speed: float = 0.1
+    release_speed: float = 0.02
+    release_clearance: float = 0.016
+    width_tolerance: float = 0.006
+    slip_tolerance: float = 0.003
+
+    def __post_init__(self) -> None:
+        self.name, self.model = self.gripper.name, self.gripper.model
 
     def width(self) -> float:
         """Measured opening between the fingers, metres."""
-        return self._gripper.width()
+        return self.gripper.width()
 
     def pressing(self) -> bool:
         """Whether a closing motion was blocked by something that the fingers still press on."""
-        return self._gripper.state().object_held
+        return self.gripper.state().object_held
 
     def holding(self, expected_width: float, tolerance: float | None = None) -> bool:
         """Whether the fingers press on something as wide as expected (metres, within the tolerance)."""
-        tolerance = self._parameters.width_tolerance if tolerance is None else tolerance
+        tolerance = self.width_tolerance if tolerance is None else tolerance
         return self.pressing() and abs(self.width() - expected_width) <= tolerance
 
     def open(self, width: float | None = None, speed: float | None = None) -> Motion[GripperOutcome]:
         """Open to ``width`` (fully by default) at ``speed`` m/s of the width (the gripper's own by default)."""
         target = self.model.max_width if width is None else width
-        return start_motion(self.name, lambda: self._gripper.move(target, speed=speed), self._outcome)
+        return start_motion(self.name, lambda: self.gripper.move(target, speed=speed), self._outcome)
 
     def close(self, force: float | None = None, speed: float | None = None) -> Motion[GripperOutcome]:
         """Close until something blocks or the fingers meet; both are success, and the outcome tells which it was.
@@ -65,22 +63,22 @@ class GripperController:
         ``force``: newtons, the gripper's own by default; ``speed``: m/s of the width, ``closing_speed`` by default.
         """
         if speed is None:
-            speed = min(self._parameters.closing_speed, self.model.part.max_speed)
+            speed = min(self.closing_speed, self.model.part.max_speed)
         return start_motion(
-            self.name, lambda: self._gripper.move(self.model.part.min_width, force=force, speed=speed), self._outcome
+            self.name, lambda: self.gripper.move(self.model.part.min_width, force=force, speed=speed), self._outcome
         )
 
     def release(self) -> Motion[GripperOutcome]:
         """Let go: open a little and slowly, so that the object stays where it stands."""
-        width = min(self.width() + self._parameters.release_clearance, self.model.max_width)
-        return self.open(width, self._parameters.release_speed)
+        width = min(self.width() + self.release_clearance, self.model.max_width)
+        return self.open(width, self.release_speed)
 
     def watch_slip(self, tolerance: float | None = None) -> Callable[[], str | None]:
         """A guard over what is held now: it answers with a text once the fingers press no more, or close further.
 
         ``tolerance``: metres by which the width may still shrink or grow (``slip_tolerance`` by default).
         """
-        tolerance = self._parameters.slip_tolerance if tolerance is None else tolerance
+        tolerance = self.slip_tolerance if tolerance is None else tolerance
         width = self.width()
 
         def lost() -> str | None:
@@ -95,7 +93,7 @@ class GripperController:
 
     def stop(self) -> None:
         """Stop the fingers at once; a grasp goes on pressing."""
-        self._gripper.stop()
+        self.gripper.stop()
 
     def _outcome(self) -> GripperOutcome:
         return GripperOutcome(self.width(), self.pressing())

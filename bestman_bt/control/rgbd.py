@@ -76,53 +76,42 @@ class RGBDView:
         return self.in_base.cloud()
 
 
-@dataclass(frozen=True)
-class RGBDSensorParameters:
-    """When an image counts as none.
+@dataclass(eq=False)
+class RGBDSensor:
+    """Captures views through one camera: rectified, and with the systematic error of the depth taken away.
+
+    ``clock``: tells how old an image is; without one, ages are not checked.
+
+    When an image counts as none.
 
     ``max_age``: seconds between its stamp and now; of images that are older, ``attempts`` are asked for, because a
     computer that is busy for a moment may have held one up. ``black_level``: of 255; an image without a pixel above it
     is black. ``min_depth_share``: share of the pixels that must have a depth.
     """
 
+    camera: Camera
+    kinematics: ForwardKinematics
+    joints: JointStateSensor
+    world: WorldModel
+    clock: Clock | None = None
     max_age: float = 0.5
     attempts: int = 5
     black_level: int = 8
     min_depth_share: float = 0.001
 
-
-class RGBDSensor:
-    """Captures views through one camera: rectified, and with the systematic error of the depth taken away.
-
-    ``clock``: tells how old an image is; without one, ages are not checked.
-    """
-
-    def __init__(
-        self,
-        camera: Camera,
-        kinematics: ForwardKinematics,
-        joints: JointStateSensor,
-        world: WorldModel,
-        clock: Clock | None = None,
-        parameters: RGBDSensorParameters = RGBDSensorParameters(),
-    ) -> None:
-        self._camera, self.name, self.optical_frame = camera, camera.name, camera.optical_frame
-        self._kinematics = kinematics
-        self._joints = joints
-        self._world = world
-        self._clock = clock
-        self._parameters = parameters
-        self._self_filter = SelfFilter(kinematics.robot, kinematics)
+    def __post_init__(self) -> None:
+        self.name, self.optical_frame = self.camera.name, self.camera.optical_frame
+        self._self_filter = SelfFilter(self.kinematics.robot, self.kinematics)
         self._subscribers: list[Callable[[RGBDView], None]] = []
 
     @property
     def intrinsics(self) -> CameraIntrinsics:
         """The pinhole model of the views."""
-        return replace(self._camera.intrinsics, distortion=())
+        return replace(self.camera.intrinsics, distortion=())
 
     def base_from_camera(self) -> Pose:
         """Where the camera is now."""
-        return self._kinematics.pose(self._camera.optical_frame, self._joints.positions())
+        return self.kinematics.pose(self.camera.optical_frame, self.joints.positions())
 
     def subscribe(self, subscriber: Callable[[RGBDView], None]) -> None:
         """Call ``subscriber`` with every view that is captured."""
@@ -131,42 +120,42 @@ class RGBDSensor:
     def capture(self) -> RGBDView:
         """Take one image now; CameraError if the camera delivers nothing to work with."""
         image = self._ideal(self._taken())
-        positions = self._joints.positions()
-        base_from_camera = self._kinematics.pose(self._camera.optical_frame, positions)
-        own_body = self._self_filter.mask(image, base_from_camera, positions, self._world.hands)
-        view = RGBDView(image, base_from_camera, self._world.base.pose.to_pose(), own_body)
+        positions = self.joints.positions()
+        base_from_camera = self.kinematics.pose(self.camera.optical_frame, positions)
+        own_body = self._self_filter.mask(image, base_from_camera, positions, self.world.hands)
+        view = RGBDView(image, base_from_camera, self.world.base.pose.to_pose(), own_body)
         for subscriber in self._subscribers:
             subscriber(view)
         return view
 
     def _taken(self) -> RGBDImage:
-        parameters, age = self._parameters, 0.0
-        for _ in range(parameters.attempts):
+        age = 0.0
+        for _ in range(self.attempts):
             try:
-                image = self._camera.capture()
+                image = self.camera.capture()
             except (RobotError, OSError, ValueError) as error:  # ValueError: sizes that do not fit the intrinsics
                 vendor_code = error.failure.vendor_code if isinstance(error, PartError) else ""
                 text = f"{self.name} gave no image: {error}"
                 raise CameraError(CameraErrorCode.NO_IMAGE, text, self.name, vendor_code) from error
-            age = 0.0 if self._clock is None else self._clock.now() - image.stamp
-            if abs(age) <= parameters.max_age:
-                if not (image.rgb > parameters.black_level).any():
+            age = 0.0 if self.clock is None else self.clock.now() - image.stamp
+            if abs(age) <= self.max_age:
+                if not (image.rgb > self.black_level).any():
                     raise CameraError(CameraErrorCode.BLACK, f"{self.name} gave a black image", self.name)
                 return image
         which = "old" if age > 0.0 else "in the future"
-        text = f"{self.name} gave an image that is {abs(age):.2f} s {which}, {parameters.max_age:g} s are allowed"
+        text = f"{self.name} gave an image that is {abs(age):.2f} s {which}, {self.max_age:g} s are allowed"
         raise CameraError(CameraErrorCode.STALE, text, self.name)
 
     def _ideal(self, image: RGBDImage) -> RGBDImage:
         known = np.isfinite(image.depth) & (image.depth > 0.0)
         share = float(known.mean())
-        if share < self._parameters.min_depth_share:
+        if share < self.min_depth_share:
             raise CameraError(
                 CameraErrorCode.NO_DEPTH,
                 f"{self.name} gave an image without depth ({share:.2%} of its pixels have one)",
                 self.name,
             )
-        model = self._kinematics.robot.of(CameraPart).get(self.name)
+        model = self.kinematics.robot.of(CameraPart).get(self.name)
         correction = DepthCorrection() if model is None else DepthCorrection(model.depth_scale, model.depth_offset)
         depth = correction.apply(image.depth if known.all() else np.where(known, image.depth, np.float32(0.0)))
         image = replace(image, depth=depth)
@@ -191,7 +180,7 @@ class SelfFilter:
         self, robot: RobotModel, kinematics: ForwardKinematics, margin: float = 0.015, slack: float = 0.05
     ) -> None:
         self._robot = robot
-        self._kinematics = kinematics
+        self.kinematics = kinematics
         self._margin = margin
         self._slack = slack
 
@@ -223,11 +212,11 @@ class SelfFilter:
         """Corners of all convex bodies in the optical frame."""
         bodies = []
         for link, hulls in self._hulls.items():
-            camera_from_link = camera_from_base @ self._kinematics.pose(link, positions)
+            camera_from_link = camera_from_base @ self.kinematics.pose(link, positions)
             bodies += [camera_from_link.apply(hull) for hull in hulls]
         arms = self._robot.of(ArmModel)
         for arm, held in hands.items():
-            camera_from_tool = camera_from_base @ self._kinematics.pose(arms[arm].tool_frame, positions)
+            camera_from_tool = camera_from_base @ self.kinematics.pose(arms[arm].tool_frame, positions)
             lower, upper = held.model.bounds()
             box = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)]) * (upper - lower) + lower
             bodies.append((camera_from_tool @ held.tool_from_object).apply(box))

@@ -2,31 +2,28 @@
 
 from bestman_bt.control.arm.arm_controller import ArmController
 from bestman_bt.control.arm.constraint_following import (
-    ConstraintFollowingParameters,
     FollowedMotion,
     FollowEnd,
     FollowGuide,
+    Following,
 )
-from bestman_bt.control.arm.contact_monitor import ContactMonitor, ContactMonitorParameters
-from bestman_bt.control.arm.guarded_move import GuardedMoveParameters, GuardedOutcome
-from bestman_bt.control.arm.impedance import ImpedanceController, ImpedanceParameters
-from bestman_bt.control.arm.joint_axis import JointAxis, JointAxisEstimator, JointAxisParameters
-from bestman_bt.control.arm.tool_stream import ToolStreamParameters
+from bestman_bt.control.arm.contact_monitor import ContactLimits, ContactMonitor
+from bestman_bt.control.arm.guarded_move import GuardedOutcome, Guarding
+from bestman_bt.control.arm.joint_axis import AxisFitting, JointAxis, JointAxisEstimator
+from bestman_bt.control.arm.tool_stream import Streaming
 
 __all__ = [
     "ArmController",
-    "ConstraintFollowingParameters",
+    "AxisFitting",
+    "ContactLimits",
     "ContactMonitor",
-    "ContactMonitorParameters",
     "FollowEnd",
     "FollowGuide",
     "FollowedMotion",
-    "GuardedMoveParameters",
+    "Following",
     "GuardedOutcome",
-    "ImpedanceController",
-    "ImpedanceParameters",
+    "Guarding",
     "JointAxis",
     "JointAxisEstimator",
-    "JointAxisParameters",
-    "ToolStreamParameters",
+    "Streaming",
 ]

@@ -12,15 +12,15 @@ from numpy.typing import ArrayLike, NDArray
 
 from bestman_bt.control.arm.constraint_following import (
     ConstraintFollowing,
-    ConstraintFollowingParameters,
     FollowedMotion,
     FollowGoal,
     FollowGuide,
+    Following,
 )
-from bestman_bt.control.arm.contact_monitor import ContactMonitor, ContactMonitorParameters
-from bestman_bt.control.arm.guarded_move import GuardedMove, GuardedMoveParameters, GuardedOutcome
+from bestman_bt.control.arm.contact_monitor import ContactLimits, ContactMonitor
+from bestman_bt.control.arm.guarded_move import GuardedMove, GuardedOutcome, Guarding
 from bestman_bt.control.arm.joint_axis import JointAxis
-from bestman_bt.control.arm.tool_stream import ToolStream, ToolStreamParameters
+from bestman_bt.control.arm.tool_stream import Streaming, ToolStream
 from bestman_bt.control.force_torque import WristWrench
 from bestman_bt.control.joint_state import READING_ERRORS
 from bestman_bt.control.motion import start_motion
@@ -51,17 +51,17 @@ class ArmController:
         guard_period: float = 0.05,
         kinematics: InverseKinematics | None = None,
         wrist: WristWrench | None = None,
-        contact: ContactMonitorParameters | None = None,
-        streaming: ToolStreamParameters | None = None,
-        guarded: GuardedMoveParameters | None = None,
-        following: ConstraintFollowingParameters | None = None,
+        contact: ContactLimits | None = None,
+        streaming: Streaming | None = None,
+        guarded: Guarding | None = None,
+        following: Following | None = None,
     ) -> None:
         self._arm, self.name, self.joint_names = arm, arm.name, arm.joint_names
         self._clock = clock
         self._guard_period = guard_period
         self._kinematics, self._wrist = kinematics, wrist
-        self._contact = contact or ContactMonitorParameters()
-        self._streaming, self._guarded, self._following = streaming or ToolStreamParameters(), guarded, following
+        self._contact, self._streaming = contact or ContactLimits(), streaming or Streaming()
+        self._guarded, self._following = guarded or Guarding(), following or Following()
         self._stream: _Stream | None = None
 
     def positions(self) -> NDArray[np.float64]:
@@ -156,7 +156,7 @@ class ArmController:
         self._end_stream(MotionErrorCode.SUPERSEDED, "a newer command took over")
         self._arm.stop()  # also ends a motion under way
         self._stream = _Stream(action, motion, self._arm)
-        self._stream.start(self._clock, stream.parameters.period)
+        self._stream.start(self._clock, self._streaming.period)
 
     def _cancel_stream(self) -> None:
         self.stop()

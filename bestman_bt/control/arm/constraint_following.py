@@ -15,7 +15,7 @@ from enum import Enum
 import numpy as np
 from numpy.typing import NDArray
 
-from bestman_bt.control.arm.joint_axis import JointAxis, JointAxisEstimator, JointAxisParameters
+from bestman_bt.control.arm.joint_axis import AxisFitting, JointAxis, JointAxisEstimator
 from bestman_bt.control.arm.tool_stream import StreamStep, ToolStream
 from bestman_bt.control.force_torque import WristWrench
 from bestman_bt.messages import JointKind, MotionErrorCode, Pose
@@ -96,8 +96,8 @@ _CODES = {
 
 
 @dataclass(frozen=True)
-class ConstraintFollowingParameters:
-    """SI units.
+class Following:
+    """How a hand goes along. SI units.
 
     ``compliance``: m/s across the motion per newton, up to ``side_speed``. ``acceleration``: along it.
     ``force_filter``: seconds. ``stall_time``: without ``stall_distance`` of progress counts as stuck. ``moved``: from
@@ -115,7 +115,7 @@ class ConstraintFollowingParameters:
     turn_speed: float = 0.6
     relax_time: float = 0.3
     time_factor: float = 4.0
-    axis: JointAxisParameters = field(default_factory=JointAxisParameters)
+    axis: AxisFitting = field(default_factory=AxisFitting)
 
 
 @dataclass(frozen=True)
@@ -150,15 +150,13 @@ class ConstraintFollowing:
         motion: Motion[FollowedMotion],
         grip: Callable[[], str | None] | None = None,
         hint: JointKind | None = None,
-        parameters: ConstraintFollowingParameters | None = None,
+        following: Following = Following(),
     ) -> None:
         self._stream, self._wrist, self._goal, self._motion, self._grip = stream, wrist, goal, motion, grip
-        self._parameters = parameters or ConstraintFollowingParameters()
+        self._following = following
         self._held_at = np.zeros(3) if goal.guide is None else goal.guide.held_at
         self._start = self._held(stream.measured())
-        self._estimator = JointAxisEstimator(
-            direction, self._start, hint, self._parameters.axis, goal.axis, goal.learns
-        )
+        self._estimator = JointAxisEstimator(direction, self._start, hint, self._following.axis, goal.axis, goal.learns)
         self._force: Array = np.zeros(3)
         self._speed = self._turned = self._time = 0.0
         self._peak = np.zeros(2)
@@ -167,7 +165,7 @@ class ConstraintFollowing:
 
     def tick(self) -> bool:
         """One period; False when it is over and the arm is to be stopped."""
-        self._time += self._stream.parameters.period
+        self._time += self._stream.streaming.period
         tool = self._stream.measured()
         self._feel(tool)
         if self._ending is not None:
@@ -191,12 +189,12 @@ class ConstraintFollowing:
         return True
 
     def _feel(self, tool: Pose) -> None:
-        period = self._stream.parameters.period
-        share = period / (period + self._parameters.force_filter)
+        period = self._stream.streaming.period
+        share = period / (period + self._following.force_filter)
         self._force = self._force + share * (self._wrist.contact_at(tool).force - self._force)
 
     def _why_to_end(self, held: Array, pull: float, side: float, travelled: float) -> tuple[FollowEnd, str] | None:
-        goal, p = self._goal, self._parameters
+        goal, p = self._goal, self._following
         lost = None if self._grip is None else self._grip()
         if lost is not None:
             return FollowEnd.GRIP_LOST, f"{lost} after {travelled:.3f} m"
@@ -230,7 +228,7 @@ class ConstraintFollowing:
         return left
 
     def _advance(self, held: Array, tangent: Array, side: Array, pull: float) -> tuple[FollowEnd, str] | None:
-        goal, p, period = self._goal, self._parameters, self._stream.parameters.period
+        goal, p, period = self._goal, self._following, self._stream.streaming.period
         braking = math.sqrt(2.0 * p.acceleration * max(self._remaining(held), 1e-5))
         # The closer to the force limit, the slower, so that nothing locked is pulled at harder.
         yielding = goal.speed * min(1.0, max(0.0, 2.0 * (1.0 - pull / goal.max_pull)))
@@ -245,13 +243,13 @@ class ConstraintFollowing:
         return FollowEnd.ARM_LIMIT, "the arm can go no further: a joint limit or a singularity is ahead"
 
     def _giving_way(self, force: Array) -> Array:
-        velocity = self._parameters.compliance * force
-        return velocity * min(1.0, self._parameters.side_speed / max(float(np.linalg.norm(velocity)), 1e-9))
+        velocity = self._following.compliance * force
+        return velocity * min(1.0, self._following.side_speed / max(float(np.linalg.norm(velocity)), 1e-9))
 
     def _turns(self, held: Array, slower: float) -> tuple[float, ...]:
         """By what angle to turn the hand in this period: with the door, or, where the arm cannot, not at all."""
         axis = self._estimator.axis
-        most = slower * self._parameters.turn_speed * self._stream.parameters.period
+        most = slower * self._following.turn_speed * self._stream.streaming.period
         if self._goal.guide is not None:
             wanted = self._goal.guide.turn(axis.travelled(self._start, held))
         else:
@@ -267,13 +265,13 @@ class ConstraintFollowing:
         pose, axis = self._stream.pose, self._estimator.axis.direction
         rotation = Pose(np.zeros(3), np.append(math.sin(turn / 2) * axis, math.cos(turn / 2)))
         turned = rotation @ Pose(np.zeros(3), pose.quaternion)
-        held = self._held(pose) + velocity * self._stream.parameters.period
+        held = self._held(pose) + velocity * self._stream.streaming.period
         return Pose(held - turned.rotation @ self._held_at, turned.quaternion)
 
     def _relax(self, tool: Pose) -> bool:
         assert self._ending is not None
         end, text, since = self._ending
-        if self._time - since < self._parameters.relax_time:
+        if self._time - since < self._following.relax_time:
             self._stream.send(self._next_pose(self._giving_way(self._force), 0.0))
             return True
         self._finish(end, text, tool)

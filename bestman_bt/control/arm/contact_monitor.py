@@ -12,9 +12,10 @@ from hal.api import Arm, Clock
 
 
 @dataclass(frozen=True)
-class ContactMonitorParameters:
-    """``force``: newtons that inertia of hand and load never reaches. ``lag``: radians behind the set-point.
+class ContactLimits:
+    """What counts as contact.
 
+    ``force``: newtons that inertia of hand and load never reaches. ``lag``: radians behind the set-point.
     ``samples``: in a row that must agree. ``period``: seconds between two looks. ``latency``: seconds by which encoders
     follow set-points in undisturbed motion, at least; the arm's own may be longer.
     """
@@ -38,10 +39,10 @@ class ContactMonitor:
         clock: Clock,
         wrist: WristWrench | None,
         trajectory: JointTrajectory | None = None,
-        parameters: ContactMonitorParameters | None = None,
+        limits: ContactLimits = ContactLimits(),
     ) -> None:
         self._arm, self._clock, self._wrist, self._trajectory = arm, clock, wrist, trajectory
-        self._parameters = parameters or ContactMonitorParameters()
+        self._limits = limits
         self._began = clock.now()
         self._initial = None if wrist is None else np.linalg.norm(wrist.contact().force)
         self._in_a_row = 0
@@ -50,20 +51,20 @@ class ContactMonitor:
         """What was touched, in words, or None."""
         found = self._force() or self._lag()
         self._in_a_row = self._in_a_row + 1 if found else 0
-        return found if self._in_a_row >= self._parameters.samples else None
+        return found if self._in_a_row >= self._limits.samples else None
 
     def _force(self) -> str | None:
         if self._wrist is None or self._initial is None:
             return None
         force = float(np.linalg.norm(self._wrist.contact().force) - self._initial)
-        if force <= self._parameters.force:
+        if force <= self._limits.force:
             return None
         return f"contact where none is expected: {force:.0f} N at the wrist"
 
     def _lag(self) -> str | None:
         if self._trajectory is None:
             return None
-        p, passed = self._parameters, self._arm.trajectory_time()
+        p, passed = self._limits, self._arm.trajectory_time()
         if passed is None:
             passed = self._clock.now() - self._began
         latency = max(p.latency, self._arm.latency)

@@ -16,10 +16,11 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class GuardedMoveParameters:
-    """``acceleration``: m/s². ``force_filter``: seconds. ``blind_way``: metres at the start without a look at forces.
+class Guarding:
+    """How guarded moves go.
 
-    ``blind_way`` is for what the hand touches anyway while it gathers speed.
+    ``acceleration``: m/s². ``force_filter``: seconds. ``blind_way``: metres at the start without a look at
+    forces, for what the hand touches anyway while it gathers speed.
     """
 
     acceleration: float = 0.2
@@ -53,12 +54,12 @@ class GuardedMove:
         max_distance: float,
         stop_force: float,
         motion: Motion[GuardedOutcome],
-        parameters: GuardedMoveParameters | None = None,
+        guarding: Guarding = Guarding(),
     ) -> None:
         self._stream, self._wrist, self._motion = stream, wrist, motion
         self._direction, self._target_speed = direction, speed
         self._max_distance, self._stop_force = max_distance, stop_force
-        self._parameters = parameters or GuardedMoveParameters()
+        self._guarding = guarding
         self._start = stream.measured()
         self._initial = wrist.contact_at(self._start).force
         self._force: Array = np.zeros(3)
@@ -66,7 +67,7 @@ class GuardedMove:
 
     def tick(self) -> bool:
         """One period."""
-        period, p = self._stream.parameters.period, self._parameters
+        period, p = self._stream.streaming.period, self._guarding
         tool = self._stream.measured()
         share = period / (period + p.force_filter)
         self._force = self._force + share * (self._wrist.contact_at(tool).force - self._initial - self._force)

@@ -18,8 +18,8 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class JointAxisParameters:
-    """Metres and radians.
+class AxisFitting:
+    """When the way of a hand tells an axis. Metres and radians.
 
     ``spacing``: between two places of the way that count. ``bulge``: of the way from its chord, from which a circle is
     believed; ``hinted_bulge``: the same where a hinge is expected. ``longest_radius``: of a hinge.
@@ -82,11 +82,11 @@ class JointAxisEstimator:
         direction: Array,
         start: Array,
         hint: JointKind | None = None,
-        parameters: JointAxisParameters | None = None,
+        fitting: AxisFitting = AxisFitting(),
         believed: JointAxis | None = None,
         learns: bool = True,
     ) -> None:
-        self._parameters = parameters or JointAxisParameters()
+        self._fitting = fitting
         self._hint = hint
         self._way = [np.array(start, dtype=float)]
         self._believed, self._learns = believed, learns
@@ -94,15 +94,15 @@ class JointAxisEstimator:
 
     def add(self, position: Array) -> None:
         """Take in where the hand is."""
-        if not self._learns or float(np.linalg.norm(position - self._way[-1])) < self._parameters.spacing:
+        if not self._learns or float(np.linalg.norm(position - self._way[-1])) < self._fitting.spacing:
             return
         self._way.append(np.array(position, dtype=float))
-        far = float(np.linalg.norm(position - self._way[0])) >= self._parameters.enough
+        far = float(np.linalg.norm(position - self._way[0])) >= self._fitting.enough
         if len(self._way) >= 5 and (far or self._believed is None):
             self.axis = self._fit(np.array(self._way))
 
     def _fit(self, way: Array) -> JointAxis:
-        p = self._parameters
+        p = self._fitting
         centre = way.mean(axis=0)
         _, _, axes = np.linalg.svd(way - centre, full_matrices=False)
         line = self._line(way, centre, axes[0])
@@ -123,7 +123,7 @@ class JointAxisEstimator:
     def _line(self, way: Array, centre: Array, axis: Array) -> JointAxis:
         across = (way - centre) - np.outer((way - centre) @ axis, axis)
         deviation = float(np.sqrt(np.mean(np.sum(across**2, axis=1))))
-        far = np.linalg.norm(way - way[-1], axis=1) >= self._parameters.recent
+        far = np.linalg.norm(way - way[-1], axis=1) >= self._fitting.recent
         since = int(np.flatnonzero(far)[-1]) if np.any(far) else 0
         recent = way[-1] - way[since]
         straight = self._hint == "prismatic" or deviation < 0.0002

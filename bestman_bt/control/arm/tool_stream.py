@@ -14,8 +14,8 @@ from hal.api import Arm
 
 
 @dataclass(frozen=True)
-class ToolStreamParameters:
-    """``period``: seconds between two set-points. ``speed_share``: of the joints' speed limits.
+class Streaming:
+    """How poses are streamed. ``period``: seconds between two set-points. ``speed_share``: of the joints' speed limits.
 
     ``min_manipulability``: Yoshikawa's measure below which the arm goes no further towards a singularity.
     ``posture_rate``: 1/s, how fast redundancy brings the arm to a posture that is asked for.
@@ -38,14 +38,14 @@ class StreamStep(Enum):
 class ToolStream:
     """Begins where the arm is. ``pose``: base_from_tool that was sent last."""
 
-    def __init__(self, arm: Arm, kinematics: InverseKinematics, parameters: ToolStreamParameters | None = None) -> None:
+    def __init__(self, arm: Arm, kinematics: InverseKinematics, streaming: Streaming = Streaming()) -> None:
         self._arm, self._kinematics = arm, kinematics
-        self.parameters = parameters or ToolStreamParameters()
+        self.streaming = streaming
         self._positions: NDArray[np.float64] = arm.positions()
         self.pose = kinematics.tool_pose(self._positions)
         self._manipulability = kinematics.manipulability(self._positions)
         speed = arm.model.velocity
-        self._largest_step = self.parameters.speed_share * self.parameters.period * speed
+        self._largest_step = self.streaming.speed_share * self.streaming.period * speed
 
     def measured(self) -> Pose:
         """Where the tool is, by encoders."""
@@ -63,7 +63,7 @@ class ToolStream:
         if np.any(np.abs(positions - self._positions) > self._largest_step):
             return StreamStep.TOO_FAST
         manipulability = self._kinematics.manipulability(positions)
-        if manipulability < min(self.parameters.min_manipulability, self._manipulability):
+        if manipulability < min(self.streaming.min_manipulability, self._manipulability):
             return StreamStep.UNREACHABLE
         self._arm.servo(positions)
         self._positions, self.pose, self._manipulability = positions, base_from_tool, manipulability
@@ -71,7 +71,7 @@ class ToolStream:
 
     def _towards(self, posture: NDArray[np.float64]) -> NDArray[np.float64]:
         """A step (n,) in the null space of the tool's motion, of at most a third of what the joints may do."""
-        wanted = self.parameters.posture_rate * self.parameters.period * (posture - self._positions)
+        wanted = self.streaming.posture_rate * self.streaming.period * (posture - self._positions)
         wanted = wanted * min(1.0, 1.0 / max(float(np.abs(3.0 * wanted / self._largest_step).max()), 1e-9))
         jacobian = self._kinematics.jacobian(self._positions)
         step: NDArray[np.float64] = wanted - np.linalg.pinv(jacobian, rcond=1e-3) @ (jacobian @ wanted)

@@ -1,22 +1,19 @@
 """Control of wheeled bases."""
 
-from bestman_bt.control.wheeled.base_controller import BaseController, BaseControllerParameters
+from bestman_bt.control.wheeled.base_controller import BaseController, Driving
 from bestman_bt.control.wheeled.collision_monitor import (
     CollisionMonitor,
-    CollisionMonitorParameters,
     MonitorAction,
     MonitoredCommand,
 )
-from bestman_bt.control.wheeled.turning_slip import TurningSlip, TurningSlipParameters, measure_turning_slip
+from bestman_bt.control.wheeled.turning_slip import TurningSlip, measure_turning_slip
 
 __all__ = [
     "BaseController",
-    "BaseControllerParameters",
     "CollisionMonitor",
-    "CollisionMonitorParameters",
+    "Driving",
     "MonitorAction",
     "MonitoredCommand",
     "TurningSlip",
-    "TurningSlipParameters",
     "measure_turning_slip",
 ]

@@ -17,7 +17,7 @@ from bestman_bt.control.lidar import LidarSensor
 from bestman_bt.control.wheeled.collision_monitor import CollisionMonitor, MonitorAction
 from bestman_bt.control.wheeled.localisation_cycle import (
     LocalisationCycle,
-    LocalisationCycleParameters,
+    Localising,
     PlacedScan,
 )
 from bestman_bt.control.wheeled.velocity_gate import VelocityGate
@@ -37,8 +37,8 @@ from hal.api import Clock, CommandRefusedError, MobileBase, Motion, MotionStatus
 
 
 @dataclass(frozen=True)
-class BaseControllerParameters:
-    """``position_tolerance`` (metres), ``heading_tolerance`` (radians): what counts as arrived.
+class Driving:
+    """How a base drives. ``position_tolerance`` (metres), ``heading_tolerance`` (radians): what counts as arrived.
 
     ``corrections``: turns to improve the heading. ``stall_*``: no progress of that many metres or radians in so many
     seconds is blocked; after ``stuck_time`` seconds the base counts as stuck. ``patience``: seconds that it stands at a
@@ -53,7 +53,7 @@ class BaseControllerParameters:
     stall_time: float = 3.0
     stuck_time: float = 1.5
     patience: float = 15.0
-    localisation: LocalisationCycleParameters = field(default_factory=LocalisationCycleParameters)
+    localisation: Localising = field(default_factory=Localising)
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,20 +105,22 @@ class BaseController:
         localizer: Localizer,
         follower: PathFollower,
         world: WorldModel,
-        parameters: BaseControllerParameters | None = None,
+        driving: Driving = Driving(),
         rotation: RotateToHeading | None = None,
         odometry: FusedOdometry | None = None,
         monitor: CollisionMonitor | None = None,
         layer: ObstacleLayer | None = None,
     ) -> None:
-        self._parameters = p = parameters or BaseControllerParameters()
+        self._driving = driving
         self._base, self._clock, self._follower, self._world = base, clock, follower, world
         self._rotation = rotation or RotateToHeading()
         self._gate = VelocityGate(base, monitor or CollisionMonitor(base.model))
         self.model, self.lidar, self.layer = base.model, lidar, layer or ObstacleLayer()
         odometer = odometry or FusedOdometry(base, clock, WheelOdometry())
-        self.localisation = LocalisationCycle(clock, lidar, localizer, odometer, world, p.localisation, self._observe)
-        self._period = 1.0 / p.localisation.rate
+        self.localisation = LocalisationCycle(
+            clock, lidar, localizer, odometer, world, driving.localisation, self._observe
+        )
+        self._period = 1.0 / driving.localisation.rate
         self.speed_limit: float | None = None
         self.last_scan: PlacedScan | None = None
         self._timer: Timer | None = None
@@ -144,7 +146,7 @@ class BaseController:
         action = self._action
         if action is None or action.motion.done:
             return self._gave_up
-        return action.follower is not None and action.watch.without > self._parameters.stuck_time
+        return action.follower is not None and action.watch.without > self._driving.stuck_time
 
     def velocity(self) -> Twist2D:
         """Measured, in the base frame; raises as readings do."""
@@ -280,7 +282,7 @@ class BaseController:
         if self._timer is None:
             raise RuntimeError("BaseController was asked to drive before start()")
         with self._lock:
-            p = self._parameters
+            p = self._driving
             tolerance = p.position_tolerance if position_tolerance is None else position_tolerance
             motion: Motion[BasePose] = Motion(self._base.name, self._base.stop)
             watch = ProgressWatch(p.stall_distance, p.stall_angle, p.stall_time)
@@ -363,7 +365,7 @@ class BaseController:
         if self._gate.waits:
             action.watch.restart()
             action.gave_way = now if action.gave_way is None else action.gave_way
-            if now - action.gave_way > self._parameters.patience:
+            if now - action.gave_way > self._driving.patience:
                 self._halt(MotionErrorCode.BLOCKED, "people walk in the way of the base all the time")
         else:
             action.gave_way = None
@@ -373,7 +375,7 @@ class BaseController:
 
     def _settle(self, action: _Action) -> None:
         """Wait until the base rests and the scans taken there have told where, then judge."""
-        p, goal = self._parameters, action.goal
+        p, goal = self._driving, action.goal
         if not self.localisation.settled:
             return
         pose = self._world.base.pose

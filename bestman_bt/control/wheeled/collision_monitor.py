@@ -34,28 +34,6 @@ MEMORY = 30.0
 NOBODY: NDArray[np.float64] = np.zeros((0, 3))
 
 
-@dataclass(frozen=True)
-class CollisionMonitorParameters:
-    """Lengths in metres, times in seconds, speeds in m/s.
-
-    ``margin``: kept around the outline. ``same_surface``: neighbouring beams that differ by less are averaged, as the
-    nearest of many noisy hits is nearer than what they hit. ``reaction``: from a scan to the brakes.
-    ``slowdown_margin``: around the outline; what comes that near within ``slowdown_time`` limits the speed to
-    ``slowdown_speed`` (0: no such zone).
-    ``frozen_scans``: equal scans in a row after which the lidar is taken for broken, and nothing moves any more.
-    ``enabled``: False lets everything through, for experiments.
-    """
-
-    margin: float = 0.015
-    same_surface: float = 0.04
-    reaction: float = 0.15
-    slowdown_margin: float = 0.0
-    slowdown_time: float = 1.0
-    slowdown_speed: float = 0.2
-    frozen_scans: int = 5
-    enabled: bool = True
-
-
 class MonitorAction(Enum):
     """What became of a command."""
 
@@ -76,26 +54,41 @@ class MonitoredCommand:
     text: str = ""
 
 
+@dataclass(eq=False)
 class CollisionMonitor:
-    """One base's monitor: ``observe`` each scan, ask ``limit`` before each command."""
+    """One base's monitor: ``observe`` each scan, ask ``limit`` before each command.
 
-    def __init__(
-        self,
-        base: BaseModel,
-        bumpers: Sequence[Bumper] = (),
-        parameters: CollisionMonitorParameters | None = None,
-    ) -> None:
-        self._parameters = p = parameters or CollisionMonitorParameters()
-        self._limits, self._bumpers = base.part, bumpers
-        footprint = Footprint.of(base)
-        self._motion = self._above = FootprintMotion(footprint, p.margin)
-        self._wide = FootprintMotion(footprint, p.slowdown_margin)
-        self._points = NearPoints(p.same_surface)
+    Lengths in metres, times in seconds, speeds in m/s.
+
+    ``margin``: kept around the outline. ``same_surface``: neighbouring beams that differ by less are averaged, as the
+    nearest of many noisy hits is nearer than what they hit. ``reaction``: from a scan to the brakes.
+    ``slowdown_margin``: around the outline; what comes that near within ``slowdown_time`` limits the speed to
+    ``slowdown_speed`` (0: no such zone).
+    ``frozen_scans``: equal scans in a row after which the lidar is taken for broken, and nothing moves any more.
+    ``enabled``: False lets everything through, for experiments.
+    """
+
+    base: BaseModel
+    bumpers: Sequence[Bumper] = ()
+    margin: float = 0.015
+    same_surface: float = 0.04
+    reaction: float = 0.15
+    slowdown_margin: float = 0.0
+    slowdown_time: float = 1.0
+    slowdown_speed: float = 0.2
+    frozen_scans: int = 5
+    enabled: bool = True
+
+    def __post_init__(self) -> None:
+        footprint = Footprint.of(self.base)
+        self._motion = self._above = FootprintMotion(footprint, self.margin)
+        self._wide = FootprintMotion(footprint, self.slowdown_margin)
+        self._points = NearPoints(self.same_surface)
         self._stamp, self._equal = -math.inf, 0
 
     def use_footprint(self, footprint: Footprint) -> None:
         """What is driven from now on: an arm that stands out above is kept from whoever is tall."""
-        self._above = FootprintMotion(footprint.above, self._parameters.margin)
+        self._above = FootprintMotion(footprint.above, self.margin)
 
     def observe(self, scan: LaserScan, base_from_lidar: Pose2D, odometry: Pose2D) -> None:
         """Take in a scan, taken where the odometry is ``odometry``."""
@@ -110,10 +103,9 @@ class CollisionMonitor:
 
         ``tall``: (N, 3) discs around people, x, y and radius in metres, in the base frame.
         """
-        p = self._parameters
-        if not p.enabled:
+        if not self.enabled:
             return MonitoredCommand(wanted, MonitorAction.NONE)
-        if self._equal >= p.frozen_scans:
+        if self._equal >= self.frozen_scans:
             text = "the lidar tells the same scan again and again"
             return MonitoredCommand(Twist2D(), MonitorAction.STOP, True, text)
         pressed = self._pressed(odometry)
@@ -123,7 +115,7 @@ class CollisionMonitor:
         if moving:
             # What the base does now may differ from what is wanted next: it must be able to stop out of that, too.
             time, index, share = self._contact(points, people, velocity)
-            if share < 1.0 and time < p.reaction + self._braking(velocity) / 4.0:
+            if share < 1.0 and time < self.reaction + self._braking(velocity) / 4.0:
                 return MonitoredCommand(Twist2D(), MonitorAction.STOP, True, self._words(points[index], "is too close"))
         time, index, share = self._contact(points, people, wanted)
         if pressed is not None and time == 0.0:
@@ -139,20 +131,21 @@ class CollisionMonitor:
         return self._slowed(points, wanted)
 
     def _slowed(self, points: NDArray[np.float64], wanted: Twist2D) -> MonitoredCommand:
-        p = self._parameters
         speed = math.hypot(wanted.vx, wanted.vy)
-        if p.slowdown_margin > 0.0 and speed > p.slowdown_speed:
-            time, index = self._wide.contact(points, wanted, p.slowdown_time)
+        if self.slowdown_margin > 0.0 and speed > self.slowdown_speed:
+            time, index = self._wide.contact(points, wanted, self.slowdown_time)
             if math.isfinite(time):
                 text = self._words(points[index], "is close")
-                return MonitoredCommand(_scaled(wanted, p.slowdown_speed / speed), MonitorAction.SLOWDOWN, False, text)
+                return MonitoredCommand(
+                    _scaled(wanted, self.slowdown_speed / speed), MonitorAction.SLOWDOWN, False, text
+                )
         return MonitoredCommand(wanted, MonitorAction.NONE)
 
     def _contact(
         self, points: NDArray[np.float64], people: NDArray[np.intp], twist: Twist2D
     ) -> tuple[float, int, float]:
         """Seconds until a twist touches something, which point that is, and the share of it that stops in time."""
-        reaction, braking = self._parameters.reaction, self._braking(twist)
+        reaction, braking = self.reaction, self._braking(twist)
         horizon = reaction + braking / 2.0 + 0.05
         time, index = self._motion.contact(points, twist, horizon)
         if len(people):
@@ -162,12 +155,12 @@ class CollisionMonitor:
         return time, index, safe_share(time, reaction, braking)
 
     def _braking(self, twist: Twist2D) -> float:
-        limits = self._limits
+        limits = self.base.part
         return braking_time(twist, limits.max_acceleration, limits.max_angular_acceleration)
 
     def _pressed(self, odometry: Pose2D) -> NDArray[np.float64] | None:
         """Where the bumpers are pressed in the mean, (2,) in the base frame; it is remembered like what was seen."""
-        places = [bumper.zones[z].middle for bumper in self._bumpers for z in bumper.read().pressed]
+        places = [bumper.zones[z].middle for bumper in self.bumpers for z in bumper.read().pressed]
         if not places:
             return None
         pressed = np.array(places)
@@ -176,7 +169,7 @@ class CollisionMonitor:
         return mean
 
     def _words(self, point: NDArray[np.float64], what: str) -> str:
-        gap = max(0.0, float(self._motion.distance(point)) + self._parameters.margin)
+        gap = max(0.0, float(self._motion.distance(point)) + self.margin)
         return f"something {100 * gap:.0f} cm {_side(point)} {what}"
 
 

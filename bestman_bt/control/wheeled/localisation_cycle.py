@@ -15,8 +15,8 @@ from hal.api import Clock
 
 
 @dataclass(frozen=True)
-class LocalisationCycleParameters:
-    """``rate``: control hertz, 20 to 50. ``scan_every``: control ticks per lidar scan.
+class Localising:
+    """How a base localises itself. ``rate``: control hertz, 20 to 50. ``scan_every``: control ticks per lidar scan.
 
     ``settle_scans``: scans at rest after which a resting base knows where it ended; from then on it scans only every
     ``rest_scan_every`` ticks, to notice when it is pushed. ``still_speed`` (m/s), ``still_turn_rate`` (rad/s): below
@@ -60,12 +60,12 @@ class LocalisationCycle:
         localizer: Localizer,
         odometer: FusedOdometry,
         world: WorldModel,
-        parameters: LocalisationCycleParameters,
+        localising: Localising,
         seen: Callable[[PlacedScan], None],
     ) -> None:
         self._clock, self._lidar, self._odometer = clock, lidar, odometer
         self.localizer = localizer  # who puts another one here tells it where to begin, see ``believe``
-        self._world, self._parameters, self._seen = world, parameters, seen
+        self._world, self._localising, self._seen = world, localising, seen
         self._ticks = self._scans_at_rest = self._refused_scans = 0
         self.lost = self._confirmed = False
         self.odometry = Pose2D()
@@ -73,12 +73,12 @@ class LocalisationCycle:
     @property
     def settled(self) -> bool:
         """Whether the base rests, and enough scans taken there have told where."""
-        return self._scans_at_rest >= self._parameters.settle_scans
+        return self._scans_at_rest >= self._localising.settle_scans
 
     @property
     def knows_where(self) -> bool:
         """Whether the estimate is certain enough to drive by the map."""
-        p = self._parameters
+        p = self._localising
         return self.localizer.estimate.position_std <= p.lost_position_std and self._refused_scans < p.lost_scans
 
     @property
@@ -86,7 +86,7 @@ class LocalisationCycle:
         """Why it does not know where it is, in words."""
         estimate = self.localizer.estimate
         why = estimate.match.reason if estimate.match is not None and estimate.match.reason else "odometry alone"
-        if self._confirmed or estimate.position_std > self._parameters.lost_position_std:
+        if self._confirmed or estimate.position_std > self._localising.lost_position_std:
             return f"the base no longer knows where it is (±{estimate.position_std:.2f} m: {why})"
         return (
             f"no scan fits where the base was told to be ({why}). Has something moved it, such as a run before this "
@@ -99,7 +99,7 @@ class LocalisationCycle:
         believed = self._world.base
         self._odometer.begin()
         self._reset(believed)
-        self.lost = believed.position_std > self._parameters.lost_position_std
+        self.lost = believed.position_std > self._localising.lost_position_std
 
     def end(self) -> None:
         """No longer."""
@@ -123,7 +123,7 @@ class LocalisationCycle:
 
     def step(self) -> None:
         """One control tick; raises as the readings do."""
-        p = self._parameters
+        p = self._localising
         odometry = self._odometer.pose()
         moved = self.odometry.inverse() @ odometry
         self.odometry = odometry

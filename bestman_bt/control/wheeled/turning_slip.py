@@ -13,17 +13,8 @@ from bestman_bt.control.inertial import GyroHeading
 from bestman_bt.messages import wrap_angle
 from hal.api import Clock, MobileBase
 
-
-@dataclass(frozen=True)
-class TurningSlipParameters:
-    """``angle``: radians that the base turns each way by its odometry, ``speed``: share of its top speed of turning.
-
-    ``rest``: seconds at rest before each turn, in which the gyroscope's bias is learned.
-    """
-
-    angle: float = 2.0 * math.pi
-    speed: float = 0.5
-    rest: float = 1.0
+REST = 1.0
+"""Seconds at rest before each turn, in which the gyroscope's bias is learned."""
 
 
 @dataclass(frozen=True)
@@ -44,30 +35,29 @@ def measure_turning_slip(
     gyro: GyroHeading,
     clock: Clock,
     present: float,
-    parameters: TurningSlipParameters | None = None,
+    angle: float = 2.0 * math.pi,
+    speed: float = 0.5,
 ) -> TurningSlip:
     """Turn a base left and right; ``present``: the factor that its odometry counts with now.
 
     It takes the base for itself and lets time pass until it is done. The floor, the load and the speed should be those
     of its work: a base whose factor was far off turns at another speed than asked, so measure again with what was
-    found. Raises as the base's commands do.
+    found. ``angle``: radians that it turns each way by its odometry, ``speed``: share of its top speed of turning.
+    Raises as the base's commands do.
     """
-    p = parameters or TurningSlipParameters()
-    ways = [_turn(base, gyro, clock, side * p.angle, p) for side in (1.0, -1.0)]
+    ways = [_turn(base, gyro, clock, side * angle, speed) for side in (1.0, -1.0)]
     left, right = (present * counted / turned for counted, turned in ways)
     before = sum(abs(counted - turned) for counted, turned in ways) / 2.0
     return TurningSlip((left + right) / 2.0, left, right, before)
 
 
-def _turn(
-    base: MobileBase, gyro: GyroHeading, clock: Clock, angle: float, p: TurningSlipParameters
-) -> tuple[float, float]:
+def _turn(base: MobileBase, gyro: GyroHeading, clock: Clock, angle: float, share: float) -> tuple[float, float]:
     """What the odometry counted and what the gyroscope felt, radians, of one turn."""
     gyro.begin()
-    clock.sleep(p.rest)
+    clock.sleep(REST)
     gyro.level()
     heading, counted = base.odometry().theta, 0.0
-    speed = math.copysign(p.speed * base.model.part.max_wz, angle)
+    speed = math.copysign(share * base.model.part.max_wz, angle)
     brake = speed**2 / (2.0 * base.model.part.max_angular_acceleration)
     while abs(counted) < abs(angle) - brake:
         base.set_velocity(0.0, 0.0, speed)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from bestman_bt.control.arm import ArmController, ContactMonitor, ContactMonitorParameters
+from bestman_bt.control.arm import ArmController, ContactLimits, ContactMonitor
 from bestman_bt.messages import JointTrajectory, MotionErrorCode, Wrench
 from tests.control.scripted_parts import ScriptedArm, stepped_clock
 
@@ -28,8 +28,8 @@ class Wrist:
 
 def monitor(wrist: Wrist | None = None, **parameters):
     arm, clock = ScriptedArm(FROM), stepped_clock(time_step=0.01)
-    p = ContactMonitorParameters(**({"samples": 1} | parameters))
-    return arm, clock, ContactMonitor(arm, clock, wrist, SWING, p)
+    limits = ContactLimits(**({"samples": 1} | parameters))
+    return arm, clock, ContactMonitor(arm, clock, wrist, SWING, limits)
 
 
 @pytest.mark.parametrize("now", [0.0, 0.4, 1.0, 3.0])
@@ -61,7 +61,7 @@ def test_an_arm_that_answers_later_than_others_lags_no_more_for_that():
         latency = 0.1
 
     arm, clock = Late(FROM), stepped_clock(time_step=0.01)
-    watch = ContactMonitor(arm, clock, None, SWING, ContactMonitorParameters(samples=1))
+    watch = ContactMonitor(arm, clock, None, SWING, ContactLimits(samples=1))
     clock.sleep(0.5)
     arm.at = SWING.sample(0.4)[0]
     assert watch.objection() is None

@@ -6,7 +6,7 @@ import numpy as np
 import pybullet
 import pytest
 
-from bestman_bt.control.arm import ArmController, ConstraintFollowingParameters, FollowEnd, JointAxis
+from bestman_bt.control.arm import ArmController, FollowEnd, Following, JointAxis
 from bestman_bt.manipulation.kinematics import DampedLeastSquares
 from bestman_bt.messages import MotionErrorCode, Pose2D
 from hal.api import Arm
@@ -55,7 +55,7 @@ def test_the_arm_s_own_limit_is_told(stand_before):
 @pytest.mark.slow
 def test_a_following_has_a_time_limit(stand_before):
     scene = stand_before(*DRAWER, flip=True)
-    hasty = ConstraintFollowingParameters(time_factor=0.01)
+    hasty = Following(time_factor=0.01)
     kinematics = DampedLeastSquares(scene.robot.model)
     arm = ArmController(
         scene.robot.part("arm", Arm), scene.robot.clock, kinematics=kinematics, wrist=scene.wrist, following=hasty

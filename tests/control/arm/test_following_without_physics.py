@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from bestman_bt.control import MotionStatus
-from bestman_bt.control.arm import ConstraintFollowingParameters, FollowEnd, FollowGuide, JointAxis
+from bestman_bt.control.arm import FollowEnd, FollowGuide, Following, JointAxis
 from bestman_bt.messages import MotionErrorCode, Pose
 from tests.control.arm.gantry import START, AtWork
 
@@ -31,8 +31,8 @@ def drawer(friction: float = 6.0, jam: float = math.inf, side: float = 0.0, stif
     return force
 
 
-def follow(force, direction=OUT, parameters: ConstraintFollowingParameters | None = None, **goal):
-    it = AtWork(force, following=parameters)
+def follow(force, direction=OUT, following: Following | None = None, **goal):
+    it = AtWork(force, following=following)
     handle = it.controller.follow_constraint(direction, **({"distance": 0.2} | goal))
     return it, it.wait(handle, 60.0)
 
@@ -119,8 +119,7 @@ def test_where_the_arm_can_go_no_further_it_says_so_and_how_far_it_came():
 
 def test_it_has_a_time_limit_that_grows_with_the_way():
     for factor, end in ((4.0, FollowEnd.REACHED), (0.2, FollowEnd.TIMEOUT)):
-        hasty = ConstraintFollowingParameters(time_factor=factor)
-        _, handle = follow(drawer(), parameters=hasty, speed=0.02, distance=0.15)
+        _, handle = follow(drawer(), following=Following(time_factor=factor), speed=0.02, distance=0.15)
         assert handle.result.end is end
     assert "s" in handle.failure.text
 

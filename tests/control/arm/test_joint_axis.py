@@ -99,7 +99,7 @@ def test_a_line_points_the_way_that_was_gone():
 def test_what_is_believed_holds_until_the_way_is_long_enough_and_for_good_where_nothing_is_learned():
     way, believed = arc(0.4, 1.0), JointAxis("revolute", np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, 1.0]), 0.9, 0.0)
     for learns in (True, False):
-        estimator = JointAxisEstimator(np.array([1.0, 0.0, 0.0]), way[0], None, None, believed, learns)
+        estimator = JointAxisEstimator(np.array([1.0, 0.0, 0.0]), way[0], believed=believed, learns=learns)
         for place in way[1:]:
             estimator.add(place)
             gone = float(np.linalg.norm(place - way[0]))

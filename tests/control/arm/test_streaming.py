@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from bestman_bt.control import MotionStatus
-from bestman_bt.control.arm import ArmController, GuardedMoveParameters
-from bestman_bt.control.arm.tool_stream import StreamStep, ToolStream, ToolStreamParameters
+from bestman_bt.control.arm import ArmController, Guarding
+from bestman_bt.control.arm.tool_stream import Streaming, StreamStep, ToolStream
 from bestman_bt.messages import Failure, MotionErrorCode, Pose
 from hal.api import CommandRefusedError, NoDataError, NotConnectedError
 from tests.control.arm.gantry import START, AtWork, Gantry, spring
@@ -20,7 +20,7 @@ ALONG = np.array([0.6, -0.64, 0.48])
 
 def stream(velocity: float = 2.0, **parameters) -> tuple[ToolStream, ScriptedArm, Gantry]:
     arm, kinematics = ScriptedArm(START, velocity), Gantry()
-    return ToolStream(arm, kinematics, ToolStreamParameters(**parameters)), arm, kinematics
+    return ToolStream(arm, kinematics, Streaming(**parameters)), arm, kinematics
 
 
 def moved(pose: Pose, x: float, y: float = 0.0) -> Pose:
@@ -134,7 +134,7 @@ def test_on_its_blind_way_a_guarded_move_looks_at_no_force():
         def bump(pose):
             return -30.0 * ALONG if 0.01 < (pose.position - START[:3]) @ ALONG < 0.05 else np.zeros(3)
 
-        it = AtWork(bump, guarded=GuardedMoveParameters(blind_way=blind))
+        it = AtWork(bump, guarded=Guarding(blind_way=blind))
         assert it.wait(it.controller.move_until(ALONG, 0.05, 0.1, 8.0)).result.touched == touched
 
 

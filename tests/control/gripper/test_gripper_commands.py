@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from bestman_bt.control.gripper import GripperController, GripperParameters
+from bestman_bt.control.gripper import GripperController
 from hal.api import MotionErrorCode, MotionStatus, NotConnectedError
 from tests.control.scripted_parts import ScriptedGripper
 
@@ -26,7 +26,7 @@ def test_widths_forces_and_speeds_reach_the_gripper(gripper):
         (0.004, None, 0.1),
         (0.004, 20.0, 0.01),
     ]
-    GripperController(gripper, GripperParameters(closing_speed=0.5)).close()
+    GripperController(gripper, closing_speed=0.5).close()
     assert gripper.moves[-1] == (0.004, None, 0.15)
 
 

@@ -12,7 +12,7 @@ from bestman_bt.control.force_torque import WristWrench
 from bestman_bt.control.inertial import FusedOdometry, GyroHeading
 from bestman_bt.control.joint_state import JointStateError, JointStateSensor
 from bestman_bt.control.lidar import LidarSensor
-from bestman_bt.control.tactile import TactileParameters, TactileSensor
+from bestman_bt.control.tactile import TactileSensor
 from bestman_bt.messages import Failure, LaserScan, MotionErrorCode, Pose, Pose2D, Wrench
 from bestman_bt.navigation.localization import OdometryFilter, WheelOdometry
 from bestman_bt.robot_model import payload
@@ -109,7 +109,7 @@ def test_a_filter_is_told_what_was_felt_since_the_last_time_and_begins_anew():
 def pad(pressure, sliding=(0.0, 0.0), **parameters) -> TactileSensor:
     pressure = np.array(pressure, dtype=float)
     reading = TactileReading(pressure, np.zeros((*pressure.shape, 2)), np.array(sliding), 0.0)
-    return TactileSensor(SimpleNamespace(name="pad", read=lambda: reading), TactileParameters(**parameters))
+    return TactileSensor(SimpleNamespace(name="pad", read=lambda: reading), **parameters)
 
 
 def test_a_pad_tells_how_hard_it_is_pressed_and_where_in_rows_and_columns():

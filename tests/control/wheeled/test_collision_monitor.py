@@ -8,7 +8,7 @@ import math
 import numpy as np
 import pytest
 
-from bestman_bt.control.wheeled import CollisionMonitor, CollisionMonitorParameters, MonitorAction
+from bestman_bt.control.wheeled import CollisionMonitor, MonitorAction
 from bestman_bt.control.wheeled.velocity_gate import VelocityGate
 from bestman_bt.messages import LaserScan, Pose2D, Twist2D
 from bestman_bt.navigation.global_planning import Footprint
@@ -94,7 +94,7 @@ def test_whatever_is_commanded_the_base_stops_before_a_ring_of_posts(twist):
     assert clearance(poses, posts) > 0.0
     assert np.abs(velocity[:2]).max() < 0.01
     assert texts[-1]
-    unmonitored = CollisionMonitor(BASE, parameters=CollisionMonitorParameters(enabled=False))
+    unmonitored = CollisionMonitor(BASE, enabled=False)
     assert clearance(drive(unmonitored, twist, posts)[0], posts) < -0.1
 
 
@@ -165,7 +165,7 @@ def test_an_arm_that_stands_out_is_kept_from_people_and_passes_over_what_else_st
 
 def test_moving_away_from_what_is_close_is_free_and_towards_it_is_not():
     wall = wall_ahead(0.5)
-    monitor = CollisionMonitor(BASE, parameters=CollisionMonitorParameters(margin=0.25))
+    monitor = CollisionMonitor(BASE, margin=0.25)
     monitor.observe(scan_of(wall, Pose2D(), 0.0), Pose2D(), Pose2D())
     assert monitor.limit(Twist2D(-0.4), Twist2D(), Pose2D()).twist == Twist2D(-0.4)
     ahead = monitor.limit(Twist2D(0.1), Twist2D(), Pose2D())
@@ -185,8 +185,7 @@ def test_somebody_who_steps_in_the_way_makes_a_driving_base_brake_at_once():
 
 
 def test_the_slowdown_zone_limits_the_speed_of_a_base_that_comes_close():
-    zone = CollisionMonitorParameters(slowdown_margin=0.3, slowdown_time=1.0, slowdown_speed=0.2)
-    monitor = CollisionMonitor(BASE, parameters=zone)
+    monitor = CollisionMonitor(BASE, slowdown_margin=0.3, slowdown_time=1.0, slowdown_speed=0.2)
     monitor.observe(scan_of(wall_ahead(1.1), Pose2D(), 0.0), Pose2D(), Pose2D())
     command = monitor.limit(Twist2D(0.55, 0.0, 0.1), Twist2D(), Pose2D())
     assert command.action is MonitorAction.SLOWDOWN
@@ -234,19 +233,19 @@ def test_a_base_brakes_for_what_it_meets_within_its_reaction_and_a_quarter_of_it
     velocity, sooner, brakes
 ):
     """Whatever it wants next: here it wants to stand."""
-    monitor, p = CollisionMonitor(BASE), CollisionMonitorParameters()
+    monitor = CollisionMonitor(BASE)
     braking = max(math.hypot(velocity.vx, velocity.vy) / 0.6, abs(velocity.wz) / 2.0)
-    time = p.reaction + braking / 4.0 - sooner
-    grown = 0.28 + p.margin
+    time = monitor.reaction + braking / 4.0 - sooner
+    grown = 0.28 + monitor.margin
     if velocity.wz:
         # The corner at 43 degrees comes round; it touches a point before it at its own radius.
         radius = math.hypot(0.28, 0.26)
         bearing = math.atan2(0.26, 0.28) + velocity.wz * time
         point = np.array([[radius * math.cos(bearing), radius * math.sin(bearing)]])
-        first, _ = FootprintMotion(Footprint(np.array(CORNERS)), p.margin).contact(point, velocity, 2.0)
+        first, _ = FootprintMotion(Footprint(np.array(CORNERS)), monitor.margin).contact(point, velocity, 2.0)
         point = Pose2D(0.0, 0.0, velocity.wz * (time - first)).apply(point)
     elif velocity.vy:
-        point = np.array([[0.1, 0.26 + p.margin + velocity.vy * time]])
+        point = np.array([[0.1, 0.26 + monitor.margin + velocity.vy * time]])
     else:
         point = np.array([[math.copysign(grown + abs(velocity.vx) * time, velocity.vx), 0.1]])
     pose = Pose2D(1.0, 2.0, 2.3)
@@ -268,15 +267,15 @@ def scan_at(points: np.ndarray, pose: Pose2D, base_from_lidar: Pose2D = MIDDLE) 
 
 
 def test_an_approach_is_slowed_to_the_share_that_stops_a_margin_before_what_is_there():
-    monitor, p, gap = CollisionMonitor(BASE), CollisionMonitorParameters(), 0.2
+    monitor, gap = CollisionMonitor(BASE), 0.2
     pose = Pose2D(-1.0, 0.5, -2.0)
-    point = pose.apply(np.array([[0.28 + p.margin + gap, 0.0]]))
+    point = pose.apply(np.array([[0.28 + monitor.margin + gap, 0.0]]))
     monitor.observe(scan_at(point, pose), Pose2D(), pose)
     wanted = Twist2D(0.6, 0.0, 0.01)
     command = monitor.limit(wanted, Twist2D(), pose)
     speed = command.twist.vx
     assert command.action is MonitorAction.APPROACH
-    assert speed * p.reaction + speed**2 / (2 * 0.6) == pytest.approx(gap, abs=0.003)
+    assert speed * monitor.reaction + speed**2 / (2 * 0.6) == pytest.approx(gap, abs=0.003)
     assert command.twist.wz == pytest.approx(0.01 * speed / 0.6)
     assert "22 cm ahead slows it down" in command.text
 
@@ -312,14 +311,14 @@ def test_what_a_lidar_that_is_mounted_askew_sees_is_where_it_is():
 
 
 def test_the_slowdown_zone_leaves_slow_motion_and_what_is_reached_later_as_it_is():
-    zone = CollisionMonitorParameters(slowdown_margin=0.3, slowdown_time=0.5, slowdown_speed=0.2)
+    zone = {"slowdown_margin": 0.3, "slowdown_time": 0.5, "slowdown_speed": 0.2}
     for x, wanted, action in (
         (0.28 + 0.3 + 0.24, Twist2D(0.5), MonitorAction.SLOWDOWN),
         (0.28 + 0.3 + 0.26, Twist2D(0.5), MonitorAction.NONE),
         (0.28 + 0.3 + 0.05, Twist2D(0.2), MonitorAction.NONE),
         (0.28 + 0.3 + 0.05, Twist2D(0.21), MonitorAction.SLOWDOWN),
     ):
-        monitor = CollisionMonitor(BASE, parameters=zone)
+        monitor = CollisionMonitor(BASE, **zone)
         monitor.observe(scan_at(np.array([[x, 0.0]]), Pose2D()), Pose2D(), Pose2D())
         command = monitor.limit(wanted, Twist2D(), Pose2D())
         assert command.action is action
@@ -340,7 +339,7 @@ def test_what_pressed_on_the_bumper_stays_where_it_was_when_the_base_has_turned(
 
 
 def test_a_disabled_monitor_lets_everything_through_and_a_command_to_stand_is_never_changed():
-    off = CollisionMonitor(BASE, [PressedBumper(True)], CollisionMonitorParameters(enabled=False))
+    off = CollisionMonitor(BASE, [PressedBumper(True)], enabled=False)
     for _ in range(8):
         off.observe(scan_of(wall_ahead(0.5), Pose2D(), 0.0), Pose2D(), Pose2D())
     assert off.limit(Twist2D(0.6), Twist2D(0.6), Pose2D()).twist == Twist2D(0.6)

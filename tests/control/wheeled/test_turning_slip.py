@@ -9,7 +9,7 @@ import pytest
 
 from bestman_bt.configuration import Document, find_data, read_document
 from bestman_bt.control.inertial import GyroHeading
-from bestman_bt.control.wheeled import TurningSlip, TurningSlipParameters, measure_turning_slip
+from bestman_bt.control.wheeled import TurningSlip, measure_turning_slip
 from bestman_bt.messages import Pose2D, Twist2D, wrap_angle
 from bestman_bt.robot_model import BaseModel, RobotModel, compose_robot
 from bestman_bt.scene import World
@@ -30,11 +30,11 @@ def husky(turning_slip: float) -> RobotModel:
     return compose_robot("husky", Document({"base_frame": "base_footprint", "parts": parts}))
 
 
-def measure(model: RobotModel, seed: int, parameters: TurningSlipParameters | None = None) -> TurningSlip:
+def measure(model: RobotModel, seed: int, **how: float) -> TurningSlip:
     with PyBulletRobot(model, FLOOR, seed=seed) as robot:
         gyro = GyroHeading(robot.part("imu", Imu), robot.clock)
         present = model.of(BaseModel)["base"].part.turning_slip
-        return measure_turning_slip(robot.part("base", MobileBase), gyro, robot.clock, present, parameters)
+        return measure_turning_slip(robot.part("base", MobileBase), gyro, robot.clock, present, **how)
 
 
 def error_of_a_full_turn(model: RobotModel, seed: int) -> float:
@@ -66,8 +66,7 @@ def test_a_base_that_does_not_slip_needs_no_factor() -> None:
     model = compose_robot(
         "rolling", document.merged(Document({"parts": {"imu": {"part": "imu", "mount": "base_link"}}}))
     )
-    quick = TurningSlipParameters(angle=1.2)
-    assert measure(model, 1, quick).value == pytest.approx(1.0, abs=0.03)
+    assert measure(model, 1, angle=1.2).value == pytest.approx(1.0, abs=0.03)
 
 
 class Dragging(ScriptedBase):
@@ -83,7 +82,7 @@ class Dragging(ScriptedBase):
 
 def test_both_ways_are_measured_against_what_its_odometry_counts_with_now() -> None:
     base = Dragging(Pose2D(), Pose2D(1.0, -2.0, 2.9))
-    found = measure_turning_slip(base, GyroHeading(base, base.clock), base.clock, 1.2, TurningSlipParameters(angle=5.0))
+    found = measure_turning_slip(base, GyroHeading(base, base.clock), base.clock, 1.2, angle=5.0)
     assert found.left == pytest.approx(1.2 * 1.5, rel=0.01)
     assert found.right == pytest.approx(1.2 * 1.25, rel=0.01)
     assert found.value == pytest.approx((found.left + found.right) / 2)
