@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from bestman_bt.visualization import ViewerError
-from bestman_bt.visualization.rerun import Display, LiveFeed, Viewer, ViewerParameters, has_window_system
+from bestman_bt.visualization.rerun import Display, LiveFeed, Viewer, ViewerOptions, has_window_system
 
 START_WAIT = 120.0
 """Seconds within which something is recorded."""
@@ -28,13 +28,13 @@ def shown_live(recording: Path) -> Iterator[None]:
     window = has_window_system()
     ended = threading.Event()
     with tempfile.TemporaryFile("w+") as output:
-        relay = Viewer(ViewerParameters(Display.RELAY if window else Display.BROWSER, fed=True), (), output)
+        relay = Viewer(ViewerOptions(Display.RELAY if window else Display.BROWSER, fed=True), (), output)
 
         def open_viewer() -> None:
             try:
                 relay.wait_until_up(START_WAIT)
                 if window:
-                    Viewer(ViewerParameters(Display.WINDOW, source=relay.address), (), output)
+                    Viewer(ViewerOptions(Display.WINDOW, source=relay.address), (), output)
                 else:
                     print(f"live: {relay.page}", file=sys.stderr, flush=True)
             except ViewerError as error:

@@ -10,10 +10,10 @@ from hal.parts.channels import (
 )
 from hal.parts.controlled_part import ControlledPart
 from hal.parts.driven_base import (
+    Arrival,
+    BaseTiming,
     DrivenBase,
-    DrivingParameters,
     MotionProfile,
-    MotionProfileParameters,
 )
 from hal.parts.gripper import CommandedGripper
 from hal.parts.interface import interface_of
@@ -22,32 +22,32 @@ from hal.parts.setpoints import Hold, Setpoints, Trapezoid
 from hal.parts.simulated_clock import SimulatedClock
 from hal.parts.stop_latch import StopLatch
 from hal.parts.streamed_arm import StreamedArm
-from hal.parts.streamed_joints import StreamedJointGroup, StreamingParameters
+from hal.parts.streamed_joints import StreamedJointGroup, Tracking
 from hal.parts.tool_limits import ToolLimits
 
 __all__ = [
+    "Arrival",
     "BaseChannel",
     "BaseReading",
+    "BaseTiming",
     "CommandedGripper",
     "ConnectionFailedError",
     "ControlledPart",
     "DrivenBase",
-    "DrivingParameters",
     "GripperChannel",
     "GripperReading",
     "Hold",
     "JointChannel",
     "JointReading",
     "MotionProfile",
-    "MotionProfileParameters",
     "PartConnection",
     "Setpoints",
     "SimulatedClock",
     "StopLatch",
     "StreamedArm",
     "StreamedJointGroup",
-    "StreamingParameters",
     "ToolLimits",
+    "Tracking",
     "Trapezoid",
     "interface_of",
 ]

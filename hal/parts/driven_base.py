@@ -19,8 +19,8 @@ HEADING_GAIN = 2.0
 
 
 @dataclass(frozen=True)
-class MotionProfileParameters:
-    """A motion has arrived within ``arrived`` (m or rad) for ``near_time`` seconds.
+class Arrival:
+    """How a motion ends. It has arrived within ``arrived`` (m or rad) for ``near_time`` seconds.
 
     Its speed is at most the root of ``braking_share`` × acceleration × what is left (2 would be full braking, less
     leaves room for the base's lag), and ``approach_rate`` (1/s) × what is left.
@@ -33,7 +33,7 @@ class MotionProfileParameters:
 
 
 @dataclass(frozen=True)
-class DrivingParameters:
+class BaseTiming:
     """``command_timeout``: seconds after which ``set_velocity`` lapses; a stop brakes within ``stop_time`` seconds.
 
     ``rest_repeats``: how many times a velocity of zero is sent when the base has come to rest, before it falls silent.
@@ -42,7 +42,7 @@ class DrivingParameters:
     command_timeout: float = 0.25
     stop_time: float = 0.3
     rest_repeats: int = 20
-    profile: MotionProfileParameters = MotionProfileParameters()
+    arrival: Arrival = Arrival()
 
 
 class DrivenBase(ControlledPart, MobileBase):
@@ -54,12 +54,11 @@ class DrivenBase(ControlledPart, MobileBase):
         model: BaseModel,
         channel: BaseChannel,
         latch: StopLatch,
-        parameters: DrivingParameters | None = None,
+        timing: BaseTiming = BaseTiming(),
     ) -> None:
         super().__init__(name)
         self.model, self._channel = model, channel
-        self._parameters = parameters or DrivingParameters()
-        self.command_timeout = self._parameters.command_timeout
+        self._timing, self.command_timeout = timing, timing.command_timeout
         self._checks = BaseCommandChecks(name, model)
         self._connection = PartConnection(name, latch)
         self._wanted = self._sent = STILL
@@ -125,7 +124,7 @@ class DrivenBase(ControlledPart, MobileBase):
         """Stand, and tell the base so: it may still do what it was told last in an earlier connection."""
         with self._connection.lock:
             self._wanted = self._sent = STILL
-            self._profile, self._silent_after = None, self._parameters.rest_repeats
+            self._profile, self._silent_after = None, self._timing.rest_repeats
             self._connection.open()
 
     def detach(self) -> None:
@@ -150,7 +149,7 @@ class DrivenBase(ControlledPart, MobileBase):
         with self._connection.lock:
             self._decide(elapsed)
             rest = self._wanted == self._sent == STILL
-            self._silent_after = self._silent_after - 1 if rest else self._parameters.rest_repeats
+            self._silent_after = self._silent_after - 1 if rest else self._timing.rest_repeats
             if rest and self._silent_after < 0:
                 self._silent_after = 0
                 return
@@ -169,8 +168,8 @@ class DrivenBase(ControlledPart, MobileBase):
             return self._start(distance=direction * distance)
 
     def _start(self, *, distance: float = 0.0, turn: float = 0.0) -> Motion[None]:
-        start, parameters = self._channel.read().odometry, self._parameters.profile
-        profile = MotionProfile(self.model.part, start, parameters, distance=distance, turn=turn)
+        start = self._channel.read().odometry
+        profile = MotionProfile(self.model.part, start, self._timing.arrival, distance=distance, turn=turn)
         motion: Motion[None] = Motion(self.name, self.brake)
         self._connection.begin(motion)
         self._profile, self._braking = profile, False
@@ -207,8 +206,8 @@ class DrivenBase(ControlledPart, MobileBase):
         limits, sent, wanted = self.model.part, self._sent, self._wanted
         linear, angular = limits.max_acceleration, limits.max_angular_acceleration
         if self._braking:
-            linear = max(linear, limits.max_vx / self._parameters.stop_time)
-            angular = max(angular, limits.max_wz / self._parameters.stop_time)
+            linear = max(linear, limits.max_vx / self._timing.stop_time)
+            angular = max(angular, limits.max_wz / self._timing.stop_time)
         dx, dy, dw = wanted.vx - sent.vx, wanted.vy - sent.vy, wanted.wz - sent.wz
         if isinstance(limits, BasePart) and limits.steering_joints:  # in one stride: the wheels keep pointing one way
             step, turn = linear * elapsed, angular * elapsed
@@ -234,12 +233,12 @@ class MotionProfile:
         self,
         limits: MobilePart,
         start: Pose2D,
-        parameters: MotionProfileParameters,
+        arrival: Arrival,
         *,
         distance: float = 0.0,
         turn: float = 0.0,
     ) -> None:
-        self._parameters = parameters
+        self._arrival = arrival
         self._limits, self._start, self._distance, self._turn = limits, start, distance, turn
         self._heading, self._turned = start.theta, 0.0
         self._remaining = turn or distance
@@ -270,11 +269,11 @@ class MotionProfile:
             self._remaining = self._turn - self._turned
         else:
             self._remaining = self._distance - (self._start.inverse() @ odometry).x
-        self._near_for = self._near_for + elapsed if abs(self._remaining) < self._parameters.arrived else 0.0
-        self.arrived = self._near_for > self._parameters.near_time
-        stopping = math.sqrt(self._parameters.braking_share * self._acceleration * abs(self._remaining))
+        self._near_for = self._near_for + elapsed if abs(self._remaining) < self._arrival.arrived else 0.0
+        self.arrived = self._near_for > self._arrival.near_time
+        stopping = math.sqrt(self._arrival.braking_share * self._acceleration * abs(self._remaining))
         speed = math.copysign(
-            min(self._limit, stopping, self._parameters.approach_rate * abs(self._remaining)), self._remaining
+            min(self._limit, stopping, self._arrival.approach_rate * abs(self._remaining)), self._remaining
         )
         if self._turn:
             return Twist2D(0.0, 0.0, speed)

@@ -27,8 +27,8 @@ SETTLED = 0.05
 
 
 @dataclass(frozen=True)
-class GripperParameters:
-    """Metres, newtons, m/s (rate of the width), seconds.
+class Gripping:
+    """When fingers are there, and when they hold. Metres, newtons, m/s (rate of the width), seconds.
 
     Without ``force`` or ``speed``, a command means ``usual_force`` and ``usual_speed``. ``at_target``: how near the
     width has to come. Fingers that have stayed within ``still_band`` for ``still_time`` while they close are blocked by
@@ -54,12 +54,12 @@ class CommandedGripper(StoppablePart, Gripper):
         model: GripperModel,
         channel: GripperChannel,
         latch: StopLatch,
-        parameters: GripperParameters | None = None,
+        gripping: Gripping = Gripping(),
     ) -> None:
         super().__init__(name, latch)
         self.model, self._channel = model, channel
-        self._parameters = parameters or GripperParameters()
-        self._checks = GripperCommandChecks(name, model, self._parameters.usual_force, self._parameters.usual_speed)
+        self._gripping = gripping
+        self._checks = GripperCommandChecks(name, model, gripping.usual_force, gripping.usual_speed)
         self._reading: GripperReading | None = None
         self._order: tuple[float, float, float] | None = None  # width, force, speed that are still to be sent
         self._halting = False
@@ -79,13 +79,13 @@ class CommandedGripper(StoppablePart, Gripper):
         width = self.width()
         with self._connection.lock:
             moving = self._connection.motion is not None
-            at_target = abs(width - self._target) < self._parameters.at_target
-            held = self._blocked and not moving and width > self._target + self._parameters.blocked_margin
+            at_target = abs(width - self._target) < self._gripping.at_target
+            held = self._blocked and not moving and width > self._target + self._gripping.blocked_margin
             return GripperState(moving, at_target, held, self._closing and at_target and not moving)
 
     def move(self, width: float, force: float | None = None, speed: float | None = None) -> Motion[None]:
         """Open or close to ``width`` at ``speed`` (rate of the width); being blocked by an object is success."""
-        model, parameters = self.model, self._parameters
+        model = self.model
         with self._connection.lock:
             self._connection.check_command("move")
             width, force, speed = self._checks.move(width, force, speed)
@@ -95,7 +95,7 @@ class CommandedGripper(StoppablePart, Gripper):
             self._closing, self._blocked, self._halting = width < present, False, False
             self._target = float(np.clip(width, model.part.min_width, model.max_width))
             self._time, self._still_for, self._anchor = 0.0, 0.0, present
-            self._limit = abs(present - width) / speed + parameters.spare_time
+            self._limit = abs(present - width) / speed + self._gripping.spare_time
             self._order = (self._target, force, speed)
             return motion
 
@@ -145,27 +145,27 @@ class CommandedGripper(StoppablePart, Gripper):
 
     def _halt(self) -> None:
         """Unless they press on something; fingers that have not begun to move yet are not blocked."""
-        parameters = self._parameters
+        gripping = self._gripping
         with self._connection.lock:
-            if self._time <= self._channel.reaction_time or self._still_for < parameters.still_time / 3:
+            if self._time <= self._channel.reaction_time or self._still_for < gripping.still_time / 3:
                 self._order, self._halting = None, True
 
     def _watch(self, reading: GripperReading, elapsed: float) -> None:
-        parameters, motion = self._parameters, self._connection.motion
+        gripping, motion = self._gripping, self._connection.motion
         if motion is None:
             # Fingers that press tremble; only when they have closed, the object is gone. What the gripper feels itself
             # may come back: a seal that was broken for an instant.
             felt = self._closing and bool(reading.object_held)
-            self._blocked = (self._blocked or felt) and reading.width > self._target + parameters.blocked_margin
+            self._blocked = (self._blocked or felt) and reading.width > self._target + gripping.blocked_margin
             return
         self._still_for += elapsed
-        if abs(reading.width - self._anchor) > parameters.still_band:
+        if abs(reading.width - self._anchor) > gripping.still_band:
             self._anchor, self._still_for = reading.width, 0.0
         self._time += elapsed
-        reacting = self._time <= self._channel.reaction_time + parameters.still_time
-        if abs(reading.width - self._target) < parameters.at_target and self._still_for > SETTLED:
+        reacting = self._time <= self._channel.reaction_time + gripping.still_time
+        if abs(reading.width - self._target) < gripping.at_target and self._still_for > SETTLED:
             motion.succeed()
-        elif reading.object_held or (self._still_for >= parameters.still_time and not reacting):
+        elif reading.object_held or (self._still_for >= gripping.still_time and not reacting):
             self._blocked = self._closing
             if self._closing:
                 motion.succeed()

@@ -14,7 +14,7 @@ from hal.api import Arm, Motion, MotionErrorCode
 from hal.parts.channels import JointChannel
 from hal.parts.setpoints import Drift, Follow, Stream, Trapezoid
 from hal.parts.stop_latch import StopLatch
-from hal.parts.streamed_joints import StreamedJointGroup, StreamingParameters
+from hal.parts.streamed_joints import StreamedJointGroup, Tracking
 from hal.parts.tool_limits import ToolLimits
 
 Array = NDArray[np.float64]
@@ -39,11 +39,11 @@ class StreamedArm(StreamedJointGroup, Arm):
         latch: StopLatch,
         period: float,
         tool: ToolLimits,
-        parameters: StreamingParameters | None = None,
+        tracking: Tracking | None = None,
         now: Callable[[], float] | None = None,
     ) -> None:
-        super().__init__(name, model, channel, latch, period, parameters)
-        self._tool, self.latency = tool, self._parameters.latency
+        super().__init__(name, model, channel, latch, period, tracking or Tracking())
+        self._tool, self.latency = tool, self._tracking.latency
         self._pace = 1.0  # of the trajectory under way
         self._streamed_at = -np.inf
         self._time = 0.0  # of the cycles
@@ -83,7 +83,7 @@ class StreamedArm(StreamedJointGroup, Arm):
         with self._connection.lock:
             self._connection.check_command("servo")
             target = self._checks.positions("servo", positions)
-            longest = self._parameters.longest_stream_interval
+            longest = self._tracking.longest_stream_interval
             interval = min(max(self._now() - self._streamed_at, self._period), longest)
             self._leave_effort_mode()
             self._start_from_rest()

@@ -19,8 +19,8 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class StreamingParameters:
-    """SI units, radians.
+class Tracking:
+    """How set-points are streamed, and when they are not followed. SI units, radians.
 
     A motion fails as TRACKING when a joint is more than ``tracking_tolerance`` off its set-point for ``tracking_time``,
     and as TIMEOUT when it has not settled (``settle_tolerance``, ``settle_speed``) ``settle_time`` after its last
@@ -59,11 +59,11 @@ class StreamedJointGroup(StoppablePart, JointGroup):
         channel: JointChannel,
         latch: StopLatch,
         period: float,
-        parameters: StreamingParameters | None = None,
+        tracking: Tracking = Tracking(),
     ) -> None:
         super().__init__(name, latch)
         self.model, self._channel, self._period = model, channel, period
-        self._parameters = parameters or StreamingParameters()
+        self._tracking = tracking
         self._checks = JointCommandChecks(name, model)
         rest = np.zeros(len(model.joint_names))
         self._position: Array = rest
@@ -186,7 +186,7 @@ class StreamedJointGroup(StoppablePart, JointGroup):
     # Private
 
     def _advance(self, elapsed: float) -> None:
-        dt = min(elapsed, self._parameters.longest_step * self._period)
+        dt = min(elapsed, self._tracking.longest_step * self._period)
         self._watch_slip(elapsed, dt)
         self._watch_tracking(elapsed)
         motion, was_finished = self._connection.motion, self._setpoints.finished
@@ -199,19 +199,19 @@ class StreamedJointGroup(StoppablePart, JointGroup):
             self._setpoints = Hold(self._position)
 
     def _watch_slip(self, elapsed: float, dt: float) -> None:
-        parameters = self._parameters
-        self._slip = self._slip * 0.5 ** (elapsed / parameters.slip_half_life) + elapsed - dt
-        if self._slip > parameters.slip_limit and not isinstance(self._setpoints, (Hold, Brake)):
+        tracking = self._tracking
+        self._slip = self._slip * 0.5 ** (elapsed / tracking.slip_half_life) + elapsed - dt
+        if self._slip > tracking.slip_limit and not isinstance(self._setpoints, (Hold, Brake)):
             text = f"set-points were held up by {self._slip:.2f} s: the controller answers too slowly"
             self._give_up(MotionErrorCode.TIMEOUT, text)
 
     def _watch_tracking(self, elapsed: float) -> None:
-        if self._channel.age > self._parameters.latency:
+        if self._channel.age > self._tracking.latency:
             return  # nobody knows where they are: that is the watchdog's
         error = np.abs(self._position - self._channel.read().positions)
         worst = int(np.argmax(error))
-        self._astray = self._astray + elapsed if error[worst] > self._parameters.tracking_tolerance else 0.0
-        if self._astray > self._parameters.tracking_time:
+        self._astray = self._astray + elapsed if error[worst] > self._tracking.tracking_tolerance else 0.0
+        if self._astray > self._tracking.tracking_time:
             self._give_up(
                 MotionErrorCode.TRACKING, f"{self.joint_names[worst]} is {error[worst]:.3f} off its set-point"
             )
@@ -228,12 +228,12 @@ class StreamedJointGroup(StoppablePart, JointGroup):
 
     def _watch_settling(self, motion: Motion[None], elapsed: float) -> None:
         """The set-points have arrived: the motion succeeds when the joints have, too."""
-        reading, parameters = self._channel.read(), self._parameters
+        reading, tracking = self._channel.read(), self._tracking
         error = float(np.max(np.abs(self._position - reading.positions)))
         speed = float(np.max(np.abs(reading.velocities)))
         self._waiting += elapsed
-        settled = error < parameters.settle_tolerance and speed < parameters.settle_speed
-        if not settled and self._waiting <= parameters.settle_time:
+        settled = error < tracking.settle_tolerance and speed < tracking.settle_speed
+        if not settled and self._waiting <= tracking.settle_time:
             return
         # Before the motion ends: joints at rest take the next command at once.
         self._velocity, self._setpoints = np.zeros_like(self._velocity), Hold(self._position)
@@ -259,12 +259,12 @@ class StreamedJointGroup(StoppablePart, JointGroup):
         """Somebody may have moved the joints by hand while they rested: go on from where they are."""
         if isinstance(self._setpoints, Hold):
             measured = self._channel.read().positions
-            if np.any(np.abs(measured - self._position) > self._parameters.moved_by_hand):
+            if np.any(np.abs(measured - self._position) > self._tracking.moved_by_hand):
                 self._position = np.clip(measured, self.model.lower, self.model.upper)
 
     def _braking(self) -> Brake:
         model = self.model
-        deceleration = np.maximum(model.acceleration, np.abs(self._velocity) / self._parameters.stop_time)
+        deceleration = np.maximum(model.acceleration, np.abs(self._velocity) / self._tracking.stop_time)
         return Brake(self._position, self._velocity, deceleration, model.lower, model.upper)
 
     def _check_way(self, command: str, target: Array) -> None:

@@ -9,7 +9,7 @@ from bestman_bt.messages import Twist2D
 from bestman_bt.robot_model import LeggedBaseModel, Payload
 from hal.api import Imu, NoDataError
 from hal.parts import BaseChannel, BaseReading
-from hal.parts.legged import Walker, WalkerParameters
+from hal.parts.legged import Walker
 from hal.simulation.parameters import SimulationParameters
 from hal.simulation.simulation import SimulatedChannel, Simulation
 
@@ -69,4 +69,4 @@ class LegDrive(SimulatedChannel, BaseChannel):
 
     def _new_walker(self) -> Walker:
         legs = self._model.legs
-        return Walker(legs, self._model.part.stand_height - legs[0].foot_radius, self._body, WalkerParameters())
+        return Walker(legs, self._model.part.stand_height - legs[0].foot_radius, self._body)

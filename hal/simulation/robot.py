@@ -29,16 +29,16 @@ from bestman_bt.robot_model import (
 from bestman_bt.scene import World
 from hal.api import NotConnectedError, Robot
 from hal.parts import (
+    Arrival,
+    BaseTiming,
     CommandedGripper,
     DrivenBase,
-    DrivingParameters,
-    MotionProfileParameters,
     SimulatedClock,
     StopLatch,
     StreamedArm,
     StreamedJointGroup,
-    StreamingParameters,
     ToolLimits,
+    Tracking,
 )
 from hal.simulation.audit_record import AuditRecord, DisturbanceLog
 from hal.simulation.bodies import check_names
@@ -56,9 +56,9 @@ from hal.simulation.wheel_drive import WheelDrive
 
 Actuator = CommandedGripper | DrivenBase | StreamedJointGroup
 Channel = FingerMotors | JointMotors | LegDrive | SuctionPump | WheelDrive
-JOINTS = StreamingParameters(latency=0.0)
+JOINTS = Tracking(latency=0.0)
 """A reading shows the set-point of the control period before: nothing lies between, as a vendor's controller does."""
-LEGS = DrivingParameters(stop_time=0.08, profile=MotionProfileParameters(arrived=0.005))
+LEGS = BaseTiming(stop_time=0.08, arrival=Arrival(arrived=0.005))
 """A base on legs needs most of half a second to set its feet down, and comes to rest less exactly than on wheels."""
 
 

@@ -164,7 +164,7 @@ class URArm(StreamedArm):
         duration = arguments[2]
         if not (np.isfinite(duration) and duration > 0.0):
             raise self._connection.refuse(call, f"duration = {duration} s is not positive")
-        still = self._parameters.settle_speed
+        still = self._tracking.settle_speed
         return self._begin_own(
             call,
             lambda: self._link.call(call, *arguments, timeout=START_TIME),

@@ -31,37 +31,34 @@ if TYPE_CHECKING:
 
 MOST_NODES = 2**16 - 1
 """The protocol numbers nodes by 16 bits."""
+MOST_BYTES = 1 << 20
+LOOPBACK = "127.0.0.1"
 
 
-@dataclass(frozen=True)
-class PublisherParameters:
-    """``host``, ``port``: where requests are answered; breakpoints are told on the next port.
+@dataclass(eq=False)
+class Groot2Publisher:
+    """Serves one tree between ``open`` and ``close``; a context manager.
+
+    Answers come from a thread of its own: a tick only notes its state changes, and waits only at breakpoints.
+
+    ``host``, ``port``: where requests are answered; breakpoints are told on the next port.
 
     ``heartbeat``: seconds without a request after which nobody is there any more and hooks are switched off;
     ``poll``: seconds between looks; ``most_bytes``: of a message.
     """
 
+    tree: Tree
     port: int = DEFAULT_PORT
-    host: str = "127.0.0.1"
+    host: str = LOOPBACK
     heartbeat: float = 5.0
     poll: float = 0.05
-    most_bytes: int = 1 << 20
+    most_bytes: int = MOST_BYTES
 
-
-class Groot2Publisher:
-    """Serves one tree between ``open`` and ``close``; a context manager.
-
-    Answers come from a thread of its own: a tick only notes its state changes, and waits only at breakpoints.
-    """
-
-    _states: ObservedStates
-
-    def __init__(self, tree: Tree, parameters: PublisherParameters | None = None) -> None:
-        self.parameters = parameters or PublisherParameters()
-        self._tree = tree
+    def __post_init__(self) -> None:
+        self._states: ObservedStates
         self._uuid = uuid.uuid4().bytes
         self._xml = b""
-        self._hooks = Hooks(tree, self._tell_of_breakpoint)
+        self._hooks = Hooks(self.tree, self._tell_of_breakpoint)
         self._identifiers = itertools.count(1)
         self._telling = threading.Lock()
         self._closing = threading.Event()
@@ -76,15 +73,15 @@ class Groot2Publisher:
         Raises:
             Groot2Error: the extra is not installed, a port is taken, or the tree cannot be shown.
         """
-        if len(self._tree.nodes) > MOST_NODES:
-            raise Groot2Error(f"the tree has {len(self._tree.nodes)} nodes; Groot2 can tell {MOST_NODES} apart")
+        if len(self.tree.nodes) > MOST_NODES:
+            raise Groot2Error(f"the tree has {len(self.tree.nodes)} nodes; Groot2 can tell {MOST_NODES} apart")
         try:
-            self._xml = full_tree_xml(self._tree).encode()
+            self._xml = full_tree_xml(self.tree).encode()
         except XmlError as error:
             raise Groot2Error(str(error)) from error
-        self._context, self._requests, self._breakpoints = _bound(self.parameters)
-        self._states = ObservedStates(self._tree)
-        self._tree.subscribe(self._states.on_changes)
+        self._context, self._requests, self._breakpoints = _bound(self.port, self.host, self.most_bytes)
+        self._states = ObservedStates(self.tree)
+        self.tree.subscribe(self._states.on_changes)
         self._thread = threading.Thread(target=self._serve, name="groot2", daemon=True)
         self._thread.start()
         return self
@@ -94,7 +91,7 @@ class Groot2Publisher:
         if self._thread is None:
             return
         self._closing.set()
-        self._tree.unsubscribe(self._states.on_changes)
+        self.tree.unsubscribe(self._states.on_changes)
         self._hooks.remove_all()
         self._thread.join()
         self._thread = None
@@ -117,11 +114,11 @@ class Groot2Publisher:
         assert self._requests is not None
         last_request, there = time.monotonic(), True
         while not self._closing.is_set():
-            asked = self._requests.poll(round(self.parameters.poll * 1000)) != 0
+            asked = self._requests.poll(round(self.poll * 1000)) != 0
             self._states.take_in()
             if asked:
                 last_request = time.monotonic()
-            if there != (time.monotonic() - last_request < self.parameters.heartbeat):
+            if there != (time.monotonic() - last_request < self.heartbeat):
                 there = not there
                 self._hooks.enable_all(there)
             if asked:
@@ -143,7 +140,7 @@ class Groot2Publisher:
             case RequestKind.STATUS:
                 return self._states.status_bytes()
             case RequestKind.BLACKBOARD:
-                return dump_blackboards(self._tree, request.needed().decode(errors="replace"))
+                return dump_blackboards(self.tree, request.needed().decode(errors="replace"))
             case RequestKind.INSERT_HOOK:
                 self._hooks.insert(request.needed())
             case RequestKind.REMOVE_HOOK:
@@ -175,21 +172,23 @@ class Groot2Publisher:
                 self._breakpoints.send_multipart(breakpoint_message(next(self._identifiers), uid), zmq.DONTWAIT)
 
 
-def check_servable(parameters: PublisherParameters) -> None:
-    """Whether a tree could be served so; Groot2Error where the extra is not installed or a port is taken."""
-    context, _, _ = _bound(parameters)
+def check_servable(port: int = DEFAULT_PORT, host: str = LOOPBACK) -> None:
+    """Whether a tree could be served there; Groot2Error where the extra is not installed or a port is taken."""
+    context, _, _ = _bound(port, host)
     context.destroy(linger=0)
 
 
-def _bound(parameters: PublisherParameters) -> tuple[zmq.Context[Any], zmq.Socket[Any], zmq.Socket[Any]]:
+def _bound(
+    port: int, host: str, most_bytes: int = MOST_BYTES
+) -> tuple[zmq.Context[Any], zmq.Socket[Any], zmq.Socket[Any]]:
     """A context, the socket that answers and the one that tells of breakpoints."""
     zmq = _import_zmq()
     context = zmq.Context()
     sockets = []
-    for kind, port in ((zmq.REP, parameters.port), (zmq.PUB, parameters.port + 1)):
+    for kind, number in ((zmq.REP, port), (zmq.PUB, port + 1)):
         socket = context.socket(kind)
-        socket.setsockopt(zmq.MAXMSGSIZE, parameters.most_bytes)
-        address = f"tcp://{parameters.host}:{port}"
+        socket.setsockopt(zmq.MAXMSGSIZE, most_bytes)
+        address = f"tcp://{host}:{number}"
         try:
             socket.bind(address)
         except zmq.ZMQError as error:

@@ -5,9 +5,8 @@ from bestman_bt.visualization.rerun.checked_file import check_recording
 from bestman_bt.visualization.rerun.live_feed import LiveFeed
 from bestman_bt.visualization.rerun.open_recording import RecordedCamera
 from bestman_bt.visualization.rerun.recorder import RECORDING_NAME, RerunRecorder
-from bestman_bt.visualization.rerun.screenshot import Screenshot, ScreenshotParameters, take_screenshots
 from bestman_bt.visualization.rerun.sensed import SensorRecording
-from bestman_bt.visualization.rerun.viewer import Display, Viewer, ViewerParameters, has_window_system
+from bestman_bt.visualization.rerun.viewer import Display, Viewer, ViewerOptions, has_window_system
 
 __all__ = [
     "RECORDING_NAME",
@@ -16,13 +15,10 @@ __all__ = [
     "LiveFeed",
     "RecordedCamera",
     "RerunRecorder",
-    "Screenshot",
-    "ScreenshotParameters",
     "SensorRecording",
     "Viewer",
-    "ViewerParameters",
+    "ViewerOptions",
     "check_recording",
     "eye_on",
     "has_window_system",
-    "take_screenshots",
 ]

@@ -17,7 +17,7 @@ Point = tuple[float, float]
 
 
 @dataclass(frozen=True)
-class LayoutParameters:
+class LabelSizes:
     """Sizes in the units of the drawing (points at zoom 1); ``family_gap``: between subtrees, in rows."""
 
     character_width: float = 6.2
@@ -40,9 +40,8 @@ class TreeLayout:
     size: Point
 
 
-def tidy_layout(tree: NodeList, labels: Mapping[int, str], parameters: LayoutParameters | None = None) -> TreeLayout:
+def tidy_layout(tree: NodeList, labels: Mapping[int, str], sizes: LabelSizes = LabelSizes()) -> TreeLayout:
     """Place every node so that no two labels overlap; ``labels``: uid → text."""
-    sizes = parameters or LayoutParameters()
     columns, steps = _columns(tree)
     rows = _rows(tree, sizes.family_gap)
     extents = {uid: steps[uid] * sizes.chain_indent + sizes.width(text) for uid, text in labels.items()}

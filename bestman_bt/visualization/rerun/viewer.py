@@ -32,7 +32,7 @@ class Display(StrEnum):
 
 
 @dataclass(frozen=True)
-class ViewerParameters:
+class ViewerOptions:
     """``port``: of the recordings, ``page_port``: of the page for the browser; None for free ones.
 
     ``fed``: what comes by ``pipe`` is shown; of a page or a relay, which begins to serve when something has come.
@@ -57,37 +57,37 @@ class Viewer:
     ``recordings``: files that it opens. ``output``: where it says what it has to say.
     """
 
-    def __init__(self, parameters: ViewerParameters, recordings: Sequence[Path], output: IO[str]) -> None:
+    def __init__(self, options: ViewerOptions, recordings: Sequence[Path], output: IO[str]) -> None:
         require_extra("the Rerun viewer", "rerun")
         with ExitStack() as held:  # both ports at once, so that they differ
-            self.port = parameters.port or _free_port(held)
-            self.page_port = parameters.page_port or _free_port(held)
-        self._display = parameters.display
+            self.port = options.port or _free_port(held)
+            self.page_port = options.page_port or _free_port(held)
+        self._display = options.display
         self._output = output
         command = [
             *(sys.executable, "-m", "rerun_cli", "--bind", LOOPBACK, "--port", str(self.port)),
-            *("--memory-limit", parameters.memory_limit, "--server-memory-limit", parameters.memory_limit),
+            *("--memory-limit", options.memory_limit, "--server-memory-limit", options.memory_limit),
             "--hide-welcome-screen",
         ]
-        if parameters.display is Display.BROWSER:
+        if options.display is Display.BROWSER:
             command += ["--serve-web", "--web-viewer-port", str(self.page_port)]
-        elif parameters.display is Display.NONE:
-            width, height = parameters.size
+        elif options.display is Display.NONE:
+            width, height = options.size
             command += ["--headless", "--window-size", f"{width}x{height}"]
-        elif parameters.display is Display.RELAY:
+        elif options.display is Display.RELAY:
             command.append("--serve-grpc")
-        if parameters.source is not None:
-            command += ["--connect", parameters.source]
+        if options.source is not None:
+            command += ["--connect", options.source]
         self._process = subprocess.Popen(
-            [*command, *(str(recording.resolve()) for recording in recordings), *["-"] * parameters.fed],
-            stdin=subprocess.PIPE if parameters.fed else subprocess.DEVNULL,
+            [*command, *(str(recording.resolve()) for recording in recordings), *["-"] * options.fed],
+            stdin=subprocess.PIPE if options.fed else subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,
             stderr=output,
             start_new_session=True,
         )
-        if not parameters.fed:
+        if not options.fed:
             try:
-                self.wait_until_up(parameters.start_timeout)
+                self.wait_until_up(options.start_timeout)
             except ViewerError:
                 self.stop()
                 raise

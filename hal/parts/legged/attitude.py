@@ -18,9 +18,11 @@ GRAVITY = 9.81
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
-class AttitudeParameters:
-    """``gain``: 1/s with which gravity pulls the estimate upright. ``bias_time``: seconds over which the bias is
+@dataclass(eq=False)
+class Attitude:
+    """The trunk's orientation; its heading begins at 0 and drifts as the gyroscope does.
+
+    ``gain``: 1/s with which gravity pulls the estimate upright. ``bias_time``: seconds over which the bias is
     learned while the robot stands still: turns by less than ``still`` rad/s.
     """
 
@@ -28,12 +30,7 @@ class AttitudeParameters:
     bias_time: float = 2.0
     still: float = 0.03
 
-
-class Attitude:
-    """The trunk's orientation; its heading begins at 0 and drifts as the gyroscope does."""
-
-    def __init__(self, parameters: AttitudeParameters | None = None) -> None:
-        self._parameters = parameters or AttitudeParameters()
+    def __post_init__(self) -> None:
         self._rotation = Rotation.identity()
         self._bias = np.zeros(3)
         self.rate: Array = np.zeros(3)
@@ -56,11 +53,10 @@ class Attitude:
 
     def update(self, angular_velocity: Array, specific_force: Array, period: float, standing: bool) -> None:
         """Take in a reading of the trunk's (3,) rad/s and (3,) m/s²."""
-        p = self._parameters
         self.rate = angular_velocity - self._bias
-        if standing and float(np.abs(self.rate).max()) < p.still:
-            self._bias = self._bias + min(1.0, period / p.bias_time) * (angular_velocity - self._bias)
+        if standing and float(np.abs(self.rate).max()) < self.still:
+            self._bias = self._bias + min(1.0, period / self.bias_time) * (angular_velocity - self._bias)
         # Steps shake the trunk by several g, but in the mean they hold it up: whole readings, never chosen ones.
         up = self.odom_from_trunk[2]
-        turn = self.rate + p.gain * np.cross(specific_force / GRAVITY, up)
+        turn = self.rate + self.gain * np.cross(specific_force / GRAVITY, up)
         self._rotation = self._rotation * Rotation.from_rotvec(turn * period)

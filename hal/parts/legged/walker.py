@@ -4,23 +4,28 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.robot_model import LegModel, Payload
-from hal.parts.legged.attitude import GRAVITY, Attitude, AttitudeParameters
+from hal.parts.legged.attitude import GRAVITY, Attitude
 from hal.parts.legged.leg_kinematics import LegKinematics
 from hal.parts.legged.leg_odometry import LegOdometry
-from hal.parts.legged.trot import Trot, TrotParameters
+from hal.parts.legged.trot import Trot
 
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
-class WalkerParameters:
-    """Gains of the joints (N m/rad, N m s/rad) and of the trunk.
+@dataclass(eq=False)
+class Walker:
+    """Stands and trots. Joint angles, speeds and torques are (4, 3): front right, front left, rear right, rear left.
+
+    ``height``: of the trunk's frame above the feet's middles. ``body``: mass and centre of mass of the whole robot as
+    it stands, in the trunk's frame.
+
+    Gains of the joints (N m/rad, N m s/rad) and of the trunk.
 
     The trunk's are those of a virtual spring and damper that hold it level at its height: ``height_…`` N/m and N s/m,
     ``tilt_…`` N m/rad and N m s/rad (J. Pratt et al., "Virtual model control", 2001), ``turn_damping`` N m s/rad and
@@ -31,6 +36,9 @@ class WalkerParameters:
     more damping, ``standing_speed_gain``, which brings it to rest.
     """
 
+    legs: Sequence[LegModel]
+    height: float
+    body: Payload
     joint_gain: float = 60.0
     joint_damping: float = 1.5
     height_gain: float = 600.0
@@ -47,26 +55,15 @@ class WalkerParameters:
     settled: float = 0.04
     smoothing: float = 0.05
     standing_smoothing: float = 0.005
-    trot: TrotParameters = field(default_factory=TrotParameters)
-    attitude: AttitudeParameters = field(default_factory=AttitudeParameters)
 
-
-class Walker:
-    """Stands and trots. Joint angles, speeds and torques are (4, 3): front right, front left, rear right, rear left.
-
-    ``height``: of the trunk's frame above the feet's middles. ``body``: mass and centre of mass of the whole robot as
-    it stands, in the trunk's frame.
-    """
-
-    def __init__(self, legs: Sequence[LegModel], height: float, body: Payload, parameters: WalkerParameters) -> None:
-        self._kinematics = LegKinematics(legs)
-        self._height, self._body, self._parameters = height, body, parameters
-        self._efforts = np.array([leg.effort for leg in legs])
-        self.attitude = Attitude(parameters.attitude)
+    def __post_init__(self) -> None:
+        self._kinematics = LegKinematics(self.legs)
+        self._efforts = np.array([leg.effort for leg in self.legs])
+        self.attitude = Attitude()
         self.odometry = LegOdometry()
-        below_body = self._kinematics.below_hips(height)
-        below_body[:, :2] += body.centre[:2]
-        self.trot = Trot(below_body, parameters.trot)
+        below_body = self._kinematics.below_hips(self.height)
+        below_body[:, :2] += self.body.centre[:2]
+        self.trot = Trot(below_body)
         self._wanted_angles: Array | None = None
         self._window: deque[Array] = deque()
         self._correction = np.zeros(3)
@@ -80,23 +77,23 @@ class Walker:
         self, command: Array, angles: Array, speeds: Array, turning: Array, specific_force: Array, period: float
     ) -> Array:
         """The joint torques for a velocity ``command`` (vx, vy, wz) and the readings of joints and inertial unit."""
-        p, attitude, trot = self._parameters, self.attitude, self.trot
+        attitude, trot = self.attitude, self.trot
         attitude.update(turning, specific_force, period, standing=not trot.walking)
         level = attitude.level_from_trunk
         feet, jacobians = self._kinematics.feet(angles), self._kinematics.jacobians(angles)
         moving = np.einsum("nij,nj->ni", jacobians, speeds) + np.cross(attitude.rate, feet)
         rolling = self._kinematics.rolling(angles, speeds, attitude.rate, level[2])
-        firm = trot.stance & (trot.landed_for >= p.settled)
-        smoothing = p.smoothing if trot.walking else p.standing_smoothing
+        firm = trot.stance & (trot.landed_for >= self.settled)
+        smoothing = self.smoothing if trot.walking else self.standing_smoothing
         self.odometry.update(((rolling - moving) @ level.T)[firm], attitude.heading, period, smoothing)
         trot.update(self._corrected(command, period), self.odometry.velocity[:2], period)
         self._window.append(np.array([*self.odometry.velocity[:2], attitude.rate[2]]))
-        while len(self._window) > p.trot.period / period * (1.0 if trot.walking else 0.1):
+        while len(self._window) > trot.period / period * (1.0 if trot.walking else 0.1):
             self._window.popleft()
         wanted = self._kinematics.angles(trot.feet @ level)
         before = wanted if self._wanted_angles is None else self._wanted_angles
         self._wanted_angles = wanted
-        torques = p.joint_gain * (wanted - angles) + p.joint_damping * ((wanted - before) / period - speeds)
+        torques = self.joint_gain * (wanted - angles) + self.joint_damping * ((wanted - before) / period - speeds)
         forces = self._floor_forces(command, feet @ level.T, level)
         torques -= np.einsum("nji,nj->ni", jacobians, forces @ level)
         return np.clip(torques, -self._efforts, self._efforts)
@@ -106,33 +103,37 @@ class Walker:
         if not self.trot.walking or not command.any():
             self._correction = np.zeros(3)
             return command
-        p = self._parameters
-        gains, most = np.array([p.speed_integral, p.speed_integral, p.turn_integral]), np.array(p.most_correction)
+        gains, most = (
+            np.array([self.speed_integral, self.speed_integral, self.turn_integral]),
+            np.array(self.most_correction),
+        )
         step = gains * (command - self.velocity) * period
         self._correction = np.clip(self._correction + step, -most, most)
         return command + self._correction
 
     def _floor_forces(self, command: Array, feet: Array, level: Array) -> Array:
         """What the floor should do to each foot, (4, 3) newtons in the trunk's level frame."""
-        p, stance = self._parameters, self.trot.stance
+        stance = self.trot.stance
         velocity, rate = self.odometry.velocity, level @ self.attitude.rate
         height = -float(feet[stance, 2].mean())
-        speed_gain = p.speed_gain if self.trot.walking else p.standing_speed_gain
+        speed_gain = self.speed_gain if self.trot.walking else self.standing_speed_gain
         up = level.T @ np.array([0.0, 0.0, 1.0])  # the vertical in the trunk's axes: level when it is z
         force = np.array(
             [
                 speed_gain * (command[0] - velocity[0]),
                 speed_gain * (command[1] - velocity[1]),
-                self._body.mass * GRAVITY + p.height_gain * (self._height - height) - p.height_damping * velocity[2],
+                self.body.mass * GRAVITY
+                + self.height_gain * (self.height - height)
+                - self.height_damping * velocity[2],
             ]
         )
         tilt = level @ np.cross(np.array([0.0, 0.0, 1.0]), up)
-        moment = p.tilt_gain * tilt - p.tilt_damping * rate
-        moment[2] = p.turn_damping * (command[2] - rate[2])
+        moment = self.tilt_gain * tilt - self.tilt_damping * rate
+        moment[2] = self.turn_damping * (command[2] - rate[2])
         wrench = np.concatenate([force, moment])
         columns = []
         for foot in feet[stance]:
-            x, y, z = foot - level @ self._body.centre
+            x, y, z = foot - level @ self.body.centre
             columns.append(np.vstack([np.eye(3), [[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]]))
         matrix = np.hstack(columns)
         # Forces count for more than moments: what two feet cannot do about the line between them is left undone.
@@ -140,7 +141,7 @@ class Walker:
         regular = matrix.T @ (weights[:, None] * matrix) + 1e-3 * np.eye(matrix.shape[1])
         solved = np.linalg.solve(regular, matrix.T @ (weights * wrench)).reshape(-1, 3)
         solved[:, 2] = np.maximum(solved[:, 2], 0.0)
-        most = p.friction * solved[:, 2:3]
+        most = self.friction * solved[:, 2:3]
         sideways = np.linalg.norm(solved[:, :2], axis=1, keepdims=True)
         solved[:, :2] *= np.minimum(1.0, most / np.maximum(sideways, 1e-9))
         forces = np.zeros((len(stance), 3))

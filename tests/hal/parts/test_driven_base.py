@@ -12,7 +12,7 @@ import pytest
 from bestman_bt.messages import Pose2D, Twist2D, wrap_angle
 from bestman_bt.robot_model import BaseModel, RobotModel
 from hal.api import CommandRefusedError, Failure, MotionErrorCode, MotionStatus, NoDataError, NotConnectedError
-from hal.parts import BaseChannel, BaseReading, DrivenBase, MotionProfile, MotionProfileParameters, StopLatch
+from hal.parts import Arrival, BaseChannel, BaseReading, DrivenBase, MotionProfile, StopLatch
 
 PERIOD = 0.02
 
@@ -317,11 +317,9 @@ def test_a_motion_profile_brakes_by_the_acceleration_of_what_it_does(robot_model
     base = robot_model.of(BaseModel)["base"].part
     model = replace(base, max_vx=1.0, max_wz=1.5, max_acceleration=0.5, max_angular_acceleration=2.0)
     start = Pose2D(1.0, 2.0, 3.0)
-    turning = MotionProfile(model, start, MotionProfileParameters(), turn=sign * 1.0).velocity(
-        start @ Pose2D(theta=sign * 0.7), PERIOD
-    )
+    turning = MotionProfile(model, start, Arrival(), turn=sign * 1.0).velocity(start @ Pose2D(theta=sign * 0.7), PERIOD)
     assert turning.wz == pytest.approx(sign * math.sqrt(1.4 * 2.0 * 0.3))
-    driving = MotionProfile(model, start, MotionProfileParameters(), distance=sign * 1.0).velocity(
+    driving = MotionProfile(model, start, Arrival(), distance=sign * 1.0).velocity(
         start @ Pose2D(sign * 0.7, 0.0, 0.0), PERIOD
     )
     assert driving.vx == pytest.approx(sign * math.sqrt(1.4 * 0.5 * 0.3))

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from bestman_bt.robot_model import BaseModel, load_robot_model, payload
-from hal.parts.legged import Attitude, LegKinematics, LegOdometry, Trot, TrotParameters
+from hal.parts.legged import Attitude, LegKinematics, LegOdometry, Trot
 
 HEIGHT, PERIOD = 0.27, 1 / 240
 
@@ -78,7 +78,7 @@ def test_odometry_goes_where_the_heading_points() -> None:
 
 @pytest.fixture
 def trot(kinematics: LegKinematics) -> Trot:
-    return Trot(kinematics.below_hips(HEIGHT), TrotParameters())
+    return Trot(kinematics.below_hips(HEIGHT))
 
 
 def test_diagonal_legs_swing_together_and_two_feet_always_stand(trot: Trot) -> None:

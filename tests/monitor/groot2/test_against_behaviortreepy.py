@@ -17,7 +17,7 @@ from typing import Any
 import pytest
 
 from bestman_bt.engine import RUNNING, SUCCESS, ManualClock, NodeRegistry, StatefulAction, load_tree, status_name
-from bestman_bt.monitor.groot2 import Groot2Publisher, PublisherParameters
+from bestman_bt.monitor.groot2 import Groot2Publisher
 from tests.monitor.groot2.wire_client import Groot2Client, free_ports, groot2_client, hook
 
 pytest.importorskip("behaviortreepy", reason="the C++ engine's binding has no wheel for this platform")
@@ -86,7 +86,7 @@ def sides(tmp_path: Path) -> Iterator[tuple[Side, Side]]:
         assert process.stdout.readline().strip() == "ready"
         ours, our_port = OurTree(), free_ports()
         with (
-            Groot2Publisher(ours.tree, PublisherParameters(our_port)),
+            Groot2Publisher(ours.tree, our_port),
             groot2_client(port) as theirs,
             groot2_client(our_port) as client,
         ):

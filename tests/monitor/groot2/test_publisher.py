@@ -14,7 +14,7 @@ import pytest
 
 from bestman_bt.engine import FAILURE, RUNNING, SUCCESS, EngineError, ManualClock, NodeRegistry, Tree, load_tree
 from bestman_bt.messages import Pose2D
-from bestman_bt.monitor.groot2 import Groot2Error, Groot2Publisher, PublisherParameters
+from bestman_bt.monitor.groot2 import Groot2Error, Groot2Publisher
 from bestman_bt.monitor.groot2.blackboard_dump import dump_blackboards
 from bestman_bt.monitor.groot2.hooks import Hooks
 from bestman_bt.monitor.groot2.observed_states import ObservedStates
@@ -35,13 +35,13 @@ def tree() -> Tree:
 
 @pytest.fixture
 def publisher(tree: Tree) -> Iterator[Groot2Publisher]:
-    with Groot2Publisher(tree, PublisherParameters(free_ports())) as serving:
+    with Groot2Publisher(tree, free_ports()) as serving:
         yield serving
 
 
 @pytest.fixture
 def client(publisher: Groot2Publisher) -> Iterator[Groot2Client]:
-    with groot2_client(publisher.parameters.port) as asking:
+    with groot2_client(publisher.port) as asking:
         yield asking
 
 
@@ -77,8 +77,8 @@ def test_a_cancelled_execution_leaves_a_breakpoint(tree: Tree, client: Groot2Cli
 
 
 def test_breakpoints_let_go_when_nobody_asks_any_more_and_hold_again_afterwards(tree: Tree) -> None:
-    parameters = PublisherParameters(free_ports(), heartbeat=2.0)
-    with Groot2Publisher(tree, parameters), groot2_client(parameters.port) as client:
+    port = free_ports()
+    with Groot2Publisher(tree, port, heartbeat=2.0), groot2_client(port) as client:
         client.ask("I", hook(FIRST, 0))
         thread, ends = running(Executor(tree, tree.clock))
         client.breakpoint()
@@ -89,8 +89,8 @@ def test_breakpoints_let_go_when_nobody_asks_any_more_and_hold_again_afterwards(
 
 
 def test_closing_lets_go_what_a_breakpoint_holds(tree: Tree) -> None:
-    parameters = PublisherParameters(free_ports())
-    with Groot2Publisher(tree, parameters), groot2_client(parameters.port) as client:
+    port = free_ports()
+    with Groot2Publisher(tree, port), groot2_client(port) as client:
         client.ask("I", hook(FIRST, 0))
         thread, ends = running(Executor(tree, tree.clock))
         client.breakpoint()
@@ -141,7 +141,7 @@ def test_random_bytes_are_answered(client: Groot2Client) -> None:
 
 
 def test_only_this_machine_is_served(publisher: Groot2Publisher) -> None:
-    for port in (publisher.parameters.port, publisher.parameters.port + 1):
+    for port in (publisher.port, publisher.port + 1):
         socket.create_connection(("127.0.0.1", port), 2.0).close()
         with pytest.raises(ConnectionRefusedError):
             socket.create_connection(("127.0.0.2", port), 2.0)
@@ -154,21 +154,21 @@ def test_a_port_that_is_taken_is_named(tree: Tree, taken: int) -> None:
         other.bind(("127.0.0.1", port + taken))
         other.listen()
         with pytest.raises(Groot2Error, match=rf"127\.0\.0\.1:{port + taken}"):
-            Groot2Publisher(tree, PublisherParameters(port)).open()
+            Groot2Publisher(tree, port).open()
 
 
 def test_a_tree_that_has_been_served_is_served_again(tree: Tree) -> None:
-    parameters = PublisherParameters(free_ports())
+    port = free_ports()
     for _ in range(2):
-        with Groot2Publisher(tree, parameters), groot2_client(parameters.port) as client:
+        with Groot2Publisher(tree, port), groot2_client(port) as client:
             tree.tick_exactly_once()
             assert client.states()[1] == RUNNING
 
 
 def test_states_from_before_it_was_opened_are_shown(tree: Tree) -> None:
     tree.tick_exactly_once()
-    parameters = PublisherParameters(free_ports())
-    with Groot2Publisher(tree, parameters), groot2_client(parameters.port) as client:
+    port = free_ports()
+    with Groot2Publisher(tree, port), groot2_client(port) as client:
         assert client.states() == {1: RUNNING, 2: SUCCESS, 3: RUNNING}
 
 

@@ -22,7 +22,7 @@ from bestman_bt.engine import (
     Tree,
     load_tree,
 )
-from bestman_bt.monitor.groot2 import Groot2Publisher, PublisherParameters
+from bestman_bt.monitor.groot2 import Groot2Publisher
 from tests.monitor.groot2.wire_client import Groot2Client, free_ports, groot2_client
 
 DATA = Path(__file__).parent / "data"
@@ -71,7 +71,7 @@ def tree() -> Tree:
 @pytest.fixture
 def client(tree: Tree) -> Iterator[Groot2Client]:
     port = free_ports()
-    with Groot2Publisher(tree, PublisherParameters(port)), groot2_client(port) as asking:
+    with Groot2Publisher(tree, port), groot2_client(port) as asking:
         yield asking
 
 

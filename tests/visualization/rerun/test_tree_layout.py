@@ -3,7 +3,7 @@ from __future__ import annotations
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from bestman_bt.visualization.rerun.tree_layout import LayoutParameters, tidy_layout
+from bestman_bt.visualization.rerun.tree_layout import LabelSizes, tidy_layout
 from tests.visualization.conftest import nodes_of, tree_of
 
 BUSY = settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
@@ -26,7 +26,7 @@ def laid_out(tree):
 @BUSY
 @given(trees())
 def test_no_two_labels_overlap(tree):
-    sizes = LayoutParameters()
+    sizes = LabelSizes()
     labels, layout = laid_out(tree)
     boxes = [(*layout.centers[uid], sizes.width(text) / 2) for uid, text in labels.items()]
     for i, (x, y, half) in enumerate(boxes):
@@ -50,7 +50,7 @@ def test_parents_stand_left_of_and_midway_between_their_outer_children(tree):
 def test_an_only_child_stands_right_below_its_parent_in_the_same_column():
     chain = tree_of((None, "retry", "Retry"), (1, "retry", "Retry"), (2, "left", "Leaf"), (2, "right", "Leaf"))
     _, layout = laid_out(nodes_of(chain))
-    sizes = LayoutParameters()
+    sizes = LabelSizes()
     dx, dy = (b - a for a, b in zip(layout.centers[1], layout.centers[2], strict=True))
     assert (dx, dy) == (sizes.chain_indent, sizes.row_height)
 
@@ -59,7 +59,7 @@ def test_an_only_child_stands_right_below_its_parent_in_the_same_column():
 @given(trees())
 def test_everything_lies_within_the_stated_size(tree):
     labels, layout = laid_out(tree)
-    sizes = LayoutParameters()
+    sizes = LabelSizes()
     for uid, text in labels.items():
         x, y = layout.centers[uid]
         half = sizes.width(text) / 2
@@ -70,4 +70,4 @@ def test_everything_lies_within_the_stated_size(tree):
 def test_a_shallow_leaf_uses_the_gap_beside_a_deep_subtree():
     deep = [(None, "root", "Sequence"), (1, "deep", "Sequence"), *[(2, "leaf", "Leaf")] * 5, (1, "shallow", "Leaf")]
     _, layout = laid_out(nodes_of(tree_of(*deep)))
-    assert layout.size[1] == 5 * LayoutParameters().row_height
+    assert layout.size[1] == 5 * LabelSizes().row_height

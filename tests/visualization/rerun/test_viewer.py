@@ -21,7 +21,7 @@ from bestman_bt.engine import RUNNING
 from bestman_bt.messages import Pose
 from bestman_bt.records.palette import LOOKS
 from bestman_bt.visualization import RecordingError, RobotSnapshot
-from bestman_bt.visualization.rerun import Display, LiveFeed, RerunRecorder, Viewer, ViewerParameters, check_recording
+from bestman_bt.visualization.rerun import Display, LiveFeed, RerunRecorder, Viewer, ViewerOptions, check_recording
 from tests.visualization.conftest import changed
 
 if TYPE_CHECKING:
@@ -34,9 +34,9 @@ needs_vulkan = pytest.mark.skipif(
 
 
 @contextmanager
-def viewer(parameters: ViewerParameters, *recordings: Path) -> Iterator[Viewer]:
+def viewer(options: ViewerOptions, *recordings: Path) -> Iterator[Viewer]:
     with tempfile.TemporaryFile("w+") as output:
-        started = Viewer(parameters, recordings, output)
+        started = Viewer(options, recordings, output)
         try:
             yield started
         finally:
@@ -44,7 +44,7 @@ def viewer(parameters: ViewerParameters, *recordings: Path) -> Iterator[Viewer]:
 
 
 def test_a_page_is_served_to_this_machine_only() -> None:
-    with viewer(ViewerParameters(Display.BROWSER)) as serving:
+    with viewer(ViewerOptions(Display.BROWSER)) as serving:
         with urllib.request.urlopen(serving.page, timeout=5.0) as answer:
             assert b"rerun" in answer.read().lower()
         for port in (serving.port, serving.page_port):
@@ -58,9 +58,9 @@ def test_a_run_is_seen_while_it_is_recorded(tmp_path, robot_urdf, fetch_tree) ->
 
     file = tmp_path / "run.rrd"
     recorder = RerunRecorder(file, urdf=robot_urdf, base_frame="floor_point", tree=fetch_tree)
-    with viewer(ViewerParameters(Display.BROWSER, fed=True)) as page, LiveFeed(file, page.pipe), recorder:
+    with viewer(ViewerOptions(Display.BROWSER, fed=True)) as page, LiveFeed(file, page.pipe), recorder:
         page.wait_until_up(30.0)
-        with viewer(ViewerParameters(Display.NONE, source=page.address, size=(1280, 800))) as showing:
+        with viewer(ViewerOptions(Display.NONE, source=page.address, size=(1280, 800))) as showing:
             client = ViewerClient.connect(showing.address)
             recorder.snapshot(RobotSnapshot(0.1, 1, Pose(), {"arm_shoulder": 0.1, "arm_slide": 0.1}))
             recorder.changes(changed(0.2, *((uid, RUNNING) for uid in range(1, 11)), tick=2))
