@@ -9,7 +9,6 @@ import dataclasses
 import inspect
 import re
 from collections.abc import Iterator
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -51,10 +50,9 @@ def _slot(slot: str, algorithms: dict[str, type[Any]]) -> str:
     text = f"\n## {slot}\n"
     for name in sorted(algorithms, key=lambda name: (name != default, name)):
         algorithm = algorithms[name]
-        beside = getattr(import_module(algorithm.__module__), f"{algorithm.__name__}Parameters", None)
-        kind = beside or parameters_of(algorithm, slot)
+        kind = parameters_of(algorithm, slot)
         text += f"\n### {name}{' (default)' if name == default else ''}\n\n{_first_paragraph(algorithm)}\n"
-        rows = [] if kind is None else list(_rows(kind(), beside or algorithm, f"algorithms.{slot}"))
+        rows = [] if kind is None else list(_rows(kind(), algorithm, f"algorithms.{slot}"))
         if not rows:
             text += "\nNo parameters.\n"
             continue

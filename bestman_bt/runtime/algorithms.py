@@ -260,11 +260,11 @@ def _choose(
     refuse_unfinished(algorithm, SLOTS[slot].base, f"algorithms.{slot}")
     with module_of(algorithm) as module:
         beside = getattr(module, f"{algorithm.__name__}Parameters", None)
-        if beside is not None and not algorithm.__module__.startswith("bestman_bt."):
+        if beside is not None:
             source, line = inspect.getsourcefile(beside), inspect.getsourcelines(beside)[1]
             message = f"the fields of {beside.__name__} should be those of {algorithm.__name__}, as a dataclass"
             raise ConfigurationError([Problem(str(source), line, f"algorithms.{slot}", message)])
-        parameters_type = beside or parameters_of(algorithm, slot)
+        parameters_type = parameters_of(algorithm, slot)
         if parameters_type is None:
             if values:
                 message = f"{name} takes no parameters, got {', '.join(values)}"
@@ -274,7 +274,7 @@ def _choose(
             checked = algorithm_parameters(slot, values, parameters_type)
         except ConfigurationError as error:
             raise ConfigurationError([_placed(config, slot, problem) for problem in error.problems]) from error
-    return algorithm, {"parameters": checked} if beside else {field: getattr(checked, field) for field in values}
+    return algorithm, {field: getattr(checked, field) for field in values}
 
 
 def algorithms_by_slot() -> dict[str, dict[str, type[Any]]]:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from importlib import import_module
-
 import pytest
 
 from bestman_bt.configuration import ConfigurationError, algorithm_parameters, load_run
@@ -99,9 +97,8 @@ def test_faults_of_several_slots_are_told_at_once() -> None:
 @pytest.mark.parametrize("name", [name for name in ALGORITHMS.names() if name not in WITHOUT_PARAMETERS])
 def test_the_defaults_lie_within_their_own_bounds(name: str) -> None:
     algorithm = ALGORITHMS.resolve(name)
-    beside = getattr(import_module(algorithm.__module__), f"{algorithm.__name__}Parameters", None)
     slot = next((slot for slot, algorithms in algorithms_by_slot().items() if algorithm in algorithms.values()), "")
-    parameters = beside or parameters_of(algorithm, slot)
+    parameters = parameters_of(algorithm, slot)
     assert parameters is not None
     defaults = {k: v for k, v in vars(parameters()).items() if _is_plain(v)}
     assert defaults
