@@ -131,7 +131,6 @@ def stands_along_leaf(
 
 def _reachability(skills: SkillContext) -> ReachabilityMap | None:
     """The arm's map, from the disk; None where the kinematics in use has none."""
-    from bestman_bt.manipulation.kinematics import DampedLeastSquares, reachability_map
+    from bestman_bt.manipulation.kinematics import reachability_map
 
-    kinematics = skills.kinematics
-    return reachability_map(kinematics) if isinstance(kinematics, DampedLeastSquares) else None
+    return reachability_map(skills.kinematics, skills.arm_model) if skills.kinematics.fingerprint else None

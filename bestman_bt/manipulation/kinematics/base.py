@@ -49,6 +49,11 @@ class InverseKinematics(ABC):
         """Names of the n joints, in the order of every (n,) array."""
 
     @property
+    def fingerprint(self) -> str:
+        """All that the tool's poses depend on, in words, for what is kept on disk; empty: nothing is to be kept."""
+        return ""
+
+    @property
     @abstractmethod
     def reach(self) -> tuple[NDArray[np.float64], float]:
         """The shoulder (3,) in the base frame, and the distance from it in metres beyond which no tool pose lies."""

@@ -85,6 +85,14 @@ class DampedLeastSquares(InverseKinematics):
         """Names of the arm's joints."""
         return self.arm_model.joint_names
 
+    @property
+    def fingerprint(self) -> str:
+        """The URDF, the frames of base and tool, the joints with their limits, and the fixed ones."""
+        robot, arm = self.robot, self.arm_model
+        limits = arm.lower.tolist(), arm.upper.tolist()
+        fixed = sorted(self.fixed.items())
+        return repr((robot.urdf, robot.base_frame, arm.joint_names, arm.tool_frame, *limits, fixed))
+
     @cached_property
     def _model(self) -> pinocchio.Model:
         full = build_model(self.robot)

@@ -12,7 +12,8 @@ from pathlib import Path
 
 import numpy as np
 
-from bestman_bt.manipulation.kinematics.damped_least_squares import DampedLeastSquares
+from bestman_bt.manipulation.joint_values import JointLimits
+from bestman_bt.manipulation.kinematics.base import InverseKinematics
 from bestman_bt.manipulation.kinematics.reachability_map import (
     ReachabilityMap,
     ReachabilitySampling,
@@ -24,20 +25,22 @@ _FIELDS = ("origin", "voxel", "directions", "counts", "manipulability", "plenty"
 
 
 def reachability_map(
-    kinematics: DampedLeastSquares,
+    kinematics: InverseKinematics,
+    limits: JointLimits,
     sampling: ReachabilitySampling | None = None,
     folder: Path | None = None,
 ) -> ReachabilityMap:
     """The map of an arm from ``folder`` (default: the user's cache), else built and put there.
 
-    A file that cannot be read is built anew; a folder that cannot be written only costs the next start its time.
+    ``kinematics``: one with a ``fingerprint``. A file that cannot be read is built anew; a folder that cannot be
+    written only costs the next start its time.
     """
     sampling = sampling or ReachabilitySampling()
     file = (folder or cache_folder()) / f"reachability-{_key(kinematics, sampling)}.npz"
     stored = _read(file)
     if stored is not None:
         return stored
-    built = sampling.build(kinematics, kinematics.arm_model)
+    built = sampling.build(kinematics, limits)
     _write(file, built)
     return built
 
@@ -48,19 +51,8 @@ def cache_folder() -> Path:
     return (Path(home) if home else Path.home() / ".cache") / "bestman-bt"
 
 
-def _key(kinematics: DampedLeastSquares, sampling: ReachabilitySampling) -> str:
-    arm = kinematics.arm_model
-    content = (
-        _VERSION,
-        kinematics.robot.urdf,
-        kinematics.robot.base_frame,
-        arm.joint_names,
-        arm.tool_frame,
-        arm.lower.tolist(),
-        arm.upper.tolist(),
-        sorted(kinematics.fixed.items()),
-        sorted(asdict(sampling).items()),
-    )
+def _key(kinematics: InverseKinematics, sampling: ReachabilitySampling) -> str:
+    content = (_VERSION, kinematics.fingerprint, sorted(asdict(sampling).items()))
     return hashlib.sha256(repr(content).encode()).hexdigest()[:24]
 
 

@@ -79,46 +79,46 @@ def test_the_same_arm_gives_the_same_map(kinematics, arm):
 
 
 def test_a_map_is_stored_and_found_again(kinematics, tmp_path):
-    built = reachability_map(kinematics, SMALL, tmp_path)
+    built = reachability_map(kinematics, kinematics.arm_model, SMALL, tmp_path)
     (file,) = tmp_path.iterdir()
     stamp = file.stat().st_mtime_ns
-    found = reachability_map(kinematics, SMALL, tmp_path)
+    found = reachability_map(kinematics, kinematics.arm_model, SMALL, tmp_path)
     assert file.stat().st_mtime_ns == stamp
     assert np.array_equal(built.counts, found.counts)
     assert np.array_equal(built.score([[0.4, 0, 0.4]], [[0, 0, -1]]), found.score([[0.4, 0, 0.4]], [[0, 0, -1]]))
 
 
 def test_another_robot_or_other_parameters_have_a_file_of_their_own(kinematics, diff_panda, tmp_path):
-    reachability_map(kinematics, SMALL, tmp_path)
-    reachability_map(kinematics, ReachabilitySampling(voxel=0.25, directions=12, samples=20_000), tmp_path)
-    reachability_map(DampedLeastSquares(diff_panda), SMALL, tmp_path)
+    other, mobile = ReachabilitySampling(voxel=0.25, directions=12, samples=20_000), DampedLeastSquares(diff_panda)
+    for arm, sampling in ((kinematics, SMALL), (kinematics, other), (mobile, SMALL)):
+        reachability_map(arm, arm.arm_model, sampling, tmp_path)
     assert len(list(tmp_path.iterdir())) == 3
 
 
 @pytest.mark.parametrize("content", [b"", b"not a map", b"PK\x03\x04 half a file"])
 def test_a_broken_file_is_built_anew_and_told(kinematics, tmp_path, caplog, content):
-    built = reachability_map(kinematics, SMALL, tmp_path)
+    built = reachability_map(kinematics, kinematics.arm_model, SMALL, tmp_path)
     (file,) = tmp_path.iterdir()
     file.write_bytes(content)
     with caplog.at_level(logging.WARNING):
-        again = reachability_map(kinematics, SMALL, tmp_path)
+        again = reachability_map(kinematics, kinematics.arm_model, SMALL, tmp_path)
     assert "cannot be used and is built anew" in caplog.text
     assert np.array_equal(again.counts, built.counts)
     assert file.stat().st_size > 1000
 
 
 def test_a_truncated_file_is_built_anew(kinematics, tmp_path):
-    built = reachability_map(kinematics, SMALL, tmp_path)
+    built = reachability_map(kinematics, kinematics.arm_model, SMALL, tmp_path)
     (file,) = tmp_path.iterdir()
     file.write_bytes(file.read_bytes()[:-200])
-    assert np.array_equal(reachability_map(kinematics, SMALL, tmp_path).counts, built.counts)
+    assert np.array_equal(reachability_map(kinematics, kinematics.arm_model, SMALL, tmp_path).counts, built.counts)
 
 
 def test_a_folder_that_cannot_be_written_costs_only_time(kinematics, tmp_path, caplog):
     blocked = tmp_path / "file"
     blocked.write_text("")
     with caplog.at_level(logging.WARNING):
-        built = reachability_map(kinematics, SMALL, blocked / "folder")
+        built = reachability_map(kinematics, kinematics.arm_model, SMALL, blocked / "folder")
     assert "cannot be stored" in caplog.text
     assert built.counts.sum() == SMALL.samples
 

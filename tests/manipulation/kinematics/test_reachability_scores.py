@@ -76,20 +76,20 @@ def test_whatever_moves_the_tool_or_bounds_the_arm_makes_another_map(tmp_path) -
         with_arm(with_limits(left, upper=left.upper - 0.01)),
     ]
     for number, arm in enumerate(arms, start=1):
-        reachability_map(arm, TINY, tmp_path)
+        reachability_map(arm, arm.arm_model, TINY, tmp_path)
         assert len(list(tmp_path.iterdir())) == number
     for changed in (replace(TINY, seed=1), replace(TINY, plenty=3), replace(TINY, samples=51)):
         before = len(list(tmp_path.iterdir()))
-        reachability_map(arms[0], changed, tmp_path)
+        reachability_map(arms[0], arms[0].arm_model, changed, tmp_path)
         assert len(list(tmp_path.iterdir())) == before + 1
 
 
 @pytest.mark.parametrize("shape", [(2, 2, 2), (9, 9, 9, 3)])
 def test_a_stored_map_of_another_shape_is_built_anew(tmp_path, shape: tuple[int, ...]) -> None:
     arm = DampedLeastSquares(two_arms(), "left")
-    built = reachability_map(arm, TINY, tmp_path)
+    built = reachability_map(arm, arm.arm_model, TINY, tmp_path)
     (file,) = tmp_path.iterdir()
     with np.load(file) as stored:
         values = dict(stored)
     np.savez(file, **{**values, "counts": np.ones(shape, np.uint16)})
-    assert np.array_equal(reachability_map(arm, TINY, tmp_path).counts, built.counts)
+    assert np.array_equal(reachability_map(arm, arm.arm_model, TINY, tmp_path).counts, built.counts)
