@@ -248,7 +248,7 @@ def test_names_and_options_that_are_wrong_are_refused(refused, arguments: list[s
             "algorithms.motion_planning.max_iterations=many",
             "algorithms.motion_planning.max_iterations: should be a whole number",
         ),
-        ("algorithms.motion_planning.max_iterations=-4", "max_iterations should be above 0 but is -4"),
+        ("algorithms.motion_planning.max_iterations=-4", "max_iterations: should be greater than or equal to 1"),
         ("algorithms.localization.iteration=3", "algorithms.localization.iteration: unknown field; did you mean"),
     ],
 )  # fmt: skip
