@@ -51,6 +51,9 @@ POLL = 0.05
 IDLE = 0.02
 """Seconds of the machine's time in which a clock of real time goes on, and a simulated one does not."""
 REST_TIME = 0.5
+"""Seconds in which a robot comes to rest, and then stays so."""
+LAG = 0.5
+"""Seconds by which readings of a robot in another process may lag on a busy machine."""
 REST_JOINT_SPEED = 0.01
 REST_BASE_SPEED = 0.01
 COMMANDS = "commands"
@@ -196,7 +199,10 @@ def is_at_rest(robot: Robot) -> bool:
 def require_rest(robot: Robot, after: str) -> None:
     """The robot has to be at rest, its fingers too, and to stay so."""
     robot.clock.sleep(REST_TIME)
-    moving = what_moves(robot)
+    moving, last = what_moves(robot), robot.clock.now() + LAG
+    while moving and robot.clock.now() < last:
+        robot.clock.sleep(POLL)
+        moving = what_moves(robot)
     require(not moving, f"the robot should be at rest {REST_TIME} s after {after}, yet: {', '.join(moving)}")
     groups, grippers = parts_of(robot, JointGroup), parts_of(robot, Gripper)
     bases = parts_of(robot, MobileBase)
