@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import typing
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import Annotated
 
 from annotated_types import Ge, Gt, Le
@@ -39,17 +38,13 @@ class OrderError(Error, ValueError):
         self.fields = fields
 
 
-def check_order(parameters: object, *names: str) -> None:
-    """OrderError where a field is larger than the next one that is named, for ``__post_init__`` of parameters."""
-    for low, high in pairwise(names):
-        smaller, larger = getattr(parameters, low), getattr(parameters, high)
-        if smaller > larger:
-            raise OrderError(f"{low} ({smaller:g}) should not be larger than {high} ({larger:g})", (low, high))
-
-
 def check_bounds(parameters: object) -> None:
     """OrderError where a field of a dataclass is smaller than the one that its ``NotBelow`` names."""
     for name, hint in typing.get_type_hints(type(parameters), include_extras=True).items():
         for mark in getattr(hint, "__metadata__", ()):
-            if isinstance(mark, NotBelow):
-                check_order(parameters, mark.field, name)
+            if not isinstance(mark, NotBelow):
+                continue
+            least, value = getattr(parameters, mark.field), getattr(parameters, name)
+            if least > value:
+                message = f"{mark.field} ({least:g}) should not be larger than {name} ({value:g})"
+                raise OrderError(message, (mark.field, name))

@@ -5,14 +5,14 @@ from __future__ import annotations
 import copy
 from collections.abc import Mapping
 from dataclasses import FrozenInstanceError, dataclass, field
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import pytest
 
 from bestman_bt.configuration import ConfigurationError, Document, check, override, parse_document
 from bestman_bt.configuration.checked import salvage
 from bestman_bt.configuration.quantity import Length, Mass, WholeNumber
-from bestman_bt.messages.bounds import check_order
+from bestman_bt.messages.bounds import NotBelow, check_bounds
 
 
 @dataclass(frozen=True)
@@ -159,10 +159,10 @@ def test_the_faults_of_all_overrides_are_told_and_a_list_that_is_replaced_is_of_
 @dataclass(frozen=True)
 class Speeds:
     slow: float = 0.1
-    fast: float = 1.0
+    fast: Annotated[float, NotBelow("slow")] = 1.0
 
     def __post_init__(self) -> None:
-        check_order(self, "slow", "fast")
+        check_bounds(self)
 
 
 @dataclass(frozen=True)

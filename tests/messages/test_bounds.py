@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Annotated
 
 import pytest
 
@@ -10,23 +11,24 @@ from bestman_bt.configuration import ConfigurationError, check, parse_document
 from bestman_bt.messages.bounds import (
     Count,
     NonNegative,
+    NotBelow,
     OrderError,
     Positive,
     PositiveShare,
     Several,
     Share,
     WholeNumber,
-    check_order,
+    check_bounds,
 )
 
 
 @dataclass(frozen=True)
 class Turning:
     slow: Positive = 0.1
-    fast: Positive = 1.0
+    fast: Annotated[Positive, NotBelow("slow")] = 1.0
 
     def __post_init__(self) -> None:
-        check_order(self, "slow", "fast")
+        check_bounds(self)
 
 
 @dataclass(frozen=True)

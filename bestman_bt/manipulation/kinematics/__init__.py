@@ -7,7 +7,6 @@ from bestman_bt.manipulation.kinematics.arc_path import (
     Stations,
 )
 from bestman_bt.manipulation.kinematics.arm_bodies import ArmBodies
-from bestman_bt.manipulation.kinematics.arm_dynamics import ArmDynamics
 from bestman_bt.manipulation.kinematics.base import IKResult, InverseKinematics
 from bestman_bt.manipulation.kinematics.cartesian_path import CartesianPath, cartesian_path
 from bestman_bt.manipulation.kinematics.damped_least_squares import DampedLeastSquares
@@ -33,7 +32,6 @@ __all__ = [
     "ArcSearch",
     "ArcStands",
     "ArmBodies",
-    "ArmDynamics",
     "CartesianPath",
     "DampedLeastSquares",
     "ForwardKinematics",

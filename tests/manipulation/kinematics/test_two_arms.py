@@ -1,4 +1,4 @@
-"""Kinematics and dynamics where the base frame is not the root, and an arm lists its joints from tip to root."""
+"""Kinematics where the base frame is not the root, and an arm lists its joints from tip to root."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bestman_bt.manipulation.kinematics import ArmBodies, ArmDynamics, DampedLeastSquares, ForwardKinematics
+from bestman_bt.manipulation.kinematics import ArmBodies, DampedLeastSquares, ForwardKinematics
 from bestman_bt.messages import Box, ObjectModel, PlacedShape, Pose
 from bestman_bt.robot_model import ArmModel, RobotModel
 from bestman_bt.world_model import HeldObject
@@ -99,32 +99,11 @@ def test_a_joint_that_carries_the_arm_stands_where_it_is_told(robot, forward) ->
     assert lifted.tool_pose(q).position[2] == pytest.approx(low.tool_pose(q).position[2] + 0.15)
 
 
-def without_lift(robot: RobotModel, first: int = 1) -> RobotModel:
-    """The left arm is one of the joints from number ``first`` on."""
+def without_lift(robot: RobotModel) -> RobotModel:
+    """The left arm is one of the joints above its lift."""
     whole = robot.of(ArmModel)["left"]
-    limits = {name: getattr(whole, name)[first:] for name in USUAL_LIMITS}
-    return replace(robot, parts={"left": arm_model(whole.joint_names[first:], "root", "left_tool", **limits)})
-
-
-def test_weight_and_inertia_are_those_of_the_joints_in_their_order(robot, rng) -> None:
-    left, right = (ArmDynamics(robot, robot.of(ArmModel)[side]) for side in SIDES)
-    for q in rng.uniform(robot.of(ArmModel)["left"].lower, robot.of(ArmModel)["left"].upper, (5, 7)):
-        gravity, mass = left.gravity(q), left.mass_matrix(q)
-        assert np.allclose(right.gravity(q[::-1]), gravity[::-1])
-        assert np.allclose(right.mass_matrix(q[::-1]), mass[::-1, ::-1])
-        assert np.allclose(mass, mass.T)
-        assert np.linalg.eigvalsh(mass).min() > 0.0
-        assert gravity[0] == pytest.approx(9.81 * 0.5 * 10)  # the lift carries seven links, a palm and two fingers
-
-
-def test_joints_below_an_arm_tell_how_it_leans(robot, rng) -> None:
-    whole = ArmDynamics(robot, robot.of(ArmModel)["left"])
-    upper = without_lift(robot, 3).of(ArmModel)["left"]
-    for q in rng.uniform(robot.of(ArmModel)["left"].lower, robot.of(ArmModel)["left"].upper, (5, 7)):
-        below = {f"left_{joint}": float(value) for joint, value in zip(JOINTS[:3], q[:3], strict=True)}
-        part = ArmDynamics(robot, upper, fixed=below)
-        assert np.allclose(part.gravity(q[3:]), whole.gravity(q)[3:])
-        assert np.allclose(part.mass_matrix(q[3:]), whole.mass_matrix(q)[3:, 3:])
+    limits = {name: getattr(whole, name)[1:] for name in USUAL_LIMITS}
+    return replace(robot, parts={"left": arm_model(whole.joint_names[1:], "root", "left_tool", **limits)})
 
 
 @pytest.mark.parametrize("side", SIDES)
