@@ -54,6 +54,10 @@ def refuse_hidden_packages() -> None:
         raise ImportError(_told(file), path=file)
 
 
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})
+
+
 def __getattr__(name: str) -> Any:
     """Import what is used when it is used: the engine alone should not load the simulator."""
     if name in _HOMES:

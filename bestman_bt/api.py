@@ -53,10 +53,17 @@ def evaluate(
     ``jobs``: processes. ``folder``: keeps every episode, and an evaluation of the same goes on where it stopped.
     Raises ConfigurationError with everything that is wrong, before anything is started.
     """
-    from bestman_bt.configuration import told_to_programs
+    from bestman_bt.configuration import ConfigurationError, Problem, told_to_programs
     from bestman_bt.evaluation.evaluation import Evaluation
     from bestman_bt.evaluation.suite import make_suite
 
+    low = [("episodes", episodes, 1), ("seed", seed, 0), ("jobs", jobs, 1)]
+    if wrong := [
+        Problem(name, None, "", f"should be at least {least}, got {value}")
+        for name, value, least in low
+        if value is not None and value < least
+    ]:
+        raise ConfigurationError(wrong)
     named = [str(tasks)] if isinstance(tasks, (str, Path)) else [str(task) for task in tasks]
     with told_to_programs():
         suite = make_suite(
@@ -142,7 +149,7 @@ class Session(AbstractContextManager["Session"]):
     def tick(self) -> NodeStatus:
         """Tick the loaded tree once, let the time of one tick pass, and return the root's status."""
         opened = self._open.session
-        tree = self.load() if self._tree is None else self._tree
+        tree = self.load() if self._tree is None or opened.ended else self._tree
         tree.tick_once()
         self.robot.clock.sleep(1.0 / opened.setup.config.task.tick_rate)
         return tree.status
@@ -164,6 +171,8 @@ class Session(AbstractContextManager["Session"]):
 
     @property
     def _open(self) -> JudgedSession:
+        from hal.api import NotConnectedError
+
         if self._judged is None:
-            raise AttributeError("the session is not open: write `with bestman_bt.Session(...) as session:`")
+            raise NotConnectedError("the session is not open: write `with bestman_bt.Session(...) as session:`")
         return self._judged

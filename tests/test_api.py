@@ -53,7 +53,7 @@ def test_the_old_name_says_the_new_one() -> None:
 
 
 def test_a_session_that_is_not_open_says_how_to_open_it() -> None:
-    with pytest.raises(AttributeError, match=r"with bestman_bt\.Session"):
+    with pytest.raises(NotConnectedError, match=r"with bestman_bt\.Session"):
         bt.Session(scene="kitchen").run("fetch_cup")
     with pytest.raises(bt.Error, match=r"robot='nope': unknown robot"), bt.Session(robot="nope"):
         pass
@@ -71,8 +71,9 @@ def test_runs_of_a_session_follow_each_other_and_are_judged(tmp_path: Path) -> N
         assert session.robot.clock.now() - before == pytest.approx(0.05)
         statuses = [session.tick() for _ in range(200)]
         assert SUCCESS in statuses
-    with pytest.raises(NotConnectedError, match="the session has ended"):
-        session.run(CARRY)
+    for use in (session.tick, lambda: session.run(CARRY)):
+        with pytest.raises(NotConnectedError, match="the session has ended"):
+            use()
 
 
 def test_a_tree_that_was_loaded_keeps_the_entries_that_its_user_has_set() -> None:
@@ -94,6 +95,18 @@ def test_a_shipped_tree_is_judged_by_the_goal_of_its_task_and_the_audit_is_of_th
         again = session.run("fetch_cup")
         assert again.held_at_start
         assert again.audit["collisions"] == 0
+
+
+def test_numbers_that_an_evaluation_cannot_have_are_refused_at_once() -> None:
+    with pytest.raises(bt.Error) as error:
+        bt.evaluate("fetch_cup", episodes=0, seed=-1, jobs=0)
+    told = [
+        "episodes: should be at least 1, got 0",
+        "seed: should be at least 0, got -1",
+        "jobs: should be at least 1, got 0",
+    ]
+    assert str(error.value).splitlines() == told
+    assert {"Session", "evaluate", "load_tree", "nodes", "plan"} <= set(dir(bt))
 
 
 @pytest.mark.slow

@@ -137,7 +137,7 @@ def command(
             output.write_text(_said_where(setup.config, asked.xml(made, problem, plan, planner)), encoding="utf-8")
             where = {"--task": task, "--scene": scene, "--robot": robot}
             wanted = {"goal": " and ".join(map(str, problem.goal)), "told": asked.told(problem)}
-            needed = [*(settings or ()), *([f"plan={json.dumps(wanted)}"] if given else ())]
+            needed = [*(settings or ()), *([f"plan={json.dumps(wanted)}", "predicate=facts"] if given else ())]
             print(f"run it: {_to_run(output, where, setup.config, needed)}", file=sys.stderr)
             if assumed(plan):
                 print(f"{output} plans anew (ReachGoal) where the plan fails", file=sys.stderr)

@@ -434,9 +434,15 @@ def _why_not_judged(config: RunConfig, execution: Execution) -> str:
 def _failure(
     session: Session, execution: Execution, verdict: Verdict | None, audited: Audit | None, failed: Node | None
 ) -> NodeFailure | None:
-    """The leaf at fault, else the judge's or the audit's objection, else None. ``failed``: that which failed last."""
+    """What was faked, else the leaf at fault, else the judge's or the audit's objection, else None.
+
+    ``failed``: the leaf that failed last.
+    """
     if execution.ending is not Ending.FINISHED:
         return NodeFailure("", str(execution.ending), execution.why)
+    objections = () if audited is None else audited.objections(session.setup.config.task.max_penetration)
+    if audited is not None and not audited.honest:
+        return NodeFailure("audit", "audit", "; ".join(objections))
     if not execution.succeeded:
         told: list[NodeFailure] = session.skills.failures
         if told:
@@ -447,8 +453,4 @@ def _failure(
         return NodeFailure("", "tree_failed", "the tree failed, though none of its leaves did")
     if verdict is not None and not verdict.holds:
         return NodeFailure("judge", "predicate", verdict.why)
-    if audited is not None:
-        objections = audited.objections(session.setup.config.task.max_penetration)
-        if objections:
-            return NodeFailure("audit", "audit", "; ".join(objections))
-    return None
+    return NodeFailure("audit", "audit", "; ".join(objections)) if objections else None

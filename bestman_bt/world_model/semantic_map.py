@@ -112,6 +112,10 @@ class MapFurniture:
         return self.pose.apply(np.array([[-x, -y], [x, -y], [x, y], [-x, y]]))
 
 
+OPEN_FLOOR = 3.0
+"""Metres of free floor around what stands there, where no walls end it."""
+
+
 @dataclass(frozen=True)
 class SemanticMap:
     """Walls are exact: ``walls`` (N, 4) segments x1, y1, x2, y2 in metres, the faces that a lidar hits.
@@ -153,11 +157,13 @@ class SemanticMap:
         return np.concatenate(segments)
 
     def bounds(self, margin: float = 0.0) -> tuple[float, float, float, float]:
-        """The rectangle (x_min, y_min, x_max, y_max) around all walls, grown by ``margin`` metres."""
-        xs, ys = self.walls[:, [0, 2]], self.walls[:, [1, 3]]
-        return (
-            math.floor(float(xs.min()) - margin),
-            math.floor(float(ys.min()) - margin),
-            math.ceil(float(xs.max()) + margin),
-            math.ceil(float(ys.max()) + margin),
-        )
+        """The rectangle (x_min, y_min, x_max, y_max) around all walls and furniture, grown by ``margin`` metres.
+
+        Where no walls enclose the floor, ``OPEN_FLOOR`` metres around the origin and the furniture are on the map.
+        """
+        points = np.concatenate([self.walls.reshape(-1, 2), *(piece.corners() for piece in self.furniture.values())])
+        if len(np.unique(self.walls[:, :2].round(3), axis=0)) < 3:
+            points = np.concatenate([points, [[0.0, 0.0]]])
+            margin += OPEN_FLOOR
+        (x_min, y_min), (x_max, y_max) = points.min(axis=0) - margin, points.max(axis=0) + margin
+        return math.floor(x_min), math.floor(y_min), math.ceil(x_max), math.ceil(y_max)
