@@ -136,8 +136,8 @@ def literals(
     value = node.attributes[port]
     key = key_of(value, port)
     if key is None:
-        if isinstance(value, str):
-            yield node, port, value
+        if isinstance(value, (str, int, float)):  # a number, in a tree made in Python, is no name either
+            yield node, port, str(value)
         return
     slot = node.board.slot(key)
     if isinstance(slot.value, str):

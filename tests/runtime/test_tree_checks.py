@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from behaviours.move_arm import MoveArm
 from bestman_bt.configuration import load_run
 from bestman_bt.engine import TreeLoadError, load_tree
 from bestman_bt.evaluation.episode import prepare_episode
@@ -270,3 +271,8 @@ def test_parts_behind_no_connection_are_told_as_such_with_the_node_that_needs_th
     assert problem.message.endswith("and its lidar behind no connection")
     assert not lacking_parts(tree, robot, robot.parts)
     assert not lacking_parts(tree, robot, ())  # the robot's file is at fault
+
+
+def test_a_number_in_a_tree_made_in_python_is_no_name(kitchen: Setup) -> None:
+    (problem,) = unknown_names(load_for(kitchen, MoveArm(posture=3)), kitchen.names)
+    assert "port 'posture': there is no posture '3'" in str(problem)
