@@ -442,7 +442,8 @@ def _failure(
         return NodeFailure("", str(execution.ending), execution.why)
     objections = () if audited is None else audited.objections(session.setup.config.task.max_penetration)
     if audited is not None and not audited.honest:
-        return NodeFailure("audit", "audit", "; ".join(objections))
+        missed = "" if verdict is None or verdict.holds else f"; besides, {verdict.why}"
+        return NodeFailure("audit", "audit", "; ".join(objections) + missed)
     if not execution.succeeded:
         told: list[NodeFailure] = session.skills.failures
         if told:

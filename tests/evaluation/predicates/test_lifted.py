@@ -40,6 +40,7 @@ def test_a_cup_that_stands_higher_but_in_no_hand_is_not_lifted(tmp_path: Path) -
     result = judged(tmp_path, {**LIFT, "tolerances": {"rest_time": "0.05 s"}}, Staged(moved={"cup": in_the_air}))
     assert result.metrics["lifted_mm"] > 50
     assert why(result).startswith("the cup is not in the hand, still moving")
+    assert result.failure.why.startswith("teleports")
 
 
 def test_a_lift_of_an_unknown_object_or_none_at_all_is_refused(tmp_path: Path) -> None:
