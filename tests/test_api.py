@@ -47,9 +47,9 @@ def test_nodes_are_described_by_name() -> None:
 
 def test_the_old_name_says_the_new_one() -> None:
     with pytest.raises(AttributeError, match=r"it is bestman_bt\.Session now"):
-        bt.session  # noqa: B018
+        bt.session  # noqa: B018 - reading it raises
     with pytest.raises(AttributeError, match=r"has no attribute 'sesion'$"):
-        bt.sesion  # noqa: B018
+        bt.sesion  # noqa: B018 - reading it raises
 
 
 def test_a_session_that_is_not_open_says_how_to_open_it() -> None:

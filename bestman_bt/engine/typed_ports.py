@@ -9,6 +9,7 @@ from py_trees.ports import PortInformation
 
 from bestman_bt.engine.bounds import BoundedPort
 from bestman_bt.engine.errors import EngineError
+from bestman_bt.engine.ports import key_of
 
 T = TypeVar("T")
 
@@ -19,7 +20,13 @@ class _Declared:
     def __init__(self, data_type: Any, text: str, default: Any, required: bool, port: str) -> None:
         finite = data_type in (int, float) and default != math.inf  # then a value may be infinite, too
         bounded = finite or get_origin(data_type) is Annotated
-        self.information = (BoundedPort if bounded else PortInformation)(data_type, required, text, default)
+        entry = (
+            isinstance(default, str) and key_of(default, port) is not None
+        )  # is of no type, and read or written instead
+        kind = BoundedPort if bounded else PortInformation
+        self.information = kind(data_type, required, text, None if entry else default)
+        if entry:
+            object.__setattr__(self.information, "default_value", default)  # it is frozen
         self.port = port
 
     def __set_name__(self, owner: type[Any], name: str) -> None:
@@ -101,6 +108,7 @@ class Out(_Declared, Generic[T]):
 class InOut(_Declared, Generic[T]):
     """A port that is read and written. Arguments as of ``In``; without a value an optional one is None."""
 
+    # As of In: type checkers see that an optional one may be None only where the overloads are of this class.
     @overload
     def __init__(
         self: InOut[T], data_type: type[T], text: str = "", /, *, default: T = ..., port: str = ""

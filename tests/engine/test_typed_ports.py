@@ -21,6 +21,7 @@ from bestman_bt.engine import (
     Out,
     SyncAction,
     TreeLoadError,
+    build_tree,
     load_tree,
     palette_xml,
 )
@@ -102,6 +103,23 @@ def test_a_port_that_would_hide_an_attribute_is_refused_when_the_class_is_made(a
         EngineError, match=rf"'{attribute}' of Wrong would hide ({base})\.{attribute}.*port='{attribute}'"
     ):
         type("Wrong", (SyncAction,), {attribute: In(str)})
+
+
+def test_a_default_may_name_an_entry_whatever_the_type() -> None:
+    class Follow(SyncAction):
+        """Doubles the entry."""
+
+        given = In(float, "what to double", default="{length}")
+        twice = Out(float, "the double", default="{double}")
+
+        def on_tick(self) -> int:
+            self.twice = 2.0 * self.given
+            return SUCCESS
+
+    tree = build_tree(Follow())
+    tree.blackboard["length"] = 1.5
+    tree.tick_once()
+    assert tree.blackboard["double"] == 3.0
 
 
 def test_a_subclass_may_narrow_a_port_and_keeps_the_others() -> None:

@@ -171,11 +171,11 @@ def lines_noted() -> Iterator[None]:
         _lines[self] = line_that_makes(self)
         original(self, *args, **kwargs)
 
-    Behaviour.__init__ = __init__  # type: ignore[method-assign]
+    Behaviour.__init__ = __init__  # type: ignore[method-assign] # py_trees has no hook for it
     try:
         yield
     finally:
-        Behaviour.__init__ = original  # type: ignore[method-assign]
+        Behaviour.__init__ = original  # type: ignore[method-assign] # as above
 
 
 def _class_at(behaviour: Behaviour) -> tuple[str, int]:

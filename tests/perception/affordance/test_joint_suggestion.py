@@ -6,7 +6,7 @@ import pytest
 from bestman_bt.perception.affordance.joint_suggestion import JointRules
 from bestman_bt.perception.affordance.panel_borders import PanelBorders
 
-PARAMETERS = JointRules()
+RULES = JointRules()
 SEEN = (np.array([-1.0, -1.0]), np.array([1.0, 1.0]))
 
 
@@ -28,15 +28,15 @@ def test_form_of_the_panel_and_place_of_the_handle_tell_the_joint(
     kind: str, upright: bool, centre: tuple[float, float], size: tuple[float, float], joint: str, hinge_side: str | None
 ) -> None:
     borders = PanelBorders(-size[0] / 2, size[0] / 2, -size[1] / 2, size[1] / 2)
-    suggested = PARAMETERS.suggest(kind, upright, np.array([*centre, 0.04]), borders, SEEN)  # type: ignore[arg-type]
+    suggested = RULES.suggest(kind, upright, np.array([*centre, 0.04]), borders, SEEN)  # type: ignore[arg-type] # one of its literals
     assert (suggested.joint, suggested.hinge_side) == (joint, hinge_side)
     assert suggested.confidence >= 0.7
 
 
 def test_without_borders_the_suggestion_is_less_sure() -> None:
     known = PanelBorders(-0.3, 0.3, -0.6, 0.6)
-    sure = PARAMETERS.suggest("bar", True, np.array([0.25, 0.0, 0.04]), known, SEEN)
-    unsure = PARAMETERS.suggest("bar", True, np.array([0.25, 0.0, 0.04]), PanelBorders(), SEEN)
+    sure = RULES.suggest("bar", True, np.array([0.25, 0.0, 0.04]), known, SEEN)
+    unsure = RULES.suggest("bar", True, np.array([0.25, 0.0, 0.04]), PanelBorders(), SEEN)
     assert unsure.joint == sure.joint
     assert unsure.confidence < sure.confidence
 
@@ -44,7 +44,7 @@ def test_without_borders_the_suggestion_is_less_sure() -> None:
 @pytest.mark.parametrize("side", ["left", "right", "bottom", "top"])
 def test_a_positive_turn_about_the_hinge_moves_the_far_border_out_of_the_front(side: str) -> None:
     borders = PanelBorders(-0.2, 0.3, -0.4, 0.5)
-    line = PARAMETERS.hinge_line(side, "bar", borders)  # type: ignore[arg-type]
+    line = RULES.hinge_line(side, "bar", borders)  # type: ignore[arg-type] # one of its literals
     assert line is not None
     point, direction = line
     far = {"left": (0.3, 0.0), "right": (-0.2, 0.0), "bottom": (0.0, 0.5), "top": (0.0, -0.4)}[side]
@@ -53,4 +53,4 @@ def test_a_positive_turn_about_the_hinge_moves_the_far_border_out_of_the_front(s
 
 
 def test_a_hinge_on_a_border_that_was_not_seen_is_unknown() -> None:
-    assert PARAMETERS.hinge_line("left", "bar", PanelBorders(right=0.3)) is None
+    assert RULES.hinge_line("left", "bar", PanelBorders(right=0.3)) is None
