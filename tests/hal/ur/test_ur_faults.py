@@ -38,12 +38,14 @@ import sys, time
 from bestman_bt.robot_model import load_robot_model
 from hal.api import Arm
 from hal.hardware import HardwareRobot
-addresses = {f"connections.{name}.address": at for name, at in zip(sys.argv[2::2], sys.argv[3::2])}
-robot = HardwareRobot(load_robot_model(sys.argv[1], addresses))
+settings = {f"connections.{name}.address": at for name, at in zip(sys.argv[3::2], sys.argv[4::2])}
+settings["safety.watchdog"] = float(sys.argv[1])
+robot = HardwareRobot(load_robot_model(sys.argv[2], settings))
 robot.connect()
 arm = robot.part("arm", Arm)
-arm.move_to(arm.positions() + [1.5 if arm.positions()[0] < 0 else -1.5, 0, 0, 0, 0, 0], 0.2)
+motion = arm.move_to(arm.positions() + [1.5 if arm.positions()[0] < 0 else -1.5, 0, 0, 0, 0, 0], 0.2)
 while abs(arm.velocities()[0]) < 0.15:
+    assert not motion.done, motion.failure
     time.sleep(0.01)
 print(robot.connections["arm_controller"]._link._process.pid, flush=True)
 time.sleep(60)
@@ -55,7 +57,7 @@ def test_whoever_is_killed_the_arm_comes_to_rest(twin: TwinProcess, sdk_too: boo
     robot_file = str(Path(__file__).parent / "ur5_on_a_base.yaml")
     addresses = [word for pair in twin.addresses.items() for word in pair]
     with subprocess.Popen(
-        [sys.executable, "-c", CLIENT, robot_file, *addresses], stdout=subprocess.PIPE, text=True
+        [sys.executable, "-c", CLIENT, str(WATCHDOG), robot_file, *addresses], stdout=subprocess.PIPE, text=True
     ) as client:
         assert client.stdout is not None
         sdk = int(client.stdout.readline())
