@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import signal
 import subprocess
@@ -28,7 +29,11 @@ def refused(*arguments: str) -> str:
 @pytest.mark.slow
 def test_twins_tell_where_they_are_take_faults_and_end_with_ctrl_c() -> None:
     arguments = [*COMMAND, "--robot", str(ROBOT), "--scene", "pick_place_table", "--json"]
-    with subprocess.Popen(arguments, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as twins:
+    with (
+        subprocess.Popen(arguments, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as twins,
+        contextlib.ExitStack() as ends,
+    ):
+        ends.callback(twins.kill)  # leaving Popen's block waits for it, also where a check has failed
         assert twins.stdout is not None
         told = json.loads(twins.stdout.readline())
         address = told["addresses"]["arm_controller"]

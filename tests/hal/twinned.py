@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -91,6 +93,16 @@ def disconnected(robot: Robot) -> Iterator[None]:
         yield
     finally:
         robot.connect()
+
+
+@contextmanager
+def client_program(code: str, *arguments: str) -> Iterator[subprocess.Popen[str]]:
+    """Python code in a process of its own, whose output is read; it is killed at the end in any case."""
+    with subprocess.Popen([sys.executable, "-c", code, *arguments], stdout=subprocess.PIPE, text=True) as client:
+        try:
+            yield client
+        finally:
+            client.kill()
 
 
 def wait_for(holds: Callable[[], bool], what: str) -> None:

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import signal
-import subprocess
-import sys
 import threading
 from pathlib import Path
 
@@ -26,6 +23,7 @@ from hal.hardware import HardwareRobot, IsolatedRobot
 from hal.twins import TwinProcess
 from tests.hal.twinned import (
     WATCHDOG,
+    client_program,
     ended,
     stays_stopped_while_away,
     stopped_within,
@@ -140,11 +138,13 @@ import sys, time
 from bestman_bt.robot_model import load_robot_model
 from hal.api import MobileBase
 from hal.hardware import HardwareRobot
-robot = HardwareRobot(load_robot_model(sys.argv[1], {"connections.platform.address": sys.argv[2]}))
+settings = {"connections.platform.address": sys.argv[2], "safety.watchdog": float(sys.argv[3])}
+robot = HardwareRobot(load_robot_model(sys.argv[1], settings))
 robot.connect()
 base = robot.part("base", MobileBase)
-base.rotate(-3.0)
+motion = base.rotate(-3.0)
 while base.velocity().wz > -0.6:
+    assert not motion.done, motion.failure
     time.sleep(0.01)
 print(base.velocity().wz, flush=True)
 time.sleep(60)
@@ -154,12 +154,10 @@ time.sleep(60)
 @pytest.mark.slow
 def test_a_client_that_is_killed_leaves_the_base_at_rest(twin: TwinProcess) -> None:
     robot_file = str(Path(__file__).parent / "ros_robot.yaml")
-    with subprocess.Popen(
-        [sys.executable, "-c", CLIENT, robot_file, twin.addresses[PLATFORM]], stdout=subprocess.PIPE, text=True
-    ) as client:
+    with client_program(CLIENT, robot_file, twin.addresses[PLATFORM], str(WATCHDOG)) as client:
         assert client.stdout is not None
         assert float(client.stdout.readline()) < -0.5
-        client.send_signal(signal.SIGKILL)
+        client.kill()
         client.wait()
     stands(twin)
 

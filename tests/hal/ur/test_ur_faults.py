@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import os
 import signal
-import subprocess
-import sys
 import time
 from functools import partial
 from pathlib import Path
@@ -19,6 +17,7 @@ from hal.twins import TwinProcess
 from tests.hal.twinned import (
     WATCHDOG,
     arm_comes_to_rest,
+    client_program,
     fails_with_its_number,
     stays_stopped_while_away,
     stopped_within,
@@ -56,15 +55,13 @@ time.sleep(60)
 def test_whoever_is_killed_the_arm_comes_to_rest(twin: TwinProcess, sdk_too: bool) -> None:
     robot_file = str(Path(__file__).parent / "ur5_on_a_base.yaml")
     addresses = [word for pair in twin.addresses.items() for word in pair]
-    with subprocess.Popen(
-        [sys.executable, "-c", CLIENT, str(WATCHDOG), robot_file, *addresses], stdout=subprocess.PIPE, text=True
-    ) as client:
+    with client_program(CLIENT, str(WATCHDOG), robot_file, *addresses) as client:
         assert client.stdout is not None
         sdk = int(client.stdout.readline())
         moving = twin.judge("joints", "arm")["velocities"]
         if sdk_too:
             os.kill(sdk, signal.SIGKILL)
-        client.send_signal(signal.SIGKILL)
+        client.kill()
         client.wait()
     assert abs(moving[0]) > 0.1
     arm_comes_to_rest(twin)

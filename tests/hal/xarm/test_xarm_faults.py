@@ -17,6 +17,7 @@ from hal.twins import TwinProcess
 from tests.hal.twinned import (
     WATCHDOG,
     arm_comes_to_rest,
+    client_program,
     disconnected,
     ended,
     fails_with_its_number,
@@ -106,11 +107,13 @@ import sys, time
 from bestman_bt.robot_model import load_robot_model
 from hal.api import Arm
 from hal.hardware import IsolatedRobot
-robot = IsolatedRobot(load_robot_model(sys.argv[1], {"connections.arm_controller.address": sys.argv[2]}))
+settings = {"connections.arm_controller.address": sys.argv[2], "safety.watchdog": float(sys.argv[3])}
+robot = IsolatedRobot(load_robot_model(sys.argv[1], settings))
 robot.connect()
 arm = robot.part("arm", Arm)
-arm.move_to(arm.positions() + [1.5 if arm.positions()[0] < 0 else -1.5, 0, 0, 0, 0, 0], 0.2)
+motion = arm.move_to(arm.positions() + [1.5 if arm.positions()[0] < 0 else -1.5, 0, 0, 0, 0, 0], 0.2)
 while abs(arm.velocities()[0]) < 0.15:
+    assert not motion.done, motion.failure
     time.sleep(0.01)
 print("moving", flush=True)
 time.sleep(60)
@@ -120,13 +123,12 @@ time.sleep(60)
 @pytest.mark.slow
 def test_a_client_that_is_killed_leaves_the_arm_at_rest(robot: HardwareRobot, twin: TwinProcess) -> None:
     robot_file = str(Path(__file__).parent / "xarm6_on_a_base.yaml")
-    arguments = [sys.executable, "-c", CLIENT, robot_file, twin.addresses[CONTROLLER]]
     with disconnected(robot):
-        with subprocess.Popen(arguments, stdout=subprocess.PIPE, text=True) as client:
+        with client_program(CLIENT, robot_file, twin.addresses[CONTROLLER], str(WATCHDOG)) as client:
             assert client.stdout is not None
             assert client.stdout.readline() == "moving\n"
             moving = twin.judge("joints", "arm")["velocities"]
-            client.send_signal(signal.SIGKILL)
+            client.kill()
             client.wait()
         assert abs(moving[0]) > 0.1
         arm_comes_to_rest(twin)
