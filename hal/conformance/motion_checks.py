@@ -228,10 +228,12 @@ def set_points_are_held(robot: Robot, group: JointGroup) -> None:
     speed = np.zeros(len(target))
     speed[0] = min(0.1, group.model.velocity[0] / 2)
     speed[0] *= 1 if target[0] < (group.model.lower[0] + group.model.upper[0]) / 2 else -1
+    begin = robot.clock.now()
     group.command(velocities=speed)
     robot.clock.sleep(1.0)
-    moved = float(group.positions()[0] - target[0])
-    require(abs(moved - speed[0]) < 0.03, f"{group.name} moved {moved:.3f} in 1 s at {speed[0]} per second")
+    moved, passed = float(group.positions()[0] - target[0]), robot.clock.now() - begin
+    difference = abs(moved - speed[0] * passed)
+    require(difference < 0.03, f"{group.name} moved {moved:.3f} in {passed:.2f} s at {speed[0]} per second")
     group.command(velocities=np.zeros(len(target)))
     require_rest(robot, "a velocity of zero")
 
