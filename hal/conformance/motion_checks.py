@@ -240,21 +240,29 @@ def set_points_are_held(robot: Robot, group: JointGroup) -> None:
 
 @each(JointGroup)
 def velocities_are_the_rate_of_positions(robot: Robot, group: JointGroup) -> None:
-    """In the same unit, sign and order: what a joint does in half a second is what its velocity said."""
+    """In the same unit, sign and order: what a joint does in half a second is what its velocity said.
+
+    Once in three tries: a busy machine may leave out readings for a while.
+    """
     middle = (group.model.lower + group.model.upper) / 2
-    speed = np.where(group.positions() < middle, 1, -1) * np.minimum(0.1, group.model.velocity / 2)
-    group.command(velocities=speed)
-    robot.clock.sleep(0.4)
-    start, begin, said = group.positions(), robot.clock.now(), []
-    for _ in range(22):
-        robot.clock.sleep(UNEVEN)
-        said.append(group.velocities())
-    rate = (group.positions() - start) / (robot.clock.now() - begin)
-    group.command(velocities=np.zeros(len(speed)))
-    error = np.abs(np.mean(said, axis=0) - rate)
-    worst = int(np.argmax(error))
-    words = f"said {np.mean(said, axis=0)[worst]:.4f} and moved {rate[worst]:.4f} per second"
-    require(error[worst] < 0.03, f"{group.joint_names[worst]} {words}")
+    wrong = ""
+    for _ in range(3):
+        speed = np.where(group.positions() < middle, 1, -1) * np.minimum(0.1, group.model.velocity / 2)
+        group.command(velocities=speed)
+        robot.clock.sleep(0.4)
+        start, begin, said = group.positions(), robot.clock.now(), []
+        for _ in range(22):
+            robot.clock.sleep(UNEVEN)
+            said.append(group.velocities())
+        rate = (group.positions() - start) / (robot.clock.now() - begin)
+        group.command(velocities=np.zeros(len(speed)))
+        error = np.abs(np.mean(said, axis=0) - rate)
+        worst = int(np.argmax(error))
+        if error[worst] < 0.03:
+            return
+        words = f"said {np.mean(said, axis=0)[worst]:.4f} and moved {rate[worst]:.4f} per second"
+        wrong = f"{group.joint_names[worst]} {words}"
+    raise ConformanceError(wrong)
 
 
 @each(Arm)
