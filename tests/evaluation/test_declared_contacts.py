@@ -55,7 +55,8 @@ def test_a_declared_contact_is_no_collision_and_is_told_with_its_skill_time_and_
     (told,) = found.to_document()["declared_contacts"]
     assert (told["skill"], told["kind"], told["peak_force_n"]) == ("Main/Take", declared.kind, contact.peak_force)
     assert (told["start_s"], told["end_s"], told["max_force_n"]) == (contact.start, contact.end, declared.max_force)
-    assert told["pair"][1] == (contact.leaf or contact.second)
+    first = contact.first if declared.kind == "support" else "fingers"
+    assert told["pair"] == [first, contact.leaf or contact.second]
 
 
 UNDECLARED = "no skill declared it"

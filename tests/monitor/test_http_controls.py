@@ -36,7 +36,7 @@ def listed(monitor: Monitor, **headers: str) -> Monitor:
         ("stop", None, {"do": "stop"}),
         ("clear_breakpoint", None, {"do": "clear_breakpoint"}),
         ("clear_breakpoint", {}, {"do": "clear_breakpoint"}),
-        ("set", {"key": "cup", "value": "red"}, {"do": "set", "key": "cup", "value": "red"}),
+        ("set", {"key": "c", "value": "red"}, {"do": "set", "key": "c", "value": "red"}),
         (
             "breakpoint",
             {"node": "main/grasp"},

@@ -156,8 +156,10 @@ class Door:
     def __init__(self, rules: AccessRules) -> None:
         self.guard = Guard(PlainTextResponse("inside"), rules)
 
-    def ask(self, *headers: tuple[str, str], path: str = "/", query: str = "") -> tuple[int, dict[str, str]]:
-        """Status and headers of the answer to a GET."""
+    def ask(
+        self, *headers: tuple[str, str], path: str = "/", query: str = "", method: str = "GET"
+    ) -> tuple[int, dict[str, str]]:
+        """Status and headers of the answer."""
         told: list[Any] = []
 
         async def send(message: Any) -> None:
@@ -167,7 +169,7 @@ class Door:
             return {"type": "http.request", "body": b"", "more_body": False}
 
         raw = [(name.lower().encode(), value.encode("latin-1")) for name, value in (("Host", "robot:80"), *headers)]
-        scope = {"type": "http", "method": "GET", "path": path, "query_string": query.encode(), "headers": raw}
+        scope = {"type": "http", "method": method, "path": path, "query_string": query.encode(), "headers": raw}
         asyncio.run(self.guard(scope, receive, send))
         return told[0]["status"], {name.decode(): value.decode() for name, value in told[0]["headers"]}
 
@@ -222,6 +224,23 @@ def test_the_cookie_is_found_among_others_and_whole() -> None:
     assert door.ask(("Cookie", "a=1"), ("Cookie", ours))[0] == 200
     for cookies in (f"{ours}x", ours[:-1], f"{name}=", f"x{ours}", f"{name}={TOKEN}", "é=\x80", ""):
         assert door.ask(("Cookie", cookies))[0] == 401, cookies
+
+
+@pytest.mark.parametrize(
+    ("method", "origin", "status"),
+    [
+        ("POST", "http://robot:80", 200),
+        ("POST", "http://evil.org", 403),
+        ("DELETE", "http://evil.org", 403),
+        ("POST", "null", 403),
+        ("GET", "http://evil.org", 200),
+        ("HEAD", "http://evil.org", 200),
+    ],
+)
+def test_only_our_own_page_sends_requests_that_change_something(method: str, origin: str, status: int) -> None:
+    door = Door(AccessRules.of("0.0.0.0", 80, TOKEN))
+    bearer = ("Authorization", f"Bearer {TOKEN}")
+    assert door.ask(bearer, ("Origin", origin), method=method)[0] == status
 
 
 def test_a_cookie_is_of_one_server_and_one_port() -> None:

@@ -80,6 +80,11 @@ def test_a_base_drives_a_distance_straight(base: DrivenBase, channel: Unicycle, 
     moved = start.inverse() @ channel.pose
     assert motion.status is MotionStatus.SUCCEEDED
     assert (moved.x, moved.y) == pytest.approx((-0.5, 0.0), abs=0.003)
+    channel.pose = start  # pushed away afterwards, it does not drive back
+    channel.sent.clear()
+    run(1.0)
+    assert set(channel.sent) <= {Twist2D(0.0, 0.0, 0.0)}
+    assert base.resting
 
 
 @pytest.mark.parametrize("angle", [1.0, -4.0, 7.0])
@@ -137,6 +142,8 @@ def test_a_base_that_does_not_get_there_in_time_says_what_is_left(base: DrivenBa
     assert motion.failure is not None
     assert motion.failure.code is MotionErrorCode.TIMEOUT
     assert "0.500 m are left" in motion.failure.text
+    assert channel.sent[-1] == Twist2D(0.0, 0.0, 0.0)
+    assert base.resting
 
 
 def test_a_lost_controller_fails_the_motion_and_silences_the_odometry(base: DrivenBase, run: Run) -> None:

@@ -72,6 +72,9 @@ def test_an_order_is_sent_once_with_its_force_and_speed(gripper: CommandedGrippe
     state = gripper.state()
     assert (state.at_target, state.moving, state.object_held, state.empty) == (True, False, False, True)
     run(gripper, fingers, 0.1)
+    gripper.move(0.029)
+    state = gripper.state()  # near enough already, but it has yet to settle there
+    assert (state.at_target, state.moving, state.empty) == (True, True, False)
     assert gripper.move(0.06).status is MotionStatus.RUNNING
     run(gripper, fingers, 1.0)
     assert not gripper.state().empty
@@ -207,12 +210,42 @@ def test_attached_again_it_stays_where_it_is_and_detached_it_refuses(
     fingers.width = 0.04
     gripper.attach()
     run(gripper, fingers, 0.3)
-    assert fingers.orders == []
+    assert (fingers.orders, fingers.halts) == ([], 0)
     assert gripper.state().at_target
     assert gripper.width() == 0.04
+    fingers.low = 0.03
+    gripper.close()
+    run(gripper, fingers, 2.0)
+    assert gripper.state().object_held
+    gripper.detach()
+    gripper.attach()
+    fingers.width = 0.05  # opened by hand, whatever it held
+    run(gripper, fingers, 0.1)
+    assert not gripper.state().object_held
     latch.set()
     with pytest.raises(CommandRefusedError, match="stopped"):
         gripper.open()
+
+
+@pytest.mark.parametrize(
+    ("order", "what"),
+    [
+        ((-0.001, None, None), "width"),
+        ((0.081, None, None), "width"),
+        ((float("nan"), None, None), "width"),
+        ((0.02, 0.0, None), "force"),
+        ((0.02, 1e4, None), "force"),
+        ((0.02, None, -0.1), "speed"),
+        ((0.02, None, 10.0), "speed"),
+    ],
+)
+def test_an_order_beyond_a_limit_is_refused_and_nothing_is_sent(
+    gripper: CommandedGripper, fingers: Fingers, order: tuple[float, float | None, float | None], what: str
+) -> None:
+    with pytest.raises(CommandRefusedError, match=f"gripper refused move: {what} = "):
+        gripper.move(*order)
+    run(gripper, fingers, 0.1)
+    assert fingers.orders == []
 
 
 def test_it_has_no_width_before_it_was_read(robot_model: RobotModel, latch: StopLatch) -> None:

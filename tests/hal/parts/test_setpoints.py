@@ -129,9 +129,13 @@ def test_a_drifting_joint_slows_down_for_its_limit(sign: float) -> None:
 
 
 def test_a_streamed_set_point_is_reached_after_its_interval_and_held() -> None:
-    course = Stream(np.zeros(2), np.array([0.05, -0.05]), 0.05)
-    path, velocity = play(course, 0.2)
-    assert path[2] == pytest.approx([0.05, -0.05])
-    assert path[-1] == pytest.approx([0.05, -0.05])
-    assert velocity[0] == pytest.approx([1.0, -1.0])
-    assert np.all(velocity[-1] == 0.0)
+    start, step = np.array([1.0, -2.0]), np.array([0.05, -0.05])
+    course = Stream(start, start + step, 3 * PERIOD)
+    path, velocity = play(course, 3 * PERIOD)
+    assert path - start == pytest.approx(np.outer([1 / 3, 2 / 3, 1.0], step))
+    assert velocity == pytest.approx(np.outer(np.ones(3), step / (3 * PERIOD)))
+    assert not course.finished
+    path, velocity = play(course, 3 * PERIOD)
+    assert path == pytest.approx(np.tile(start + step, (3, 1)))
+    assert np.all(velocity == 0.0)
+    assert course.finished
