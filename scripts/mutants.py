@@ -161,9 +161,11 @@ def check(faults: Sequence[Fault], index: dict[str, list[Definition]]) -> dict[s
     """Apply every fault in memory; returns file and text by origin. Raises FaultError with all that do not apply."""
     applied, problems = {}, []
     for fault in faults:
-        for test in fault.tests:
-            if not (CHECKOUT / test.split("::")[0]).exists():
-                problems.append(f"{fault.origin} ({fault.fault}): there is no {test}")
+        problems.extend(
+            f"{fault.origin} ({fault.fault}): there is no {test}"
+            for test in fault.tests
+            if not (CHECKOUT / test.split("::")[0]).exists()
+        )
         try:
             applied[fault.origin] = apply(fault, index)
         except FaultError as error:

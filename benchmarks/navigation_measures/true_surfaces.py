@@ -25,8 +25,7 @@ class TrueSurfaces:
             for leaf in piece.model.articulations:
                 moved = leaf.moved(piece.open.get(leaf.name, 0.0))
                 shapes += [PlacedShape(part.shape, moved @ part.pose) for part in leaf.parts]
-            for placed in shapes:
-                segments.append(_slice(placed.shape, piece.pose @ placed.pose, height))
+            segments.extend(_slice(placed.shape, piece.pose @ placed.pose, height) for placed in shapes)
         self.segments = np.concatenate(segments)
         lengths = np.linalg.norm(self.segments[:, 2:] - self.segments[:, :2], axis=1)
         self.points = np.concatenate(

@@ -141,7 +141,7 @@ def _nodes(text: str) -> tuple[Any, yaml.Node | None]:
 def parse_value(text: str) -> Any:
     """The value of a YAML text; ValueError when it is not YAML."""
     try:
-        return yaml.load(text, Loader=_Loader)
+        return yaml.load(text, Loader=_Loader)  # noqa: S506 - a safe loader
     except yaml.MarkedYAMLError as error:
         raise ValueError(f"the value is not YAML: {error.problem}") from error
     except (yaml.YAMLError, RecursionError) as error:

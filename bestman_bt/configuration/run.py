@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import copy
 import dataclasses
-import os
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
@@ -175,7 +174,7 @@ def dump_run(run: RunConfig, absolute: bool = False) -> str:
     """
     document = _plain(run)
     if absolute:
-        document = _absolute(document) | {"recording": run.recording and os.path.abspath(run.recording)}
+        document = _absolute(document) | {"recording": run.recording and str(Path(run.recording).resolve())}
     settings = document["robot_settings"]
     document["robot_settings"] = {key: value for key, value in settings.items() if not _SECRET.fullmatch(key)}
     text: str = yaml.safe_dump(document, sort_keys=False, allow_unicode=True)
@@ -197,8 +196,8 @@ def _absolute(value: Any) -> Any:
         return {key: _absolute(item) for key, item in value.items()}
     if isinstance(value, list):
         return [_absolute(item) for item in value]
-    if isinstance(value, str) and (match := _NAMED_FILE.fullmatch(value)) and os.path.isfile(match[1]):
-        return os.path.abspath(match[1]) + (match[2] or "")
+    if isinstance(value, str) and (match := _NAMED_FILE.fullmatch(value)) and Path(match[1]).is_file():
+        return str(Path(match[1]).resolve()) + (match[2] or "")
     return value
 
 

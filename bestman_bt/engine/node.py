@@ -9,7 +9,6 @@ node's bare tick, the traced one while somebody listens, or one wrapped in condi
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -230,7 +229,7 @@ class Node(PyTreesFace):
         """The node's name with file and line, for messages; empty in a tree that comes from no file."""
         if self.place is None or self.place.file.startswith("<"):
             return ""
-        file = os.path.basename(self.place.file)
+        file = Path(self.place.file).name
         return f"{self.name} ({file}:{self.line})" if self.line else f"{self.place.prefix}{self.name} ({file})"
 
     @property

@@ -59,10 +59,7 @@ class ComparedEntries:
 def within(entries: Sequence[FinishedEntry]) -> list[ComparedEntries]:
     """Each entry with the first one of its task; where all are of different tasks, with the first of all."""
     firsts: dict[str, FinishedEntry] = {}
-    compared = []
-    for entry in entries:
-        if firsts.setdefault(entry.task, entry) is not entry:
-            compared.append((firsts[entry.task], entry))
+    compared = [(firsts[entry.task], entry) for entry in entries if firsts.setdefault(entry.task, entry) is not entry]
     compared = compared or [(entries[0], entry) for entry in entries[1:]]
     return [ComparedEntries(first, second, (first.name, second.name)) for first, second in compared]
 

@@ -75,8 +75,9 @@ def _make_possible(inertial: ET.Element) -> bool:
 
 def _corners(link: ET.Element) -> NDArray[np.float64]:
     clouds = [np.zeros((0, 3))]
-    for collision in link.findall("collision"):
-        clouds.append(origin_pose(collision).apply(outline(collision.find("geometry"))))
+    clouds.extend(
+        origin_pose(collision).apply(outline(collision.find("geometry"))) for collision in link.findall("collision")
+    )
     return np.concatenate(clouds)
 
 

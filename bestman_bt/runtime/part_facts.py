@@ -170,9 +170,7 @@ def _limits(chain: Sequence[ET.Element]) -> tuple[dict[str, list[float]], list[s
         name = joint.get("name")
         if lower >= upper:
             faults.append(f"joint {name!r} has no range: lower {lower:g}, upper {upper:g}")
-        for key in ("velocity", "effort"):
-            if given.get(key, 0.0) <= 0.0:
-                missing.append(f"{name} ({key})")
+        missing.extend(f"{name} ({key})" for key in ("velocity", "effort") if given.get(key, 0.0) <= 0.0)
         speed = given.get("velocity", 0.0) or 1.0
         row = (lower, upper, speed, speed / TIME_TO_SPEED, given.get("effort", 0.0) or 50.0)
         for key, value in zip(limits, row, strict=True):

@@ -69,9 +69,9 @@ def _wall_faces(world: World) -> NDArray[np.float64]:
 
 def _height(model: FurnitureModel) -> float:
     tops = [float(surface.pose.position[2]) for surface in model.surfaces]
-    for part in model.parts:
-        if isinstance(part.shape, Box):
-            tops.append(float(part.pose.position[2]) + part.shape.size[2] / 2)
+    tops.extend(
+        float(part.pose.position[2]) + part.shape.size[2] / 2 for part in model.parts if isinstance(part.shape, Box)
+    )
     return max(tops, default=0.0)
 
 

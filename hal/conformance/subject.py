@@ -171,8 +171,7 @@ def set_moving(robot: Robot) -> list[Motion[None]]:
     for gripper in parts_of(robot, Gripper):
         closed, opened = gripper.model.part.min_width, gripper.model.max_width
         motions.append(gripper.move(opened if gripper.width() < (closed + opened) / 2 else closed))
-    for base in parts_of(robot, MobileBase):
-        motions.append(base.rotate(1.0))
+    motions.extend(base.rotate(1.0) for base in parts_of(robot, MobileBase))
     robot.clock.sleep(0.2)
     return motions
 

@@ -167,7 +167,7 @@ def lines_noted() -> Iterator[None]:
     """Native behaviours that are made meanwhile are called by the line that makes them, as our nodes are."""
     original = Behaviour.__init__
 
-    def __init__(self: Behaviour, *args: Any, **kwargs: Any) -> None:
+    def __init__(self: Behaviour, *args: Any, **kwargs: Any) -> None:  # noqa: N807 - frames of constructors are passed over
         _lines[self] = line_that_makes(self)
         original(self, *args, **kwargs)
 

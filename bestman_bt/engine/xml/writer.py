@@ -166,9 +166,7 @@ def full_tree_xml(tree: Tree, *, builtin_models: bool = True) -> str:
 
 def _instances(tree: Tree) -> list[tuple[str, Node]]:
     found: list[tuple[str, Node]] = [("", tree.root)]
-    for node in tree.nodes:
-        if isinstance(node, SubTree):
-            found.append((node.subtree_path, node.nodes_below()[0]))
+    found.extend((node.subtree_path, node.nodes_below()[0]) for node in tree.nodes if isinstance(node, SubTree))
     return found
 
 

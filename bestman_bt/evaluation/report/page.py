@@ -55,7 +55,7 @@ def report_page(stories: Sequence[RunStory], now: datetime) -> str:
     first = stories[0]
     page = environment.get_template("page.html").render(
         title=f"Runs of {', '.join(tasks[:4])}" if many else f"{first.task}, seed {first.seed}: {first.outcome}",
-        style=Markup(css_variables() + (TEMPLATES / "style.css").read_text(encoding="utf-8")),  # our own files
+        style=Markup(css_variables() + (TEMPLATES / "style.css").read_text(encoding="utf-8")),  # noqa: S704 - our own files
         version=version("bestman-bt"),
         made=now.strftime("%Y-%m-%d %H:%M"),
         stories=stories,

@@ -163,7 +163,7 @@ def _read_config(path: Path) -> str:
 
 
 def _read_about(config: str) -> dict[str, Any]:
-    about = yaml.load(config, Loader=_PlainLoader)
+    about = yaml.load(config, Loader=_PlainLoader)  # noqa: S506 - a safe loader
     if not isinstance(about, dict):
         raise ReportError("it holds no configuration of a run")
     return about

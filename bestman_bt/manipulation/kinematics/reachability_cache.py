@@ -92,6 +92,6 @@ def _write(file: Path, built: ReachabilityMap) -> None:
                 manipulability=built.manipulability,
                 plenty=built.plenty,
             )
-        os.replace(part.name, file)
+        Path(part.name).replace(file)
     except OSError as error:
         _LOG.warning("the reachability map cannot be stored as %s: %s", file, error)

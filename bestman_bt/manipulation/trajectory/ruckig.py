@@ -82,8 +82,7 @@ class RuckigStateToState:
     def _sampled(self, motion: ruckig.Trajectory, limits: JointLimits) -> JointTrajectory:
         duration = float(motion.duration)
         marks = [np.linspace(0.0, duration, max(2, math.ceil(duration * self.rate) + 1))]
-        for profile in motion.profiles[0]:
-            marks.append(np.cumsum([*profile.brake.t, *profile.t]))
+        marks.extend(np.cumsum([*profile.brake.t, *profile.t]) for profile in motion.profiles[0])
         times = np.sort(np.concatenate(marks))
         times = times[(times < duration - 1e-6) & np.append(True, np.diff(times) > 1e-6)]
         times = np.append(times, duration)

@@ -74,9 +74,11 @@ class FrontSearch:
             if not members.any():
                 break
             usable &= ~members
-            for part in self._connected(members, planes, intrinsics.fx):
-                if area[part].sum() >= self.min_area:
-                    fronts.append(self._front(points, normals, part, planes, depth.shape, intrinsics.fx))
+            fronts.extend(
+                self._front(points, normals, part, planes, depth.shape, intrinsics.fx)
+                for part in self._connected(members, planes, intrinsics.fx)
+                if area[part].sum() >= self.min_area
+            )
         fronts.sort(key=lambda front: -front.area)
         return fronts
 

@@ -131,8 +131,10 @@ def _edge(panel: Panel, design: HandleDesign, finish: Finish) -> tuple[list[Soli
 
     solids = [piece((-across / 2, across / 2), (-toward / 2, bottom), (back, 0.0), finish.front)]
     if across - length > 1e-6:
-        for u in ((-across / 2, -length / 2), (length / 2, across / 2)):
-            solids.append(piece(u, (bottom, toward / 2), (back, 0.0), finish.front))
+        solids.extend(
+            piece(u, (bottom, toward / 2), (back, 0.0), finish.front)
+            for u in ((-across / 2, -length / 2), (length / 2, across / 2))
+        )
     solids.append(piece((-length / 2, length / 2), (bottom, edge), (-design.lip, 0.0), finish.front))
     if panel.closed_behind:
         solids.append(piece((-length / 2, length / 2), (bottom, toward / 2), (back, back + CUP_BACK), finish.body))

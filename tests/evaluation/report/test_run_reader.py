@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 import json
-import os
 import socket
 from pathlib import Path
 
@@ -83,7 +82,7 @@ def test_a_run_whose_executor_answers_is_still_running(tmp_path: Path, monkeypat
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as server:
         server.bind("served.sock")
         server.listen()
-        os.symlink("served.sock", "control.sock")
+        Path("control.sock").symlink_to("served.sock")
 
         assert read_story(Path()).outcome == "running"
 

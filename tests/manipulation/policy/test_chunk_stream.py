@@ -52,8 +52,9 @@ def streamed(expert: ReachingExpert, answer, chunks: int = 6, latency: float = L
             start = stream.motion.state(now).positions
         spliced = stream.splice(answer(now, start), DT, now, now + latency)
         motions.append(stream.accept(spliced, now + 0.5 * latency))
-        for time in np.arange(now, now + EXECUTED * DT, 0.005) + 0.5 * latency:
-            sampled.append(stream.motion.state(float(time)))
+        sampled.extend(
+            stream.motion.state(float(time)) for time in np.arange(now, now + EXECUTED * DT, 0.005) + 0.5 * latency
+        )
         now += EXECUTED * DT
     columns = zip(*((s.positions, s.velocities, s.accelerations) for s in sampled), strict=True)
     return Streamed(*(np.array(column) for column in columns), motions, stream)

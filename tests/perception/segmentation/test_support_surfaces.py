@@ -119,8 +119,9 @@ def test_what_is_smaller_than_the_least_size_is_no_surface_and_neither_is_the_fl
 
 def test_two_tables_of_one_height_with_a_gap_between_them_are_two() -> None:
     parts = [(PlacedShape(Box((6.0, 6.0, 0.02)), Pose.from_xyz_rpy((2.0, 0.0, -0.01))), (0.5, 0.5, 0.5))]
-    for y in (-0.45, 0.45):
-        parts.append((PlacedShape(Box((0.5, 0.6, 0.03)), Pose.from_xyz_rpy((1.3, y, 0.735))), (0.7, 0.5, 0.3)))
+    parts.extend(
+        (PlacedShape(Box((0.5, 0.6, 0.03)), Pose.from_xyz_rpy((1.3, y, 0.735))), (0.7, 0.5, 0.3)) for y in (-0.45, 0.45)
+    )
     view = render_view(parts, camera_pose(0.0, 0.0, 0.6), np.random.default_rng(0))
     found = SupportSurfaces().find(view, np.random.default_rng(0))
     assert len(found) == 2
