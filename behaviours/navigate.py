@@ -38,7 +38,7 @@ BACK_UP = 0.8
 PAUSE = 2.0
 """Seconds that what failed has to recover."""
 PEOPLE = 3
-"""How many recoveries one counts for where somebody walked about: who is in the way today goes on some time."""
+"""Recoveries that an ordinary failure uses up; one with a person moving nearby uses up 1."""
 
 DRIVING_FAILS = {
     "start_blocked": "BackUp, or ClearEntireCostmap",

@@ -138,7 +138,7 @@ class Open(OnArm, Skill):
         if opened < opening.asked:
             why = f"{leaf.articulation} is open by {opened:.2f} of {opening.asked:.2f} only"
             if failure is None and share < 1.0:
-                raise SkillFailure("out_of_reach", f"{why}: the arm gets no farther from here")
+                raise SkillFailure("out_of_reach", f"{why}: the arm cannot open it any further from this base pose")
             code = error_code(motion.end, reached="not_open")
             raise SkillFailure(code, f"{why}: {failure}" if failure else why, failure.failure if failure else None)
         return opened

@@ -80,7 +80,9 @@ class DetectObject(Skill):
         if belief is None and name not in skills.world.models:
             # It may be a word that an open-vocabulary detector understands, so it is looked for all the same.
             known = ", ".join(sorted(skills.world.models)) or "none"
-            raise SkillFailure("unknown_object", f"no model of {name!r} and nothing so called seen; models: {known}")
+            raise SkillFailure(
+                "unknown_object", f"unknown object {name!r}: no model, and no detection has this label; models: {known}"
+            )
         if belief is None or belief.stamp < view.stamp or belief.confidence < self.min_confidence:
             raise SkillFailure("not_found", f"no {name} on the {surface}: {seen_words(scene)}")
         self.pose = belief.pose

@@ -69,7 +69,7 @@ class DistanceController(OnRobot, Decorator):
     """Tick the child where it starts, and whenever the base has come ``distance`` metres farther; RUNNING between."""
 
     INPUT_PORTS: ClassVar = {**FRAMES}
-    distance = In[float](Positive, "metres, as the crow flies", default=1.0)
+    distance = In[float](Positive, "metres, Euclidean distance", default=1.0)
 
     def on_load(self) -> None:
         """Begin nowhere."""

@@ -39,7 +39,7 @@ class WouldAControllerRecoveryHelp(AreErrorCodesPresent):
 
 
 class IsStuck(SkillCondition):
-    """Whether the base was to move and does not get on, or was stopped harder than it brakes; until it moves again."""
+    """True from when a commanded base has stalled, or was stopped harder than it brakes, until it moves again."""
 
     REQUIRES = ("base", "lidar")
     FAILS: ClassVar = {"not_stuck": "nothing is wrong"}

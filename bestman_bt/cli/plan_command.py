@@ -1,6 +1,6 @@
 """Examples: bestman-bt plan --goal "on(mug, table) and closed(drawer)" --builder reactive -o tree.xml;
 bestman-bt plan "bring the mug from the drawer to the table" --planner language --run. Exit codes: 0 there is a plan
-(with --run: it succeeded), 1 there is none or the run failed, 2 the input was wrong, 130 it was not to be run."""
+(with --run: it succeeded), 1 there is none or the run failed, 2 the input was invalid, 130 it was not to be run."""
 
 from __future__ import annotations
 
@@ -193,7 +193,9 @@ def _show(plan: TaskPlan) -> None:
     for number, action in enumerate(plan.actions, 1):
         print(f"{number:3d}. {quoted(str(action))}")
     for action in assumed(plan):
-        print(f"{quoted(str(action))} hopes that it is there; if it is not, a run plans anew", file=sys.stderr)
+        print(
+            f"{quoted(str(action))} assumes that it is there; if it is not, `plan --run` plans again", file=sys.stderr
+        )
 
 
 def _document(problem: Problem, plan: TaskPlan, planner: str, builder: str, faults: list[str]) -> dict[str, Any]:

@@ -74,7 +74,7 @@ class Node(PyTreesFace):
     INPUT_PORTS: ClassVar[Mapping[str, PortInformation]] = {}
     OUTPUT_PORTS: ClassVar[Mapping[str, PortInformation]] = {}
     KIND: ClassVar[str] = "Action"
-    NEVER_RUNS: ClassVar[bool] = False
+    SYNCHRONOUS: ClassVar[bool] = False
     """True for leaves that must not return RUNNING."""
     CHECKED_AT_TICK: ClassVar[bool] = False
     """True where BehaviorTree.CPP misses a port or child only when the node is ticked; so do we, but for `validate`."""
@@ -290,7 +290,7 @@ class Node(PyTreesFace):
         except Exception as error:
             raise wrapped(error, self) from error
         if status != SKIPPED:
-            if status == RUNNING and self.NEVER_RUNS:
+            if status == RUNNING and self.SYNCHRONOUS:
                 self.refuse_running()
             self.set_state(status)
         return status

@@ -42,7 +42,7 @@ def _core_results(node: Node) -> frozenset[int]:
     if isinstance(node, _FALLBACKS):
         return _in_order(node, go=FAILURE, stop=SUCCESS)
     if isinstance(node, Leaf) and not isinstance(node, TestNode):
-        return _DONE if node.NEVER_RUNS else _DONE | {RUNNING}  # leaves that skip by themselves are rare
+        return _DONE if node.SYNCHRONOUS else _DONE | {RUNNING}  # leaves that skip by themselves are rare
     return _ALL
 
 

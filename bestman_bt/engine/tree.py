@@ -328,7 +328,7 @@ class Tree:
             status = root.run()
             if status == RUNNING:
                 if root._s != RUNNING:
-                    if root.NEVER_RUNS:
+                    if root.SYNCHRONOUS:
                         root.refuse_running()
                     root.set_state(RUNNING)
             elif status != SKIPPED:

@@ -14,7 +14,7 @@ class MotionErrorCode(StrEnum):
     CANCELED = "canceled"  # the one who asked for it cancelled it
     REFUSED = "refused"  # the part refused the command; nothing moved
     TRACKING = "tracking"  # the part did not follow within its tolerance
-    BLOCKED = "blocked"  # commanded to move, but it does not get on
+    BLOCKED = "blocked"  # commanded to move, but stalled
     LOST = "lost"  # the robot does not know well enough where it is
     TOLERANCE = "tolerance"  # it came to rest too far from the goal
     UNREACHABLE = "unreachable"  # the target is beyond the part's limits

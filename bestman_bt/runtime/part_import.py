@@ -105,7 +105,7 @@ def _kind(tree: UrdfTree, joints: Sequence[str] | None) -> str:
     if 1 <= len(driven) <= 3:
         return "gripper"
     raise UrdfError(
-        f"{tree.path.name} is neither plainly a base, nor an arm, nor a gripper ({len(driven)} joints, at most "
+        f"{tree.path.name} is neither clearly a base, nor an arm, nor a gripper ({len(driven)} joints, at most "
         f"{longest} in a row): say which with --kind, or which group of an SRDF with --group"
     )
 

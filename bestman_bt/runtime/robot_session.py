@@ -161,7 +161,7 @@ class Session:
         return tree
 
     def telemetry(self, executor: Executor, folder: Path | None = None) -> Telemetry:
-        """What tells of an execution: the tree, the robot, pictures, failures; kept in ``folder`` if there is one."""
+        """Create the telemetry of one execution: tree states, robot, images, failures; kept in ``folder``, if any."""
         sources = (RobotSource(self.robot, self.setup.robot_model, self.skills), PictureSource(self.skills, folder))
         run = describe_run(self.setup, executor, folder)
         return Telemetry(executor, run, folder, self.skills.failures, sources)

@@ -91,7 +91,10 @@ def _extended(path: Path, below: tuple[Path, ...]) -> Document:
         raise ConfigurationError([document.problem(("extends",), f"{base_name!r} extends itself")])
     base = _extended(base_path, (*below, path))
     problems = [
-        document.problem((kind, name), f"is not there to be absent; {suggestion(name, list(base.data.get(kind, {})))}")
+        document.problem(
+            (kind, name),
+            f"cannot be removed: the base scene has no such entry; {suggestion(name, list(base.data.get(kind, {})))}",
+        )
         for kind in _REMOVABLE
         for name, value in (document.data.get(kind) or {}).items()
         if value == _ABSENT and name not in base.data.get(kind, {})

@@ -71,7 +71,7 @@ class Motion(Generic[Result]):
         self.end(MotionStatus.SUCCEEDED, None, result)
 
     def fail(self, code: MotionErrorCode, text: str, result: Result | None = None) -> None:
-        """It does not get on; ``result``: what was found out nevertheless."""
+        """The motion has failed; ``result``: what was measured nevertheless."""
         self.end(MotionStatus.FAILED, Failure(code, text), result)
 
     def abort(self, code: MotionErrorCode, text: str) -> None:

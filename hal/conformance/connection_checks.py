@@ -63,7 +63,7 @@ def nothing_works_without_a_connection(robot: Robot) -> None:
 
 
 def connecting_and_disconnecting_are_idempotent(robot: Robot) -> None:
-    """Twice is as good as once; time never goes back."""
+    """``connect()`` and ``disconnect()`` are idempotent; the clock is monotonic."""
     robot.disconnect()
     robot.connect()
     robot.connect()

@@ -28,7 +28,7 @@ class ControllerLock:
         self._descriptor: int | None = None
 
     def take(self) -> None:
-        """Become the only client; idempotent. ConnectionFailedError names the process that is it already."""
+        """Acquire the exclusive lock of the controller; idempotent. Raises ConnectionFailedError naming the holder."""
         if self._descriptor is not None:
             return
         try:

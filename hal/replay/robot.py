@@ -84,7 +84,7 @@ class ReplayRobot(Robot):
 
     @property
     def unsupported(self) -> Mapping[str, str]:
-        """New commands."""
+        """Commands other than those of the recording."""
         return {"commands": "a recording takes the commands that it holds, and no others"}
 
     @property

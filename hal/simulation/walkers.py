@@ -23,7 +23,7 @@ BEHIND_OTHERS = 0.15
 IN_FRONT = math.radians(70.0)
 """From its direction, each way: where a considerate walker minds the robot and others."""
 PATIENCE = 4.0
-"""Seconds after which a walker that does not get on turns round, whoever or whatever is in its way."""
+"""Seconds after which a walker that is blocked turns round."""
 GETS_ON = 0.15
 """Metres in that time that count as getting on."""
 

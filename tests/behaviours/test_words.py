@@ -31,7 +31,7 @@ from tests.behaviours.at_the_table import failures_of, tick, tree_of
         (
             '<DetectObject object="spoon" surface="table"/>',
             "unknown_object",
-            "nothing so called seen; models: box, can",
+            "no detection has this label; models: box, can",
         ),
     ],
     ids=lambda value: value if value.startswith("<") else "",

@@ -53,7 +53,7 @@ def test_by_default_it_is_planned_in_the_furnished_kitchen_and_a_drawer_needs_no
     assert answer.document["goal"] == ["on(mug, table/top)", "closed(drawer_chest/drawer_1)"]
     assert answer.document["plan"][0] == {"ability": "Search", "object": "mug", "place": "table/top"}
     assert "there are also drawer_chest/drawer_2, drawer_chest/drawer_3" in answer.err
-    assert "hopes that it is there" in answer.err
+    assert "assumes that it is there" in answer.err
     assert answer.document["assumes"] == ["Search(mug, table/top)"]
     assert "tree.xml plans anew (ReachGoal)" in answer.err
     assert "run it: bestman-bt run tree.xml --scene kitchen_furnished --robot diff_panda " in answer.err

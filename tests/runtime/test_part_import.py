@@ -81,7 +81,7 @@ def test_links_that_overlap_by_construction_need_no_check(tmp_path: Path) -> Non
 @pytest.mark.parametrize(
     ("source", "words"),
     [
-        ("pybullet_data:r2d2.urdf", "is neither plainly a base, nor an arm, nor a gripper"),
+        ("pybullet_data:r2d2.urdf", "is neither clearly a base, nor an arm, nor a gripper"),
         ("example_robot_data:tiago_description/robots/tiago.urdf", "branches at 'torso_lift_link'"),
         ("pybullet_data:husky/husky.urdf", "joint 'imu_joint' gives its"),
     ],

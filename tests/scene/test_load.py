@@ -91,7 +91,9 @@ def test_a_fault_in_a_variant_is_located_in_its_own_file(tmp_path: Path) -> None
 
 def test_only_what_is_there_can_be_absent(tmp_path: Path) -> None:
     path = variant(tmp_path, "objects: {cop: absent}\n")
-    assert problems(path) == [f"{path}:2: objects.cop: is not there to be absent; did you mean 'cup'?"]
+    assert problems(path) == [
+        f"{path}:2: objects.cop: cannot be removed: the base scene has no such entry; did you mean 'cup'?"
+    ]
 
 
 def test_a_scene_that_extends_itself_is_refused(tmp_path: Path) -> None:

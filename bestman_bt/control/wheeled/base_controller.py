@@ -142,7 +142,7 @@ class BaseController:
 
     @property
     def stuck(self) -> bool:
-        """Whether the base does not get on, for a while already or until it gave up, and nothing has begun since."""
+        """True while the base is stalled, or if the last action ended stalled, and nothing has begun since."""
         action = self._action
         if action is None or action.motion.done:
             return self._gave_up
@@ -336,7 +336,7 @@ class BaseController:
             where.look_again()  # stand and go on scanning: what begins while lost must not drive blindly
             return
         if action.watch.is_stuck(pose, self._clock.now()):
-            text = f"the base does not get on at ({pose.x:.2f}, {pose.y:.2f}) m: {self._gate.held_by}"
+            text = f"the base has stalled at ({pose.x:.2f}, {pose.y:.2f}) m: {self._gate.held_by}"
             self._halt(MotionErrorCode.BLOCKED, text)
             return
         self._drive(action, action.follower, pose)

@@ -24,7 +24,7 @@ RISE = 1.0
 class VelocityGate:
     """Commands one base. ``waits``: it stands for a limit or for people.
 
-    ``held_by``: in words, why the base does not get on, as of the last command.
+    ``held_by``: in words, why the base is stopped or slowed down, as of the last command.
     """
 
     def __init__(self, base: MobileBase, monitor: CollisionMonitor) -> None:

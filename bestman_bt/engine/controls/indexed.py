@@ -17,13 +17,13 @@ class Indexed(Control):
     GO: ClassVar[int]
     STOP: ClassVar[int]
     YIELDS: ClassVar[bool] = False
-    FORGETS: ClassVar[bool] = True
+    RESETS_ON_HALT: ClassVar[bool] = True
     index: int = 0
     skipped: int = 0
 
     def halt(self) -> None:
         """Forget the index, unless the node keeps it."""
-        if self.FORGETS:
+        if self.RESETS_ON_HALT:
             self.index = 0
             self.skipped = 0
         super().halt()
@@ -56,7 +56,7 @@ class Indexed(Control):
         return SKIPPED if all_skipped else self.GO
 
     def _end_early(self) -> None:
-        if self.FORGETS:
+        if self.RESETS_ON_HALT:
             self.reset_children()
             self.index = 0
         else:
@@ -81,7 +81,7 @@ def indexed_tick_bare(go: int, stop: int) -> Callable[[Any], int]:
                 status = run()
                 if status == RUNNING:
                     if child._s != RUNNING:
-                        if child.NEVER_RUNS:
+                        if child.SYNCHRONOUS:
                             child.refuse_running()
                         child._s = RUNNING
                     return RUNNING
@@ -136,7 +136,7 @@ def indexed_tick_traced(go: int, stop: int) -> Callable[[Any], int]:
                 if status != SKIPPED and child._s != status:
                     if status not in (1, 2, 3):
                         raise odd_status(status, child)
-                    if status == RUNNING and child.NEVER_RUNS:
+                    if status == RUNNING and child.SYNCHRONOUS:
                         child.refuse_running()
                     log.append(child.ev[status])
                     child._s = status

@@ -32,7 +32,7 @@ def _reactive_tick_bare(go: int, stop: int) -> Callable[[Any], int]:
                 if status == go:
                     child._s = idle_after_go
                 elif status == RUNNING:
-                    if child.NEVER_RUNS:
+                    if child.SYNCHRONOUS:
                         child.refuse_running()
                     child._s = RUNNING
                     runner = self.runner
@@ -91,7 +91,7 @@ def _reactive_tick_traced(go: int, stop: int) -> Callable[[Any], int]:
                     child._s = idle_after_go
                 elif status == RUNNING:
                     if child._s != RUNNING:
-                        if child.NEVER_RUNS:
+                        if child.SYNCHRONOUS:
                             child.refuse_running()
                         append(child.ev[RUNNING])
                         child._s = RUNNING

@@ -32,7 +32,7 @@ class SequenceWithMemory(Indexed, composites.Sequence):
 
     GO, STOP = SUCCESS, FAILURE
     YIELDS = True
-    FORGETS = False
+    RESETS_ON_HALT = False
 
 
 __all__ = ["AsyncSequence", "Control", "Sequence", "SequenceWithMemory"]

@@ -31,7 +31,7 @@ def mapping_tick_bare(on_success: int, on_failure: int, *, keeps: bool = False) 
             raise wrapped(error, child) from error
         if status == RUNNING:
             if child._s != RUNNING:
-                if child.NEVER_RUNS:
+                if child.SYNCHRONOUS:
                     child.refuse_running()
                 child._s = RUNNING
             return RUNNING
@@ -67,7 +67,7 @@ def mapping_tick_traced(on_success: int, on_failure: int) -> Callable[[Any], int
             raise wrapped(error, child) from error
         if status == RUNNING:
             if child._s != RUNNING:
-                if child.NEVER_RUNS:
+                if child.SYNCHRONOUS:
                     child.refuse_running()
                 child._s = RUNNING
                 log.append(child.ev[1])

@@ -21,7 +21,7 @@ class Leaf(Node, Behaviour):
 class SyncAction(Leaf):
     """An action that is done within one tick: implement ``on_tick() -> int`` (SUCCESS, FAILURE or SKIPPED)."""
 
-    NEVER_RUNS = True
+    SYNCHRONOUS = True
 
 
 class Condition(Leaf):
