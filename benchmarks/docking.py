@@ -27,10 +27,10 @@ from bestman_bt.configuration import load_run
 from bestman_bt.configuration.task import DriveConfig
 from bestman_bt.evaluation.audit import audit
 from bestman_bt.evaluation.interval import wilson_interval
+from bestman_bt.facts.goals.at_goal import drive_goal
 from bestman_bt.messages import Pose2D, wrap_angle
 from bestman_bt.robot_model import BaseModel
 from bestman_bt.runtime import prepare
-from bestman_bt.runtime.drive_goals import drive_goal
 from bestman_bt.scene import World
 
 POSITION, YAW = 0.01, math.radians(1.0)

@@ -28,12 +28,12 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from benchmarks.navigation_measures.grid_pictures import draw_base, draw_costmap
+from bestman_bt.facts.goals.at_goal import base_footprint
 from bestman_bt.messages import Path2D, Pose2D
 from bestman_bt.navigation.global_planning import Costmap, Footprint, GlobalPlanner, areas_of_disc, shortest_length
 from bestman_bt.navigation.global_planning.grid_search import cheapest_way
 from bestman_bt.registry import ALGORITHMS
 from bestman_bt.robot_model import load_robot_model
-from bestman_bt.runtime.drive_goals import base_footprint
 from bestman_bt.scene import draw_world, load_scene, semantic_map
 from bestman_bt.world_model import SemanticMap, WorldModel, open_leaves
 

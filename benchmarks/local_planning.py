@@ -24,13 +24,13 @@ from benchmarks.navigation_measures.report import median, percentile, print_repo
 from bestman_bt.control import MotionStatus
 from bestman_bt.control.lidar import LidarSensor
 from bestman_bt.control.wheeled import BaseController, CollisionMonitor
+from bestman_bt.facts.goals.at_goal import base_footprint
 from bestman_bt.manipulation.kinematics import ForwardKinematics
 from bestman_bt.messages import Box, Path2D, PlacedShape, Pose, Pose2D, wrap_angle
 from bestman_bt.navigation.global_planning import Costmap, GridAStar
 from bestman_bt.navigation.local_planning import DWA, MPPI, PathFollower, PurePursuit
 from bestman_bt.navigation.localization import ScanToMap
 from bestman_bt.robot_model import RobotModel, load_robot_model
-from bestman_bt.runtime.drive_goals import base_footprint
 from bestman_bt.scene import FurnitureModel, PlacedFurniture, World, draw_world, load_scene, semantic_map
 from bestman_bt.world_model import BasePose, Obstacle, WorldModel
 from hal.api import Lidar, MobileBase

@@ -27,17 +27,19 @@ class Registry:
     """Names → ``"module:Class"``, resolved when used; third parties add names by entry points.
 
     ``group``: the entry-point group, for example ``bestman_bt.drivers``. ``what``: the word used in errors.
+    ``found_by``: ``"module:function"`` that finds more shipped ones, name → target.
     """
 
     additions: ClassVar[int] = 0
     """How often ``add`` was called, of any registry: what a plug-in has brought shows in it."""
 
-    def __init__(self, group: str, what: str, entries: dict[str, str]) -> None:
+    def __init__(self, group: str, what: str, entries: dict[str, str], found_by: str = "") -> None:
         self.group = group
         self.what = what
         self.shipped = tuple(entries)
         self._entries: dict[str, Any] = dict(entries)
         self._discovered = False
+        self._found_by = found_by
 
     def add(self, name: str, target: Any) -> None:
         """Register ``target``, a class or ``"module:Class"``, under ``name``; a later name replaces an earlier one."""
@@ -67,10 +69,7 @@ class Registry:
         if name not in self._entries:
             raise UnknownNameError(f"unknown {self.what} {name!r}; {suggestion(name, self._entries)}")
         target = self._entries[name]
-        if isinstance(target, str):
-            module, _, attribute = target.partition(":")
-            target = getattr(import_module(module), attribute)
-        resolved: type = target
+        resolved: type = _imported(target) if isinstance(target, str) else target
         return resolved
 
     def of_kind(self, kind: str, base: type) -> dict[str, type]:
@@ -81,8 +80,15 @@ class Registry:
     def _discover(self) -> None:
         if not self._discovered:
             self._discovered = True
+            if self._found_by:
+                self._entries = {**_imported(self._found_by)(), **self._entries}
             for point in entry_points(group=self.group):
                 self._entries.setdefault(point.name, point.value)
+
+
+def _imported(name: str) -> Any:
+    module, _, attribute = name.partition(":")
+    return getattr(import_module(module), attribute)
 
 
 def suggestion(name: str, known: Iterator[str] | list[str] | dict[str, Any]) -> str:
@@ -317,23 +323,8 @@ BEHAVIOURS = Registry(
 PREDICATES = Registry(
     "bestman_bt.predicates",
     "predicate",
-    {
-        "accessible": "bestman_bt.task_planning.predicates:ACCESSIBLE",
-        "behind": "bestman_bt.task_planning.predicates:BEHIND",
-        "blocked": "bestman_bt.task_planning.predicates:BLOCKED",
-        "closed": "bestman_bt.task_planning.predicates:CLOSED",
-        "drawer": "bestman_bt.task_planning.predicates:DRAWER",
-        "hand_empty": "bestman_bt.task_planning.predicates:HAND_EMPTY",
-        "holding": "bestman_bt.task_planning.predicates:HOLDING",
-        "located": "bestman_bt.task_planning.predicates:LOCATED",
-        "locked": "bestman_bt.task_planning.predicates:LOCKED",
-        "near": "bestman_bt.task_planning.predicates:NEAR_TO",
-        "on": "bestman_bt.task_planning.predicates:ON",
-        "open": "bestman_bt.task_planning.predicates:OPEN",
-        "stuck": "bestman_bt.task_planning.predicates:STUCK",
-        "tucked": "bestman_bt.task_planning.predicates:TUCKED",
-        "unseen": "bestman_bt.task_planning.predicates:UNSEEN",
-    },
+    {},
+    "bestman_bt.facts.predicate:shipped_predicates",
 )
 """What goals and declarations may say of the world: names of instances of ``Predicate``."""
 

@@ -14,11 +14,11 @@ from bestman_bt.configuration.task import DriveConfig
 from bestman_bt.evaluation.audit import audit
 from bestman_bt.evaluation.driven_path import DrivenPath
 from bestman_bt.evaluation.interval import wilson_interval
+from bestman_bt.facts.goals.at_goal import drive_goal, true_costmap
 from bestman_bt.messages import Pose2D, wrap_angle
 from bestman_bt.navigation.global_planning import shortest_length
 from bestman_bt.runtime import prepare
 from bestman_bt.runtime.algorithms import Algorithms
-from bestman_bt.runtime.drive_goals import drive_goal, true_costmap
 
 POSITION_TOLERANCE, YAW_TOLERANCE = 0.05, math.radians(3.0)
 REST = 0.5

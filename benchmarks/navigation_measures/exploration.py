@@ -13,12 +13,12 @@ from benchmarks.navigation_measures.judged_session import judged_session
 from benchmarks.navigation_measures.slipping_wheels import let_slip
 from benchmarks.navigation_measures.true_surfaces import TrueSurfaces
 from bestman_bt.configuration import load_run
+from bestman_bt.facts.goals.at_goal import true_costmap
 from bestman_bt.manipulation.kinematics import ForwardKinematics
 from bestman_bt.messages import LaserScan, Path2D, Pose2D
 from bestman_bt.navigation.global_planning import Costmap, GlobalPlanner, PlanningFailure, areas_of_disc
 from bestman_bt.navigation.slam import PoseGraphSlam, SlamEstimate
 from bestman_bt.runtime import Executor, prepare
-from bestman_bt.runtime.drive_goals import true_costmap
 from bestman_bt.runtime.setup import Setup
 from hal.api import Lidar
 

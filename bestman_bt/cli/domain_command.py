@@ -12,9 +12,10 @@ from bestman_bt.cli.json_output import json_output
 from bestman_bt.cli.options import Json, Plugins, Robot, SavedWorld, Scene, Seed, Settings
 from bestman_bt.configuration import ConfigurationError
 from bestman_bt.configuration import Problem as Fault
+from bestman_bt.facts.predicate import Beliefs
 from bestman_bt.runtime import node_registry
 from bestman_bt.task_planning.domain import Domain
-from bestman_bt.task_planning.predicates import Beliefs, PredicateError
+from bestman_bt.task_planning.state import PredicateError
 from bestman_bt.task_planning.symbolic import Operator, Problem, goal_as_facts
 from bestman_bt.task_planning.symbolic.pddl_writing import PddlText
 

@@ -7,15 +7,15 @@ import sys
 from collections.abc import Mapping
 from datetime import datetime
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from bestman_bt.cli.run_command import execute
 from bestman_bt.configuration import RunConfig
 from bestman_bt.configuration.task import PlanConfig
 from bestman_bt.evaluation.episode import prepare_episode
-from bestman_bt.evaluation.predicates.facts import can_be_judged
 from bestman_bt.evaluation.result import RunResult
 from bestman_bt.runtime.planning import planner_anew
+from bestman_bt.runtime.task_goals import KINDS, can_be_judged
 from bestman_bt.task_planning.builders import PlanTree
 from bestman_bt.task_planning.builders.replanning import with_replanning
 from bestman_bt.task_planning.limits import PlanLimits
@@ -60,18 +60,7 @@ def judged_by_goal(setup: Setup, problem: Problem, asked: PlanConfig, tree: Path
             print(f"{literal} cannot be judged: the tree's own word counts", file=sys.stderr)
     if judged < len(problem.goal):
         print(f"{judged} of {len(problem.goal)} facts of the goal are judged", file=sys.stderr)
-    task = dataclasses.replace(
-        setup.config.task,
-        tree=str(tree),
-        plan=asked,
-        predicate="facts" if judged else None,
-        allowed_contacts=None,
-        goal=None,
-        opening=None,
-        tidy=None,
-        reach=None,
-        lift=None,
-        drive=None,
-        goals=(),
-    )
+    none: dict[str, Any] = {field: None for kind in KINDS for field in kind.fields} | {"goals": ()}
+    asks: dict[str, Any] = none | {"plan": asked, "predicate": "facts" if judged else None}
+    task = dataclasses.replace(setup.config.task, tree=str(tree), allowed_contacts=None, **asks)
     return dataclasses.replace(setup.config, name="plan", task=task)

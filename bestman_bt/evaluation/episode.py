@@ -20,13 +20,14 @@ from bestman_bt.evaluation.declared_contacts import ContactLog
 from bestman_bt.evaluation.disturbances import Disturbances
 from bestman_bt.evaluation.driven_path import DrivenPath
 from bestman_bt.evaluation.durations import Durations
+from bestman_bt.evaluation.judge import find_judge
 from bestman_bt.evaluation.motion import MotionLog
 from bestman_bt.evaluation.pictures import Pictures
-from bestman_bt.evaluation.predicates import Verdict, find_judge, subjects
 from bestman_bt.evaluation.recording import Recording
 from bestman_bt.evaluation.result import NO_GOAL, Outcome, RunResult
 from bestman_bt.evaluation.versions import versions
 from bestman_bt.extras import is_installed, missing_extra
+from bestman_bt.facts.evidence import Verdict
 from bestman_bt.robot_model import GripperModel
 from bestman_bt.runtime import Ending, Execution, Executor, Session, Setup, open_session, prepare
 from bestman_bt.runtime.executor import ExecutionWatcher
@@ -376,7 +377,7 @@ def _moved_by_others(setup: Setup, script: Collection[DisturbanceEvent], record:
     """What the goal is about, a disturbance moved, and the robot, or what it held, never pressed on."""
     moved = {event.name for event in script}
     touched = {name for contact in record.contacts for name in (contact.first, contact.second, contact.leaf)}
-    return [name for name in subjects(setup) if name in moved - touched]
+    return [name for name in setup.subjects if name in moved - touched]
 
 
 def _audit(setup: Setup, observers: _Observers, record: AuditRecord) -> Audit:

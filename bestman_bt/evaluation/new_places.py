@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bestman_bt.evaluation.predicates.standing import is_over, surface_pose
-from bestman_bt.evaluation.predicates.verdict import Evidence
+from bestman_bt.facts.evidence import Evidence
+from bestman_bt.facts.standing import is_over, surface_pose
 from bestman_bt.messages import Pose, Pose2D
 from bestman_bt.runtime import Session
 from bestman_bt.scene import PlacedObject, planar_radius
@@ -40,7 +40,7 @@ class NewPlaces:
     """Draws places in a world as it is now, open drawers included."""
 
     def __init__(self, session: Session, truth: GroundTruth) -> None:
-        self._evidence = Evidence(session, truth, {})
+        self._evidence = Evidence(session.setup, truth, {})
         self._world, self._map = session.setup.world, session.skills.world.map
         self._models = {placed.name: placed.model for placed in self._world.objects}
 

@@ -27,10 +27,10 @@ from bestman_bt.configuration.quantity import Factor, WholeNumber
 from bestman_bt.configuration.secret import may_tell_secret
 from bestman_bt.engine import TreeLoadError
 from bestman_bt.evaluation.episode import prepare_episode
-from bestman_bt.evaluation.predicates import metric_names
 from bestman_bt.registry import suggestion
 from bestman_bt.runtime.renamed_codes import RENAMED_CODES
 from bestman_bt.runtime.setup import tree_problems
+from bestman_bt.runtime.task_goals import metric_names
 from bestman_bt.scene import SceneError
 
 Count = Annotated[int, Field(strict=True, ge=1)]

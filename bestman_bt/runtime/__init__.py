@@ -16,7 +16,6 @@ if TYPE_CHECKING:
     from bestman_bt.runtime.plugins import node_registry
     from bestman_bt.runtime.robot_session import Session, open_session, session
     from bestman_bt.runtime.setup import Setup, load_for, prepare
-    from bestman_bt.runtime.task_goals import TaskGoal
 
 _HOMES = {
     "ControlChannel": "control_channel",
@@ -25,7 +24,6 @@ _HOMES = {
     "Executor": "executor",
     "Session": "robot_session",
     "Setup": "setup",
-    "TaskGoal": "task_goals",
     "load_for": "setup",
     "node_registry": "plugins",
     "open_session": "robot_session",
@@ -40,7 +38,6 @@ __all__ = [
     "Executor",
     "Session",
     "Setup",
-    "TaskGoal",
     "load_for",
     "node_registry",
     "open_session",

@@ -9,6 +9,8 @@ from pathlib import Path
 from bestman_bt.configuration import ConfigurationError, run_of_options, told_to_programs
 from bestman_bt.configuration import Problem as WrongInput
 from bestman_bt.engine import Problem as Fault
+from bestman_bt.facts.located import UNSEEN
+from bestman_bt.facts.predicate import Beliefs
 from bestman_bt.runtime.executor import Execution
 from bestman_bt.runtime.setup import Setup, prepare
 from bestman_bt.task_planning.base import TaskPlanner
@@ -17,7 +19,6 @@ from bestman_bt.task_planning.builders.replanning import with_replanning
 from bestman_bt.task_planning.domain import Domain
 from bestman_bt.task_planning.limits import PlanLimits, plan_within
 from bestman_bt.task_planning.planners import made_builder, made_planner
-from bestman_bt.task_planning.predicates import UNSEEN, Beliefs
 from bestman_bt.task_planning.symbolic import Action, GoalError, PlanningError, Problem, TaskPlan, goal_as_facts
 from bestman_bt.task_planning.verification import verify
 from bestman_bt.world_model import WorldModel

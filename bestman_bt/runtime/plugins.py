@@ -93,8 +93,9 @@ def _load(plugin: str, registry: NodeRegistry) -> Problem | None:
 
 def _add_predicates(module: ModuleType) -> None:
     """Register the predicates that a plug-in makes; one that makes some has loaded their module."""
-    known: Any = sys.modules.get("bestman_bt.task_planning.predicates")
+    known: Any = sys.modules.get("bestman_bt.facts.predicate")
     if known is not None:
+        shipped = known.shipped_predicates().values()
         for value in vars(module).values():
-            if isinstance(value, known.Predicate) and value not in vars(known).values():
+            if isinstance(value, known.Predicate) and value not in shipped:
                 PREDICATES.add(value.name, value)

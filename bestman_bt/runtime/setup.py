@@ -24,7 +24,10 @@ from bestman_bt.engine import NodeRegistry, Tree, TreeLoadError
 from bestman_bt.engine.errors import Problem as TreeProblem
 from bestman_bt.errors import MissingExtraError
 from bestman_bt.extras import install_command
-from bestman_bt.messages import Pose, Pose2D
+from bestman_bt.facts.evidence import DrawnTask
+from bestman_bt.facts.goals.goal import Goal
+from bestman_bt.facts.goals.placed import Placed, PlaceGoal
+from bestman_bt.messages import Pose2D
 from bestman_bt.perception import PerceptionError
 from bestman_bt.registry import CONNECTIONS, DRIVERS, UnknownNameError
 from bestman_bt.robot_model import ArmModel, BaseModel, CameraPart, RobotModel, load_robot_model
@@ -33,12 +36,10 @@ from bestman_bt.runtime.algorithms import (
     algorithm_problems,
     check_odometry,
 )
-from bestman_bt.runtime.drive_goals import drive_goal
-from bestman_bt.runtime.plan_goals import plan_goal, plan_problems, told_of_plan
 from bestman_bt.runtime.plugins import node_registry, read_tree
 from bestman_bt.runtime.policies import policy_problems
 from bestman_bt.runtime.renamed_codes import renamed_codes
-from bestman_bt.runtime.task_goals import TaskGoal, reach_goal, task_goals, told_places
+from bestman_bt.runtime.task_goals import goals_of
 from bestman_bt.runtime.task_problems import task_problems
 from bestman_bt.runtime.tree_checks import (
     TASK_ENTRIES,
@@ -49,7 +50,6 @@ from bestman_bt.runtime.tree_checks import (
     unknown_names,
 )
 from bestman_bt.scene import SceneConfig, World, draw_world, load_scene, semantic_map
-from bestman_bt.task_planning.symbolic import Literal
 from bestman_bt.world_model import BasePose, WorldModel
 
 START_POSITION_ERROR = 0.03
@@ -64,77 +64,37 @@ UNKNOWN_START = BasePose(Pose2D(), position_std=1.0, heading_std=math.pi, stamp=
 
 
 @dataclass(frozen=True)
-class Setup:
-    """A configuration with everything that it names. ``absent``: objects that the scene leaves out."""
+class Setup(DrawnTask):
+    """A configuration with everything that it names."""
 
-    config: RunConfig
     registry: NodeRegistry
-    robot_model: RobotModel
-    world: World
-    world_model: WorldModel
-    absent: tuple[str, ...] = ()
 
     @cached_property
-    def goals(self) -> tuple[TaskGoal, ...]:
+    def asked(self) -> tuple[Goal[Any], ...]:
+        """What the task asks for."""
+        return goals_of(self, self.registry)
+
+    @property
+    def goals(self) -> tuple[PlaceGoal, ...]:
         """Which objects the task wants where."""
-        return task_goals(self.config, self.world, self.world_model.models)
-
-    @cached_property
-    def plan_goal(self) -> tuple[Literal, ...]:
-        """The facts that the task wants, with the full names of things; none where it wants none."""
-        return plan_goal(self.config, self.registry, self.world_model)
+        return next((goal.goals for goal in self.asked if isinstance(goal, Placed)), ())
 
     @property
     def told(self) -> dict[str, str]:
         """Object → surface, by its full name, where the task says that it is."""
-        known = self.world_model.map
-        return told_places(self.goals, known) | told_of_plan(self.config, known)
+        return {name: place for goal in self.asked for name, place in goal.told().items()}
 
     @property
-    def reach_goal(self) -> Pose | None:
-        """Where the task asks the tool to be, map_from_tool; None where it does not."""
-        return reach_goal(self.config, self.world)
-
-    @cached_property
-    def drive_goal(self) -> Pose2D | None:
-        """Where the task asks the base to be, map_from_base; None where it does not. SceneError if there is no room."""
-        asked = self.config.task.drive
-        if asked is None or not self.robot_model.of(BaseModel):
-            return None
-        return drive_goal(asked, self.world, self.world_model.map, self.robot_model, self.config.seed)
+    def subjects(self) -> list[str]:
+        """The objects, doors and drawers whose state the task's goals are about."""
+        return list(dict.fromkeys(name for goal in self.asked for name in goal.subjects()))
 
     @cached_property
     def entries(self) -> dict[str, Any]:
-        """Root blackboard entries that the task fills; where handles are, it does not tell."""
-        each: list[dict[str, Any]] = [
-            {"object": goal.object, "source": goal.source, "target": goal.surface, "goal": goal.pose}
-            for goal in self.goals
-        ]
-        entries: dict[str, Any] = {}
-        if self.config.task.goal is not None:
-            entries = each[0]
-        elif each:
-            entries = {"goals": each, **{goal.name: goal.pose for goal in self.goals}}
-        opening, tidy = self.config.task.opening, self.config.task.tidy
-        if opening is not None:
-            asked = {"at_least": opening.at_least, "at_most": opening.at_most}
-            entries |= {"articulation": opening.articulation, "furniture": opening.articulation.partition("/")[0]}
-            entries |= {name: value for name, value in asked.items() if value is not None}
-        if tidy is not None:
-            entries |= {"objects": list(tidy.objects), "source": tidy.source, "target": tidy.surface}
-            entries |= {"region_x": list(tidy.x), "region_y": list(tidy.y)}
-        reach, lift = self.reach_goal, self.config.task.lift
-        if reach is not None:
-            entries["goal"] = reach
-        if self.drive_goal is not None:
-            entries["goal"] = self.drive_goal
-        plan = self.config.task.plan
-        if plan is not None:
-            entries |= {"goal": plan.goal, "planner": plan.planner, "builder": plan.builder, "limits": plan.limits}
-            entries["replans"] = plan.replans
-        if lift is not None:
-            entries |= {"object": lift.object, "source": lift.source}
-        return entries
+        """Root blackboard entries that the task fills; where handles are, it does not tell. SceneError if there is no
+        room for a goal.
+        """
+        return {name: value for goal in self.asked for name, value in goal.entries().items()}
 
     @cached_property
     def names(self) -> dict[str, list[str]]:
@@ -172,13 +132,11 @@ class Setup:
         """The same robot and world with the goal of a task; ConfigurationError if that is not to be had here."""
         own = self.config
         config = load_run(task, scene=own.task.scene, robot=own.task.robot, seed=own.seed, driver=own.driver)
-        problems = [
-            *task_problems(config, self.world, self.world_model, self.robot_model, self.absent),
-            *plan_problems(config, self.registry, self.world_model),
-        ]
+        setup = replace(self, config=config)
+        problems = list(task_problems(setup, setup.asked))
         if problems:
             raise ConfigurationError(problems)
-        return replace(self, config=config)
+        return setup
 
 
 def prepare(config: RunConfig, all_entries: bool = False, known_faults: Iterable[Problem] = ()) -> Setup:
@@ -221,16 +179,17 @@ def prepare(config: RunConfig, all_entries: bool = False, known_faults: Iterable
         models=dict(scene.models),
         base=_told_start(config, world, robot_model),
     )
-    faults.problems += task_problems(config, world, world_model, robot_model, scene.absent)
+    task = DrawnTask(config, robot_model, world, world_model, absent=scene.absent)
     with faults.step():
         Algorithms(config, robot_model, world_model.map)  # the localizer, too
     with faults.step():
         check_odometry(config, robot_model)
     if registry is None:
+        faults.problems += task_problems(task, goals_of(task, None))
         faults.raise_if_any()
     assert registry is not None
-    setup = Setup(config, registry, robot_model, world, world_model, scene.absent)
-    faults.problems += plan_problems(config, registry, world_model)
+    setup = Setup(config, robot_model, world, world_model, registry, absent=scene.absent)
+    faults.problems += task_problems(setup, setup.asked)
     if not faults.problems:
         world_model.told.update(setup.told)
     try:

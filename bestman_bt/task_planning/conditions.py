@@ -11,9 +11,9 @@ from behaviours.context import DRIVEN, SkillContext
 from behaviours.names import ArticulationName, ObjectName, SurfaceName
 from behaviours.skill import SkillCondition
 from bestman_bt.engine.bounds import BoundedPort
+from bestman_bt.facts.predicate import Beliefs
 from bestman_bt.registry import PREDICATES, UnknownNameError
 from bestman_bt.task_planning.domain import Domain
-from bestman_bt.task_planning.predicates import Beliefs
 from bestman_bt.task_planning.state import holds
 from bestman_bt.task_planning.symbolic.facts import parse_literals
 from bestman_bt.task_planning.symbolic.problem import GoalError

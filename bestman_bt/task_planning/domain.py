@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import logging
 import re
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 from bestman_bt.engine import NodeRegistry
+from bestman_bt.facts.on import ON
+from bestman_bt.facts.predicate import Beliefs, Predicate
 from bestman_bt.registry import suggestion
 from bestman_bt.task_planning.abilities import Ability, DeclarationError, abilities_of
-from bestman_bt.task_planning.predicates import ON, Beliefs, Predicate
 from bestman_bt.task_planning.state import SUPERTYPES, known_predicates, read_state, things
 from bestman_bt.task_planning.symbolic.binding import written_out
-from bestman_bt.task_planning.symbolic.facts import parse_conditions, parse_goal, parse_literals
+from bestman_bt.task_planning.symbolic.facts import parse_conditions, parse_fact, parse_goal, parse_literals
 from bestman_bt.task_planning.symbolic.problem import (
     Condition,
     Fact,
@@ -116,20 +117,30 @@ class Domain:
             return []
         if not predicate.negatable:
             raise GoalError(f"{literal}: {predicate.name} cannot be negated; nobody makes the robot know less")
-        return [Literal(predicate.bound(predicate.known_if, literal.fact.arguments))] if predicate.known_if else []
+        if not predicate.known_if:
+            return []
+        return [Literal(parse_fact(predicate.known_if).bound(_values(predicate, literal.fact.arguments)))]
 
     def refuse_contradictions(self, goal: Collection[Literal]) -> None:
         """GoalError for a goal of which two parts cannot hold together, by what predicates exclude."""
         wanted = [literal.fact for literal in goal if not literal.negated]
         clashes = [(str(fact), f"not {fact}") for fact in wanted if Literal(fact, negated=True) in goal]
-        clashes += [
-            (str(fact), str(other))
-            for fact in wanted
-            for other in wanted
-            if fact.predicate in self.predicates and self.predicates[fact.predicate].rules_out(fact, other)
-        ]
+        clashes += [(str(fact), str(other)) for fact in wanted for other in wanted if self._rules_out(fact, other)]
         if clashes:
             raise GoalError("the goal contradicts itself: {} and {} cannot hold together".format(*clashes[0]))
+
+    def _rules_out(self, fact: Fact, other: Fact) -> bool:
+        """Whether two facts cannot hold together, by what the predicate of the first one excludes."""
+        predicate = self.predicates.get(fact.predicate)
+        if predicate is None or fact == other:
+            return False
+        values = _values(predicate, fact.arguments)
+        patterns = [parse_fact(text).bound(values) for text in predicate.excludes]
+        return any(
+            pattern.predicate == other.predicate
+            and all(asked in ("_", given) for asked, given in zip(pattern.arguments, other.arguments, strict=True))
+            for pattern in patterns
+        )
 
     def _resolved(self, problem: Problem, fact: Fact) -> Fact:
         """With the full names of things, each of the right type."""
@@ -152,11 +163,8 @@ class Domain:
         if condition.negated:
             raise GoalError(f"{condition}: {condition.fact.predicate} cannot be negated; say what shall be shut")
         predicate = self.predicates[condition.fact.predicate]
-        values = {
-            f"{{{name}}}": value for name, value in zip(predicate.parameters, condition.fact.arguments, strict=True)
-        }
         (meaning,) = parse_conditions(predicate.means)
-        return meaning.bound(values)
+        return meaning.bound(_values(predicate, condition.fact.arguments))
 
     def _written_out(self, operator: Operator) -> Operator:
         pre, hold = (tuple(map(self._meaning, conditions)) for conditions in (operator.pre, operator.hold))
@@ -194,6 +202,11 @@ def full_name(problem: Problem, name: str, kind: str) -> str:
         verb = "are" if len(others) > 1 else "is"
         _LOG.warning("%r is taken for %s; there %s also %s", name, found, verb, ", ".join(others))
     return found
+
+
+def _values(predicate: Predicate, arguments: Sequence[str]) -> dict[str, str]:
+    """``{object}`` → ``mug``: what the parameters in a declaration stand for."""
+    return {f"{{{name}}}": value for name, value in zip(predicate.parameters, arguments, strict=True)}
 
 
 def _words(name: str) -> list[str]:

@@ -6,7 +6,9 @@ import itertools
 from collections import defaultdict
 from collections.abc import Iterator
 
-from bestman_bt.task_planning.predicates import HOLDING, LOCATED, ON, UNSEEN
+from bestman_bt.facts.holding import HOLDING
+from bestman_bt.facts.located import LOCATED, UNSEEN
+from bestman_bt.facts.on import ON
 from bestman_bt.task_planning.symbolic import (
     Action,
     Fact,

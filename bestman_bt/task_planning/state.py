@@ -2,17 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from itertools import product
+from typing import TypeVar
 
+from bestman_bt.engine.own_files import in_words, own_line
+from bestman_bt.facts.predicate import Beliefs, Predicate
 from bestman_bt.registry import PREDICATES
-from bestman_bt.task_planning.predicates import Beliefs, Predicate, surfaces
 from bestman_bt.task_planning.symbolic.facts import parse_conditions
-from bestman_bt.task_planning.symbolic.problem import Fact, Literal
+from bestman_bt.task_planning.symbolic.problem import Fact, Literal, PlanningError
 from bestman_bt.world_model import WorldModel
+
+T = TypeVar("T")
 
 SUPERTYPES: dict[str, tuple[str, ...]] = {"drawer": ("place", "container")}
 """A drawer goes by one name, whether something is put into it or it is opened."""
+
+
+class PredicateError(PlanningError):
+    """A predicate of a user has raised: nobody knows whether it holds."""
+
+
+def surfaces(world: WorldModel) -> list[str]:
+    """The names of all places, ``furniture/surface``."""
+    return [f"{piece.name}/{surface.name}" for piece in world.map.furniture.values() for surface in piece.surfaces]
 
 
 def known_predicates() -> dict[str, Predicate]:
@@ -40,7 +53,23 @@ def holds(beliefs: Beliefs, fact: Fact, declared: Collection[str] = ()) -> bool:
     if fact.predicate in declared and fact.predicate not in PREDICATES.names():
         return fact in brought_about(beliefs)
     predicate = _predicate(fact.predicate)
-    return fact in brought_about(beliefs) if predicate.holds is None else predicate.holds_in(beliefs, fact.arguments)
+    return fact in brought_about(beliefs) if predicate.holds is None else _believed(predicate, beliefs, fact.arguments)
+
+
+def asked(predicate: Predicate, function: Callable[..., T], of: object, arguments: Sequence[str]) -> T:
+    """What a function of a predicate says; PredicateError, with file and line, where a user's own raises."""
+    try:
+        return function(of, *arguments)
+    except Exception as error:  # a user's function may raise anything; reported with its line
+        if not own_line(error):
+            raise
+        fact = Fact(predicate.name, tuple(arguments))
+        raise PredicateError(f"the predicate of {fact} raised {in_words(error)}") from error
+
+
+def _believed(predicate: Predicate, beliefs: Beliefs, arguments: Sequence[str]) -> bool:
+    assert predicate.holds is not None
+    return asked(predicate, predicate.holds, beliefs, arguments)
 
 
 def brought_about(beliefs: Beliefs) -> set[Fact]:
@@ -53,7 +82,7 @@ def brought_about(beliefs: Beliefs) -> set[Fact]:
         if fact is None:
             return True
         known = functions.get(fact.predicate)
-        return fact in believed if known is None else known.holds_in(beliefs, fact.arguments)
+        return fact in believed if known is None else _believed(known, beliefs, fact.arguments)
 
     for effects in beliefs.world.brought_about:
         literals: list[Literal] = []
@@ -83,7 +112,7 @@ def read_state(beliefs: Beliefs, objects: Mapping[str, str] | None = None) -> fr
         if predicate.means or predicate.holds is None:  # short for others; brought about
             continue
         for arguments in product(*(kinds.get(kind, ()) for kind in predicate.types)):
-            if predicate.holds_in(beliefs, arguments):
+            if _believed(predicate, beliefs, arguments):
                 state.add(Fact(predicate.name, arguments))
     return frozenset(state)
 

@@ -7,11 +7,11 @@ import pytest
 
 from behaviours.context import SkillContext
 from bestman_bt.engine import SUCCESS, ManualClock, NodeRegistry, load_tree
+from bestman_bt.facts.predicate import Beliefs
 from bestman_bt.runtime.plugins import node_registry
 from bestman_bt.scene import draw_world, load_scene, semantic_map
 from bestman_bt.task_planning.domain import Domain
 from bestman_bt.task_planning.explanation import explain
-from bestman_bt.task_planning.predicates import Beliefs
 from bestman_bt.task_planning.symbolic import Unsolvable
 from bestman_bt.task_planning.symbolic.planner import SymbolicPlanner
 from bestman_bt.world_model import WorldModel

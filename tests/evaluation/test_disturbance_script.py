@@ -15,7 +15,7 @@ from bestman_bt.messages import Pose
 from bestman_bt.scene import planar_radius
 from bestman_bt.world_model import HeldObject, ObjectBelief
 from hal.simulation import DisturbanceEvent
-from tests.evaluation.predicates.scripted import ScriptedEnd, shifted
+from tests.facts.scripted import ScriptedEnd, shifted
 
 PERIOD = 0.05
 CLEARANCE, EDGE, REACH = 0.08, 0.04, 0.35

@@ -16,9 +16,9 @@ import pytest
 from bestman_bt.configuration import load_run, read_run
 from bestman_bt.engine import IDLE, RUNNING, SUCCESS
 from bestman_bt.engine.logs.btlog import read_btlog
+from bestman_bt.facts.predicate import Beliefs
 from bestman_bt.runtime import load_for, prepare
 from bestman_bt.runtime.world_file import read_world
-from bestman_bt.task_planning.predicates import Beliefs
 from bestman_bt.task_planning.state import read_state
 from bestman_bt.task_planning.symbolic import parse_fact
 from tests.cli.command_line import Program

@@ -16,6 +16,7 @@ from bestman_bt.configuration import load_run
 from bestman_bt.engine import load_tree
 from bestman_bt.evaluation.episode import run_episode
 from bestman_bt.evaluation.result import Outcome
+from bestman_bt.facts.predicate import Beliefs
 from bestman_bt.manipulation.motion_planning import PlanningError
 from bestman_bt.messages import Box, Path2D, PlacedShape, Pose, Pose2D, Twist2D
 from bestman_bt.navigation.global_planning import Costmap, Footprint, PlanningFailure
@@ -24,7 +25,6 @@ from bestman_bt.registry import ALGORITHMS, BUILDERS, PLANNERS, PREDICATES
 from bestman_bt.robot_model import GripperModel
 from bestman_bt.runtime import Setup, prepare
 from bestman_bt.runtime.algorithms import Algorithms
-from bestman_bt.task_planning.predicates import Beliefs
 from bestman_bt.task_planning.symbolic import Fact, Operator, Problem, Unsolvable, parse_literals
 from bestman_bt.world_model import SemanticMap
 from tests.manipulation.motion_planning.joint_worlds import TWO, JointWorld

@@ -217,7 +217,7 @@ from bestman_bt.navigation.global_planning import GlobalPlanner
 from bestman_bt.registry import algorithm, task_planner, tree_builder
 from bestman_bt.task_planning.base import TaskPlanner
 from bestman_bt.task_planning.builders import SequenceBuilder
-from bestman_bt.task_planning.predicates import Predicate
+from bestman_bt.facts.predicate import Predicate
 from bestman_bt.task_planning.symbolic import TaskPlan
 from stepping import Stepping
 

@@ -9,13 +9,13 @@ import pytest
 from behaviours.skill import Declaration, Skill
 from bestman_bt.configuration.data import data_root
 from bestman_bt.engine import NodeRegistry, load_tree
+from bestman_bt.facts.predicate import Beliefs, Predicate
 from bestman_bt.messages import ObjectModel, Pose, Pose2D
 from bestman_bt.registry import PREDICATES, UnknownNameError
 from bestman_bt.runtime.plugins import node_registry
 from bestman_bt.scene import draw_world, load_scene, semantic_map
 from bestman_bt.task_planning.abilities import DeclarationError, abilities_of, operator_of, shipped_abilities
 from bestman_bt.task_planning.domain import Domain
-from bestman_bt.task_planning.predicates import Beliefs, Predicate
 from bestman_bt.task_planning.state import holds, known_predicates, read_state, things
 from bestman_bt.task_planning.symbolic import GoalError, SymbolicPlanner, Unsolvable, parse_fact
 from bestman_bt.world_model import BasePose, HeldObject, ObjectBelief, ObjectChange, WorldModel
@@ -137,7 +137,7 @@ def test_of_what_was_seen_on_no_surface_only_that_it_is_somewhere_is_believed(wo
 
 def test_what_stands_behind_two_doors_is_accessible_when_both_are_open(world, monkeypatch):
     doors = ("fridge/upper_door", "fridge/lower_door")
-    monkeypatch.setattr("bestman_bt.task_planning.predicates.containers_before", lambda furniture, surface: doors)
+    monkeypatch.setattr("bestman_bt.facts.accessible.containers_before", lambda furniture, surface: doors)
     for positions, accessible in (((1.5, 0.0), False), ((0.0, 1.5), False), ((1.5, 1.5), True)):
         world.articulations.update(zip(doors, positions, strict=True))
         assert believed(world, "accessible(fridge/shelf_1)") is accessible

@@ -24,6 +24,7 @@ from bestman_bt.engine import (
     Tree,
     load_tree,
 )
+from bestman_bt.facts.predicate import Beliefs, Predicate
 from bestman_bt.messages import Box, ObjectModel, PlacedShape, Pose, Pose2D
 from bestman_bt.registry import BUILDERS, PLANNERS, PREDICATES
 from bestman_bt.robot_model import RobotModel
@@ -33,8 +34,7 @@ from bestman_bt.task_planning.builders import ReactiveBuilder, SequenceBuilder
 from bestman_bt.task_planning.builders.replanning import with_replanning
 from bestman_bt.task_planning.conditions import TUCKED, beliefs_of
 from bestman_bt.task_planning.domain import Domain
-from bestman_bt.task_planning.predicates import Beliefs, Predicate, PredicateError
-from bestman_bt.task_planning.state import read_state
+from bestman_bt.task_planning.state import PredicateError, read_state
 from bestman_bt.task_planning.symbolic import Problem, SymbolicPlanner, TaskPlan
 from bestman_bt.task_planning.symbolic.facts import parse_fact
 from bestman_bt.world_model import MapFurniture, MapSurface, ObjectBelief, SemanticMap, WorldModel
@@ -495,7 +495,7 @@ def test_a_predicate_may_be_declared_without_a_function_and_an_unknown_one_is_to
 OWN = """
 from bestman_bt.registry import tree_builder
 from bestman_bt.task_planning.builders import TreeBuilder
-from bestman_bt.task_planning.predicates import Predicate
+from bestman_bt.facts.predicate import Predicate
 
 @tree_builder("raises")
 class Raises(TreeBuilder):

@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+from bestman_bt.facts.located import UNSEEN
+from bestman_bt.facts.on import ON
 from bestman_bt.task_planning.domain import Domain
 from bestman_bt.task_planning.language.conversation import FaultyAnswerError
 from bestman_bt.task_planning.language.schema import GoalAnswer, PlanAnswer
 from bestman_bt.task_planning.limits import PlanLimits
-from bestman_bt.task_planning.predicates import ON, UNSEEN
 from bestman_bt.task_planning.symbolic import (
     Action,
     Fact,

@@ -10,9 +10,9 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
+from bestman_bt.facts.located import UNSEEN
 from bestman_bt.task_planning.language.chat import Message
 from bestman_bt.task_planning.limits import ALLOWED, PlanLimits
-from bestman_bt.task_planning.predicates import UNSEEN
 from bestman_bt.task_planning.state import known_predicates
 from bestman_bt.task_planning.symbolic import Operator, Problem
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from bestman_bt.configuration import load_run
-from bestman_bt.evaluation.predicates.verdict import Evidence
+from bestman_bt.facts.evidence import Evidence, Verdict
 from bestman_bt.messages import Pose, Pose2D
 from bestman_bt.robot_model import ArmModel
 from bestman_bt.runtime.setup import Setup, prepare
@@ -83,10 +83,14 @@ class ScriptedEnd:
     def evidence(self, driven: float = 0.0, **before: Pose) -> Evidence:
         """``before``: objects that were elsewhere when the rest began."""
         stood = {**self.truth.poses, **before}
-        session: Any = self.session
-        truth: Any = self.truth
         positions = {name: tuple(float(x) for x in pose.position) for name, pose in stood.items()}
-        return Evidence(session, truth, {name: (x, y, z) for name, (x, y, z) in positions.items()}, driven)
+        before_rest = {name: (x, y, z) for name, (x, y, z) in positions.items()}
+        return Evidence(self.setup, self.truth, before_rest, driven, self.tool_frame)
+
+    def verdict(self, predicate: str, evidence: Evidence | None = None, **told: Any) -> Verdict:
+        """What one of the task's predicates says; ``told``: as of ``evidence``."""
+        goal = next(goal for goal in self.setup.asked if predicate in goal.measures)
+        return goal.judged(predicate, evidence or self.evidence(**told))
 
     def surface(self, name: str) -> Pose:
         """map_from_surface of ``furniture/name``, with doors and drawers shut, as it really is."""

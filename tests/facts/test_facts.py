@@ -10,11 +10,10 @@ import yaml
 
 from bestman_bt.configuration import ConfigurationError, load_run
 from bestman_bt.evaluation.episode import prepare_episode
-from bestman_bt.evaluation.predicates.facts import facts
 from bestman_bt.messages import Pose
 from bestman_bt.world_model import leaf_called, openness_of
-from tests.evaluation.predicates.scripted import ScriptedEnd
-from tests.evaluation.predicates.staged import Staged, judged
+from tests.facts.scripted import ScriptedEnd
+from tests.facts.staged import Staged, judged
 
 DRAWER = "drawer_chest/drawer_3"
 
@@ -47,7 +46,7 @@ def put_in_drawer(end: ScriptedEnd, drawer: str = DRAWER, upright: bool = True) 
 
 def says(end: ScriptedEnd) -> str:
     """What keeps the goal from being true; empty where it is."""
-    verdict = facts(end.evidence())
+    verdict = end.verdict("facts")
     assert verdict.holds is (verdict.why == "")
     return verdict.why
 
@@ -61,13 +60,13 @@ def test_what_stands_where_the_goal_says_is_there(tmp_path: Path) -> None:
 
 
 def test_a_fact_that_cannot_be_judged_leaves_the_others_to_the_judge() -> None:
-    verdict = facts(end_of(f"on(cup, {DRAWER}) and located(cup)").evidence())
+    verdict = end_of(f"on(cup, {DRAWER}) and located(cup)").verdict("facts")
     assert "not on" in verdict.why
     assert verdict.metrics == {"facts_judged": 1, "facts_share": 0.0}
 
 
 def test_each_fact_that_is_not_true_is_told() -> None:
-    verdict = facts(end_of(f"on(cup, {DRAWER}) and open(drawer_3) and hand_empty").evidence())
+    verdict = end_of(f"on(cup, {DRAWER}) and open(drawer_3) and hand_empty").verdict("facts")
     assert verdict.why == f"the cup is not on {DRAWER}, not standing on the drawer_chest; the {DRAWER} is not open"
     assert not verdict.holds
     assert verdict.metrics["facts_share"] == pytest.approx(1 / 3)
@@ -150,7 +149,7 @@ def test_of_a_thing_that_is_not_there_only_what_shall_not_be_is_true() -> None:
         ("not holding(cup)", ""),
     ):
         end = end_of(goal)
-        assert facts(dataclasses.replace(end.evidence(), before={})).why == told
+        assert end.verdict("facts", dataclasses.replace(end.evidence(), before={})).why == told
 
 
 @pytest.mark.parametrize(

@@ -6,9 +6,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from bestman_bt.evaluation.predicates.standing import is_over, rest_faults, surface_pose, tilt_fault
+from bestman_bt.facts.standing import is_over, rest_faults, surface_pose, tilt_fault
 from bestman_bt.messages import Pose
-from tests.evaluation.predicates.scripted import ScriptedEnd
+from tests.facts.scripted import ScriptedEnd
 
 
 @pytest.mark.parametrize(

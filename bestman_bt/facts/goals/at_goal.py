@@ -1,17 +1,26 @@
-"""Where a task asks the base to drive: somewhere on the free floor, or close before a piece of furniture."""
+"""``at_goal``: the base stands where it was asked to be, and did not go a long way round.
+
+The seed chooses where that is: somewhere on the free floor, or close before a piece of furniture.
+"""
 
 from __future__ import annotations
 
 import math
 from collections import Counter
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
+from functools import cached_property
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from bestman_bt.configuration import Problem
 from bestman_bt.configuration.task import DriveConfig
-from bestman_bt.messages import PlacedShape, Pose2D
-from bestman_bt.navigation.global_planning import Costmap, Footprint, Rasterization, areas_of_disc
+from bestman_bt.facts.evidence import Evidence, Verdict
+from bestman_bt.facts.goals.goal import Goal
+from bestman_bt.messages import PlacedShape, Pose2D, wrap_angle
+from bestman_bt.navigation.global_planning import Costmap, Footprint, Rasterization, areas_of_disc, shortest_length
 from bestman_bt.robot_model import BaseModel, RobotModel
 from bestman_bt.scene import SceneError, World, semantic_map
 from bestman_bt.world_model import Obstacle, SemanticMap
@@ -26,6 +35,45 @@ _TRUE_CLEARANCE = 0.02
 _STRAIGHT = 0.6
 """Metres within which there is room to turn, straight behind a goal before furniture."""
 _EXACT = Rasterization(clearance=0.0, furniture_position_error=0.0, furniture_heading_error=0.0)
+
+
+class AtGoal(Goal[DriveConfig]):
+    """The true pose of the base is within the tolerances of ``position`` and ``yaw``."""
+
+    fields = ("drive",)
+    measures: ClassVar[Mapping[str, tuple[str, ...]]] = {"at_goal": ("final_error_mm", "final_yaw_deg", "path_ratio")}
+
+    @cached_property
+    def pose(self) -> Pose2D:
+        """Where the base shall be, map_from_base; SceneError if there is no room."""
+        return drive_goal(self.asked, self.world, self.world_model.map, self.robot_model, self.config.seed)
+
+    def problems(self) -> Iterator[Problem]:
+        """No mobile base."""
+        yield from self.missing_part(BaseModel, "a mobile base")
+
+    def entries(self) -> dict[str, Any]:
+        """``goal``."""
+        return {"goal": self.pose} if self.robot_model.of(BaseModel) else {}
+
+    def judged(self, predicate: str, evidence: Evidence) -> Verdict:
+        """``path_ratio``: the way that was driven to the shortest one on the grid of what really stands there, for the
+        circle inside the base.
+        """
+        goal, tolerances = self.pose, self.config.task.tolerances
+        pose = evidence.truth.base_pose().to_pose2d()
+        distance, turn = pose.distance_to(goal), abs(wrap_angle(pose.theta - goal.theta))
+        faults = []
+        if distance > tolerances.position:
+            faults.append(f"{1e3 * distance:.0f} mm from the goal")
+        if tolerances.yaw is not None and turn > tolerances.yaw:
+            faults.append(f"turned away by {math.degrees(turn):.1f}°")
+        metrics = {"final_error_mm": 1e3 * distance, "final_yaw_deg": math.degrees(turn)}
+        if not faults:
+            costmap = true_costmap(self.world, self.robot_model)
+            shortest = shortest_length(self.world.robot_start.xy, goal.xy, costmap, costmap.footprint.inscribed_radius)
+            metrics["path_ratio"] = evidence.driven / shortest
+        return Verdict.on("base", faults, metrics)
 
 
 def base_footprint(robot: RobotModel) -> Footprint:

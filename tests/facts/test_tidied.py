@@ -8,13 +8,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bestman_bt.evaluation.predicates.standing import surface_pose
-from bestman_bt.evaluation.predicates.tidied import tidied
+from bestman_bt.facts.standing import surface_pose
 from bestman_bt.messages import Pose
 from bestman_bt.runtime import Session
 from bestman_bt.scene import draw_world, load_scene
-from tests.evaluation.predicates.scripted import ScriptedEnd
-from tests.evaluation.predicates.staged import Staged, judged, why
+from tests.facts.scripted import ScriptedEnd
+from tests.facts.staged import Staged, judged, why
 
 NAMES = ("cup", "can", "box", "soup_can")
 TIDY = {
@@ -92,7 +91,7 @@ def test_a_thing_is_tidy_just_within_every_side_of_the_region_and_untidy_just_ou
     for name in names[1:]:
         stand(counter, name, -0.1, 0.2)
     stand(counter, names[0], x, y)
-    verdict = tidied(counter.evidence())
+    verdict = counter.verdict("tidied")
     assert verdict.holds is (outside == 0.0)
     assert verdict.metrics["outside_mm"] == pytest.approx(outside, abs=1e-6)
     assert verdict.metrics["tidied_share"] == pytest.approx(1.0 if outside == 0.0 else 1 - 1 / len(names))
@@ -103,14 +102,14 @@ def test_the_worst_of_several_things_is_told_and_all_that_are_wrong_are_named(co
     stand(counter, first, -0.1, 0.5)
     stand(counter, second, -0.1, 0.45)
     stand(counter, third, -0.1, 0.0)
-    verdict = tidied(counter.evidence())
+    verdict = counter.verdict("tidied")
     assert verdict.metrics == {"outside_mm": pytest.approx(100.0), "tidied_share": pytest.approx(1 / 3)}
     assert verdict.why == (f"the {first} is 100 mm outside the region; the {second} is 50 mm outside the region")
     stand(counter, first, -0.1, 0.0, z=-0.05)
     stand(counter, second, -0.1, 0.1)
     counter.truth.touched.add(second)
     try:
-        assert tidied(counter.evidence()).why == f"the {first} is not above counter/top; the {second} is not let go"
+        assert counter.verdict("tidied").why == f"the {first} is not above counter/top; the {second} is not let go"
     finally:
         counter.truth.touched.clear()
 
@@ -122,12 +121,12 @@ def test_what_stands_on_the_next_board_above_is_not_tidy(
     def under_a_board(*asked: Any) -> tuple[Any, ...]:
         return (*surface_pose(*asked)[:3], 0.3)
 
-    monkeypatch.setattr("bestman_bt.evaluation.predicates.tidied.surface_pose", under_a_board)
+    monkeypatch.setattr("bestman_bt.facts.goals.tidied.surface_pose", under_a_board)
     for name in counter.truth.poses:
         stand(counter, name, -0.1, 0.2, z)
-    assert tidied(counter.evidence()).holds is tidy
+    assert counter.verdict("tidied").holds is tidy
 
 
 def test_where_none_of_the_things_is_there_nothing_is_tidy(counter: ScriptedEnd) -> None:
     nothing = dataclasses.replace(counter.evidence(), before={})
-    assert tidied(nothing).why == "none of cup, can, box, soup_can is in the scene"
+    assert counter.verdict("tidied", nothing).why == "none of cup, can, box, soup_can is in the scene"

@@ -7,11 +7,10 @@ import pytest
 
 from bestman_bt.configuration import ConfigurationError, load_run, load_task
 from bestman_bt.evaluation.episode import run_episode
-from bestman_bt.evaluation.predicates.lifted import lifted
 from bestman_bt.messages import Pose
 from bestman_bt.runtime import Session
-from tests.evaluation.predicates.scripted import ScriptedEnd, shifted
-from tests.evaluation.predicates.staged import Staged, judged, why
+from tests.facts.scripted import ScriptedEnd, shifted
+from tests.facts.staged import Staged, judged, why
 
 LIFT = {
     "scene": "policy_table",
@@ -66,28 +65,28 @@ def in_hand() -> ScriptedEnd:
 
 
 def test_a_cup_in_the_hand_above_where_it_stood_is_lifted(in_hand: ScriptedEnd) -> None:
-    assert lifted(in_hand.evidence()).holds
+    assert in_hand.verdict("lifted").holds
 
 
 def test_a_cup_is_lifted_from_the_height_on_that_is_asked(in_hand: ScriptedEnd) -> None:
     in_hand.truth.poses["cup"] = shifted(in_hand.truth.poses["cup"], z=-0.002)
-    verdict = lifted(in_hand.evidence())
+    verdict = in_hand.verdict("lifted")
     assert not verdict.holds
     assert "mm above where it stood" in verdict.why
 
 
 def test_a_cup_that_is_held_against_something_is_not_lifted(in_hand: ScriptedEnd) -> None:
     in_hand.truth.on["cup"] = ("shelf", "table")
-    assert lifted(in_hand.evidence()).why == "the cup is touching the shelf, touching the table"
+    assert in_hand.verdict("lifted").why == "the cup is touching the shelf, touching the table"
 
 
 def test_a_cup_that_nothing_holds_is_not_lifted(in_hand: ScriptedEnd) -> None:
     in_hand.truth.touched.clear()
-    assert lifted(in_hand.evidence()).why == "the cup is not in the hand"
+    assert in_hand.verdict("lifted").why == "the cup is not in the hand"
 
 
 @pytest.mark.parametrize(("slid", "why"), [(0.0009, ""), (0.0011, "the cup is still moving")])
 def test_a_cup_that_slips_by_more_than_a_millimetre_is_not_lifted(in_hand: ScriptedEnd, slid: float, why: str) -> None:
     for way in ((slid, 0.0, 0.0), (0.0, 0.0, slid)):
         before = shifted(in_hand.truth.poses["cup"], *way)
-        assert lifted(in_hand.evidence(cup=before)).why == why
+        assert in_hand.verdict("lifted", cup=before).why == why

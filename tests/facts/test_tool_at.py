@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 
 from bestman_bt.configuration import ConfigurationError, load_run, load_task
-from bestman_bt.evaluation.predicates.tool_at import tool_at
 from bestman_bt.messages import Pose
 from bestman_bt.runtime.setup import prepare
-from tests.evaluation.predicates.scripted import ScriptedEnd
-from tests.evaluation.predicates.staged import Staged, judged, why
+from tests.facts.scripted import ScriptedEnd
+from tests.facts.staged import Staged, judged, why
 
 REACH = {
     "scene": "policy_space",
@@ -36,7 +35,7 @@ def test_the_goal_points_down_over_the_scenes_goal_at_a_height_that_the_seed_dra
     heights = []
     for seed in (1, 2):
         setup = prepare(load_run("policy_reach", seed=seed))
-        goal, place = setup.reach_goal, setup.world.goals["hover"]
+        goal, place = setup.asked[0].pose, setup.world.goals["hover"]
         assert isinstance(goal, Pose)
         np.testing.assert_allclose(goal.position[:2], place.position[:2])
         np.testing.assert_allclose(goal.rotation[:, 2], [0.0, 0.0, -1.0], atol=1e-9)
@@ -59,13 +58,13 @@ def test_heights_the_wrong_way_round_are_refused(tmp_path: Path) -> None:
 @pytest.mark.parametrize("axis", [0, 1, 2])
 def test_the_tool_is_held_to_its_tolerances_along_and_about_every_axis(seed: int, share: float, axis: int) -> None:
     end = ScriptedEnd("policy_reach", seed=seed)
-    goal, tolerances = end.setup.reach_goal, end.setup.config.task.tolerances
+    goal, tolerances = end.setup.asked[0].pose, end.setup.config.task.tolerances
     assert goal is not None
     for sign in (-1.0, 1.0):
         along, about = np.zeros(3), np.zeros(3)
         along[axis] = sign * share * tolerances.position
         end.truth.frames[end.tool_frame] = Pose(goal.position + along, goal.quaternion)
-        verdict = tool_at(end.evidence())
+        verdict = end.verdict("tool_at")
         assert verdict.holds is (share < 1.0)
         assert verdict.metrics["tool_error_mm"] == pytest.approx(1e3 * share * tolerances.position)
         assert verdict.metrics["tool_error_deg"] == pytest.approx(0.0, abs=1e-5)
@@ -73,7 +72,7 @@ def test_the_tool_is_held_to_its_tolerances_along_and_about_every_axis(seed: int
         turned = goal @ Pose.from_xyz_rpy((0.0, 0.0, 0.0), about)
         for quaternion in (turned.quaternion, -turned.quaternion):
             end.truth.frames[end.tool_frame] = Pose(turned.position, quaternion)
-            verdict = tool_at(end.evidence())
+            verdict = end.verdict("tool_at")
             assert verdict.holds is (share < 1.0)
             assert verdict.metrics["tool_error_deg"] == pytest.approx(np.degrees(share * tolerances.tilt), abs=1e-4)
             assert ("turned away by 6°" in verdict.why) is (share > 1.0)

@@ -1,4 +1,4 @@
-"""Whether an object was let go and rests where it is: what all predicates on objects ask."""
+"""Whether an object was let go and rests where it is: what all facts about objects ask."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from bestman_bt.evaluation.predicates.verdict import Evidence
+from bestman_bt.facts.evidence import Evidence
 from bestman_bt.messages import Pose
 from bestman_bt.scene import PlacedFurniture
 
@@ -14,18 +14,22 @@ AT_REST = 0.001
 """Metres that an object may move during the rest time."""
 
 
+def is_moving(evidence: Evidence, name: str) -> bool:
+    """Whether an object has moved during the rest time."""
+    way = evidence.truth.object_pose(name).position - np.array(evidence.before[name])
+    return float(np.linalg.norm(way)) > AT_REST
+
+
 def tilt_fault(evidence: Evidence, pose: Pose) -> list[str]:
     """Nothing, or that it is tilted."""
-    tolerated = evidence.session.setup.config.task.tolerances.tilt
+    tolerated = evidence.task.config.task.tolerances.tilt
     return [f"tilted by {math.degrees(pose.tilt):.0f}°"] if pose.tilt > tolerated else []
 
 
 def rest_faults(evidence: Evidence, name: str, surface: str) -> list[str]:
     """What keeps an object from having been put down on the furniture of ``surface``."""
-    truth, faults = evidence.truth, []
-    pose = truth.object_pose(name)
-    if float(np.linalg.norm(pose.position - np.array(evidence.before[name]))) > AT_REST:
-        faults.append("still moving")
+    truth = evidence.truth
+    faults = ["still moving"] if is_moving(evidence, name) else []
     if truth.touches_robot(name):
         faults.append("not let go")
     support = surface.partition("/")[0]
@@ -47,7 +51,7 @@ def surface_pose(evidence: Evidence, name: str) -> tuple[PlacedFurniture, Pose, 
     The room is what there is up to the next surface above, metres; infinite without one.
     """
     wanted, _, part = name.partition("/")
-    piece = next(p for p in evidence.session.setup.world.furniture if p.name == wanted)
+    piece = next(p for p in evidence.task.world.furniture if p.name == wanted)
     surface = next(s for s in piece.model.all_surfaces if part in ("", s.name))
     z = float(surface.pose.position[2])
     above = [float(s.pose.position[2]) - z for s in piece.model.all_surfaces]
@@ -59,7 +63,7 @@ def surface_pose(evidence: Evidence, name: str) -> tuple[PlacedFurniture, Pose, 
 def moved_by_drawer(evidence: Evidence, name: str) -> Pose:
     """How far the drawer that a surface belongs to is open, in the furniture frame; nothing for other surfaces."""
     wanted, _, part = name.partition("/")
-    piece = next(p for p in evidence.session.setup.world.furniture if p.name == wanted)
+    piece = next(p for p in evidence.task.world.furniture if p.name == wanted)
     leaf = piece.model.leaf_of(part)
     if leaf is None:
         return Pose()

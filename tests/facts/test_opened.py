@@ -5,9 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from bestman_bt.evaluation.predicates.opened import opened
-from tests.evaluation.predicates.scripted import ScriptedEnd
-from tests.evaluation.predicates.staged import Staged, judged, why
+from tests.facts.scripted import ScriptedEnd
+from tests.facts.staged import Staged, judged, why
 
 DRAWER = {
     "scene": "chest_room",
@@ -30,9 +29,9 @@ def test_another_drawer_does_not_count_and_an_open_one_may_be_asked_to_be_shut()
     assert opening is not None
     other = "drawer_chest/drawer_1" if opening.articulation != "drawer_chest/drawer_1" else "drawer_chest/drawer_2"
     end.truth.opened = {other: 0.3}
-    assert opened(end.evidence()).holds
+    assert end.verdict("opened").holds
     end.truth.opened = {opening.articulation: 0.3}
-    assert not opened(end.evidence()).holds
+    assert not end.verdict("opened").holds
 
 
 @pytest.mark.parametrize(
@@ -56,7 +55,7 @@ def test_an_opening_between_two_limits_is_held_to_both(task: str, asked: str, un
         (opening.at_most + unit / 2, "at most"),
     ):
         end.truth.opened = {opening.articulation: position}
-        verdict = opened(end.evidence())
+        verdict = end.verdict("opened")
         assert verdict.holds is (words == "")
         assert words in verdict.why
         assert verdict.metrics == {metric: pytest.approx(position / unit)}

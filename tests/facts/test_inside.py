@@ -5,11 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bestman_bt.evaluation.predicates.inside import inside
 from bestman_bt.messages import Pose
 from bestman_bt.runtime import Session
-from tests.evaluation.predicates.scripted import ScriptedEnd
-from tests.evaluation.predicates.staged import Staged, judged
+from tests.facts.scripted import ScriptedEnd
+from tests.facts.staged import Staged, judged
 
 PUT_AWAY = {
     "scene": "put_away",
@@ -53,7 +52,7 @@ def test_a_cup_in_the_closed_drawer_is_put_away_and_in_the_open_one_it_is_not(tm
 
 def test_a_cup_that_is_still_on_the_table_is_not(chest: ScriptedEnd) -> None:
     chest.put("cup", chest.surface("table/top") @ IN_THE_MIDDLE, "table")
-    assert inside(chest.evidence()).why == f"the cup is not inside {DRAWER}, not standing on the drawer_chest"
+    assert chest.verdict("inside").why == f"the cup is not inside {DRAWER}, not standing on the drawer_chest"
 
 
 @pytest.mark.parametrize("opened", [0.0, 0.25])
@@ -61,18 +60,18 @@ def test_an_open_drawer_is_where_it_is_and_not_where_it_was(chest: ScriptedEnd, 
     chest.truth.opened[DRAWER] = 0.25
     moved = opened_by(chest, opened)
     chest.truth.poses["cup"] = Pose(chest.truth.poses["cup"].position + moved.position)
-    assert inside(chest.evidence()).holds is (opened == 0.25)
+    assert chest.verdict("inside").holds is (opened == 0.25)
 
 
 def test_in_a_drawer_a_cup_may_lie(chest: ScriptedEnd) -> None:
     lying = chest.truth.poses["cup"] @ Pose.from_xyz_rpy((0.0, 0.0, 0.0), (1.5, 0.0, 0.0))
     chest.truth.poses["cup"] = lying
-    assert inside(chest.evidence()).holds
+    assert chest.verdict("inside").holds
     chest.truth.touched.add("cup")
-    assert inside(chest.evidence()).why == "the cup is not let go"
+    assert chest.verdict("inside").why == "the cup is not let go"
 
 
 @pytest.mark.parametrize("other", ["drawer_2", "top"])
 def test_another_drawer_or_the_top_is_not_the_drawer(chest: ScriptedEnd, other: str) -> None:
     chest.put("cup", chest.surface(f"drawer_chest/{other}") @ IN_THE_MIDDLE, "drawer_chest")
-    assert inside(chest.evidence()).why == f"the cup is not inside {DRAWER}"
+    assert chest.verdict("inside").why == f"the cup is not inside {DRAWER}"

@@ -10,15 +10,14 @@ import pytest
 from bestman_bt.configuration import ConfigurationError, load_run, load_task
 from bestman_bt.configuration.task import DriveConfig
 from bestman_bt.evaluation.episode import prepare_episode, run_episode
-from bestman_bt.evaluation.predicates.at_goal import at_goal
+from bestman_bt.facts.goals.at_goal import AtGoal, base_footprint, drive_goal, true_costmap
 from bestman_bt.messages import Pose2D, wrap_angle
 from bestman_bt.navigation.global_planning import Costmap
 from bestman_bt.robot_model import load_robot_model
-from bestman_bt.runtime.drive_goals import base_footprint, drive_goal, true_costmap
 from bestman_bt.runtime.setup import Setup, prepare
 from bestman_bt.scene import SceneError, draw_world, load_scene, semantic_map
-from tests.evaluation.predicates.scripted import ScriptedEnd
-from tests.evaluation.predicates.staged import Staged, judged, why
+from tests.facts.scripted import ScriptedEnd
+from tests.facts.staged import Staged, judged, why
 
 DRIVE = {"scene": "kitchen", "predicate": "at_goal", "drive": {"distance": "2 m"}}
 
@@ -29,8 +28,7 @@ def setups() -> list[Setup]:
 
 
 def goal_of(setup: Setup) -> Pose2D:
-    assert setup.drive_goal is not None
-    return setup.drive_goal
+    return next(goal.pose for goal in setup.asked if isinstance(goal, AtGoal))
 
 
 def test_a_base_that_stayed_where_it_was_is_told_by_how_much_it_is_off(tmp_path: Path) -> None:
@@ -48,7 +46,7 @@ def test_the_tolerance_of_position_is_that_of_the_task(seed: int, share: float, 
     goal, tolerance = goal_of(end.setup), end.setup.config.task.tolerances.position
     off = share * tolerance
     end.truth.base = Pose2D(goal.x + off * math.cos(direction), goal.y + off * math.sin(direction), goal.theta)
-    verdict = at_goal(end.evidence())
+    verdict = end.verdict("at_goal")
     assert verdict.metrics["final_error_mm"] == pytest.approx(1e3 * off)
     assert verdict.metrics["final_yaw_deg"] == pytest.approx(0.0, abs=1e-9)
     assert verdict.holds is (share < 1.0)
@@ -64,7 +62,7 @@ def test_the_tolerance_of_yaw_holds_both_ways_round(sign: float, turns: int, sha
     assert tolerance is not None
     off = share * tolerance
     end.truth.base = Pose2D(goal.x, goal.y, wrap_angle(goal.theta + sign * off) - turns * 2 * math.pi * sign)
-    verdict = at_goal(end.evidence())
+    verdict = end.verdict("at_goal")
     assert verdict.metrics["final_yaw_deg"] == pytest.approx(math.degrees(off))
     assert verdict.holds is (share < 1.0)
     assert verdict.why == ("" if share < 1.0 else f"the base is turned away by {math.degrees(off):.1f}°")
@@ -74,7 +72,7 @@ def test_the_heading_is_asked_for_only_where_the_task_has_a_tolerance_of_yaw() -
     end = ScriptedEnd("navigate_kitchen", "tolerances.yaw=null", seed=2)
     goal = goal_of(end.setup)
     end.truth.base = Pose2D(goal.x, goal.y, goal.theta + 3.0)
-    verdict = at_goal(end.evidence())
+    verdict = end.verdict("at_goal")
     assert verdict.holds
     assert verdict.metrics["final_yaw_deg"] == pytest.approx(math.degrees(3.0))
 
@@ -83,8 +81,8 @@ def test_the_way_driven_is_told_as_a_multiple_of_the_shortest_one() -> None:
     end = ScriptedEnd("navigate_kitchen", seed=2)
     goal, start = goal_of(end.setup), end.setup.world.robot_start
     end.truth.base = goal
-    ratio = at_goal(end.evidence(driven=6.0)).metrics["path_ratio"]
-    assert at_goal(end.evidence(driven=3.0)).metrics["path_ratio"] == pytest.approx(ratio / 2)
+    ratio = end.verdict("at_goal", driven=6.0).metrics["path_ratio"]
+    assert end.verdict("at_goal", driven=3.0).metrics["path_ratio"] == pytest.approx(ratio / 2)
     assert goal.distance_to(start) <= 6.0 / ratio * (1 + 1e-9)
     assert 6.0 / ratio < 1.5 * goal.distance_to(start)
 

@@ -8,11 +8,10 @@ import numpy as np
 import pytest
 
 from bestman_bt.configuration import load_run
-from bestman_bt.evaluation.predicates.placed import placed
 from bestman_bt.messages import Pose
 from bestman_bt.runtime import Session, prepare
-from tests.evaluation.predicates.scripted import ScriptedEnd, shifted, turned
-from tests.evaluation.predicates.staged import NOTHING, Staged, judged
+from tests.facts.scripted import ScriptedEnd, shifted, turned
+from tests.facts.staged import NOTHING, Staged, judged
 
 SET_TABLE = {
     "scene": "set_table",
@@ -85,7 +84,7 @@ def laid_table(prepared: ScriptedEnd) -> ScriptedEnd:
 def off(end: ScriptedEnd, name: str, change: Callable[[Pose], Pose]) -> tuple[str, dict[str, float]]:
     """What the judge says with one thing changed, and what it measures."""
     end.truth.poses[name] = change(end.truth.poses[name])
-    verdict = placed(end.evidence())
+    verdict = end.verdict("placed")
     assert verdict.holds is (verdict.why == "")
     return verdict.why, verdict.metrics
 
@@ -121,17 +120,17 @@ def test_a_thing_that_is_held_or_tilted_or_gone_is_not_placed_and_the_others_do_
     laid_table: ScriptedEnd,
 ) -> None:
     laid_table.truth.touched.add("mug")
-    assert placed(laid_table.evidence()).why == "the mug is not let go"
+    assert laid_table.verdict("placed").why == "the mug is not let go"
     laid_table.truth.touched.clear()
     laid_table.truth.on["fork"] = ("counter", "plate")
-    assert placed(laid_table.evidence()).why == "the fork is not standing on the table"
+    assert laid_table.verdict("placed").why == "the fork is not standing on the table"
     laid_table.truth.on["fork"] = ("table", "plate")
     tilted = Pose.from_xyz_rpy((0.0, 0.0, 0.0), (math.radians(11), 0.0, 0.0))
     told, metrics = off(laid_table, "plate", lambda pose: pose @ tilted)
     assert told == "the plate is tilted by 11°"
     assert metrics["tilt_deg"] == pytest.approx(11.0)
     stood = laid_table.truth.poses.pop("plate")
-    assert placed(laid_table.evidence()).why == "there is no plate in the scene"
+    assert laid_table.verdict("placed").why == "there is no plate in the scene"
     laid_table.truth.poses["plate"] = stood
 
 
@@ -143,6 +142,6 @@ def test_in_an_open_drawer_of_a_chest_that_stands_askew_the_goal_has_gone_with_t
     piece = next(piece for piece in end.setup.world.furniture if piece.name == "drawer_chest")
     out = -piece.pose.rotation[:, 0]
     end.put("cup", Pose(goal.pose.position + (0.2 - error) * out, goal.pose.quaternion), "drawer_chest")
-    verdict = placed(end.evidence())
+    verdict = end.verdict("placed")
     assert verdict.metrics["place_error_mm"] == pytest.approx(1e3 * error, abs=1e-6)
     assert verdict.holds is (error == 0.0)

@@ -1,0 +1,50 @@
+"""``lifted``: an object is in the hand, above where it stood, and stays there."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any, ClassVar
+
+from bestman_bt.configuration import Problem
+from bestman_bt.configuration.task import LiftConfig
+from bestman_bt.facts.evidence import Evidence, Verdict
+from bestman_bt.facts.goals.goal import Goal
+from bestman_bt.facts.standing import is_moving
+from bestman_bt.robot_model import ArmModel
+
+
+class Lifted(Goal[LiftConfig]):
+    """Touched by the robot and by nothing else, as high as asked, at rest."""
+
+    fields = ("lift",)
+    measures: ClassVar[Mapping[str, tuple[str, ...]]] = {"lifted": ("lifted_mm",)}
+
+    def problems(self) -> Iterator[Problem]:
+        """No arm; unknown names."""
+        yield from self.missing_part(ArmModel, "an arm")
+        yield from self.unknown_object(("lift", "object"), self.asked.object)
+        yield from self.unknown_surface(("lift", "source"), self.asked.source)
+
+    def entries(self) -> dict[str, Any]:
+        """``object``, ``source``."""
+        return {"object": self.asked.object, "source": self.asked.source}
+
+    def subjects(self) -> list[str]:
+        """The object."""
+        return [self.asked.object]
+
+    def judged(self, predicate: str, evidence: Evidence) -> Verdict:
+        """Metric: how high it is above where the seed has put it."""
+        name, truth = self.asked.object, evidence.truth
+        if name not in evidence.before:
+            return Verdict(False, f"there is no {name} in the scene")
+        stood = next(thing.pose for thing in self.world.objects if thing.name == name)
+        height = float(truth.object_pose(name).position[2] - stood.position[2])
+        faults = []
+        if height < self.asked.height:
+            faults.append(f"{1e3 * height:.0f} mm above where it stood, {1e3 * self.asked.height:.0f} mm are asked")
+        if not truth.touches_robot(name):
+            faults.append("not in the hand")
+        faults += [f"touching the {other}" for other in truth.supports(name)]
+        faults += ["still moving"] if is_moving(evidence, name) else []
+        return Verdict.on(name, faults, {"lifted_mm": 1e3 * height})

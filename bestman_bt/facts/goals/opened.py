@@ -1,0 +1,76 @@
+"""``opened``: a door or drawer is as far open, or as far closed, as the task asks."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from typing import Any, ClassVar
+
+from bestman_bt.configuration import Problem
+from bestman_bt.configuration.quantity import parse_quantity
+from bestman_bt.configuration.task import OpeningConfig
+from bestman_bt.facts.evidence import Evidence, Verdict
+from bestman_bt.facts.goals.goal import Goal, unknown
+
+
+class Opened(Goal[OpeningConfig]):
+    """``at_least`` ≤ how far it is open ≤ ``at_most``."""
+
+    fields = ("opening",)
+    measures: ClassVar[Mapping[str, tuple[str, ...]]] = {"opened": ("angle_deg", "opening_mm")}
+
+    @property
+    def _limits(self) -> dict[str, float]:
+        limits = {"at_least": self.asked.at_least, "at_most": self.asked.at_most}
+        return {name: value for name, value in limits.items() if value is not None}
+
+    def problems(self) -> Iterator[Problem]:
+        """An unknown door or drawer, and how far it shall be open: in a unit of its joint, and where that can be."""
+        name = self.asked.articulation
+        leaves = {
+            f"{piece.name}/{leaf.name}": leaf for piece in self.world.furniture for leaf in piece.model.articulations
+        }
+        yield from unknown(self.config, ("opening", "articulation"), name, leaves, "the scene has no door or drawer")
+        if name not in leaves:
+            return
+        leaf = leaves[name]
+        dimension, scale, unit = (
+            ("angle", math.degrees(1.0), " deg") if leaf.kind == "revolute" else ("length", 100.0, " cm")
+        )
+        written = self.config.written.data.get("opening") or {}
+        for field, value in self._limits.items():
+            try:
+                parse_quantity(written.get(field, value), dimension)
+            except ValueError as error:
+                yield self.config.problem(("opening", field), f"{name!r} has a {leaf.kind} joint: {error}")
+                continue
+            if not 0.0 <= value <= leaf.upper:
+                limits = f"opens from 0 to {scale * leaf.upper:.4g}{unit}, got {scale * value:.4g}{unit}"
+                yield self.config.problem(("opening", field), f"{name!r} {limits}")
+
+    def entries(self) -> dict[str, Any]:
+        """``articulation``, ``furniture``, and the limits that are asked."""
+        name = self.asked.articulation
+        return {"articulation": name, "furniture": name.partition("/")[0], **self._limits}
+
+    def subjects(self) -> list[str]:
+        """The door or drawer."""
+        return [self.asked.articulation]
+
+    def judged(self, predicate: str, evidence: Evidence) -> Verdict:
+        """Metrics: ``angle_deg`` of a door, ``opening_mm`` of a drawer."""
+        name = self.asked.articulation
+        furniture, _, part = name.partition("/")
+        piece = next(p for p in self.world.furniture if p.name == furniture)
+        leaf = next(a for a in piece.model.articulations if a.name == part)
+        scale, unit, metric = (
+            (math.degrees(1.0), "°", "angle_deg") if leaf.kind == "revolute" else (1e3, " mm", "opening_mm")
+        )
+        position = evidence.truth.articulation_position(name)
+        faults = []
+        if self.asked.at_least is not None and position < self.asked.at_least:
+            faults.append(f"at least {scale * self.asked.at_least:.0f}{unit} are asked")
+        if self.asked.at_most is not None and position > self.asked.at_most:
+            faults.append(f"at most {scale * self.asked.at_most:.0f}{unit} are asked")
+        why = f"the {name} is open by {scale * position:.1f}{unit}, {', '.join(faults)}" if faults else ""
+        return Verdict(not faults, why, {metric: scale * position})

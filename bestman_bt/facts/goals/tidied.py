@@ -1,0 +1,62 @@
+"""``tidied``: all objects that the task lists stand within a region."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any, ClassVar
+
+import numpy as np
+
+from bestman_bt.configuration import Problem
+from bestman_bt.configuration.task import TidyConfig
+from bestman_bt.facts.evidence import Evidence, Verdict, joined
+from bestman_bt.facts.goals.goal import Goal
+from bestman_bt.facts.standing import rest_faults, surface_pose, tilt_fault
+
+
+class Tidied(Goal[TidyConfig]):
+    """The middle of each listed object that is there lies within the region; upright, let go, at rest."""
+
+    fields = ("tidy",)
+    measures: ClassVar[Mapping[str, tuple[str, ...]]] = {"tidied": ("outside_mm", "tidied_share")}
+
+    def problems(self) -> Iterator[Problem]:
+        """Unknown names."""
+        for index, name in enumerate(self.asked.objects):
+            yield from self.unknown_object(("tidy", "objects", index), name)
+        yield from self.unknown_surface(("tidy", "source"), self.asked.source)
+        yield from self.unknown_surface(("tidy", "surface"), self.asked.surface)
+
+    def entries(self) -> dict[str, Any]:
+        """``objects``, ``source``, ``target``, ``region_x``, ``region_y``."""
+        asked = self.asked
+        region = {"region_x": list(asked.x), "region_y": list(asked.y)}
+        return {"objects": list(asked.objects), "source": asked.source, "target": asked.surface, **region}
+
+    def subjects(self) -> list[str]:
+        """The objects."""
+        return list(self.asked.objects)
+
+    def judged(self, predicate: str, evidence: Evidence) -> Verdict:
+        """Metrics: ``outside_mm`` of the worst, 0 inside, and ``tidied_share``, of those that are there."""
+        tidy = self.asked
+        present = [name for name in tidy.objects if name in evidence.before]
+        if not present:
+            return Verdict(False, f"none of {', '.join(tidy.objects)} is in the scene")
+        _, map_from_surface, _, room = surface_pose(evidence, tidy.surface)
+        lower, upper = np.array([tidy.x[0], tidy.y[0]]), np.array([tidy.x[1], tidy.y[1]])
+        verdicts, outside = [], []
+        for name in present:
+            pose = evidence.truth.object_pose(name)
+            local = map_from_surface.inverse().apply(pose.position[None])[0]
+            off = float(np.linalg.norm(np.maximum(np.maximum(lower - local[:2], local[:2] - upper), 0.0)))
+            outside.append(1e3 * off)
+            faults = [f"{1e3 * off:.0f} mm outside the region"] if off > 0.0 else []
+            if not 0.0 < local[2] < room:
+                faults.append(f"not above {tidy.surface}")
+            faults += tilt_fault(evidence, pose)
+            faults += rest_faults(evidence, name, tidy.surface)
+            verdicts.append(Verdict.on(name, faults))
+        told = joined(verdicts)
+        share = sum(verdict.holds for verdict in verdicts) / len(verdicts)
+        return Verdict(told.holds, told.why, {"outside_mm": max(outside), "tidied_share": share})

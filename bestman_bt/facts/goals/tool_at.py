@@ -1,0 +1,53 @@
+"""``tool_at``: the tool of the robot's arm is where it was asked to be."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from typing import Any, ClassVar
+
+import numpy as np
+
+from bestman_bt.configuration import Problem
+from bestman_bt.configuration.task import ReachConfig
+from bestman_bt.facts.evidence import Evidence, Verdict
+from bestman_bt.facts.goals.goal import Goal
+from bestman_bt.messages import Pose
+from bestman_bt.robot_model import ArmModel
+
+
+class ToolAt(Goal[ReachConfig]):
+    """Within the tolerances of position and, all axes together, of ``tilt``."""
+
+    fields = ("reach",)
+    measures: ClassVar[Mapping[str, tuple[str, ...]]] = {"tool_at": ("tool_error_mm", "tool_error_deg")}
+
+    @property
+    def pose(self) -> Pose:
+        """Where the tool shall be, map_from_tool: it points down; of a range of heights the seed chooses one."""
+        goal = self.world.goals[self.asked.goal]
+        height = float(np.random.default_rng([self.config.seed, 4]).uniform(*self.asked.height))
+        return Pose.from_xyz_rpy(goal.position + np.array([0.0, 0.0, height]), (math.pi, 0.0, goal.yaw))
+
+    def problems(self) -> Iterator[Problem]:
+        """No arm; an unknown goal of the scene."""
+        yield from self.missing_part(ArmModel, "an arm")
+        yield from self.unknown_place(("reach", "goal"), self.asked.goal)
+
+    def entries(self) -> dict[str, Any]:
+        """``goal``."""
+        return {"goal": self.pose}
+
+    def judged(self, predicate: str, evidence: Evidence) -> Verdict:
+        """Metrics: how far off the tool is, and how far it is turned."""
+        tolerances = self.config.task.tolerances
+        off = self.pose.inverse() @ evidence.truth.frame_pose(evidence.tool_frame)
+        distance = float(np.linalg.norm(off.position))
+        angle = 2.0 * math.acos(min(1.0, abs(float(off.quaternion[3]))))
+        faults = []
+        if distance > tolerances.position:
+            faults.append(f"{1e3 * distance:.0f} mm from the goal")
+        if angle > tolerances.tilt:
+            faults.append(f"turned away by {math.degrees(angle):.0f}°")
+        metrics = {"tool_error_mm": 1e3 * distance, "tool_error_deg": math.degrees(angle)}
+        return Verdict.on("tool", faults, metrics)
