@@ -161,7 +161,8 @@ def overlapping_pairs(robot: RobotModel) -> list[tuple[str, str]]:
 
 def _limits(chain: Sequence[ET.Element]) -> tuple[dict[str, list[float]], list[str]]:
     limits: dict[str, list[float]] = {key: [] for key in ("lower", "upper", "velocity", "acceleration", "effort")}
-    missing, faults = [], []
+    missing: list[str] = []
+    faults: list[str] = []
     for joint in chain:
         limit = joint.find("limit")
         given = {} if limit is None else {key: float(value) for key, value in limit.attrib.items()}
