@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
 from bestman_bt.messages import Pose
+from bestman_bt.registry import suggestion
 from bestman_bt.world_model import WorldModel
 
 FLOOR = "floor"
@@ -18,6 +20,8 @@ MAX_FORCE = 200.0
 """Newtons that a finger and an object, or an object and its support, may press on each other by default."""
 MAX_HANDLE_FORCE = 600.0
 """Newtons on a door or drawer by default: an end stop pushes back hard for a moment."""
+MOST_FORCE = 600.0
+"""Newtons that no skill may declare more than: six times what the strongest gripper that is shipped presses, 100 N."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,6 +39,21 @@ class Contact:
     max_force: float
     on: str = ""
     skill: str = ""
+
+    def fault(self, objects: Collection[str]) -> str:
+        """What is wrong with the declaration, and what would be right; empty where nothing is.
+
+        ``objects``: the names that the robot knows.
+        """
+        if not 0.0 < self.max_force <= MOST_FORCE:
+            return f"max_force should be more than 0 and at most {MOST_FORCE:g} N, got {self.max_force:g}"
+        if self.kind != "handle" and self.thing not in objects:
+            return f"it should name one object that the robot knows, got {self.thing!r}; " + suggestion(
+                self.thing, list(objects)
+            )
+        if self.kind == "handle" and "/" not in self.thing:
+            return f"it should name one door or drawer, 'furniture/leaf', got {self.thing!r}"
+        return ""
 
 
 def grasp(thing: str, max_force: float = MAX_FORCE) -> Contact:

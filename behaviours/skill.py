@@ -198,9 +198,14 @@ class Skill(Explained, StatefulAction):
     def touching(self, *contacts: Contact) -> Iterator[None]:
         """Declare contacts for as long as the block lasts, before they are made; all others count as collisions.
 
-        A contact that began within the block may go on after it: what was grasped stays in the hand.
+        A contact that began within the block may go on after it: what was grasped stays in the hand. Raises NodeError
+        for an object that the robot does not know, and for more than ``MOST_FORCE``.
         """
         skills = self.skills
+        known = [*skills.world.models, *skills.world.objects]
+        for contact in contacts:
+            if fault := contact.fault(known):
+                raise self._mistake(self.execute, f"declares a contact, {contact.kind}, that is refused: {fault}")
         declared = [replace(contact, skill=self.path) for contact in contacts]
         skills.contacts += declared
         for contact in declared:

@@ -159,11 +159,13 @@ class Session(AbstractContextManager["Session"]):
 
         Without a goal the result is ``success`` where the tree succeeded and the audit is clean, and ``not_judged``
         says so. The audit is of the whole session. ``folder`` receives ``result.json`` and the record of the run.
-        Raises as ``load``, before anything moves.
+        Raises as ``load``, before anything moves; ConfigurationError, too, for a ``folder`` that holds a run already.
         """
+        from bestman_bt.evaluation.run_folder import claim_run_folder
+
         kept = None if folder is None else Path(folder)
         if kept is not None:
-            kept.mkdir(parents=True, exist_ok=True)
+            claim_run_folder(kept)
         result = self._open.run(tree, kept)
         if kept is not None:
             result.write(kept / "result.json")

@@ -65,6 +65,8 @@ def test_runs_of_a_session_follow_each_other_and_are_judged(tmp_path: Path) -> N
         result = session.run(CARRY, tmp_path / "run")
         assert (result.outcome, result.judged) == (Outcome.SUCCESS, False)
         assert json.loads((tmp_path / "run" / "result.json").read_text()) == result.to_document()
+        with pytest.raises(bt.Error, match=r"holds a run already \(result\.json, .*name another folder"):
+            session.run(CARRY, tmp_path / "run")
         session.load(CARRY.replace("carry", "home"))
         before = session.robot.clock.now()
         assert session.tick() == RUNNING

@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
-from behaviours.contacts import Contact
+from behaviours.contacts import MOST_FORCE, Contact
 
 if TYPE_CHECKING:
     from hal.simulation import ContactIncident
@@ -21,8 +21,6 @@ BEFORE = 0.1
 """Seconds before the tick after which a declaration is seen at which it may have been made: two ticks at 20 Hz."""
 AFTER = 0.25
 """Seconds by which a contact may be interrupted and still count as the same, as the monitor counts."""
-MOST_FORCE = 600.0
-"""Newtons that no skill can raise its limit beyond."""
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Run folders: ``runs/<time>-<task>-<seed>/``."""
+"""Run folders: ``runs/<time>-<task>-<seed>/``, and those that a program names."""
 
 from __future__ import annotations
 
@@ -6,6 +6,9 @@ from datetime import datetime
 from pathlib import Path
 
 from bestman_bt.configuration import ConfigurationError, Problem, RunConfig, dump_run
+from bestman_bt.records.writer import EVENTS_FILE, LOG_FILE, STATES_FILE
+
+RESULT_NAME = "result.json"
 
 
 def make_run_folder(config: RunConfig, parent: Path = Path("runs")) -> Path:
@@ -28,3 +31,16 @@ def make_run_folder(config: RunConfig, parent: Path = Path("runs")) -> Path:
             raise ConfigurationError([Problem(f"--runs {parent}", None, "", message)]) from error
     (folder / "config.yaml").write_text(dump_run(config, absolute=True), encoding="utf-8")
     return folder
+
+
+def claim_run_folder(folder: Path) -> None:
+    """Make the folder that a program names for one run; ConfigurationError where it holds a run already."""
+    there = [name for name in (RESULT_NAME, STATES_FILE, EVENTS_FILE, LOG_FILE) if (folder / name).exists()]
+    message = f"holds a run already ({', '.join(there)}); name another folder, one for each run"
+    if not there:
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            return
+        except OSError as error:
+            message = f"no run folder can be made there: {error.strerror}"
+    raise ConfigurationError([Problem(f"folder={str(folder)!r}", None, "", message)])

@@ -12,11 +12,12 @@ from bestman_bt.messages import Pose2D
 def test_a_log_line_holds_values_of_its_own_blackboard(caplog: pytest.LogCaptureFixture) -> None:
     registry = NodeRegistry()
     registry.register(Log)
+    registry.register(Log, "Say")
     tree = load_tree(
         """<root BTCPP_format="4" main_tree_to_execute="Main">
         <BehaviorTree ID="Main"><Sequence>
           <Script code="object := 'cup'; count := 3; inner := 'outside'"/>
-          <Log text="{object} and {count}"/><Log text="{count}"/><Log text="the {object} is on {where}"/>
+          <Log text="{object} and {count}"/><Say text="{count}"/><Log text="the {object} is on {where}"/>
           <SubTree ID="Inner" thing="{object}"/>
         </Sequence></BehaviorTree>
         <BehaviorTree ID="Inner"><Log text="{thing}, {inner}, {@count}"/></BehaviorTree></root>""",
@@ -26,7 +27,7 @@ def test_a_log_line_holds_values_of_its_own_blackboard(caplog: pytest.LogCapture
         assert tree.tick_once() == SUCCESS
     said = ["cup and 3", "3", "the cup is on {where}", "cup, {inner}, 3"]
     assert [record.getMessage() for record in caplog.records] == said
-    assert [node.feedback_message for node in tree.nodes if node.type_id == "Log"] == said
+    assert [node.feedback_message for node in tree.nodes if isinstance(node, Log)] == said
 
 
 @pytest.mark.parametrize(
@@ -46,6 +47,7 @@ def test_a_log_line_holds_values_of_its_own_blackboard(caplog: pytest.LogCapture
 def test_numbers_in_a_log_line_are_rounded_to_six_decimals_and_texts_stay(value: object, said: str) -> None:
     registry = NodeRegistry()
     registry.register(Log)
+    registry.register(Log, "Say")
     body = '<Log text="it is {value}"/>'
     tree = load_tree(f'<root BTCPP_format="4"><BehaviorTree ID="Main">{body}</BehaviorTree></root>', registry)
     tree.blackboard["value"] = value

@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 import pytest
 from py_trees.ports import PortInformation
 
-from behaviours.contacts import Contact
+from behaviours.contacts import Contact, grasp, handle, push, support
 from behaviours.skill import Skill, SkillCondition, SkillFailure, Steps
 from bestman_bt.engine import FAILURE, RUNNING, SUCCESS, Node, NodeError, Tree, build_tree, load_tree
 from bestman_bt.manipulation.errors import ManipulationError
@@ -94,6 +94,16 @@ class TryTwice(Skill):
         yield self.skills.head.look_at([1.0, 0.0, 0.7])
 
 
+class Reach(Skill):
+    """Declares what it should not."""
+
+    declared: Contact
+
+    def execute(self) -> Steps:
+        with self.touching(self.declared):
+            yield self.skills.head.move_to([0.1, 0.1])
+
+
 class Press(Skill):
     """Says what it touches, moves the head, and ends as the port says; remarks on it the first time only."""
 
@@ -110,7 +120,7 @@ class Press(Skill):
 
 
 def load(robot: Session, body: str) -> Tree:
-    for leaf in (Think, Feel, Felt, Compared, Tidy, TryTwice, Press):
+    for leaf in (Think, Feel, Felt, Compared, Tidy, TryTwice, Press, Reach):
         if leaf.__name__ not in robot.setup.registry:
             robot.setup.registry.register(leaf)
     return robot.load(tree_of(body))
@@ -220,6 +230,32 @@ def test_contacts_are_declared_as_long_as_the_work_lasts_however_it_ends(bystand
     else:
         assert tick(tree, 100) == (SUCCESS if end == "success" else FAILURE)
     assert bystander.skills.contacts == []
+
+
+@pytest.mark.parametrize(
+    ("declared", "words"),
+    [
+        (grasp("*"), "grasp, that is refused: it should name one object that the robot knows, got '*'; known: "),
+        (push("cupp"), "got 'cupp'; did you mean 'cup'?"),
+        (support("", "table"), "got ''"),
+        (handle("*"), "it should name one door or drawer, 'furniture/leaf', got '*'"),
+        (grasp("cup", 601.0), "max_force should be more than 0 and at most 600 N, got 601"),
+        (grasp("cup", math.nan), "max_force should be more than 0"),
+    ],
+)
+def test_contacts_that_name_no_single_thing_or_too_much_force_are_refused(
+    bystander: Session, declared: Contact, words: str
+) -> None:
+    tree = load(bystander, "<Reach/>")
+    leaf_of(tree, Reach).declared = declared
+    with pytest.raises(NodeError) as raised:
+        tree.tick_once()
+    assert words in str(raised.value)
+    assert f"(at {__file__}:" in str(raised.value)
+    assert bystander.skills.contacts == []
+    leaf_of(tree, Reach).declared = grasp("cup", 600.0)
+    assert tree.tick_once() == RUNNING
+    tree.halt()
 
 
 def test_what_a_skill_said_the_last_time_is_not_said_again(bystander: Session) -> None:
