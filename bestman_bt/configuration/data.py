@@ -8,7 +8,7 @@ from difflib import get_close_matches
 from importlib.util import find_spec
 from pathlib import Path
 
-from bestman_bt.configuration.errors import ConfigurationError, Problem
+from bestman_bt.configuration.errors import ConfigurationError, Problem, ProblemCollector
 from bestman_bt.extras import install_command
 from bestman_bt.registry import suggestion
 
@@ -97,7 +97,7 @@ def find_data(kind: str, name: str | Path, asked_by: Problem | None = None) -> P
     """
     suffixes = _FOLDERS[kind][1]
     text = str(name)
-    place = asked_by or Problem(text, None, "", "")
+    place, wrong = asked_by or Problem(text, None, "", ""), ProblemCollector()
     if isinstance(name, Path) or _is_path(kind, text):
         path = Path(name)
         if path.is_file():
@@ -115,7 +115,11 @@ def find_data(kind: str, name: str | Path, asked_by: Problem | None = None) -> P
                 f"{text!r} is a combination of parts, which has no cameras, lidar and postures yet: write a robot file "
                 "(docs/add_your_robot.md), 'bestman-bt robot postures FILE' proposes postures for it"
             )
-    raise ConfigurationError([Problem(place.source, place.line, place.field, message)])
+            for part in text.split("+"):
+                with wrong.step():
+                    find_data("part", part, place)
+    wrong.problems.append(Problem(place.source, place.line, place.field, message))
+    raise ConfigurationError(wrong.problems)
 
 
 def _alike(kind: str, path: Path) -> str:

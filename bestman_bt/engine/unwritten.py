@@ -13,6 +13,7 @@ from bestman_bt.engine.errors import Problem
 from bestman_bt.engine.leaves.blackboard import WasEntryUpdated
 from bestman_bt.engine.leaves.native import PyTreesBehaviour
 from bestman_bt.engine.node import Node
+from bestman_bt.engine.ports import key_of
 from bestman_bt.engine.spelling import closest
 from bestman_bt.engine.tree import Tree
 
@@ -34,7 +35,8 @@ class UnwrittenRead:
 
     ``node``, ``port``, ``key``: where it is named outermost, which is the SubTree that hands it in, else the reader.
     ``fails``: whether reading it ends the tree, for the reader has no default. ``later``: the line of what writes it
-    only afterwards, 0 where no line is known; None: nothing in the tree writes it.
+    only afterwards, 0 where no line is known; None: nothing in the tree writes it. ``not_given``: the node is a SubTree
+    of another file, which reads the port and was not given it.
     """
 
     node: Node
@@ -43,9 +45,13 @@ class UnwrittenRead:
     fails: bool
     later: int | None
     suggestion: str
+    not_given: bool = False
 
     def problem(self, severity: str, why: str = "") -> Problem:
         """The same in words; ``why`` in place of what is known from the tree alone."""
+        if self.not_given:
+            words = f"it is not given, and the tree '{self.node.type_id}' reads it"
+            return problem_at(self.node, self.port, words, self.suggestion, severity)
         if not why and self.later is None:
             why = "which nothing in the tree writes"
         elif not why:
@@ -82,12 +88,49 @@ def unwritten_reads(tree: Tree, given: Iterable[str] = ()) -> Iterator[Unwritten
         if written_by and not (_fails(tree, use) and all(_ended_before(use.node, writer) for writer in written_by)):
             continue
         node, port, key = named_at(tree, use)
+        outer = None if written_by else _subtree_of_another_file(tree, node)
+        if outer is not None:
+            node, port = outer, key
         if (id(node), id(use.slot)) not in reported:
             reported.add((id(node), id(use.slot)))
             later = min(writer.line for writer in written_by) if written_by else None
-            hint = "" if written_by else _hint(node, key, use.slot, writers)
+            hint = (
+                "" if written_by else _hint(node, key, use.slot, writers) if outer is None else _meant(tree, outer, key)
+            )
             fails = any(_fails(tree, other) for other in uses if other.slot is use.slot and not other.writes)
-            yield UnwrittenRead(node, port, key, fails, later, hint)
+            yield UnwrittenRead(node, port, key, fails, later, hint, outer is not None)
+
+
+def unread_ports(tree: Tree, subtree: decorators.SubTree) -> list[str]:
+    """Attributes of a SubTree that nothing within its tree reads or writes."""
+    path = subtree.subtree_path
+    inside = [node for node in tree.nodes if node.place is not None and f"{node.place.path}/".startswith(f"{path}/")]
+    if any(map(may_write_unseen, inside)):
+        return []
+    within = set(map(id, inside))
+    named = {use.key for use in entry_uses(tree) if id(use.node) in within}
+    named |= {key_of(value, port) for node in inside for port, value in node.attributes.items()}
+    return [port for port in subtree.attributes if port[0] != "_" and port not in (*named, "name", "ID")]
+
+
+def _subtree_of_another_file(tree: Tree, node: Node) -> decorators.SubTree | None:
+    """The SubTree, of a tree in another file, that lacks what a node reads there."""
+    subtrees = {one.subtree_path: one for one in tree.nodes if isinstance(one, decorators.SubTree)}
+    place = node.place
+    while place is not None and place.path:
+        outer = subtrees[place.path]
+        if outer.place is not None and outer.place.file != place.file:
+            return outer
+        if not place.board.autoremap:
+            break
+        place = outer.place
+    return None
+
+
+def _meant(tree: Tree, subtree: decorators.SubTree, key: str) -> str:
+    """Words that suggest the attribute of a SubTree that may stand for ``key``, or how to give that."""
+    hint = closest(key, unread_ports(tree, subtree))
+    return f"did you mean it by '{hint}'?" if hint else f'give {key}="…"'
 
 
 def entries_of(tree: Tree) -> tuple[dict[str, bool], list[str]]:

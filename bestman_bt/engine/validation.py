@@ -20,7 +20,7 @@ from bestman_bt.engine.registry import NodeRegistry
 from bestman_bt.engine.scripting import ScriptCompiler
 from bestman_bt.engine.spelling import closest
 from bestman_bt.engine.tree import Tree
-from bestman_bt.engine.unwritten import unwritten_reads
+from bestman_bt.engine.unwritten import unread_ports, unwritten_reads
 from bestman_bt.engine.xml.documents import Documents, read_documents
 
 _KNOWN_ATTRIBUTES = frozenset((*SCRIPT_ATTRIBUTES, "_autoremap", "_description", "_uid", "_fullpath"))
@@ -70,7 +70,7 @@ def tree_warnings(tree: Tree, given: Iterable[str] = ()) -> list[Problem]:
     uses = entry_uses(tree)
     written = {id(use.slot) for use in uses if use.writes}
     found = [read.problem("warning") for read in unwritten_reads(tree, given)]
-    found += [*_shadowing(tree, written), *_misspelt(tree)]
+    found += [*_shadowing(tree, written), *_misspelt(tree), *_unread(tree)]
     found.extend(_lost_writes(tree, uses))
     for child, sibling in unreachable_children(tree):
         message = f"it can never be ticked: '{sibling.name}' before it ends or blocks its parent"
@@ -105,6 +105,21 @@ def _shadowing(tree: Tree, written: set[int]) -> Iterator[Problem]:
             if id(node.board.slot(port)) in written:
                 message = "the literal shadows the entry of this name outside, which _autoremap would share"
                 yield _warning(node, port, message)
+
+
+def _unread(tree: Tree) -> Iterator[Problem]:
+    missing = {(read.node.uid, read.port) for read in unwritten_reads(tree) if read.not_given}
+    for node in tree.nodes:
+        for port in unread_ports(tree, node) if isinstance(node, SubTree) else ():
+            known = [name for uid, name in missing if uid == node.uid]
+            known += [
+                use.key
+                for use in entry_uses(tree)
+                if use.node.place is not None and use.node.place.path == node.subtree_path
+            ]
+            hint = closest(port, known)
+            message = f"nothing in the tree '{node.tree_id}' names it"
+            yield _warning(node, port, message, f"did you mean '{hint}'?" if hint else "")
 
 
 def _lost_writes(tree: Tree, uses: list[EntryUse]) -> Iterator[Problem]:

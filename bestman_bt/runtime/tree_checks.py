@@ -170,7 +170,7 @@ def unfilled_entries(tree: Tree, given: Collection[str], task: str | None) -> li
         if read.key in tree.left_out:
             continue
         why = ""
-        if read.key in TASK_ENTRIES and read.later is None and not read.suggestion:
+        if read.key in TASK_ENTRIES and read.later is None and not (read.suggestion or read.not_given):
             why = "which tasks fill, but no task is given" if task is None else f"which the task {task} does not fill"
         problems.append(read.problem("error" if read.fails and not unseen else "warning", why))
     return problems

@@ -36,6 +36,6 @@ def test_each_import_line_imports_its_class() -> None:
     for info in node_registry([]).manifest():
         names: dict[str, object] = {}
         exec(info.import_line, names)
-        assert names[info.name] is info.cls
+        assert names[info.cls.__name__] is info.cls
         own_page = info.cls.__module__.startswith("behaviours.nav2.")
         assert info.builtin or own_page or f"```python\n{info.import_line}\n" in PAGE

@@ -43,6 +43,11 @@ def test_a_path_means_that_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
         ("tree", "nowhere/tree.xml", "nowhere/tree.xml: no such tree file"),
         ("scene", "", "unknown scene ''"),
         ("scene", "../robots/column", "no such scene file"),
+        (
+            "robot",
+            "omni_base+iiwa_rm+wsg50",
+            "omni_base+iiwa_rm+wsg50: unknown part 'iiwa_rm'; did you mean 'iiwa_arm'?",
+        ),
         ("robot", "omni_base+iiwa_arm+wsg50", "has no cameras, lidar and postures yet: write a robot file"),
     ],
 )

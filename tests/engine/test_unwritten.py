@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import py_trees
 import pytest
 
 from bestman_bt.engine import SUCCESS, NodeRegistry, PortInformation, Sequence, SyncAction, build_tree, load_tree
 from bestman_bt.engine.unwritten import may_write_unseen, unwritten_reads
+from bestman_bt.engine.validation import validate_file
 
 
 class Grasp(SyncAction):
@@ -55,6 +58,34 @@ def test_through_two_subtrees_the_outermost_line_is_told(registry: NodeRegistry)
     assert message.startswith("<text>:2: <SubTree> port 'what': reads '{thing}'")
     assert told('<SubTree ID="Twice" what="{thing}"/>', registry, middle + TAKE, given=("thing",)) == []
     assert told('<SubTree ID="Twice" what="cup"/>', registry, middle + TAKE) == []
+
+
+def test_a_port_that_a_subtree_of_another_file_lacks_is_told_once_at_the_subtree(
+    registry: NodeRegistry, tmp_path: Path
+) -> None:
+    (tmp_path / "abilities.xml").write_text(
+        f'<root BTCPP_format="4">{TAKE}'
+        '<BehaviorTree ID="Twice"><SubTree ID="Take" object="{object}"/></BehaviorTree></root>'
+    )
+    tree = tmp_path / "tree.xml"
+    tree.write_text(
+        '<root BTCPP_format="4" main_tree_to_execute="M"><include path="abilities.xml"/>'
+        '<BehaviorTree ID="M"><Sequence>\n'
+        '<SubTree ID="Twice" objekt="cup"/>\n<SubTree ID="Twice"/>\n<SubTree ID="Take" _autoremap="true"/>\n'
+        '<SubTree ID="Take" object="cup" quick="true"/></Sequence></BehaviorTree></root>'
+    )
+    why = "<SubTree> port 'object': it is not given, and the tree 'Twice' reads it"
+    reads = unwritten_reads(load_tree(tree, registry))
+    assert [str(read.problem("error")).removeprefix(f"{tmp_path}/") for read in reads] == [
+        f"tree.xml:2: {why} (did you mean it by 'objekt'?)",
+        f'tree.xml:3: {why} (give object="…")',
+        f'tree.xml:4: {why.replace("Twice", "Take")} (give object="…")',
+    ]
+    unread = [str(one) for one in validate_file(tree, registry) if "names it" in one.message]
+    assert [one.removeprefix(f"{tmp_path}/") for one in unread] == [
+        "tree.xml:2: warning: <SubTree> port 'objekt': nothing in the tree 'Twice' names it (did you mean 'object'?)",
+        "tree.xml:5: warning: <SubTree> port 'quick': nothing in the tree 'Take' names it",
+    ]
 
 
 def test_a_port_that_may_be_empty_is_a_warning(registry: NodeRegistry) -> None:
