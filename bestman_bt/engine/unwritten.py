@@ -109,8 +109,8 @@ def unread_ports(tree: Tree, subtree: decorators.SubTree) -> list[str]:
         return []
     within = set(map(id, inside))
     named = {use.key for use in entry_uses(tree) if id(use.node) in within}
-    named |= {key_of(value, port) for node in inside for port, value in node.attributes.items()}
-    return [port for port in subtree.attributes if port[0] != "_" and port not in (*named, "name", "ID")]
+    keys = {key_of(value, port) for node in inside for port, value in node.attributes.items()}
+    return [port for port in subtree.attributes if port[0] != "_" and port not in (*named, *keys, "name", "ID")]
 
 
 def _subtree_of_another_file(tree: Tree, node: Node) -> decorators.SubTree | None:

@@ -20,7 +20,7 @@ from bestman_bt.engine.registry import NodeRegistry
 from bestman_bt.engine.scripting import ScriptCompiler
 from bestman_bt.engine.spelling import closest
 from bestman_bt.engine.tree import Tree
-from bestman_bt.engine.unwritten import unread_ports, unwritten_reads
+from bestman_bt.engine.unwritten import problem_at, unread_ports, unwritten_reads
 from bestman_bt.engine.xml.documents import Documents, read_documents
 
 _KNOWN_ATTRIBUTES = frozenset((*SCRIPT_ATTRIBUTES, "_autoremap", "_description", "_uid", "_fullpath"))
@@ -108,18 +108,16 @@ def _shadowing(tree: Tree, written: set[int]) -> Iterator[Problem]:
 
 
 def _unread(tree: Tree) -> Iterator[Problem]:
-    missing = {(read.node.uid, read.port) for read in unwritten_reads(tree) if read.not_given}
+    uses = entry_uses(tree)
     for node in tree.nodes:
-        for port in unread_ports(tree, node) if isinstance(node, SubTree) else ():
-            known = [name for uid, name in missing if uid == node.uid]
-            known += [
-                use.key
-                for use in entry_uses(tree)
-                if use.node.place is not None and use.node.place.path == node.subtree_path
-            ]
-            hint = closest(port, known)
+        if not isinstance(node, SubTree):
+            continue
+        path = f"{node.subtree_path}/"
+        inside = [one.key for one in uses if one.node.place is not None and f"{one.node.place.path}/".startswith(path)]
+        for port in unread_ports(tree, node):
+            hint = closest(port, inside)
             message = f"nothing in the tree '{node.tree_id}' names it"
-            yield _warning(node, port, message, f"did you mean '{hint}'?" if hint else "")
+            yield problem_at(node, port, message, f"did you mean '{hint}'?" if hint else "", "warning")
 
 
 def _lost_writes(tree: Tree, uses: list[EntryUse]) -> Iterator[Problem]:
