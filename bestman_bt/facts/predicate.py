@@ -9,9 +9,9 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from importlib import import_module
-from pathlib import Path
 from pkgutil import iter_modules
 
+from bestman_bt import facts
 from bestman_bt.world_model import WorldModel
 
 
@@ -59,8 +59,7 @@ class Predicate:
 
 def shipped_predicates() -> dict[str, Predicate]:
     """Those that the files of this folder make, by name."""
-    folder = __name__.rpartition(".")[0]
-    names = [found.name for found in iter_modules([str(Path(__file__).parent)]) if not found.ispkg]
-    modules = [import_module(f"{folder}.{name}") for name in names]
+    files = [found.name for found in iter_modules(facts.__path__, "bestman_bt.facts.") if not found.ispkg]
+    modules = map(import_module, files)
     made = [value for module in modules for value in vars(module).values() if isinstance(value, Predicate)]
     return {predicate.name: predicate for predicate in made}

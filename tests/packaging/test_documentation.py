@@ -20,6 +20,7 @@ from bestman_bt.robot_model import load_robot_model
 from bestman_bt.runtime import prepare, session
 from bestman_bt.runtime.algorithms import Algorithms
 from bestman_bt.runtime.plugins import node_registry
+from bestman_bt.runtime.task_goals import KINDS
 from bestman_bt.world_model import ObjectBelief
 
 CHECKOUT = Path(__file__).resolve().parents[2]
@@ -199,6 +200,19 @@ def test_the_make_targets_of_the_pages_exist() -> None:
 def test_the_page_of_parameters_is_up_to_date() -> None:
     written = runpy.run_path(str(CHECKOUT / "scripts" / "parameter_page.py"))["page"]()
     assert (DOCS / "parameters.md").read_text() == written, "run scripts/parameter_page.py"
+
+
+def test_the_table_of_facts_is_that_of_the_predicates() -> None:
+    written = runpy.run_path(str(CHECKOUT / "scripts" / "fact_table.py"))["page"]()
+    assert (DOCS / "task_planning.md").read_text() == written, "run scripts/fact_table.py"
+
+
+def test_all_that_a_task_may_ask_is_in_the_table_of_the_page() -> None:
+    rows = [row for row in (DOCS / "writing_a_task.md").read_text().splitlines() if row.startswith("| `")]
+    for kind in KINDS:
+        for field in kind.fields:
+            (row,) = [row for row in rows if row.startswith(f"| `{field}` |") and row.count("|") == 5]
+            assert any(f"`{predicate}`" in row for predicate in kind.measures)
 
 
 def test_parameters_have_units_where_their_descriptions_say_one() -> None:
