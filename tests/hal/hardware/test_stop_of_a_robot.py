@@ -85,6 +85,9 @@ class Controller(Connection):
     def close(self) -> None:
         self.calls.append("close")
 
+    def abandon(self) -> None:
+        self.calls.append("abandon")
+
     def heard(self) -> float:
         return self.clock.now() if self.silent_since is None else self.silent_since
 
@@ -174,7 +177,7 @@ def test_a_silent_controller_is_lost_and_connected_anew_even_if_it_is_heard_agai
     with pytest.raises(NotConnectedError):
         base.odometry()
     robot.clear_stop()
-    assert platform.calls == ["open", "close", "open"]
+    assert platform.calls == ["open", "abandon", "close", "open"]
     base.odometry()
     assert base.rotate(1.0).status is MotionStatus.RUNNING
 

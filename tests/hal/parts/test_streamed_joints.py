@@ -457,6 +457,11 @@ def test_a_trajectory_that_starts_a_little_off_fades_in(
     far = replace(trajectory, positions=trajectory.positions + np.array([0.351, 0, 0, 0, 0, 0, 0]))
     with pytest.raises(CommandRefusedError, match="within 0.05"):
         arm.follow(far)
+    arm, channel = make_arm()
+    channel.at = sideways(0.3)  # by hand
+    arm.follow(replace(trajectory, positions=trajectory.positions + sideways(0.3) - np.array(HOME)))
+    arm.cycle(PERIOD)
+    assert channel.at == pytest.approx(sideways(0.3), abs=0.001)
 
 
 class Torques(Joints):
