@@ -150,9 +150,10 @@ def test_a_fault_of_one_controller_fails_its_motions_and_stops_all_others(robot:
     assert robot.faults == {}
     assert controller(robot, "hand").calls == ["open", "recover"]
     assert controller(robot, "platform").calls == ["open"]
-    controller(robot, "hand").told = Failure(MotionErrorCode.FAULT, "again")
-    until(lambda: "hand" in robot.faults)  # it is noticed anew
+    controller(robot, "hand").told = Failure(MotionErrorCode.FAULT, "again", "gripper")
+    until(lambda: robot.stopped)  # it is noticed anew
     assert robot.faults["hand"].text == "again"
+    assert robot.diagnostics()["stopped"] == "yes: gripper: again"
 
 
 def test_after_a_fault_the_other_controllers_are_watched_on(robot: HardwareRobot) -> None:
