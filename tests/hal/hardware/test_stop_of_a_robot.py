@@ -221,6 +221,28 @@ def test_a_recovery_that_fails_leaves_the_robot_stopped_with_its_fault(robot: Ha
     assert not robot.stopped
 
 
+def test_the_loops_of_a_controller_run_from_its_opening_until_it_is_disconnected(
+    robot_model: RobotModel, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ticked = threading.Event()
+
+    class Looping(Controller):
+        def open(self) -> None:
+            super().open()
+            self.add_loop("ticks", 200.0, lambda elapsed: ticked.set())
+
+    monkeypatch.setattr(CONNECTIONS, "resolve", lambda driver: Looping)
+    robot = HardwareRobot(replace(robot_model, connections={"platform": ConnectionConfig("any", ("base",))}))
+    for _ in range(2):
+        ticked.clear()
+        robot.connect()
+        assert ticked.wait(PATIENCE)
+        assert "platform ticks" in robot.diagnostics()
+        robot.disconnect()
+        assert robot.connections["platform"].loops == ()
+        assert "platform ticks" not in {thread.name for thread in threading.enumerate()}
+
+
 def test_a_loop_that_crashes_is_a_fault_that_connecting_anew_clears(robot: HardwareRobot) -> None:
     platform = controller(robot, "platform")
 
