@@ -168,7 +168,8 @@ def test_told_another_place_it_begins_anew_and_is_lost_until_a_scan_fits_there()
     base = Cycle()
     base.steps(12)
     base.localizer.fits = False
-    base.steps(12)
+    base.steps(24)
+    assert not base.cycle.knows_where
     elsewhere = BasePose(Pose2D(5.0, 5.0, 1.0), 0.03, 0.05, 8.0)
     base.cycle.believe(elsewhere)
     assert base.world.base is elsewhere
