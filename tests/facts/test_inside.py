@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 
 import numpy as np
@@ -66,9 +67,15 @@ def test_an_open_drawer_is_where_it_is_and_not_where_it_was(chest: ScriptedEnd, 
 def test_in_a_drawer_a_cup_may_lie(chest: ScriptedEnd) -> None:
     lying = chest.truth.poses["cup"] @ Pose.from_xyz_rpy((0.0, 0.0, 0.0), (1.5, 0.0, 0.0))
     chest.truth.poses["cup"] = lying
-    assert chest.verdict("inside").holds
+    verdict = chest.verdict("inside")
+    assert (verdict.holds, verdict.why) == (True, "")
     chest.truth.touched.add("cup")
     assert chest.verdict("inside").why == "the cup is not let go"
+
+
+def test_a_cup_that_is_not_there_is_in_no_drawer(chest: ScriptedEnd) -> None:
+    verdict = chest.verdict("inside", dataclasses.replace(chest.evidence(), before={}))
+    assert (verdict.holds, verdict.why) == (False, "there is no cup in the scene")
 
 
 @pytest.mark.parametrize("other", ["drawer_2", "top"])

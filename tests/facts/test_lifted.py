@@ -83,6 +83,8 @@ def test_a_cup_that_is_held_against_something_is_not_lifted(in_hand: ScriptedEnd
 def test_a_cup_that_nothing_holds_is_not_lifted(in_hand: ScriptedEnd) -> None:
     in_hand.truth.touched.clear()
     assert in_hand.verdict("lifted").why == "the cup is not in the hand"
+    del in_hand.truth.poses["cup"]
+    assert in_hand.verdict("lifted").why == "there is no cup in the scene"
 
 
 @pytest.mark.parametrize(("slid", "why"), [(0.0009, ""), (0.0011, "the cup is still moving")])

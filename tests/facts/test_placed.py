@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from bestman_bt.configuration import load_run
+from bestman_bt.facts.goals.placed import Placed
 from bestman_bt.messages import Pose
 from bestman_bt.runtime import Session, prepare
 from tests.facts.scripted import ScriptedEnd, shifted, turned
@@ -116,6 +117,14 @@ def test_the_turn_is_measured_to_the_nearest_pose_that_looks_the_same(
     assert off(laid_table, "plate", lambda pose: turned(pose, 1.0))[0] == "", "a plate is the same from all sides"
 
 
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_the_turn_is_the_one_from_the_heading_that_is_asked(sign: float) -> None:
+    asked = Pose.from_xyz_rpy((1.0, 2.0, 0.7), (0.0, 0.0, 3.0))
+    for order, degrees, error in ((1, 25.0, 25.0), (2, 175.0, 5.0), (4, 50.0, 40.0)):
+        off = Placed._errors(turned(asked, sign * math.radians(degrees)), asked, order)["yaw_error_deg"]
+        assert off == pytest.approx(error)
+
+
 def test_a_thing_that_is_held_or_tilted_or_gone_is_not_placed_and_the_others_do_not_make_up_for_it(
     laid_table: ScriptedEnd,
 ) -> None:
@@ -144,4 +153,5 @@ def test_in_an_open_drawer_of_a_chest_that_stands_askew_the_goal_has_gone_with_t
     end.put("cup", Pose(goal.pose.position + (0.2 - error) * out, goal.pose.quaternion), "drawer_chest")
     verdict = end.verdict("placed")
     assert verdict.metrics["place_error_mm"] == pytest.approx(1e3 * error, abs=1e-6)
+    assert set(verdict.metrics) <= set(Placed.measures["placed"])  # of a single goal none has the object's name
     assert verdict.holds is (error == 0.0)
