@@ -13,14 +13,18 @@ def command(
     node: NodeArgument,
     run: RunOption = None,
     after: Annotated[bool, typer.Option("--after", help="Wait after the node's tick, not before.")] = False,
+    moment: Annotated[str, typer.Option("--when", metavar="before|after", hidden=True)] = "",
     condition: Annotated[
         str | None, typer.Option("--if", metavar="SCRIPT", help="Wait at the first tick at which it holds.")
     ] = None,
     once: Annotated[bool, typer.Option("--once", help="Clear it when it is reached.")] = False,
 ) -> None:
     """Let a running execution wait whenever it comes to a node; step and resume go on from there."""
+    when = moment or ("after" if after else "before")
+    if when not in ("before", "after") or (after and when == "before"):
+        message = f"waits before the node's tick, or with --after behind it, got '{moment}'"
+        raise typer.BadParameter(message, param_hint="--when")
     path, status = chosen(run)
-    when = "after" if after else "before"
     asked = {"node": node_of(node), "when": when, "condition": condition, "once": once}
     answer = ask(path, {"do": "breakpoint", **asked})
     made = next(one for one in answer["breakpoints"] if node in (one["path"], str(one["node"])) and one["when"] == when)

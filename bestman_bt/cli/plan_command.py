@@ -7,7 +7,8 @@ from __future__ import annotations
 import json
 import shlex
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -27,7 +28,7 @@ from bestman_bt.cli.options import (
     refuse_unwritable_folder,
     writable_file,
 )
-from bestman_bt.configuration import RunConfig
+from bestman_bt.configuration import ConfigurationError, ProblemCollector, RunConfig
 from bestman_bt.configuration.secret import shown_setting
 from bestman_bt.engine import render_svg
 from bestman_bt.errors import InputError
@@ -88,8 +89,6 @@ def command(
         raise wrong_input("bestman-bt plan", "give a text or --goal, one of them")
     if text is not None and not text.strip():
         raise wrong_input("bestman-bt plan", "the text is empty; say what is wanted")
-    if goal is not None:
-        goal = goal_as_facts(goal)  # an error in it is reported before a world is built
     if run and world is not None:
         raise wrong_input(f"--world {world}", "is for planning; --run has its own beliefs")
     if run and text is not None and not yes and not sys.stdin.isatty():
@@ -98,23 +97,37 @@ def command(
         )
     if ":" in planner:
         raise wrong_input("--planner", "one of your own is brought by --plugin FILE.py and named by its decorator")
-    allowed = _limits(limits)
     if run:
         refuse_unwritable_folder(runs, "--runs")
     with json_output(as_json) as tell, shown_log("bestman_bt.task_planning"):
-        setup, beliefs = planning_state(task, scene, robot, seed, settings, plugins, world)
-        try:  # plug-ins may bring them
-            planner_class(planner)
-        except PlanningError as error:
-            raise wrong_input("--planner", str(error)) from error
-        BUILDERS.resolve(builder)
+        wrong, state, allowed = ProblemCollector(), None, PlanLimits()
+        with _noted(wrong, "--goal"):
+            goal = None if goal is None else goal_as_facts(goal)
+        sound = not wrong.problems
+        with _noted(wrong, "--limits"):
+            allowed = _limits(limits)
+        with _noted(wrong, "bestman-bt plan"):
+            state = planning_state(task, scene, robot, seed, settings, plugins, world)
+        if state is not None or not plugins:  # plug-ins may bring them
+            with _noted(wrong, "--planner"):
+                planner_class(planner)
+            with _noted(wrong, "--builder"):
+                BUILDERS.resolve(builder)
+        if state is not None:
+            asked = PlanQuestion(*state, builder, allowed)
+            with _noted(wrong, "--given"):
+                asked.give(given or ())
+            with _noted(wrong, "--goal"):
+                if goal is not None and sound:
+                    asked.understood(goal)
+        wrong.raise_if_any()
+        assert state is not None
+        setup, _ = state
         if text is None and goal is None:
             if setup.config.task.plan is None:
                 raise wrong_input("bestman-bt plan", "give a text, --goal, or a --task with a plan")
             goal = setup.config.task.plan.goal
-        asked = PlanQuestion(setup, beliefs, builder, allowed)
         try:
-            asked.give(given or ())
             problem, plan = asked.answer(text, goal, planner, Transcript(record, replay))
             made = asked.tree(problem, plan)
         except InputError:  # a goal that makes no sense, a planner that is not installed: nothing could be tried
@@ -156,6 +169,18 @@ def command(
         result = run_plan(setup, problem, made, planner, builder, allowed, told, runs)
         tell({**document, "run": result.to_document()})
         sys.exit(exit_code(result))
+
+
+@contextmanager
+def _noted(wrong: ProblemCollector, option: str) -> Iterator[None]:
+    """Note what is wrong with an option, to be told with all else that is."""
+    with wrong.step():
+        try:
+            yield
+        except ConfigurationError:
+            raise
+        except (InputError, PlanningError) as error:
+            raise wrong_input(option, str(error)) from error
 
 
 def _limits(text: str) -> PlanLimits:

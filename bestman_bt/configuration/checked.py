@@ -7,7 +7,7 @@ import dataclasses
 import functools
 import types
 import typing
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any, TypeVar
 
 from pydantic import ConfigDict, TypeAdapter, ValidationError
@@ -86,10 +86,18 @@ def override(document: Document, dataclass_type: type, values: Mapping[str, Any]
         nested: Any = value
         for part in reversed(path):
             nested = {part: nested}
-        document = document.merged(Document(nested, {path: (source, None)}))
+        document = document.merged(Document(nested, dict.fromkeys(_paths(value, path), (source, None))))
     if problems:
         raise ConfigurationError(problems)
     return document
+
+
+def _paths(value: Any, path: FieldPath) -> Iterator[FieldPath]:
+    """The path of a value, and those of all that it holds."""
+    yield path
+    if isinstance(value, (dict, list)):
+        for key, inner in value.items() if isinstance(value, dict) else enumerate(value):
+            yield from _paths(inner, (*path, key))
 
 
 @functools.cache

@@ -136,6 +136,9 @@ def run_of_options(
                 absent[kind] = ""
                 find_data(kind, name, dataclasses.replace(asked_by, field="") if kind in source else asked_by)
                 del absent[kind]
+    given_seed, seed = Document({"seed": seed}, {("seed",): (f"--seed {seed}", None)}), 0
+    with found.step():
+        seed = check(given_seed, _Seed).seed
     if faults is not None:
         faults += found.problems
     if merged is None or (found.problems and faults is None):  # otherwise plug-ins are told of where they are loaded
@@ -145,8 +148,13 @@ def run_of_options(
     merged = dataclasses.replace(merged, plugins=(*merged.plugins, *given), **absent)
     name = Path(str(merged.tree if task is None else task)).stem or "session"
     run = RunConfig(name, merged, seed, driver, record, "", inner["scene"], inner["robot"])
-    run = check(Document(_plain(run), {(): ("the run", None), ("seed",): (f"--seed {seed}", None)}), RunConfig)
+    run = check(Document(_plain(run), {(): ("the run", None)}), RunConfig)
     return _remembering(run, document)
+
+
+@dataclass(frozen=True)
+class _Seed:
+    seed: WholeNumber
 
 
 def parse_settings(settings: Iterable[str]) -> dict[str, Any]:

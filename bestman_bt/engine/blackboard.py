@@ -351,6 +351,12 @@ class Blackboard:
         metadata = PyTreesBlackboard.metadata.get(self.local_path(key))
         return metadata is not None and not isinstance(metadata, TreeKey)
 
+    def registered(self) -> list[str]:
+        """The entries that clients of py_trees have registered, of a blackboard that is shared with them."""
+        if self.store.found is None or self.path:
+            return []
+        return [path.lstrip("/") for path, one in PyTreesBlackboard.metadata.items() if not isinstance(one, TreeKey)]
+
     def share(self) -> None:
         """Make the entries of this blackboard, a tree's topmost, those of py_trees' blackboard."""
         store = self.store

@@ -114,7 +114,7 @@ def described(error: BaseException, path: Path) -> tuple[str, int, str]:
         if top in PACKAGES and (path.parent / f"{top}.py").is_file():
             words += f"; {path.parent / top}.py has the name of a package of bestman-bt: rename it"
     folder = path.resolve().parent
-    places = [(frame.filename, frame.lineno or 0) for frame in traceback.extract_tb(error.__traceback__)]
+    places = [(frame.filename, frame.lineno or 0) for frame in _frames(error)]
     if isinstance(error, SyntaxError) and error.filename:
         places.append((error.filename, error.lineno or 0))
         words = f"{type(error).__name__}: {error.msg}"
@@ -125,9 +125,14 @@ def described(error: BaseException, path: Path) -> tuple[str, int, str]:
     return str(path), 0, words
 
 
+def _frames(error: BaseException) -> list[traceback.FrameSummary]:
+    """Those in files: methods that dataclasses make are of no file, ``<string>``."""
+    return [frame for frame in traceback.extract_tb(error.__traceback__) if not frame.filename.startswith("<")]
+
+
 def own_line(error: BaseException) -> str:
     """``file:line``, the innermost line of a user's file that an error has passed; empty where it has passed none."""
-    for frame in reversed(traceback.extract_tb(error.__traceback__)):
+    for frame in reversed(_frames(error)):
         if Path(frame.filename).resolve().parent in _names:
             return f"{frame.filename}:{frame.lineno}"
     return ""

@@ -17,12 +17,12 @@ from bestman_bt.configuration import (
     ProblemCollector,
     RunConfig,
     beside,
-    check,
     data_names,
     find_data,
     read_document,
     run_of_options,
 )
+from bestman_bt.configuration.checked import salvage
 from bestman_bt.configuration.quantity import Factor, WholeNumber
 from bestman_bt.configuration.secret import may_tell_secret
 from bestman_bt.engine import TreeLoadError
@@ -190,18 +190,21 @@ def load_suite(
     path = find_data("evaluation", name)
     document = read_document(path)
     faults = ProblemCollector()
-    asked: SuiteConfig | None = None
-    with faults.step():
-        asked = check(document, SuiteConfig)
-        faults.problems += _contradictions(document, asked)
+    asked, faults.problems = salvage(document, SuiteConfig)
+    if asked is not None:  # without what is wrong in it, which may now be missed
+        wrong = [problem.field for problem in faults.problems]
+        missed = _contradictions(document, asked)
+        faults.problems += [one for one in missed if not any(field.startswith(one.field) for field in wrong)]
     seed = first_seed if first_seed is not None else asked.first_seed if asked is not None else 0
     entries = []
     for kind in ("tasks", "controls"):
         written = document.data.get(kind)
         for key in written if isinstance(written, dict) else ():
             try:  # where the suite has faults elsewhere, this entry's are told all the same
-                entry = check(document.below(kind, key), EntryConfig)
-            except (ConfigurationError, TypeError):
+                entry, left_out = salvage(document.below(kind, key), EntryConfig)
+            except TypeError:
+                continue
+            if entry is None or any(one.field.startswith(("task", "tree", "settings", "plugins")) for one in left_out):
                 continue
             with faults.step():
                 config = _prepared(path, Entered(document, kind, key, entry), seed, tuple(settings))
@@ -231,6 +234,8 @@ class Entered:
             return problem
         fields: dict[str, tuple[str | int, ...]] = {"--tree": ("tree",)}
         option, _, value = problem.source.partition(" ")
+        if self.entry.tree is not None and Path(problem.source).name == Path(self.entry.tree).name:
+            option = "--tree"
         if option == "--set":
             keys = [setting.partition("=")[0].strip() for setting in self.entry.settings]
             key = value.partition("=")[0].strip()

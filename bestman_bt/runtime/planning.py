@@ -98,11 +98,15 @@ class PlanQuestion:
         self.beliefs.told.update(places)
         self.setup.world_model.told.update(places)
 
+    def understood(self, goal: str | None) -> Problem:
+        """The problem of reaching a goal from what is believed; GoalError for one that makes no sense here."""
+        return self.domain.problem(Beliefs(self.beliefs), goal)
+
     def answer(
         self, text: str | None, goal: str | None, planner: str | TaskPlanner, transcript: Transcript
     ) -> tuple[Problem, TaskPlan]:
         """The problem as it is understood, and a plan. Raises PlanningError."""
-        problem = self.domain.problem(Beliefs(self.beliefs), goal)
+        problem = self.understood(goal)
         if text is None and planner != "language":
             chosen = made_planner(planner) if isinstance(planner, str) else planner
             return problem, plan_within(chosen, problem, self.limits)

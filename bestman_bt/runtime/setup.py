@@ -153,8 +153,10 @@ def prepare(config: RunConfig, all_entries: bool = False, known_faults: Iterable
     # A plug-in may bring the driver, but one that is there is imported first: it can then guard what plug-ins import.
     if config.driver in DRIVERS.names():
         DRIVERS.resolve(config.driver)
-    with faults.step():
+    try:
         registry = node_registry(config.task.plugins)
+    except ConfigurationError as error:
+        faults.problems += [_at_its_entry(config, problem) for problem in error.problems]
     if config.task.robot:  # empty where the configuration was loaded without
         with faults.step():
             robot_model = load_robot_model(config.task.robot, config.robot_settings)
@@ -201,6 +203,15 @@ def prepare(config: RunConfig, all_entries: bool = False, known_faults: Iterable
         faults.problems += tree_problems(error)
     faults.raise_if_any()
     return setup
+
+
+def _at_its_entry(config: RunConfig, problem: Problem) -> Problem:
+    """A plug-in's fault, at the line of the task that names the plug-in; ``--plugin`` where an option does."""
+    written = config.written.data.get("plugins")
+    for index, plugin in enumerate(written if isinstance(written, list) else ()):
+        if problem.source == f"--plugin {plugin}":
+            return config.problem(("plugins", index), f"{plugin}: {problem.message}")
+    return problem
 
 
 def _faults_of_tree(tree: str, registry: NodeRegistry, all_entries: bool) -> list[Problem]:

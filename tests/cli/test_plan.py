@@ -168,6 +168,19 @@ def test_unknown_planners_builders_and_missing_goals_are_refused(bestman_bt: Com
         assert (answer.code, words in answer.err) == (2, True), answer.err
 
 
+def test_all_that_is_wrong_with_the_options_of_a_plan_is_told_at_once(bestman_bt: Command) -> None:
+    wrong = ("--planner", "symbolik", "--builder", "reactiv", "--limits", "stepz=2")
+    told = ["--limits: ", "--planner: unknown", "--builder: unknown"]
+    for goal, more, words in (
+        ("on(cupp, counter)", ("--given", "on(cup, tabel)"), ["--goal: unknown object 'cupp'", "--given: "]),
+        ("on(cup", ("--scene", "kichen"), ["--goal: ", "--scene kichen: unknown scene"]),
+    ):
+        answer = bestman_bt("plan", "--goal", goal, *wrong, *more)
+        assert answer.code == 2
+        assert answer.err.startswith("bestman-bt: 5 errors")
+        assert [one for one in (*told, *words) if one not in answer.err] == []
+
+
 def test_what_is_wrong_in_a_saved_world_is_told_with_its_line_all_at_once(bestman_bt: Command, folder: Path) -> None:
     (folder / "world.yaml").write_text(SEEN.replace("model: cup", "model: cupp").replace("table/top", "tabel/top"))
     answer = bestman_bt("plan", "--goal", GOAL, "--world", "world.yaml")

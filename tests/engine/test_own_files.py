@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from bestman_bt.engine import SUCCESS, NodeError, TreeLoadError, load_tree
-from bestman_bt.engine.own_files import importable
+from bestman_bt.engine.own_files import described, importable, load_file
 
 TREE = """
 from bestman_bt.engine import Script, Sequence
@@ -123,3 +123,16 @@ def test_an_error_of_a_trees_own_leaf_is_told_with_its_line(tmp_path: Path) -> N
     place = folder(tmp_path, "place", tree=text)
     with pytest.raises(NodeError, match=rf"KeyError: 'mug' \(at {place}/tree\.py:4\)$"):
         load_tree(place / "tree.py").tick_exactly_once()
+
+
+def test_an_error_within_a_method_that_a_dataclass_makes_is_told_at_the_line_that_called_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    file = Path("mine.py")
+    file.write_text(
+        "from dataclasses import dataclass\n@dataclass(frozen=True)\nclass A:\n    x: int = 1\n\nA().x = 2\n"
+    )
+    with pytest.raises(AttributeError) as raised:
+        load_file(file, "mine_frozen")
+    assert described(raised.value, file)[:2] == ("mine.py", 6)

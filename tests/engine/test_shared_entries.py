@@ -187,3 +187,8 @@ def test_a_file_may_be_loaded_again_once_its_tree_is_gone(tmp_path: Path) -> Non
         tree.tick_exactly_once()
         assert tree.blackboard["steps"] == 1
         del tree
+
+
+def test_what_native_clients_have_registered_is_known_before_it_has_a_value() -> None:
+    assert "steps" in build_tree(Sequence("main", [Counts()])).blackboard.registered()
+    assert build_tree(Sequence("main", [Script(code="steps := 1")])).blackboard.registered() == []

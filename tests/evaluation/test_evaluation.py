@@ -121,6 +121,8 @@ def test_all_faults_of_a_suite_are_told_at_once(tmp_path: Path) -> None:
         "controls:\n"
         "  other: {task: fetch_cup, settings: [scene.finger_fraction=1], successes: {at_most: 0, of: 2}}\n"
         "  mine: {task: mine.yaml, settings: [algorithms.global_planning.algorithm=prn, tick_rat=3]}\n"
+        "  lost: {task: fetch_cup, tree: no.xml, successes: {at_most: 0, of: 2, off: 1}, causes: [grasp_lost, 3]}\n"
+        "  renamed: {task: fetch_cup, successes: {at_most: 3, of: 2}}\n"
     )
     (tmp_path / "mine.yaml").write_text(
         "tree: navigate\nscene: kitchen\nrobot: diff_panda\ndrive: {to: 3}\npredicate: arrived\n"
@@ -135,6 +137,11 @@ def test_all_faults_of_a_suite_are_told_at_once(tmp_path: Path) -> None:
     assert "finger_fraction" in told
     assert "bad.yaml:7: controls.mine.settings[0]: unknown algorithm 'prn'; did you mean 'prm'?" in told
     assert "bad.yaml:7: controls.mine.settings[1]: unknown key 'tick_rat'; did you mean 'tick_rate'?" in told
+    assert "bad.yaml:8: controls.lost.tree: no such tree file" in told
+    assert "bad.yaml:8: controls.lost.successes.off: unknown field" in told
+    assert "bad.yaml:8: controls.lost.causes[1]: should be text, got 3" in told
+    assert "controls.lost.successes: " not in told
+    assert "bad.yaml:9: controls.renamed.successes: more than all 2 are asked" in told
     assert "mine.yaml:4: drive.to: unknown field" in told
     assert "mine.yaml:5: predicate: unknown predicate 'arrived'" in told
 

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from bestman_bt.configuration import ConfigurationError, dump_run, load_run, read_run
+from bestman_bt.configuration import ConfigurationError, Problem, dump_run, load_run, read_run, run_of_options
 from bestman_bt.registry import ALGORITHMS, BUILDERS, DRIVERS, PLANNERS, PREDICATES
 from bestman_bt.runtime import node_registry, prepare, session
 from bestman_bt.runtime.algorithms import Algorithms, make_algorithm
@@ -344,3 +344,18 @@ def test_two_plug_ins_of_one_name_have_their_own_helpers(tmp_path: Path) -> None
         plugins.append(str(place / "nodes.py"))
     registry = node_registry(plugins)
     assert [registry.info(name).cls.WORD for name in ("One", "Two")] == ["One", "Two"]
+
+
+def test_a_plug_in_that_a_task_names_is_refused_at_the_tasks_line_and_one_of_an_option_there(tmp_path: Path) -> None:
+    task = tmp_path / "t.yaml"
+    task.write_text("tree: fetch_cup\nscene: kichen\nrobot: nope\nplugins:\n  - no.py\n")
+    faults: list[Problem] = []
+    config = run_of_options(task, plugins=["other.py"], settings=["plan={goal: 3}"], seed=-1, faults=faults)
+    with pytest.raises(ConfigurationError) as raised:
+        prepare(config, known_faults=faults)
+    told = str(raised.value)
+    assert f"{task}:5: plugins[0]: {tmp_path}/no.py: no such file" in told
+    assert "--plugin other.py: no such file" in told
+    assert "--set plan={'goal': 3}: plan.goal: should be text" in told
+    assert "--seed -1: seed: should be" in told
+    assert "unknown robot 'nope'" in told
