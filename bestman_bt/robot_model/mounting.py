@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from difflib import get_close_matches
 
 from bestman_bt.configuration import Document, Problem
 from bestman_bt.messages import Pose
@@ -51,7 +52,7 @@ def mount_problems(
     field = ("parts", name, "mount")
     links = [link for earlier in placed.values() for link in earlier.links]
     if not links and unread:
-        return []
+        return _misspelt_part(document, field, mounted.mount or "")
     if not links:
         if mounted.mount is None:
             return []
@@ -63,7 +64,7 @@ def mount_problems(
         return [document.problem(("parts", name), message)]
     place = mount_place(mounted, part, placed)
     if place is None and unread:
-        return []
+        return _misspelt_part(document, field, mounted.mount)
     if place is None:
         return [document.problem(field, _no_frame(mounted.mount, placed, links))]
     wheel = _wheel_that_turns(place[0], placed)
@@ -71,6 +72,15 @@ def mount_problems(
         message = f"{place[0]!r} turns with the joint {wheel!r} of a wheel: nothing can be mounted there"
         return [document.problem(field, message)]
     return []
+
+
+def _misspelt_part(document: Document, field: tuple[str, str, str], mount: str) -> list[Problem]:
+    """A mount that is nearly the name of a part; a frame it may be, too, of a part that could not be read."""
+    names = [name for name in document.data["parts"] if isinstance(name, str) and (field[1] != name)]
+    close = get_close_matches(mount, names, n=1, cutoff=0.7)
+    if not close or mount in names:
+        return []
+    return [document.problem(field, f"no part {mount!r} to mount on; did you mean {close[0]!r}?")]
 
 
 def _seated(mounted: MountedPart, part: PlacedPart | None) -> tuple[Vector, Vector]:

@@ -207,6 +207,7 @@ def test_all_errors_of_a_tree_are_told_at_once(refused, folder: Path) -> None:
         (["run", "fetch_cup", "--seed", "x"], "'--seed'"),
         (["run", "fetch_cup", "--seed", "1.5"], "'--seed': '1.5' is not a valid whole number"),
         (["run", "fetch_cup", "--seed", "-1"], "'--seed': -1 is not in the range x>=0"),
+        (["break", "fetch/pick", "--when", "during"], "waits before the node's tick, or with --after behind it"),
         (["eval", "fetch_cup", "--episodes", "0"], "'--episodes'"),
         (["run", "fetch_cup", "--plugin", "nowhere.py"], "--plugin nowhere.py: no such file"),
     ],
