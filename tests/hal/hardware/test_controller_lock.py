@@ -6,6 +6,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -102,6 +103,21 @@ def test_the_address_stands_nowhere() -> None:
         client().take()
     assert ADDRESS not in str(refusal.value)
     held.release()
+    lock.write_text("1234567890")  # of a process with a longer number
+    held.take()
+    assert lock.read_text() == str(os.getpid())
+    held.release()
+
+
+def test_a_client_that_leaves_within_the_patience_is_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(controller_lock, "PATIENCE", 60.0)
+    first, second = client(), client()
+    first.take()
+    leaving = threading.Timer(0.1, first.release)
+    leaving.start()
+    second.take()
+    leaving.join()
+    second.release()
 
 
 class Follower(Connection):

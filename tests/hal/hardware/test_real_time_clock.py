@@ -118,3 +118,9 @@ def test_a_cancelled_timer_is_not_called_again(machine: Machine, end: str) -> No
 def test_impossible_periods_are_refused(period: float) -> None:
     with pytest.raises(ValueError, match="period"):
         RealTimeClock().every(period, lambda: None)
+
+
+@pytest.mark.parametrize("duration", [-0.1, math.inf, math.nan])
+def test_impossible_sleeps_are_refused(duration: float) -> None:
+    with pytest.raises(ValueError, match="sleep duration"):
+        RealTimeClock().sleep(duration)
