@@ -10,8 +10,6 @@ from bestman_bt.configuration import Problem, RunConfig
 from bestman_bt.configuration.document import FieldPath
 from bestman_bt.facts.evidence import DrawnTask, Evidence, Verdict
 from bestman_bt.registry import suggestion
-from bestman_bt.robot_model import RobotModel
-from bestman_bt.scene import World
 from bestman_bt.world_model import WorldModel
 
 Asked = TypeVar("Asked")
@@ -26,7 +24,8 @@ class Goal(ABC, Generic[Asked]):
     """The predicates that judge it → what each may measure."""
 
     def __init__(self, task: DrawnTask) -> None:
-        self.task = task
+        self.task, self.config = task, task.config
+        self.world, self.world_model, self.robot_model = task.world, task.world_model, task.robot_model
         self.asked: Asked = getattr(task.config.task, self.fields[0])
         """What the task says."""
 
@@ -87,26 +86,6 @@ class Goal(ABC, Generic[Asked]):
         if not self.robot_model.of(part):
             message = f"needs {what}, and robot {self.robot_model.name} has none"
             yield self.config.problem(self.fields[:1], message)
-
-    @property
-    def config(self) -> RunConfig:
-        """That of the run."""
-        return self.task.config
-
-    @property
-    def world(self) -> World:
-        """What is really there."""
-        return self.task.world
-
-    @property
-    def world_model(self) -> WorldModel:
-        """What the robot is told at the start."""
-        return self.task.world_model
-
-    @property
-    def robot_model(self) -> RobotModel:
-        """The robot's."""
-        return self.task.robot_model
 
 
 def unknown(config: RunConfig, path: FieldPath, value: str, names: Iterable[str], what: str) -> Iterator[Problem]:
