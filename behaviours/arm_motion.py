@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from behaviours.context import SkillContext
-from behaviours.skill import Skill, Steps, StepsTo
+from behaviours.skill import Skill, SkillFailure, Steps, StepsTo
 from bestman_bt.manipulation.trajectory import SpeedScale
-from bestman_bt.messages import JointTrajectory
+from bestman_bt.messages import JointTrajectory, MotionErrorCode
 
 if TYPE_CHECKING:
     from bestman_bt.control import Motion
@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 MAX_HELD_TILT = math.radians(25.0)
 FREE_SPEED = SpeedScale(0.5, 0.35)
 CARRYING_SPEED = SpeedScale(0.4, 0.21)
+PLANS = 3
+"""How often a way is planned while other arms move into it."""
 ESCAPE_SPEED = SpeedScale(0.05, 0.05)
 
 ARM_PLANNING_FAILS = {
@@ -48,20 +50,27 @@ def move_free(skill: Skill, goals: Sequence[NDArray[np.float64]], world: Collisi
     """Plan around everything that is believed, or in ``world``, to one of ``goals``, each (n,) radians, and go there.
 
     What is held stays upright within 25°, if it is now. Where the arm is believed to touch something already, a small
-    motion with ever more clearance comes first.
+    motion with ever more clearance comes first. Where another arm has moved into the way since, it is planned again.
     """
     from bestman_bt.manipulation.motion_planning import PlanningError, PlanningErrorCode
 
     skills = skill.skills
-    around = world if world is not None else skills.arm_world(skills.planning_scene())
-    try:
-        timed = yield _planned(skill, goals, around)
-    except PlanningError as refusal:
-        if refusal.code is not PlanningErrorCode.START_IN_COLLISION:
-            raise
-        yield from _escape(skill, around)
-        timed = yield _planned(skill, goals, around)
-    yield skills.arm.follow(timed.trajectory, free=True)
+    for left in reversed(range(1 if world is not None else PLANS)):
+        around = world if world is not None else skills.arm_world(skills.planning_scene())
+        try:
+            timed = yield _planned(skill, goals, around)
+        except PlanningError as refusal:
+            if refusal.code is not PlanningErrorCode.START_IN_COLLISION:
+                raise
+            yield from _escape(skill, around)
+            timed = yield _planned(skill, goals, around)
+        try:
+            yield skills.arm.follow(timed.trajectory, free=True)
+        except SkillFailure as failure:
+            if left == 0 or failure.code != MotionErrorCode.OTHER_ARM_IN_THE_WAY:
+                raise
+        else:
+            return
 
 
 def _planned(skill: Skill, goals: Sequence[NDArray[np.float64]], world: CollisionWorld) -> Motion[TimedPlan]:

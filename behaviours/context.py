@@ -217,11 +217,11 @@ class SkillContext:
     def planning_scene(
         self, ignore: Iterable[str] = (), allowed_pairs: Iterable[tuple[str, str]] = ()
     ) -> PlanningScene:
-        """The scene around the arm, from beliefs and encoders."""
+        """The scene around the arm, from beliefs and encoders; other arms that move are where they will rest."""
         from bestman_bt.manipulation.collision import planning_scene_from_world_model
 
         return planning_scene_from_world_model(
-            self.world, self.robot, self.joints.positions(), self.arm.name, ignore, allowed_pairs
+            self.world, self.robot, self.arm.for_planning(self.joints.positions()), self.arm.name, ignore, allowed_pairs
         )
 
     def footprint(self, posture: str | None = None) -> Footprint:

@@ -46,6 +46,7 @@ MOTION_FAILS: Mapping[str, str] = {
     "tolerance": "it came to rest beside the goal: again",
     "unreachable": "the target is beyond the part's limits: stand elsewhere, by FindStandPose and NavigateTo",
     "guarded": "what had to hold on the way no longer does, such as the grip: CheckHeld",
+    "other_arm_in_the_way": "another arm is in the way: move that away, or let one arm wait for the other",
     "timeout": "it took too long: again, or with more time",
     "collision": "a collision, or a protective stop: ClearStop, Retreat, then look again",
     "fault": "the part is broken: the message has its words, the vendor's code its number",

@@ -19,6 +19,9 @@ class MotionErrorCode(StrEnum):
     TOLERANCE = "tolerance"  # it came to rest too far from the goal
     UNREACHABLE = "unreachable"  # the target is beyond the part's limits
     GUARDED = "guarded"  # a guard objected: what was to hold during the action no longer does
+    OTHER_ARM_IN_THE_WAY = (
+        "other_arm_in_the_way"  # another arm of the robot rests on its way, or moved there for too long
+    )
     TIMEOUT = "timeout"  # the target was not reached in time
     COLLISION = "collision"  # a collision, or a protective stop of the controller
     DISCONNECTED = "disconnected"

@@ -7,7 +7,7 @@ from functools import cached_property
 from typing import Any, TypeVar
 
 from behaviours.parts import MissingPartError, PartKind, parts_by_kind
-from bestman_bt.control.arm import ArmController
+from bestman_bt.control.arm import ArmController, ArmWays
 from bestman_bt.control.force_torque import WristWrench
 from bestman_bt.control.gripper import GripperController
 from bestman_bt.control.head import HeadController
@@ -100,6 +100,12 @@ class RobotParts:
         return JointStateSensor(self.robot.parts, self.model)
 
     @cached_property
+    def arm_ways(self) -> ArmWays | None:
+        """Who gives way to whom, on a robot with several arms."""
+        several = len(self.model.arm_names) > 1
+        return ArmWays(self.model, self.joints, self.world, self.robot.clock) if several else None
+
+    @cached_property
     def forward(self) -> ForwardKinematics:
         """Forward kinematics of the whole robot."""
         return ForwardKinematics(self.model)
@@ -148,7 +154,9 @@ class _ArmParts:
         parts = self._parts
         arm = parts.first("arm", Arm, self._arm)
         kinematics = parts.algorithms.of_arm("kinematics", self._arm)
-        return ArmController(arm, parts.robot.clock, kinematics=kinematics, wrist=self.wrist_wrench)
+        return ArmController(
+            arm, parts.robot.clock, kinematics=kinematics, wrist=self.wrist_wrench, ways=parts.arm_ways
+        )
 
     @cached_property
     def gripper(self) -> GripperController:

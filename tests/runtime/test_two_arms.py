@@ -11,6 +11,8 @@ import pytest
 from behaviours.perceive import camera_called
 from bestman_bt.configuration import ConfigurationError, find_data, load_run
 from bestman_bt.engine import TreeLoadError
+from bestman_bt.evaluation.audit import audit
+from bestman_bt.manipulation.collision import PlanningScene
 from bestman_bt.messages import Pose
 from bestman_bt.robot_model import load_robot_model
 from bestman_bt.runtime import Session, prepare, session
@@ -177,3 +179,30 @@ def test_cameras_are_found_by_their_names(opened: Session) -> None:
         "left_wrist_camera",
         "right_wrist_camera",
     ]
+
+
+BOTH = """<root BTCPP_format="4" main_tree_to_execute="Main"><BehaviorTree ID="Main"><Sequence>
+<Parallel success_count="2"><MoveArm posture="back" arm="left"/><MoveArm posture="back" arm="right"/></Parallel>
+<Parallel success_count="2"><MoveArm posture="front" arm="left"/><MoveArm posture="front" arm="right"/></Parallel>
+</Sequence></BehaviorTree></root>"""
+CROSSING = """postures:
+  back: {left: [-0.68, -1.3, -1.53, 0, 1.87, 0], right: [0.68, -1.3, -1.53, 0, 1.87, 0]}
+  front: {left: [-0.17, -0.1, -0.53, 0, 0.98, 0], right: [0.17, -0.1, -0.53, 0, 0.98, 0]}
+"""
+"""At both the hands are apart; half way between, they would be in one place."""
+
+
+@pytest.mark.slow
+def test_arms_that_move_at_the_same_time_keep_apart_where_their_ways_cross(tmp_path: Path) -> None:
+    """By the encoders: the simulation lets the arms of one robot pass through each other."""
+    robot = tmp_path / "crossing.yaml"
+    robot.write_text(find_data("robot", "two_arms").read_text().replace("postures:\n", CROSSING))
+    with session(scene="two_things", robot=robot, seed=1) as opened:
+        left = opened.skills.for_arm("left")
+        seen: list[dict[str, float]] = []
+        opened.robot.clock.every(0.05, lambda: seen.append(dict(left.joints.positions())))
+        assert opened.executor(opened.load(BOTH)).run().succeeded, opened.skills.failures
+        assert audit(opened.robot.audit_record()).collisions == ()
+        names = left.arm_model.joint_names
+        worlds = ((left.arm_world(PlanningScene(at)), np.array([at[name] for name in names])) for at in seen)
+        assert min(world.distance(at) for world, at in worlds) > 0.005

@@ -1,6 +1,7 @@
 """Arm control."""
 
 from bestman_bt.control.arm.arm_controller import ArmController
+from bestman_bt.control.arm.arm_ways import ArmWays, Passing
 from bestman_bt.control.arm.constraint_following import (
     FollowedMotion,
     FollowEnd,
@@ -14,6 +15,7 @@ from bestman_bt.control.arm.tool_stream import Streaming
 
 __all__ = [
     "ArmController",
+    "ArmWays",
     "AxisFitting",
     "ContactLimits",
     "ContactMonitor",
@@ -25,5 +27,6 @@ __all__ = [
     "Guarding",
     "JointAxis",
     "JointAxisEstimator",
+    "Passing",
     "Streaming",
 ]

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import Any, Protocol
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from bestman_bt.control.arm.arm_ways import ArmWays
 from bestman_bt.control.arm.constraint_following import (
     ConstraintFollowing,
     FollowedMotion,
@@ -29,6 +30,7 @@ from bestman_bt.messages import Failure, JointKind, JointTrajectory, MotionError
 from hal.api import Arm, Clock, CommandRefusedError, Motion, MotionStatus, Timer
 
 Guard = Callable[[], str | None]
+Result = TypeVar("Result")
 
 
 class _Streaming(Protocol):
@@ -41,7 +43,8 @@ class ArmController:
 
     A guard is asked every ``guard_period`` seconds while the arm moves; when it answers with a text, the arm is
     brought to rest and the motion fails with that text. ``kinematics`` and ``wrist`` are needed by what feels its way:
-    ``move_until`` and ``follow_constraint``.
+    ``move_until`` and ``follow_constraint``. ``ways``: shared by the controllers of a robot's arms; what would
+    cross the way of another arm starts when that has passed, or fails as OTHER_ARM_IN_THE_WAY.
     """
 
     def __init__(
@@ -55,6 +58,7 @@ class ArmController:
         streaming: Streaming | None = None,
         guarded: Guarding | None = None,
         following: Following | None = None,
+        ways: ArmWays | None = None,
     ) -> None:
         self._arm, self.name, self.joint_names = arm, arm.name, arm.joint_names
         self._clock = clock
@@ -63,6 +67,7 @@ class ArmController:
         self._contact, self._streaming = contact or ContactLimits(), streaming or Streaming()
         self._guarded, self._following = guarded or Guarding(), following or Following()
         self._stream: _Stream | None = None
+        self._ways = ways
 
     def positions(self) -> NDArray[np.float64]:
         """Measured positions, (n,) radians."""
@@ -74,15 +79,22 @@ class ArmController:
         ``free``: nothing is to be touched on the way; a contact ends it as COLLISION.
         """
         self._end_stream(MotionErrorCode.SUPERSEDED, "a newer command took over")
-        motion: Motion[None] = start_motion(self._arm.name, lambda: self._arm.follow(trajectory))
-        return self._watched(motion, guard, trajectory if free else None)
+
+        def start() -> Motion[None]:
+            motion: Motion[None] = start_motion(self._arm.name, lambda: self._arm.follow(trajectory))
+            return self._watched(motion, guard, trajectory if free else None)
+
+        return self._in_turn(start, lambda: trajectory.positions)
 
     def move_to(self, positions: ArrayLike, speed_scale: float = 0.3, guard: Guard | None = None) -> Motion[None]:
         """Move point to point to ``positions`` (n,) within a share of the limits; no collision check."""
         self._end_stream(MotionErrorCode.SUPERSEDED, "a newer command took over")
-        return self._watched(
-            start_motion(self._arm.name, lambda: self._arm.move_to(positions, speed_scale)), guard, None
-        )
+
+        def start() -> Motion[None]:
+            motion: Motion[None] = start_motion(self._arm.name, lambda: self._arm.move_to(positions, speed_scale))
+            return self._watched(motion, guard, None)
+
+        return self._in_turn(start, lambda: np.vstack([self._arm.positions(), np.asarray(positions)]))
 
     def move_until(
         self, direction: ArrayLike, speed: float, max_distance: float, stop_force: float
@@ -98,10 +110,8 @@ class ArmController:
         kinematics, wrist = self._feeling("move_until")
         motion: Motion[GuardedOutcome] = Motion(self._arm.name, self._cancel_stream)
         stream = ToolStream(self._arm, kinematics, self._streaming)
-        self._run(
-            GuardedMove(stream, wrist, axis, speed, max_distance, stop_force, motion, self._guarded), motion, stream
-        )
-        return motion
+        move = GuardedMove(stream, wrist, axis, speed, max_distance, stop_force, motion, self._guarded)
+        return self._run(move, motion)
 
     def follow_constraint(
         self,
@@ -139,12 +149,13 @@ class ArmController:
         stream = ToolStream(self._arm, kinematics, self._streaming)
         goal = FollowGoal(speed, distance, angle, max_pull, max_side, turn, guide, axis, learns)
         following = ConstraintFollowing(stream, wrist, start, goal, motion, grip, hint, self._following)
-        self._run(following, motion, stream)
-        return motion
+        return self._run(following, motion)
 
     def stop(self) -> None:
         """Bring the arm to rest at once."""
         self._end_stream(MotionErrorCode.STOPPED, "the arm was stopped")
+        if self._ways is not None:
+            self._ways.end_waiting(self.name, MotionErrorCode.STOPPED, "the arm was stopped")
         self._arm.stop()
 
     def _feeling(self, what: str) -> tuple[InverseKinematics, WristWrench]:
@@ -152,11 +163,27 @@ class ArmController:
             raise ValueError(f"{what} needs an arm controller with kinematics and a wrist force-torque sensor")
         return self._kinematics, self._wrist
 
-    def _run(self, action: _Streaming, motion: Motion[Any], stream: ToolStream) -> None:
+    def for_planning(self, joints: Mapping[str, float]) -> Mapping[str, float]:
+        """``joints``, measured positions by name, with other arms under way at the end of their ways."""
+        return joints if self._ways is None else self._ways.for_planning(self.name)
+
+    def _run(self, action: _Streaming, motion: Motion[Result]) -> Motion[Result]:
         self._end_stream(MotionErrorCode.SUPERSEDED, "a newer command took over")
-        self._arm.stop()  # also ends a motion under way
-        self._stream = _Stream(action, motion, self._arm)
-        self._stream.start(self._clock, self._streaming.period)
+
+        def start() -> Motion[Result]:
+            self._arm.stop()  # also ends a motion under way
+            self._stream = _Stream(action, motion, self._arm)
+            self._stream.start(self._clock, self._streaming.period)
+            return motion
+
+        return self._in_turn(start, None)
+
+    def _in_turn(
+        self, start: Callable[[], Motion[Result]], path: Callable[[], NDArray[np.float64]] | None
+    ) -> Motion[Result]:
+        if self._ways is None:
+            return start()
+        return self._ways.start(self.name, None if path is None else path(), start)
 
     def _cancel_stream(self) -> None:
         self.stop()

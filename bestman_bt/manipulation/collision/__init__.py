@@ -15,6 +15,7 @@ from bestman_bt.manipulation.collision.scene_from_world_model import (
     held_object,
     planning_scene_from_world_model,
 )
+from bestman_bt.manipulation.collision.swept_way import SweptWay
 
 __all__ = [
     "AttachedObject",
@@ -25,6 +26,7 @@ __all__ = [
     "PlanningScene",
     "SceneMargins",
     "SceneObstacle",
+    "SweptWay",
     "VoxelObstacle",
     "finger_contacts",
     "hand_links",
