@@ -50,3 +50,7 @@ def _text(value: Any) -> str:
     except ConversionError:
         text = str(value)
     return _REAL.sub(lambda real: repr(round(float(real[0]), DECIMALS)), text)
+
+
+class Say(Log):
+    """``Log`` by another name."""

@@ -280,7 +280,7 @@ BEHAVIOURS = Registry(
         "IsStuck": "behaviours.nav2.recovery:IsStuck",
         "IsTidy": "behaviours.tidying:IsTidy",
         "Log": "behaviours.log:Log",
-        "Say": "behaviours.log:Log",
+        "Say": "behaviours.log:Say",
         "LookAt": "behaviours.look:LookAt",
         "LookInto": "behaviours.look_into:LookInto",
         "MoveArm": "behaviours.move_arm:MoveArm",

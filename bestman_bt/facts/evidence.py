@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
-from bestman_bt.configuration import RunConfig
 from bestman_bt.messages import Pose
-from bestman_bt.robot_model import RobotModel
-from bestman_bt.scene import World
 from bestman_bt.world_model import WorldModel
+
+if TYPE_CHECKING:
+    from bestman_bt.configuration import RunConfig
+    from bestman_bt.robot_model import RobotModel
+    from bestman_bt.scene import World
 
 
 class Truth(Protocol):

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from bestman_bt.facts.evidence import Evidence
 from bestman_bt.messages import Pose
-from bestman_bt.scene import PlacedFurniture
+
+if TYPE_CHECKING:
+    from bestman_bt.scene import PlacedFurniture
 
 AT_REST = 0.001
 """Metres that an object may move during the rest time."""

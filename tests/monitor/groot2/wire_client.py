@@ -12,7 +12,7 @@ from typing import Any
 import zmq
 
 IDENTIFIER = 0x01020304
-TIMEOUT = 10_000
+TIMEOUT = 60_000
 
 
 class Groot2Client:
