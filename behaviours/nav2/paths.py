@@ -23,7 +23,7 @@ PATH = PortInformation(Path2D, description="the path")
 
 
 class TruncatePath(InstantSkill):
-    """Cut a path where it is ``distance`` metres, Euclidean distance, from its end; it then ends facing that end."""
+    """Cut a path at the last point ``distance`` metres (Euclidean) from its end; it then ends facing that end."""
 
     INPUT_PORTS: ClassVar = {"input_path": PATH}
     OUTPUT_PORTS: ClassVar = {"output_path": PATH}

@@ -58,8 +58,8 @@ class ComparedEntries:
 
 def within(entries: Sequence[FinishedEntry]) -> list[ComparedEntries]:
     """Each entry with the first one of its task; where all are of different tasks, with the first of all."""
-    firsts: dict[str, FinishedEntry] = {}
-    compared = [(firsts[entry.task], entry) for entry in entries if firsts.setdefault(entry.task, entry) is not entry]
+    firsts = {entry.task: entry for entry in reversed(entries)}
+    compared = [(firsts[entry.task], entry) for entry in entries if entry is not firsts[entry.task]]
     compared = compared or [(entries[0], entry) for entry in entries[1:]]
     return [ComparedEntries(first, second, (first.name, second.name)) for first, second in compared]
 

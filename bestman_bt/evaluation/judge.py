@@ -30,18 +30,17 @@ def find_judge(config: RunConfig) -> Judge | None:
 
 def _judge(session: Session, truth: Truth, clock: Clock | None, driven: float) -> Verdict:
     setup = session.setup
-    before = {name: truth.object_pose(name) for name in setup.subjects if name in truth.object_names}
+    before = {name: truth.object_pose(name).position for name in setup.subjects if name in truth.object_names}
     if clock is not None:
         clock.sleep(setup.config.task.tolerances.rest_time)
-    positions = {name: tuple(float(x) for x in pose.position) for name, pose in before.items()}
     tool_frame = session.skills.arm_model.tool_frame if setup.robot_model.of(ArmModel) else ""
-    evidence = Evidence(setup, truth, {name: (x, y, z) for name, (x, y, z) in positions.items()}, driven, tool_frame)
+    evidence = Evidence(setup, truth, before, driven, tool_frame)
     goals = {predicate: goal for goal in setup.asked for predicate in goal.measures}
     return joined(goals[predicate].judged(predicate, evidence) for predicate in setup.config.task.predicates)
 
 
 def _problems(config: RunConfig) -> Iterator[Problem]:
-    task, written = config.task, config.written.data  # what is written but wrong is told by others
+    task, written = config.task, config.written.data  # fields with invalid values are reported where they are read
     for index, name in enumerate(task.predicates):
         path = ("predicate",) if isinstance(task.predicate, str) else ("predicate", index)
         kind = kind_judged_by(name)

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
 
 from bestman_bt.messages import Pose
 from bestman_bt.world_model import WorldModel
@@ -43,7 +46,7 @@ class Truth(Protocol):
 
 @dataclass(frozen=True)
 class DrawnTask:
-    """A task in the world that the seed has drawn. ``world_model``: what the robot is told of that at the start.
+    """A task in the world that the seed has drawn. ``world_model``: what the robot is given of it at the start.
 
     ``absent``: objects that the scene leaves out.
     """
@@ -65,7 +68,7 @@ class Evidence:
 
     task: DrawnTask
     truth: Truth
-    before: dict[str, tuple[float, float, float]]
+    before: Mapping[str, NDArray[np.float64]]
     driven: float = 0.0
     tool_frame: str = ""
 

@@ -35,7 +35,7 @@ class Predicate:
     not known: that something is not on the table says nothing while it was never seen. ``negatable``: whether that it
     does not hold is anything to aim at.
 
-    By ``Evidence``, after a run, in words, empty where nothing does: ``why_not`` tells what keeps it from being true,
+    By ``Evidence``, after a run, in words, empty where nothing does: ``why_not`` returns what keeps it from being true,
     ``why_still`` what keeps its negation from being true, by a measure of its own: ``not on`` wants a thing off the
     surface, not just badly put down. None: it is about the robot's beliefs alone, so its own word counts.
     """

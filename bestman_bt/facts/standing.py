@@ -19,7 +19,7 @@ AT_REST = 0.001
 
 def is_moving(evidence: Evidence, name: str) -> bool:
     """Whether an object has moved during the rest time."""
-    way = evidence.truth.object_pose(name).position - np.array(evidence.before[name])
+    way = evidence.truth.object_pose(name).position - evidence.before[name]
     return float(np.linalg.norm(way)) > AT_REST
 
 

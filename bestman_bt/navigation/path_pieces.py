@@ -52,7 +52,7 @@ def piece(path: Path2D, begin: float, end: float) -> Path2D:
 
 
 def before_goal(path: Path2D, distance: float) -> Path2D:
-    """A path with two points or more up to where it last is ``distance`` metres, Euclidean distance, from its end.
+    """A path with two points or more up to the last point ``distance`` metres (Euclidean) from its end.
 
     It ends facing the goal, as a robot stands that is to go on from there; nothing but the beginning is left where the
     whole path is nearer.

@@ -1,4 +1,4 @@
-"""What tasks may ask for; what they ask of planners: facts, and what somebody said of where things are."""
+"""What tasks may ask for; what they ask of planners: facts, and given places of things."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class Facts(Goal[PlanConfig]):
         return Domain.of(self._registry).problem(known, self.asked.goal).goal
 
     def problems(self) -> Iterator[Problem]:
-        """A goal that makes no sense here or that nobody can judge, and unknown names."""
+        """Invalid goals, goals that cannot be judged, and unknown names."""
         asked, config = self.asked, self.config
         try:
             literals = self.literals

@@ -38,7 +38,7 @@ class Passing:
 @dataclass
 class _UnderWay:
     motion: Motion[Any]
-    way: SweptWay | None  # None: it feels its way, which nobody knows before
+    way: SweptWay | None  # None: not known in advance (move_until, follow_constraint)
     reached: int = 0
 
 

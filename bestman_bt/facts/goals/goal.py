@@ -19,7 +19,7 @@ class Goal(ABC, Generic[Asked]):
     """What one task asks for in one drawn world. ``problems`` come first: the rest relies on there being none."""
 
     fields: ClassVar[tuple[str, ...]]
-    """Of a task's YAML; the first one is told where it is missing."""
+    """Of a task's YAML; an error names the first one where it is missing."""
     measures: ClassVar[Mapping[str, tuple[str, ...]]]
     """The predicates that judge it → what each may measure."""
 

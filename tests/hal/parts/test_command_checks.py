@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -49,9 +50,9 @@ def test_a_set_point_may_be_at_a_limit_and_not_beyond_it(kind: str) -> None:
         (None, "should have shape"),
     ],
 )
-def test_what_is_no_set_point_of_these_joints_is_refused(values: object, why: str) -> None:
+def test_what_is_no_set_point_of_these_joints_is_refused(values: Any, why: str) -> None:
     with pytest.raises(CommandRefusedError, match=f"head refused command: positions {why}"):
-        CHECKS.positions("command", values)  # type: ignore[arg-type]
+        CHECKS.positions("command", values)
 
 
 @pytest.mark.parametrize("scale", [0.0, -0.1, 1.001, math.nan])
@@ -103,9 +104,9 @@ def test_a_trajectory_within_the_limits_that_starts_nearby_is_taken() -> None:
         ({"measured": (0.01, -0.051)}, "starts with tilt"),
     ],
 )
-def test_a_trajectory_is_refused_with_the_joint_and_sample_that_is_wrong(change: dict[str, object], why: str) -> None:
+def test_a_trajectory_is_refused_with_the_joint_and_sample_that_is_wrong(change: dict[str, Any], why: str) -> None:
     with pytest.raises(CommandRefusedError, match=f"head refused follow: .*{why}"):
-        follow(**change)  # type: ignore[arg-type]
+        follow(**change)
 
 
 def test_exactly_one_kind_of_set_point_is_given() -> None:
