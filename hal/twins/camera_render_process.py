@@ -110,9 +110,9 @@ class CameraRenderProcess:
 def _work(wire: Connection, model: RobotModel, world: World, seed: int) -> None:
     """The other process: less urgent than the controllers, and ended by the end of the wire alone."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    with contextlib.suppress(PermissionError):
-        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(REAL_TIME_PRIORITY))
     with PyBulletRobot(model, world, seed=seed) as robot, contextlib.suppress(EOFError, OSError):
+        with contextlib.suppress(PermissionError):
+            os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(REAL_TIME_PRIORITY))
         wire.send("ready")
         while True:
             camera, state = wire.recv()

@@ -94,15 +94,16 @@ class TwinHost:
     def run(self, ready: Callable[[Hosted], None]) -> None:
         """Build the world, open all ports, call ``ready``, and go on until ``close()``.
 
-        Controllers answer in time whatever else a machine does: where the system allows it, so does this process.
+        Controllers answer in time whatever else a machine does: where the system allows it, so does this process, once
+        its world is built, which must not keep others waiting.
         """
-        with contextlib.suppress(PermissionError):
-            os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(REAL_TIME_PRIORITY))
         with tempfile.TemporaryDirectory(prefix="bestman_twin_") as folder:
             servers: list[JsonLineServer] = []
             addresses: dict[str, str] = {}
 
             def open_all() -> None:
+                with contextlib.suppress(PermissionError):
+                    os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(REAL_TIME_PRIORITY))
                 free = iter(range(FIRST_ADDRESS, LAST_ADDRESS))
                 for name, connection in self._model.connections.items():
                     self.twins[name], addresses[name] = self._place(connection, free)

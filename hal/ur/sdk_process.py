@@ -124,6 +124,10 @@ class SDKProcess:
         from rtde_control import RTDEControlInterface
         from rtde_receive import RTDEReceiveInterface
 
+        # As the parent's control loops, and all threads of the SDK with it; not while modules are loaded, which must
+        # not keep other controllers waiting.
+        with contextlib.suppress(PermissionError):
+            os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(REAL_TIME_PRIORITY))
         self._address, self._settings = address, settings
         self._dashboard = DashboardClient(address)
         self._dashboard.connect(int(1000 * settings["connect_timeout"]))
@@ -287,6 +291,4 @@ class SDKProcess:
 
 if __name__ == "__main__":
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent's to handle
-    with contextlib.suppress(PermissionError):  # as the parent's control loops have it
-        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(REAL_TIME_PRIORITY))
     SDKProcess(Connection(int(sys.argv[1])), Connection(int(sys.argv[2]))).serve()

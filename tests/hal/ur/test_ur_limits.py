@@ -27,8 +27,6 @@ STEP = np.array([0.3, 0, 0, 0, 0, 0])
 
 @contextmanager
 def connected(twin: TwinProcess, **settings: Any) -> Iterator[tuple[HardwareRobot, URArm]]:
-    # Limits are tested here, not silence: a busy machine has left the twin without a processor for 0.7 s.
-    settings = {"safety__watchdog": 1.5, **settings}
     with HardwareRobot(load_robot_model(ROBOT, twin_settings(twin, **settings))) as robot:
         yield robot, robot.part("arm", URArm)
 
