@@ -136,7 +136,9 @@ def audit(
     for contact in record.contacts:
         if contact.by_walker:
             continue
-        if declared is not None:
+        if contact.kinds[1] in ("robot", "fingers"):
+            collisions.append(replace(_collision(contact), why="the robot collides with itself"))
+        elif declared is not None:
             why = judged.objection(contact)
             if why:
                 second = contact.leaf or contact.second

@@ -2,11 +2,21 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
+from itertools import combinations
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from bestman_bt.messages import Box, PlacedShape, Pose
-from bestman_bt.robot_model import BaseModel, GripperModel, LeggedBaseModel, MimicJoint, RobotModel, WheeledBaseModel
+from bestman_bt.robot_model import (
+    ArmModel,
+    BaseModel,
+    GripperModel,
+    LeggedBaseModel,
+    MimicJoint,
+    RobotModel,
+    WheeledBaseModel,
+)
 from bestman_bt.robot_model.bare_frames import without_bare_frames
 from bestman_bt.scene import PlacedFurniture, PlacedObject, Walker, World, wall_box
 from hal.pybullet.body_urdf import SLIDES, Color, body_urdf, furniture_urdf, joint_name, walker_urdf
@@ -23,6 +33,7 @@ BODY_FLAGS = ("URDF_USE_IMPLICIT_CYLINDER",)
 FURNITURE_FLAGS = (*BODY_FLAGS, "URDF_USE_INERTIA_FROM_FILE")
 OBJECT_FLAGS = (*BODY_FLAGS, "URDF_ENABLE_SLEEPING")
 ROBOT_FLAGS = (*BODY_FLAGS, "URDF_USE_INERTIA_FROM_FILE")
+ARMS_FLAGS = (*ROBOT_FLAGS, "URDF_USE_SELF_COLLISION")
 
 
 def build_world(client: PhysicsClient, model: RobotModel, world: World, parameters: PhysicsParameters) -> BuiltWorld:
@@ -43,11 +54,12 @@ def build_world(client: PhysicsClient, model: RobotModel, world: World, paramete
         walkers = {walker.name: _walker(client, walker, folder) for walker in world.walkers}
         urdf, frames = without_bare_frames(model.urdf)
         # A robot without a base that drives is bolted to where it stands.
-        robot = _load(client, "robot", urdf, world.robot_start.to_pose(), folder, not model.of(BaseModel), ROBOT_FLAGS)
+        flags = ARMS_FLAGS if len(model.arm_names) > 1 else ROBOT_FLAGS
+        robot = _load(client, "robot", urdf, world.robot_start.to_pose(), folder, not model.of(BaseModel), flags)
     joints, links = _names(client, robot)
     _set_up_robot(client, model, world, parameters, robot, joints, links)
     described = {index: client.getJointInfo(robot, index) for index in joints.values()}
-    return BuiltWorld(
+    built = BuiltWorld(
         floor,
         walls,
         furniture,
@@ -63,6 +75,22 @@ def build_world(client: PhysicsClient, model: RobotModel, world: World, paramete
         articulations=articulations,
         walkers=walkers,
     )
+    if len(model.arm_names) > 1:
+        _let_arms_collide(client, model, built)
+    return built
+
+
+def _let_arms_collide(client: PhysicsClient, model: RobotModel, built: BuiltWorld) -> None:
+    """Of the robot's links, those of two arms with their hands collide, but for pairs that the model leaves out."""
+    carriers: defaultdict[int, set[str]] = defaultdict(set)
+    for name, arm in model.of(ArmModel).items():
+        for link in (built.links.get(arm.base_frame), *built.below(arm.joint_names)):
+            if link is not None:
+                carriers[link].add(name)
+    for (first, one), (second, other) in combinations(built.links.items(), 2):
+        arms = carriers[one], carriers[other]
+        collide = all(arms) and arms[0].isdisjoint(arms[1]) and {first, second} not in model.allowed_self_pairs
+        client.setCollisionFilterPair(built.robot, built.robot, one, other, int(collide))
 
 
 def _load(

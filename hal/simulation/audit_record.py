@@ -15,7 +15,8 @@ Body = Literal["fingers", "robot", "object", "furniture", "floor", "wall", "walk
 class ContactIncident:
     """Two bodies pressed on each other with more than 1 N, with gaps of less than a quarter of a second.
 
-    ``first``: the robot's link, or the object that it held. ``second``: the other body. ``kinds``: what these two are.
+    ``first``: the robot's link, or the object that it held. ``second``: the other body, or a link of another arm of the
+    robot. ``kinds``: what these two are.
     ``leaf``: the door or drawer, ``furniture/name``, where the second is one. Times in simulated seconds,
     ``peak_force`` in newtons.
     ``by_walker``: a walker, or a door that a script moves, came into the robot, whose body did not move towards it

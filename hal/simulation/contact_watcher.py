@@ -64,7 +64,7 @@ class ContactWatcher:
         walkers, minded = self._walkers, self._minded
         for contact in observation.contacts:
             body_a, body_b, link_a, link_b, _, _, _, distance, force, *_ = contact
-            if body_b == robot:
+            if body_b == robot and (body_a != robot or link_b < link_a):
                 body_a, body_b, link_a, link_b = body_b, body_a, link_b, link_a
             if body_a == robot and body_b == floor and link_a in rolling:
                 continue

@@ -9,7 +9,7 @@ import pybullet
 import pytest
 
 from bestman_bt.evaluation.audit import Audit, audit
-from bestman_bt.robot_model import load_robot_model
+from bestman_bt.robot_model import ArmModel, joints_above, load_robot_model
 from bestman_bt.scene import draw_world, load_scene
 from hal.api import Arm, MobileBase
 from hal.pybullet import PyBulletRobot
@@ -340,3 +340,24 @@ def test_a_monitor_that_was_switched_off_is_noticed(robot, cup, judge) -> None:
 def test_a_reader_that_calls_itself_a_sensor_during_a_run_is_counted(robot, cup, judge) -> None:
     robot.simulation.reader(ReadPurpose.SENSOR).body_pose(cup)
     assert judge().ground_truth_reads == 1
+
+
+def test_an_arm_that_drives_into_the_other_one_collides_with_the_robot_itself() -> None:
+    model = load_robot_model("two_arms")
+    with PyBulletRobot(model, draw_world(load_scene("two_things"), 1), seed=1) as robot:
+        left, right = robot.part("left", Arm), robot.part("right", Arm)
+        for turned in (0.0, 0.9):  # side by side, then the hands through each other
+            motions = []
+            for arm, sign in ((left, -1.0), (right, 1.0)):
+                positions = model.posture("home", arm.joint_names)
+                positions[0] += sign * turned
+                motions.append(arm.move_to(positions, 0.4))
+            while not all(motion.done for motion in motions):
+                robot.clock.sleep(0.05)
+            if not turned:
+                assert audit(robot.audit_record()).collisions == ()
+        (first, *_) = audit(robot.audit_record(), allowed_contacts=[("fingers", "robot")], declared=()).collisions
+    sides = [{name for name, arm in model.of(ArmModel).items() if {*arm.joint_names} & joints_above(model, link)}
+             for link in (first.first, first.second)]  # fmt: skip
+    assert sorted(sides, key=sorted) == [{"left"}, {"right"}]
+    assert first.why == "the robot collides with itself"
