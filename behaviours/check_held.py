@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-from behaviours.grasp import grip_problem
 from behaviours.names import ObjectName
 from behaviours.skill import Declaration, OnArm, Skill, SkillFailure, Steps
+from bestman_bt.control.gripper import HELD_WIDTH
 from bestman_bt.engine import In, Out
 from bestman_bt.perception import View
 
@@ -42,7 +42,7 @@ class CheckHeld(OnArm, Skill):
         width = skills.gripper.width()
         self.width = width
         evidence = ["width"]
-        problem = grip_problem(width, held.width)
+        problem = HELD_WIDTH.problem(width, held.width)
         if not problem and skills.tactile:
             evidence.append("touch")
             problem = self._touch_problem()

@@ -13,6 +13,7 @@ from behaviours.contacts import support, surface_below
 from behaviours.grasp_candidates import grasp_candidates
 from behaviours.names import ArmName, ObjectName
 from behaviours.skill import ALGORITHM_ERRORS, Declaration, OnArm, Skill, SkillCondition, SkillFailure, Steps
+from bestman_bt.control.gripper import HELD_WIDTH
 from bestman_bt.engine import In, InOut, Out
 from bestman_bt.messages import Pose
 from bestman_bt.world_model import HeldObject, ObjectBelief
@@ -21,10 +22,6 @@ if TYPE_CHECKING:
     from bestman_bt.manipulation.motion_planning import Approach
     from bestman_bt.perception.grasp_pose import GraspCandidate
 
-WIDTH_TOLERANCE = 0.008
-"""Metres by which the hand may close further than the grasp foresees and still be said to hold the object."""
-CLOSED = 0.003
-"""Metres above its least width at which a hand counts as closed on nothing."""
 LEAST_FORCE = 20.0
 """Newtons with which the hand closes at least, where no force is given."""
 SAFETY = 4.0
@@ -176,7 +173,7 @@ class Grasp(OnArm, Skill):
         try:
             yield skills.arm.follow(lift)
         except SkillFailure:
-            if not grip_problem(skills.gripper.width(), held.width):
+            if not HELD_WIDTH.problem(skills.gripper.width(), held.width):
                 self._believe(held)  # stopped on its way up, with the object in the hand
             raise
         self._check_held(held.width if width is None else width)
@@ -199,9 +196,9 @@ class Grasp(OnArm, Skill):
         """``expected``: metres between the fingers; None where nothing is known of the object's far side."""
         width = self.skills.gripper.width()
         if expected is not None:
-            problem = grip_problem(width, expected)
+            problem = HELD_WIDTH.problem(width, expected)
         else:
-            closed = width < self.skills.gripper_model.part.min_width + CLOSED
+            closed = width < self.skills.gripper_model.part.min_width + HELD_WIDTH.shut
             problem = f"it closed to {1e3 * width:.0f} mm" if closed else ""
         if not problem and not self.skills.gripper.pressing():
             problem = "the fingers do not press"
@@ -244,7 +241,7 @@ class Holding(SkillCondition):
         held = skills.held
         if held is None or held.name != name:
             return "not_holding", f"the hand does not hold the {name}"
-        problem = grip_problem(skills.gripper.width(), held.width)
+        problem = HELD_WIDTH.problem(skills.gripper.width(), held.width)
         if problem:
             skills.held = None
             return "object_lost", f"the {name} is no longer in the hand: {problem}"
@@ -276,15 +273,3 @@ class Reachable(OnArm, SkillCondition):
                 return None
         distance = float(np.linalg.norm((skills.map_from_base.inverse() @ belief.pose).position[:2]))
         return "out_of_reach", f"the {name} is out of reach, {distance:.2f} m from the base"
-
-
-def grip_problem(width: float, expected: float) -> str:
-    """Why a closed hand does not hold something ``expected`` metres wide; empty if it may.
-
-    The fingers keep closing: without the object between them they would come together.
-    """
-    if width < expected - WIDTH_TOLERANCE:
-        return f"it closed to {1e3 * width:.0f} mm instead of {1e3 * expected:.0f} mm"
-    if width > expected + WIDTH_TOLERANCE:
-        return f"it stopped at {1e3 * width:.0f} mm instead of {1e3 * expected:.0f} mm"
-    return ""

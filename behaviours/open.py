@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from behaviours.arm_motion import ARM_PLANNING_FAILS, follow_path, move_free
 from behaviours.contacts import handle
 from behaviours.following import FOLLOWING_FAILS, error_code, followed
-from behaviours.grasp import CLOSED
 from behaviours.handle_pull import HandlePull, plan_pull
 from behaviours.leaf import UNKNOWN_ARTICULATION, world_at_leaf
 from behaviours.leaf_felt import felt_leaf
@@ -20,12 +19,10 @@ from behaviours.opening import Opening, plan_opening
 from behaviours.skill import ALGORITHM_ERRORS, Declaration, OnArm, Skill, SkillFailure, Steps, StepsTo
 from behaviours.taring import tare_wrist
 from behaviours.withdraw import withdraw, withdraw_after
+from bestman_bt.control.gripper import HELD_WIDTH
 from bestman_bt.engine import In, Out
 from bestman_bt.messages import Pose
 from bestman_bt.world_model import Obstacle
-
-ROLLS = 0.006
-"""Metres by which the fingers may move while a bar turns between them."""
 
 
 class Open(OnArm, Skill):
@@ -103,7 +100,7 @@ class Open(OnArm, Skill):
 
     def _check_held(self) -> None:
         gripper = self.skills.gripper
-        if not gripper.pressing() or gripper.width() < self.skills.gripper_model.part.min_width + CLOSED:
+        if not gripper.pressing() or gripper.width() < self.skills.gripper_model.part.min_width + HELD_WIDTH.shut:
             width = 1e3 * gripper.width()
             raise SkillFailure("grasp_failed", f"the hand closed to {width:.0f} mm and does not hold the handle")
 
@@ -124,7 +121,7 @@ class Open(OnArm, Skill):
             distance=share * opening.distance if opening.angle is None else math.inf,
             angle=math.inf if opening.angle is None else share * opening.angle,
             max_pull=self.max_pull,
-            grip=skills.gripper.watch_slip(ROLLS if opening.bar_turns else None),
+            grip=skills.gripper.watch_slip(HELD_WIDTH.slip_turning if opening.bar_turns else HELD_WIDTH.slip),
             hint=leaf.leaf.kind,
             guide=plan.guide,
             axis=opening.axis(skills.map_from_base.inverse()),

@@ -15,6 +15,7 @@ from behaviours.names import ObjectName, SurfaceName
 from behaviours.perceive import NO_CAMERA, camera_called
 from behaviours.skill import Declaration, OnArm, Skill, SkillFailure, Steps
 from behaviours.surfaces import SURFACE_NOT_SEEN, UNKNOWN_SURFACE, surface_region
+from bestman_bt.control.gripper import HELD_WIDTH
 from bestman_bt.engine import In, Out
 from bestman_bt.messages import Pose
 from bestman_bt.world_model import HeldObject, ObjectBelief
@@ -44,8 +45,6 @@ MAX_TAKEN = 0.03
 MIN_FREE = 0.4
 """Share of the disc at the goal that must have been seen free; the rest may be hidden behind what is carried."""
 TURNS_OF_A_ROUND_OBJECT = 12
-LET_GO = 0.004
-"""Metres by which the fingers must open beyond what they held."""
 LOOSE = 3.0
 """Newtons with which fingers that are caught close again before they open once more."""
 NUDGE = 0.001
@@ -230,13 +229,13 @@ class Release(OnArm, Skill):
     def _let_go(self, held: HeldObject) -> Steps:
         skills = self.skills
         outcome = yield skills.gripper.release()
-        if outcome.width < held.width + LET_GO:
+        if outcome.width < held.width + HELD_WIDTH.let_go:
             # Caught: hold it loosely, so that it comes to lie as it likes between the fingers, and try again.
             yield skills.gripper.close(LOOSE)
             if skills.wrist_wrench is not None:
                 yield skills.arm.move_until((0.0, 0.0, 1.0), SET_DOWN_SPEED, NUDGE, SET_DOWN_FORCE)
             outcome = yield skills.gripper.release()
-        if outcome.width < held.width + LET_GO:
+        if outcome.width < held.width + HELD_WIDTH.let_go:
             # The arm must not leave with a thing that is neither held nor free.
             yield skills.gripper.close()
             opened = f"the fingers opened to {1e3 * outcome.width:.0f} mm, it is {1e3 * held.width:.0f} mm wide"

@@ -17,24 +17,48 @@ class GripperOutcome:
     object_held: bool
 
 
+@dataclass(frozen=True)
+class HeldWidth:
+    """What the width between the fingers says of the thing that a hand holds; metres.
+
+    ``tolerance``: by which a hand may be further closed or open than the thing is wide, as it is known, and still be
+    said to hold it. ``shut``: above its least width, up to which a hand has closed on nothing. ``slip``: by which the
+    width may change under a hand that pulls; ``slip_turning``: while a bar turns in it. ``let_go``: by which the
+    fingers must open beyond what they held.
+    """
+
+    tolerance: float = 0.008
+    shut: float = 0.003
+    slip: float = 0.003
+    slip_turning: float = 0.006
+    let_go: float = 0.004
+
+    def problem(self, width: float, expected: float) -> str:
+        """Why a closed hand does not hold something ``expected`` metres wide; empty if it may.
+
+        The fingers keep closing: without the object between them they would come together.
+        """
+        if abs(width - expected) <= self.tolerance:
+            return ""
+        how = "closed to" if width < expected else "stopped at"
+        return f"it {how} {1e3 * width:.0f} mm instead of {1e3 * expected:.0f} mm"
+
+
+HELD_WIDTH = HeldWidth()
+
+
 @dataclass(eq=False)
 class GripperController:
-    """Commands one gripper and tells, from its encoder and motor alone, whether it holds something.
-
-    How to let go, and what counts as held.
+    """Commands one gripper and tells, from its encoder and motor alone, whether it presses on something.
 
     ``closing_speed``, ``release_speed``: m/s of the width at most; faster fingers push what they meet first aside, and
-    drag along what they leave. ``release_clearance``: metres that a
-    release opens beyond the present width. ``width_tolerance``: metres by which a held object's width may differ.
-    ``slip_tolerance``: metres by which the width may change while it is held.
+    drag along what they leave. ``release_clearance``: metres that a release opens beyond the present width.
     """
 
     gripper: Gripper
     closing_speed: float = 0.1
     release_speed: float = 0.02
     release_clearance: float = 0.016
-    width_tolerance: float = 0.006
-    slip_tolerance: float = 0.003
 
     def __post_init__(self) -> None:
         self.name, self.model = self.gripper.name, self.gripper.model
@@ -46,11 +70,6 @@ class GripperController:
     def pressing(self) -> bool:
         """Whether a closing motion was blocked by something that the fingers still press on."""
         return self.gripper.state().object_held
-
-    def holding(self, expected_width: float, tolerance: float | None = None) -> bool:
-        """Whether the fingers press on something as wide as expected (metres, within the tolerance)."""
-        tolerance = self.width_tolerance if tolerance is None else tolerance
-        return self.pressing() and abs(self.width() - expected_width) <= tolerance
 
     def open(self, width: float | None = None, speed: float | None = None) -> Motion[GripperOutcome]:
         """Open to ``width`` (fully by default) at ``speed`` m/s of the width (the gripper's own by default)."""
@@ -73,12 +92,11 @@ class GripperController:
         width = min(self.width() + self.release_clearance, self.model.max_width)
         return self.open(width, self.release_speed)
 
-    def watch_slip(self, tolerance: float | None = None) -> Callable[[], str | None]:
+    def watch_slip(self, tolerance: float = HELD_WIDTH.slip) -> Callable[[], str | None]:
         """A guard over what is held now: it answers with a text once the fingers press no more, or close further.
 
-        ``tolerance``: metres by which the width may still shrink or grow (``slip_tolerance`` by default).
+        ``tolerance``: metres by which the width may still shrink or grow.
         """
-        tolerance = self.slip_tolerance if tolerance is None else tolerance
         width = self.width()
 
         def lost() -> str | None:

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from behaviours import grasp as grasp_module
-from behaviours.grasp import PlannedGrasp, grip_problem
+from behaviours.grasp import PlannedGrasp
+from bestman_bt.control.gripper import HELD_WIDTH
 from bestman_bt.engine import FAILURE, RUNNING, SUCCESS
 from bestman_bt.messages import MotionErrorCode, Pose
 from bestman_bt.world_model import HeldObject, ObjectBelief
@@ -176,7 +177,7 @@ def test_a_thing_without_a_model_is_held_unless_the_hand_is_shut(skills: Any, wi
 def test_a_grip_holds_within_the_tolerance_and_what_is_lost_is_forgotten(
     skills: Any, off: float, held: bool, leaf: str
 ) -> None:
-    assert (grip_problem(WIDTH + off, WIDTH) == "") is held
+    assert (HELD_WIDTH.problem(WIDTH + off, WIDTH) == "") is held
     skills.held = HeldObject("cup", skills.world.models["cup"], Pose(), WIDTH)
     skills.widths = [WIDTH + off]
     assert run(skills, load(skills, leaf)) == (SUCCESS if held else FAILURE)

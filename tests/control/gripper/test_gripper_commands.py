@@ -38,23 +38,6 @@ def test_a_release_opens_a_little_beyond_the_present_width_and_slowly(gripper, w
     assert (to, force, speed) == (pytest.approx(target), None, 0.02)
 
 
-@pytest.mark.parametrize(
-    ("width", "pressing", "tolerance", "held"),
-    [
-        (0.0459, True, None, True),
-        (0.0341, True, None, True),
-        (0.0461, True, None, False),
-        (0.0339, True, None, False),
-        (0.04, False, None, False),
-        (0.049, True, 0.01, True),
-        (0.041, True, 0.0, False),
-    ],
-)
-def test_what_is_held_presses_and_is_as_wide_as_expected(gripper, width, pressing, tolerance, held):
-    gripper.opening, gripper.held = width, pressing
-    assert GripperController(gripper).holding(0.04, tolerance) == held
-
-
 def test_a_slip_watch_speaks_when_the_fingers_press_no_more_or_move_either_way(gripper):
     gripper.opening, gripper.held = 0.04, True
     controller = GripperController(gripper)

@@ -13,7 +13,7 @@ def test_a_hand_that_closes_on_nothing_succeeds_and_holds_nothing(simulate):
     assert handle.status is MotionStatus.SUCCEEDED
     assert not handle.result.object_held
     assert handle.result.width < 0.003
-    assert not simulated.gripper.holding(0.0)
+    assert not simulated.gripper.pressing()
 
 
 def test_a_hand_that_closes_on_a_bar_holds_something_as_wide(simulate, world_with_bar):
@@ -22,8 +22,7 @@ def test_a_hand_that_closes_on_a_bar_holds_something_as_wide(simulate, world_wit
     assert handle.status is MotionStatus.SUCCEEDED
     assert handle.result.object_held
     assert handle.result.width == pytest.approx(0.03, abs=0.002)
-    assert simulated.gripper.holding(0.03)
-    assert not simulated.gripper.holding(0.045)
+    assert simulated.gripper.pressing()
 
 
 def test_a_release_opens_slowly_and_only_a_little(simulate, world_with_bar):
