@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from bestman_bt.engine import FAILURE
-from bestman_bt.messages import Box, PlacedShape, Pose, Pose2D
+from bestman_bt.engine import FAILURE, SUCCESS
+from bestman_bt.messages import Box, MotionErrorCode, PlacedShape, Pose, Pose2D
 from bestman_bt.runtime import Session
 from bestman_bt.world_model import Obstacle
 from tests.behaviours.at_the_table import failures_of, fastest, tick, tree_of
+from tests.behaviours.scripted import codes, load, run, scripted_skills
 from tests.behaviours.truth import succeeds, why_not
 
 
@@ -106,3 +107,15 @@ def test_numbers_that_are_none_are_refused_and_nothing_moves(arm: Session, body:
     assert code == "bad_input", words
     assert "nan" in words
     assert fastest(arm) < 0.01
+
+
+@pytest.mark.parametrize(("refused", "planned", "status"), [(2, 3, SUCCESS), (3, 3, FAILURE)])
+def test_where_another_arm_rests_in_the_way_it_is_planned_again_twice(refused: int, planned: int, status: int) -> None:
+    skills = scripted_skills()
+    skills.arm.for_planning = lambda joints: joints
+    skills.arm.ends["follow"] = [MotionErrorCode.OTHER_ARM_IN_THE_WAY] * refused
+    tree = load(skills, '<MoveArm posture="home"/>')
+    assert run(skills, tree) == status
+    paths = [command[1] for command in skills.arm.asked]
+    assert len({id(path) for path in paths}) == planned, "each of them planned anew"
+    assert codes(skills) == (["other_arm_in_the_way"] if status == FAILURE else [])
