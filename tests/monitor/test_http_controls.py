@@ -97,8 +97,9 @@ def test_no_foreign_page_and_nobody_without_the_token_controls_a_run(
         assert http.post(f"/api/runs/{ID}/stop").status_code == 401
         foreign = {"Origin": "http://elsewhere.example"}
         assert http.post(f"/api/runs/{ID}/stop", headers={**known, **foreign}).status_code == 403
-        text = http.post(f"/api/runs/{ID}/set", content='{"key": "a", "value": 1}', headers=known)
-        assert (text.status_code, "Content-Type" in text.json()["error"]) == (409, True)
+        for kind in ({}, {"Content-Type": "text/plain"}, {"Content-Type": "application/x-www-form-urlencoded"}):
+            text = http.post(f"/api/runs/{ID}/set", content='{"key": "a", "value": 1}', headers=known | kind)
+            assert (text.status_code, "Content-Type" in text.json()["error"]) == (409, True)
         assert [asked for asked in executor.asked[before:] if asked["do"] in ("stop", "set")] == []
         assert http.post(f"/api/runs/{ID}/stop", headers=known).status_code == 200
 

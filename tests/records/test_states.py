@@ -101,6 +101,8 @@ def test_time_never_runs_back(time: float) -> None:
     history.record(5.0, 1, [(1, RUNNING)])
     history.record(time, 2, [(1, SUCCESS)])
     assert history.time == 5.0
+    history.record(time, 3)
+    assert (history.time, history.tick) == (5.0, 3)
     assert history.at(5.0).nodes.states[1] == SUCCESS
 
 

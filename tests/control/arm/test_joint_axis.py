@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -39,6 +40,8 @@ def test_the_angle_and_the_way_are_those_of_the_arc():
     assert axis.angle(way[0], way[-1]) == pytest.approx(1.2, abs=0.01)
     assert axis.travelled(way[0], way[-1]) == pytest.approx(0.48, abs=0.005)
     np.testing.assert_allclose(axis.tangent(way[-1]), [math.cos(1.2), -math.sin(1.2), 0.0], atol=0.02)
+    above = replace(axis, point=axis.point - 0.3 * axis.direction)  # any point of the axis will do
+    assert above.angle(way[0], way[-1]) == pytest.approx(axis.angle(way[0], way[-1]))
 
 
 def test_a_drawer_stays_a_line_although_the_hand_creeps():
@@ -89,10 +92,12 @@ def test_a_radius_beyond_that_of_any_hinge_is_a_line():
     assert learn(arc(1.7, 0.5)).axis.kind == "prismatic"
 
 
-def test_a_line_points_the_way_that_was_gone():
-    way = np.column_stack([-np.linspace(0, 0.3, 150), np.zeros(150), np.ones(150)])
-    axis = learn(way, direction=(-0.9, 0.3, 0.0)).axis
-    assert axis.direction == pytest.approx([-1.0, 0.0, 0.0], abs=1e-3)
+@pytest.mark.parametrize("heading", [0.0, 1.0, math.pi / 2, math.pi, 4.0])
+def test_a_line_points_the_way_that_was_gone(heading):
+    onward = np.array([math.cos(heading), math.sin(heading), 0.0])
+    way = np.linspace(0, 0.3, 150)[:, None] * onward + [0.5, -0.2, 1.0]
+    axis = learn(way, direction=onward + [0.1, 0.2, 0.0]).axis
+    assert axis.direction == pytest.approx(onward, abs=1e-3)
     assert axis.travelled(way[0], way[-1]) == pytest.approx(0.3)
 
 

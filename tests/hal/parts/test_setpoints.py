@@ -104,6 +104,9 @@ def test_a_trajectory_is_followed_to_its_end_and_an_offset_at_its_start_fades_ou
     play(course, 0.3)
     assert course.finished
     assert course.time == 2.0
+    short = Follow(trajectory, np.array([0.0, 0.04]), 5.0)
+    path, _ = play(short, 2.0)
+    assert path[-1] == pytest.approx(positions[-1])  # an offset is gone by its end, however short it is
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])

@@ -98,6 +98,22 @@ def test_a_stop_brakes_within_its_time_harder_than_the_limits_if_need_be(
     assert len(channel.sent) == sent
 
 
+def test_joints_that_failed_in_motion_set_off_from_rest(
+    group: StreamedJointGroup, channel: Joints, latch: StopLatch
+) -> None:
+    group.command(velocities=[STRONG, 0.0])
+    run(group, 1.0)
+    group.fail(Failure(MotionErrorCode.FAULT, "overcurrent"))
+    sent = len(channel.sent)
+    run(group, 0.1)
+    assert len(channel.sent) == sent
+    place = channel.at.copy()
+    group.move_to(place - [0.1, 0.0])
+    run(group, 5 * PERIOD)
+    assert channel.sent[-1][1][0] < 0.0  # and not on as it went before
+    assert channel.at[0] <= place[0]
+
+
 def test_a_slow_joint_brakes_within_its_limits(group: StreamedJointGroup, channel: Joints) -> None:
     group.command(velocities=[0.1, 0.0])
     run(group, 0.5)

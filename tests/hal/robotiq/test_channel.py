@@ -82,7 +82,7 @@ def test_an_object_counts_only_in_answer_to_the_last_order(channel: RobotiqChann
             wire.told = status(object=felt, echo=sent[0] - 1, position=100)  # of before the order
             channel.refresh()
             assert channel.read().object_held is False
-    wire.told = status(object=2, echo=0)
+    wire.told = status(object=2, echo=sent[0])
     channel.activate()
     assert channel.read().object_held is False  # nothing was asked since
     assert options.open_position < options.closed_position

@@ -19,6 +19,7 @@ from multiprocessing.connection import Connection
 calls, stream = (Connection(int(number)) for number in sys.argv[1:3])
 _, (address, settings) = calls.recv()
 calls.send((True, None))
+time.sleep(0.05)
 late = 0.0
 while True:
     now, zeros = time.monotonic(), [0.0] * 6
@@ -60,7 +61,9 @@ def test_a_report_that_was_long_under_way_is_as_old_as_its_stamp_says(link: URLi
 
 def test_connected_anew_stamps_are_of_the_clock_that_the_controller_has_now(link: URLink) -> None:
     for ahead in (1000.0, 400.0):
+        before = link.report
         link.open("", {"ahead": ahead, "late": 0.0}, 60.0)
+        assert link.report is not before
         reports(link, 2)
         assert link.age < 60.0
         link.close()

@@ -7,9 +7,10 @@ from typing import Any
 
 import pytest
 
+from bestman_bt.robot_model.connection_config import SafetyConfig
 from hal.api import CommandRefusedError, Failure, MotionErrorCode, NoDataError
 from hal.parts import StopLatch
-from hal.ur.connection import fault_of
+from hal.ur.connection import URConnection, fault_of
 from hal.ur.digital_io import URDigitalIO
 from hal.ur.sdk_process import Report
 
@@ -66,3 +67,20 @@ def test_each_digital_channel_has_its_bit_and_a_stopped_robot_switches_none() ->
     with pytest.raises(CommandRefusedError, match="a collision"):
         io.set_output("tool", 1, False)
     assert len(calls) == 1
+
+
+@pytest.mark.parametrize(
+    ("silence", "values", "sent"), [(0.09, {}, True), (0.11, {}, False), (0.0, {"safety_mode": 3}, False)]
+)
+def test_set_points_go_out_while_the_controller_is_heard_and_well(
+    silence: float, values: dict[str, Any], sent: bool
+) -> None:
+    cycles: list[float] = []
+    connection: Any = SimpleNamespace(
+        _link=SimpleNamespace(pump=lambda: report(**values), heard=5.0 - silence),
+        clock=SimpleNamespace(now=lambda: 5.0),
+        limits=SafetyConfig(watchdog=0.1),
+        _arm=SimpleNamespace(cycle=cycles.append),
+    )
+    URConnection._cycle(connection, 0.01)
+    assert bool(cycles) is sent

@@ -15,6 +15,7 @@ from hal.api import MotionErrorCode
 from hal.parts import ConnectionFailedError, SimulatedClock, StopLatch
 from hal.xarm import XArmOptions
 from hal.xarm.arm_identity import ArmIdentity
+from hal.xarm.channels import XArmGripper
 from hal.xarm.connection import XArmConnection
 from hal.xarm.lite6_gripper import Lite6GripperWire
 from hal.xarm.wire import XArmWire
@@ -250,3 +251,13 @@ def test_a_lite6s_gripper_that_is_turned_round_half_way_goes_back_from_there(
     assert gripper.read().width == pytest.approx(middle)
     clock.time += travel
     assert gripper.read().width == pytest.approx(model.part.min_width)
+
+
+def test_a_gripper_is_halted_where_it_is_by_then(wire: XArmWire, arm: Arm, robot_model: RobotModel) -> None:
+    gripper = XArmGripper(wire, robot_model.of(GripperModel)["gripper"], 850)
+    for pulses in (700, 400):
+        arm.get_gripper_position = lambda pulses=pulses: (0, pulses)
+        if pulses == 700:
+            gripper.refresh()
+    gripper.halt()
+    assert arm.calls[-1] == ("set_gripper_position", 400)
