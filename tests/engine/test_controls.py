@@ -124,15 +124,20 @@ def test_hooks_that_are_put_on_children_later_are_met_and_leave_no_trace(kind: A
     def hook(node: Any) -> None:
         met.append(node.name)
 
+    def once(node: Any) -> None:
+        met.append("once")
+        inner.remove_hook(once, rebind=False)
+
+    inner.add_pre_tick(once)
     inner.add_pre_tick(hook)
     assert ticks(tree, 1) == [RUNNING]
-    assert (met, inner.ticks) == (["inner"], 2)
+    assert (met, inner.ticks) == (["once", "inner"], 2)
     inner.remove_hook(hook)
     inner.add_pre_tick(lambda node: FAILURE)
     before = inner.ticks
     result = ticks(tree, 1)[0]
     assert inner.ticks == before
-    assert met == ["inner"]
+    assert met == ["once", "inner"]
     succeeds = {Fallback, ReactiveFallback, RoundRobin}
     expected = SUCCESS if kind in succeeds else FAILURE
     assert result == expected

@@ -7,7 +7,9 @@ from typing import Any
 
 import pytest
 
+from behaviours.contacts import Contact
 from bestman_bt.evaluation.audit import CHEATS, LISTED, audit
+from bestman_bt.evaluation.declared_contacts import Declared
 from hal.simulation import AuditRecord, ContactIncident, DisturbanceEvent, Finding
 from hal.simulation.audit_record import Penetration
 
@@ -205,3 +207,7 @@ def test_times_are_told_from_the_begin_of_the_run_on() -> None:
     (collision,) = judged.collisions
     assert (collision.start, collision.end) == (0.5, 0.75)
     assert judged.tampering == 0
+    held = Declared(Contact("grasp", "cup", 20.0), 0.9, 1.5)
+    touch = replace(FINGER, peak_force=5.0)
+    (told,) = audit(replace(NOTHING, contacts=(touch,)), declared=(held,), began=0.5).declared_contacts
+    assert told["start_s"] == 0.5

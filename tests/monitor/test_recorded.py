@@ -280,6 +280,16 @@ def test_a_damaged_result_is_told_in_the_log(folder: Path, start_monitor: StartM
     assert "result.json cannot be read" in log["lines"][-1]["message"]
 
 
+def test_a_result_that_was_mended_is_damaged_no_more(folder: Path) -> None:
+    run, text = RecordedRun("run-1", folder), (folder / "result.json").read_text()
+    for content, told in (("{", True), (text, False)):
+        (folder / "result.json").write_text(content)
+        run.look()
+        asyncio.run(run.open())
+        lines = run.history.lines_since(-1, 500)
+        assert any("result.json cannot be read" in line["message"] for line in lines) is told
+
+
 def test_new_run_folders_are_found(folder: Path, tmp_path: Path) -> None:
     assert run_folders(folder) == [folder]
     assert run_folders(tmp_path) == [folder]

@@ -96,7 +96,7 @@ def test_a_radius_beyond_that_of_any_hinge_is_a_line():
 def test_a_line_points_the_way_that_was_gone(heading):
     onward = np.array([math.cos(heading), math.sin(heading), 0.0])
     way = np.linspace(0, 0.3, 150)[:, None] * onward + [0.5, -0.2, 1.0]
-    axis = learn(way, direction=onward + [0.1, 0.2, 0.0]).axis
+    axis = learn(way, direction=onward + np.array([0.1, 0.2, 0.0])).axis
     assert axis.direction == pytest.approx(onward, abs=1e-3)
     assert axis.travelled(way[0], way[-1]) == pytest.approx(0.3)
 

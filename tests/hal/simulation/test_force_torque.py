@@ -92,6 +92,18 @@ def test_noise_and_offset_are_as_described_and_the_seed_decides_them(
     assert (np.abs(offsets[0] - offsets[1]).max(axis=1) > 0.5 * deviations).all()
 
 
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_beyond_its_range_it_tells_its_range_whichever_way_it_is_pushed(
+    standing_robot: PyBulletRobot, monkeypatch: pytest.MonkeyPatch, sign: float
+) -> None:
+    sensor, model = standing_robot.part(SENSOR, ForceTorque), standing_robot.model.of(MountedForceTorque)[SENSOR].part
+    monkeypatch.setattr(sensor, "_load", lambda *_: np.full(6, sign * 1e6))
+    standing_robot.clock.sleep(2.0 / model.rate + 0.01)
+    wrench = sensor.wrench()
+    assert wrench.force.tolist() == [sign * model.max_force] * 3
+    assert wrench.torque.tolist() == [sign * model.max_torque] * 3
+
+
 def test_two_readings_within_a_period_are_the_same_one(standing_robot: PyBulletRobot) -> None:
     sensor = standing_robot.part(SENSOR, ForceTorque)
     assert sensor.wrench() is sensor.wrench()

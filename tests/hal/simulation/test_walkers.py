@@ -223,9 +223,13 @@ def test_what_two_fingers_press_on_is_held_and_what_presses_on_that_is_noted_whi
         bodies = {built.robot: BodyState(still, (0.0, 0.0, 0.0, 1.0), still, still)}
         watcher = ContactWatcher(simulation)
         watcher.watch(Observation(0.0, bodies, contacts, simulation.joint_states(), {}))
+        fallen, deep = ContactWatcher(simulation), [(*c[:7], -0.004, 5.0) for c in contacts]
+        fallen.watch(Observation(0.0, bodies, deep, simulation.joint_states(), {}), falling=("cup",))
+        overlaps = {overlap.first for overlap in fallen.penetrations()}
         found = {(incident.first, incident.second) for incident in watcher.incidents()}
     held = {("cup", "walker_1")} if fingers == 2 else set()
     assert found == {(link, "cup") for link in hand.part.finger_links[:fingers]} | held
+    assert overlaps == set(hand.part.finger_links[:fingers])  # into what falls the robot may not press
 
 
 def test_a_robot_that_drives_away_is_not_blamed_for_who_runs_it_down(

@@ -170,6 +170,9 @@ def test_a_walker_is_met_where_it_will_be_and_no_further_ahead_than_it_can_be_fo
     assert met(1.0, 0.0, 0.6, 0.0) == 20  # it walks ahead, faster
     assert met(1.4, 0.0, 0.0, 0.0) == 20  # 0.92 m away: farther than 1.2 s at 0.5 m/s
     assert met(0.98, 0.0, 0.0, 0.0) == 8  # within 8 cm of it after 0.42 m
+    for side in (1.0, -1.0):  # beside it, within the circle around its corners
+        assert met(0.1, side * (0.26 + 0.2 + 0.07), 0.0, 0.0, Twist2D()) == 0
+        assert met(0.1, side * (0.26 + 0.2 + 0.09), 0.0, 0.0, Twist2D()) == 20
 
 
 def test_coming_near_a_walker_costs_the_more_the_nearer(footprint):

@@ -111,11 +111,12 @@ def test_two_who_pass_each_other_keep_their_ways_and_a_jump_is_somebody_else():
     assert walker.y == pytest.approx(0.26, abs=0.08)
 
 
-def test_hits_of_the_last_and_the_first_beam_belong_to_one_cluster():
-    tracks = MovingObstacles()
+@pytest.mark.parametrize("posts", [1, 0])
+def test_hits_of_the_last_and_the_first_beam_belong_to_one_cluster(posts):
+    tracks = MovingObstacles(gap=0.2 if posts else 0.12)
     for k in range(20):
         disc = hits_on(2.0, -1.0 + 0.06 * k)
-        post = hits_on(1.0, 2.0, 0.15)
+        post = hits_on(1.0, 2.0, 0.15) if posts else np.zeros((0, 2))
         around = np.vstack([disc[5:], post, disc[:5]])
         standing = tracks.update(around, LIDAR, 0.45, 0.1 * k)
     (walker,) = tracks.obstacles

@@ -34,7 +34,8 @@ def test_names_may_have_hyphens_and_dots():
 
 
 def test_parentheses_and_double_negation_are_understood():
-    assert parse_literals("not (not hand_empty)") == (Literal(Fact("hand_empty")),)
+    for text, negated in (("not (not hand_empty)", False), ("not not hand_empty", False), ("not not not open", True)):
+        assert parse_literals(text) == (Literal(Fact(text.split()[-1].strip("()")), negated),)
 
 
 def test_forall_binds_its_variable():
