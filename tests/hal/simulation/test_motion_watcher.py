@@ -1,0 +1,27 @@
+"""Joints beyond their limits are told, by joint states that a test writes."""
+
+from __future__ import annotations
+
+import pytest
+
+from bestman_bt.robot_model import ArmModel
+from hal.pybullet import PyBulletRobot
+from hal.simulation.guards import ReadPurpose
+from hal.simulation.motion_watcher import LIMIT_TOLERANCE, MotionWatcher
+from hal.simulation.observation import Observation
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_a_joint_beyond_its_limits_is_told_once_whichever_limit_that_is(
+    standing_robot: PyBulletRobot, side: float
+) -> None:
+    simulation, (arm,) = standing_robot.simulation, standing_robot.model.of(ArmModel).values()
+    watcher = MotionWatcher(simulation, simulation.reader(ReadPurpose.MONITOR))
+    slot = simulation.slots(arm.joint_names)[2]
+    limit, speed = (arm.upper if side > 0.0 else arm.lower)[2], side * arm.velocity[2]
+    for beyond, count in ((0.9, 0), (1.1, 1), (1.2, 1), (0.9, 1), (1.1, 2)):
+        joints = simulation.joint_states().copy()
+        joints[0, slot] = limit + side * beyond * LIMIT_TOLERANCE
+        joints[1, slot] = (1.0 + 0.1 * (beyond > 1.0)) * speed
+        watcher._watch_limits(Observation(0.0, {}, [], joints, {}))
+        assert (len(watcher.joint_limits), len(watcher.velocity_limits)) == (count, count)
