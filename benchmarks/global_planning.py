@@ -36,8 +36,13 @@ from bestman_bt.registry import ALGORITHMS
 from bestman_bt.robot_model import load_robot_model
 from bestman_bt.scene import draw_world, load_scene, semantic_map
 from bestman_bt.world_model import SemanticMap, WorldModel, open_leaves
+from examples.plugins.sampled_roads import PRM, RRTStar
 
-PLANNERS = ("grid_astar", "theta_star", "prm", "rrt_star", "hybrid_astar")
+PLANNERS = {
+    **{name: ALGORITHMS.resolve(f"global_planning/{name}") for name in ("grid_astar", "theta_star", "hybrid_astar")},
+    "prm": PRM,
+    "rrt_star": RRTStar,
+}
 COLOURS = ("tab:blue", "tab:orange", "tab:green", "tab:red", "tab:purple")
 Question = tuple[Costmap, Pose2D, Pose2D]
 
@@ -158,13 +163,13 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0, help="of the first apartment and of the questions")
     parser.add_argument("--apartments", type=int, default=5)
     parser.add_argument("--questions", type=int, default=6, help="on each map")
-    parser.add_argument("--planners", nargs="+", default=PLANNERS, choices=PLANNERS)
+    parser.add_argument("--planners", nargs="+", default=list(PLANNERS), choices=PLANNERS)
     parser.add_argument("--png", type=Path, help="draw all paths of one question in the first apartment here")
     parser.add_argument("--json", action="store_true", help="print the figures as JSON (they always are)")
     arguments = parser.parse_args()
     footprint = base_footprint(load_robot_model("diff_panda"))
     rng = np.random.default_rng(arguments.seed)
-    planners = {name: ALGORITHMS.resolve(f"global_planning/{name}")() for name in arguments.planners}
+    planners = {name: PLANNERS[name]() for name in arguments.planners}
     seeds = range(arguments.seed, arguments.seed + arguments.apartments)
     maps = [apartment(seed, footprint) for seed in seeds]
     asked = {

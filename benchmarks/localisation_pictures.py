@@ -20,11 +20,11 @@ from bestman_bt.navigation.localization import (
     CorrelativeSearch,
     DistanceField,
     OdometryScan,
-    ParticleFilter,
     cast_rays,
 )
 from bestman_bt.scene import draw_world, load_scene, semantic_map
 from bestman_bt.world_model import SemanticMap
+from examples.plugins.particle_filter import ParticleFilter
 
 BEAMS, RANGE = 360, 8.0
 

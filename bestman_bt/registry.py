@@ -175,12 +175,9 @@ ALGORITHMS = Registry(
         "global_planning/grid_astar": "bestman_bt.navigation.global_planning:GridAStar",
         "global_planning/hybrid_astar": "bestman_bt.navigation.global_planning:HybridAStar",
         "global_planning/layered": "bestman_bt.navigation.global_planning:LayeredCostmap",
-        "global_planning/prm": "bestman_bt.navigation.global_planning:PRM",
-        "global_planning/rrt_star": "bestman_bt.navigation.global_planning:RRTStar",
         "global_planning/theta_star": "bestman_bt.navigation.global_planning:ThetaStar",
         "grasp_pose/antipodal_cloud": "bestman_bt.perception.grasp_pose:AntipodalCloud",
         "grasp_pose/anygrasp": "bestman_bt.perception.grasp_pose:AnyGraspAdapter",
-        "grasp_pose/bounding_box": "bestman_bt.perception.grasp_pose:BoundingBox",
         "grasp_pose/handle_grasp": "bestman_bt.perception.grasp_pose:HandleGrasp",
         "grasp_pose/model_based": "bestman_bt.perception.grasp_pose:ModelBased",
         "kinematics/damped_least_squares": "bestman_bt.manipulation.kinematics:DampedLeastSquares",
@@ -189,15 +186,12 @@ ALGORITHMS = Registry(
         "local_planning/pure_pursuit": "bestman_bt.navigation.local_planning:PurePursuit",
         "localization/correlative_search": "bestman_bt.navigation.localization:CorrelativeSearch",
         "localization/ekf": "bestman_bt.navigation.localization:OdometryEkf",
-        "localization/particle_filter": "bestman_bt.navigation.localization:ParticleFilter",
         "localization/scan_to_map": "bestman_bt.navigation.localization:ScanToMap",
         "localization/wheel_odometry": "bestman_bt.navigation.localization:WheelOdometry",
         "motion_planning/aorrtc": "bestman_bt.manipulation.motion_planning:AORRTC",
         "motion_planning/bit_star": "bestman_bt.manipulation.motion_planning:BITStar",
         "motion_planning/kpiece": "bestman_bt.manipulation.motion_planning:KPIECE",
-        "motion_planning/path_cache": "bestman_bt.manipulation.motion_planning:PathCache",
         "motion_planning/portfolio": "bestman_bt.manipulation.motion_planning:Portfolio",
-        "motion_planning/prm": "bestman_bt.manipulation.motion_planning:PRM",
         "motion_planning/rrt_connect": "bestman_bt.manipulation.motion_planning:RRTConnect",
         "motion_planning/rrt_star": "bestman_bt.manipulation.motion_planning:RRTStar",
         "occupancy/log_odds": "bestman_bt.perception.occupancy:LogOdds",
@@ -217,6 +211,15 @@ ALGORITHMS = Registry(
     },
 )
 """``slot/name`` → class; its parameters are the dataclass ``<Class>Parameters`` beside it."""
+
+PLUGIN_EXAMPLES = {
+    "global_planning/prm": "examples/plugins/sampled_roads.py:PRM",
+    "global_planning/rrt_star": "examples/plugins/sampled_roads.py:RRTStar",
+    "grasp_pose/bounding_box": "examples/plugins/bounding_box_grasps.py:BoundingBox",
+    "localization/particle_filter": "examples/plugins/particle_filter.py:ParticleFilter",
+    "motion_planning/prm": "examples/plugins/lazy_prm.py:PRM",
+}
+"""Algorithms that were registered once and are examples of plug-ins now: where the sources have them."""
 
 ALGORITHM_SLOTS = frozenset(name.partition("/")[0] for name in ALGORITHMS.shipped)
 """What an algorithm may be for."""

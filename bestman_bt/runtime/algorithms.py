@@ -42,7 +42,7 @@ from bestman_bt.perception.pose_estimation import MultiView, PoseEstimator
 from bestman_bt.perception.segmentation import Segmentation, SupportSurfaces
 from bestman_bt.perception.tracking import Tracker
 from bestman_bt.perception.view_planning import ViewPlanner
-from bestman_bt.registry import ALGORITHMS, UnknownNameError, suggestion
+from bestman_bt.registry import ALGORITHMS, PLUGIN_EXAMPLES, UnknownNameError, suggestion
 from bestman_bt.robot_model import ArmModel, BaseModel, ImuPart, RobotModel, WheeledBaseModel
 from bestman_bt.runtime.own_results import with_checked_results
 from bestman_bt.runtime.tree_checks import literals
@@ -255,6 +255,8 @@ def _choose(
         message = f"unknown algorithm {name!r}; {suggestion(name, list(algorithms))}"
         if "known: " not in message:
             message += f" (known: {', '.join(sorted(algorithms))})"
+        if example := PLUGIN_EXAMPLES.get(f"{SLOTS[slot].kind}/{name}"):
+            message = f"{name!r} is a plug-in now: name it as {example!r}, a file of bestman-bt's sources"
         raise ConfigurationError([config.problem(("algorithms", slot, "algorithm"), message)])
     algorithm = algorithms[name]
     refuse_unfinished(algorithm, SLOTS[slot].base, f"algorithms.{slot}")

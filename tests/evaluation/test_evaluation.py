@@ -120,7 +120,7 @@ def test_all_faults_of_a_suite_are_told_at_once(tmp_path: Path) -> None:
         "  other: {task: fetch_cup, successes: {of: 2}}\n"
         "controls:\n"
         "  other: {task: fetch_cup, settings: [scene.finger_fraction=1], successes: {at_most: 0, of: 2}}\n"
-        "  mine: {task: mine.yaml, settings: [algorithms.global_planning.algorithm=prn, tick_rat=3]}\n"
+        "  mine: {task: mine.yaml, settings: [algorithms.global_planning.algorithm=theta_sta, tick_rat=3]}\n"
         "  lost: {task: fetch_cup, tree: no.xml, successes: {at_most: 0, of: 2, off: 1}, causes: [grasp_lost, 3]}\n"
         "  renamed: {task: fetch_cup, successes: {at_most: 3, of: 2}}\n"
     )
@@ -135,7 +135,7 @@ def test_all_faults_of_a_suite_are_told_at_once(tmp_path: Path) -> None:
     assert "bad.yaml:4: tasks.other.successes: one of 'at_least' and 'at_most' should be given" in told
     assert "bad.yaml:6: controls.other: is the name of a task of this suite, too" in told
     assert "finger_fraction" in told
-    assert "bad.yaml:7: controls.mine.settings[0]: unknown algorithm 'prn'; did you mean 'prm'?" in told
+    assert "bad.yaml:7: controls.mine.settings[0]: unknown algorithm 'theta_sta'; did you mean 'theta_star'?" in told
     assert "bad.yaml:7: controls.mine.settings[1]: unknown key 'tick_rat'; did you mean 'tick_rate'?" in told
     assert "bad.yaml:8: controls.lost.tree: no such tree file" in told
     assert "bad.yaml:8: controls.lost.successes.off: unknown field" in told

@@ -10,22 +10,18 @@ from bestman_bt.manipulation.motion_planning.base import (
 )
 from bestman_bt.manipulation.motion_planning.escape import Escape
 from bestman_bt.manipulation.motion_planning.ompl_planners import AORRTC, KPIECE, BITStar, RRTConnect, RRTStar
-from bestman_bt.manipulation.motion_planning.path_cache import PathCache
 from bestman_bt.manipulation.motion_planning.portfolio import Portfolio
-from bestman_bt.manipulation.motion_planning.prm import PRM
 from bestman_bt.manipulation.motion_planning.timed_planner import TimedMotionPlanner, TimedPlan
 from bestman_bt.manipulation.motion_planning.upright import Upright
 
 __all__ = [
     "AORRTC",
     "KPIECE",
-    "PRM",
     "Approach",
     "BITStar",
     "Escape",
     "MotionPlan",
     "MotionPlanner",
-    "PathCache",
     "PathConstraint",
     "PlanningError",
     "PlanningErrorCode",

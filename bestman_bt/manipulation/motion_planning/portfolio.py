@@ -21,7 +21,6 @@ from bestman_bt.manipulation.motion_planning.base import (
     PlanningErrorCode,
 )
 from bestman_bt.manipulation.motion_planning.ompl_planners import AORRTC, KPIECE, BITStar, RRTConnect, RRTStar
-from bestman_bt.manipulation.motion_planning.prm import PRM
 from bestman_bt.manipulation.motion_planning.sampling_planner import SamplingPlanner
 from bestman_bt.messages.bounds import Count
 
@@ -29,11 +28,10 @@ _MEMBERS: dict[str, Callable[[], SamplingPlanner]] = {
     "aorrtc": AORRTC,
     "bit_star": BITStar,
     "kpiece": KPIECE,
-    "prm": PRM,
     "rrt_connect": RRTConnect,
     "rrt_star": RRTStar,
 }
-Member = Literal["aorrtc", "bit_star", "kpiece", "prm", "rrt_connect", "rrt_star"]
+Member = Literal["aorrtc", "bit_star", "kpiece", "rrt_connect", "rrt_star"]
 
 
 @dataclass(frozen=True)

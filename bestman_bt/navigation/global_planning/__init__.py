@@ -7,12 +7,9 @@ from bestman_bt.navigation.global_planning.grid_astar import GridAStar
 from bestman_bt.navigation.global_planning.grid_search import areas_of_disc, shortest_length
 from bestman_bt.navigation.global_planning.hybrid_astar import HybridAStar
 from bestman_bt.navigation.global_planning.layered_costmap import LayeredCostmap
-from bestman_bt.navigation.global_planning.prm import PRM
-from bestman_bt.navigation.global_planning.rrt_star import RRTStar
 from bestman_bt.navigation.global_planning.theta_star import ThetaStar
 
 __all__ = [
-    "PRM",
     "Costmap",
     "Footprint",
     "GlobalPlanner",
@@ -22,7 +19,6 @@ __all__ = [
     "Overhang",
     "PlanningFailure",
     "PlanningFailureReason",
-    "RRTStar",
     "Rasterization",
     "ThetaStar",
     "areas_of_disc",

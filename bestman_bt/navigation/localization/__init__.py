@@ -14,7 +14,6 @@ from bestman_bt.navigation.localization.ekf import OdometryEkf
 from bestman_bt.navigation.localization.front_edge import FrontEdge, front_edge
 from bestman_bt.navigation.localization.map_lines import MapLines, PlanarMap, map_lines
 from bestman_bt.navigation.localization.odometry import OdometryFilter, WheelOdometry
-from bestman_bt.navigation.localization.particle_filter import ParticleFilter
 from bestman_bt.navigation.localization.ray_casting import cast_rays
 from bestman_bt.navigation.localization.scan_to_map import ScanToMap
 
@@ -29,7 +28,6 @@ __all__ = [
     "OdometryEkf",
     "OdometryFilter",
     "OdometryScan",
-    "ParticleFilter",
     "Place",
     "PlanarMap",
     "ScanMatch",

@@ -4,7 +4,6 @@ from bestman_bt.perception.grasp_pose.antipodal_cloud import AntipodalCloud
 from bestman_bt.perception.grasp_pose.antipodal_model import AntipodalModel
 from bestman_bt.perception.grasp_pose.anygrasp import AnyGraspAdapter
 from bestman_bt.perception.grasp_pose.base import GraspCandidate, GraspPlanner, GraspTarget
-from bestman_bt.perception.grasp_pose.bounding_box import BoundingBox
 from bestman_bt.perception.grasp_pose.hand_placement import HandPlacement
 from bestman_bt.perception.grasp_pose.hand_shape import HandShape, HandSize
 from bestman_bt.perception.grasp_pose.handle_grasp import HandleGrasp
@@ -16,7 +15,6 @@ __all__ = [
     "AntipodalCloud",
     "AntipodalModel",
     "AnyGraspAdapter",
-    "BoundingBox",
     "GraspCandidate",
     "GraspPlanner",
     "GraspRanking",

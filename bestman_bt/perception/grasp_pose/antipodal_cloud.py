@@ -76,7 +76,9 @@ class AntipodalCloud(GraspPlanner):
     def plan(self, target: GraspTarget, gripper: GripperModel, support_height: float) -> tuple[GraspCandidate, ...]:
         """See GraspPlanner; empty for a cloud of too few points."""
         if target.cloud is None:
-            raise PerceptionError("AntipodalCloud needs a target with a cloud; for a box alone use BoundingBox")
+            raise PerceptionError(
+                "AntipodalCloud needs a target with a cloud; for a box alone there is a plug-in, bounding_box_grasps.py"
+            )
         cloud = self.cloud.complete(target.cloud, target.viewpoints, support_height)
         if cloud is None:
             return ()

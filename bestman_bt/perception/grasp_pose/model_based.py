@@ -75,7 +75,7 @@ class ModelBased(GraspPlanner):
     def plan(self, target: GraspTarget, gripper: GripperModel, support_height: float) -> tuple[GraspCandidate, ...]:
         """See GraspPlanner."""
         if target.model is None or target.frame_from_object is None:
-            raise PerceptionError("ModelBased needs a target with a model; for an unknown object use BoundingBox")
+            raise PerceptionError("ModelBased needs a target with a model; for an unknown object use AntipodalCloud")
         model, pose = target.model, target.frame_from_object
         hand, least = HandShape(gripper, self.shape), self.surroundings_clearance
         others = surroundings_of(target, support_height, hand.reach + float(np.linalg.norm(model.size)) / 2)

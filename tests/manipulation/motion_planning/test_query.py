@@ -9,7 +9,6 @@ import pytest
 
 from bestman_bt.manipulation.motion_planning import (
     KPIECE,
-    PRM,
     MotionPlan,
     MotionPlanner,
     PlanningError,
@@ -19,6 +18,7 @@ from bestman_bt.manipulation.motion_planning import (
 )
 from bestman_bt.manipulation.motion_planning.edge import dense_points, halving_order
 from bestman_bt.manipulation.motion_planning.query import check_query
+from examples.plugins.lazy_prm import PRM
 from tests.manipulation.motion_planning.joint_worlds import TWO, JointWorld, Kept, PortfolioOf
 
 FREE = JointWorld(lambda q: True)
@@ -155,7 +155,7 @@ def test_a_portfolio_asks_the_next_only_as_it_takes_the_best_and_hands_on_the_co
 
 def test_all_but_the_last_of_a_portfolio_are_impatient():
     closed = JointWorld(lambda q: abs(q[0]) > 0.1)
-    impatient = Portfolio(planners=("rrt_connect", "prm"), impatience=200)
+    impatient = Portfolio(planners=("rrt_connect", "kpiece"), impatience=200)
     with pytest.raises(PlanningError) as refused:
         impatient.plan(START, [GOAL], closed, TWO, np.random.default_rng(0))
     first, last = (int(count) for count in re.findall(r"after (\d+) collision checks", str(refused.value)))

@@ -9,7 +9,6 @@ import pytest
 
 from bestman_bt.messages import Box, Path2D, PlacedShape, Pose, Pose2D
 from bestman_bt.navigation.global_planning import (
-    PRM,
     Costmap,
     Footprint,
     GlobalPlanner,
@@ -17,11 +16,11 @@ from bestman_bt.navigation.global_planning import (
     HybridAStar,
     PlanningFailure,
     PlanningFailureReason,
-    RRTStar,
     ThetaStar,
     areas_of_disc,
 )
 from bestman_bt.world_model import Obstacle, SemanticMap
+from examples.plugins.sampled_roads import PRM, RRTStar
 
 PLANNERS = {
     "grid_astar": GridAStar(),

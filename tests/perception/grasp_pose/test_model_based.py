@@ -171,7 +171,7 @@ def test_a_lying_can_is_taken_across_its_axis() -> None:
 
 
 def test_a_target_without_a_model_is_refused() -> None:
-    with pytest.raises(PerceptionError, match="use BoundingBox"):
+    with pytest.raises(PerceptionError, match="use AntipodalCloud"):
         ModelBased().plan(GraspTarget(PlacedShape(Box((0.05, 0.05, 0.1)), Pose())), GRIPPER, 0.0)
 
 

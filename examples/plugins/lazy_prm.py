@@ -4,6 +4,9 @@ Kavraki et al., "Probabilistic roadmaps for path planning in high-dimensional co
 Bohlin and Kavraki, "Path planning using lazy PRM", ICRA 2000. OMPL's PRM decides in a second thread, by the clock, when
 it is done, and checks every edge; this one is repeatable, and a roadmap of a thousand postures costs a few checks more
 than a thousand.
+
+Chosen by ``algorithms: {motion_planning: {algorithm: "examples/plugins/lazy_prm.py:PRM"}}``;
+``docs/manipulation.md`` has its figures.
 """
 
 from __future__ import annotations

@@ -9,8 +9,9 @@ import pytest
 from benchmarks.rendered_table import RenderedTable
 from bestman_bt.messages import Box, PlacedShape, Pose, Sphere
 from bestman_bt.perception import PerceptionError
-from bestman_bt.perception.grasp_pose import BoundingBox, GraspTarget
+from bestman_bt.perception.grasp_pose import GraspTarget
 from bestman_bt.perception.segmentation import PlaneDbscan
+from examples.plugins.bounding_box_grasps import BoundingBox
 from tests.robot_models import gripper_model
 
 GRIPPER = gripper_model(finger_depth=0.045, pad_size=(0.02, 0.02))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from bestman_bt.messages import Pose2D
-from bestman_bt.navigation.localization.odometry_motion import OdometryMotion
+from examples.plugins.particle_filter import OdometryMotion
 
 START = np.tile([1.0, 2.0, math.pi / 2], (20000, 1))
 MODEL = OdometryMotion(turn_per_metre=0.05, drive_per_metre=0.1, still_turn=0.0, still_drive=0.0)

@@ -5,7 +5,7 @@ import math
 import numpy as np
 from scipy.stats import chi2
 
-from bestman_bt.navigation.localization.kld_sampling import KldSampling
+from examples.plugins.particle_filter import KldSampling
 
 KLD = KldSampling(error=0.02, quantile=2.33, fewest=100, most=20000)
 

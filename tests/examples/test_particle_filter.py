@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from bestman_bt.messages import LaserScan, Pose2D, wrap_angle
-from bestman_bt.navigation.localization import ParticleFilter
+from examples.plugins.particle_filter import ParticleFilter
 from tests.navigation.localization.simulated_scans import BASE_FROM_LIDAR, BEAMS, grid_of, scan_at
 
 STEP, TURN = 0.05, 0.04

@@ -1,7 +1,12 @@
-"""RRT*, a tree that is rewired as it grows: k-nearest RRT* of Karaman and Frazzoli (IJRR 2011), with cost.
+"""Global planners that sample places where the base can turn: PRM and RRT*, both seeded.
 
-Our own and not OMPL's, which asks Python about one motion after the other: it took 3 s where this takes 0.5 s, and
-seldom came through doorways, as it draws its samples itself.
+PRM: a roadmap drawn anew for each plan (Kavraki, Svestka, Latombe and Overmars 1996). RRT*: a tree that is rewired as
+it grows, k-nearest and with cost (Karaman and Frazzoli, IJRR 2011). OMPL's PRM asks a second thread whether it is done,
+so that equal seeds have unequal roadmaps; its RRT* took 3 s where this takes 0.5 s, as it asks about one motion after
+the other.
+
+Chosen by ``algorithms: {global_planning: {algorithm: "examples/plugins/sampled_roads.py:PRM"}}``, or ``:RRTStar``;
+``docs/navigation.md`` has their figures.
 """
 
 from __future__ import annotations
@@ -12,11 +17,38 @@ from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_matrix
+from scipy.sparse.csgraph import dijkstra
+from scipy.spatial import cKDTree
 
 from bestman_bt.messages.bounds import Count, Positive, Share, WholeNumber
 from bestman_bt.navigation.global_planning.polyline_planner import PolylinePlanner
 from bestman_bt.navigation.global_planning.room import Room
-from bestman_bt.navigation.global_planning.turning_places import turning_places
+
+_NEAR = 0.3
+"""Metres beyond the distance at which the base can turn that count as near an obstacle."""
+
+
+def turning_places(room: Room, count: int, near_obstacles: float, rng: np.random.Generator) -> NDArray[np.float64]:
+    """Up to ``count`` points (N, 2), metres; a share of ``near_obstacles`` is drawn near these.
+
+    In doorways samples are rare otherwise (Boor, Overmars and van der Stappen, "The Gaussian sampling strategy for
+    probabilistic roadmap planners", ICRA 1999).
+    """
+    costmap = room.costmap.for_turning
+    beyond = costmap.distance - room.turning_distance
+    near = round(near_obstacles * count)
+    drawn = []
+    for free, wanted in ((beyond >= 0.0, count - near), ((beyond >= -room.slack) & (beyond < _NEAR), near)):
+        cells = np.argwhere(free)
+        if len(cells):
+            drawn.append(costmap.grid_points(cells[rng.integers(len(cells), size=wanted)]))
+    if not drawn:
+        return np.zeros((0, 2))
+    points = np.vstack(drawn)
+    points += rng.uniform(-0.5, 0.5, points.shape) * costmap.resolution
+    places: NDArray[np.float64] = rng.permutation(points[room.can_turn(points)])
+    return places
 
 
 @dataclass(frozen=True)
@@ -109,3 +141,50 @@ class _Tree:
             moved = below.pop()
             self._costs[moved] -= saved
             below += self._children[moved]
+
+
+@dataclass(frozen=True)
+class PRM(PolylinePlanner):
+    """Places where the base can turn, joined where its footprint passes straight; equal seeds give equal paths.
+
+    ``samples``: places in the roadmap; ``near_obstacles``: the share of them that is drawn there. ``neighbours``: to
+    how many of the nearest ones each is joined, if nothing is in between, and to how many of all others within
+    ``longest`` metres at most: narrow places are passed from afar. ``seed``: of the samples.
+    """
+
+    samples: Count = 1000
+    near_obstacles: Share = 0.7
+    neighbours: Count = 10
+    longest: Annotated[Positive, "m"] = 2.5
+    seed: WholeNumber = 0
+
+    TURNS_EVERYWHERE = (False,)
+
+    def way(self, start: NDArray[np.float64], goal: NDArray[np.float64], room: Room) -> NDArray[np.float64] | None:
+        """See the base class."""
+        rng = np.random.default_rng(self.seed)
+        places = np.vstack([start, goal, turning_places(room, self.samples, self.near_obstacles, rng)])
+        pairs = self._pairs(places, rng)
+        costs = room.segment_costs(places[pairs[:, 0]], places[pairs[:, 1]]) + self.turn_cost
+        free = np.isfinite(costs)
+        roadmap = csr_matrix((costs[free], (pairs[free, 0], pairs[free, 1])), shape=(len(places), len(places)))
+        reached, previous = dijkstra(roadmap, directed=False, indices=0, return_predecessors=True)
+        if not np.isfinite(reached[1]):
+            return None
+        way = [1]
+        while way[-1] != 0:
+            way.append(int(previous[way[-1]]))
+        points: NDArray[np.float64] = places[way[::-1]]
+        return points
+
+    def _pairs(self, places: NDArray[np.float64], rng: np.random.Generator) -> NDArray[np.intp]:
+        """Which places (N, 2) to join, (M, 2) indices."""
+        count = min(self.neighbours + 1, len(places))
+        _, nearest = cKDTree(places).query(places, count)
+        others = rng.integers(len(places), size=(len(places), count))
+        each = np.arange(len(places))[:, None]
+        far = np.linalg.norm(places[others] - places[each], axis=-1) > self.longest
+        others[far] = np.broadcast_to(each, others.shape)[far]
+        partners = np.column_stack([nearest, others])
+        pairs = np.column_stack([np.repeat(each, partners.shape[1]), partners.ravel()])
+        return np.unique(np.sort(pairs[pairs[:, 0] != pairs[:, 1]], axis=1), axis=0)

@@ -3,6 +3,9 @@
 Particles move as the odometry may have, are weighed by the likelihood field of the map (6.4) and are drawn anew with
 low variance, as many as KLD-sampling asks for. When scans fit worse than they used to (augmented MCL), some are drawn
 from the whole floor instead, and of those the ones that the scan speaks for (mixture MCL, S. Thrun et al. 2001).
+
+Chosen by ``algorithms: {localization: {algorithm: "examples/plugins/particle_filter.py:ParticleFilter"}}``;
+``docs/localisation.md`` has its figures.
 """
 
 from __future__ import annotations
@@ -15,12 +18,89 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.messages import LaserScan, Pose2D, wrap_angle
-from bestman_bt.messages.bounds import Count, NonNegative, NotBelow, Positive, PositiveShare, Share, WholeNumber
+from bestman_bt.messages.bounds import (
+    Count,
+    NonNegative,
+    NotBelow,
+    Positive,
+    PositiveShare,
+    Share,
+    WholeNumber,
+    check_bounds,
+)
 from bestman_bt.navigation.localization.base import LocalizationEstimate, Localizer, ScanMatch
 from bestman_bt.navigation.localization.distance_field import DistanceField
-from bestman_bt.navigation.localization.kld_sampling import KldSampling
 from bestman_bt.navigation.localization.map_lines import PlanarMap
-from bestman_bt.navigation.localization.odometry_motion import OdometryMotion
+
+
+@dataclass(frozen=True)
+class KldSampling:
+    """``error``: allowed Kullback-Leibler distance, ``quantile``: of the normal distribution, for its probability.
+
+    ``bin_size`` metres, ``bin_angle`` radians: of the bins that the particles occupy. ``fewest``, ``most``: particles.
+    """
+
+    error: Positive = 0.02
+    quantile: Positive = 2.33
+    bin_size: Annotated[Positive, "m"] = 0.25
+    bin_angle: Annotated[Positive, "rad"] = math.radians(10.0)
+    fewest: Count = 500
+    most: Annotated[Count, NotBelow("fewest")] = 20000
+
+    def __post_init__(self) -> None:
+        check_bounds(self)
+
+    def bins(self, poses: NDArray[np.float64]) -> NDArray[np.int64]:
+        """A number for the bin in which each of ``poses`` (N, 3) of x, y, theta lies, (N,)."""
+        column, row = np.floor(poses[:, :2].T / self.bin_size).astype(np.int64)
+        turn = np.floor(poses[:, 2] % (2.0 * math.pi) / self.bin_angle).astype(np.int64)
+        numbers: NDArray[np.int64] = ((column + 2**19) * 2**20 + row + 2**19) * 2**10 + turn
+        return numbers
+
+    def enough(self, occupied: int) -> int:
+        """Particles that a distribution over so many occupied bins needs."""
+        if occupied < 2:
+            return self.fewest
+        k = occupied - 1
+        part = 2.0 / (9.0 * k)
+        count = k / (2.0 * self.error) * (1.0 - part + math.sqrt(part) * self.quantile) ** 3
+        return min(max(math.ceil(count), self.fewest), self.most)
+
+
+@dataclass(frozen=True)
+class OdometryMotion:
+    """Standard deviations, in radians and metres per radian turned and metre driven.
+
+    ``still_turn`` (radians) and ``still_drive`` (metres) are added to every step: they keep particles from becoming
+    one.
+    """
+
+    turn_per_turn: Annotated[NonNegative, "rad/rad"] = 0.12
+    turn_per_metre: Annotated[NonNegative, "rad/m"] = 0.08
+    drive_per_metre: Annotated[NonNegative, "m/m"] = 0.12
+    drive_per_turn: Annotated[NonNegative, "m/rad"] = 0.01
+    still_turn: Annotated[NonNegative, "rad"] = 0.002
+    still_drive: Annotated[NonNegative, "m"] = 0.002
+
+    def sample(self, poses: NDArray[np.float64], moved: Pose2D, rng: np.random.Generator) -> NDArray[np.float64]:
+        """Where each of ``poses`` (N, 3) of x, y, theta may be after ``moved`` by the odometry, in the base frame."""
+        drive = math.hypot(moved.x, moved.y)
+        # A step too short to have a direction is none; the noise of a standing base must not turn it about.
+        first = math.atan2(moved.y, moved.x) if drive > 1e-3 else 0.0
+        second = wrap_angle(moved.theta - first)
+        # Backwards, the turns are those to the opposite direction: small, and so is their noise.
+        turn_1, turn_2 = (min(abs(turn), abs(wrap_angle(turn - math.pi))) for turn in (first, second))
+        std_1 = self.turn_per_turn * turn_1 + self.turn_per_metre * drive + self.still_turn
+        std_2 = self.turn_per_turn * turn_2 + self.turn_per_metre * drive + self.still_turn
+        std_drive = self.drive_per_metre * drive + self.drive_per_turn * (turn_1 + turn_2) + self.still_drive
+        noise = rng.standard_normal((3, len(poses)))
+        heading = poses[:, 2] + first + std_1 * noise[0]
+        driven = drive + std_drive * noise[1]
+        moved_poses = np.empty_like(poses)
+        moved_poses[:, 0] = poses[:, 0] + driven * np.cos(heading)
+        moved_poses[:, 1] = poses[:, 1] + driven * np.sin(heading)
+        moved_poses[:, 2] = heading + second + std_2 * noise[2]
+        return moved_poses
 
 
 @dataclass(eq=False)
