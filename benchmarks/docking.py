@@ -24,10 +24,9 @@ import numpy as np
 from benchmarks.navigation_measures.judged_session import judged_session
 from benchmarks.navigation_measures.report import median, print_report, scaled
 from bestman_bt.configuration import load_run
-from bestman_bt.configuration.task import DriveConfig
 from bestman_bt.evaluation.audit import audit
 from bestman_bt.evaluation.interval import wilson_interval
-from bestman_bt.facts.goals.at_goal import drive_goal
+from bestman_bt.facts.goals.at_goal import AtGoalFields, drive_goal
 from bestman_bt.messages import Pose2D, wrap_angle
 from bestman_bt.robot_model import BaseModel
 from bestman_bt.runtime import prepare
@@ -82,7 +81,7 @@ def dock(seed: int, by_furniture: bool, measured: Docks) -> None:
         aside = float(np.random.default_rng([seed, 9]).uniform(-REACH, REACH))
         goal = piece.pose @ Pose2D(-piece.footprint[0] / 2 - BEFORE - half, aside, 0.0)
     else:
-        asked = DriveConfig(at_furniture=1.0)
+        asked = AtGoalFields(at_furniture=1.0)
         goal = drive_goal(asked, setup.world, setup.world_model.map, setup.robot_model, seed)
     with judged_session(setup) as judged:
         tree = judged.session.load(TREE.format(' furniture="counter"' if by_furniture else ""))

@@ -332,6 +332,14 @@ PREDICATES = Registry(
 )
 """What goals and declarations may say of the world: names of instances of ``Predicate``."""
 
+GOALS = Registry(
+    "bestman_bt.goals",
+    "goal",
+    {"facts": "bestman_bt.runtime.task_goals:Facts"},
+    "bestman_bt.facts.goals.goal:shipped_goals",
+)
+"""What the ``goals`` of a task may ask for: subclasses of ``Goal``."""
+
 PLANNERS = Registry(
     "bestman_bt.planners",
     "task planner",
@@ -387,6 +395,11 @@ def simulated_sensor(kind: str) -> Callable[[T], T]:
 def connection(driver: str) -> Callable[[T], T]:
     """``@connection("driver")`` before a subclass of ``hal.hardware.Connection``: a vendor's controller."""
     return CONNECTIONS.adding(driver)
+
+
+def goal(name: str) -> Callable[[T], T]:
+    """``@goal("name")`` before a subclass of ``Goal``: a kind of goal that tasks may ask for."""
+    return GOALS.adding(name)
 
 
 def task_planner(name: str) -> Callable[[T], T]:

@@ -10,11 +10,10 @@ from benchmarks.navigation_measures.judged_session import JudgedSession, judged_
 from benchmarks.navigation_measures.processor_times import timed_calls, timed_ticks
 from benchmarks.navigation_measures.report import mean, median, percentile, scaled
 from bestman_bt.configuration import load_run
-from bestman_bt.configuration.task import DriveConfig
 from bestman_bt.evaluation.audit import audit
 from bestman_bt.evaluation.driven_path import DrivenPath
 from bestman_bt.evaluation.interval import wilson_interval
-from bestman_bt.facts.goals.at_goal import drive_goal, true_costmap
+from bestman_bt.facts.goals.at_goal import AtGoalFields, drive_goal, true_costmap
 from bestman_bt.messages import Pose2D, wrap_angle
 from bestman_bt.navigation.global_planning import shortest_length
 from bestman_bt.runtime import prepare
@@ -94,7 +93,7 @@ def drive_in_one_world(task: str, seed: int, goals: int, settings: list[str], dr
         for number in range(goals):
             start = judged.true_pose
             world = replace(setup.world, robot_start=start)
-            goal = drive_goal(DriveConfig(), world, setup.world_model.map, setup.robot_model, 1000 * seed + number)
+            goal = drive_goal(AtGoalFields(), world, setup.world_model.map, setup.robot_model, 1000 * seed + number)
             driven, why = _drive(judged, goal, drives)
             judged.robot.clock.sleep(REST)
             pose = judged.true_pose

@@ -124,9 +124,10 @@ def command(
         assert state is not None
         setup, _ = state
         if text is None and goal is None:
-            if setup.config.task.plan is None:
-                raise wrong_input("bestman-bt plan", "give a text, --goal, or a --task with a plan")
-            goal = setup.config.task.plan.goal
+            facts = setup.config.task.asked("facts")
+            if facts is None:
+                raise wrong_input("bestman-bt plan", "give a text, --goal, or a --task with the goal facts")
+            goal = str(facts["goal"])
         try:
             problem, plan = asked.answer(text, goal, planner, Transcript(record, replay))
             made = asked.tree(problem, plan)
@@ -150,7 +151,10 @@ def command(
             output.write_text(_said_where(setup.config, asked.xml(made, problem, plan, planner)), encoding="utf-8")
             where = {"--task": task, "--scene": scene, "--robot": robot}
             wanted = {"goal": " and ".join(map(str, problem.goal)), "told": asked.told(problem)}
-            needed = [*(settings or ()), *([f"plan={json.dumps(wanted)}", "predicate=facts"] if given else ())]
+            needed = [
+                *(settings or ()),
+                *([f"goals={json.dumps([{'facts': wanted}])}", "predicate=facts"] if given else ()),
+            ]
             print(f"run it: {_to_run(output, where, setup.config, needed)}", file=sys.stderr)
             if assumed(plan):
                 print(f"{output} plans anew (ReachGoal) where the plan fails", file=sys.stderr)

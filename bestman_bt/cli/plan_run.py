@@ -7,15 +7,14 @@ import sys
 from collections.abc import Mapping
 from datetime import datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from bestman_bt.cli.run_command import execute
 from bestman_bt.configuration import RunConfig
-from bestman_bt.configuration.task import PlanConfig
 from bestman_bt.evaluation.episode import prepare_episode
 from bestman_bt.evaluation.result import RunResult
 from bestman_bt.runtime.planning import planner_anew
-from bestman_bt.runtime.task_goals import KINDS, can_be_judged
+from bestman_bt.runtime.task_goals import FactsFields, can_be_judged
 from bestman_bt.task_planning.builders import PlanTree
 from bestman_bt.task_planning.builders.replanning import with_replanning
 from bestman_bt.task_planning.limits import PlanLimits
@@ -41,7 +40,7 @@ def run_plan(
     """
     again = planner_anew(planner)
     goal = " and ".join(map(str, problem.goal))
-    asked = PlanConfig(goal, told, again, builder, limits.to_string())
+    asked = FactsFields(goal, told, again, builder, limits.to_string())
     xml = with_replanning(made, problem.goal, again, builder, setup.registry, limits)
     runs.mkdir(parents=True, exist_ok=True)
     file = runs / f"{datetime.now().strftime('%Y%m%d-%H%M%S')}-plan.xml"
@@ -50,7 +49,7 @@ def run_plan(
     return result
 
 
-def judged_by_goal(setup: Setup, problem: Problem, asked: PlanConfig, tree: Path) -> RunConfig:
+def judged_by_goal(setup: Setup, problem: Problem, asked: FactsFields, tree: Path) -> RunConfig:
     """The run's configuration with the plan's goal for that of the task, if it has one; facts that cannot be judged
     are told.
     """
@@ -60,7 +59,8 @@ def judged_by_goal(setup: Setup, problem: Problem, asked: PlanConfig, tree: Path
             print(f"{literal} cannot be judged: the tree's own word counts", file=sys.stderr)
     if judged < len(problem.goal):
         print(f"{judged} of {len(problem.goal)} facts of the goal are judged", file=sys.stderr)
-    none: dict[str, Any] = {field: None for kind in KINDS for field in kind.fields} | {"goals": ()}
-    asks: dict[str, Any] = none | {"plan": asked, "predicate": "facts" if judged else None}
-    task = dataclasses.replace(setup.config.task, tree=str(tree), allowed_contacts=None, **asks)
+    goals = ({"facts": dataclasses.asdict(asked)},)
+    predicate = "facts" if judged else None
+    own = setup.config.task
+    task = dataclasses.replace(own, tree=str(tree), allowed_contacts=None, goals=goals, predicate=predicate)
     return dataclasses.replace(setup.config, name="plan", task=task)

@@ -28,10 +28,7 @@ if TYPE_CHECKING:
     from bestman_bt.configuration.document import Document, dotted, parse_document, parse_value, read_document
     from bestman_bt.configuration.run import RunConfig, dump_run, load_run, parse_settings, read_run, run_of_options
     from bestman_bt.configuration.task import (
-        GoalConfig,
-        OpeningConfig,
         TaskConfig,
-        TidyConfig,
         TolerancesConfig,
         algorithm_parameters,
         load_task,
@@ -41,11 +38,8 @@ if TYPE_CHECKING:
 _HOMES = {
     "DisturbanceConfig": "disturbance",
     "Document": "document",
-    "GoalConfig": "task",
-    "OpeningConfig": "task",
     "RunConfig": "run",
     "TaskConfig": "task",
-    "TidyConfig": "task",
     "TolerancesConfig": "task",
     "algorithm_parameters": "task",
     "check": "checked",
@@ -68,13 +62,10 @@ __all__ = [
     "ConfigurationError",
     "DisturbanceConfig",
     "Document",
-    "GoalConfig",
-    "OpeningConfig",
     "Problem",
     "ProblemCollector",
     "RunConfig",
     "TaskConfig",
-    "TidyConfig",
     "TolerancesConfig",
     "algorithm_parameters",
     "beside",

@@ -72,13 +72,13 @@ def salvage(document: Document, dataclass_type: type[T]) -> tuple[T | None, list
 def override(document: Document, dataclass_type: type, values: Mapping[str, Any], prefix: str = "") -> Document:
     """``document`` with dotted keys set to values.
 
-    A key names fields of ``dataclass_type`` or entries of its mappings that are there; anything else is a
+    A key names fields of ``dataclass_type``, or entries of its mappings and lists that are there; anything else is a
     ConfigurationError that suggests the closest key. ``prefix`` is put before keys in errors (``scene.``).
     """
     problems: list[Problem] = []
     for key, value in values.items():
         source = shown_setting(f"{prefix}{key}={value}")
-        path = tuple(key.split("."))
+        path = _path_of(key, document.data)
         fault = _unknown_key(document.data, dataclass_type, path)
         if fault is not None:
             problems.append(Problem(source, None, "", fault))
@@ -90,6 +90,18 @@ def override(document: Document, dataclass_type: type, values: Mapping[str, Any]
     if problems:
         raise ConfigurationError(problems)
     return document
+
+
+def _path_of(key: str, data: Any) -> FieldPath:
+    """``goals.0.placed``, where ``data`` has a list ``goals``, as field path."""
+    path: list[str | int] = []
+    for part in key.split("."):
+        path.append(int(part) if isinstance(data, list) and part.isdigit() else part)
+        try:
+            data = data[path[-1]]
+        except (KeyError, IndexError, TypeError):
+            data = None
+    return tuple(path)
 
 
 def _paths(value: Any, path: FieldPath) -> Iterator[FieldPath]:
@@ -223,10 +235,17 @@ def _unknown_fields(data: Any, annotation: Any, path: FieldPath) -> list[tuple[F
     ]
 
 
-def _unknown_key(data: Any, annotation: Any, path: tuple[str, ...]) -> str | None:
+def _unknown_key(data: Any, annotation: Any, keys: FieldPath) -> str | None:
+    path = tuple(map(str, keys))
     for depth, part in enumerate(path):
         annotation = _bare(annotation)
         there = ".".join(path[:depth])
+        if isinstance(data, (list, tuple)):
+            if not part.isdigit() or int(part) >= len(data):
+                count = f"{len(data)} {'entry' if len(data) == 1 else 'entries'}"
+                return f"unknown key '{there}.{part}': {there!r} has {count}, {there}.0 is the first"
+            annotation, data = _item_types(annotation, len(data))[int(part)], data[int(part)]
+            continue
         if dataclasses.is_dataclass(annotation):
             known = _field_types(annotation)
             if part not in known:

@@ -192,17 +192,23 @@ def _record(
             _record(child, (*path, index), source, origins, problems, twice, around)
 
 
+def _names_entries_of(there: Any, value: Mapping[Any, Any]) -> bool:
+    """Whether ``value``, index → entry, is to be laid over a list."""
+    return isinstance(there, list) and bool(value) and all(key in range(len(there)) for key in value)
+
+
 def _merge(
-    below: dict[str, Any],
-    above: Mapping[str, Any],
+    below: Any,
+    above: Mapping[Any, Any],
     path: FieldPath,
     origins: dict[FieldPath, tuple[str, int | None]],
     above_origins: Origins,
 ) -> None:
     for key, value in above.items():
         here = (*path, key)
-        if isinstance(below.get(key), dict) and isinstance(value, dict):
-            _merge(below[key], value, here, origins, above_origins)
+        there = below[key] if isinstance(below, list) else below.get(key)
+        if isinstance(value, dict) and (isinstance(there, dict) or _names_entries_of(there, value)):
+            _merge(there, value, here, origins, above_origins)
             continue
         below[key] = value
         for old in [p for p in origins if p[: len(here)] == here]:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
+import yaml
 from pydantic import AfterValidator, Field
 from pydantic_core import PydanticCustomError
 
@@ -17,14 +18,10 @@ from bestman_bt.configuration.disturbance import DisturbanceConfig, disturbance_
 from bestman_bt.configuration.document import Document, read_document
 from bestman_bt.configuration.errors import ConfigurationError, Problem
 from bestman_bt.configuration.quantity import (
-    Distance,
     Frequency,
-    JointPosition,
-    Length,
     PositiveAngle,
     PositiveLength,
     PositiveTime,
-    Share,
     Time,
 )
 from bestman_bt.registry import suggestion
@@ -40,95 +37,18 @@ def _no_more_than_half_a_turn(angle: float) -> float:
 
 
 AngleTolerance = Annotated[PositiveAngle, AfterValidator(_no_more_than_half_a_turn)]
-Count = Annotated[int, Field(ge=0, le=1000)]
+_NOW_IN_GOALS = {
+    "drive": "at_goal",
+    "goal": "placed",
+    "lift": "lifted",
+    "opening": "opened",
+    "plan": "facts",
+    "reach": "tool_at",
+    "tidy": "tidied",
+}
+"""Fields of tasks before goals were a list → the kind of goal."""
+
 TickRate = Annotated[Frequency, Field(le=1000)]  # physics takes steps of about a millisecond
-
-
-@dataclass(frozen=True)
-class GoalConfig:
-    """``object``, to be sought on ``source``, shall stand at the world's goal ``name`` on ``surface``.
-
-    Surfaces are named as in the map: ``counter``, ``counter/top`` or, of a drawer, ``drawer_chest/drawer_1``.
-    ``object``: of a list of names, the seed chooses one that is there.
-    """
-
-    name: str
-    object: str | tuple[str, ...]
-    source: str
-    surface: str
-
-
-@dataclass(frozen=True)
-class OpeningConfig:
-    """A door or drawer, ``furniture/name``, shall be open by ``at_least`` and ``at_most`` so far at the end.
-
-    Radians of a door, metres of a drawer.
-    """
-
-    articulation: str
-    at_least: JointPosition | None = None
-    at_most: JointPosition | None = None
-
-
-@dataclass(frozen=True)
-class TidyConfig:
-    """All of ``objects`` that are there shall be within a rectangle of ``surface``: ``x``, ``y`` in its frame.
-
-    ``source``: where they are to be sought.
-    """
-
-    objects: tuple[str, ...]
-    source: str
-    surface: str
-    x: tuple[Length, Length]
-    y: tuple[Length, Length]
-
-
-@dataclass(frozen=True)
-class ReachConfig:
-    """The tool shall point down above the world's goal ``goal``, turned as that is, ``height`` metres above its middle.
-
-    Of a range of heights the seed chooses one.
-    """
-
-    goal: str
-    height: tuple[Length, Length]
-
-
-@dataclass(frozen=True)
-class LiftConfig:
-    """``object``, to be sought on ``source``, shall be in the hand, ``height`` metres above where it stood."""
-
-    object: str
-    source: str
-    height: PositiveLength = 0.05
-
-
-@dataclass(frozen=True)
-class DriveConfig:
-    """The base shall drive to a pose that the seed chooses, at least ``distance`` metres from its start.
-
-    ``at_furniture``: the chance that it is 6 cm before a piece of furniture; else there is room to turn.
-    """
-
-    at_furniture: Share = 0.5
-    distance: Distance = 1.0
-
-
-@dataclass(frozen=True)
-class PlanConfig:
-    """The facts of ``goal``, such as ``on(cup, table) and closed(drawer_3)``, shall come about.
-
-    ``told``: object → surface where somebody said that it is. ``planner``, ``builder``, ``limits``: as of the node
-    ``ReachGoal``. ``replans``: how often it may be planned anew.
-    """
-
-    goal: str
-    told: Mapping[str, str] = field(default_factory=dict)
-    planner: str = "symbolic"
-    builder: str = "reactive"
-    limits: str = ""
-    replans: Count = 20
 
 
 @dataclass(frozen=True)
@@ -145,8 +65,8 @@ class TolerancesConfig:
 class TaskConfig:
     """A task.
 
-    ``goal``: where an object shall go, ``goals``: where several shall; ``opening``, ``tidy``, ``reach``, ``lift``,
-    ``drive``, ``plan``: what else is asked.
+    ``goals``: what is asked, each a kind of goal with its fields: ``{placed: {object: cup, at: place, …}}``. The kinds,
+    files of ``bestman_bt.facts.goals``, check them where the run is prepared, as plug-ins may bring kinds of their own.
     ``predicate``: the name of the success predicate, or several that must all hold. ``allowed_contacts``: of what
     skills declare to touch, the only pairs that may, each an object, a piece of furniture, ``fingers``, ``robot`` or
     one of its links; None: all that they declare. ``max_penetration``: metres. ``time_limit``: simulated seconds.
@@ -158,14 +78,7 @@ class TaskConfig:
     tree: str
     scene: str
     robot: str
-    goal: GoalConfig | None = None
-    goals: tuple[GoalConfig, ...] = ()
-    opening: OpeningConfig | None = None
-    tidy: TidyConfig | None = None
-    reach: ReachConfig | None = None
-    lift: LiftConfig | None = None
-    drive: DriveConfig | None = None
-    plan: PlanConfig | None = None
+    goals: tuple[Mapping[str, Mapping[str, Any]], ...] = ()
     predicate: str | tuple[str, ...] | None = None
     tolerances: TolerancesConfig = field(default_factory=TolerancesConfig)
     allowed_contacts: tuple[tuple[str, str], ...] | None = None
@@ -178,10 +91,9 @@ class TaskConfig:
     plugins: tuple[str, ...] = ()
     description: str = ""
 
-    @property
-    def all_goals(self) -> tuple[GoalConfig, ...]:
-        """``goal`` and ``goals``."""
-        return (self.goal, *self.goals) if self.goal is not None else self.goals
+    def asked(self, kind: str) -> Mapping[str, Any] | None:
+        """The fields of the first goal of a kind, as they were written; None where it is not asked."""
+        return next((goal[kind] for goal in self.goals if kind in goal), None)
 
     @property
     def predicates(self) -> tuple[str, ...]:
@@ -244,12 +156,15 @@ def check_task(document: Document, faults: list[Problem] | None = None) -> TaskC
     With ``faults`` what is wrong is added there instead and left out of the task, so that the rest can be checked, too;
     an algorithm that is wrong is then the default.
     """
-    task, problems = salvage(document, TaskConfig)
+    problems: list[Problem] = []
+    document = _in_goals(document, problems)
+    task, wrong = salvage(document, TaskConfig)
+    problems += wrong
     if task is None:
         raise ConfigurationError(problems)
     default = read_document(find_data("algorithms", "default")).data
     slots, sound = list(default), {**default, **task.algorithms}
-    problems += _contradictions(task, document)
+    problems += disturbance_faults(task.disturbances, document)
     for slot, parameters in task.algorithms.items():
         if slot not in slots:
             problems.append(document.problem(("algorithms", slot), f"unknown slot; {suggestion(slot, slots)}"))
@@ -270,31 +185,17 @@ def check_task(document: Document, faults: list[Problem] | None = None) -> TaskC
     return task
 
 
-def _contradictions(task: TaskConfig, document: Document) -> Iterator[Problem]:
-    """What types cannot tell."""
-    if task.goal is not None and task.goals:
-        yield document.problem(("goals",), "'goal' is given too; one goal or several")
-    if task.drive is not None and task.all_goals:
-        yield document.problem(("drive",), "a goal for an object is given too; both would be the tree's 'goal'")
-    if task.plan is not None and (task.drive is not None or task.all_goals or task.reach is not None):
-        yield document.problem(("plan",), "another goal is given too; both would be the tree's 'goal'")
-    opening, tidy = task.opening, task.tidy
-    if opening is not None:
-        if opening.at_least is None and opening.at_most is None:
-            yield document.problem(("opening",), "one of 'at_least' and 'at_most' should be given")
-        elif opening.at_least is not None and opening.at_most is not None and opening.at_least > opening.at_most:
-            message = f"should not be less than at_least, {opening.at_least:g}, got {opening.at_most:g}"
-            yield document.problem(("opening", "at_most"), message)
-    if tidy is not None:
-        for axis, (lower, upper) in (("x", tidy.x), ("y", tidy.y)):
-            if lower >= upper:
-                yield document.problem(("tidy", axis), f"the smaller limit comes first, got [{lower:g}, {upper:g}]")
-        if not tidy.objects:
-            yield document.problem(("tidy", "objects"), "should name at least one object")
-    if task.reach is not None and task.reach.height[0] > task.reach.height[1]:
-        lower, upper = task.reach.height
-        yield document.problem(("reach", "height"), f"the smaller limit comes first, got [{lower:g}, {upper:g}]")
-    yield from disturbance_faults(task.disturbances, document)
+def _in_goals(document: Document, faults: list[Problem]) -> Document:
+    """Without the fields that goals had before they were a list; each is a fault that says how it is written now."""
+    for old, kind in _NOW_IN_GOALS.items():
+        value = document.data.get(old)
+        fields = dict(value) if isinstance(value, Mapping) else {}
+        if old == "goal" and "name" in fields:
+            fields["at"] = fields.pop("name")
+        if value is not None:
+            form = yaml.safe_dump([{kind: fields}], default_flow_style=True, sort_keys=False, width=1000).strip()
+            faults.append(document.problem((old,), f"is an entry of 'goals' now: write goals: {form}"))
+    return replace(document, data={name: value for name, value in document.data.items() if name not in _NOW_IN_GOALS})
 
 
 def task_of_tree(tree: str) -> str | None:

@@ -13,7 +13,7 @@ from pathlib import Path
 from py_trees.behaviour import Behaviour
 
 from behaviours.failure import NodeFailure
-from bestman_bt.configuration import Problem, ProblemCollector, RunConfig, told_to_programs
+from bestman_bt.configuration import Problem, RunConfig, told_to_programs
 from bestman_bt.engine import FAILURE, RUNNING, Node, StateChanges, Tree
 from bestman_bt.evaluation.audit import Audit, audit
 from bestman_bt.evaluation.declared_contacts import ContactLog
@@ -163,11 +163,7 @@ def prepare_episode(config: RunConfig, known_faults: Iterable[Problem] = ()) -> 
     ``known_faults``: as of ``prepare``. Raises as ``prepare``, and TreeLoadError where the tree reads what neither it
     nor the task fills.
     """
-    faults = ProblemCollector([*known_faults])
-    with faults.step():
-        find_judge(config)
-    faults.problems += _missing_extras(config)
-    return prepare(config, all_entries=True, known_faults=faults.problems)
+    return prepare(config, all_entries=True, known_faults=[*known_faults, *_missing_extras(config)], check=find_judge)
 
 
 def _missing_extras(config: RunConfig) -> Iterable[Problem]:
@@ -279,7 +275,7 @@ class JudgedSession:
             calls.append(recorded.after_tick)
         if self._watch_contacts is not None:
             calls.append(self._watch_contacts)
-        if observers.driven is not None and session.setup.config.task.drive is not None:
+        if observers.driven is not None and session.setup.config.task.asked("at_goal") is not None:
             calls.append(observers.driven.after_tick)
         if observers.injector is not None and observers.truth is not None:
             observers.disturbances = Disturbances(session, observers.truth, observers.injector)
@@ -426,7 +422,8 @@ def _judge(
 
 def _why_not_judged(config: RunConfig, execution: Execution) -> str:
     if not config.task.predicates:
-        return NO_GOAL if config.task.plan is None else f"not judged: nobody sees whether {config.task.plan.goal}"
+        facts = config.task.asked("facts")
+        return NO_GOAL if facts is None else f"not judged: nobody sees whether {facts['goal']}"
     if execution.ending is Ending.CANCELLED:
         return "not judged: it was cancelled"
     return "not judged: nobody knows what is true here"

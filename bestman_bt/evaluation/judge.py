@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from typing import Any
 
 from bestman_bt.configuration import ConfigurationError, Problem, RunConfig
 from bestman_bt.facts.evidence import Evidence, Truth, Verdict, joined
-from bestman_bt.registry import suggestion
+from bestman_bt.facts.goals.goal import Goal, judged
+from bestman_bt.registry import GOALS, suggestion
 from bestman_bt.robot_model import ArmModel
 from bestman_bt.runtime import Session
-from bestman_bt.runtime.task_goals import KINDS, kind_judged_by
-from bestman_bt.task_planning.symbolic.problem import with_article
 from hal.api import Clock
 
 Judge = Callable[[Session, Truth, Clock | None, float], Verdict]
@@ -35,18 +35,15 @@ def _judge(session: Session, truth: Truth, clock: Clock | None, driven: float) -
         clock.sleep(setup.config.task.tolerances.rest_time)
     tool_frame = session.skills.arm_model.tool_frame if setup.robot_model.of(ArmModel) else ""
     evidence = Evidence(setup, truth, before, driven, tool_frame)
-    goals = {predicate: goal for goal in setup.asked for predicate in goal.measures}
-    return joined(goals[predicate].judged(predicate, evidence) for predicate in setup.config.task.predicates)
+    return joined(judged(setup.asked, predicate, evidence) for predicate in setup.config.task.predicates)
 
 
 def _problems(config: RunConfig) -> Iterator[Problem]:
-    task, written = config.task, config.written.data  # fields with invalid values are reported where they are read
-    for index, name in enumerate(task.predicates):
-        path = ("predicate",) if isinstance(task.predicate, str) else ("predicate", index)
-        kind = kind_judged_by(name)
-        if kind is None:
-            known = [predicate for kind in KINDS for predicate in kind.measures]
-            yield config.problem(path, f"unknown predicate {name!r}; {suggestion(name, known)}")
-        elif not kind.is_asked(config) and not any(written.get(field) for field in kind.fields):
-            needed = with_article(kind.fields[0])
-            yield config.problem(kind.fields[:1], f"is missing: the predicate {name!r} needs {needed}")
+    kinds: dict[str, type[Goal[Any]]] = {name: GOALS.resolve(name) for name in GOALS}
+    judges = {predicate: name for name, kind in kinds.items() for predicate in kind.measures}
+    for index, predicate in enumerate(config.task.predicates):
+        path = ("predicate",) if isinstance(config.task.predicate, str) else ("predicate", index)
+        if predicate not in judges:
+            yield config.problem(path, f"unknown predicate {predicate!r}; {suggestion(predicate, judges)}")
+        elif config.task.asked(judges[predicate]) is None:
+            yield config.problem(("goals",), f"the predicate {predicate!r} needs an entry {{{judges[predicate]}: …}}")

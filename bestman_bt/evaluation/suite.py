@@ -27,10 +27,10 @@ from bestman_bt.configuration.quantity import Factor, WholeNumber
 from bestman_bt.configuration.secret import may_tell_secret
 from bestman_bt.engine import TreeLoadError
 from bestman_bt.evaluation.episode import prepare_episode
+from bestman_bt.facts.goals.goal import metric_names
 from bestman_bt.registry import suggestion
 from bestman_bt.runtime.renamed_codes import RENAMED_CODES
 from bestman_bt.runtime.setup import tree_problems
-from bestman_bt.runtime.task_goals import metric_names
 from bestman_bt.scene import SceneError
 
 Count = Annotated[int, Field(strict=True, ge=1)]
@@ -262,13 +262,13 @@ def _prepared(path: Path, entered: Entered, seed: int, settings: tuple[str, ...]
             plugins=[str(path.parent / plugin) for plugin in entry.plugins],
             faults=wrong,
         )
-        known = metric_names(config)
+        setup = prepare_episode(config, wrong)
+        known = metric_names(setup.asked, config.task.predicates)
         faults.problems += [
             entered.problem(("accuracy", name), f"the task's judge measures no such thing; {suggestion(name, known)}")
             for name in entry.accuracy
             if name not in known
         ]
-        prepare_episode(config, wrong)
     except ConfigurationError as error:
         faults.problems += [entered.placed(problem) for problem in error.problems]
     except TreeLoadError as error:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,13 +48,15 @@ class Truth(Protocol):
 class DrawnTask:
     """A task in the world that the seed has drawn. ``world_model``: what the robot is given of it at the start.
 
-    ``absent``: objects that the scene leaves out.
+    ``absent``: objects that the scene leaves out. ``registry``: of the nodes that there are; None where they could not
+    be loaded, or nobody asks.
     """
 
     config: RunConfig
     robot_model: RobotModel
     world: World
     world_model: WorldModel
+    registry: Any = None
     absent: tuple[str, ...] = field(default=(), kw_only=True)
 
 

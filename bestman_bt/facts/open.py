@@ -4,31 +4,17 @@ from __future__ import annotations
 
 from bestman_bt.facts.evidence import Evidence
 from bestman_bt.facts.predicate import Predicate
-from bestman_bt.world_model import Openness, is_open, is_shut, leaf_called, openness_of
+from bestman_bt.world_model import is_open, is_shut, leaf_called, openness_of
 
 
-def _measured(evidence: Evidence, container: str) -> tuple[float, Openness]:
-    """How far it is open, and what that means."""
+def _is_open(evidence: Evidence, container: str) -> bool:
     openness = openness_of(leaf_called(evidence.task.world_model, container))
-    return evidence.truth.articulation_position(container), openness
+    return evidence.truth.articulation_position(container) >= openness.enough
 
 
-def _not_open(evidence: Evidence, container: str) -> str:
-    position, openness = _measured(evidence, container)
-    return "" if position >= openness.enough else f"the {container} is not open"
-
-
-def _still_open(evidence: Evidence, container: str) -> str:
-    return "" if _not_open(evidence, container) else f"the {container} is open"
-
-
-def _not_shut(evidence: Evidence, container: str) -> str:
-    position, openness = _measured(evidence, container)
-    return "" if position <= openness.shut else f"the {container} is not shut"
-
-
-def _still_shut(evidence: Evidence, container: str) -> str:
-    return "" if _not_shut(evidence, container) else f"the {container} is shut"
+def _is_shut(evidence: Evidence, container: str) -> bool:
+    openness = openness_of(leaf_called(evidence.task.world_model, container))
+    return evidence.truth.articulation_position(container) <= openness.shut
 
 
 OPEN = Predicate(
@@ -37,16 +23,16 @@ OPEN = Predicate(
     "the {container} is open far enough to work behind it",
     lambda beliefs, container: is_open(beliefs.world, container),
     excludes=("closed({container})",),
-    why_not=_not_open,
-    why_still=_still_open,
+    why_not=lambda evidence, name: "" if _is_open(evidence, name) else f"the {name} is not open",
+    why_still=lambda evidence, name: f"the {name} is open" if _is_open(evidence, name) else "",
 )
 CLOSED = Predicate(
     "closed",
     {"container": "container"},
     "the {container} is shut",
     lambda beliefs, container: is_shut(beliefs.world, container),
-    why_not=_not_shut,
-    why_still=_still_shut,
+    why_not=lambda evidence, name: "" if _is_shut(evidence, name) else f"the {name} is not shut",
+    why_still=lambda evidence, name: f"the {name} is shut" if _is_shut(evidence, name) else "",
 )
 LOCKED = Predicate(
     "locked",

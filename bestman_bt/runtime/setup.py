@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable
+from collections.abc import Callable, Collection, Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from importlib.util import find_spec
@@ -25,7 +25,7 @@ from bestman_bt.engine.errors import Problem as TreeProblem
 from bestman_bt.errors import MissingExtraError
 from bestman_bt.extras import install_command
 from bestman_bt.facts.evidence import DrawnTask
-from bestman_bt.facts.goals.goal import Goal
+from bestman_bt.facts.goals.goal import Goal, entries_of, goals_of
 from bestman_bt.facts.goals.placed import Placed, PlaceGoal
 from bestman_bt.messages import Pose2D
 from bestman_bt.perception import PerceptionError
@@ -39,7 +39,6 @@ from bestman_bt.runtime.algorithms import (
 from bestman_bt.runtime.plugins import node_registry, read_tree
 from bestman_bt.runtime.policies import policy_problems
 from bestman_bt.runtime.renamed_codes import renamed_codes
-from bestman_bt.runtime.task_goals import goals_of
 from bestman_bt.runtime.task_problems import task_problems
 from bestman_bt.runtime.tree_checks import (
     TASK_ENTRIES,
@@ -72,12 +71,12 @@ class Setup(DrawnTask):
     @cached_property
     def asked(self) -> tuple[Goal[Any], ...]:
         """What the task asks for."""
-        return goals_of(self, self.registry)
+        return goals_of(self)
 
     @property
     def goals(self) -> tuple[PlaceGoal, ...]:
         """Which objects the task wants where."""
-        return next((goal.goals for goal in self.asked if isinstance(goal, Placed)), ())
+        return tuple(goal.goal for goal in self.asked if isinstance(goal, Placed))
 
     @property
     def told(self) -> dict[str, str]:
@@ -94,7 +93,7 @@ class Setup(DrawnTask):
         """Root blackboard entries that the task fills; where handles are, it does not tell. SceneError if there is no
         room for a goal.
         """
-        return {name: value for goal in self.asked for name, value in goal.entries().items()}
+        return entries_of(self.asked)
 
     @cached_property
     def names(self) -> dict[str, list[str]]:
@@ -133,17 +132,23 @@ class Setup(DrawnTask):
         own = self.config
         config = load_run(task, scene=own.task.scene, robot=own.task.robot, seed=own.seed, driver=own.driver)
         setup = replace(self, config=config)
-        problems = list(task_problems(setup, setup.asked))
+        problems = list(task_problems(setup))
         if problems:
             raise ConfigurationError(problems)
         return setup
 
 
-def prepare(config: RunConfig, all_entries: bool = False, known_faults: Iterable[Problem] = ()) -> Setup:
+def prepare(
+    config: RunConfig,
+    all_entries: bool = False,
+    known_faults: Iterable[Problem] = (),
+    check: Callable[[RunConfig], object] | None = None,
+) -> Setup:
     """Load and check everything that a run needs; nothing is started.
 
     ``all_entries``: whether the tree may read only what it, or the task, has filled by then. ``known_faults``: those
-    with which the configuration was loaded, to be told with all others. Raises ConfigurationError, TreeLoadError or
+    with which the configuration was loaded, to be told with all others. ``check``: finds more once plug-ins are loaded,
+    and raises them as ConfigurationError. Raises ConfigurationError, TreeLoadError or
     SceneError.
     """
     faults = ProblemCollector([*known_faults])
@@ -157,6 +162,9 @@ def prepare(config: RunConfig, all_entries: bool = False, known_faults: Iterable
         registry = node_registry(config.task.plugins)
     except ConfigurationError as error:
         faults.problems += [_at_its_entry(config, problem) for problem in error.problems]
+    if check is not None:
+        with faults.step():
+            check(config)
     if config.task.robot:  # empty where the configuration was loaded without
         with faults.step():
             robot_model = load_robot_model(config.task.robot, config.robot_settings)
@@ -187,11 +195,11 @@ def prepare(config: RunConfig, all_entries: bool = False, known_faults: Iterable
     with faults.step():
         check_odometry(config, robot_model)
     if registry is None:
-        faults.problems += task_problems(task, goals_of(task, None))
+        faults.problems += task_problems(task)
         faults.raise_if_any()
     assert registry is not None
     setup = Setup(config, robot_model, world, world_model, registry, absent=scene.absent)
-    faults.problems += task_problems(setup, setup.asked)
+    faults.problems += task_problems(setup)
     if not faults.problems:
         world_model.told.update(setup.told)
     try:

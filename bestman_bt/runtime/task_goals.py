@@ -1,22 +1,17 @@
-"""What tasks may ask for; what they ask of planners: facts, and given places of things."""
+"""``facts``: what tasks ask of planners: facts that shall come about, and given places of things."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import Annotated, Any, ClassVar
 
-from bestman_bt.configuration import Problem, RunConfig
-from bestman_bt.configuration.task import PlanConfig
-from bestman_bt.engine import NodeRegistry
-from bestman_bt.facts.evidence import DrawnTask, Evidence, Verdict, joined
-from bestman_bt.facts.goals.at_goal import AtGoal
+from pydantic import Field
+
+from bestman_bt.configuration import Problem
+from bestman_bt.facts.evidence import Evidence, Verdict, joined
 from bestman_bt.facts.goals.goal import Goal, surface_names, unknown
-from bestman_bt.facts.goals.lifted import Lifted
-from bestman_bt.facts.goals.opened import Opened
-from bestman_bt.facts.goals.placed import Placed
-from bestman_bt.facts.goals.tidied import Tidied
-from bestman_bt.facts.goals.tool_at import ToolAt
 from bestman_bt.facts.predicate import Beliefs
 from bestman_bt.registry import BUILDERS, PLANNERS, suggestion
 from bestman_bt.task_planning.domain import Domain
@@ -25,21 +20,35 @@ from bestman_bt.task_planning.state import PredicateError, asked, known_predicat
 from bestman_bt.task_planning.symbolic import GoalError, Literal
 
 
-class Facts(Goal[PlanConfig]):
+@dataclass(frozen=True)
+class FactsFields:
+    """The facts of ``goal``, such as ``on(cup, table) and closed(drawer_3)``, shall come about.
+
+    ``told``: object → surface where somebody said that it is. ``planner``, ``builder``, ``limits``: as of the node
+    ``ReachGoal``. ``replans``: how often it may be planned anew.
+    """
+
+    goal: str
+    told: Mapping[str, str] = field(default_factory=dict)
+    planner: str = "symbolic"
+    builder: str = "reactive"
+    limits: str = ""
+    replans: Annotated[int, Field(ge=0, le=1000)] = 20
+
+
+class Facts(Goal[FactsFields]):
     """Each fact that can be judged, by the true state; of the others the robot's own word counts."""
 
-    fields = ("plan",)
+    parameters = FactsFields
     measures: ClassVar[Mapping[str, tuple[str, ...]]] = {"facts": ("facts_judged", "facts_share")}
-
-    def __init__(self, task: DrawnTask, registry: NodeRegistry) -> None:
-        super().__init__(task)
-        self._registry = registry
+    fills = ("goal", "planner", "builder", "limits", "replans")
+    needs_nodes = True
 
     @cached_property
     def literals(self) -> tuple[Literal, ...]:
         """The facts, with the full names of things; GoalError for bad ones."""
         known = Beliefs(self.world_model.as_at_the_start())
-        return Domain.of(self._registry).problem(known, self.asked.goal).goal
+        return Domain.of(self.task.registry).problem(known, self.asked.goal).goal
 
     def problems(self) -> Iterator[Problem]:
         """Invalid goals, goals that cannot be judged, and unknown names."""
@@ -47,22 +56,22 @@ class Facts(Goal[PlanConfig]):
         try:
             literals = self.literals
         except GoalError as error:
-            yield config.problem(("plan", "goal"), str(error))
+            yield self.fault(str(error), "goal")
         else:
             judged = "facts" in config.task.predicates
             for literal in literals if judged and not any(map(can_be_judged, literals)) else ():
                 known = [name for name, one in known_predicates().items() if one.why_not is not None]
                 message = f"{literal} cannot be judged; {suggestion(literal.fact.predicate, known)}"
-                yield config.problem(("plan", "goal"), message)
-        for field, registered in (("planner", PLANNERS), ("builder", BUILDERS)):
+                yield self.fault(message, "goal")
+        for name, registered in (("planner", PLANNERS), ("builder", BUILDERS)):
             names = registered.names()
-            yield from unknown(config, ("plan", field), getattr(asked, field), names, f"unknown {field}")
+            yield from unknown(config, (*self.path, name), getattr(asked, name), names, f"unknown {name}")
         try:
             PlanLimits.from_string(asked.limits)
         except ValueError as error:
-            yield config.problem(("plan", "limits"), str(error))
+            yield self.fault(str(error), "limits")
         for name, place in asked.told.items():
-            path = ("plan", "told", name)
+            path = (*self.path, "told", name)
             yield from unknown(config, path, name, self.world_model.models, "the robot knows no object")
             yield from unknown(config, path, place, surface_names(self.world_model), "the map has no surface")
 
@@ -88,29 +97,6 @@ class Facts(Goal[PlanConfig]):
         both = joined(verdicts)
         share = sum(verdict.holds for verdict in verdicts) / len(verdicts)
         return Verdict(both.holds, both.why, {"facts_judged": len(verdicts), "facts_share": share})
-
-
-KINDS: tuple[type[Goal[Any]], ...] = (Placed, Opened, Tidied, ToolAt, AtGoal, Lifted, Facts)
-"""What a task may ask for; of two that fill an entry of the same name, the later one does."""
-
-
-def goals_of(task: DrawnTask, registry: NodeRegistry | None) -> tuple[Goal[Any], ...]:
-    """What a task asks for in a drawn world; without a registry no facts."""
-    goals: list[Goal[Any]] = [kind(task) for kind in KINDS if kind is not Facts and kind.is_asked(task.config)]
-    if registry is not None and Facts.is_asked(task.config):
-        goals.append(Facts(task, registry))
-    return tuple(goals)
-
-
-def kind_judged_by(predicate: str) -> type[Goal[Any]] | None:
-    """What a predicate judges; None for an unknown one."""
-    return next((kind for kind in KINDS if predicate in kind.measures), None)
-
-
-def metric_names(config: RunConfig) -> list[str]:
-    """What the judge of a task may measure."""
-    judged = [(kind_judged_by(predicate), predicate) for predicate in config.task.predicates]
-    return [name for kind, predicate in judged if kind is not None for name in kind.metric_names(config, predicate)]
 
 
 def can_be_judged(literal: Literal) -> bool:

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Collection, Iterator
 from difflib import get_close_matches
-from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
@@ -13,18 +12,21 @@ import numpy as np
 from bestman_bt.configuration import DisturbanceConfig, Problem, RunConfig
 from bestman_bt.configuration.document import FieldPath
 from bestman_bt.facts.evidence import DrawnTask
-from bestman_bt.facts.goals.goal import Goal, surface_names, unknown
+from bestman_bt.facts.goals.goal import goals_of, surface_names, unknown
 from bestman_bt.robot_model import RobotModel
 from bestman_bt.scene import World
 from bestman_bt.world_model import WorldModel
 
 
-def task_problems(task: DrawnTask, goals: Iterable[Goal[Any]]) -> Iterator[Problem]:
+def task_problems(task: DrawnTask) -> Iterator[Problem]:
     """All unknown names of the task's goals, disturbances and contacts, and what else is wrong in its world.
 
     Contacts with what the scene leaves out may be allowed all the same.
     """
     config, known = task.config, task.world_model
+    faults: list[Problem] = []
+    goals = goals_of(task, faults)
+    yield from faults
     for goal in goals:
         yield from goal.problems()
     yield from _tolerance_problems(config, task.world)

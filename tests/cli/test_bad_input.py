@@ -116,7 +116,7 @@ scene: kitchen
 robot: diff_panda
 predicate: placedd
 tolerances: {position: 2 kg}
-goal: {name: place, object: cupp, source: tabel, surface: counter}
+goals: [{placed: {at: place, object: cupp, source: tabel, surface: counter}}]
 time_limit: -3
 algoritms: {}
 algorithms:
@@ -131,8 +131,8 @@ algorithms:
     (folder / "t.xml").write_text(text)
     told = refused("run", "--task", "mine.yaml").splitlines()
     places = [
-        *("mine.yaml:4: predicate", "mine.yaml:5: tolerances.position", "mine.yaml:6: goal.object"),
-        *("mine.yaml:6: goal.source", "mine.yaml:7: time_limit", "mine.yaml:8: algoritms"),
+        *("mine.yaml:4: predicate", "mine.yaml:5: tolerances.position", "mine.yaml:6: goals[0].placed.object"),
+        *("mine.yaml:6: goals[0].placed.source", "mine.yaml:7: time_limit", "mine.yaml:8: algoritms"),
         *("mine.yaml:10: algorithms.motionplanning", "t.xml:4: <FindStandPose> surface", "t.xml:5: <NavigateTo> goal"),
         *("t.xml:6: <MoveArm>: unknown port 'sped'", "t.xml:6: <MoveArm> posture", "t.xml:7: <Grap>"),
         "t.xml:8: <SubTree> thing: there is no object 'pear'",
@@ -227,13 +227,15 @@ def test_names_and_options_that_are_wrong_are_refused(refused, arguments: list[s
         ("scene.objects.cop=absent", "unknown key 'objects.cop'; did you mean 'cup'?"),
         ("robot.parts.lidr.mount=x", "unknown key 'parts.lidr'; did you mean 'lidar'?"),
         ("robot.parts.arm.part=panda_amr", "parts.arm.part: unknown part 'panda_amr'; did you mean 'panda_arm'?"),
-        ("goal.surface=conter", "goal.surface: the map has no surface 'conter'; did you mean 'counter'?"),
-        ("goal.source=tabel", "goal.source: the map has no surface 'tabel'; did you mean 'table'?"),
-        ("goal.object=cub", "goal.object: the robot knows no object 'cub'; did you mean 'cup'?"),
-        ("goal.object=counter_can", "several things of the model 'can', which the robot cannot tell from each other"),
-        ("goal.name=plase", "goal.name: the scene has no goal 'plase'; did you mean 'place'?"),
+        ("goals.0.placed.surface=conter", "goals[0].placed.surface: the map has no surface 'conter'; did you mean 'counter'?"),
+        ("goals.0.placed.source=tabel", "goals[0].placed.source: the map has no surface 'tabel'; did you mean 'table'?"),
+        ("goals.0.placed.object=cub", "goals[0].placed.object: the robot knows no object 'cub'; did you mean 'cup'?"),
+        ("goals.0.placed.object=counter_can", "several things of the model 'can', which the robot cannot tell from each other"),
+        ("goals.0.placed.at=plase", "goals[0].placed.at: the scene has no goal 'plase'; did you mean 'place'?"),
         ("predicate=plced", "predicate: unknown predicate 'plced'; did you mean 'placed'?"),
-        ("goal=null", "goal: is missing: the predicate 'placed' needs a goal"),
+        ("goals=[]", "goals: the predicate 'placed' needs an entry {placed: …}"),
+        ("goals.1.placed.object=cup", "unknown key 'goals.1': 'goals' has 1 entry, goals.0 is the first"),
+        ("goals.0.plaecd={}", "goals[0]: should be one kind of goal with its fields, such as {placed: "),
         ("algorithms.zebra.algorithm=x", "unknown key 'algorithms.zebra'; known: affordance, collision"),
         (
             "algorithms.motion_planning.algorithm=rrt_conect",
@@ -322,9 +324,13 @@ TASKS = {
     "surface": (
         "surface: counter",
         "surface: conter",
-        "goal.surface: the map has no surface 'conter'; did you mean 'counter'?",
+        "goals[0].placed.surface: the map has no surface 'conter'; did you mean 'counter'?",
     ),
-    "object": ("object: cup", "object: cub", "goal.object: the robot knows no object 'cub'; did you mean 'cup'?"),
+    "object": (
+        "object: cup",
+        "object: cub",
+        "goals[0].placed.object: the robot knows no object 'cub'; did you mean 'cup'?",
+    ),
     "predicate": (
         "predicate: placed",
         "predicate: plced",

@@ -10,7 +10,6 @@ from xml.etree import ElementTree
 
 from bestman_bt.cli.plan_command import _to_run
 from bestman_bt.configuration import load_run
-from bestman_bt.configuration.task import PlanConfig
 from bestman_bt.engine import load_tree
 from bestman_bt.registry import BUILDERS, PLANNERS
 from bestman_bt.runtime.plugins import node_registry
@@ -75,7 +74,7 @@ def test_what_is_given_is_where_a_thing_is_searched_for(bestman_bt: Command) -> 
     assert [step["ability"] for step in answer.document["plan"]] == ["Search", "PickUp", "PutAt"]
     assert answer.document["plan"][0]["place"] == "table/top"
     run = load_run(tree="fetch_cup", scene="kitchen", robot="diff_panda", settings=settings_of(answer.err))
-    assert run.task.plan == PlanConfig("on(cup, counter/top)", {"cup": "table/top"})
+    assert run.task.asked("facts") == {"goal": "on(cup, counter/top)", "told": {"cup": "table/top"}}
 
 
 def test_the_command_that_runs_a_saved_tree_has_all_that_it_was_planned_with(bestman_bt: Command, folder: Path) -> None:

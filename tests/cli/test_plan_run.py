@@ -8,8 +8,8 @@ import pytest
 
 from bestman_bt.cli.plan_run import judged_by_goal
 from bestman_bt.configuration import RunConfig
-from bestman_bt.configuration.task import PlanConfig
 from bestman_bt.runtime.planning import PlanQuestion, Transcript, planning_state
+from bestman_bt.runtime.task_goals import FactsFields
 from bestman_bt.task_planning.limits import PlanLimits
 
 
@@ -21,14 +21,15 @@ def question() -> PlanQuestion:
 
 def judged(question: PlanQuestion, goal: str) -> RunConfig:
     problem, _ = question.answer(None, goal, "symbolic", Transcript())
-    return judged_by_goal(question.setup, problem, PlanConfig(goal), Path("plan.xml"))
+    return judged_by_goal(question.setup, problem, FactsFields(goal), Path("plan.xml"))
 
 
 def test_the_goals_facts_take_the_place_of_what_the_task_asks_for(question: PlanQuestion) -> None:
-    assert question.setup.config.task.opening is not None
+    assert question.setup.config.task.asked("opened") is not None
     task = judged(question, "open(drawer_2)").task
-    assert (task.predicates, task.opening, task.tree) == (("facts",), None, "plan.xml")
-    assert task.plan == PlanConfig("open(drawer_2)")
+    assert (task.predicates, task.tree) == (("facts",), "plan.xml")
+    assert [list(goal) for goal in task.goals] == [["facts"]]
+    assert task.goals[0]["facts"]["goal"] == "open(drawer_2)"
 
 
 def test_what_the_plans_skills_declare_may_be_touched_whatever_the_task_would_allow(question: PlanQuestion) -> None:

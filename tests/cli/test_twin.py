@@ -57,7 +57,7 @@ def test_twins_tell_where_they_are_take_faults_and_end_with_ctrl_c() -> None:
     [
         (("--robot", "diff_panda", "--scene", "kitchen"), "has no connections"),
         (("--robot", "diff_pandaa"), "did you mean 'diff_panda'"),
-        (("--robot", str(ROBOT), "--set", "goal.object=cup"), "should begin with robot. or scene."),
+        (("--robot", str(ROBOT), "--set", "goals.0.placed.object=cup"), "should begin with robot. or scene."),
         (("--fault", "arm_controller:drop"), "--at the socket"),
         (("--fault", "arm_controller:drop", "--at", "/nope"), "--at /nope: no twins answer there"),
         (("--fault", "arm_controller:delay:-5", "--at", "/nope"), "a delay should be 0 to 60 seconds"),

@@ -43,8 +43,8 @@ def problems(**arguments: object) -> list[str]:
 def test_the_shipped_task_names_tree_scene_robot_and_goal() -> None:
     task = load_task("fetch_cup")
     assert (task.tree, task.scene, task.robot) == ("fetch_cup", "kitchen", "diff_panda")
-    assert task.goal is not None
-    assert (task.goal.object, task.goal.surface) == ("cup", "counter")
+    goal = task.goals[0]["placed"]
+    assert (goal["object"], goal["surface"]) == ("cup", "counter")
     assert (task.tolerances.position, task.tolerances.tilt) == pytest.approx((0.02, math.radians(10)))
     assert task.max_penetration == pytest.approx(0.002)
 
@@ -110,7 +110,7 @@ def test_the_command_line_replaces_what_the_task_names() -> None:
 
 def test_without_a_task_tree_scene_and_robot_are_enough() -> None:
     run = load_run(tree="fetch_cup", scene="kitchen", robot="diff_panda")
-    assert (run.name, run.task.goal, run.task.predicate) == ("fetch_cup", None, None)
+    assert (run.name, run.task.goals, run.task.predicate) == ("fetch_cup", (), None)
     assert problems(tree="fetch_cup", scene="kitchen") == ["arguments: robot: is missing"]
 
 

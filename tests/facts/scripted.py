@@ -11,6 +11,7 @@ import numpy as np
 
 from bestman_bt.configuration import load_run
 from bestman_bt.facts.evidence import Evidence, Verdict
+from bestman_bt.facts.goals.goal import judged
 from bestman_bt.messages import Pose, Pose2D
 from bestman_bt.robot_model import ArmModel
 from bestman_bt.runtime.setup import Setup, prepare
@@ -89,8 +90,7 @@ class ScriptedEnd:
 
     def verdict(self, predicate: str, evidence: Evidence | None = None, **told: Any) -> Verdict:
         """What one of the task's predicates says; ``told``: as of ``evidence``."""
-        goal = next(goal for goal in self.setup.asked if predicate in goal.measures)
-        return goal.judged(predicate, evidence or self.evidence(**told))
+        return judged(self.setup.asked, predicate, evidence or self.evidence(**told))
 
     def surface(self, name: str) -> Pose:
         """map_from_surface of ``furniture/name``, with doors and drawers shut, as it really is."""

@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 from bestman_bt.configuration import ConfigurationError, load_run, load_task
-from bestman_bt.configuration.task import DriveConfig
 from bestman_bt.evaluation.episode import prepare_episode, run_episode
-from bestman_bt.facts.goals.at_goal import AtGoal, base_footprint, drive_goal, true_costmap
+from bestman_bt.facts.goals.at_goal import AtGoal, AtGoalFields, base_footprint, drive_goal, true_costmap
 from bestman_bt.messages import Pose2D, wrap_angle
 from bestman_bt.navigation.global_planning import Costmap
 from bestman_bt.robot_model import load_robot_model
@@ -19,7 +18,7 @@ from bestman_bt.scene import SceneError, draw_world, load_scene, semantic_map
 from tests.facts.scripted import ScriptedEnd
 from tests.facts.staged import Staged, judged, why
 
-DRIVE = {"scene": "kitchen", "predicate": "at_goal", "drive": {"distance": "2 m"}}
+DRIVE = {"scene": "kitchen", "predicate": "at_goal", "goals": [{"at_goal": {"distance": "2 m"}}]}
 
 
 @pytest.fixture(scope="module")
@@ -124,16 +123,20 @@ def test_where_no_goal_can_be_drawn_it_is_told_of_which_kind_and_why(tmp_path: P
         "furniture: {table: {model: table, at: [3.0, 0, 0]}}\nrobot_start: {x: [0, 0], y: [0, 0]}\n"
     )
     words = {
-        "drive.at_furniture=1": r"none of 1000 poses drawn before furniture \(table\): [a-z].* less drive.at_furniture",
-        "drive.at_furniture=0": r"none of 1000 poses drawn on open floor: .*no way from the start \(.*more drive.at",
+        "goals.0.at_goal.at_furniture=1": r"none of 1000 poses drawn before furniture \(table\): [a-z].* less at_furniture",
+        "goals.0.at_goal.at_furniture=0": r"none of 1000 poses drawn on open floor: .*no way from the start \(.*more at_f",
     }
     for setting, expected in words.items():
-        config = load_run("navigate_kitchen", scene=str(scene), seed=0, settings=[setting, "drive.distance=2.6"])
+        config = load_run(
+            "navigate_kitchen", scene=str(scene), seed=0, settings=[setting, "goals.0.at_goal.distance=2.6"]
+        )
         with pytest.raises(SceneError, match=expected):
             goal_of(prepare(config))
     scene.write_text(scene.read_text().replace("{table: {model: table, at: [3.0, 0, 0]}}", "{}"))
     with pytest.raises(SceneError, match="no furniture but passages"):
-        goal_of(prepare(load_run("navigate_kitchen", scene=str(scene), seed=0, settings=["drive.at_furniture=1"])))
+        goal_of(
+            prepare(load_run("navigate_kitchen", scene=str(scene), seed=0, settings=["goals.0.at_goal.at_furniture=1"]))
+        )
 
 
 def test_the_truth_has_furniture_where_it_really_stands(setups: list[Setup]) -> None:
@@ -178,7 +181,7 @@ def test_the_truth_has_handles_and_furniture_that_the_map_does_not_have() -> Non
 
 def test_the_way_straight_out_from_before_furniture_is_free_by_the_map_too() -> None:
     robot, world = load_robot_model("diff_panda"), draw_world(load_scene("kitchen"), 0)
-    known, asked = semantic_map(world), DriveConfig(at_furniture=1.0, distance=0.0)
+    known, asked = semantic_map(world), AtGoalFields(at_furniture=1.0, distance=0.0)
     goal = drive_goal(asked, world, known, robot, 1)
     post = (goal @ Pose2D(-0.3, -0.22, 0.0)).xy  # behind the base, and before where it has room to turn
     mapped = replace(known, walls=np.vstack([known.walls, [*post, *(post + 0.01)]]))

@@ -24,7 +24,7 @@ def end_of(goal: str, opened: float = 0.0, **held: tuple[str, ...]) -> ScriptedE
     ``opened``: metres of the upper drawer. ``held``: objects in the hand and what they touch beside it.
     """
     end = ScriptedEnd(
-        "plan_put_away", "scene.furniture.drawer_chest.at=[1.4, 0.3, 115 deg]", told=(f"plan.goal={goal}",)
+        "plan_put_away", "scene.furniture.drawer_chest.at=[1.4, 0.3, 115 deg]", told=(f"goals.0.facts.goal={goal}",)
     )
     end.truth.opened[DRAWER] = opened
     end.truth.on["cup"] = ("table",)

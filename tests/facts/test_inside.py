@@ -13,8 +13,10 @@ from tests.facts.staged import Staged, judged
 
 PUT_AWAY = {
     "scene": "put_away",
-    "goal": {"name": "place", "object": "cup", "source": "table", "surface": "drawer_chest/drawer_3"},
-    "opening": {"articulation": "drawer_chest/drawer_3", "at_most": "2 cm"},
+    "goals": [
+        {"placed": {"object": "cup", "at": "place", "source": "table", "surface": "drawer_chest/drawer_3"}},
+        {"opened": {"articulation": "drawer_chest/drawer_3", "at_most": "2 cm"}},
+    ],
     "predicate": ["inside", "opened"],
 }
 DRAWER = "drawer_chest/drawer_3"

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bestman_bt.configuration import ConfigurationError, load_run, load_task
+from bestman_bt.configuration import ConfigurationError, load_run
 from bestman_bt.evaluation.episode import run_episode
 from bestman_bt.messages import Pose
 from bestman_bt.runtime import Session
@@ -15,7 +15,7 @@ from tests.facts.staged import Staged, judged, why
 LIFT = {
     "scene": "policy_table",
     "predicate": "lifted",
-    "lift": {"object": "cup", "source": "table", "height": "5 cm"},
+    "goals": [{"lifted": {"object": "cup", "source": "table", "height": "5 cm"}}],
 }
 
 
@@ -44,22 +44,22 @@ def test_a_cup_that_stands_higher_but_in_no_hand_is_not_lifted(tmp_path: Path) -
 
 def test_a_lift_of_an_unknown_object_or_none_at_all_is_refused(tmp_path: Path) -> None:
     unknown = tmp_path / "unknown.yaml"
-    unknown.write_text("{tree: policy_pick, scene: policy_table, robot: diff_panda, lift: {object: cu, source: table}}")
+    unknown.write_text(
+        "{tree: policy_pick, scene: policy_table, robot: diff_panda, goals: [{lifted: {object: cu, source: table}}]}"
+    )
     with pytest.raises(ConfigurationError, match="did you mean 'cup'"):
         run_episode(load_run(unknown))
     none = tmp_path / "none.yaml"
     none.write_text("{tree: policy_pick, scene: policy_table, robot: diff_panda, predicate: lifted}")
-    with pytest.raises(ConfigurationError, match="the predicate 'lifted' needs a lift"):
+    with pytest.raises(ConfigurationError, match="the predicate 'lifted' needs an entry {lifted: …}"):
         run_episode(load_run(none))
-    assert load_task("policy_pick").lift is not None
 
 
 @pytest.fixture
 def in_hand() -> ScriptedEnd:
     """The cup 1 mm higher than is asked, in the hand, at rest."""
     end = ScriptedEnd("policy_pick")
-    assert end.setup.config.task.lift is not None
-    end.put("cup", shifted(end.truth.poses["cup"], 0.2, -0.1, end.setup.config.task.lift.height + 0.001))
+    end.put("cup", shifted(end.truth.poses["cup"], 0.2, -0.1, end.setup.asked[0].asked.height + 0.001))
     end.truth.touched.add("cup")
     return end
 

@@ -11,7 +11,7 @@ from tests.facts.staged import Staged, judged, why
 DRAWER = {
     "scene": "chest_room",
     "predicate": "opened",
-    "opening": {"articulation": "drawer_chest/drawer_3", "at_least": "20 cm"},
+    "goals": [{"opened": {"articulation": "drawer_chest/drawer_3", "at_least": "20 cm"}}],
 }
 
 
@@ -25,8 +25,7 @@ def test_a_drawer_that_nobody_touched_is_not_open(tmp_path: Path) -> None:
 
 def test_another_drawer_does_not_count_and_an_open_one_may_be_asked_to_be_shut() -> None:
     end = ScriptedEnd("close_drawer")
-    opening = end.setup.config.task.opening
-    assert opening is not None
+    opening = end.setup.asked[0].asked
     other = "drawer_chest/drawer_1" if opening.articulation != "drawer_chest/drawer_1" else "drawer_chest/drawer_2"
     end.truth.opened = {other: 0.3}
     assert end.verdict("opened").holds
@@ -43,9 +42,8 @@ def test_another_drawer_does_not_count_and_an_open_one_may_be_asked_to_be_shut()
 )
 def test_an_opening_between_two_limits_is_held_to_both(task: str, asked: str, unit: float, metric: str) -> None:
     least, most = asked.strip("[]").split(", ")
-    end = ScriptedEnd(task, f"opening.at_least={least}", f"opening.at_most={most}")
-    opening = end.setup.config.task.opening
-    assert opening is not None
+    end = ScriptedEnd(task, f"goals.0.opened.at_least={least}", f"goals.0.opened.at_most={most}")
+    opening = end.setup.asked[0].asked
     assert opening.at_least is not None
     assert opening.at_most is not None
     for position, words in (

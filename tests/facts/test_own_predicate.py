@@ -48,7 +48,7 @@ def lying(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def test_a_file_of_a_user_brings_a_predicate_to_planners_conditions_and_the_judge(lying: Path) -> None:
     registry = node_registry([str(lying)])
     assert Domain.of(registry).signatures["lying"] == ("object",)
-    end = ScriptedEnd("plan_put_away", told=("plan.goal=lying(cup) and located(cup)",))
+    end = ScriptedEnd("plan_put_away", told=("goals.0.facts.goal=lying(cup) and located(cup)",))
     assert not holds(Beliefs(end.setup.world_model), Fact("lying", ("cup",)))
     verdict = end.verdict("facts")
     assert verdict.why == "the cup stands"
@@ -60,7 +60,7 @@ def test_a_file_of_a_user_brings_a_predicate_to_planners_conditions_and_the_judg
 def test_a_predicate_whose_judgement_raises_is_not_true_and_its_line_is_told(lying: Path) -> None:
     lying.write_text(LYING.replace('f"the {name} stands"', "1 / 0"))
     node_registry([str(lying)])
-    verdict = ScriptedEnd("plan_put_away", told=("plan.goal=lying(cup)",)).verdict("facts")
+    verdict = ScriptedEnd("plan_put_away", told=("goals.0.facts.goal=lying(cup)",)).verdict("facts")
     assert not verdict.holds
     assert "raised ZeroDivisionError" in verdict.why
     assert f"{lying}:13" in verdict.why

@@ -17,7 +17,7 @@ from tests.facts.staged import NOTHING, Staged, judged
 SET_TABLE = {
     "scene": "set_table",
     "goals": [
-        {"name": f"place_{name}", "object": name, "source": "counter", "surface": "table"}
+        {"placed": {"at": f"place_{name}", "object": name, "source": "counter", "surface": "table"}}
         for name in ("plate", "mug", "fork")
     ],
     "predicate": "placed",
@@ -51,9 +51,9 @@ def test_a_laid_table_is_a_success_and_each_things_error_is_told(tmp_path: Path)
 
 def test_of_several_objects_the_seed_chooses_one_that_is_there(tmp_path: Path) -> None:
     (tmp_path / "nothing.xml").write_text(NOTHING)
-    goal = "{name: place, object: [cup, can, box, soup_can], source: table, surface: table}"
+    goal = "{object: [cup, can, box, soup_can], at: place, source: table, surface: table}"
     (tmp_path / "task.yaml").write_text(
-        f"tree: {tmp_path}/nothing.xml\nrobot: diff_panda\nscene: pick_place_table\ngoal: {goal}\npredicate: placed\n"
+        f"tree: {tmp_path}/nothing.xml\nrobot: diff_panda\nscene: pick_place_table\ngoals: [{{placed: {goal}}}]\npredicate: placed\n"
     )
     chosen = []
     for seed in range(8):

@@ -18,13 +18,17 @@ from tests.facts.staged import Staged, judged, why
 NAMES = ("cup", "can", "box", "soup_can")
 TIDY = {
     "scene": "untidy_table",
-    "tidy": {
-        "objects": list(NAMES),
-        "source": "table",
-        "surface": "counter/top",
-        "x": ["-25 cm", "0 cm"],
-        "y": ["-60 cm", "60 cm"],
-    },
+    "goals": [
+        {
+            "tidied": {
+                "objects": list(NAMES),
+                "source": "table",
+                "surface": "counter/top",
+                "x": ["-25 cm", "0 cm"],
+                "y": ["-60 cm", "60 cm"],
+            }
+        }
+    ],
     "predicate": "tidied",
 }
 SEED = 2
@@ -65,7 +69,7 @@ def test_one_that_was_left_on_the_table_is_named(tmp_path: Path, present: tuple[
 @pytest.fixture(scope="module")
 def counter() -> ScriptedEnd:
     """A task whose region lies askew in the room: x -25 to 0 cm and y -60 to 60 cm of the counter's top."""
-    return ScriptedEnd("tidy_table", "tidy.x=[-25 cm, -5 cm]", "tidy.y=[-60 cm, 40 cm]")
+    return ScriptedEnd("tidy_table", "goals.0.tidied.x=[-25 cm, -5 cm]", "goals.0.tidied.y=[-60 cm, 40 cm]")
 
 
 def stand(end: ScriptedEnd, name: str, x: float, y: float, z: float = 0.05) -> None:

@@ -14,7 +14,7 @@ from tests.facts.staged import Staged, judged, why
 REACH = {
     "scene": "policy_space",
     "predicate": "tool_at",
-    "reach": {"goal": "hover", "height": ["10 cm", "30 cm"]},
+    "goals": [{"tool_at": {"goal": "hover", "height": ["10 cm", "30 cm"]}}],
 }
 
 
@@ -47,7 +47,7 @@ def test_the_goal_points_down_over_the_scenes_goal_at_a_height_that_the_seed_dra
 def test_heights_the_wrong_way_round_are_refused(tmp_path: Path) -> None:
     path = tmp_path / "task.yaml"
     path.write_text(
-        "{tree: policy_reach, scene: policy_space, robot: diff_panda, reach: {goal: hover, height: [30 cm, 10 cm]}}"
+        "{tree: policy_reach, scene: policy_space, robot: diff_panda, goals: [{tool_at: {goal: hover, height: [30 cm, 10 cm]}}]}"
     )
     with pytest.raises(ConfigurationError, match="the smaller limit comes first"):
         load_task(path)

@@ -16,11 +16,12 @@ from bestman_bt.cli.main import VERBS
 from bestman_bt.configuration import load_run
 from bestman_bt.engine import TreeLoadError, load_tree
 from bestman_bt.messages import Pose
+from bestman_bt.registry import GOALS
 from bestman_bt.robot_model import load_robot_model
 from bestman_bt.runtime import prepare, session
 from bestman_bt.runtime.algorithms import Algorithms
 from bestman_bt.runtime.plugins import node_registry
-from bestman_bt.runtime.task_goals import KINDS
+from bestman_bt.runtime.tree_checks import TASK_ENTRIES
 from bestman_bt.world_model import ObjectBelief
 
 CHECKOUT = Path(__file__).resolve().parents[2]
@@ -209,10 +210,11 @@ def test_the_table_of_facts_is_that_of_the_predicates() -> None:
 
 def test_all_that_a_task_may_ask_is_in_the_table_of_the_page() -> None:
     rows = [row for row in (DOCS / "writing_a_task.md").read_text().splitlines() if row.startswith("| `")]
-    for kind in KINDS:
-        for field in kind.fields:
-            (row,) = [row for row in rows if row.startswith(f"| `{field}` |") and row.count("|") == 5]
-            assert any(f"`{predicate}`" in row for predicate in kind.measures)
+    for name in GOALS:
+        kind: Any = GOALS.resolve(name)
+        (row,) = [row for row in rows if row.startswith(f"| `{name}` |") and row.count("|") == 5]
+        assert any(f"`{predicate}`" in row for predicate in kind.measures)
+        assert set(kind.fills) <= {*TASK_ENTRIES}
 
 
 def test_parameters_have_units_where_their_descriptions_say_one() -> None:

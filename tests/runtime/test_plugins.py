@@ -350,12 +350,12 @@ def test_a_plug_in_that_a_task_names_is_refused_at_the_tasks_line_and_one_of_an_
     task = tmp_path / "t.yaml"
     task.write_text("tree: fetch_cup\nscene: kichen\nrobot: nope\nplugins:\n  - no.py\n")
     faults: list[Problem] = []
-    config = run_of_options(task, plugins=["other.py"], settings=["plan={goal: 3}"], seed=-1, faults=faults)
+    config = run_of_options(task, plugins=["other.py"], settings=["goals=[{facts: {goal: 3}}]"], seed=-1, faults=faults)
     with pytest.raises(ConfigurationError) as raised:
         prepare(config, known_faults=faults)
     told = str(raised.value)
     assert f"{task}:5: plugins[0]: {tmp_path}/no.py: no such file" in told
     assert "--plugin other.py: no such file" in told
-    assert "--set plan={'goal': 3}: plan.goal: should be text" in told
+    assert "--set goals=[{'facts': {'goal': 3}}]: goals[0].facts.goal: should be text" in told
     assert "--seed -1: seed: should be" in told
     assert "unknown robot 'nope'" in told

@@ -18,19 +18,21 @@ SET_TABLE = """\
 scene: set_table
 predicate: placed
 goals:
-  - {name: place_plate, object: plate, source: counter, surface: table}
-  - {name: place_fork, object: fork, source: counter, surface: table/top}
+  - {placed: {object: plate, at: place_plate, source: counter, surface: table}}
+  - {placed: {object: fork, at: place_fork, source: counter, surface: table/top}}
 """
 PUT_AWAY = """\
 scene: put_away
 predicate: [placed, opened]
-goal: {name: place, object: cup, source: table, surface: drawer_chest/drawer_3}
-opening: {articulation: drawer_chest/drawer_3, at_most: 2 cm}
+goals:
+  - {placed: {object: cup, at: place, source: table, surface: drawer_chest/drawer_3}}
+  - {opened: {articulation: drawer_chest/drawer_3, at_most: 2 cm}}
 """
 TIDY = """\
 scene: untidy_table
 predicate: tidied
-tidy: {objects: [cup, can], source: table, surface: counter/top, x: [-25 cm, 0], y: [-60 cm, 60 cm]}
+goals:
+  - {tidied: {objects: [cup, can], source: table, surface: counter/top, x: [-25 cm, 0], y: [-60 cm, 60 cm]}}
 """
 
 
@@ -51,9 +53,9 @@ def test_every_unknown_name_is_told_with_its_line_and_what_was_meant(tmp_path: P
     wrong = SET_TABLE.replace("place_fork", "place_frok").replace("object: plate", "object: plat")
     wrong = wrong.replace("table/top", "table/tpo")
     assert problems(tmp_path, wrong) == [
-        "6: goals[0].object: the robot knows no object 'plat'; did you mean 'plate'?",
-        "7: goals[1].name: the scene has no goal 'place_frok'; did you mean 'place_fork'?",
-        "7: goals[1].surface: the map has no surface 'table/tpo'; did you mean 'table/top'?",
+        "6: goals[0].placed.object: the robot knows no object 'plat'; did you mean 'plate'?",
+        "7: goals[1].placed.at: the scene has no goal 'place_frok'; did you mean 'place_fork'?",
+        "7: goals[1].placed.surface: the map has no surface 'table/tpo'; did you mean 'table/top'?",
     ]
 
 
@@ -64,26 +66,46 @@ def test_every_unknown_name_is_told_with_its_line_and_what_was_meant(tmp_path: P
             PUT_AWAY,
             "articulation: drawer_chest/drawer_3",
             "articulation: drawer_chest/drawer_4",
-            "6: opening.articulation: the scene has no door or drawer 'drawer_chest/drawer_4'; did you mean",
+            "7: goals[1].opened.articulation: the scene has no door or drawer 'drawer_chest/drawer_4'; did you mean",
         ),
-        (PUT_AWAY, ", at_most: 2 cm", "", "6: opening: one of 'at_least' and 'at_most' should be given"),
+        (PUT_AWAY, ", at_most: 2 cm", "", "7: goals[1].opened: one of 'at_least' and 'at_most' should be given"),
         (
             PUT_AWAY,
             "at_most: 2 cm",
             "at_least: 10 cm, at_most: 2 cm",
-            "6: opening.at_most: should not be less than at_least, 0.1, got 0.02",
+            "7: goals[1].opened.at_most: should not be less than at_least, 0.1, got 0.02",
         ),
-        (PUT_AWAY, "at_most: 2 cm", "at_most: 2 kg", "6: opening.at_most: expected an angle in rad"),
+        (PUT_AWAY, "at_most: 2 cm", "at_most: 2 kg", "7: goals[1].opened.at_most: expected an angle in rad"),
         (PUT_AWAY, "[placed, opened]", "[placed, opend]", "4: predicate[1]: unknown predicate 'opend'; did you mean"),
-        (PUT_AWAY, "[placed, opened]", "[placed, tidied]", "tidy: is missing: the predicate 'tidied' needs a tidy"),
-        (TIDY, "[cup, can]", "[cup, kan]", "5: tidy.objects[1]: the robot knows no object 'kan'; did you mean 'can'?"),
-        (TIDY, "source: table", "source: tabel", "5: tidy.source: the map has no surface 'tabel'; did you mean"),
-        (TIDY, "x: [-25 cm, 0]", "x: [0, -25 cm]", "5: tidy.x: the smaller limit comes first, got [0, -0.25]"),
+        (
+            PUT_AWAY,
+            "[placed, opened]",
+            "[placed, tidied]",
+            "5: goals: the predicate 'tidied' needs an entry {tidied: …}",
+        ),
+        (
+            TIDY,
+            "[cup, can]",
+            "[cup, kan]",
+            "6: goals[0].tidied.objects[1]: the robot knows no object 'kan'; did you mean 'can'?",
+        ),
+        (
+            TIDY,
+            "source: table",
+            "source: tabel",
+            "6: goals[0].tidied.source: the map has no surface 'tabel'; did you mean",
+        ),
+        (
+            TIDY,
+            "x: [-25 cm, 0]",
+            "x: [0, -25 cm]",
+            "6: goals[0].tidied.x: the smaller limit comes first, got [0, -0.25]",
+        ),
         (
             SET_TABLE,
             "predicate: placed",
             "predicate: placed\ngoal: {name: place_mug, object: mug, source: counter, surface: table}",
-            "6: goals: 'goal' is given too; one goal or several",
+            "5: goal: is an entry of 'goals' now: write goals: [{placed: {object: mug, source: counter, surface: table, at: ",
         ),
     ],
 )
@@ -96,13 +118,15 @@ def test_what_cannot_be_is_refused(tmp_path: Path, text: str, old: str, new: str
 CONTACTS = """\
 scene: kitchen
 predicate: placed
-goal: {name: place, object: cup, source: table, surface: counter}
+goals:
+  - {placed: {object: cup, at: place, source: table, surface: counter}}
 allowed_contacts: [[fingers, box], [bx, table], [box, shelf]]
 """
 CHOICE = """\
 scene: pick_place_table
 predicate: placed
-goal: {name: place, object: [can, box], source: table, surface: table}
+goals:
+  - {placed: {object: [can, box], at: place, source: table, surface: table}}
 """
 
 
@@ -120,11 +144,13 @@ def test_of_objects_to_choose_from_those_that_are_left_out_are_not_chosen(tmp_pa
     for seed in range(6):
         setup = prepare(load_run(task, seed=seed, settings=["scene.objects.can=absent"]))
         assert [goal.object for goal in setup.goals] == ["box"]
-    with pytest.raises(ConfigurationError, match=r"5: goal.object: the scene leaves out all of these objects"):
+    with pytest.raises(
+        ConfigurationError, match=r"6: goals\[0\].placed.object: the scene leaves out all of these objects"
+    ):
         prepare(load_run(task, settings=["scene.objects.can=absent", "scene.objects.box=absent"]))
 
 
-OPENING = "scene: {scene}\npredicate: opened\nopening: {{articulation: {name}, at_least: {asked}}}\n"
+OPENING = "scene: {scene}\npredicate: opened\ngoals: [{{opened: {{articulation: {name}, at_least: {asked}}}}}]\n"
 DOOR, DRAWER = ("fridge_room", "fridge/upper_door"), ("chest_room", "drawer_chest/drawer_1")
 
 
@@ -141,7 +167,7 @@ def test_an_opening_is_asked_in_a_unit_of_its_joint_and_within_its_range(
     leaf: tuple[str, str], asked: str, told: str, tmp_path: Path
 ) -> None:
     (problem,) = problems(tmp_path, OPENING.format(scene=leaf[0], name=leaf[1], asked=asked))
-    assert problem.startswith(f"5: opening.at_least: {told}")
+    assert problem.startswith(f"5: goals[0].opened.at_least: {told}")
 
 
 @pytest.mark.parametrize(
@@ -152,8 +178,7 @@ def test_an_opening_is_known_in_radians_or_metres(
     leaf: tuple[str, str], asked: str, value: float, tmp_path: Path
 ) -> None:
     path = written(tmp_path, OPENING.format(scene=leaf[0], name=leaf[1], asked=asked))
-    opening = prepare(load_run(path, seed=1)).config.task.opening
-    assert opening is not None
+    opening = prepare(load_run(path, seed=1)).asked[0].asked
     assert opening.at_least == pytest.approx(value)
 
 

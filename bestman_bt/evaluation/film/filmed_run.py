@@ -10,9 +10,9 @@ from bestman_bt.configuration import RunConfig, read_run
 from bestman_bt.engine import RUNNING
 from bestman_bt.errors import InputError
 from bestman_bt.facts.evidence import DrawnTask
+from bestman_bt.facts.goals.goal import goals_of
 from bestman_bt.records.reader import RecordError, has_record, read
 from bestman_bt.robot_model import RobotModel, load_robot_model
-from bestman_bt.runtime.task_goals import goals_of
 from bestman_bt.scene import World, draw_world, load_scene, semantic_map
 from bestman_bt.visualization import RecordingError
 from bestman_bt.visualization.motion_file import MOTION_NAME, Motion, read_motion
@@ -63,7 +63,7 @@ def read_filmed_run(folder: Path) -> FilmedRun:
         changed = ", ".join(sorted(there ^ set(motion.bodies)))
         raise FilmError(f"the scene {config.task.scene!r} has changed since the run: {changed}")
     task = DrawnTask(config, robot_model, world, WorldModel(semantic_map(world), dict(scene.models)))
-    subjects = [name for goal in goals_of(task, None) for name in goal.subjects()]
+    subjects = [name for goal in goals_of(task) for name in goal.subjects()]
     return FilmedRun(config, robot_model, world, motion, tuple(subjects), _doings(folder))
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, ClassVar
 
@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.configuration import Problem
-from bestman_bt.configuration.task import DriveConfig
+from bestman_bt.configuration.quantity import Distance, Share
 from bestman_bt.facts.evidence import Evidence, Verdict
 from bestman_bt.facts.goals.goal import Goal
 from bestman_bt.messages import PlacedShape, Pose2D, wrap_angle
@@ -37,10 +37,22 @@ _STRAIGHT = 0.6
 _EXACT = Rasterization(clearance=0.0, furniture_position_error=0.0, furniture_heading_error=0.0)
 
 
-class AtGoal(Goal[DriveConfig]):
+@dataclass(frozen=True)
+class AtGoalFields:
+    """The base shall drive to a pose that the seed chooses, at least ``distance`` metres from its start.
+
+    ``at_furniture``: the chance that it is 6 cm before a piece of furniture; else there is room to turn.
+    """
+
+    at_furniture: Share = 0.5
+    distance: Distance = 1.0
+
+
+class AtGoal(Goal[AtGoalFields]):
     """The true pose of the base is within the tolerances of ``position`` and ``yaw``."""
 
-    fields = ("drive",)
+    parameters = AtGoalFields
+    fills = ("goal",)
     measures: ClassVar[Mapping[str, tuple[str, ...]]] = {"at_goal": ("final_error_mm", "final_yaw_deg", "path_ratio")}
 
     @cached_property
@@ -93,7 +105,7 @@ def true_costmap(world: World, robot: RobotModel) -> Costmap:
     return Costmap.from_map(semantic_map(replace(world, furniture=actual)), base_footprint(robot), leaves, _EXACT)
 
 
-def drive_goal(asked: DriveConfig, world: World, known: SemanticMap, robot: RobotModel, seed: int) -> Pose2D:
+def drive_goal(asked: AtGoalFields, world: World, known: SemanticMap, robot: RobotModel, seed: int) -> Pose2D:
     """The pose that the seed chooses, map_from_base; SceneError where there is none.
 
     The base has room there as the map has it and as it really is, and a disc around the base gets there: before
@@ -110,7 +122,7 @@ def drive_goal(asked: DriveConfig, world: World, known: SemanticMap, robot: Robo
     before_furniture = bool(rng.random() < asked.at_furniture)
     if before_furniture and not _pieces_to_face(known):
         where = f"scene {world.scene!r}, seed {seed}"
-        raise SceneError(f"{where}: there is no furniture but passages to drive to; ask for drive.at_furniture=0")
+        raise SceneError(f"{where}: there is no furniture but passages to drive to; ask for at_furniture: 0")
     refused: Counter[str] = Counter()
     for _ in range(_TRIES):
         goal = _before_furniture(known, truth.footprint, rng) if before_furniture else _anywhere(truth, rng)
@@ -137,8 +149,8 @@ def drive_goal(asked: DriveConfig, world: World, known: SemanticMap, robot: Robo
         refused[no_way if np.any(free) else reason] += 1
     raise SceneError(
         f"scene {world.scene!r}, seed {seed}: {_none_drawn(known, before_furniture, refused)}; place furniture and "
-        f"start with more room, ask for a shorter drive.distance or {'less' if before_furniture else 'more'} "
-        "drive.at_furniture"
+        f"start with more room, ask for a shorter distance or {'less' if before_furniture else 'more'} "
+        "at_furniture"
     )
 
 

@@ -1,43 +1,61 @@
-"""What a task may ask for: each kind a subclass of ``Goal``, with its checks, its entries, its judgement."""
+"""What a task may ask for: each kind a subclass of ``Goal``, with its checks, its entries, its judgement.
+
+A kind is a file of this folder, and its name that of the file; plug-ins add theirs by ``@bestman_bt.registry.goal``.
+"""
 
 from __future__ import annotations
 
+import inspect
 from abc import ABC, abstractmethod
-from collections.abc import Collection, Iterable, Iterator, Mapping
-from typing import Any, ClassVar, Generic, TypeVar
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from importlib import import_module
+from pkgutil import iter_modules
+from typing import Any, ClassVar, Generic, Self, TypeVar
 
 from bestman_bt.configuration import Problem, RunConfig
-from bestman_bt.configuration.document import FieldPath
-from bestman_bt.facts.evidence import DrawnTask, Evidence, Verdict
-from bestman_bt.registry import suggestion
+from bestman_bt.configuration.checked import salvage
+from bestman_bt.configuration.document import Document, FieldPath, dotted
+from bestman_bt.facts import goals
+from bestman_bt.facts.evidence import DrawnTask, Evidence, Verdict, joined
+from bestman_bt.registry import GOALS, UnknownNameError, suggestion
 from bestman_bt.world_model import WorldModel
 
 Asked = TypeVar("Asked")
 
 
 class Goal(ABC, Generic[Asked]):
-    """What one task asks for in one drawn world. ``problems`` come first: the rest relies on there being none."""
+    """What one entry of a task's ``goals`` asks for in one drawn world.
 
-    fields: ClassVar[tuple[str, ...]]
-    """Of a task's YAML; an error names the first one where it is missing."""
+    ``problems`` come first: the rest relies on there being none.
+    """
+
+    parameters: ClassVar[type]
+    """The frozen dataclass of its fields in a task's YAML, ``Asked``."""
     measures: ClassVar[Mapping[str, tuple[str, ...]]]
     """The predicates that judge it → what each may measure."""
+    fills: ClassVar[tuple[str, ...]] = ()
+    """The root entries that it may fill; of two goals that fill the same, a task has one."""
+    several: ClassVar[bool] = False
+    """Whether a task may ask for more than one of the kind."""
+    needs_nodes: ClassVar[bool] = False
+    """Whether it cannot be read without the registry of nodes."""
 
-    def __init__(self, task: DrawnTask) -> None:
-        self.task, self.config = task, task.config
+    def __init__(self, task: DrawnTask, path: FieldPath, asked: Asked) -> None:
+        self.task, self.config, self.path = task, task.config, path
         self.world, self.world_model, self.robot_model = task.world, task.world_model, task.robot_model
-        self.asked: Asked = getattr(task.config.task, self.fields[0])
-        """What the task says."""
+        self.asked = asked
 
-    @classmethod
-    def is_asked(cls, config: RunConfig) -> bool:
-        """Whether a task asks for such a thing."""
-        return any(getattr(config.task, name) for name in cls.fields)
+    @property
+    def written(self) -> Mapping[str, Any]:
+        """Its fields as they were written, with their units."""
+        _, index, kind = self.path
+        fields: Mapping[str, Any] = self.config.task.goals[int(index)][str(kind)]
+        return fields
 
-    @classmethod
-    def metric_names(cls, config: RunConfig, predicate: str) -> list[str]:
-        """What a predicate may measure in a task."""
-        return list(cls.measures[predicate])
+    def fault(self, message: str, *field: str | int) -> Problem:
+        """What is wrong with it, or with one of its fields."""
+        return self.config.problem((*self.path, *field), message)
 
     @abstractmethod
     def problems(self) -> Iterator[Problem]:
@@ -55,15 +73,24 @@ class Goal(ABC, Generic[Asked]):
         """The objects, doors and drawers whose state it is about."""
         return []
 
+    def labels(self) -> list[str]:
+        """What may stand behind the names of its measures, where a task asks for several of the kind."""
+        return self.subjects()
+
     @abstractmethod
     def judged(self, predicate: str, evidence: Evidence) -> Verdict:
         """Whether one of its predicates is true."""
 
-    def unknown_object(self, path: FieldPath, name: str, absent: Collection[str] = ()) -> Iterator[Problem]:
+    @classmethod
+    def entries_of(cls, goals: Sequence[Self]) -> dict[str, Any]:
+        """The entries of all goals of the kind that a task has."""
+        return {name: value for goal in goals for name, value in goal.entries().items()}
+
+    def unknown_object(self, field: FieldPath, name: str, absent: Collection[str] = ()) -> Iterator[Problem]:
         """An object that the robot does not know, or not by this name: of several things of one model it gets to see,
         the first bears the model's name.
         """
-        models = self.world_model.models
+        models, path = self.world_model.models, (*self.path, *field)
         yield from unknown(self.config, path, name, [*models, *absent], "the robot knows no object")
         model = models[name].name if name in models else name
         if model != name:
@@ -73,19 +100,117 @@ class Goal(ABC, Generic[Asked]):
                 f"write {model!r}, not {name!r}, or give the thing a model of its own",
             )
 
-    def unknown_surface(self, path: FieldPath, name: str) -> Iterator[Problem]:
+    def unknown_surface(self, field: str, name: str) -> Iterator[Problem]:
         """A surface that the map does not have."""
-        yield from unknown(self.config, path, name, surface_names(self.world_model), "the map has no surface")
+        yield from unknown(
+            self.config, (*self.path, field), name, surface_names(self.world_model), "the map has no surface"
+        )
 
-    def unknown_place(self, path: FieldPath, name: str) -> Iterator[Problem]:
+    def unknown_place(self, field: str, name: str) -> Iterator[Problem]:
         """A goal that the scene does not have."""
-        yield from unknown(self.config, path, name, self.world.goals, "the scene has no goal")
+        yield from unknown(self.config, (*self.path, field), name, self.world.goals, "the scene has no goal")
 
     def missing_part(self, part: type, what: str) -> Iterator[Problem]:
         """A part that the robot does not have."""
         if not self.robot_model.of(part):
-            message = f"needs {what}, and robot {self.robot_model.name} has none"
-            yield self.config.problem(self.fields[:1], message)
+            yield self.fault(f"needs {what}, and robot {self.robot_model.name} has none")
+
+
+def shipped_goals() -> dict[str, type[Goal[Any]]]:
+    """Those of the files of this folder, by the names of the files."""
+    found: dict[str, type[Goal[Any]]] = {}
+    for file in iter_modules(goals.__path__):
+        module = import_module(f"{goals.__name__}.{file.name}")
+        for kind in vars(module).values():
+            if inspect.isclass(kind) and issubclass(kind, Goal) and kind.__module__ == module.__name__ != __name__:
+                found[file.name] = kind
+    return found
+
+
+def goals_of(task: DrawnTask, faults: list[Problem] | None = None) -> tuple[Goal[Any], ...]:
+    """What a task asks for in a drawn world, in its order; what cannot be read is left out and added to ``faults``.
+
+    Without a registry of nodes, kinds that need one are left out.
+    """
+    found: list[Goal[Any]] = []
+    wrong: list[Problem] = [] if faults is None else faults
+    filled: dict[str, Goal[Any]] = {}
+    config = task.config
+    for index, one in enumerate(config.task.goals):
+        if len(one) != 1:
+            form = "{placed: {object: cup, at: place, source: table, surface: counter}}"
+            wrong.append(
+                config.problem(("goals", index), f"should be one kind of goal with its fields, such as {form}")
+            )
+            continue
+        ((name, fields),) = one.items()
+        path: FieldPath = ("goals", index, name)
+        try:
+            kind: type[Goal[Any]] = GOALS.resolve(name)
+        except UnknownNameError as error:
+            wrong.append(config.problem(path, str(error)))
+            continue
+        asked, problems = salvage(_document(config, path, fields), kind.parameters)
+        wrong += [replace(one, field=dotted(path) + ("." + one.field if one.field else "")) for one in problems]
+        if asked is None or (kind.needs_nodes and task.registry is None):
+            continue
+        goal = kind(task, path, asked)
+        for entry in kind.fills:
+            other = filled.setdefault(entry, goal)
+            if other is not goal and not (kind.several and type(other) is kind):
+                wrong.append(goal.fault(f"{dotted(other.path)} is asked, too, and both would be the tree's {entry!r}"))
+                break
+        found.append(goal)
+    return tuple(found)
+
+
+def _document(config: RunConfig, path: FieldPath, fields: Mapping[str, Any]) -> Document:
+    depth, here = len(path), config.problem(path, "")
+    origins = {place[depth:]: origin for place, origin in config.written.origins.items() if place[:depth] == path}
+    return Document(dict(fields), {(): (here.source, here.line), **origins})
+
+
+def entries_of(goals: Sequence[Goal[Any]]) -> dict[str, Any]:
+    """The root entries that a task's goals fill; SceneError if there is no room for one."""
+    kinds: dict[type[Goal[Any]], list[Goal[Any]]] = {}
+    for goal in goals:
+        kinds.setdefault(type(goal), []).append(goal)
+    return {name: value for kind, each in kinds.items() for name, value in kind.entries_of(each).items()}
+
+
+def judging(goals: Iterable[Goal[Any]], predicate: str) -> list[Goal[Any]]:
+    """The goals that a predicate judges."""
+    return [goal for goal in goals if predicate in goal.measures]
+
+
+def judged(goals: Iterable[Goal[Any]], predicate: str, evidence: Evidence) -> Verdict:
+    """Whether all that a predicate judges is so. The metrics of several goals are ``place_error_mm_plate`` … and, of
+    all, the largest ``place_error_mm``.
+    """
+    each = judging(goals, predicate)
+    verdicts = [goal.judged(predicate, evidence) for goal in each]
+    if len(verdicts) == 1:
+        return verdicts[0]
+    both = joined(verdicts)
+    metrics = {
+        f"{name}_{goal.subjects()[0]}": value
+        for goal, verdict in zip(each, verdicts, strict=True)
+        for name, value in verdict.metrics.items()
+    }
+    for name in sorted(both.metrics):
+        metrics[name] = max(verdict.metrics[name] for verdict in verdicts if name in verdict.metrics)
+    return Verdict(both.holds, both.why, metrics)
+
+
+def metric_names(goals: Sequence[Goal[Any]], predicates: Iterable[str]) -> list[str]:
+    """What the judge of a task may measure; of several goals also one by one, what they are about behind."""
+    names = []
+    for predicate in predicates:
+        each = judging(goals, predicate)
+        own = list(each[0].measures[predicate]) if each else []
+        labels = [label for goal in each for label in goal.labels()] if len(each) > 1 else []
+        names += [*own, *(f"{name}_{label}" for name in own for label in labels)]
+    return names
 
 
 def unknown(config: RunConfig, path: FieldPath, value: str, names: Iterable[str], what: str) -> Iterator[Problem]:

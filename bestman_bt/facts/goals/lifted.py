@@ -3,27 +3,38 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from bestman_bt.configuration import Problem
-from bestman_bt.configuration.task import LiftConfig
+from bestman_bt.configuration.quantity import PositiveLength
 from bestman_bt.facts.evidence import Evidence, Verdict
 from bestman_bt.facts.goals.goal import Goal
 from bestman_bt.facts.standing import is_moving
 from bestman_bt.robot_model import ArmModel
 
 
-class Lifted(Goal[LiftConfig]):
+@dataclass(frozen=True)
+class LiftedFields:
+    """``object``, to be sought on ``source``, shall be in the hand, ``height`` metres above where it stood."""
+
+    object: str
+    source: str
+    height: PositiveLength = 0.05
+
+
+class Lifted(Goal[LiftedFields]):
     """Touched by the robot and by nothing else, as high as asked, at rest."""
 
-    fields = ("lift",)
+    parameters = LiftedFields
+    fills = ("object", "source")
     measures: ClassVar[Mapping[str, tuple[str, ...]]] = {"lifted": ("lifted_mm",)}
 
     def problems(self) -> Iterator[Problem]:
         """No arm; unknown names."""
         yield from self.missing_part(ArmModel, "an arm")
-        yield from self.unknown_object(("lift", "object"), self.asked.object)
-        yield from self.unknown_surface(("lift", "source"), self.asked.source)
+        yield from self.unknown_object(("object",), self.asked.object)
+        yield from self.unknown_surface("source", self.asked.source)
 
     def entries(self) -> dict[str, Any]:
         """``object``, ``source``."""

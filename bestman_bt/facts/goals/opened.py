@@ -4,19 +4,32 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from bestman_bt.configuration import Problem
-from bestman_bt.configuration.quantity import parse_quantity
-from bestman_bt.configuration.task import OpeningConfig
+from bestman_bt.configuration.quantity import JointPosition, parse_quantity
 from bestman_bt.facts.evidence import Evidence, Verdict
 from bestman_bt.facts.goals.goal import Goal, unknown
 
 
-class Opened(Goal[OpeningConfig]):
+@dataclass(frozen=True)
+class OpenedFields:
+    """A door or drawer, ``furniture/name``, shall be open by ``at_least`` and ``at_most`` so far at the end.
+
+    Radians of a door, metres of a drawer.
+    """
+
+    articulation: str
+    at_least: JointPosition | None = None
+    at_most: JointPosition | None = None
+
+
+class Opened(Goal[OpenedFields]):
     """``at_least`` ≤ how far it is open ≤ ``at_most``."""
 
-    fields = ("opening",)
+    parameters = OpenedFields
+    fills = ("articulation", "furniture", "at_least", "at_most")
     measures: ClassVar[Mapping[str, tuple[str, ...]]] = {"opened": ("angle_deg", "opening_mm")}
 
     @property
@@ -26,27 +39,31 @@ class Opened(Goal[OpeningConfig]):
 
     def problems(self) -> Iterator[Problem]:
         """An unknown door or drawer, and how far it shall be open: in a unit of its joint, and where that can be."""
+        least, most = self.asked.at_least, self.asked.at_most
+        if least is None and most is None:
+            yield self.fault("one of 'at_least' and 'at_most' should be given")
+        elif least is not None and most is not None and least > most:
+            yield self.fault(f"should not be less than at_least, {least:g}, got {most:g}", "at_most")
         name = self.asked.articulation
         leaves = {
             f"{piece.name}/{leaf.name}": leaf for piece in self.world.furniture for leaf in piece.model.articulations
         }
-        yield from unknown(self.config, ("opening", "articulation"), name, leaves, "the scene has no door or drawer")
+        yield from unknown(self.config, (*self.path, "articulation"), name, leaves, "the scene has no door or drawer")
         if name not in leaves:
             return
         leaf = leaves[name]
         dimension, scale, unit = (
             ("angle", math.degrees(1.0), " deg") if leaf.kind == "revolute" else ("length", 100.0, " cm")
         )
-        written = self.config.written.data.get("opening") or {}
         for field, value in self._limits.items():
             try:
-                parse_quantity(written.get(field, value), dimension)
+                parse_quantity(self.written.get(field, value), dimension)
             except ValueError as error:
-                yield self.config.problem(("opening", field), f"{name!r} has a {leaf.kind} joint: {error}")
+                yield self.fault(f"{name!r} has a {leaf.kind} joint: {error}", field)
                 continue
             if not 0.0 <= value <= leaf.upper:
                 limits = f"opens from 0 to {scale * leaf.upper:.4g}{unit}, got {scale * value:.4g}{unit}"
-                yield self.config.problem(("opening", field), f"{name!r} {limits}")
+                yield self.fault(f"{name!r} {limits}", field)
 
     def entries(self) -> dict[str, Any]:
         """``articulation``, ``furniture``, and the limits that are asked."""

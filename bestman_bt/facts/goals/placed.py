@@ -3,20 +3,34 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
 
-from bestman_bt.configuration import Problem, RunConfig
-from bestman_bt.configuration.document import FieldPath
-from bestman_bt.configuration.task import GoalConfig
-from bestman_bt.facts.evidence import Evidence, Verdict, joined
+from bestman_bt.configuration import Problem
+from bestman_bt.configuration.quantity import PositiveLength
+from bestman_bt.facts.evidence import Evidence, Verdict
 from bestman_bt.facts.goals.goal import Goal
 from bestman_bt.facts.standing import is_over, moved_by_drawer, rest_faults, tilt_fault
 from bestman_bt.messages import Pose, wrap_angle
+
+
+@dataclass(frozen=True)
+class PlacedFields:
+    """``object``, to be sought on ``source``, shall stand at the scene's goal ``at`` on ``surface``.
+
+    Surfaces are named as in the map: ``counter``, ``counter/top`` or, of a drawer, ``drawer_chest/drawer_1``.
+    ``object``: of a list of names, the seed chooses one that is there. ``within``: metres; None: the task's tolerance.
+    """
+
+    object: str | tuple[str, ...]
+    at: str
+    source: str
+    surface: str
+    within: PositiveLength | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,110 +47,89 @@ class PlaceGoal:
     pose: Pose
 
 
-class Placed(Goal[GoalConfig]):
-    """``placed``: let go, upright, within the tolerance, at rest, on the right surface: each object.
+class Placed(Goal[PlacedFields]):
+    """``placed``: let go, upright, within the tolerance, at rest, on the right surface.
 
     ``inside``: its middle is above the surface and below the next one above, let go and at rest; whichever way up.
-    Whether the door or drawer is closed is asked by ``opening: {at_most: …}`` and the predicate ``opened``.
+    Whether the door or drawer is closed is asked by ``opened: {articulation: …, at_most: …}``.
     """
 
-    fields = ("goal", "goals")
+    parameters = PlacedFields
     measures: ClassVar[Mapping[str, tuple[str, ...]]] = {
         "placed": ("place_error_mm", "tilt_deg", "yaw_error_deg"),
         "inside": (),
     }
-
-    @classmethod
-    def metric_names(cls, config: RunConfig, predicate: str) -> list[str]:
-        """Of several goals also one by one, the object's name behind."""
-        names = super().metric_names(config, predicate)
-        goals = config.task.goals if len(config.task.goals) > 1 else ()
-        objects = [o for goal in goals for o in ((goal.object,) if isinstance(goal.object, str) else goal.object)]
-        return [*names, *(f"{name}_{thing}" for name in names for thing in objects)]
+    fills = ("object", "source", "target", "goal", "goals")
+    several = True
 
     @cached_property
-    def goals(self) -> tuple[PlaceGoal, ...]:
-        """Which objects shall go where; of objects to choose from, the seed has chosen."""
-        return tuple(map(self._drawn, self.config.task.all_goals))
-
-    def _drawn(self, goal: GoalConfig) -> PlaceGoal:
-        pose, models = self.world.goals[goal.name], self.world_model.models
-        if isinstance(goal.object, str):
-            return PlaceGoal(goal.name, goal.object, goal.source, goal.surface, pose)
-        present = [thing.name for thing in self.world.objects if thing.name in goal.object]
-        names = present or [name for name in goal.object if name in models]
+    def goal(self) -> PlaceGoal:
+        """Which object shall go where; of objects to choose from, the seed has chosen."""
+        asked, models = self.asked, self.world_model.models
+        pose = self.world.goals[asked.at]
+        if isinstance(asked.object, str):
+            return PlaceGoal(asked.at, asked.object, asked.source, asked.surface, pose)
+        present = [thing.name for thing in self.world.objects if thing.name in asked.object]
+        names = present or [name for name in asked.object if name in models]
         chosen = names[int(np.random.default_rng([self.config.seed, 3]).integers(len(names)))]
-        lift = (float(models[chosen].size[2]) - float(self.world.goal_heights[goal.name])) / 2
+        lift = (float(models[chosen].size[2]) - float(self.world.goal_heights[asked.at])) / 2
         higher = Pose(pose.position + np.array([0.0, 0.0, lift]), pose.quaternion)
-        return PlaceGoal(goal.name, chosen, goal.source, goal.surface, higher)
+        return PlaceGoal(asked.at, chosen, asked.source, asked.surface, higher)
 
     def problems(self) -> Iterator[Problem]:
         """Unknown names."""
-        if self.asked is not None:
-            yield from self._problems_of(("goal",), self.asked)
-        for index, goal in enumerate(self.config.task.goals):
-            yield from self._problems_of(("goals", index), goal)
-
-    def _problems_of(self, path: FieldPath, goal: GoalConfig) -> Iterator[Problem]:
-        yield from self.unknown_place((*path, "name"), goal.name)
-        if isinstance(goal.object, str):
-            yield from self.unknown_object((*path, "object"), goal.object)
+        asked = self.asked
+        yield from self.unknown_place("at", asked.at)
+        if isinstance(asked.object, str):
+            yield from self.unknown_object(("object",), asked.object)
         else:
-            if not goal.object:
-                yield self.config.problem((*path, "object"), "should name at least one object")
-            elif set(goal.object) <= set(self.task.absent):
-                yield self.config.problem((*path, "object"), "the scene leaves out all of these objects")
-            for index, name in enumerate(goal.object):
-                yield from self.unknown_object((*path, "object", index), name, self.task.absent)
-        yield from self.unknown_surface((*path, "source"), goal.source)
-        yield from self.unknown_surface((*path, "surface"), goal.surface)
+            if not asked.object:
+                yield self.fault("should name at least one object", "object")
+            elif set(asked.object) <= set(self.task.absent):
+                yield self.fault("the scene leaves out all of these objects", "object")
+            for index, name in enumerate(asked.object):
+                yield from self.unknown_object(("object", index), name, self.task.absent)
+        yield from self.unknown_surface("source", asked.source)
+        yield from self.unknown_surface("surface", asked.surface)
 
     def entries(self) -> dict[str, Any]:
-        """``object``, ``source``, ``target``, ``goal``; of several, ``goals`` with these, and each pose by name."""
-        each: list[dict[str, Any]] = [
-            {"object": goal.object, "source": goal.source, "target": goal.surface, "goal": goal.pose}
-            for goal in self.goals
-        ]
-        if self.config.task.goal is not None:
-            return each[0]
-        return {"goals": each, **{goal.name: goal.pose for goal in self.goals}}
+        """``object``, ``source``, ``target``, ``goal``."""
+        goal = self.goal
+        return {"object": goal.object, "source": goal.source, "target": goal.surface, "goal": goal.pose}
+
+    @classmethod
+    def entries_of(cls, goals: Sequence[Placed]) -> dict[str, Any]:
+        """Of several, ``goals`` with these, and each pose by name."""
+        if len(goals) == 1:
+            return goals[0].entries()
+        return {"goals": [goal.entries() for goal in goals], **{one.goal.name: one.goal.pose for one in goals}}
+
+    def labels(self) -> list[str]:
+        """The object, or all that the seed may choose."""
+        return [self.asked.object] if isinstance(self.asked.object, str) else list(self.asked.object)
 
     def told(self) -> dict[str, str]:
-        """Where the objects are to be sought."""
-        places = {}
-        for goal in self.goals:
-            furniture, surface = self.world_model.map.surface(goal.source)
-            places[goal.object] = f"{furniture.name}/{surface.name}"
-        return places
+        """Where the object is to be sought."""
+        furniture, surface = self.world_model.map.surface(self.goal.source)
+        return {self.goal.object: f"{furniture.name}/{surface.name}"}
 
     def subjects(self) -> list[str]:
-        """The objects."""
-        return [goal.object for goal in self.goals]
+        """The object."""
+        return [self.goal.object]
 
     def judged(self, predicate: str, evidence: Evidence) -> Verdict:
-        """With several goals the metrics are ``place_error_mm_plate`` … and, of all, the largest ``place_error_mm``."""
-        judge = self._placed if predicate == "placed" else self._inside
-        verdicts = [judge(evidence, goal) for goal in self.goals]
-        if len(verdicts) == 1:
-            return verdicts[0]
-        both = joined(verdicts)
-        metrics = {
-            f"{key}_{goal.object}": value
-            for goal, verdict in zip(self.goals, verdicts, strict=True)
-            for key, value in verdict.metrics.items()
-        }
-        for key in sorted(both.metrics):
-            metrics[key] = max(verdict.metrics[key] for verdict in verdicts if key in verdict.metrics)
-        return Verdict(both.holds, both.why, metrics)
+        """Metrics of ``placed``: how far off it is, how far tilted and turned."""
+        if self.goal.object not in evidence.before:
+            return Verdict(False, f"there is no {self.goal.object} in the scene")
+        return self._placed(evidence, self.goal) if predicate == "placed" else self._inside(evidence, self.goal)
 
     def _placed(self, evidence: Evidence, goal: PlaceGoal) -> Verdict:
-        if goal.object not in evidence.before:
-            return Verdict(False, f"there is no {goal.object} in the scene")
         tolerances = self.config.task.tolerances
         pose = evidence.truth.object_pose(goal.object)
         metrics = self._errors(pose, _asked(evidence, goal), self.world_model.models[goal.object].symmetry_order)
         faults = []
-        if metrics["place_error_mm"] > 1e3 * tolerances.position:
+        within = tolerances.position if self.asked.within is None else self.asked.within
+        if metrics["place_error_mm"] > 1e3 * within:
             faults.append(f"{metrics['place_error_mm']:.0f} mm from the goal")
         faults += tilt_fault(evidence, pose)
         if tolerances.yaw is not None and metrics.get("yaw_error_deg", 0.0) > math.degrees(tolerances.yaw):
@@ -146,8 +139,6 @@ class Placed(Goal[GoalConfig]):
 
     @staticmethod
     def _inside(evidence: Evidence, goal: PlaceGoal) -> Verdict:
-        if goal.object not in evidence.before:
-            return Verdict(False, f"there is no {goal.object} in the scene")
         faults = [] if is_over(evidence, goal.object, goal.surface) else [f"not inside {goal.surface}"]
         return Verdict.on(goal.object, faults + rest_faults(evidence, goal.object, goal.surface))
 

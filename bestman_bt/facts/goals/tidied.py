@@ -3,29 +3,50 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
 
 from bestman_bt.configuration import Problem
-from bestman_bt.configuration.task import TidyConfig
+from bestman_bt.configuration.quantity import Length
 from bestman_bt.facts.evidence import Evidence, Verdict, joined
 from bestman_bt.facts.goals.goal import Goal
 from bestman_bt.facts.standing import rest_faults, surface_pose, tilt_fault
 
 
-class Tidied(Goal[TidyConfig]):
+@dataclass(frozen=True)
+class TidiedFields:
+    """All of ``objects`` that are there shall be within a rectangle of ``surface``: ``x``, ``y`` in its frame.
+
+    ``source``: where they are to be sought.
+    """
+
+    objects: tuple[str, ...]
+    source: str
+    surface: str
+    x: tuple[Length, Length]
+    y: tuple[Length, Length]
+
+
+class Tidied(Goal[TidiedFields]):
     """The middle of each listed object that is there lies within the region; upright, let go, at rest."""
 
-    fields = ("tidy",)
+    parameters = TidiedFields
+    fills = ("objects", "source", "target", "region_x", "region_y")
     measures: ClassVar[Mapping[str, tuple[str, ...]]] = {"tidied": ("outside_mm", "tidied_share")}
 
     def problems(self) -> Iterator[Problem]:
-        """Unknown names."""
+        """No objects, empty ranges, unknown names."""
+        if not self.asked.objects:
+            yield self.fault("should name at least one object", "objects")
+        for axis, (lower, upper) in (("x", self.asked.x), ("y", self.asked.y)):
+            if lower >= upper:
+                yield self.fault(f"the smaller limit comes first, got [{lower:g}, {upper:g}]", axis)
         for index, name in enumerate(self.asked.objects):
-            yield from self.unknown_object(("tidy", "objects", index), name)
-        yield from self.unknown_surface(("tidy", "source"), self.asked.source)
-        yield from self.unknown_surface(("tidy", "surface"), self.asked.surface)
+            yield from self.unknown_object(("objects", index), name)
+        yield from self.unknown_surface("source", self.asked.source)
+        yield from self.unknown_surface("surface", self.asked.surface)
 
     def entries(self) -> dict[str, Any]:
         """``objects``, ``source``, ``target``, ``region_x``, ``region_y``."""

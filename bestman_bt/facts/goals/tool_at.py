@@ -4,22 +4,35 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
 
 from bestman_bt.configuration import Problem
-from bestman_bt.configuration.task import ReachConfig
+from bestman_bt.configuration.quantity import Length
 from bestman_bt.facts.evidence import Evidence, Verdict
 from bestman_bt.facts.goals.goal import Goal
 from bestman_bt.messages import Pose
 from bestman_bt.robot_model import ArmModel
 
 
-class ToolAt(Goal[ReachConfig]):
+@dataclass(frozen=True)
+class ToolAtFields:
+    """The tool shall point down above the world's goal ``goal``, turned as that is, ``height`` metres above its middle.
+
+    Of a range of heights the seed chooses one.
+    """
+
+    goal: str
+    height: tuple[Length, Length]
+
+
+class ToolAt(Goal[ToolAtFields]):
     """Within the tolerances of position and, all axes together, of ``tilt``."""
 
-    fields = ("reach",)
+    parameters = ToolAtFields
+    fills = ("goal",)
     measures: ClassVar[Mapping[str, tuple[str, ...]]] = {"tool_at": ("tool_error_mm", "tool_error_deg")}
 
     @property
@@ -30,9 +43,12 @@ class ToolAt(Goal[ReachConfig]):
         return Pose.from_xyz_rpy(goal.position + np.array([0.0, 0.0, height]), (math.pi, 0.0, goal.yaw))
 
     def problems(self) -> Iterator[Problem]:
-        """No arm; an unknown goal of the scene."""
+        """No arm; an empty range; an unknown goal of the scene."""
+        lower, upper = self.asked.height
+        if lower > upper:
+            yield self.fault(f"the smaller limit comes first, got [{lower:g}, {upper:g}]", "height")
         yield from self.missing_part(ArmModel, "an arm")
-        yield from self.unknown_place(("reach", "goal"), self.asked.goal)
+        yield from self.unknown_place("goal", self.asked.goal)
 
     def entries(self) -> dict[str, Any]:
         """``goal``."""
