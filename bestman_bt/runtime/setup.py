@@ -25,7 +25,7 @@ from bestman_bt.engine.errors import Problem as TreeProblem
 from bestman_bt.errors import MissingExtraError
 from bestman_bt.extras import install_command
 from bestman_bt.facts.evidence import DrawnTask
-from bestman_bt.facts.goals.goal import Goal, entries_of, goals_of
+from bestman_bt.facts.goals.goal import Goal, entries_of, goals_of, read_goals
 from bestman_bt.facts.goals.placed import Placed, PlaceGoal
 from bestman_bt.messages import Pose2D
 from bestman_bt.perception import PerceptionError
@@ -178,6 +178,7 @@ def prepare(
         with faults.step():
             _prepare_algorithms(config, robot_model)
     if robot_model is None or scene is None:
+        list(read_goals(config, faults.problems))
         if registry is not None and config.task.tree:
             faults.problems += _faults_of_tree(config.task.tree, registry, all_entries)
         faults.raise_if_any()

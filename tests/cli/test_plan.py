@@ -158,7 +158,7 @@ def test_unknown_planners_builders_and_missing_goals_are_refused(bestman_bt: Com
         (("--goal", GOAL, "--planner", "symbolik"), "unknown task planner 'symbolik'; did you mean 'symbolic'?"),
         (("--goal", GOAL, "--planner", "mine.py:Mine"), "one of your own is brought by --plugin FILE.py"),
         (("--goal", GOAL, "--builder", "reactiv"), "unknown tree builder 'reactiv'; did you mean 'reactive'?"),
-        ((), "give a text, --goal, or a --task with a plan"),
+        ((), "give a text, --goal, or a --task with the goal facts"),
         (("words", "--goal", GOAL), "give a text or --goal, one of them"),
         (("--goal", GOAL, "--run", "--world", "x.yaml"), "--run has its own beliefs"),
         (("words", "--run"), "nobody can be asked here; give --yes"),

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bestman_bt.configuration import ConfigurationError, load_run, load_task
+from bestman_bt.configuration import ConfigurationError, load_run
 from bestman_bt.evaluation.episode import prepare_episode, run_episode
 from bestman_bt.facts.goals.at_goal import AtGoal, AtGoalFields, base_footprint, drive_goal, true_costmap
 from bestman_bt.messages import Pose2D, wrap_angle
@@ -123,8 +123,8 @@ def test_where_no_goal_can_be_drawn_it_is_told_of_which_kind_and_why(tmp_path: P
         "furniture: {table: {model: table, at: [3.0, 0, 0]}}\nrobot_start: {x: [0, 0], y: [0, 0]}\n"
     )
     words = {
-        "goals.0.at_goal.at_furniture=1": r"none of 1000 poses drawn before furniture \(table\): [a-z].* less at_furniture",
-        "goals.0.at_goal.at_furniture=0": r"none of 1000 poses drawn on open floor: .*no way from the start \(.*more at_f",
+        "goals.0.at_goal.at_furniture=1": r"none of 1000 poses drawn before furniture \(table\): [a-z].* less at_f",
+        "goals.0.at_goal.at_furniture=0": r"none of 1000 poses drawn on open floor: .*no way from the start \(.*more",
     }
     for setting, expected in words.items():
         config = load_run(
@@ -148,18 +148,20 @@ def test_the_truth_has_furniture_where_it_really_stands(setups: list[Setup]) -> 
 
 
 def test_a_task_without_a_drive_cannot_be_judged_by_at_goal() -> None:
-    with pytest.raises(ConfigurationError, match="needs a drive"):
+    with pytest.raises(ConfigurationError, match="needs an entry {at_goal: …}"):
         prepare_episode(load_run("fetch_cup", settings=["predicate=at_goal"]))
 
 
 def test_a_goal_for_the_base_and_one_for_an_object_are_too_many(tmp_path: Path) -> None:
     path = tmp_path / "task.yaml"
     path.write_text(
-        "{tree: navigate, scene: kitchen, robot: diff_panda, drive: {},\n"
-        " goal: {name: place, object: cup, source: table, surface: counter}}"
+        "{tree: navigate, scene: kitchen, robot: diff_panda, goals: [{at_goal: {}},\n"
+        " {placed: {at: place, object: cup, source: table, surface: counter}}]}"
     )
-    with pytest.raises(ConfigurationError, match="both would be the tree's 'goal'"):
-        load_task(path)
+    with pytest.raises(
+        ConfigurationError, match=r"yaml:2: goals\[1\].placed: goals\[0\].* both would be the tree's 'goal'"
+    ):
+        prepare(load_run(path))
 
 
 @pytest.mark.slow

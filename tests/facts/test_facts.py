@@ -54,7 +54,7 @@ def says(end: ScriptedEnd) -> str:
 def test_what_stands_where_the_goal_says_is_there(tmp_path: Path) -> None:
     """In physics, whatever the tree has done."""
     goal = {"goal": "on(cup, table) and closed(drawer_3) and hand_empty"}
-    result = judged(tmp_path, {"scene": "put_away", "plan": goal, "predicate": "facts"}, Staged())
+    result = judged(tmp_path, {"scene": "put_away", "goals": [{"facts": goal}], "predicate": "facts"}, Staged())
     assert result.predicate is True
     assert result.metrics == {"facts_judged": 3, "facts_share": 1.0}
 
@@ -170,8 +170,8 @@ def test_of_a_thing_that_is_not_there_only_what_shall_not_be_is_true() -> None:
 )
 def test_a_bad_plan_is_refused_before_anything_starts(tmp_path: Path, plan: dict[str, Any], told: str) -> None:
     task = tmp_path / "bad.yaml"
-    given = {"tree": "plan_and_execute", "robot": "diff_panda", "scene": "put_away", "predicate": "facts", "plan": plan}
-    task.write_text(yaml.safe_dump(given))
+    given = {"tree": "plan_and_execute", "robot": "diff_panda", "scene": "put_away", "predicate": "facts"}
+    task.write_text(yaml.safe_dump({**given, "goals": [{"facts": plan}]}))
     with pytest.raises(ConfigurationError) as refusal:
         prepare_episode(load_run(task, seed=1))
     assert told in str(refusal.value)

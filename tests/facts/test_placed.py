@@ -53,7 +53,8 @@ def test_of_several_objects_the_seed_chooses_one_that_is_there(tmp_path: Path) -
     (tmp_path / "nothing.xml").write_text(NOTHING)
     goal = "{object: [cup, can, box, soup_can], at: place, source: table, surface: table}"
     (tmp_path / "task.yaml").write_text(
-        f"tree: {tmp_path}/nothing.xml\nrobot: diff_panda\nscene: pick_place_table\ngoals: [{{placed: {goal}}}]\npredicate: placed\n"
+        f"tree: {tmp_path}/nothing.xml\nrobot: diff_panda\nscene: pick_place_table\n"
+        f"goals: [{{placed: {goal}}}]\npredicate: placed\n"
     )
     chosen = []
     for seed in range(8):

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bestman_bt.configuration import ConfigurationError, load_run, load_task
+from bestman_bt.configuration import ConfigurationError, load_run
 from bestman_bt.messages import Pose
 from bestman_bt.runtime.setup import prepare
 from tests.facts.scripted import ScriptedEnd
@@ -47,10 +47,11 @@ def test_the_goal_points_down_over_the_scenes_goal_at_a_height_that_the_seed_dra
 def test_heights_the_wrong_way_round_are_refused(tmp_path: Path) -> None:
     path = tmp_path / "task.yaml"
     path.write_text(
-        "{tree: policy_reach, scene: policy_space, robot: diff_panda, goals: [{tool_at: {goal: hover, height: [30 cm, 10 cm]}}]}"
+        "{tree: policy_reach, scene: policy_space, robot: diff_panda, "
+        "goals: [{tool_at: {goal: hover, height: [30 cm, 10 cm]}}]}"
     )
     with pytest.raises(ConfigurationError, match="the smaller limit comes first"):
-        load_task(path)
+        prepare(load_run(path))
 
 
 @pytest.mark.parametrize("seed", [1, 4])

@@ -8,13 +8,15 @@ import runpy
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 import yaml
 
 from bestman_bt.cli.main import VERBS
-from bestman_bt.configuration import load_run
+from bestman_bt.configuration import Problem, load_run
 from bestman_bt.engine import TreeLoadError, load_tree
+from bestman_bt.facts.goals.goal import read_goals
 from bestman_bt.messages import Pose
 from bestman_bt.registry import GOALS
 from bestman_bt.robot_model import load_robot_model
@@ -84,13 +86,15 @@ def test_the_task_of_the_page_on_tasks_can_start(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("field", "asked"),
+    ("kind", "asked"),
     re.findall(r"^\| `(\w+)` \| `(\{.*?\})`[;| ]", (DOCS / "writing_a_task.md").read_text(), re.MULTILINE),
 )
-def test_what_a_task_can_ask_is_accepted(field: str, asked: str, tmp_path: Path) -> None:
+def test_what_a_task_can_ask_is_accepted(kind: str, asked: str, tmp_path: Path) -> None:
     file = tmp_path / "task.yaml"
-    file.write_text(f"tree: navigate\nscene: kitchen\nrobot: diff_panda\n{field}: {asked}\n")
-    assert getattr(load_run(file).task, field) is not None
+    file.write_text(f"tree: navigate\nscene: kitchen\nrobot: diff_panda\ngoals: [{{{kind}: {asked}}}]\n")
+    faults: list[Problem] = []
+    assert list(read_goals(load_run(file), faults))
+    assert not faults
 
 
 def test_the_programs_of_a_session_run(capsys: pytest.CaptureFixture[str]) -> None:

@@ -127,39 +127,44 @@ def shipped_goals() -> dict[str, type[Goal[Any]]]:
     return found
 
 
-def goals_of(task: DrawnTask, faults: list[Problem] | None = None) -> tuple[Goal[Any], ...]:
-    """What a task asks for in a drawn world, in its order; what cannot be read is left out and added to ``faults``.
-
-    Without a registry of nodes, kinds that need one are left out.
-    """
-    found: list[Goal[Any]] = []
-    wrong: list[Problem] = [] if faults is None else faults
-    filled: dict[str, Goal[Any]] = {}
-    config = task.config
+def read_goals(config: RunConfig, faults: list[Problem]) -> Iterator[tuple[type[Goal[Any]], FieldPath, Any]]:
+    """Kind, place and fields of what a task asks for, in its order; what cannot be read is added to ``faults``."""
     for index, one in enumerate(config.task.goals):
         if len(one) != 1:
             form = "{placed: {object: cup, at: place, source: table, surface: counter}}"
-            wrong.append(
-                config.problem(("goals", index), f"should be one kind of goal with its fields, such as {form}")
-            )
+            message = f"should be one kind of goal with its fields, such as {form}"
+            faults.append(config.problem(("goals", index), message))
             continue
         ((name, fields),) = one.items()
         path: FieldPath = ("goals", index, name)
         try:
-            kind: type[Goal[Any]] = GOALS.resolve(name)
+            kind: Any = GOALS.resolve(name)
         except UnknownNameError as error:
-            wrong.append(config.problem(path, str(error)))
+            faults.append(config.problem(path, str(error)))
             continue
         asked, problems = salvage(_document(config, path, fields), kind.parameters)
-        wrong += [replace(one, field=dotted(path) + ("." + one.field if one.field else "")) for one in problems]
-        if asked is None or (kind.needs_nodes and task.registry is None):
+        faults += [replace(one, field=".".join(filter(None, (dotted(path), one.field)))) for one in problems]
+        if asked is not None:
+            yield kind, path, asked
+
+
+def goals_of(task: DrawnTask, faults: list[Problem] | None = None) -> tuple[Goal[Any], ...]:
+    """What a task asks for in a drawn world; what cannot be had is left out and added to ``faults``.
+
+    Without a registry of nodes, kinds that need one are left out.
+    """
+    found: list[Goal[Any]] = []
+    filled: dict[str, Goal[Any]] = {}
+    wrong: list[Problem] = [] if faults is None else faults
+    for kind, path, asked in read_goals(task.config, wrong):
+        if kind.needs_nodes and task.registry is None:
             continue
         goal = kind(task, path, asked)
-        for entry in kind.fills:
-            other = filled.setdefault(entry, goal)
-            if other is not goal and not (kind.several and type(other) is kind):
-                wrong.append(goal.fault(f"{dotted(other.path)} is asked, too, and both would be the tree's {entry!r}"))
-                break
+        others = [filled.setdefault(entry, goal) for entry in kind.fills]
+        clash = next((one for one in others if one is not goal and not (kind.several and type(one) is kind)), None)
+        if clash is not None:
+            entry = kind.fills[others.index(clash)]
+            wrong.append(goal.fault(f"{dotted(clash.path)} is asked, too, and both would be the tree's {entry!r}"))
         found.append(goal)
     return tuple(found)
 
