@@ -23,13 +23,17 @@ class BelieveBlocked(InstantSkill):
 
 
 class ForgetBlocked(InstantSkill):
-    """Forget which surfaces could not be reached, to try them once more."""
+    """Forget which surfaces could not be reached, or seen but in part, to try them once more."""
 
     forgotten = Out(int, "how many there were")
 
     def act(self) -> None:
         """Writes a belief; moves nothing."""
-        blocked = self.skills.world.blocked
-        self.forgotten = len(blocked)
-        self.feedback_message = ", ".join(sorted(blocked))
-        blocked.clear()
+        world = self.skills.world
+        in_part = {place for _, place in world.searched_in_part}
+        self.forgotten = len(world.blocked) + len(world.searched_in_part)
+        self.feedback_message = ", ".join(sorted(world.blocked | in_part))
+        world.blocked.clear()
+        for searched in world.searched_in_part:
+            world.searched.pop(searched, None)
+        world.searched_in_part.clear()

@@ -14,7 +14,7 @@ from behaviours.names import SurfaceName
 from behaviours.skill import ALGORITHM_ERRORS, Declaration, Skill, SkillFailure, Steps, StepsTo
 from behaviours.surfaces import SURFACE_NOT_SEEN, UNKNOWN_SURFACE, find_surface, surface_region
 from bestman_bt.engine import In, Out
-from bestman_bt.messages import Pose
+from bestman_bt.messages import Pose, VoxelGrid
 
 if TYPE_CHECKING:
     from bestman_bt.control.rgbd import RGBDView
@@ -49,6 +49,7 @@ class ScanScene(Skill):
     USES = ("head",)
     surface = In[str | None](SurfaceName, "a surface, such as table; else all in view", required=False)
     views = In(int, "how many pictures to take", default=3)
+    further = In(bool, "add to the space that the last scan of this surface has mapped", default=False)
     objects = Out(list, "names of what was seen")
     changes = Out(list, "what was noticed: cup moved, can_2 added")
     FAILS: ClassVar = {**UNKNOWN_SURFACE, **SURFACE_NOT_SEEN}
@@ -76,9 +77,11 @@ class ScanScene(Skill):
                 problems.append(error)
         if len(problems) == count:
             raise problems[0]
-        skills.world.occupancy = yield self.compute(
+        before = skills.world.occupancy
+        mapped: VoxelGrid = yield self.compute(
             "depth_fusion", skills.occupancy.fuse, [view.in_map for view in views], self._mapped()
         )
+        skills.world.occupancy = mapped if before is None or not self.further else mapped.with_unknown_from(before)
         names = [name for name in dict.fromkeys(seen) if name in skills.world.objects]
         for name in names:
             yield from self._join(name)

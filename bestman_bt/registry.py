@@ -268,6 +268,7 @@ BEHAVIOURS = Registry(
         "FindUntidy": "behaviours.tidying:FindUntidy",
         "FollowPath": "behaviours.nav2.follow_path:FollowPath",
         "FoundOn": "behaviours.search:FoundOn",
+        "FoundOrSeenAll": "behaviours.search:FoundOrSeenAll",
         "GlobalUpdatedGoal": "behaviours.nav2.goals:GlobalUpdatedGoal",
         "GoalOnSurface": "behaviours.place_in:GoalOnSurface",
         "GoalReached": "behaviours.nav2.goals:GoalReached",

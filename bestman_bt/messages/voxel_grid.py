@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,3 +40,11 @@ class VoxelGrid:
         states = np.full(len(points), VOXEL_UNKNOWN, dtype=np.uint8)
         states[inside] = self.states[tuple(indices[inside].T)]
         return states
+
+    def with_unknown_from(self, other: VoxelGrid) -> VoxelGrid:
+        """What is unknown here as ``other`` has it, a grid in the same frame; known voxels stay as they are."""
+        states = np.array(self.states)
+        unknown = np.argwhere(states == VOXEL_UNKNOWN)
+        centres = self.frame_from_grid.apply((unknown + 0.5) * self.resolution)
+        states[tuple(unknown.T)] = other.state_at(centres)
+        return replace(self, states=states)

@@ -118,7 +118,8 @@ class WorldModel:
     those that hold something. ``changes``: what was noticed of objects,
     oldest first. ``articulations``: how far doors and drawers, ``furniture/leaf``, are open, radians or metres; those
     that are not named are closed; at first those of the map. ``occupancy``: what was seen to be free and filled, in the
-    map frame; None before any scan. ``searched``: (object, surface) → seconds, when it was looked for there in vain.
+    map frame; None before any scan. ``searched``: (object, surface) → seconds, when it was looked for there in vain;
+    ``searched_in_part``: those of them where a part of the surface stayed hidden.
     ``told``: object → surface where somebody said that it is. ``locked``: doors and drawers that did not open.
     ``blocked``: surfaces that could be reached from nowhere, and doors and drawers that could not be opened for want
     of something that may change; until a door or drawer moves. ``brought_about``: the effects of abilities of your own
@@ -136,6 +137,7 @@ class WorldModel:
     articulations: dict[str, float] = field(default_factory=dict)
     occupancy: VoxelGrid | None = None
     searched: dict[tuple[str, str], float] = field(default_factory=dict)
+    searched_in_part: set[tuple[str, str]] = field(default_factory=set)
     told: dict[str, str] = field(default_factory=dict)
     locked: set[str] = field(default_factory=set)
     blocked: set[str] = field(default_factory=set)

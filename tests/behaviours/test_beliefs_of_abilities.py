@@ -1,4 +1,4 @@
-"""The leaves of abilities that ask and write beliefs: Holds, FoundOn, TakeContainer, BelieveLocked, FindRoomIn."""
+"""The leaves of abilities that ask and write beliefs, such as Holds, FoundOn and TakeContainer."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import pytest
 
 from behaviours.context import SkillContext
 from bestman_bt.engine import FAILURE, SUCCESS, ManualClock, NodeRegistry, Tree, load_tree
-from bestman_bt.messages import Pose, Pose2D
+from bestman_bt.messages import VOXEL_FREE, VOXEL_UNKNOWN, Pose, Pose2D, VoxelGrid
 from bestman_bt.robot_model import RobotModel
 from bestman_bt.runtime.plugins import node_registry
 from bestman_bt.scene import draw_world, load_scene, semantic_map
@@ -99,6 +99,35 @@ def test_where_it_was_not_found_is_remembered_with_the_time(skills: Any, library
     assert skills.world.searched == {("mug", "table/top"): 3.0}
     assert not skills.world.may_be_on("mug", "table/top")
     assert skills.world.may_be_on("mug", "counter/top")
+
+
+def scanned(skills: Any, hidden: float) -> None:
+    """Believe that a scan has mapped the space above the table, but for so much of it, beginning at its left side."""
+    furniture, surface = skills.world.surface("table/top")
+    corner = Pose(np.array([-surface.size[0] / 2 - 0.1, -surface.size[1] / 2 - 0.1, -0.1]))
+    shape = tuple(round((extent + 0.2) / 0.02) for extent in (*surface.size, 0.3))
+    states = np.full(shape, VOXEL_FREE, dtype=np.uint8)
+    states[:, : round((0.1 + hidden * surface.size[1]) / 0.02)] = VOXEL_UNKNOWN
+    skills.world.occupancy = VoxelGrid(states, 0.02, furniture.pose.to_pose() @ surface.pose @ corner, 1.0)
+
+
+def test_where_a_part_was_hidden_it_is_searched_in_part_alone(skills: Any, library: NodeRegistry) -> None:
+    leaf = '<{} object="mug" surface="table"/>'
+    scanned(skills, hidden=0.3)
+    status, failures, _ = ticked(skills, library, leaf.format("FoundOrSeenAll"))
+    assert (status, failures[0].partition(":")[0]) == (FAILURE, "part_hidden")
+    assert ticked(skills, library, leaf.format("FoundOn"))[0] == FAILURE
+    assert skills.world.searched_in_part == {("mug", "table/top")}
+    scanned(skills, hidden=0.0)
+    assert ticked(skills, library, leaf.format("FoundOrSeenAll"))[0] == SUCCESS
+    assert ticked(skills, library, leaf.format("FoundOn"))[0] == FAILURE
+    assert skills.world.searched_in_part == set(), "now all of it was seen"
+
+
+def test_what_is_found_needs_no_further_look(skills: Any, library: NodeRegistry) -> None:
+    scanned(skills, hidden=0.3)
+    seen(skills, "mug", "table")
+    assert ticked(skills, library, '<FoundOrSeenAll object="mug" surface="table"/>')[0] == SUCCESS
 
 
 def test_what_was_seen_on_the_way_elsewhere_is_not_found_here_but_known(skills: Any, library: NodeRegistry) -> None:

@@ -65,6 +65,25 @@ def test_what_is_forgotten_is_counted(skills: Any, library: NodeRegistry) -> Non
     assert ticked(skills, library, '<ForgetBlocked forgotten="{n}"/>').blackboard.get("n") == 0
 
 
+def test_a_place_that_was_seen_in_part_is_worth_a_second_look(skills: Any, library: NodeRegistry) -> None:
+    world = skills.world
+    world.searched = {("cup", TOP): 3.0, ("cup", "table/top"): 4.0}
+    world.searched_in_part = {("cup", TOP)}
+    assert not world.may_be_on("cup", TOP)
+    assert ticked(skills, library, '<ForgetBlocked forgotten="{n}"/>').blackboard.get("n") == 1
+    assert world.may_be_on("cup", TOP)
+    assert not world.may_be_on("cup", "table/top"), "all of that was seen"
+
+
+def test_a_drawer_that_did_not_open_is_tried_again_after_another_is_shut(skills: Any, library: NodeRegistry) -> None:
+    world, hidden = skills.world, "drawer_chest/drawer_1"
+    world.articulations[DRAWER] = 0.3
+    world.blocked, world.told = {hidden}, {"cup": hidden}
+    problem = Domain.of(library).problem(Beliefs(world), "located(cup)")
+    actions = [str(action) for action in SymbolicPlanner().plan(problem).actions]
+    assert actions == [f"CloseContainer({DRAWER})", f"OpenContainer({hidden})", f"Search(cup, {hidden})"]
+
+
 def test_plans_go_round_a_blocked_place_or_unblock_it(skills: Any, library: NodeRegistry) -> None:
     skills.world.blocked = {"table/top"}
     problem = Domain.of(library).problem(Beliefs(skills.world), "located(cup)")
