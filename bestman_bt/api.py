@@ -5,6 +5,7 @@ Robots, simulators and algorithms load when a session is opened, not before.
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterable
 from contextlib import AbstractContextManager, ExitStack
 from pathlib import Path
@@ -12,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from py_trees.behaviour import Behaviour
 
-from bestman_bt.engine import NodeInfo, NodeStatus, Tree
+from bestman_bt.engine import NodeInfo, NodeStatus, Tree, ineffective_parts
 from bestman_bt.runtime.plugins import node_registry, read_tree
 
 if TYPE_CHECKING:
@@ -21,6 +22,8 @@ if TYPE_CHECKING:
     from bestman_bt.evaluation.result import RunResult
     from bestman_bt.runtime.setup import Setup
     from hal.api import Robot
+
+_LOG = logging.getLogger(__name__)
 
 
 def load_tree(source: str | Path | Behaviour, plugins: Iterable[str | Path] = ()) -> Tree:
@@ -142,8 +145,11 @@ class Session(AbstractContextManager["Session"]):
         """Load a tree for this robot and make it the one that ``tick`` ticks; by default that of the task.
 
         Raises TreeLoadError with everything that is wrong, also with names that scene, map and robot do not have.
+        Warns, in the log, of attributes that nobody reads and nodes that are never ticked.
         """
         self._tree = self._open.session.load(tree)
+        for problem in ineffective_parts(self._tree):
+            _LOG.warning("%s", problem)
         return self._tree
 
     def tick(self) -> NodeStatus:

@@ -10,13 +10,25 @@ import typer
 
 from bestman_bt.cli.options import Plugins
 from bestman_bt.configuration import ConfigurationError, Problem, find_data, shipped_trees
-from bestman_bt.engine import NoMainTree, TreeLoadError, load_tree, render_dot, render_ports, render_svg, render_text
+from bestman_bt.engine import (
+    NoMainTree,
+    TreeLoadError,
+    load_tree,
+    render_dot,
+    render_paths,
+    render_ports,
+    render_svg,
+    render_text,
+)
 from bestman_bt.runtime.plugins import node_registry
 
 
 def command(
     tree: Annotated[str, typer.Argument(help="A shipped tree, or an XML or Python file.")],
     ports: Annotated[bool, typer.Option("--ports", help="Who maps what to whom across subtrees.")] = False,
+    paths: Annotated[
+        bool, typer.Option("--paths", help="Number and path of each node, as `break` takes them.")
+    ] = False,
     dot: Annotated[bool, typer.Option("--dot", help="Print Graphviz source.")] = False,
     tree_id: Annotated[str | None, typer.Option("--tree", metavar="ID", help="Another tree of an XML file.")] = None,
     svg: Annotated[Path | None, typer.Option(metavar="FILE.svg", help="Write a picture; needs no Graphviz.")] = None,
@@ -39,5 +51,7 @@ def command(
         print(svg)
     elif dot:
         print(render_dot(loaded), end="")
+    elif paths:
+        print(render_paths(loaded), end="")
     else:
         print(render_ports(loaded) if ports else render_text(loaded), end="")

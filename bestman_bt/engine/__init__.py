@@ -57,7 +57,7 @@ from bestman_bt.engine.decorators import (
     Timeout,
     WaitValueUpdate,
 )
-from bestman_bt.engine.display import current_states, render_text
+from bestman_bt.engine.display import current_states, render_paths, render_text
 from bestman_bt.engine.errors import (
     BlackboardError,
     ConversionError,
@@ -102,7 +102,7 @@ from bestman_bt.engine.status import (
 from bestman_bt.engine.substitution import SubstitutionError, SubstitutionRules
 from bestman_bt.engine.tree import Listener, StateChanges, Tree
 from bestman_bt.engine.typed_ports import In, InOut, Out
-from bestman_bt.engine.validation import tree_warnings, validate_file
+from bestman_bt.engine.validation import ineffective_parts, tree_warnings, validate_file
 from bestman_bt.engine.xml.document import XmlDocument, XmlElement
 from bestman_bt.engine.xml.writer import full_tree_xml, palette_xml, tree_to_xml
 
@@ -222,10 +222,12 @@ __all__ = [
     "entry_uses",
     "from_json",
     "full_tree_xml",
+    "ineffective_parts",
     "load_python_tree",
     "load_tree",
     "palette_xml",
     "render_dot",
+    "render_paths",
     "render_ports",
     "render_svg",
     "render_text",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping
 from typing import Any
 
@@ -27,6 +28,16 @@ def render_text(tree: Tree, states: Mapping[int, int] | None = None, *, ports: b
     lines: list[str] = []
     _render(tree, tree.root, "", "", states, ports, lines)
     return "\n".join(lines) + "\n"
+
+
+def render_paths(tree: Tree) -> str:
+    """Return a line for each node: its number and its path, by either of which breakpoints and requests name it.
+
+    A path that several nodes have names none of them; those are named by number.
+    """
+    count = Counter(node.path for node in tree.nodes)
+    shared = "  (by number alone: several have this path)"
+    return "".join(f"{node.uid:>5}  {node.path}{shared if count[node.path] > 1 else ''}\n" for node in tree.nodes)
 
 
 def current_states(tree: Tree, *, last_results: bool = True) -> dict[int, int]:

@@ -187,7 +187,9 @@ def main_tree_of(documents: Documents, wanted: str | None) -> str | None:
         documents.problems.append(Problem(documents.file, 1, "root", "", "the file holds no <BehaviorTree>"))
         return None
     message = f"it is missing, and the file holds {len(trees)} trees: {', '.join(trees)}"
-    suggestion = f'write main_tree_to_execute="{next(iter(trees))}"'
+    own = [name for name in trees if trees[name].file == documents.file]
+    roots = [name for name in own if not any(name in documents.used_trees(other) for other in own if other != name)]
+    suggestion = f'write main_tree_to_execute="{(roots or own or list(trees))[0]}"'
     documents.problems.append(NoMainTree(documents.file, 1, "root", field, message, suggestion))
     return None
 

@@ -67,10 +67,14 @@ def validate_file(
 
 def tree_warnings(tree: Tree, given: Iterable[str] = ()) -> list[Problem]:
     """Return what looks wrong in a tree that loads; ``given`` are root entries that somebody sets before."""
+    return [*(read.problem("warning") for read in unwritten_reads(tree, given)), *ineffective_parts(tree)]
+
+
+def ineffective_parts(tree: Tree) -> list[Problem]:
+    """Return warnings of what a tree says without effect: attributes nobody reads, nodes that are never ticked."""
     uses = entry_uses(tree)
     written = {id(use.slot) for use in uses if use.writes}
-    found = [read.problem("warning") for read in unwritten_reads(tree, given)]
-    found += [*_shadowing(tree, written), *_misspelt(tree), *_unread(tree)]
+    found = [*_shadowing(tree, written), *_misspelt(tree), *_unread(tree)]
     found.extend(_lost_writes(tree, uses))
     for child, sibling in unreachable_children(tree):
         message = f"it can never be ticked: '{sibling.name}' before it ends or blocks its parent"

@@ -75,8 +75,9 @@ def mount_problems(
 
 
 def _misspelt_part(document: Document, field: tuple[str, str, str], mount: str) -> list[Problem]:
-    """A mount that is nearly the name of a part; a frame it may be, too, of a part that could not be read."""
-    names = [name for name in document.data["parts"] if isinstance(name, str) and (field[1] != name)]
+    """A mount that is nearly the name of a part, letter by letter; else it may be a frame, of a part that is unread."""
+    parts = [name for name in document.data["parts"] if isinstance(name, str) and field[1] != name]
+    names = [name for name in parts if name.count("_") == mount.count("_")]  # column_top is no misspelt column
     close = get_close_matches(mount, names, n=1, cutoff=0.7)
     if not close or mount in names:
         return []

@@ -137,6 +137,10 @@ class Breakpoints:
     def _node(self, node: int | str) -> Node:
         tree = self._executor.tree
         if isinstance(node, str):
+            named = [known for known in tree.nodes if known.path == node]
+            if len(named) > 1:
+                numbers = " or ".join(str(one.uid) for one in named)
+                raise BreakpointError(f"{len(named)} nodes have the path '{node}'; name one by its number: {numbers}")
             try:
                 return tree.node(node)
             except KeyError as error:

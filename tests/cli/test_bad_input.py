@@ -96,6 +96,11 @@ def test_of_several_trees_one_is_to_be_chosen(refused, folder: Path) -> None:
     told = "two.xml:1: <root> 'main_tree_to_execute': it is missing, and the file holds 2 trees: A, B"
     assert f"{told} (choose one by --tree ID)" in refused("show", "two.xml")
     assert f'{told} (write main_tree_to_execute="A")' in refused("run", "two.xml")
+    include = '<root BTCPP_format="4"><include path="two.xml"/><BehaviorTree ID="'
+    uses = '"><SubTree ID="'
+    body = f'{include}C{uses}A"/></BehaviorTree><BehaviorTree ID="D{uses}C"/></BehaviorTree></root>'
+    (folder / "four.xml").write_text(body)
+    assert '(write main_tree_to_execute="D")' in refused("run", "four.xml"), "of its own, the one that no other uses"
 
 
 def test_an_unknown_node_that_a_file_beside_the_tree_defines_is_brought_as_a_plug_in(refused, folder: Path) -> None:

@@ -6,8 +6,13 @@ from collections.abc import Callable
 from pathlib import Path
 from xml.etree import ElementTree
 
+import pytest
+
 from bestman_bt.cli.main import VERBS
+from bestman_bt.engine import ManualClock, load_tree
 from bestman_bt.registry import BEHAVIOURS
+from bestman_bt.runtime import Executor
+from bestman_bt.runtime.breakpoints import BreakpointError, Breakpoints
 from tests.cli.command_line import Answer
 
 Command = Callable[..., Answer]
@@ -26,6 +31,21 @@ def test_show_prints_the_tree_with_its_subtrees(bestman_bt: Command) -> None:
     assert answer.code == 0
     assert "SubTree Pick 'pick'" in answer.out
     assert "NavigateTo  goal={stand}" in answer.out
+
+
+def test_show_prints_the_paths_that_breakpoints_take_and_numbers_where_several_share_one(
+    bestman_bt: Command, folder: Path
+) -> None:
+    leaves = '<AlwaysSuccess name="again"/><AlwaysSuccess name="again"/><AlwaysSuccess/>'
+    text = f'<root BTCPP_format="4"><BehaviorTree ID="Main"><Sequence name="all">{leaves}</Sequence></BehaviorTree>'
+    (folder / "t.xml").write_text(f"{text}</root>")
+    shared = "again  (by number alone: several have this path)"
+    told = [line.strip() for line in bestman_bt("show", "t.xml", "--paths").out.splitlines()]
+    assert told == ["1  all", f"2  {shared}", f"3  {shared}", "4  AlwaysSuccess::4"]
+    breakpoints = Breakpoints(Executor(load_tree(folder / "t.xml"), ManualClock()), lambda: None)
+    with pytest.raises(BreakpointError, match="2 nodes have the path 'again'; name one by its number: 2 or 3"):
+        breakpoints.add("again", "before")
+    breakpoints.add("AlwaysSuccess::4", "before")
 
 
 def test_show_writes_a_picture(bestman_bt: Command, folder: Path) -> None:

@@ -123,11 +123,11 @@ def test_a_misspelt_part_to_mount_on_is_told_beside_the_part_that_cannot_be_read
     file = tmp_path / "robot.yaml"
     file.write_text(
         "parts:\n  trunk: {part: colum}\n  arm: {part: panda_arm, mount: trunkk}\n"
-        "  hand: {part: panda_hand, mount: of_the_trunk}\n"
+        "  hand: {part: panda_hand, mount: trunk_top}\n"
     )
     with pytest.raises(ConfigurationError) as raised:
         load_robot_model(file)
     told = str(raised.value)
     assert "robot.yaml:2: parts.trunk.part: unknown part 'colum'; did you mean 'column'?" in told
     assert "robot.yaml:3: parts.arm.mount: no part 'trunkk' to mount on; did you mean 'trunk'?" in told
-    assert "of_the_trunk" not in told, "it may be a frame of the part that could not be read"
+    assert "trunk_top" not in told, "it may be a frame of the part that could not be read"

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+import bestman_bt as bt
 from behaviours.move_arm import MoveArm
 from bestman_bt.configuration import load_run
 from bestman_bt.engine import TreeLoadError, load_tree
@@ -260,6 +261,14 @@ def test_loading_in_a_session_warns_of_keys_that_nobody_fills(caplog: pytest.Log
     with session() as opened, caplog.at_level(logging.WARNING):
         opened.load(text_of('<CheckHeld object="{objct}"/>'))
     assert "reads '{objct}', which nothing in the tree writes" in caplog.text
+
+
+def test_loading_in_a_session_warns_of_attributes_that_nobody_reads(caplog: pytest.LogCaptureFixture) -> None:
+    inner = '<BehaviorTree ID="Look"><LookAt surface="{surface}"/></BehaviorTree></root>'
+    text = text_of('<SubTree ID="Look" surface="table" sped="2"/>').replace("</root>", inner)
+    with bt.Session() as opened, caplog.at_level(logging.WARNING):
+        opened.load(text)
+    assert "'sped': nothing in the tree 'Look' names it" in caplog.text
 
 
 def test_parts_behind_no_connection_are_told_as_such_with_the_node_that_needs_them() -> None:
