@@ -20,13 +20,12 @@ from bestman_bt.world_model import HeldObject, WorldModel
 
 if TYPE_CHECKING:
     from bestman_bt.control.arm import ArmController
-    from bestman_bt.control.force_torque import WristWrench
     from bestman_bt.control.gripper import GripperController
     from bestman_bt.control.head import HeadController
     from bestman_bt.control.joint_state import JointStateSensor
     from bestman_bt.control.rgbd import RGBDSensor
     from bestman_bt.control.robot_stop import RobotStop
-    from bestman_bt.control.tactile import TactileSensor
+    from bestman_bt.control.touch import TactileSensor, WristWrench
     from bestman_bt.control.wheeled import BaseController
     from bestman_bt.manipulation.collision import CollisionModel, CollisionWorld, PlanningScene
     from bestman_bt.manipulation.kinematics import ArmBodies, InverseKinematics

@@ -5,17 +5,16 @@
 
 from __future__ import annotations
 
-from behaviours.grasp import Grasp, Holding, PlanGrasp, Reachable
-from behaviours.look import LookAt
-from behaviours.move_arm import MoveArm, Retreat
-from behaviours.navigate import NavigateTo
-from behaviours.object_conditions import BelievedSurface, ObjectAt
-from behaviours.perceive import DetectObject, EstimatePose
-from behaviours.place import FindPlacePose, PlaceOn, Release
-from behaviours.scan import ScanScene
-from behaviours.second_look import SecondLook
-from behaviours.stand import FindStandPose
-from behaviours.tidying import FindFreePlace
+from behaviours.manipulation.grasp import Grasp, Holding, PlanGrasp, Reachable
+from behaviours.manipulation.move_arm import MoveArm, Retreat
+from behaviours.manipulation.place import FindPlacePose, PlaceOn, Release
+from behaviours.manipulation.second_look import SecondLook
+from behaviours.navigation.base_placement import FindStandPose
+from behaviours.navigation.navigate import NavigateTo
+from behaviours.perception.look import LookAt
+from behaviours.perception.perceive import BelievedSurface, DetectObject, EstimatePose, ObjectAt
+from behaviours.perception.scan import ScanScene
+from behaviours.perception.tidying import FindFreePlace
 from bestman_bt.engine import Fallback, ForceSuccess, Node, ReactiveSequence, RetryUntilSuccessful, Sequence, SubTree
 
 

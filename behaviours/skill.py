@@ -8,21 +8,32 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Generator, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, TypeAlias, TypeVar
+from typing import Annotated, Any, ClassVar, TypeAlias, TypeVar
 
 from behaviours.contacts import Contact
 from behaviours.context import SkillContext
 from behaviours.failure import MOTION_FAILS, READING_FAILS, SEEING_FAILS, NodeFailure
-from behaviours.names import ArmName
 from behaviours.parts import PartKind
 from bestman_bt.control import READING_ERRORS, Motion, MotionStatus
 from bestman_bt.engine import FAILURE, RUNNING, SUCCESS, Condition, In, Node, NodeError, Out, StatefulAction, SyncAction
+from bestman_bt.engine.bounds import Named
 from bestman_bt.engine.own_files import defined_at
 from bestman_bt.errors import Error, MissingExtraError, WrongResultError
 from bestman_bt.manipulation.errors import ManipulationError
 from bestman_bt.messages import Failure, Goals, Pose, Pose2D
 from bestman_bt.perception.errors import PerceptionError
 from bestman_bt.registry import PREDICATES
+
+# Ports that name things: a literal is compared with scene, map and robot before anything moves.
+
+
+ObjectName = Annotated[str, Named("object")]
+SurfaceName = Annotated[str, Named("surface")]
+FurnitureName = Annotated[str, Named("furniture")]
+ArticulationName = Annotated[str, Named("articulation")]
+ArmName = Annotated[str, Named("arm")]
+PostureName = Annotated[str, Named("posture")]
+
 
 Result = TypeVar("Result")
 

@@ -40,8 +40,6 @@ STAGES: dict[str, str | None] = {
     "hal/simulation/observation.py": "monitor",
     "hal/simulation/contact_watcher.py": "monitor",
     "hal/simulation/motion_watcher.py": "monitor",
-    "hal/simulation/attachment_check.py": "monitor",
-    "hal/simulation/integrity_check.py": "monitor",
     "hal/simulation/camera.py": "rendering",
     "hal/simulation/lidar.py": "lidar and localisation",
     "hal/simulation/guards.py": None,

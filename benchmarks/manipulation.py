@@ -29,7 +29,7 @@ from bestman_bt.manipulation.collision import CoalCollisionModel, CollisionWorld
 from bestman_bt.manipulation.kinematics import DampedLeastSquares
 from bestman_bt.manipulation.motion_planning import PlanningError, RRTConnect
 from bestman_bt.manipulation.trajectory import Toppra
-from bestman_bt.manipulation.trajectory.collision_check import dense_samples
+from bestman_bt.manipulation.trajectory.base import dense_samples
 from bestman_bt.robot_model import ArmModel
 from tests.manipulation.pybullet_referee import Referee
 from tests.manipulation.table_and_shelf import fixed_panda, problems, table_and_shelf

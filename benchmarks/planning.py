@@ -31,7 +31,7 @@ from benchmarks.ompl_simplified import ompl_simplified
 from bestman_bt.manipulation.collision import CoalCollisionModel
 from bestman_bt.manipulation.errors import ManipulationError
 from bestman_bt.manipulation.motion_planning import PlanningError, PlanningErrorCode
-from bestman_bt.manipulation.motion_planning.edge import dense_points
+from bestman_bt.manipulation.motion_planning.checked_edges import dense_points
 from bestman_bt.manipulation.motion_planning.sampling_planner import SamplingPlanner
 from bestman_bt.registry import ALGORITHMS
 from bestman_bt.robot_model import ArmModel

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from behaviours.run_policy import RunPolicy
+from behaviours.manipulation.policy import RunPolicy
 from bestman_bt.configuration import load_run
 from bestman_bt.engine import Tree
 from bestman_bt.evaluation.episode import prepare_episode, run_episode
@@ -31,7 +31,7 @@ from bestman_bt.manipulation.policy import (
 from bestman_bt.messages import Pose
 from bestman_bt.robot_model import ArmModel
 from bestman_bt.runtime import Session
-from bestman_bt.runtime.policy_experts import picking_expert
+from bestman_bt.runtime.policies import picking_expert
 
 TASK, OBJECT, WORDS = "policy_pick", "cup", "pick the cup from the table"
 FPS = 20

@@ -5,11 +5,11 @@ bestman-bt run tidy_table_python --task tidy_table
 
 from __future__ import annotations
 
-from behaviours.look import LookAt
-from behaviours.move_arm import MoveArm
+from behaviours.manipulation.move_arm import MoveArm
+from behaviours.navigation.base_placement import FindStandPose
+from behaviours.perception.look import LookAt
+from behaviours.perception.tidying import FindFreePlace, FindUntidy, IsTidy, RememberSeen
 from behaviours.pick_and_place import carry, have_object, place, put_aside, put_down, survey, verify
-from behaviours.stand import FindStandPose
-from behaviours.tidying import FindFreePlace, FindUntidy, IsTidy, RememberSeen
 from bestman_bt.engine import Fallback, ForceSuccess, ForEach, Node, RetryUntilSuccessful, Sequence, SubTree
 
 REGION = {"region_x": "{region_x}", "region_y": "{region_y}"}

@@ -8,12 +8,11 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from behaviours.names import FurnitureName
-from behaviours.navigate import DRIVING_FAILS
-from behaviours.skill import Declaration, Skill, SkillFailure, Steps, StepsTo
+from behaviours.navigation.navigate import DRIVING_FAILS
+from behaviours.skill import Declaration, FurnitureName, Skill, SkillFailure, Steps, StepsTo
 from bestman_bt.engine import In, Out
 from bestman_bt.messages import Path2D, Pose2D, wrap_angle
-from bestman_bt.messages.bounds import Count, Positive
+from bestman_bt.messages.shapes import Count, Positive
 from bestman_bt.world_model import MapFurniture
 
 STAGED, STAGED_HEADING = 0.05, math.radians(5.0)

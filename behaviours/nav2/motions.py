@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Annotated, ClassVar
 
 from annotated_types import Ge, Le
 
+from behaviours.computation import Until
 from behaviours.nav2.ports import SERVER, are_literals, without_meaning
 from behaviours.skill import Skill, SkillFailure, Steps, StepsTo
-from behaviours.waiting import Until
 from bestman_bt.engine import BoundedPort, In, NotZero
-from bestman_bt.messages.bounds import NonNegative
+from bestman_bt.messages.shapes import NonNegative
 from bestman_bt.world_model import BasePose
 
 if TYPE_CHECKING:

@@ -2,13 +2,168 @@
 
 from __future__ import annotations
 
-from typing import ClassVar
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, ClassVar
 
-from behaviours.nav2.ports import SERVER, without_meaning
-from behaviours.navigate import NavigateTo
-from behaviours.skill import Declaration, SkillFailure, Steps
-from bestman_bt.engine import In
-from bestman_bt.messages import Goals
+import numpy as np
+
+from behaviours.computation import Until
+from behaviours.nav2.ports import SERVER, FollowerName, PlannerName, without_meaning
+from behaviours.navigation.navigate import DRIVING_FAILS, NavigateTo
+from behaviours.skill import Declaration, Skill, SkillFailure, Steps, StepsTo
+from bestman_bt.engine import In, Out
+from bestman_bt.messages import Goals, Path2D, Pose2D
+from bestman_bt.world_model import BasePose
+
+if TYPE_CHECKING:
+    from bestman_bt.control import Motion
+    from bestman_bt.navigation.global_planning import Costmap, GlobalPlanner, PlanningFailure
+
+
+# Planning a path, without driving it: ComputePathToPose and ComputePathThroughPoses.
+
+
+ALL_GOALS = -1
+"""What ``last_reached_index`` is where the path leads through all poses."""
+
+
+class _ComputePath(Skill):
+    """A path that leads through poses; without one the output is cleared, so that nobody drives an old path."""
+
+    REQUIRES = ("base", "lidar")
+    INPUT_PORTS: ClassVar = {**SERVER}
+    start = In(Pose2D, "x;y;theta instead of where the base is", required=False)
+    planner_id = In[str](
+        PlannerName, "a global planner, as grid_astar or file.py:Class; the configured one", default=""
+    )
+    path_ = Out[Path2D | None](Path2D, "the path; empty on failure", port="path")
+    FAILS: ClassVar = DRIVING_FAILS
+
+    def on_halted(self) -> None:
+        """Clear the path, as nav2 does."""
+        super().on_halted()
+        self.path_ = None
+
+    def _plan(self, start: Pose2D | None, goals: Sequence[Pose2D]) -> StepsTo[tuple[int, PlanningFailure | None]]:
+        """Plan through ``goals`` and put the path out; how many of them it can get to, and what ended that."""
+        from bestman_bt.navigation.path_pieces import joined
+
+        skills = self.skills
+        name = self.planner_id
+        planner = skills.planners(name, self.folders) if name else skills.global_planning
+        begin = skills.world.base.pose if start is None else start
+        legs: list[Path2D]
+        legs, failure = yield self.compute("global_planning", _legs, planner, begin, goals, skills.seen_costmap())
+        path = joined(legs) if failure is None else None
+        self.path_ = path
+        if path is not None:
+            self.feedback_message = f"{path.length:.1f} m"
+        return len(legs), failure
+
+
+class ComputePathToPose(_ComputePath):
+    """Plan a path to a pose, past ``viapoints`` where there are any."""
+
+    goal = In(Pose2D, "x;y;theta in the map frame, metres and radians")
+    viapoints = In(Goals, "passed on the way: x;y;theta;x;y;theta", required=False)
+    use_start = In(bool, "false: from where the base is, all the same", required=False)
+
+    def execute(self) -> Steps:
+        """Plan."""
+        start: Pose2D | None = self.start
+        use_start = self.use_start
+        if use_start is not None and not use_start:
+            start = None
+        _, failure = yield from self._plan(start, [*(self.viapoints or ()), self.goal])
+        if failure is not None:
+            raise SkillFailure(failure.reason.value, failure.text)
+
+
+class ComputePathThroughPoses(_ComputePath):
+    """Plan a path through several poses."""
+
+    goals = In(Goals, "x;y;theta;x;y;theta in the map frame, metres and radians")
+    last_reached_index = Out(int, "-1: the path leads through all; else the last pose that can be got to")
+    FAILS: ClassVar = {"no_goals": "give a pose"}
+
+    def execute(self) -> Steps:
+        """Plan."""
+        goals: Goals = self.goals
+        if not goals:
+            self.path_ = None
+            raise SkillFailure("no_goals", "there is no pose to plan to")
+        reached, failure = yield from self._plan(self.start, goals)
+        self.last_reached_index = ALL_GOALS if failure is None else reached - 1
+        if failure is not None:
+            raise SkillFailure(failure.reason.value, failure.text)
+
+
+def _legs(
+    planner: GlobalPlanner, start: Pose2D, goals: Sequence[Pose2D], costmap: Costmap
+) -> tuple[list[Path2D], PlanningFailure | None]:
+    """The paths from each pose to the next as far as there are any, and what ended that."""
+    from bestman_bt.navigation.global_planning import PlanningFailure
+
+    legs: list[Path2D] = []
+    for goal in goals:
+        planned = planner.plan(start, goal, costmap)
+        if isinstance(planned, PlanningFailure):
+            return legs, planned
+        legs.append(planned)
+        start = goal
+    return legs, None
+
+
+# FollowPath: drive along a path, and along the next one as soon as there is one.
+
+
+class FollowPath(Skill):
+    """Drive along a path to its goal pose.
+
+    Where another path is put on the port meanwhile, the base goes over to it without stopping; where it is cleared, the
+    base goes on along the one that it has.
+    """
+
+    REQUIRES = ("base", "lidar")
+    INPUT_PORTS: ClassVar = {**SERVER, **without_meaning("goal_checker_id", "progress_checker_id", "path_handler_id")}
+    path_ = In(Path2D, "the path, in the map frame", required=False, port="path")
+    controller_id = In[str](
+        FollowerName, "a local planner, as pure_pursuit or file.py:Class; the configured one", default=""
+    )
+    FAILS: ClassVar = {"no_path": "ComputePathToPose first"}
+
+    def execute(self) -> Steps:
+        """Follow whatever path there is until the last one has ended."""
+        path: Path2D | None = self.path_
+        if path is None:
+            raise SkillFailure("no_path", "there is no path to follow")
+        driving = self._follow(path)
+        try:
+            while True:
+                yield Until(self._has_new, driving)
+                if driving.done:
+                    yield driving
+                    return
+                driving = self._follow(self.path_ or path)
+        finally:
+            driving.cancel()
+
+    def _follow(self, path: Path2D) -> Motion[BasePose]:
+        skills, controller = self.skills, self.controller_id
+        self._path, self._controller = path, controller
+        self.feedback_message = f"driving {path.length:.1f} m"
+        follower = skills.followers(controller, self.folders) if controller else None
+        return skills.base.follow(path, skills.known_costmap(), follower)
+
+    def _has_new(self) -> bool:
+        """Whether there is a path, and it, or who is to follow it, is not what it was."""
+        path: Path2D | None = self.path_
+        if path is None:
+            return False
+        before = self._path
+        if path is before:
+            return bool(self.controller_id != self._controller)
+        return path.goal != before.goal or not np.array_equal(path.points, before.points)
 
 
 class NavigateToPose(NavigateTo):

@@ -12,7 +12,7 @@ from behaviours.nav2.ports import FRAMES, SERVER, SERVICE, SmootherName, without
 from behaviours.skill import InstantSkill, SkillCondition
 from bestman_bt.engine import In, Out
 from bestman_bt.messages import Goals, Path2D, Pose2D
-from bestman_bt.messages.bounds import NonNegative, Positive
+from bestman_bt.messages.shapes import NonNegative, Positive
 
 if TYPE_CHECKING:
     from bestman_bt.navigation.global_planning import Costmap
@@ -84,7 +84,7 @@ class SmoothPath(InstantSkill):
 
     def act(self) -> None:
         """Smooth."""
-        from bestman_bt.navigation.path_smoothing import PathSmoother
+        from bestman_bt.navigation.path_pieces import PathSmoother
 
         self.get_input("smoother_id")  # read to be checked where it is an entry: it must name what there is
         path: Path2D = self.get_input("unsmoothed_path")

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 from py_trees.ports import PortInformation
 
 from bestman_bt.engine import Node, OneOf
-from bestman_bt.engine.ports import key_of
+from bestman_bt.engine.core.ports import key_of
 from bestman_bt.registry import ALGORITHMS
 
 

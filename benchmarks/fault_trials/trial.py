@@ -10,10 +10,10 @@ from enum import StrEnum
 import numpy as np
 
 from behaviours.clear_stop import ClearStop
-from behaviours.look import LookAt
-from behaviours.move_arm import MoveArm
-from behaviours.navigate import NavigateTo
-from behaviours.perceive import DetectObject
+from behaviours.manipulation.move_arm import MoveArm
+from behaviours.navigation.navigate import NavigateTo
+from behaviours.perception.look import LookAt
+from behaviours.perception.perceive import DetectObject
 from benchmarks.fault_trials.hand import MoveFingers
 from benchmarks.fault_trials.left_behind import LeftBehind
 from benchmarks.fault_trials.truth import place

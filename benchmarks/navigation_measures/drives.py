@@ -11,7 +11,7 @@ from benchmarks.navigation_measures.processor_times import timed_calls, timed_ti
 from benchmarks.navigation_measures.report import mean, median, percentile, scaled
 from bestman_bt.configuration import load_run
 from bestman_bt.evaluation.audit import audit
-from bestman_bt.evaluation.driven_path import DrivenPath
+from bestman_bt.evaluation.episode_measures import DrivenPath
 from bestman_bt.evaluation.interval import wilson_interval
 from bestman_bt.facts.goals.at_goal import AtGoalFields, drive_goal, true_costmap
 from bestman_bt.messages import Pose2D, wrap_angle

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from behaviours.explore import ExploreAndMap
+from behaviours.navigation.explore import ExploreAndMap
 from benchmarks.navigation_measures.judged_session import judged_session
 from benchmarks.navigation_measures.slipping_wheels import let_slip
 from benchmarks.navigation_measures.true_surfaces import TrueSurfaces

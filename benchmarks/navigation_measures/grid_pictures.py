@@ -9,7 +9,7 @@ from matplotlib.image import AxesImage
 from numpy.typing import NDArray
 
 from bestman_bt.messages import OccupancyGrid, Pose2D
-from bestman_bt.messages.occupancy_grid import FREE, OCCUPIED, UNKNOWN
+from bestman_bt.messages.grids import FREE, OCCUPIED, UNKNOWN
 from bestman_bt.navigation.global_planning import Costmap, Footprint
 
 MARGIN = 0.3

@@ -23,7 +23,7 @@ from bestman_bt.perception import PerceptionError, View
 from bestman_bt.perception.detection import ColorShape, DetectedScene, Detection, Detector
 from bestman_bt.perception.pose_estimation import AMBIGUOUS_YAW, MultiView, Observation, PoseHypothesis
 from bestman_bt.perception.pose_estimation.model_surface import model_surface
-from bestman_bt.perception.pose_estimation.turned_surface import TurnedSurface, turned_surface
+from bestman_bt.perception.pose_estimation.point_to_plane import TurnedSurface, turned_surface
 from bestman_bt.perception.segmentation import Cluster, PlaneDbscan
 from bestman_bt.perception.view_planning import ExpectedYaw, RankedView
 

@@ -11,7 +11,7 @@ import typer
 from bestman_bt.cli.json_output import json_output
 from bestman_bt.cli.options import Json, Png
 from bestman_bt.messages import OccupancyGrid
-from bestman_bt.messages.occupancy_grid import FREE, OCCUPIED, UNKNOWN
+from bestman_bt.messages.grids import FREE, OCCUPIED, UNKNOWN
 from bestman_bt.navigation.map_file import read_map
 
 _AROUND = 0.5

@@ -13,7 +13,7 @@ import typer
 
 from bestman_bt.cli.option_values import wrong_input
 from bestman_bt.cli.options import MONITOR_PORT
-from bestman_bt.monitor.address import TOKEN_VARIABLE, page_address
+from bestman_bt.monitor.control_client import TOKEN_VARIABLE, page_address
 
 
 def command(

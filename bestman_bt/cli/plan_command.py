@@ -1,10 +1,12 @@
 """Examples: bestman-bt plan --goal "on(mug, table) and closed(drawer)" --builder reactive -o tree.xml;
 bestman-bt plan "bring the mug from the drawer to the table" --planner language --run. Exit codes: 0 there is a plan
-(with --run: it succeeded), 1 there is none or the run failed, 2 the input was invalid, 130 it was not to be run."""
+(with --run: it succeeded), 1 there is none or the run failed, 2 the input was invalid, 130 it was not to be run.
+"""
 
 from __future__ import annotations
 
 import json
+import logging
 import shlex
 import sys
 from collections.abc import Iterator, Sequence
@@ -15,7 +17,6 @@ from typing import Annotated, Any
 import typer
 
 from bestman_bt.cli.json_output import json_output
-from bestman_bt.cli.log_output import shown_log
 from bestman_bt.cli.option_values import wrong_input
 from bestman_bt.cli.options import (
     Json,
@@ -34,11 +35,30 @@ from bestman_bt.engine import render_svg
 from bestman_bt.errors import InputError
 from bestman_bt.registry import BUILDERS
 from bestman_bt.runtime.planning import PlanQuestion, Transcript, assumed, planning_state, refusals
-from bestman_bt.task_planning.language.quoting import quoted
+from bestman_bt.task_planning.language.errors import quoted
 from bestman_bt.task_planning.limits import PlanLimits
 from bestman_bt.task_planning.planners import planner_class
 from bestman_bt.task_planning.simulation import folded
 from bestman_bt.task_planning.symbolic import PlanningError, Problem, TaskPlan, goal_as_facts
+
+# The log of one package on standard error, while something is done with it.
+
+
+@contextmanager
+def shown_log(package: str) -> Iterator[None]:
+    """Print what the loggers of ``package`` say from INFO on, and of nobody else."""
+    logger = logging.getLogger(package)
+    handler = logging.StreamHandler(sys.stderr)
+    level, passes = logger.level, logger.propagate
+    logger.addHandler(handler)
+    logger.setLevel(logging.INFO)
+    logger.propagate = False
+    try:
+        yield
+    finally:
+        logger.removeHandler(handler)
+        logger.setLevel(level)
+        logger.propagate = passes
 
 
 def command(

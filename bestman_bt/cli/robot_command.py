@@ -112,7 +112,7 @@ def descriptions(
     as_json: Json = False,
 ) -> None:
     """Bring the robot models that PyBullet's wheel holds (pybullet_data), without the simulator."""
-    from bestman_bt.runtime.descriptions import REQUIREMENT, bring_pybullet_data
+    from bestman_bt.runtime.robot_facts import REQUIREMENT, bring_pybullet_data
 
     with json_output(as_json) as write:
         there = pybullet_data()

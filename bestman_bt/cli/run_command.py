@@ -7,18 +7,18 @@ import os
 import shutil
 import sys
 import tempfile
+import threading
 import time
-from collections.abc import Callable, Sequence
-from contextlib import ExitStack
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from difflib import get_close_matches
 from pathlib import Path
+from types import TracebackType
 from typing import Annotated
 
 import typer
 
-from bestman_bt.cli.groot2_view import Groot2View
 from bestman_bt.cli.json_output import json_output
-from bestman_bt.cli.live_viewer import shown_live
 from bestman_bt.cli.options import (
     MONITOR_PORT,
     Driver,
@@ -52,11 +52,86 @@ from bestman_bt.evaluation.episode import RECORDING_OVER, Watcher, prepare_episo
 from bestman_bt.evaluation.result import Outcome, RunResult
 from bestman_bt.evaluation.run_folder import make_run_folder
 from bestman_bt.extras import require_extra
+from bestman_bt.monitor.groot2 import Groot2Error, Groot2Publisher, check_servable
 from bestman_bt.runtime import Session, Setup
 from bestman_bt.runtime.tree_checks import ALWAYS_FILLED
-from bestman_bt.visualization.rerun import RECORDING_NAME
+from bestman_bt.visualization import ViewerError
+from bestman_bt.visualization.rerun import RECORDING_NAME, Display, LiveFeed, Viewer, ViewerOptions, has_window_system
 from hal.parts import ConnectionFailedError
 from hal.twins.remote_truth import RemoteTruth
+
+# ``--groot2-port`` of verbs that run something: Groot2 may look at the tree and hold it up.
+
+
+class Groot2View:
+    """Serves the tree that a run ticks, until the context ends. ConfigurationError where that cannot be."""
+
+    def __init__(self, port: int) -> None:
+        self._port = port
+        self._publisher: Groot2Publisher | None = None
+
+    def __enter__(self) -> Groot2View:
+        try:
+            check_servable(self._port)
+        except Groot2Error as error:
+            where = f"--groot2-port {self._port}"
+            raise ConfigurationError([Problem(where, None, "", str(error))]) from error
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._publisher is not None:
+            self._publisher.close()
+
+    def watch(self, session: Session, tree: Tree) -> Callable[[], None]:
+        """Serve from now on; there is nothing to do after a tick."""
+        self._publisher = Groot2Publisher(tree, self._port).open()
+        print(f"Groot2: {self._publisher.host}, port {self._port}", file=sys.stderr, flush=True)
+        return lambda: None
+
+
+# ``--live`` of verbs that run something: a Rerun viewer that sees the run while it happens.
+
+
+START_WAIT = 120.0
+"""Seconds within which something is recorded."""
+LAST_WORDS = 1.0
+"""Seconds in which viewers take what was written last."""
+
+
+@contextmanager
+def shown_live(recording: Path) -> Iterator[None]:
+    """Show what is written to ``recording``: in a window, which stays; where none can be opened on a page, to the end.
+
+    A viewer that does not start is told, and no reason to stop.
+    """
+    window = has_window_system()
+    ended = threading.Event()
+    with tempfile.TemporaryFile("w+") as output:
+        relay = Viewer(ViewerOptions(Display.RELAY if window else Display.BROWSER, fed=True), (), output)
+
+        def open_viewer() -> None:
+            try:
+                relay.wait_until_up(START_WAIT)
+                if window:
+                    Viewer(ViewerOptions(Display.WINDOW, source=relay.address), (), output)
+                else:
+                    print(f"live: {relay.page}", file=sys.stderr, flush=True)
+            except ViewerError as error:
+                if not ended.is_set():
+                    print(f"bestman-bt: --live: {error}", file=sys.stderr, flush=True)
+
+        opening = threading.Thread(target=open_viewer, name="live-viewer", daemon=True)
+        opening.start()
+        try:
+            with LiveFeed(recording, relay.pipe):
+                yield
+            time.sleep(LAST_WORDS)
+        finally:
+            ended.set()
+            relay.stop()
+            opening.join()
 
 
 def command(

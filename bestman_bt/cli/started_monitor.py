@@ -12,8 +12,7 @@ from urllib.error import URLError
 from urllib.request import ProxyHandler, Request, build_opener
 
 from bestman_bt.configuration import ConfigurationError, Problem
-from bestman_bt.monitor.address import SERVICE, TOKEN_VARIABLE, page_address
-from bestman_bt.monitor.control_client import socket_folder
+from bestman_bt.monitor.control_client import SERVICE, TOKEN_VARIABLE, page_address, socket_folder
 
 IDLE_END = 600
 """Seconds after which a monitor that was started so ends, once nothing runs and no page is open."""

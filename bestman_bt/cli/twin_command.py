@@ -21,7 +21,7 @@ from bestman_bt.robot_model import load_robot_model
 from bestman_bt.scene import draw_world, load_scene
 from hal.twins import TwinError
 from hal.twins.faults import delay_seconds
-from hal.twins.json_lines import ask
+from hal.twins.tcp_server import ask
 from hal.twins.twin_host import Hosted, TwinHost
 
 

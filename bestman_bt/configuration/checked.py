@@ -15,7 +15,7 @@ from pydantic import ConfigDict, TypeAdapter, ValidationError
 from bestman_bt.configuration.document import Document, FieldPath
 from bestman_bt.configuration.errors import ConfigurationError, Problem
 from bestman_bt.configuration.secret import SecretMark, shown_setting
-from bestman_bt.messages.bounds import OrderError
+from bestman_bt.messages.shapes import OrderError
 from bestman_bt.registry import suggestion
 
 T = TypeVar("T")

@@ -33,6 +33,18 @@ from bestman_bt.engine.controls import (
     WhileDoElse,
 )
 from bestman_bt.engine.conversion import ConverterRegistry
+from bestman_bt.engine.core.node import Node
+from bestman_bt.engine.core.ports import In, InOut, Out, Port
+from bestman_bt.engine.core.status import (
+    FAILURE,
+    IDLE,
+    RUNNING,
+    SKIPPED,
+    SUCCESS,
+    NodeStatus,
+    status_name,
+)
+from bestman_bt.engine.core.tree import Listener, StateChanges, Tree
 from bestman_bt.engine.dataflow import EntryUse, entry_uses, render_ports
 from bestman_bt.engine.decorators import (
     ConsumeQueue,
@@ -57,7 +69,6 @@ from bestman_bt.engine.decorators import (
     Timeout,
     WaitValueUpdate,
 )
-from bestman_bt.engine.display import current_states, render_paths, render_text
 from bestman_bt.engine.errors import (
     BlackboardError,
     ConversionError,
@@ -67,8 +78,9 @@ from bestman_bt.engine.errors import (
     ScriptError,
     TreeLoadError,
 )
-from bestman_bt.engine.graphics import render_dot, render_svg
+from bestman_bt.engine.graphics import current_states, render_dot, render_paths, render_svg, render_text
 from bestman_bt.engine.leaves import Condition, StatefulAction, SyncAction
+from bestman_bt.engine.leaves.base import AlwaysFailure, AlwaysSuccess, Sleep
 from bestman_bt.engine.leaves.blackboard import (
     PopFromQueue,
     QueueSize,
@@ -76,32 +88,15 @@ from bestman_bt.engine.leaves.blackboard import (
     UnsetBlackboard,
     WasEntryUpdated,
 )
-from bestman_bt.engine.leaves.constants import AlwaysFailure, AlwaysSuccess
-from bestman_bt.engine.leaves.coroutine import CoroutineAction
+from bestman_bt.engine.leaves.coroutine import CoroutineAction, ThreadedAction
 from bestman_bt.engine.leaves.function import Context, FunctionLeafError, Output, action, condition
 from bestman_bt.engine.leaves.native import PyTreesBehaviour
-from bestman_bt.engine.leaves.script import Script, ScriptCondition
-from bestman_bt.engine.leaves.sleep import Sleep
-from bestman_bt.engine.leaves.test_node import TestNode, TestNodeConfig
-from bestman_bt.engine.leaves.threaded import ThreadedAction
+from bestman_bt.engine.leaves.script import Script, ScriptCondition, TestNode, TestNodeConfig
 from bestman_bt.engine.loading import NoMainTree, load_tree
-from bestman_bt.engine.node import Node
-from bestman_bt.engine.ports import Port
 from bestman_bt.engine.registry import NodeInfo, NodeRegistry, RegistryError
 from bestman_bt.engine.simulation import SimulatedRun, simulate
 from bestman_bt.engine.snapshot import BlackboardBackup, backup, from_json, restore, to_json
-from bestman_bt.engine.status import (
-    FAILURE,
-    IDLE,
-    RUNNING,
-    SKIPPED,
-    SUCCESS,
-    NodeStatus,
-    status_name,
-)
 from bestman_bt.engine.substitution import SubstitutionError, SubstitutionRules
-from bestman_bt.engine.tree import Listener, StateChanges, Tree
-from bestman_bt.engine.typed_ports import In, InOut, Out
 from bestman_bt.engine.validation import ineffective_parts, tree_warnings, validate_file
 from bestman_bt.engine.xml.document import XmlDocument, XmlElement
 from bestman_bt.engine.xml.writer import full_tree_xml, palette_xml, tree_to_xml

@@ -19,19 +19,17 @@ from typing import TYPE_CHECKING, Any
 
 from py_trees.behaviour import Behaviour
 
-from bestman_bt.engine.blackboard import Blackboard
+from bestman_bt.engine.blackboard import Blackboard, SharedEntries, forget_dropped_trees
 from bestman_bt.engine.clock import Clock
+from bestman_bt.engine.core.node import Node, Place
+from bestman_bt.engine.core.tree import Tree
 from bestman_bt.engine.decorators.subtree import SubTree
 from bestman_bt.engine.errors import Problem, TreeLoadError
 from bestman_bt.engine.leaves.native import PyTreesBehaviour, adapted, is_taken, lines_noted, take_over
 from bestman_bt.engine.loading import MAX_NODES, Builder, check_documents, main_tree_of, raise_if_any, words_of
-from bestman_bt.engine.node import Node
 from bestman_bt.engine.own_files import described, importable, load_file
-from bestman_bt.engine.place import Place
 from bestman_bt.engine.registry import NodeRegistry
 from bestman_bt.engine.scripting import ScriptCompiler
-from bestman_bt.engine.shared_entries import SharedEntries, forget_dropped_trees
-from bestman_bt.engine.tree import Tree
 from bestman_bt.engine.xml.checking import check_values
 from bestman_bt.engine.xml.documents import read_documents
 from bestman_bt.engine.xml.elements import MAX_DEPTH

@@ -5,6 +5,8 @@ from __future__ import annotations
 from typing import Final
 
 from bestman_bt.engine import controls, decorators
+from bestman_bt.engine.core.node import Node
+from bestman_bt.engine.leaves.base import AlwaysFailure, AlwaysSuccess, Sleep
 from bestman_bt.engine.leaves.blackboard import (
     PopFromQueue,
     QueueSize,
@@ -12,10 +14,7 @@ from bestman_bt.engine.leaves.blackboard import (
     UnsetBlackboard,
     WasEntryUpdated,
 )
-from bestman_bt.engine.leaves.constants import AlwaysFailure, AlwaysSuccess
 from bestman_bt.engine.leaves.script import Script, ScriptCondition
-from bestman_bt.engine.leaves.sleep import Sleep
-from bestman_bt.engine.node import Node
 
 _LEAVES: Final = (
     AlwaysFailure,

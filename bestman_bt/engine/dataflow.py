@@ -6,11 +6,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from bestman_bt.engine.blackboard import Slot
+from bestman_bt.engine.core.node import Node
+from bestman_bt.engine.core.ports import key_of
+from bestman_bt.engine.core.tree import Tree
 from bestman_bt.engine.decorators.subtree import SubTree
 from bestman_bt.engine.errors import ScriptError
 from bestman_bt.engine.leaves.blackboard import SetBlackboard, UnsetBlackboard
-from bestman_bt.engine.node import Node
-from bestman_bt.engine.ports import key_of
 from bestman_bt.engine.scripting.parser import (
     Assignment,
     Binary,
@@ -21,7 +22,6 @@ from bestman_bt.engine.scripting.parser import (
     Unary,
     parse_script,
 )
-from bestman_bt.engine.tree import Tree
 
 SCRIPT_ATTRIBUTES = (
     "_failureIf",

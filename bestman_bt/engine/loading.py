@@ -9,25 +9,24 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from bestman_bt.engine.around_tick import Conditions
 from bestman_bt.engine.blackboard import Blackboard
 from bestman_bt.engine.clock import Clock
 from bestman_bt.engine.conversion import number_from_text
+from bestman_bt.engine.core.around_tick import Conditions
+from bestman_bt.engine.core.node import Node, Place
+from bestman_bt.engine.core.ports import key_of, outer_key_of
+from bestman_bt.engine.core.tree import Tree
 from bestman_bt.engine.decorators.subtree import SubTree
 from bestman_bt.engine.errors import BlackboardError, EngineError, Problem, TreeLoadError
-from bestman_bt.engine.node import Node
-from bestman_bt.engine.place import Place
-from bestman_bt.engine.ports import key_of, outer_key_of
 from bestman_bt.engine.registry import NodeInfo, NodeRegistry
 from bestman_bt.engine.scripting import ScriptCompiler
 from bestman_bt.engine.spelling import closest
-from bestman_bt.engine.tree import Tree
 from bestman_bt.engine.xml.checking import PRE_CONDITIONS, Checker
 from bestman_bt.engine.xml.documents import Documents, read_documents
 from bestman_bt.engine.xml.elements import MAX_DEPTH, NO_CHILDREN, Element
 
 if TYPE_CHECKING:
-    from bestman_bt.engine.shared_entries import SharedEntries
+    from bestman_bt.engine.blackboard import SharedEntries
     from bestman_bt.engine.substitution import SubstitutionRules
 
 MAX_NODES = 65_535

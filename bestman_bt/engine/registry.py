@@ -8,9 +8,9 @@ from dataclasses import dataclass
 
 from bestman_bt.engine import catalogue
 from bestman_bt.engine.conversion import UNTYPED, ConverterRegistry
+from bestman_bt.engine.core.node import Node
+from bestman_bt.engine.core.ports import Port, declared_ports
 from bestman_bt.engine.errors import EngineError
-from bestman_bt.engine.node import Node
-from bestman_bt.engine.ports import Port, declared_ports
 from bestman_bt.engine.spelling import closest
 from bestman_bt.errors import InputError
 

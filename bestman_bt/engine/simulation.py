@@ -9,12 +9,12 @@ from typing import Any
 
 from bestman_bt.engine.authoring import build_tree
 from bestman_bt.engine.clock import ManualClock
+from bestman_bt.engine.core.node import Node
+from bestman_bt.engine.core.status import RUNNING, SUCCESS
+from bestman_bt.engine.core.tree import StateChanges, Tree
 from bestman_bt.engine.loading import load_tree
-from bestman_bt.engine.node import Node
 from bestman_bt.engine.registry import NodeRegistry
-from bestman_bt.engine.status import RUNNING, SUCCESS
 from bestman_bt.engine.substitution import SubstitutionRules
-from bestman_bt.engine.tree import StateChanges, Tree
 
 
 @dataclass(frozen=True)

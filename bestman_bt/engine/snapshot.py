@@ -11,8 +11,8 @@ from typing import Any
 
 from bestman_bt.engine.blackboard import Blackboard, Slot
 from bestman_bt.engine.conversion import text_of
+from bestman_bt.engine.core.tree import Tree
 from bestman_bt.engine.errors import BlackboardError, ConversionError
-from bestman_bt.engine.tree import Tree
 
 _CONTAINERS = (list, dict, set, deque)
 

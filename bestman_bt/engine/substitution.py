@@ -12,14 +12,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
+from bestman_bt.engine.core.node import Node
+from bestman_bt.engine.core.status import STATUS_NAMES
 from bestman_bt.engine.errors import EngineError
-from bestman_bt.engine.leaves.test_node import TestNode, TestNodeConfig
-from bestman_bt.engine.node import Node
-from bestman_bt.engine.status import STATUS_NAMES
+from bestman_bt.engine.leaves.script import TestNode, TestNodeConfig
 
 if TYPE_CHECKING:
+    from bestman_bt.engine.core.tree import Tree
     from bestman_bt.engine.registry import NodeInfo
-    from bestman_bt.engine.tree import Tree
 
 
 class SubstitutionError(EngineError):

@@ -8,14 +8,14 @@ from types import CodeType, FunctionType
 
 from bestman_bt.engine import controls, decorators
 from bestman_bt.engine.blackboard import Slot
+from bestman_bt.engine.core.node import Node
+from bestman_bt.engine.core.ports import key_of
+from bestman_bt.engine.core.tree import Tree
 from bestman_bt.engine.dataflow import EntryUse, entry_uses
 from bestman_bt.engine.errors import Problem
 from bestman_bt.engine.leaves.blackboard import WasEntryUpdated
 from bestman_bt.engine.leaves.native import PyTreesBehaviour
-from bestman_bt.engine.node import Node
-from bestman_bt.engine.ports import key_of
 from bestman_bt.engine.spelling import closest
-from bestman_bt.engine.tree import Tree
 
 _IN_ORDER = (controls.Sequence, controls.Fallback)
 _ONCE = (

@@ -2,16 +2,98 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+
 from bestman_bt.configuration import ConfigurationError, Problem
-from bestman_bt.evaluation.comparison_text import sentences
+from bestman_bt.evaluation.comparison_text import p_words, sentences
 from bestman_bt.evaluation.finished_evaluation import FinishedEntry
-from bestman_bt.evaluation.paired_comparison import Comparison, compare_runs
+from bestman_bt.evaluation.paired_comparison import (
+    SIGNIFICANCE,
+    Comparison,
+    MetricComparison,
+    SuccessComparison,
+    compare_runs,
+)
+
+# A comparison as a picture: success, and for each metric the values of both runs of each pair, joined by a line.
+
+
+COLUMNS = 4
+UP, DOWN, SAME = "#d95f02", "#1b7f8c", "#9a9a9a"
+"""Lines of pairs of which the second value is larger, smaller, or equal."""
+MAX_NAME = 22
+
+
+def draw_comparison(path: Path, comparison: Comparison, first: str, second: str, title: str = "") -> None:
+    """Write a PNG or SVG file, as the ending of ``path`` says: a panel for success and one per metric."""
+    panels = 1 + len(comparison.metrics)
+    rows = math.ceil(panels / COLUMNS)
+    columns = min(panels, COLUMNS)
+    figure = Figure(figsize=(2.9 * columns, 3.1 * rows + 0.4), layout="constrained")
+    FigureCanvasAgg(figure)
+    axes = np.atleast_1d(figure.subplots(rows, columns)).ravel()
+    names = short_names(first, second)
+    _draw_success(axes[0], comparison.success, names)
+    for axis, metric in zip(axes[1:], comparison.metrics, strict=False):
+        _draw_metric(axis, metric, names)
+    for axis in axes[panels:]:
+        axis.set_visible(False)
+    if title:
+        figure.suptitle(title, fontsize=11)
+    figure.savefig(path, dpi=130)
+
+
+def short_names(first: str, second: str) -> list[str]:
+    """At most ``MAX_NAME`` characters each, without the beginning that both share where they would then be the same."""
+    shortened = [name if len(name) <= MAX_NAME else f"{name[: MAX_NAME - 1]}…" for name in (first, second)]
+    if shortened[0] != shortened[1]:
+        return shortened
+    differ = (place for place, (a, b) in enumerate(zip(first, second, strict=False)) if a != b)
+    shared = next(differ, min(len(first), len(second)))
+    ends = [name[min(shared, len(name) - MAX_NAME + 1) :] for name in (first, second)]
+    return [f"…{end}" if len(end) < MAX_NAME else f"…{end[: MAX_NAME - 2]}…" for end in ends]
+
+
+def _draw_success(axis: Any, success: SuccessComparison, names: list[str]) -> None:
+    """Bars of the rates, each with what only it succeeded in drawn apart."""
+    only = (success.only_first, success.only_second)
+    axis.bar((0, 1), [success.both] * 2, width=0.5, color="#c9c9c9")
+    axis.bar((0, 1), only, width=0.5, bottom=[success.both] * 2, color=(DOWN, UP))
+    for place, own in enumerate(only):
+        axis.annotate(f"{success.both + own}", (place, success.both + own), ha="center", va="bottom", fontsize=8)
+    axis.set_ylim(0, 1.12 * success.pairs)
+    axis.yaxis.set_major_locator(MaxNLocator(integer=True))
+    axis.set_ylabel(f"successes of {success.pairs} (grey: of both)", fontsize=8)
+    _finish(axis, names, "success", success.p_value)
+
+
+def _draw_metric(axis: Any, metric: MetricComparison, names: list[str]) -> None:
+    for a, b in zip(metric.first, metric.second, strict=True):
+        axis.plot((0, 1), (a, b), "-o", color=UP if b > a else DOWN if b < a else SAME, lw=0.8, ms=3, alpha=0.65)
+    for place, values in enumerate((metric.first, metric.second)):
+        side = 0.16 if place else -0.16
+        axis.plot((place + side - 0.07, place + side + 0.07), [float(np.median(values))] * 2, "k-", lw=2)
+    _finish(axis, names, metric.name, metric.adjusted_p)
+
+
+def _finish(axis: Any, names: list[str], title: str, p_value: float) -> None:
+    axis.set_xlim(-0.45, 1.45)
+    axis.set_xticks((0, 1), names, fontsize=8)
+    axis.tick_params(axis="y", labelsize=8)
+    weight = "bold" if p_value < SIGNIFICANCE else "normal"
+    axis.set_title(f"{title}\n{p_words(p_value)}", fontsize=9, fontweight=weight)
+    for side in ("top", "right"):
+        axis.spines[side].set_visible(False)
 
 
 @dataclass(frozen=True)
@@ -51,7 +133,6 @@ class ComparedEntries:
 
     def draw(self, path: Path) -> None:
         """Write the picture."""
-        from bestman_bt.evaluation.comparison_picture import draw_comparison
 
         draw_comparison(path, self.comparison, *self.names)
 

@@ -18,10 +18,8 @@ from bestman_bt.engine import FAILURE, RUNNING, Node, StateChanges, Tree
 from bestman_bt.evaluation.audit import Audit, audit
 from bestman_bt.evaluation.declared_contacts import ContactLog
 from bestman_bt.evaluation.disturbances import Disturbances
-from bestman_bt.evaluation.driven_path import DrivenPath
-from bestman_bt.evaluation.durations import Durations
+from bestman_bt.evaluation.episode_measures import DrivenPath, Durations, MotionLog
 from bestman_bt.evaluation.judge import find_judge
-from bestman_bt.evaluation.motion import MotionLog
 from bestman_bt.evaluation.pictures import Pictures
 from bestman_bt.evaluation.recording import Recording
 from bestman_bt.evaluation.result import NO_GOAL, Outcome, RunResult

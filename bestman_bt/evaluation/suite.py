@@ -29,7 +29,7 @@ from bestman_bt.engine import TreeLoadError
 from bestman_bt.evaluation.episode import prepare_episode
 from bestman_bt.facts.goals.goal import metric_names
 from bestman_bt.registry import suggestion
-from bestman_bt.runtime.renamed_codes import RENAMED_CODES
+from bestman_bt.runtime.failure_lines import RENAMED_CODES
 from bestman_bt.runtime.setup import tree_problems
 from bestman_bt.scene import SceneError
 

@@ -10,6 +10,18 @@ from numpy.typing import ArrayLike, NDArray
 
 from bestman_bt.messages.frozen_array import frozen_array
 
+# Velocities of a planar base.
+
+
+@dataclass(frozen=True)
+class Twist2D:
+    """Velocity in the base frame: ``vx`` forward and ``vy`` left in m/s, ``wz`` counter-clockwise in rad/s."""
+
+    vx: float = 0.0
+    vy: float = 0.0
+    wz: float = 0.0
+
+
 MAX_HEADING = 4.0 * math.pi
 """Radians; beyond, degrees are meant, or a number has gone wrong."""
 MAX_COORDINATE = 1e5
@@ -229,3 +241,24 @@ class Pose2D:
     def distance_to(self, other: Pose2D) -> float:
         """Straight-line distance of the positions, metres."""
         return math.hypot(self.x - other.x, self.y - other.y)
+
+
+# Several poses to drive to, one after the other.
+
+
+class Goals(tuple[Pose2D, ...]):
+    """Poses in the map frame, in driving order; as text, their numbers one after the other: ``x;y;theta;x;y;theta``."""
+
+    __slots__ = ()
+
+    @classmethod
+    def from_string(cls, text: str) -> Goals:
+        """Parse ``x;y;theta`` of each pose (metres, radians), the form of a port literal."""
+        parts = text.split(";") if text.strip() else []
+        if len(parts) % 3:
+            raise ValueError(f"poses 'x;y;theta;x;y;theta' (metres, radians) expected, got {text!r}")
+        return cls(Pose2D.from_string(";".join(parts[i : i + 3])) for i in range(0, len(parts), 3))
+
+    def to_string(self) -> str:
+        """The text that ``from_string`` reads."""
+        return ";".join(f"{pose.x!r};{pose.y!r};{pose.theta!r}" for pose in self)

@@ -2,14 +2,57 @@
 
 from __future__ import annotations
 
+import typing
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import Annotated, TypeAlias
 
 import numpy as np
+from annotated_types import Ge, Gt, Le
 from numpy.typing import NDArray
 
+from bestman_bt.errors import Error
 from bestman_bt.messages.frozen_array import frozen_array
 from bestman_bt.messages.pose import Pose
+
+# Numbers with a range, for the parameters of algorithms: wrong ones are refused where a configuration is read.
+# The types say what a value may be and cost nothing at run time. Every number of a configuration has to be finite, so
+# no type says that.
+
+
+Positive = Annotated[float, Gt(0)]
+NonNegative = Annotated[float, Ge(0)]
+Share = Annotated[float, Ge(0), Le(1)]
+PositiveShare = Annotated[float, Gt(0), Le(1)]
+WholeNumber = Annotated[int, Ge(0)]
+Count = Annotated[int, Ge(1)]
+Several = Annotated[int, Ge(2)]
+
+
+@dataclass(frozen=True)
+class NotBelow:
+    """Annotates a number that should not be smaller than that of ``field``: ``Annotated[float, NotBelow("least")]``."""
+
+    field: str
+
+
+class OrderError(Error, ValueError):
+    """Two ``fields`` are each right, and wrong together."""
+
+    def __init__(self, message: str, fields: tuple[str, str]) -> None:
+        super().__init__(message)
+        self.fields = fields
+
+
+def check_bounds(parameters: object) -> None:
+    """OrderError where a field of a dataclass is smaller than the one that its ``NotBelow`` names."""
+    for name, hint in typing.get_type_hints(type(parameters), include_extras=True).items():
+        for mark in getattr(hint, "__metadata__", ()):
+            if not isinstance(mark, NotBelow):
+                continue
+            least, value = getattr(parameters, mark.field), getattr(parameters, name)
+            if least > value:
+                message = f"{mark.field} ({least:g}) should not be larger than {name} ({value:g})"
+                raise OrderError(message, (mark.field, name))
 
 
 @dataclass(frozen=True)
@@ -61,3 +104,28 @@ class PlacedShape:
 
     shape: Shape
     pose: Pose
+
+
+# How far points are from a shape.
+
+
+def distance_to_shape(points: NDArray[np.float64], placed: PlacedShape) -> NDArray[np.float64]:
+    """Distances (N,) of points (N, 3) from a solid shape, metres, 0 inside; a mesh counts as its bounding box."""
+    local = placed.pose.inverse().apply(points)
+    shape = placed.shape
+    match shape:
+        case Sphere():
+            outside: NDArray[np.float64] = np.maximum(np.linalg.norm(local, axis=1) - shape.radius, 0.0)
+            return outside
+        case Cylinder():
+            radial = np.hypot(local[:, 0], local[:, 1]) - shape.radius
+            along = np.abs(local[:, 2]) - shape.length / 2
+            beyond: NDArray[np.float64] = np.hypot(np.maximum(radial, 0.0), np.maximum(along, 0.0))
+            return beyond
+        case Box():
+            half = np.array(shape.size) / 2
+        case Mesh():
+            lower, upper = shape.vertices.min(axis=0), shape.vertices.max(axis=0)
+            local, half = local - (lower + upper) / 2, (upper - lower) / 2
+    distances: NDArray[np.float64] = np.linalg.norm(np.maximum(np.abs(local) - half, 0.0), axis=1)
+    return distances

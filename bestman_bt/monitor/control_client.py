@@ -6,9 +6,25 @@ import json
 import socket
 from pathlib import Path
 from typing import Any
+from urllib.parse import quote
 
 from bestman_bt.errors import Error
 from bestman_bt.runtime_folder import runtime_folder
+
+# Where a monitor is found, and what it says it is.
+
+
+SERVICE = "bestman-bt monitor"
+"""What ``/health`` tells everybody."""
+TOKEN_VARIABLE = "BESTMAN_BT_MONITOR_TOKEN"
+"""Of the environment: a token on the command line is seen by all users of the machine."""
+
+
+def page_address(host: str, port: int, token: str | None) -> str:
+    """The address that opens the page."""
+    query = f"?token={quote(token, safe='')}" if token else ""
+    return f"http://{f'[{host}]' if ':' in host else host}:{port}/{query}"
+
 
 LONGEST_ANSWER = 1 << 20
 

@@ -10,7 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from bestman_bt.engine.logs.regular_file import read_regular
+from bestman_bt.engine.logs.segmented_file import read_regular
 from bestman_bt.monitor.run import MonitoredRun, RunError
 from bestman_bt.records.events import LogEvent, RunEvent
 from bestman_bt.records.history import RunHistory

@@ -14,7 +14,7 @@ from starlette.requests import cookie_parser
 from starlette.responses import JSONResponse, RedirectResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from bestman_bt.monitor.address import SERVICE
+from bestman_bt.monitor.control_client import SERVICE
 
 SHORTEST_TOKEN = 16
 HEADERS = {

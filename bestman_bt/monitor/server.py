@@ -22,8 +22,7 @@ from starlette.staticfiles import StaticFiles
 from starlette.types import ASGIApp
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from bestman_bt.monitor.address import SERVICE
-from bestman_bt.monitor.control_client import socket_folder
+from bestman_bt.monitor.control_client import SERVICE, socket_folder
 from bestman_bt.monitor.controls import CONTROLS, UnknownControlError, check_fields, control
 from bestman_bt.monitor.run import RunError
 from bestman_bt.monitor.run_list import RunList

@@ -20,7 +20,7 @@ from bestman_bt.configuration import ConfigurationError, Document, check, read_d
 from bestman_bt.configuration.quantity import Number, Share
 from bestman_bt.errors import InputError
 from bestman_bt.messages import OccupancyGrid
-from bestman_bt.messages.occupancy_grid import FREE, OCCUPIED, UNKNOWN
+from bestman_bt.messages.grids import FREE, OCCUPIED, UNKNOWN
 
 MODES = ("trinary", "scale", "raw")
 FREE_THRESHOLD, OCCUPIED_THRESHOLD = 0.196, 0.65

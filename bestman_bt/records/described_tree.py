@@ -6,9 +6,9 @@ from typing import get_args
 
 from bestman_bt.engine import EngineError, Node, StateChanges, Tree, TreeLoadError
 from bestman_bt.engine.conversion import text_of
+from bestman_bt.engine.core.status import IDLE
 from bestman_bt.engine.decorators.subtree import SubTree
 from bestman_bt.engine.logs import LogError
-from bestman_bt.engine.status import IDLE
 from bestman_bt.engine.xml.elements import Element, parse_xml
 from bestman_bt.engine.xml.writer import XmlError, full_tree_xml
 from bestman_bt.records.events import MAIN_TREE, Category, DescribedNode, StatesEvent, TreeEvent

@@ -1,7 +1,7 @@
 """What an execution tells of itself: the events of the control channel and of run folders.
 
 An event is one JSON object a line; ``event`` names its kind. Times are seconds of the robot's clock since the run's
-start, poses and points in the map frame, states as in ``bestman_bt.engine.status``, nodes by uid: 1 is the root,
+start, poses and points in the map frame, states as in ``bestman_bt.engine.core.status``, nodes by uid: 1 is the root,
 in pre-order. ``tree`` 0 is the main tree; others are trees that one of its leaves ticks.
 """
 

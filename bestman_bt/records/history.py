@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from bestman_bt.engine.core.status import FAILURE, SKIPPED
 from bestman_bt.engine.logs import Transitions
-from bestman_bt.engine.status import FAILURE, SKIPPED
 from bestman_bt.records.events import (
     MAIN_TREE,
     BlackboardEvent,
@@ -36,8 +36,7 @@ from bestman_bt.records.events import (
     TreeEvent,
 )
 from bestman_bt.records.nodes import NodeList
-from bestman_bt.records.robot_history import RobotHistory
-from bestman_bt.records.samples import Freshness, Samples
+from bestman_bt.records.robot_history import Freshness, RobotHistory, Samples
 from bestman_bt.records.states import NO, HistoryLimits, StateHistory
 from bestman_bt.records.timeline import Timeline
 

@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 
 from bestman_bt.engine.errors import EngineError
 from bestman_bt.engine.logs import BtLog, Transitions, read_btlog
-from bestman_bt.engine.logs.regular_file import read_regular
-from bestman_bt.engine.logs.segmented_file import first_segment, read_segment, read_segments
+from bestman_bt.engine.logs.segmented_file import first_segment, read_regular, read_segment, read_segments
 from bestman_bt.errors import InputError
 from bestman_bt.records.described_tree import describe_xml
 from bestman_bt.records.events import (

@@ -2,7 +2,6 @@
 
 from bestman_bt.robot_model.compose import combine, compose_robot, load_robot_model
 from bestman_bt.robot_model.finger_linkage import MimicJoint
-from bestman_bt.robot_model.kinematic_chain import arm_of, joints_above
 from bestman_bt.robot_model.model import (
     ArmModel,
     BaseModel,
@@ -35,6 +34,7 @@ from bestman_bt.robot_model.sensor_parts import (
     MountedForceTorque,
     TactilePart,
 )
+from bestman_bt.robot_model.urdf_tree import arm_of, joints_above
 
 __all__ = [
     "ArmModel",

@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.messages import Pose
-from bestman_bt.robot_model.footprint import origin_pose
-from bestman_bt.robot_model.shape_outline import outline
+from bestman_bt.robot_model.footprint import origin_pose, outline
 from bestman_bt.robot_model.urdf_elements import child_of, parent_of
 
 SAMPLES = 17

@@ -4,12 +4,56 @@ from __future__ import annotations
 
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import ConvexHull
 
 from bestman_bt.messages import Pose
-from bestman_bt.robot_model.shape_outline import outline
+
+# Shapes of a URDF as points: their corners, or points on their rims.
+
+
+_CIRCLE = np.linspace(0.0, 2.0 * np.pi, 16, endpoint=False)
+
+
+def outline(geometry: ET.Element | None) -> NDArray[np.float64]:
+    """Points whose hull is the shape's, (N, 3) metres in its own frame."""
+    shape = geometry[0] if geometry is not None and len(geometry) else None
+    if shape is None:
+        return np.zeros((0, 3))
+    match shape.tag:
+        case "box":
+            half = np.array(shape.get("size", "").split(), dtype=float) / 2
+            corners: NDArray[np.float64] = half * np.array(
+                [[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]
+            )
+            return corners
+        case "cylinder":
+            radius, length = float(shape.get("radius", "0")), float(shape.get("length", "0"))
+            ring = np.column_stack([radius * np.cos(_CIRCLE), radius * np.sin(_CIRCLE)])
+            return np.concatenate([np.column_stack([ring, np.full(16, z)]) for z in (-length / 2, length / 2)])
+        case "sphere":
+            radius = float(shape.get("radius", "0"))
+            ring = np.column_stack([np.cos(_CIRCLE), np.sin(_CIRCLE), np.zeros(16)])
+            return radius * np.concatenate([ring, ring[:, [0, 2, 1]], ring[:, [2, 0, 1]]])
+        case "mesh":
+            scale = np.array(shape.get("scale", "1 1 1").split(), dtype=float)
+            scaled: NDArray[np.float64] = _mesh_corners(shape.get("filename", "")) * scale
+            return scaled
+    return np.zeros((0, 3))
+
+
+@lru_cache(maxsize=256)
+def _mesh_corners(filename: str) -> NDArray[np.float64]:
+    import coal  # reads what collision worlds read, COLLADA among it
+
+    vertices: NDArray[np.float64] = np.array(
+        coal.MeshLoader(coal.NODE_TYPE.BV_OBBRSS).load(filename, np.ones(3)).vertices()
+    )
+    corners: NDArray[np.float64] = vertices[ConvexHull(vertices).vertices]
+    return corners
 
 
 def footprint(links: Iterable[ET.Element], base_from_link: dict[str, Pose]) -> tuple[tuple[float, float], ...]:

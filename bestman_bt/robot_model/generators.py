@@ -9,13 +9,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from bestman_bt.configuration.quantity import Color, Length, Lengths3, Mass, PositiveLength, Size3
-from bestman_bt.messages import Box, Cylinder
-from bestman_bt.robot_model.generated_bases import (
-    DifferentialBase,
-    SteeredBase,
-    differential_base,
-    steered_base,
-)
+from bestman_bt.messages import Box, Cylinder, Sphere
 from bestman_bt.robot_model.generated_hands import (
     ParallelHand,
     SuctionCup,
@@ -24,17 +18,138 @@ from bestman_bt.robot_model.generated_hands import (
     suction_cup,
     swinging_hand,
 )
-from bestman_bt.robot_model.urdf_elements import (
-    box_inertial,
-    fixed_joint,
-    link,
-    shape,
-    turning_joint,
-)
+from bestman_bt.robot_model.urdf_elements import box_inertial, fixed_joint, inertial, link, shape, turning_joint
 from bestman_bt.robot_model.urdf_source import Subtree
+
+# Bases that are drawn from dimensions.
+
 
 _RUBBER, _STEEL, _DARK = (0.08, 0.08, 0.09), (0.62, 0.64, 0.67), (0.13, 0.14, 0.16)
 _ACROSS = (math.pi / 2, 0.0, 0.0)  # turns a cylinder's axis from z to y
+
+
+@dataclass(frozen=True)
+class Chassis:
+    """A box with driven wheels.
+
+    ``chassis_height``: of the chassis' centre above the floor; ``centre_of_mass``: its height.
+    ``scanner_height``: of a dark slot drawn around the chassis.
+    """
+
+    chassis_mass: Mass
+    chassis_size: Size3
+    chassis_height: PositiveLength
+    centre_of_mass: PositiveLength
+    wheel_radius: PositiveLength
+    wheel_width: PositiveLength
+    wheel_mass: Mass
+    track: PositiveLength
+    scanner_height: PositiveLength
+
+
+@dataclass(frozen=True)
+class DifferentialBase(Chassis):
+    """Two driven wheels on the axis through the base frame, ball casters on the middle line before and behind.
+
+    ``caster_drop``: how much lower than the wheels the casters reach.
+    """
+
+    caster_radius: PositiveLength
+    caster_distance: PositiveLength
+    caster_mass: Mass
+    caster_drop: Length
+    color: Color = (0.16, 0.29, 0.42)
+
+
+@dataclass(frozen=True)
+class SteeredBase(Chassis):
+    """Four driven wheels, each below a vertical steering axis: ``track`` apart across, ``wheelbase`` along."""
+
+    wheelbase: PositiveLength
+    fork_mass: Mass
+    color: Color = (0.42, 0.44, 0.40)
+
+
+def differential_base(name: str, d: DifferentialBase) -> list[ET.Element]:
+    """Links ``base_link, left_wheel, right_wheel, front_caster, rear_caster`` (``name`` is ``base``)."""
+    root = f"{name}_link"
+    elements = [_chassis(root, d, d.color)]
+    for side, sign in (("left", 1), ("right", -1)):
+        wheel = f"{side}_wheel"
+        place = (0, sign * d.track / 2, d.wheel_radius)
+        elements += [_wheel(wheel, d), turning_joint(f"{wheel}_joint", root, wheel, (0, 1, 0), place, continuous=True)]
+    bottom = d.chassis_height - d.chassis_size[2] / 2
+    ball = Sphere(d.caster_radius)
+    neck = Cylinder(0.7 * d.caster_radius, max(bottom - d.caster_radius, 0.005))
+    for end, sign in (("front", 1), ("rear", -1)):
+        caster = f"{end}_caster"
+        lift = (bottom - d.caster_radius) / 2
+        elements += [
+            link(
+                caster,
+                inertial(d.caster_mass, (0.4 * d.caster_mass * d.caster_radius**2,) * 3),
+                shape("visual", ball, rgba=(*_RUBBER, 1), material=f"{caster}_ball"),
+                shape("visual", neck, (0, 0, lift), rgba=(*_STEEL, 1), material=f"{caster}_neck"),
+                shape("collision", ball),
+            ),
+            fixed_joint(
+                f"{caster}_joint", root, caster, (sign * d.caster_distance, 0, d.caster_radius - d.caster_drop)
+            ),
+        ]
+    return elements
+
+
+def steered_base(name: str, d: SteeredBase) -> list[ET.Element]:
+    """Links ``base_link``, ``front_left_fork``, ``front_left_wheel``, …; joints ``front_left_steering_joint``, …"""
+    root = f"{name}_link"
+    elements = [_chassis(root, d, d.color)]
+    arm = Box((0.03, 0.02, 0.03))
+    for end, along in (("front", 1), ("rear", -1)):
+        for side, across in (("left", 1), ("right", -1)):
+            corner = f"{end}_{side}"
+            fork, wheel = f"{corner}_fork", f"{corner}_wheel"
+            place = (along * d.wheelbase / 2, across * d.track / 2, d.wheel_radius)
+            elements += [
+                link(
+                    fork,
+                    box_inertial(d.fork_mass, (0.08, 0.08, 0.08)),
+                    shape("visual", arm, (0, 0, d.wheel_radius), rgba=(*_STEEL, 1), material=f"{fork}_steel"),
+                ),
+                turning_joint(f"{corner}_steering_joint", root, fork, (0, 0, 1), place, continuous=True),
+                _wheel(wheel, d),
+                turning_joint(f"{wheel}_joint", fork, wheel, (0, 1, 0), continuous=True),
+            ]
+    return elements
+
+
+def _chassis(root: str, d: Chassis, color: Color) -> ET.Element:
+    x, y, z = d.chassis_size
+    top = d.chassis_height + z / 2
+    slot = Box((x + 0.004, y + 0.004, 0.035))
+    deck = Box((x - 0.03, y - 0.03, 0.006))
+    return link(
+        root,
+        box_inertial(d.chassis_mass, (x, y, z * 5 / 6), (0, 0, d.centre_of_mass)),
+        shape("visual", Box((x, y, z)), (0, 0, d.chassis_height), rgba=(*color, 1), material=f"{root}_paint"),
+        shape("visual", slot, (0, 0, d.scanner_height), rgba=(*_DARK, 1), material=f"{root}_slot"),
+        shape("visual", deck, (0, 0, top + 0.003), rgba=(*_STEEL, 1), material=f"{root}_deck"),
+        shape("collision", Box((x, y, z)), (0, 0, d.chassis_height)),
+    )
+
+
+def _wheel(name: str, d: Chassis) -> ET.Element:
+    radius, width, mass = d.wheel_radius, d.wheel_width, d.wheel_mass
+    across = mass / 12 * (3 * radius**2 + width**2)
+    tyre, hub = Cylinder(radius, width), Cylinder(0.6 * radius, width + 0.004)
+    return link(
+        name,
+        inertial(mass, (across, mass * radius**2 / 2, across)),
+        shape("visual", tyre, rpy=_ACROSS, rgba=(*_RUBBER, 1), material=f"{name}_tyre"),
+        shape("visual", hub, rpy=_ACROSS, rgba=(*_STEEL, 1), material=f"{name}_hub"),
+        shape("collision", tyre, rpy=_ACROSS),
+    )
+
+
 _ALONG = (0.0, math.pi / 2, 0.0)  # … from z to x
 
 

@@ -29,7 +29,7 @@ from bestman_bt.manipulation.collision import CollisionModel
 from bestman_bt.manipulation.kinematics import InverseKinematics
 from bestman_bt.manipulation.motion_planning import MotionPlanner, TimedMotionPlanner
 from bestman_bt.manipulation.trajectory import TimeParametrization
-from bestman_bt.messages.bounds import check_bounds
+from bestman_bt.messages.shapes import check_bounds
 from bestman_bt.navigation.global_planning import GlobalPlanner, LayeredCostmap
 from bestman_bt.navigation.local_planning import PathFollower
 from bestman_bt.navigation.localization import GlobalLocalizer, Localizer, OdometryFilter

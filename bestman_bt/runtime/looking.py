@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from behaviours.context import SkillContext
 from behaviours.failure import NodeFailure
-from behaviours.grasp_candidates import grasp_candidates, handle_grasp_candidates
-from behaviours.surfaces import SLAB_GROWTH
+from behaviours.manipulation.grasp_candidates import grasp_candidates, handle_grasp_candidates
+from behaviours.perception.surfaces import SLAB_GROWTH
 from bestman_bt.configuration import RunConfig, run_of_options
 from bestman_bt.control.rgbd import RGBDView
 from bestman_bt.messages import Box, Pose, Pose2D

@@ -8,14 +8,13 @@ from typing import Any, TypeVar
 
 from behaviours.parts import MissingPartError, PartKind, parts_by_kind
 from bestman_bt.control.arm import ArmController, ArmWays
-from bestman_bt.control.force_torque import WristWrench
 from bestman_bt.control.gripper import GripperController
 from bestman_bt.control.head import HeadController
 from bestman_bt.control.inertial import FusedOdometry, GyroHeading
 from bestman_bt.control.joint_state import JointStateSensor
 from bestman_bt.control.lidar import LidarSensor
 from bestman_bt.control.rgbd import RGBDSensor
-from bestman_bt.control.tactile import TactileSensor
+from bestman_bt.control.touch import TactileSensor, WristWrench
 from bestman_bt.control.wheeled import BaseController, CollisionMonitor
 from bestman_bt.manipulation.kinematics import ForwardKinematics
 from bestman_bt.robot_model import RobotModel, arm_of

@@ -14,8 +14,7 @@ from PIL import Image, ImageDraw
 from bestman_bt.messages import Pose2D
 from bestman_bt.robot_model import BaseModel, GripperModel, RobotModel
 from bestman_bt.robot_model.finger_linkage import link_poses
-from bestman_bt.robot_model.footprint import origin_pose
-from bestman_bt.robot_model.shape_outline import outline
+from bestman_bt.robot_model.footprint import origin_pose, outline
 from bestman_bt.robot_model.urdf_elements import child_of, fixed_joint, link
 from bestman_bt.scene import World
 from hal.pybullet import PhysicsParameters, PyBulletRobot

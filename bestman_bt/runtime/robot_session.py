@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import logging
+import os
+import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
@@ -16,11 +18,12 @@ from py_trees.behaviour import Behaviour
 
 from behaviours.computation import InlineComputation
 from behaviours.context import SkillContext
-from behaviours.localise import KNOWN_POSITION_STD
+from behaviours.navigation.localise import KNOWN_POSITION_STD
 from behaviours.skill import OnRobot
 from bestman_bt.configuration import RunConfig, load_run, task_of_tree, told_to_programs
 from bestman_bt.control.robot_stop import RobotStop
 from bestman_bt.engine import Problem, Tree, TreeLoadError
+from bestman_bt.records.events import RunEvent
 from bestman_bt.registry import DRIVERS
 from bestman_bt.runtime.algorithms import Algorithms, algorithm_by_name
 from bestman_bt.runtime.control_channel import ControlChannel
@@ -29,11 +32,31 @@ from bestman_bt.runtime.picture_source import PictureSource
 from bestman_bt.runtime.policies import find_policy
 from bestman_bt.runtime.robot_parts import RobotParts
 from bestman_bt.runtime.robot_source import RobotSource
-from bestman_bt.runtime.run_facts import describe_run
 from bestman_bt.runtime.setup import Setup, load_for, prepare
 from bestman_bt.runtime.telemetry import Telemetry
 from bestman_bt.runtime.tree_checks import unfilled_entries
 from hal.api import NotConnectedError, Robot, Sensor
+from hal.parts import SimulatedClock
+
+# What the first event of a run tells.
+
+
+def describe_run(setup: Setup, executor: Executor, folder: Path | None) -> RunEvent:
+    """An execution of this process that begins now."""
+    config = setup.config
+    return RunEvent(
+        task=config.name,
+        tree=str(config.task.tree),
+        scene=str(config.task.scene),
+        robot=str(config.task.robot),
+        seed=config.seed,
+        folder="" if folder is None else str(folder.resolve()),
+        pid=os.getpid(),
+        started=time.time(),
+        tick_rate=1.0 / executor.period,
+        clock="simulated" if isinstance(executor.clock, SimulatedClock) else "real",
+    )
+
 
 _LOG = logging.getLogger(__name__)
 

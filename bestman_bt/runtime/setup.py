@@ -36,9 +36,9 @@ from bestman_bt.runtime.algorithms import (
     algorithm_problems,
     check_odometry,
 )
+from bestman_bt.runtime.failure_lines import renamed_codes
 from bestman_bt.runtime.plugins import node_registry, read_tree
 from bestman_bt.runtime.policies import policy_problems
-from bestman_bt.runtime.renamed_codes import renamed_codes
 from bestman_bt.runtime.task_problems import task_problems
 from bestman_bt.runtime.tree_checks import (
     TASK_ENTRIES,

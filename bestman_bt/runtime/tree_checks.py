@@ -10,10 +10,10 @@ from behaviours.parts import listed, parts_by_kind
 from behaviours.skill import OnArm
 from bestman_bt.engine import Node, Tree
 from bestman_bt.engine.bounds import Named
+from bestman_bt.engine.core.ports import key_of
 from bestman_bt.engine.dataflow import EntryUse, entry_uses
 from bestman_bt.engine.errors import Problem
 from bestman_bt.engine.leaves.blackboard import SetBlackboard
-from bestman_bt.engine.ports import key_of
 from bestman_bt.engine.unwritten import may_write_unseen, named_at, problem_at, unwritten_reads
 from bestman_bt.registry import suggestion
 

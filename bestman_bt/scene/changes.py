@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from bestman_bt.messages import Pose2D
 from bestman_bt.scene.floor_grid import FloorGrid
+from bestman_bt.scene.placing import body_outlines
 from bestman_bt.scene.plane_geometry import Points, polygons_overlap, rectangle
 from bestman_bt.scene.scene import FurnitureModel, PlacedFurniture
-from bestman_bt.scene.standing_outlines import body_outlines
 
 if TYPE_CHECKING:
     from bestman_bt.scene.load import SceneConfig

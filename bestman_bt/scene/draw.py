@@ -4,26 +4,83 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Iterable
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
 
 from bestman_bt.errors import Error, InputError
 from bestman_bt.messages import Pose, Pose2D
-from bestman_bt.scene.apartment_generator import ApartmentError
-from bestman_bt.scene.apartment_scene import with_apartment
+from bestman_bt.scene.apartment_generator import ApartmentError, generate_apartment
 from bestman_bt.scene.changes import draw_changes, exactly_placed
 from bestman_bt.scene.floor_grid import FloorGrid
-from bestman_bt.scene.furniture_standing import standing_furniture, surface_of
 from bestman_bt.scene.load import SceneConfig
 from bestman_bt.scene.moving_door import MovingDoor
-from bestman_bt.scene.placing import gap_to_furniture, gap_to_objects, planar_radius, standing_on
+from bestman_bt.scene.placing import (
+    gap_to_furniture,
+    gap_to_objects,
+    leaf_outlines,
+    planar_radius,
+    standing_furniture,
+    standing_on,
+    standing_outlines,
+    surface_of,
+)
 from bestman_bt.scene.plane_geometry import depth_inside, distance_to_polygon, rectangle, wall_rectangle
 from bestman_bt.scene.scene import PlacedFurniture, PlacedObject, Surface, Wall, World
-from bestman_bt.scene.scene_config import GoalPlacement, ObjectPlacement, RegionConfig
-from bestman_bt.scene.standing_outlines import leaf_outlines, standing_outlines
+from bestman_bt.scene.scene_config import FurniturePlacement, GoalPlacement, ObjectPlacement, RegionConfig, WallsConfig
 from bestman_bt.scene.walker import Walker
 from bestman_bt.scene.walker_routes import draw_walkers
+
+# Scenes whose walls and furniture a generator makes: the seed's apartment in the place of what a file would list.
+
+
+_MOVED = 0.6  # metres each way
+
+
+def with_apartment(scene: SceneConfig, seed: int) -> SceneConfig:
+    """The scene as if its file had listed the seed's apartment; one without a generator as it is.
+
+    The robot may start anywhere where there is room, unless the file says where. Raises ApartmentError.
+    """
+    if scene.file.generator is None:
+        return scene
+    options = scene.file.generator.apartment
+    apartment = generate_apartment(options, seed if options.seed is None else options.seed, scene.file.passage)
+    rng = np.random.default_rng([seed, 6])
+    corners = [room.x + room.y for room in apartment.rooms]
+    whole = RegionConfig(
+        x=(min(c[0] for c in corners), max(c[1] for c in corners)),
+        y=(min(c[2] for c in corners), max(c[3] for c in corners)),
+    )
+    file = replace(
+        scene.file,
+        walls=WallsConfig(options.wall_height, options.wall_thickness, apartment.walls),
+        furniture={
+            piece.name: FurniturePlacement(
+                piece.model.name,
+                (piece.at.x, piece.at.y, piece.at.theta),
+                moved=_MOVED if piece.model.name == "chair" and rng.random() < options.moved_chairs else 0.0,
+            )
+            for piece in apartment.furniture
+        }
+        | {
+            # built into walls, which are exact
+            door.name: FurniturePlacement(
+                door.model.name,
+                (door.at.x, door.at.y, door.at.theta),
+                offset=0.0,
+                turn=0.0,
+                open=now.open,
+                mapped_open=door.open,
+            )
+            for door, now in zip(apartment.doors, apartment.doors_now, strict=True)
+        },
+        robot_start=scene.file.robot_start or whole,
+    )
+    pieces = (*apartment.furniture, *apartment.doors)
+    return replace(scene, file=file, furniture={piece.name: piece.model for piece in pieces})
+
 
 _ATTEMPTS = 300  # whole draws
 _TRIES = 100  # places tried for one thing in one draw

@@ -5,17 +5,157 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
 from bestman_bt.configuration import ConfigurationError, Document, Problem, check, find_data, read_document
-from bestman_bt.configuration.quantity import Friction, Lengths3, Size2, WholeNumber
-from bestman_bt.messages import Pose
-from bestman_bt.scene.articulation_file import PART_COLOR, ArticulationConfig, read_articulations
+from bestman_bt.configuration.quantity import (
+    Friction,
+    JointEffort,
+    JointPosition,
+    LatchEffort,
+    Lengths3,
+    Mass,
+    Number,
+    PositiveLength,
+    Size2,
+    WholeNumber,
+)
+from bestman_bt.messages import Handle, HandleKind, JointKind, Pose
+from bestman_bt.messages.handle import HingeSide
 from bestman_bt.scene.furniture_generator import FurnitureOptionError, generate_furniture, options_of
-from bestman_bt.scene.scene import FurnitureModel, Surface
+from bestman_bt.scene.scene import Articulation, FurnitureModel, Surface
 from bestman_bt.scene.shape_file import ShapeConfig, placed_shapes
+
+# Doors and drawers as hand-written furniture files describe them.
+
+
+PART_COLOR = (0.7, 0.7, 0.7)  # of parts of furniture that give none
+
+_OUTWARD = np.array([-1.0, 0.0, 0.0])  # the front of furniture faces -x
+# furniture_from_handle: z out of the front, x to the right (horizontal) or up (vertical) for who stands before it
+_TURNS = {
+    "horizontal": np.array([[0.0, 0.0, -1.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]),
+    "vertical": np.array([[0.0, 0.0, -1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]]),
+}
+
+
+@dataclass(frozen=True)
+class HandleConfig:
+    """Where a door or drawer is gripped; see bestman_bt.messages.Handle. Its shapes are among the ``parts``.
+
+    ``xyz``: the middle of what is gripped, in the furniture frame. ``panel``, ``panel_size``: middle of the front panel
+    and its width and height.
+    """
+
+    kind: HandleKind
+    xyz: Lengths3
+    radius: PositiveLength
+    length: PositiveLength
+    panel: Lengths3
+    panel_size: Size2
+    direction: Literal["horizontal", "vertical"] = "horizontal"
+
+
+@dataclass(frozen=True)
+class ArticulationConfig:
+    """A door (``revolute``) or drawer (``prismatic``), closed, in the furniture frame.
+
+    ``origin``: a point on the ``axis``; the joint opens in its positive sense up to ``upper``. ``friction``: what it
+    resists with, N m or N. ``latch``: what it takes in addition to leave the closed position.
+    """
+
+    joint: JointKind
+    origin: Lengths3
+    axis: tuple[Number, Number, Number]
+    upper: JointPosition
+    parts: tuple[ShapeConfig, ...]
+    mass: Mass
+    friction: JointEffort
+    handle: HandleConfig
+    latch: LatchEffort = 0.0
+
+
+def read_articulations(configs: Mapping[str, ArticulationConfig], document: Document) -> tuple[Articulation, ...]:
+    """The articulations of a furniture file; raises ConfigurationError."""
+    return tuple(_articulation(name, config, document) for name, config in configs.items())
+
+
+def _articulation(name: str, config: ArticulationConfig, document: Document) -> Articulation:
+    def refuse(field: str, message: str) -> ConfigurationError:
+        return ConfigurationError([document.problem(("articulations", name, field), message)])
+
+    if not config.parts:
+        raise refuse("parts", "a door or drawer needs at least one shape")
+    if config.upper <= 0.0:
+        raise refuse("upper", f"should be more than 0, got {config.upper:g}; the joint opens from 0 to here")
+    written = np.array(config.axis)
+    if not np.linalg.norm(written) > 0.0:
+        raise refuse("axis", f"should not be zero, got {list(config.axis)}")
+    axis, origin = written / np.linalg.norm(written), np.array(config.origin)
+    pulled = axis if config.joint == "prismatic" else np.cross(axis, np.array(config.handle.xyz) - origin)
+    if not np.linalg.norm(pulled) > 1e-6:
+        raise refuse("origin", f"the handle lies on the axis, which goes through {list(config.origin)}")
+    pulled = pulled / np.linalg.norm(pulled)
+    if pulled @ _OUTWARD <= 0.0:
+        message = f"the joint opens inwards, the front faces -x; turn the axis round: {[float(-a) for a in written]}"
+        raise refuse("axis", message)
+    within = document.below("articulations", name)
+    try:
+        parts = placed_shapes(config.parts, within, "parts")
+    except ConfigurationError as error:
+        raise error.within("articulations", name) from error
+    return Articulation(
+        name=name,
+        kind=config.joint,
+        origin=config.origin,
+        axis=(float(axis[0]), float(axis[1]), float(axis[2])),
+        upper=config.upper,
+        parts=parts,
+        colors=tuple((*(part.color or PART_COLOR), 1.0) for part in config.parts),
+        mass=config.mass,
+        friction=config.friction,
+        handle=_handle(config, origin, axis, pulled),
+        latch=config.latch,
+    )
+
+
+def _handle(config: ArticulationConfig, origin: np.ndarray, axis: np.ndarray, pulled: np.ndarray) -> Handle:
+    given = config.handle
+    revolute = config.joint == "revolute"
+    return Handle(
+        kind=given.kind,
+        pose=_facing(given.xyz, given.direction),
+        radius=given.radius,
+        length=given.length,
+        standoff=given.panel[0] - given.xyz[0],
+        opening_direction=pulled,
+        confidence=1.0,
+        position_std=0.0,
+        joint=config.joint,
+        joint_confidence=1.0,
+        hinge_side=_hinge_side(np.array(given.xyz), origin, axis) if revolute else None,
+        hinge=origin if revolute else None,
+        hinge_direction=axis if revolute else None,
+        panel=_facing(given.panel, "horizontal"),
+        panel_size=given.panel_size,
+    )
+
+
+def _facing(xyz: Lengths3, direction: str) -> Pose:
+    matrix = np.eye(4)
+    matrix[:3, :3], matrix[:3, 3] = _TURNS[direction], xyz
+    return Pose.from_matrix(matrix)
+
+
+def _hinge_side(handle: np.ndarray, origin: np.ndarray, axis: np.ndarray) -> HingeSide:
+    """Seen from the front, where -y is to the right: on which side of the handle the axis runs."""
+    away = origin - handle
+    away = away - (away @ axis) * axis
+    if abs(away[1]) >= abs(away[2]):
+        return "left" if away[1] > 0.0 else "right"
+    return "top" if away[2] > 0.0 else "bottom"
 
 
 @dataclass(frozen=True)

@@ -6,13 +6,38 @@ import re
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
+from xml.etree import ElementTree
 
 from bestman_bt.configuration import ConfigurationError, Document, Problem, check, find_data, read_document
 from bestman_bt.configuration.quantity import Color, Friction, Mass
 from bestman_bt.messages import Mesh, ObjectModel, PlacedShape, Pose
 from bestman_bt.scene.grasps_file import read_grasps
-from bestman_bt.scene.random_shape import random_shape_document
+from bestman_bt.scene.mesh_file import locate_mesh
 from bestman_bt.scene.shape_file import ShapeConfig, convex_shapes, placed_shapes
+
+# The thousand random shapes of pybullet_data as objects: things that no robot has a model of.
+
+
+SCALE = 0.015
+"""Metres per unit of the meshes, as pybullet_data has it: longest sides of 90 to 150 mm."""
+
+
+def random_shape_document(number: int, scale: float = SCALE) -> Document:
+    """The object file of shape ``number``, 0 to 999: about seven convex lumps stuck together, 100 g, in its colour.
+
+    ``scale``: metres per unit of the mesh. Raises MeshError where pybullet_data is not installed.
+    """
+    place = f"package://pybullet_data/random_urdfs/{number:03d}/{number:03d}"
+    urdf = ElementTree.parse(locate_mesh(f"{place}.urdf", Path())).getroot()
+    color = next(element for element in urdf.iter("color")).get("rgba", "0.5 0.5 0.5 1")
+    data = {
+        "mass": 0.1,
+        "color": [float(value) for value in color.split()[:3]],
+        "friction": 0.8,
+        "collision": [{"mesh": {"file": f"{place}.obj", "scale": scale}}],
+    }
+    return Document(data, {(): (f"random_{number:03d}", None)})
+
 
 SMALLEST, LARGEST = 0.005, 1.0
 """Metres: limits of the longest side of an object; beyond them its units are likely to be wrong."""

@@ -3,14 +3,99 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import replace
+from itertools import product
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import ConvexHull
 
-from bestman_bt.messages import ObjectModel, Pose, Pose2D
-from bestman_bt.scene.plane_geometry import distance_to_polygon, rectangle
-from bestman_bt.scene.scene import PlacedFurniture, PlacedObject
+from bestman_bt.messages import Box, ObjectModel, PlacedShape, Pose, Pose2D
+from bestman_bt.scene.plane_geometry import Points, distance_to_polygon, rectangle, wall_rectangle
+from bestman_bt.scene.scene import PlacedFurniture, PlacedObject, Surface, Wall
+
+if TYPE_CHECKING:
+    from bestman_bt.scene.load import SceneConfig
+
+
+# What stands on the floor, seen from above: what a start, a goal or somebody who walks keeps away from.
+
+
+_OVERHEAD = 1.8
+"""Metres above the floor from which on nobody meets a board, such as the lintel of a door."""
+
+
+def standing_outlines(walls: Iterable[Wall], furniture: Iterable[PlacedFurniture]) -> list[Points]:
+    """Convex polygons, counter-clockwise: walls, footprints, frames of doors between rooms, and open leaves."""
+    pieces = list(furniture)
+    outlines = [wall_rectangle(wall) for wall in walls]
+    for piece in pieces:
+        outlines += body_outlines(piece)
+    return [*outlines, *(outline for piece in pieces for outline in leaf_outlines(piece))]
+
+
+def body_outlines(piece: PlacedFurniture) -> list[Points]:
+    """The footprint of a piece, or the posts of a door between rooms."""
+    if piece.model.is_passage:
+        return list(_outlines(piece.model.parts, piece.pose))
+    return [rectangle(piece.actual, piece.model.footprint)]
+
+
+def leaf_outlines(piece: PlacedFurniture) -> Iterator[Points]:
+    """The boards of open doors and drawers, and of a door between rooms also while it is closed."""
+    for leaf in piece.model.articulations:
+        position = piece.open.get(leaf.name, 0.0)
+        if position > 0.0 or piece.model.is_passage:
+            yield from _outlines(leaf.parts, piece.pose @ leaf.moved(position))
+
+
+def _outlines(parts: Iterable[PlacedShape], map_from_parts: Pose) -> Iterator[Points]:
+    for part in parts:
+        if isinstance(part.shape, Box):
+            box = np.array(list(product((-0.5, 0.5), repeat=3))) * part.shape.size
+            corners = (map_from_parts @ part.pose).apply(box)
+            if corners[:, 2].min() < _OVERHEAD:
+                yield corners[ConvexHull(corners[:, :2]).vertices, :2]
+
+
+# Where the furniture of a scene stands: each piece on the floor or on a surface of one named above it.
+
+
+def standing_furniture(
+    scene: SceneConfig, shares: Callable[[str], Sequence[float]] = lambda piece: (0.0, 0.0, 0.0)
+) -> tuple[PlacedFurniture, ...]:
+    """The furniture in the order of the file, really standing beside where the map has it.
+
+    ``shares``: by a piece's name the shares, each from -1 to 1, of its ``offset`` along x and y and of its ``turn``.
+    """
+    pieces: list[PlacedFurniture] = []
+    for name, placement in scene.file.furniture.items():
+        nominal = Pose2D(*placement.at)
+        dx, dy, turn = shares(name)
+        actual = Pose2D(
+            nominal.x + placement.offset * float(dx),
+            nominal.y + placement.offset * float(dy),
+            nominal.theta + placement.turn * float(turn),
+        )
+        elevation, on = 0.0, None
+        if placement.on is not None:
+            below, surface = surface_of(scene, placement.on, pieces)
+            in_furniture = surface.pose.to_pose2d()
+            nominal, actual = below.nominal @ in_furniture @ nominal, below.actual @ in_furniture @ actual
+            elevation, on = below.elevation + float(surface.pose.position[2]), below.name
+        piece = PlacedFurniture(name, scene.furniture[name], nominal, actual, elevation, on, placement.open)
+        pieces.append(replace(piece, mapped_open=placement.mapped_open))
+    return tuple(pieces)
+
+
+def surface_of(
+    scene: SceneConfig, surface_name: str, furniture: Sequence[PlacedFurniture]
+) -> tuple[PlacedFurniture, Surface]:
+    """The piece that bears the surface called ``furniture`` or ``furniture/surface``, and that surface."""
+    name, surface = scene.surface(surface_name)
+    return next(piece for piece in furniture if piece.name == name), surface
 
 
 def planar_radius(model: ObjectModel) -> float:

@@ -14,8 +14,8 @@ from bestman_bt.facts.predicate import Beliefs, Predicate
 from bestman_bt.registry import suggestion
 from bestman_bt.task_planning.abilities import Ability, DeclarationError, abilities_of
 from bestman_bt.task_planning.state import SUPERTYPES, known_predicates, read_state, things
-from bestman_bt.task_planning.symbolic.binding import written_out
 from bestman_bt.task_planning.symbolic.facts import parse_conditions, parse_fact, parse_goal, parse_literals
+from bestman_bt.task_planning.symbolic.grounding import written_out
 from bestman_bt.task_planning.symbolic.problem import (
     Condition,
     Fact,

@@ -2,22 +2,143 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection, Iterable
+from dataclasses import dataclass
 from typing import ClassVar
 
+import numpy as np
 from py_trees.ports import PortInformation
 
-from behaviours.skill import Explained, OnRobot, Skill, SkillFailure, Steps
+from behaviours.context import DRIVEN, SkillContext
+from behaviours.skill import (
+    ArticulationName,
+    Explained,
+    ObjectName,
+    OnRobot,
+    Skill,
+    SkillCondition,
+    SkillFailure,
+    Steps,
+    SurfaceName,
+)
 from bestman_bt.engine import RUNNING, SUCCESS, StatefulAction, SubTree, Tree, TreeLoadError
-from bestman_bt.registry import UnknownNameError
+from bestman_bt.engine.bounds import BoundedPort
+from bestman_bt.facts.predicate import Beliefs
+from bestman_bt.registry import PREDICATES, UnknownNameError
 from bestman_bt.task_planning.base import TaskPlanner
 from bestman_bt.task_planning.builders import PlanTree
-from bestman_bt.task_planning.conditions import beliefs_of
+from bestman_bt.task_planning.builders.regression import Kernel, staircase
+from bestman_bt.task_planning.builders.steps import steps_one_by_one
 from bestman_bt.task_planning.domain import Domain
 from bestman_bt.task_planning.limits import PlanLimits, plan_within
-from bestman_bt.task_planning.monitoring import PlanMonitor
 from bestman_bt.task_planning.planners import made_builder, made_planner
-from bestman_bt.task_planning.symbolic import GoalError, PlanningError, Problem, TaskPlan, Unsolvable
+from bestman_bt.task_planning.state import holds
+from bestman_bt.task_planning.symbolic import Action, Fact, Literal, PlanningError, Problem, TaskPlan, Unsolvable
+from bestman_bt.task_planning.symbolic.facts import parse_literals
+from bestman_bt.task_planning.symbolic.problem import GoalError
 from bestman_bt.task_planning.verification import verify
+
+# Facts as condition leaves: the same functions that the symbolic state is read with.
+
+
+TUCKED = 0.1
+"""Radians by which the joints of a tucked arm may be off its posture."""
+
+
+class Holds(SkillCondition):
+    """Whether facts are believed: ``on(mug, table/top) and not open(fridge/upper_door)``.
+
+    ``{object}``, ``{place}`` and ``{container}`` in the text stand for the ports of these names.
+    """
+
+    USES = ("arm",)
+    INPUT_PORTS: ClassVar = {
+        "fact": PortInformation(str, description="facts, joined by and"),
+        "object": BoundedPort(ObjectName, required=False, description="for {object} in the fact"),
+        "place": BoundedPort(SurfaceName, required=False, description="for {place} in the fact"),
+        "container": BoundedPort(ArticulationName, required=False, description="for {container} in the fact"),
+    }
+    FAILS: ClassVar = {
+        "not_believed": "bring it about: Plan, ExecutePlan",
+        "unknown_name": "name what there is on the map",
+    }
+
+    _brought_about: frozenset[str] | None = None
+
+    def check(self) -> tuple[str, str] | None:
+        """Asks the beliefs; takes no picture."""
+        values = {f"{{{port}}}": self.get_input(port) for port in ("object", "place", "container")}
+        beliefs = beliefs_of(self.skills)
+        try:
+            for literal in parse_literals(self.get_input("fact")):
+                asked = literal.bound({port: name for port, name in values.items() if name})
+                if holds(beliefs, asked.fact, self._declared(asked.fact.predicate)) == asked.negated:
+                    return "not_believed", f"it is not believed that {asked}"
+        except GoalError as error:
+            return "bad_input", str(error)
+        except (UnknownNameError, KeyError) as error:
+            return "unknown_name", str(error.args[0])
+        return None
+
+    def _declared(self, predicate: str) -> frozenset[str]:
+        """Predicates of abilities; they are only looked up for one that is not declared as such."""
+        if self._brought_about is None and predicate not in PREDICATES.names():
+            self._brought_about = frozenset(Domain.of(self.owner.registry).signatures)
+        return self._brought_about or frozenset()
+
+
+def beliefs_of(skills: SkillContext) -> Beliefs:
+    """What a running robot believes, with what its encoders tell of the arm; one without an arm has none out."""
+    if not skills.has("arm"):
+        return Beliefs(skills.world, tucked=True)
+    posture = skills.robot.posture(DRIVEN, skills.arm_model.joint_names)
+    off = float(np.abs(skills.arm_positions() - posture).max())
+    return Beliefs(skills.world, tucked=off <= TUCKED)
+
+
+# Watches a plan while it is carried out: what it still needs, compared with what is believed.
+
+
+@dataclass(frozen=True)
+class Outlook:
+    """How a plan stands: ``next``: the action to do, None where it is done or does not help any more.
+
+    ``broken``: what the rest of the plan needs and is not believed, where it does not help.
+    """
+
+    done: bool
+    next: Action | None
+    broken: tuple[Literal, ...] = ()
+
+    def __str__(self) -> str:
+        if self.done:
+            return "the goal holds"
+        if self.next is not None:
+            return f"next is {self.next}"
+        return f"the plan does not help any more: it needs {' and '.join(map(str, self.broken))}"
+
+
+class PlanMonitor:
+    """Knows what of a plan leads to the goal from a state, whatever has been done so far."""
+
+    def __init__(self, plan: TaskPlan, goal: Iterable[Literal], most_ways: int = 8) -> None:
+        self._goal = frozenset(goal)
+        self._steps = staircase(steps_one_by_one(plan), self._goal, most_ways)
+
+    def outlook(self, state: Collection[Fact]) -> Outlook:
+        """Where the plan stands in a state."""
+        if not _broken(self._goal, state):
+            return Outlook(True, None)
+        ready = [each.step for each in self._steps if each.holds_in(state)]
+        if ready:
+            return Outlook(False, ready[-1].actions[0])
+        ways = [self._goal, *(way for each in self._steps for way in each.ways)]
+        return Outlook(False, None, min((_broken(way, state) for way in ways), key=len))
+
+
+def _broken(way: Kernel, state: Collection[Fact]) -> tuple[Literal, ...]:
+    return tuple(sorted(literal for literal in way if not literal.holds_in(state)))
+
 
 ANSWERS = frozenset({"not_believed", "other_code"})
 """What ``Holds`` and ``AreErrorCodesPresent`` tell where the answer is no: they ask, and are no reason of a failure."""

@@ -1,12 +1,14 @@
 """What the robot believes: the semantic map, seen objects, what it holds, where it is."""
 
-from bestman_bt.world_model.open_leaves import handle_shape, leaf_shapes, open_leaves
 from bestman_bt.world_model.openness import (
     Openness,
     containers_before,
+    handle_shape,
     is_open,
     is_shut,
     leaf_called,
+    leaf_shapes,
+    open_leaves,
     openness_of,
 )
 from bestman_bt.world_model.semantic_map import MapFurniture, MapLeaf, MapSurface, SemanticMap

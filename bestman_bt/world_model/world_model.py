@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.messages import Box, Handle, ObjectModel, PlacedShape, PointCloud, Pose, Pose2D, VoxelGrid, YawSet
-from bestman_bt.messages.voxel_grid import VOXEL_FREE, VOXEL_OCCUPIED
+from bestman_bt.messages.grids import VOXEL_FREE, VOXEL_OCCUPIED
 from bestman_bt.world_model.semantic_map import MapFurniture, MapLeaf, MapSurface, SemanticMap
 
 HANDLE_STANDOFF = 0.10

@@ -16,9 +16,8 @@ import numpy as np
 from bestman_bt.messages import Box, Pose
 from bestman_bt.perception.errors import PerceptionError
 from bestman_bt.perception.grasp_pose.base import GraspCandidate, GraspPlanner, GraspTarget
-from bestman_bt.perception.grasp_pose.clearance import clear_candidates, surroundings_of
-from bestman_bt.perception.grasp_pose.hand_placement import HandPlacement
-from bestman_bt.perception.grasp_pose.hand_shape import HandShape, HandSize
+from bestman_bt.perception.grasp_pose.hand_shape import HandPlacement, HandShape, HandSize
+from bestman_bt.perception.grasp_pose.ranking import clear_candidates, surroundings_of
 from bestman_bt.robot_model import GripperModel
 
 

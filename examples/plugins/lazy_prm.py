@@ -20,11 +20,10 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
 
-from bestman_bt.manipulation.motion_planning.checked_edges import CheckedEdges
+from bestman_bt.manipulation.motion_planning.checked_edges import CheckedEdges, CountedValidity
 from bestman_bt.manipulation.motion_planning.query import PlanningQuery
 from bestman_bt.manipulation.motion_planning.sampling_planner import SamplingPlanner
-from bestman_bt.manipulation.motion_planning.validity import CountedValidity
-from bestman_bt.messages.bounds import Count
+from bestman_bt.messages.shapes import Count
 
 
 @dataclass(frozen=True)

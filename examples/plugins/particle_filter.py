@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.messages import LaserScan, Pose2D, wrap_angle
-from bestman_bt.messages.bounds import (
+from bestman_bt.messages.shapes import (
     Count,
     NonNegative,
     NotBelow,

@@ -21,7 +21,7 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
 
-from bestman_bt.messages.bounds import Count, Positive, Share, WholeNumber
+from bestman_bt.messages.shapes import Count, Positive, Share, WholeNumber
 from bestman_bt.navigation.global_planning.polyline_planner import PolylinePlanner
 from bestman_bt.navigation.global_planning.room import Room
 

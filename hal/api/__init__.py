@@ -2,15 +2,13 @@
 
 from bestman_bt.errors import RobotError
 from bestman_bt.messages import Failure, MotionErrorCode
-from hal.api.arm import Arm
-from hal.api.clock import Clock, Timer
+from hal.api.arm import Arm, JointGroup
 from hal.api.errors import CommandRefusedError, NoDataError, NotConnectedError, PartError, UnknownPartError
 from hal.api.gripper import Gripper, GripperState
-from hal.api.joint_group import JointGroup
 from hal.api.mobile_base import MobileBase
 from hal.api.motion import Motion, MotionStatus
 from hal.api.part import Part, Sensor
-from hal.api.robot import Robot
+from hal.api.robot import Clock, Robot, Timer
 from hal.api.sensors import (
     Battery,
     BatteryReading,

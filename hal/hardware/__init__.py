@@ -1,10 +1,9 @@
 """Real robots: one clock, one stop, one watchdog and one set of limits over the controllers of several vendors."""
 
-from hal.hardware.clock import RealTimeClock
+from hal.hardware.clock import LatencyMonitor, RealTimeClock, RemoteTime
 from hal.hardware.connection import Connection
 from hal.hardware.control_loop import ControlLoop
 from hal.hardware.isolated_robot import IsolatedRobot
-from hal.hardware.remote_time import LatencyMonitor, RemoteTime
 from hal.hardware.robot import HardwareRobot
 from hal.hardware.sensors import (
     HardwareBattery,

@@ -3,12 +3,13 @@
 from hal.parts.channels import (
     BaseChannel,
     BaseReading,
+    ControlledPart,
     GripperChannel,
     GripperReading,
     JointChannel,
     JointReading,
+    interface_of,
 )
-from hal.parts.controlled_part import ControlledPart
 from hal.parts.driven_base import (
     Arrival,
     BaseTiming,
@@ -16,14 +17,12 @@ from hal.parts.driven_base import (
     MotionProfile,
 )
 from hal.parts.gripper import CommandedGripper
-from hal.parts.interface import interface_of
 from hal.parts.part_connection import ConnectionFailedError, PartConnection
 from hal.parts.setpoints import Hold, Setpoints, Trapezoid
 from hal.parts.simulated_clock import SimulatedClock
 from hal.parts.stop_latch import StopLatch
-from hal.parts.streamed_arm import StreamedArm
+from hal.parts.streamed_arm import StreamedArm, ToolLimits
 from hal.parts.streamed_joints import StreamedJointGroup, Tracking
-from hal.parts.tool_limits import ToolLimits
 
 __all__ = [
     "Arrival",

@@ -5,6 +5,7 @@ The laws of ``hal.parts`` decide; they are the same for every vendor and for the
 
 from __future__ import annotations
 
+import inspect
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 
@@ -12,6 +13,92 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.messages import Pose2D, Twist2D
+from hal.api import Failure, Part
+from hal.parts.part_connection import PartConnection
+from hal.parts.stop_latch import StopLatch
+
+# Parts that are controlled over a connection: what the connection needs of them, and how they come to rest.
+
+
+class ControlledPart(Part):
+    """A part behind a controller."""
+
+    @abstractmethod
+    def attach(self) -> None:
+        """The controller has connected, or has recovered: hold where the part is."""
+
+    @abstractmethod
+    def detach(self) -> None:
+        """The controller is about to disconnect: motions fail, the part brakes, commands are refused; idempotent."""
+
+    @property
+    @abstractmethod
+    def resting(self) -> bool:
+        """Whether nothing of it is commanded to move any more."""
+
+    @abstractmethod
+    def fail(self, fault: Failure) -> None:
+        """The controller has a fault: the motion under way has failed, the part comes to rest."""
+
+
+class StoppablePart(ControlledPart):
+    """A part with one motion at a time, which ``brake`` brings to rest."""
+
+    def __init__(self, name: str, latch: StopLatch) -> None:
+        super().__init__(name)
+        self._connection = PartConnection(name, latch)
+
+    @abstractmethod
+    def brake(self) -> None:
+        """Come to rest within half a second."""
+
+    def stop(self) -> None:
+        """Come to rest, ending the motion under way."""
+        with self._connection.lock:
+            if self._connection.connected:
+                self.brake()
+                self._connection.stop_motion()
+
+    def detach(self) -> None:
+        """The controller disconnects: come to rest."""
+        with self._connection.lock:
+            self.brake()
+            self._connection.close()
+
+
+# What a kind of part in ``hal.api`` consists of, for those that stand between a program and a part.
+
+
+COMPOSED = frozenset({"open", "close"})
+"""Methods that the interface itself makes of others."""
+
+
+@dataclass(frozen=True)
+class Interface:
+    """``kind``: the class of ``hal.api``. Names of its attributes, of methods that read, and of those that command.
+
+    ``attributes``: without the ``model``.
+    """
+
+    kind: type[Part]
+    attributes: tuple[str, ...]
+    readings: tuple[str, ...]
+    commands: tuple[str, ...]
+
+
+def interface_of(part: type[Part]) -> Interface:
+    """The interface of a class of parts, by the most special class of ``hal.api`` that it derives from."""
+    kind = next(cls for cls in part.__mro__ if cls.__module__.startswith("hal.api."))
+    declared = dict.fromkeys(name for cls in kind.__mro__ for name in inspect.get_annotations(cls))
+    attributes = tuple(name for name in declared if name not in ("kind", "model"))
+    readings: list[str] = []
+    commands: list[str] = []
+    for name in dir(kind):
+        found = inspect.getattr_static(kind, name)
+        if not name.startswith("_") and name not in COMPOSED and name != "stop" and inspect.isfunction(found):
+            (commands if len(inspect.signature(found).parameters) > 1 else readings).append(name)
+    return Interface(kind, attributes, tuple(readings), tuple(commands))
+
 
 Array = NDArray[np.float64]
 

@@ -8,8 +8,7 @@ from dataclasses import dataclass
 from bestman_bt.messages import Pose2D, Twist2D, wrap_angle
 from bestman_bt.robot_model import BaseModel, BasePart, MobilePart
 from hal.api import CommandRefusedError, Failure, MobileBase, Motion, MotionErrorCode, MotionStatus, NoDataError
-from hal.parts.channels import BaseChannel
-from hal.parts.controlled_part import ControlledPart
+from hal.parts.channels import BaseChannel, ControlledPart
 from hal.parts.part_connection import PartConnection
 from hal.parts.stop_latch import StopLatch
 

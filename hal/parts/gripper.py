@@ -18,8 +18,7 @@ from hal.api import (
     MotionStatus,
     NoDataError,
 )
-from hal.parts.channels import GripperChannel, GripperReading
-from hal.parts.controlled_part import StoppablePart
+from hal.parts.channels import GripperChannel, GripperReading, StoppablePart
 from hal.parts.stop_latch import StopLatch
 
 SETTLED = 0.05

@@ -14,7 +14,7 @@ from scipy.spatial import ConvexHull, HalfspaceIntersection
 
 from bestman_bt.messages import Box, Cylinder, Mesh, PlacedShape, Pose, Shape, Sphere
 from bestman_bt.scene import Articulation, FurnitureModel, Walker
-from hal.simulation.mass_distribution import mass_distribution
+from hal.simulation.joint_motors import mass_distribution
 
 Color = tuple[float, float, float, float]
 _EFFORT, _VELOCITY = 1000.0, 10.0  # URDF asks for limits

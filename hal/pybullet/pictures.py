@@ -15,7 +15,7 @@ from hal.pybullet.body_urdf import body_urdf
 from hal.pybullet.client import PhysicsClient
 from hal.pybullet.package import pybullet
 from hal.simulation import Viewpoint
-from hal.simulation.photographer import smooth
+from hal.simulation.camera import smooth
 
 
 def projection_matrix(k: CameraIntrinsics, near: float, far: float) -> list[float]:

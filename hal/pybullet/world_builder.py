@@ -17,7 +17,7 @@ from bestman_bt.robot_model import (
     RobotModel,
     WheeledBaseModel,
 )
-from bestman_bt.robot_model.bare_frames import without_bare_frames
+from bestman_bt.robot_model.mounting import without_bare_frames
 from bestman_bt.scene import PlacedFurniture, PlacedObject, Walker, World, wall_box
 from hal.pybullet.body_urdf import SLIDES, Color, body_urdf, furniture_urdf, joint_name, walker_urdf
 from hal.pybullet.client import PhysicsClient

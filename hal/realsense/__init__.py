@@ -1,6 +1,5 @@
 """Intel RealSense depth cameras on USB, through pyrealsense2."""
 
-from hal.realsense.connection import RealSenseConnection
-from hal.realsense.options import RealSenseOptions
+from hal.realsense.connection import RealSenseConnection, RealSenseOptions
 
 __all__ = ["RealSenseConnection", "RealSenseOptions"]

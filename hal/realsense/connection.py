@@ -7,17 +7,40 @@ import ctypes
 import threading
 import time
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from types import ModuleType
-from typing import Any, ClassVar
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
+from pydantic import Field
 
+from bestman_bt.configuration.quantity import PositiveTime
 from bestman_bt.messages import RGBDImage
 from bestman_bt.robot_model import CameraPart
 from hal.api import Failure, NoDataError, Part
 from hal.hardware import Connection, HardwareCamera, RemoteTime
 from hal.parts import ConnectionFailedError
-from hal.realsense.options import RealSenseOptions
+
+# What a robot's YAML may say about a RealSense camera.
+
+
+FrameRate = Annotated[int, Field(ge=1, le=90)]
+
+
+@dataclass(frozen=True)
+class RealSenseOptions:
+    """Options of ``driver: realsense``; images have the size of the robot model's camera.
+
+    ``serial``: which camera, where there are several. ``recording``: a file that the RealSense viewer or SDK has
+    recorded, played again and again in place of a camera. ``frame_rate``: images per second. ``image_time``: seconds to
+    wait for one.
+    """
+
+    serial: str = ""
+    recording: str = ""
+    frame_rate: FrameRate = 30
+    image_time: PositiveTime = 2.0
+
 
 POLLS = 3.0
 """How many times per frame the SDK is asked for one."""

@@ -26,7 +26,7 @@ from hal.api import (
     Timer,
 )
 from hal.parts import SimulatedClock, interface_of
-from hal.replay.encoding import error_to_json, to_json
+from hal.replay.tape import error_to_json, to_json
 
 SAMPLE_PERIOD = 0.05
 """Seconds between looks at joints and grippers, which programs read now and then only, and at motions under way."""

@@ -27,8 +27,7 @@ from hal.api import (
     Robot,
 )
 from hal.parts import ConnectionFailedError, SimulatedClock, interface_of
-from hal.replay.encoding import error_from_json, from_json
-from hal.replay.tape import Readings, RecordedCommand, Tape, read_tape
+from hal.replay.tape import Readings, RecordedCommand, Tape, error_from_json, from_json, read_tape
 
 SAME_MOMENT = 1e-6
 IMAGE_WAIT = 2.0

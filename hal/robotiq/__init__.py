@@ -1,6 +1,5 @@
 """Robotiq 2F grippers: the socket of their URCap, which needs no SDK, and Modbus TCP (extra ``ur``: pymodbus)."""
 
-from hal.robotiq.connection import RobotiqConnection
-from hal.robotiq.options import RobotiqOptions
+from hal.robotiq.connection import RobotiqConnection, RobotiqOptions
 
 __all__ = ["RobotiqConnection", "RobotiqOptions"]

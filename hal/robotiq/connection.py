@@ -2,16 +2,196 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import ClassVar
+import threading
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Annotated, ClassVar, Literal, TypeVar
 
+import numpy as np
+from pydantic import Field
+
+from bestman_bt.configuration.quantity import Force, Frequency, PositiveTime, Speed
 from bestman_bt.robot_model import GripperModel
-from hal.api import Failure, Part
-from hal.hardware import Connection
-from hal.parts import CommandedGripper
-from hal.robotiq.channel import RobotiqChannel
-from hal.robotiq.options import RobotiqOptions
-from hal.robotiq.wire import MODBUS_PORT, URCAP_PORT, ModbusWire, RobotiqWire, URCapWire
+from hal.api import Clock, Failure, MotionErrorCode, NoDataError, Part
+from hal.hardware import Connection, LatencyMonitor
+from hal.parts import CommandedGripper, ConnectionFailedError, GripperChannel, GripperReading
+from hal.robotiq.wire import MODBUS_PORT, URCAP_PORT, ModbusWire, RobotiqStatus, RobotiqWire, URCapWire
+
+# What a robot's YAML may say about a Robotiq gripper.
+
+
+Byte = Annotated[int, Field(ge=0, le=255)]
+Register = Annotated[int, Field(ge=0, le=65535)]
+
+
+@dataclass(frozen=True)
+class RobotiqOptions:
+    """Options of ``driver: robotiq``.
+
+    ``protocol``: ``urcap``, the socket of its URCap at the UR's address, or ``modbus``, Modbus TCP.
+    ``open_position``, ``closed_position``: the gripper's own numbers where the fingers are fully open and closed.
+    ``least_force``, ``least_speed``: what its numbers 0 mean; 255 are the part's ``max_force`` and ``max_speed``.
+    ``device``, ``command_register``, ``status_register``: of Modbus; a gateway to the serial gripper has 9, 1000, 2000.
+    ``rate``: hertz of its readings. ``timeout``: seconds that it may take to answer once; ``longest_delay``: for long.
+    """
+
+    protocol: Literal["urcap", "modbus"] = "urcap"
+    open_position: Byte = 3
+    closed_position: Byte = 230
+    least_force: Force = 20.0
+    least_speed: Speed = 0.02
+    device: Byte = 2
+    command_register: Register = 0
+    status_register: Register = 0
+    rate: Frequency = 50.0
+    timeout: PositiveTime = 0.5
+    longest_delay: PositiveTime = 0.1
+
+
+# A Robotiq 2F gripper as a channel: metres and newtons on one side, its own numbers on the other.
+
+
+WORDS = {
+    5: "an action waits for the activation",
+    7: "it is not activated",
+    8: "it is too hot",
+    9: "it had no communication for a second",
+    10: "its supply voltage is too low",
+    11: "it releases automatically",
+    12: "internal fault",
+    13: "its activation failed",
+    14: "overcurrent",
+    15: "it has released automatically",
+}
+HARMLESS = frozenset({0, 5, 9})
+"""None; an order that came during the activation; and a pause of ours, which the next round trip ends."""
+
+
+def fault_of(number: int) -> Failure | None:
+    """The fault for number ``gFLT``, None where the gripper is well."""
+    if number in HARMLESS:
+        return None
+    return Failure(
+        MotionErrorCode.FAULT, f"gripper: {WORDS.get(number, 'unknown fault')}", vendor_code=f"gFLT {number}"
+    )
+
+
+Answer = TypeVar("Answer")
+ACTIVE = 3
+STOPPED_BY_OBJECT = frozenset({1, 2})
+ACTIVATION_TIME = 10.0
+
+
+class RobotiqChannel(GripperChannel):
+    """Speaks over a wire that is open; what is not answered closes it, because later replies would be out of step."""
+
+    def __init__(self, name: str, model: GripperModel, options: RobotiqOptions, clock: Clock) -> None:
+        self._name, self._model, self._options, self._clock = name, model, options, clock
+        self._speaking = threading.Lock()
+        self._wire: RobotiqWire | None = None
+        self._status: RobotiqStatus | None = None
+        self._asked: int | None = None
+        self._lateness = LatencyMonitor()
+        self.heard = 0.0
+
+    def open(self, wire: RobotiqWire) -> None:
+        """Connect and activate; ConnectionFailedError, without the address."""
+        self._wire, self._status = wire, None
+        self._lateness.forget()
+        try:
+            wire.open()
+        except OSError as error:
+            why = type(error).__name__
+            raise ConnectionFailedError(f"{self._name}: the Robotiq gripper cannot be reached ({why})") from None
+        self.activate()
+
+    def close(self) -> None:
+        """Close the wire; what is held stays held. Idempotent."""
+        wire, self._wire = self._wire, None
+        if wire is not None:
+            wire.close()
+
+    def activate(self) -> None:
+        """Activate the gripper unless it is active and well."""
+        self._asked = None
+        deadline = time.monotonic() + ACTIVATION_TIME
+        if not self._ready():
+            self._exchange(lambda wire: wire.reset())
+            self._exchange(lambda wire: wire.activate())
+        while not self._ready():
+            if time.monotonic() > deadline:
+                raise ConnectionFailedError(f"{self._name}: the Robotiq gripper does not become active")
+            time.sleep(0.05)
+
+    def refresh(self) -> None:
+        """One round trip for the status; what is not answered leaves the last one."""
+        status = self._exchange(lambda wire: wire.status())
+        if status is not None:
+            self._status = status
+
+    @property
+    def fault(self) -> Failure | None:
+        """What the gripper reports."""
+        return fault_of(self._status.fault) if self._status is not None else None
+
+    @property
+    def slowness(self) -> Failure | None:
+        """That it has taken too long to answer for a while."""
+        late = self._lateness.late(self._options.longest_delay, self._clock.now())
+        return Failure(MotionErrorCode.TIMEOUT, f"answers take {late:.2f} s") if late is not None else None
+
+    def read(self) -> GripperReading:
+        """The width, and whether an object stopped the fingers on the way that they were last sent."""
+        status = self._status
+        if status is None:
+            raise NoDataError(f"{self._name}: the Robotiq gripper has told nothing yet")
+        options, model = self._options, self._model
+        share = (status.position - options.open_position) / (options.closed_position - options.open_position)
+        width = model.max_width - share * (model.max_width - model.part.min_width)
+        held = status.object in STOPPED_BY_OBJECT and status.echo == self._asked
+        return GripperReading(float(np.clip(width, model.part.min_width, model.max_width)), held)
+
+    def send(self, width: float, force: float, speed: float) -> None:
+        """Go to a width."""
+        options, model = self._options, self._model
+        share = (model.max_width - width) / (model.max_width - model.part.min_width)
+        position = round(options.open_position + share * (options.closed_position - options.open_position))
+        speed_byte = _byte(speed, options.least_speed, model.part.max_speed)
+        force_byte = _byte(force, options.least_force, model.part.max_force)
+        self._asked = position
+        self._exchange(lambda wire: wire.go(position, speed_byte, force_byte))
+        self.refresh()
+
+    def halt(self) -> None:
+        """Stay where the fingers are."""
+        self._exchange(lambda wire: wire.halt())
+
+    def _ready(self) -> bool:
+        self.refresh()
+        if self._status is None:
+            raise ConnectionFailedError(f"{self._name}: the Robotiq gripper does not answer")
+        return self._status.activation == ACTIVE and self.fault is None
+
+    def _exchange(self, exchange: Callable[[RobotiqWire], Answer]) -> Answer | None:
+        with self._speaking:
+            wire = self._wire
+            if wire is None:
+                return None
+            asked = self._clock.now()
+            try:
+                answer = exchange(wire)
+            except OSError:
+                wire.close()
+                return None
+            self.heard = self._clock.now()
+            self._lateness.lag = self.heard - asked
+            return answer
+
+
+def _byte(value: float, least: float, most: float) -> int:
+    """A value within [least, most] as 0 to 255."""
+    return round(255.0 * float(np.clip((value - least) / max(most - least, 1e-9), 0.0, 1.0)))
 
 
 class RobotiqConnection(Connection):

@@ -9,9 +9,8 @@ from bestman_bt.messages import Pose2D, Twist2D, wrap_angle
 from hal.parts import BaseChannel, BaseReading, JointChannel, JointReading
 from hal.rosbridge import decoding
 from hal.rosbridge.decoding import Message
-from hal.rosbridge.link import RosLink
+from hal.rosbridge.link import RosLink, Stream
 from hal.rosbridge.options import RosbridgeOptions
-from hal.rosbridge.stream import Stream
 
 Array = NDArray[np.float64]
 REACH_PERIODS = 1.5

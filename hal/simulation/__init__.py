@@ -2,12 +2,12 @@
 
 from hal.simulation.audit_record import AuditRecord, ContactIncident, DisturbanceEvent, Finding, Ledger, Penetration
 from hal.simulation.bodies import BuiltWorld, Contact, LinkMotion, SimulationError, Viewpoint
+from hal.simulation.camera import ScenePhotographer
 from hal.simulation.disturbance_injector import DisturbanceInjector
 from hal.simulation.engine import Engine
 from hal.simulation.ground_truth import GroundTruth
 from hal.simulation.guards import ReadPurpose
 from hal.simulation.parameters import SimulationParameters
-from hal.simulation.photographer import ScenePhotographer
 from hal.simulation.robot import SimulatedRobot
 from hal.simulation.scene_recorder import SceneRecorder, SceneSnapshot
 from hal.simulation.sensor_pipeline import SensorFault, SimulatedSensor

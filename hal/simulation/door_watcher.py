@@ -12,7 +12,7 @@ from bestman_bt.robot_model import GripperModel
 from bestman_bt.scene import LATCH_TRAVEL, Articulation, PlacedFurniture, World
 from hal.simulation.audit_record import Finding
 from hal.simulation.guards import Reader
-from hal.simulation.mass_distribution import mass_distribution
+from hal.simulation.joint_motors import mass_distribution
 from hal.simulation.simulation import Simulation
 
 # Radians or metres, seconds, N m or N. Honest leaves keep to their velocity within 1e-15; in a hand that trembles the

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from bestman_bt.robot_model import ImuPart
 from hal.api import Imu, ImuReading
 from hal.simulation.guards import ReadPurpose
-from hal.simulation.link_motion import FrameTracker
+from hal.simulation.joint_motors import FrameTracker
 from hal.simulation.sensor_pipeline import SimulatedSensor
 from hal.simulation.simulation import Simulation
 

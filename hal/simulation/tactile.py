@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from bestman_bt.robot_model import TactilePart
 from hal.api import Tactile, TactileReading
 from hal.simulation.guards import Reader, ReadPurpose
-from hal.simulation.link_motion import FrameMotion, FrameTracker, body_velocity_at
+from hal.simulation.joint_motors import FrameMotion, FrameTracker, body_velocity_at
 from hal.simulation.sensor_pipeline import SimulatedSensor
 from hal.simulation.simulation import Simulation
 

@@ -13,7 +13,7 @@ from types import TracebackType
 from typing import Any, Self
 
 from hal.twins.errors import TwinError
-from hal.twins.json_lines import ask
+from hal.twins.tcp_server import ask
 
 
 class TwinProcess:

@@ -9,7 +9,7 @@ import numpy as np
 
 from bestman_bt.messages import Pose
 from hal.simulation import AuditRecord, ContactIncident, DisturbanceEvent, Finding, GroundTruth, Penetration
-from hal.twins.json_lines import ask
+from hal.twins.tcp_server import ask
 
 FINDINGS = (
     "jumps",

@@ -12,7 +12,7 @@ from hal.api import Arm, ForceTorque
 from hal.twins.faults import Faults
 from hal.twins.tcp_server import TcpServer
 from hal.twins.ur_controller import SafetyMode, URController
-from hal.twins.ur_rtde_server import POLYSCOPE, RtdeSession
+from hal.twins.ur_rtde import POLYSCOPE, RtdeSession
 from hal.twins.world import TwinWorld
 
 DASHBOARD, SCRIPT, RTDE = 29999, 30003, 30004

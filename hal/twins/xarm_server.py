@@ -17,12 +17,10 @@ from bestman_bt.robot_model import ArmModel, GripperModel, RobotModel
 from bestman_bt.robot_model.connection_config import ConnectionConfig
 from hal.api import Arm, Gripper
 from hal.twins.faults import Faults
-from hal.twins.flange import FlangePose
 from hal.twins.tcp_server import TcpServer
 from hal.twins.world import TwinWorld
 from hal.twins.xarm_controller import COLLISION_ERROR, JOINT_LIMIT_ERROR, State, XArmController
-from hal.twins.xarm_flange_board import ToolIO
-from hal.twins.xarm_gripper_bus import GripperBus
+from hal.twins.xarm_flange import FlangePose, GripperBus, ToolIO
 
 CONTROL_PORT = 502
 REPORTS = {30001: (145, 5.0), 30002: (494, 5.0), 30003: (135, 100.0)}

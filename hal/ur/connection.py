@@ -3,21 +3,94 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import ClassVar
+from dataclasses import dataclass
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field
 
+from bestman_bt.configuration.quantity import Frequency, Lengths3, Mass, PositiveTime
 from bestman_bt.messages import Wrench
 from bestman_bt.robot_model import ArmModel, ForceTorquePart, MountedForceTorque
-from hal.api import Failure, MotionErrorCode, NoDataError, Part
+from hal.api import CommandRefusedError, Failure, MotionErrorCode, NoDataError, Part
 from hal.hardware import Connection, HardwareForceTorque
 from hal.parts import ConnectionFailedError, JointChannel, JointReading, StopLatch, ToolLimits
 from hal.ur.arm import URArm
-from hal.ur.digital_io import URDigitalIO
 from hal.ur.link import URLink
-from hal.ur.options import UROptions
 from hal.ur.sdk_process import PLAYING, RUNNING, Report
+
+# Digital inputs and outputs of the control box and of the tool flange.
+
+
+Kind = Literal["standard", "configurable", "tool"]
+FIRST = {"standard": 0, "configurable": 8, "tool": 16}
+COUNT = {"standard": 8, "configurable": 8, "tool": 2}
+TIMEOUT = 1.0
+
+
+class URDigitalIO:
+    """Eight standard and eight configurable channels, two of the tool; numbered from 0."""
+
+    def __init__(self, link: URLink, latch: StopLatch) -> None:
+        self._link, self._latch = link, latch
+
+    def set_output(self, kind: Kind, number: int, on: bool) -> None:
+        """Switch an output; refused while the robot is stopped. ConnectionFailedError where nobody answers."""
+        self._latch.check("digital output", "set_output")
+        self._check(kind, number)
+        self._link.call("set_output", kind, number, bool(on), timeout=TIMEOUT)
+
+    def output(self, kind: Kind, number: int) -> bool:
+        """Whether an output is on."""
+        self._check(kind, number)
+        return bool(self._report().digital_outputs >> (FIRST[kind] + number) & 1)
+
+    def input(self, kind: Kind, number: int) -> bool:
+        """Whether an input is on."""
+        self._check(kind, number)
+        return bool(self._report().digital_inputs >> (FIRST[kind] + number) & 1)
+
+    def _report(self) -> Report:
+        report = self._link.report
+        if report is None:
+            raise NoDataError("the UR has told nothing of its inputs and outputs yet")
+        return report
+
+    @staticmethod
+    def _check(kind: str, number: int) -> None:
+        if kind not in COUNT or not 0 <= number < COUNT[kind]:
+            raise CommandRefusedError(f"there is no {kind} input or output {number}")
+
+
+# What a robot's YAML may say about a UR controller.
+
+
+Rate = Annotated[Frequency, Field(le=500.0)]
+Gain = Annotated[float, Field(ge=100.0, le=2000.0)]
+Lookahead = Annotated[PositiveTime, Field(ge=0.03, le=0.2)]
+
+
+@dataclass(frozen=True)
+class UROptions:
+    """Options of ``driver: ur``.
+
+    ``rate``: hertz of the set-points and readings; 500 for e-series, 125 for CB3. ``servo_lookahead`` (seconds) and
+    ``servo_gain``: of the controller's ``servoj``: how far it smooths set-points, and how hard it follows them.
+    ``payload``, ``payload_center``: kg and metres in the flange, of what the arm carries always; the controller's own
+    if nothing is said. ``controller_watchdog``: seconds without a sign of life of ours after which the controller ends
+    its program. ``longest_delay``: seconds that readings may come late for a while. ``connect_timeout``: seconds.
+    """
+
+    rate: Rate = 500.0
+    servo_lookahead: Lookahead = 0.03
+    servo_gain: Gain = 400.0
+    payload: Mass | None = None
+    payload_center: Lengths3 = (0.0, 0.0, 0.0)
+    controller_watchdog: PositiveTime = 0.25
+    longest_delay: PositiveTime = 0.1
+    connect_timeout: PositiveTime = 2.0
+
 
 SAFETY_MODES = {
     1: "normal",

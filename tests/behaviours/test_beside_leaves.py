@@ -9,10 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from behaviours.closing import ROOM, pushes
-from behaviours.leaf import Leaf, world_at_leaf
-from behaviours.leaf_stand import BASE_GAP, SAME_STAND, LeafWay, room_beside
-from behaviours.withdraw import UNSURE, withdraw
+from behaviours.furniture.close import ROOM, pushes
+from behaviours.furniture.leaf import BASE_GAP, SAME_STAND, Leaf, LeafWay, room_beside, world_at_leaf
+from behaviours.furniture.leaf_motion import UNSURE, withdraw
 from bestman_bt.engine import SUCCESS
 from bestman_bt.manipulation.kinematics import body_between
 from bestman_bt.messages import Handle, Pose, Pose2D
@@ -55,7 +54,7 @@ def test_a_base_stands_where_its_body_is_clear_of_where_the_leaf_passes(
 ) -> None:
     skills, leaf, _ = standing_at(*DRAWER)
     passed = np.array([[0.4, -0.3]])
-    monkeypatch.setattr("behaviours.leaf_stand.swept_by", lambda *_: passed)
+    monkeypatch.setattr("behaviours.furniture.leaf.swept_by", lambda *_: passed)
     skills.known_costmap = lambda _: SimpleNamespace(clearance_at=lambda stand: 1.0)
     front = leaf.leaf.shapes[0]
     low = float(front.pose.position[2]) - front.shape.size[2] / 2
@@ -83,11 +82,10 @@ def test_asked_again_it_gives_another_stand(leaf_name: str, monkeypatch: pytest.
         way: LeafWay = next(iter(ways))
         return [SimpleNamespace(pose=way.stands[0])]
 
-    for module in ("open_stand", "close_stand"):
-        monkeypatch.setattr(f"behaviours.{module}.find_stands", first)
-        monkeypatch.setattr(f"behaviours.{module}.room_beside", lambda *_: lambda stand: True)
+    monkeypatch.setattr("behaviours.furniture.base_placement.find_stands", first)
+    monkeypatch.setattr("behaviours.furniture.base_placement.room_beside", lambda *_: lambda stand: True)
     grasp = SimpleNamespace(grasp=handle.pose, pre_grasp=handle.pose)
-    monkeypatch.setattr("behaviours.open_stand.pull_grasps", lambda *_: [grasp])
+    monkeypatch.setattr("behaviours.furniture.base_placement.pull_grasps", lambda *_: [grasp])
     opening = 'handle="handle" opening="0.25"' if leaf_name == "FindOpenStand" else ""
     tree = load(skills, f'<{leaf_name} articulation="{leaf.articulation}" {opening} stand="{{stand}}"/>')
     stands: list[Pose2D] = []
@@ -130,9 +128,9 @@ def test_on_its_way_home_the_arm_keeps_clear_of_a_leaf_as_unsure_as_it_is_if_it_
         pairs = (*others, *([(leaf.articulation, "panda_hand")] if which in touches else []))
         return SimpleNamespace(which=which, is_free=lambda _: not pairs, colliding_pairs=lambda _: pairs)
 
-    monkeypatch.setattr("behaviours.withdraw.world_at_leaf", around)
+    monkeypatch.setattr("behaviours.furniture.leaf_motion.world_at_leaf", around)
     monkeypatch.setattr(
-        "behaviours.withdraw.move_free", lambda skill, goals, world: told.append(world.which) or iter(())
+        "behaviours.furniture.leaf_motion.move_free", lambda skill, goals, world: told.append(world.which) or iter(())
     )
     monkeypatch.setattr(
         "bestman_bt.manipulation.kinematics.cartesian_path", lambda *_: SimpleNamespace(path=np.zeros((1, 7)))

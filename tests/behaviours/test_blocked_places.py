@@ -13,7 +13,7 @@ from bestman_bt.scene import draw_world, load_scene, semantic_map
 from bestman_bt.task_planning.domain import Domain
 from bestman_bt.task_planning.explanation import explain
 from bestman_bt.task_planning.symbolic import Unsolvable
-from bestman_bt.task_planning.symbolic.planner import SymbolicPlanner
+from bestman_bt.task_planning.symbolic.search import SymbolicPlanner
 from bestman_bt.world_model import WorldModel
 from tests.behaviours.at_the_table import tree_of
 

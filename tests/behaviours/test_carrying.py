@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from behaviours.carrying import IN_VIEW, ROOM_TO_TURN, postures_beside
+from behaviours.manipulation.move_arm import IN_VIEW, ROOM_TO_TURN, postures_beside
 from bestman_bt.manipulation.collision import PlanningScene, SceneObstacle
 from bestman_bt.manipulation.kinematics import ForwardKinematics
 from bestman_bt.messages import PlacedShape, Pose, Sphere

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from behaviours.closing import Push, pushes
-from behaviours.leaf import Leaf, find_leaf
+from behaviours.furniture.close import Push, pushes
+from behaviours.furniture.leaf import Leaf, find_leaf
 from bestman_bt.messages import Box, Pose
 from bestman_bt.perception.grasp_pose import HandShape, HandSize
 from bestman_bt.scene import read_furniture

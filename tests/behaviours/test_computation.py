@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from behaviours.computation import InlineComputation
-from behaviours.waiting import Until, passed
+from behaviours.computation import InlineComputation, Until, passed
 from bestman_bt.control import Motion, MotionStatus
 from bestman_bt.engine import ManualClock
 from bestman_bt.messages import MotionErrorCode

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from bestman_bt.engine import RUNNING
-from bestman_bt.messages.occupancy_grid import FREE, OCCUPIED
+from bestman_bt.messages.grids import FREE, OCCUPIED
 from bestman_bt.navigation.map_file import read_map
 from bestman_bt.navigation.slam import SlamEstimate
 from bestman_bt.runtime import Execution, Session, session

@@ -7,9 +7,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from behaviours.close import Close
-from behaviours.following import followed
-from behaviours.open import Open
+from behaviours.furniture.close import Close
+from behaviours.furniture.leaf_motion import followed
+from behaviours.furniture.open import Open
 from behaviours.skill import SkillFailure
 from bestman_bt.control import Motion
 from bestman_bt.control.arm import FollowEnd, JointAxis
@@ -63,7 +63,7 @@ class Hand:
 
 
 def test_open_tells_part_and_vendor_code(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("behaviours.open.felt_leaf", lambda *_: None)
+    monkeypatch.setattr("behaviours.furniture.open.felt_leaf", lambda *_: None)
     leaf = SimpleNamespace(articulation="fridge/door", leaf=SimpleNamespace(kind="revolute", upper=1.5))
     opening = SimpleNamespace(
         leaf=leaf,

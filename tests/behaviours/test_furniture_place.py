@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from behaviours.furniture_place import HEADING_ERROR, POSITION_ERROR, believe_place, believe_shut_fronts
+from behaviours.furniture.leaf_measurement import HEADING_ERROR, POSITION_ERROR, believe_place, believe_shut_fronts
 from bestman_bt.messages import Handle, Pose, Pose2D
 from bestman_bt.scene import draw_world, load_scene, semantic_map
 from bestman_bt.world_model import WorldModel

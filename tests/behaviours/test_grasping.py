@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from behaviours import grasp as grasp_module
-from behaviours.grasp import PlannedGrasp
+from behaviours.manipulation import grasp as grasp_module
+from behaviours.manipulation.grasp import PlannedGrasp
 from bestman_bt.control.gripper import HELD_WIDTH
 from bestman_bt.engine import FAILURE, RUNNING, SUCCESS
 from bestman_bt.messages import MotionErrorCode, Pose

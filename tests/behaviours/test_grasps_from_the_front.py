@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from behaviours.grasp_candidates import grasp_candidates
+from behaviours.manipulation.grasp_candidates import grasp_candidates
 from bestman_bt.messages import Pose
 from bestman_bt.runtime import session
 from bestman_bt.world_model import ObjectBelief

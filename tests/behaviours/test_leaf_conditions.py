@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from behaviours.leaf import find_leaf
+from behaviours.furniture.leaf import find_leaf
 from behaviours.skill import SkillFailure
 from bestman_bt.engine import FAILURE, SUCCESS
 from bestman_bt.runtime import Session, session

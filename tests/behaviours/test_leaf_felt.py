@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from behaviours.leaf_felt import felt_leaf, grown
-from behaviours.opening import Opening
+from behaviours.furniture.leaf_measurement import felt_leaf, grown
+from behaviours.furniture.opening import Opening
 from bestman_bt.messages import Box
 from tests.behaviours.test_leaf_seen import OFF, leaf_and_handle
 

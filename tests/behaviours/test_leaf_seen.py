@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from behaviours.leaf import Leaf
-from behaviours.leaf_seen import opening_by_board, opening_seen, opening_since
+from behaviours.furniture.leaf import Leaf
+from behaviours.furniture.leaf_measurement import opening_by_board, opening_seen, opening_since
 from bestman_bt.messages import Box, Handle, Pose, Pose2D
 from bestman_bt.perception.segmentation import SupportPlane
 from bestman_bt.scene import PlacedFurniture, Wall, World, read_furniture, semantic_map

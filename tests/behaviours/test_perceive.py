@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from behaviours import beliefs
+from behaviours.perception import beliefs
 from bestman_bt.engine import FAILURE, SUCCESS
 from bestman_bt.messages import Pose, YawSet
 from bestman_bt.perception.detection import LabelledCluster
@@ -42,10 +42,10 @@ def skills(monkeypatch: pytest.MonkeyPatch) -> Any:
     view = SimpleNamespace(map_from_base=ASKEW.to_pose(), in_base=None, stamp=skills.clock.now())
     skills.camera = SimpleNamespace(capture=lambda: view)
     skills.detection = SimpleNamespace(detect=lambda *_: SCENE)
-    monkeypatch.setattr("behaviours.perceive.surface_region", lambda *_: None)
-    monkeypatch.setattr("behaviours.perceive.believe_surface", believe)
-    monkeypatch.setattr("behaviours.perceive.believe_objects", believe)
-    monkeypatch.setattr("behaviours.perceive.only_nearest", lambda *_: SCENE)
+    monkeypatch.setattr("behaviours.perception.perceive.surface_region", lambda *_: None)
+    monkeypatch.setattr("behaviours.perception.perceive.believe_surface", believe)
+    monkeypatch.setattr("behaviours.perception.perceive.believe_objects", believe)
+    monkeypatch.setattr("behaviours.perception.perceive.only_nearest", lambda *_: SCENE)
     return skills
 
 
@@ -96,10 +96,12 @@ def test_views_that_fit_together_less_surely_than_is_asked_change_no_belief(
     skills.observations["cup"] = ["an earlier view"]
     joined = SimpleNamespace(pose=Pose(), confidence=confidence, position_std=0.001, yaw_set=YawSet(((0.0, 0.1),)))
     skills.multi_view = SimpleNamespace(estimate=lambda *_: (joined,))
-    monkeypatch.setattr("behaviours.second_look.SecondLook._postures", lambda *_: [np.zeros(7)])
-    monkeypatch.setattr("behaviours.second_look.move_free", lambda *_: ())
-    monkeypatch.setattr("behaviours.second_look.remember_view", lambda *_: None)
-    monkeypatch.setattr("behaviours.second_look.only_nearest", lambda *_: SimpleNamespace(detections=(seen,)))
+    monkeypatch.setattr("behaviours.manipulation.second_look.SecondLook._postures", lambda *_: [np.zeros(7)])
+    monkeypatch.setattr("behaviours.manipulation.second_look.move_free", lambda *_: ())
+    monkeypatch.setattr("behaviours.manipulation.second_look.remember_view", lambda *_: None)
+    monkeypatch.setattr(
+        "behaviours.manipulation.second_look.only_nearest", lambda *_: SimpleNamespace(detections=(seen,))
+    )
     monkeypatch.setattr("bestman_bt.perception.pose_estimation.Observation", lambda *_: None)
     assert run(skills, load(skills, '<SecondLook object="cup" min_confidence="0.6"/>')) == status
     assert (skills.world.objects["cup"] is before) is (status == FAILURE)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from behaviours.place import PlaceOn, place_tool_poses
+from behaviours.manipulation.place import PlaceOn, place_tool_poses
 from behaviours.skill import SkillFailure
 from bestman_bt.engine import FAILURE, RUNNING, SUCCESS
 from bestman_bt.messages import MotionErrorCode, Pose
@@ -149,8 +149,8 @@ def test_room_at_a_goal_is_seen_free_and_hardly_taken(
     view = SimpleNamespace(map_from_base=ASKEW.to_pose(), in_base=None)
     skills.camera = SimpleNamespace(capture=lambda: view)
     skills.detection = SimpleNamespace(detect=lambda *_: scene)
-    monkeypatch.setattr("behaviours.place.surface_region", lambda *_: None)
-    monkeypatch.setattr("behaviours.place.believe_surface", lambda *_: ())
+    monkeypatch.setattr("behaviours.manipulation.place.surface_region", lambda *_: None)
+    monkeypatch.setattr("behaviours.manipulation.place.believe_surface", lambda *_: ())
     monkeypatch.setattr(segmentation, "surface_coverage", lambda *_: coverage)
     goal = Pose.from_xyz_rpy(map_from(ASKEW, 0.8, 0.1, 0.7), (0.0, 0.0, ASKEW.theta + 0.4))
     body = '<FindPlacePose object="cup" surface="table" goal="{goal}" pose="{pose}"/>'

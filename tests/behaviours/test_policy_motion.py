@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from behaviours.policy_motion import PolicyMotion
+from behaviours.manipulation.policy import PolicyMotion
 from behaviours.skill import SkillFailure
 from bestman_bt.manipulation.policy import Workspace
 from bestman_bt.messages import MotionErrorCode, Pose

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from behaviours.push import HEIGHT, STANDOFF, push_tool_poses, spread
+from behaviours.manipulation.push import HEIGHT, STANDOFF, push_tool_poses, spread
 from bestman_bt.messages import Pose
 from bestman_bt.runtime import Session
 from bestman_bt.scene import load_scene

@@ -10,9 +10,9 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from behaviours import push as push_module
-from behaviours.arm_motion import FREE_SPEED, timed_path
-from behaviours.push import Push, PushPlan
+from behaviours.manipulation import push as push_module
+from behaviours.manipulation.arm_motion import FREE_SPEED, timed_path
+from behaviours.manipulation.push import Push, PushPlan
 from bestman_bt.engine import FAILURE, RUNNING, SUCCESS
 from bestman_bt.messages import Pose
 from bestman_bt.world_model import HeldObject, ObjectBelief

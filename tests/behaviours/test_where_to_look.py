@@ -87,8 +87,8 @@ def scanned(monkeypatch: pytest.MonkeyPatch) -> Callable[..., tuple[np.ndarray, 
     def scan(skills: Any, ports: str) -> tuple[np.ndarray, VoxelRegion]:
         regions: list[VoxelRegion] = []
         scene = SimpleNamespace(detections=(), unknown=(), plane=None)
-        monkeypatch.setattr("behaviours.scan.surface_region", lambda *_: None)
-        monkeypatch.setattr("behaviours.scan.believe_surface", lambda *_: ())
+        monkeypatch.setattr("behaviours.perception.scan.surface_region", lambda *_: None)
+        monkeypatch.setattr("behaviours.perception.scan.believe_surface", lambda *_: ())
         skills.camera = SimpleNamespace(capture=lambda: SimpleNamespace(in_base=None, in_map=None))
         skills.detection = SimpleNamespace(detect=lambda *_: scene)
         skills.surfaces = SimpleNamespace(find=lambda *_: ())

@@ -172,7 +172,8 @@ def test_an_entry_that_nothing_writes_is_told_with_all_other_faults(
 
 def test_faults_of_a_python_tree_and_names_that_nothing_bears_are_told_at_once(refused, folder: Path) -> None:
     (folder / "t.py").write_text(
-        "from behaviours.move_arm import MoveArm\nfrom bestman_bt.engine import Sequence\n\n\ndef build():\n"
+        "from behaviours.manipulation.move_arm import MoveArm\n"
+        "from bestman_bt.engine import Sequence\n\n\ndef build():\n"
         "    return Sequence([\n        MoveArm(postur='home'),\n        MoveArm(posture='cary'),\n    ])\n"
     )
     told = refused("run", "t.py").splitlines()[1:]

@@ -72,7 +72,7 @@ def test_nodes_of_one_name_lists_that_node_alone(bestman_bt: Command) -> None:
     answer = bestman_bt("nodes", "NavigateTo")
     assert "NavigateTo" in answer.out
     assert "LookAt" not in answer.out
-    assert "\n      in Python: from behaviours.navigate import NavigateTo\n" in answer.out
+    assert "\n      in Python: from behaviours.navigation.navigate import NavigateTo\n" in answer.out
 
 
 def test_nodes_tells_of_a_shipped_subtree_what_it_takes_and_its_file(bestman_bt: Command) -> None:

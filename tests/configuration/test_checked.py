@@ -12,7 +12,7 @@ import pytest
 from bestman_bt.configuration import ConfigurationError, Document, check, override, parse_document
 from bestman_bt.configuration.checked import salvage
 from bestman_bt.configuration.quantity import Length, Mass, WholeNumber
-from bestman_bt.messages.bounds import NotBelow, check_bounds
+from bestman_bt.messages.shapes import NotBelow, check_bounds
 
 
 @dataclass(frozen=True)

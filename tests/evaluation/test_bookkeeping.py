@@ -12,10 +12,9 @@ import pytest
 
 from bestman_bt.configuration import RunConfig, load_run
 from bestman_bt.evaluation import evaluation as evaluation_module
-from bestman_bt.evaluation.driven_path import DrivenPath
+from bestman_bt.evaluation.episode_measures import DrivenPath, MotionLog
 from bestman_bt.evaluation.evaluation import Evaluation
 from bestman_bt.evaluation.markdown import markdown
-from bestman_bt.evaluation.motion import MotionLog
 from bestman_bt.evaluation.result import Outcome, RunResult
 from bestman_bt.evaluation.suite import Entry, EntryConfig, Successes, Suite
 from bestman_bt.messages import Pose, Pose2D

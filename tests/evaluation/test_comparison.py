@@ -8,8 +8,7 @@ from pathlib import Path
 import pytest
 
 from bestman_bt.configuration import ConfigurationError
-from bestman_bt.evaluation.comparison import matched, within
-from bestman_bt.evaluation.comparison_picture import short_names
+from bestman_bt.evaluation.comparison import matched, short_names, within
 from bestman_bt.evaluation.finished_evaluation import FinishedEntry, read_entries
 from tests.evaluation.evaluated import finished_evaluation
 from tests.evaluation.test_paired_comparison import run

@@ -73,7 +73,6 @@ UNDECLARED = "no skill declared it"
         (grasp("walker_1"), replace(FINGERS_ON_CUP, second="walker_1", kinds=("fingers", "walker"))),
         (grasp("floor"), replace(FINGERS_ON_CUP, second="floor", kinds=("fingers", "floor"))),
         (grasp("wall_1"), replace(FINGERS_ON_CUP, second="wall_1", kinds=("fingers", "wall"))),
-        (grasp("hand"), replace(FINGERS_ON_CUP, second="hand", kinds=("fingers", "robot"))),
         (handle("chest/drawer_1"), replace(FINGERS_ON_DRAWER, leaf="")),
         (handle("chest/drawer_1"), replace(FINGERS_ON_DRAWER, leaf="chest/drawer_2")),
         (handle("chest/drawer_1"), replace(FINGERS_ON_DRAWER, kinds=("robot", "furniture"))),
@@ -90,6 +89,11 @@ UNDECLARED = "no skill declared it"
 def test_no_declaration_covers_other_links_objects_or_furniture(declared: Contact, contact: ContactIncident) -> None:
     assert collisions(declared, contact) == [UNDECLARED]
     assert judged(declared, contact).declared_contacts == ()
+
+
+def test_no_declaration_covers_the_robot_itself() -> None:
+    itself = replace(FINGERS_ON_CUP, second="hand", kinds=("fingers", "robot"))
+    assert collisions(grasp("hand"), itself) == ["the robot collides with itself"]
 
 
 @pytest.mark.parametrize(("force", "why"), [(20.0, []), (20.1, ["20 N were declared"])])

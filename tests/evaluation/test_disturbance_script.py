@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from bestman_bt.engine import ManualClock
-from bestman_bt.evaluation.disturbances import Disturbances
-from bestman_bt.evaluation.new_places import NewPlaces
+from bestman_bt.evaluation.disturbances import Disturbances, NewPlaces
 from bestman_bt.messages import Pose
 from bestman_bt.scene import planar_radius
 from bestman_bt.world_model import HeldObject, ObjectBelief

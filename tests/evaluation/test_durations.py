@@ -6,12 +6,12 @@ import importlib
 import pkgutil
 
 import behaviours
-from behaviours.navigate import NavigateTo
-from behaviours.perceive import DetectObject
+from behaviours.navigation.navigate import NavigateTo
+from behaviours.perception.perceive import DetectObject
 from behaviours.skill import Skill
 from bestman_bt.engine import RUNNING, SUCCESS, NodeRegistry, StatefulAction, load_tree
 from bestman_bt.engine.clock import Clock
-from bestman_bt.evaluation.durations import Durations, duration_of
+from bestman_bt.evaluation.episode_measures import Durations, duration_of
 
 UNCOUNTED = {"Skill", "ClearStop", "Wait"}
 """Shipped skills that neither drive nor move the arm nor perceive nor plan."""
@@ -39,11 +39,11 @@ class _Lasting(StatefulAction):
 
 
 class Drive(_Lasting):
-    __module__ = "behaviours.navigate"
+    __module__ = "behaviours.navigation.navigate"
 
 
 class See(_Lasting):
-    __module__ = "behaviours.perceive"
+    __module__ = "behaviours.perception.perceive"
 
 
 class Other(_Lasting):

@@ -14,7 +14,7 @@ from bestman_bt.evaluation import evaluation as evaluation_module
 from bestman_bt.evaluation.episode import run_episode
 from bestman_bt.evaluation.evaluation import Evaluation
 from bestman_bt.evaluation.markdown import markdown
-from bestman_bt.evaluation.report.many_runs import groups_by_name
+from bestman_bt.evaluation.report.page import groups_by_name
 from bestman_bt.evaluation.report.run_reader import read_story, run_folders
 from bestman_bt.evaluation.result import RunResult
 from bestman_bt.evaluation.suite import Entry, is_suite, load_suite

@@ -10,11 +10,10 @@ import numpy as np
 import pytest
 from rerun.chunk import RrdReader
 
-from behaviours.grasp import PlannedGrasp
+from behaviours.manipulation.grasp import PlannedGrasp
 from bestman_bt.configuration import load_run
 from bestman_bt.engine import ManualClock, load_tree
-from bestman_bt.evaluation.recorded_beliefs import RecordedBeliefs
-from bestman_bt.evaluation.recording import Recording, goal_points
+from bestman_bt.evaluation.recording import RecordedBeliefs, Recording, goal_points
 from bestman_bt.messages import Pose, Pose2D
 from bestman_bt.robot_model import load_robot_model
 from bestman_bt.runtime import open_session

@@ -8,7 +8,7 @@ from typing import Annotated
 import pytest
 
 from bestman_bt.configuration import ConfigurationError, check, parse_document
-from bestman_bt.messages.bounds import (
+from bestman_bt.messages.shapes import (
     Count,
     NonNegative,
     NotBelow,

@@ -13,7 +13,7 @@ import pytest
 from starlette.responses import PlainTextResponse
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
-from bestman_bt.monitor.address import page_address
+from bestman_bt.monitor.control_client import page_address
 from bestman_bt.monitor.security import HEADERS, AccessRules, Guard, is_loopback, new_token
 from bestman_bt.monitor.server import LARGEST_REQUEST, STATIC
 from tests.monitor.conftest import Monitor

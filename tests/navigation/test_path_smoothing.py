@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from bestman_bt.messages import Path2D, Pose2D
-from bestman_bt.navigation.path_smoothing import PathSmoother
+from bestman_bt.navigation.path_pieces import PathSmoother
 
 
 def sharpest_turn(path: Path2D) -> float:

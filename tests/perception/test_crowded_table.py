@@ -13,7 +13,7 @@ from benchmarks.rendering import occlusion
 from bestman_bt.messages import Box, PlacedShape, Pose
 from bestman_bt.perception.detection import ColorShape
 from bestman_bt.perception.pose_estimation.model_surface import model_surface
-from bestman_bt.perception.view_planning.expected_yaw import looking_at
+from bestman_bt.perception.view_planning import looking_at
 
 pytestmark = pytest.mark.slow
 

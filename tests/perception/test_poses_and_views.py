@@ -22,9 +22,9 @@ from bestman_bt.perception.pose_estimation.registration import (
 )
 from bestman_bt.perception.pose_estimation.yaw_profile import YawProfile
 from bestman_bt.perception.segmentation import Cluster, SupportPlane
+from bestman_bt.perception.segmentation.base import voxel_means
 from bestman_bt.perception.segmentation.horizontal_plane import least_squares_plane, rectangle
 from bestman_bt.perception.segmentation.plane_dbscan import dbscan
-from bestman_bt.perception.segmentation.voxels import voxel_means
 from bestman_bt.perception.view import known_depth
 
 CAMERA = CameraIntrinsics(8, 6, 10.0, 20.0, 3.0, 2.0)

@@ -9,9 +9,8 @@ from typing import Any
 
 import pytest
 
-from bestman_bt.monitor.comparison import compare
 from bestman_bt.monitor.updates import Updates
-from bestman_bt.records.activities import outcomes
+from bestman_bt.monitor.viewer import compare
 from bestman_bt.records.events import (
     BlackboardEvent,
     EndEvent,
@@ -26,9 +25,9 @@ from bestman_bt.records.events import (
     from_line,
 )
 from bestman_bt.records.history import MAX_LOG_LINES, MAX_PICTURES, MAX_VALUES_A_KEY, RunHistory
-from bestman_bt.records.robot_history import SERIES_POINTS
-from bestman_bt.records.samples import Freshness, Samples
+from bestman_bt.records.robot_history import SERIES_POINTS, Freshness, Samples
 from bestman_bt.records.shown_value import REMOVED
+from bestman_bt.records.timeline import outcomes
 from tests.monitor.conftest import tree_event
 
 IDLE, RUNNING, SUCCESS, FAILURE, NO = 0, 1, 2, 3, 5

@@ -8,7 +8,7 @@ import pytest
 
 from bestman_bt.messages import Pose
 from bestman_bt.robot_model import load_robot_model
-from bestman_bt.robot_model.bare_frames import without_bare_frames
+from bestman_bt.robot_model.mounting import without_bare_frames
 
 
 def place(model: pinocchio.Model, q: np.ndarray, link: str) -> Pose:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from bestman_bt.messages import Box
-from bestman_bt.robot_model.missing_inertia import DENSITY, complete_inertial
+from bestman_bt.robot_model.placed_part import DENSITY, complete_inertial
 from bestman_bt.robot_model.urdf_elements import box_inertial, shape
 
 SIZE = (0.2, 0.1, 0.4)

@@ -13,9 +13,8 @@ import pytest
 
 from bestman_bt.configuration import ConfigurationError, data_names, data_root, pybullet_data
 from bestman_bt.robot_model import ArmModel, load_robot_model
-from bestman_bt.runtime import descriptions
-from bestman_bt.runtime.descriptions import REQUIREMENT, SHA256, bring_pybullet_data
-from bestman_bt.runtime.robot_facts import find_robot
+from bestman_bt.runtime import robot_facts
+from bestman_bt.runtime.robot_facts import REQUIREMENT, SHA256, bring_pybullet_data, find_robot
 from bestman_bt.scene import read_object
 
 ASSETS = data_root() / "assets"
@@ -134,7 +133,7 @@ def test_a_wheel_of_something_else_leaves_nothing(no_pybullet: Path, tmp_path: P
 
 @pytest.mark.slow
 def test_a_download_that_fails_says_why_and_leaves_nothing(no_pybullet: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(descriptions, "SHA256", "0" * 64)
+    monkeypatch.setattr(robot_facts, "SHA256", "0" * 64)
     monkeypatch.setenv("PIP_NO_INDEX", "1")
     with pytest.raises(ConfigurationError, match=r"pip install .* failed: .*"):
         bring_pybullet_data()
@@ -143,5 +142,5 @@ def test_a_download_that_fails_says_why_and_leaves_nothing(no_pybullet: Path, mo
 
 def test_the_download_is_the_locked_release() -> None:
     entry = re.search(rf"^{re.escape(REQUIREMENT)} .*?(?=^[a-z])", LOCK.read_text(), re.MULTILINE | re.DOTALL)
-    assert entry is not None, "the lock has another release of PyBullet: give descriptions.py that and its hash"
+    assert entry is not None, "the lock has another release of PyBullet: give robot_facts.py that and its hash"
     assert f"sha256:{SHA256}" in entry.group()

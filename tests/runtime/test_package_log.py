@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import pytest
 
 from bestman_bt.records.events import LogEvent
-from bestman_bt.runtime.package_log import PACKAGES, PackageLog
+from bestman_bt.runtime.telemetry import PACKAGES, PackageLog
 
 
 @pytest.fixture

@@ -142,7 +142,7 @@ def test_a_plug_in_that_raises_is_named_with_its_line(
     ("text", "brings"),
     [
         ("class Nod: ...\n", False),
-        ("from behaviours.grasp import Grasp\n", False),
+        ("from behaviours.manipulation.grasp import Grasp\n", False),
         ("from bestman_bt.engine import SyncAction\n\n\nclass Nod(SyncAction): ...\n", True),
         ("def register(registry): ...\n", True),
         ("from bestman_bt.registry import algorithm\n\n\n@algorithm('slam/mine')\nclass Mine: ...\n", True),

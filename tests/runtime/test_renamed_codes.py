@@ -10,8 +10,8 @@ from behaviours.skill import InstantSkill
 from bestman_bt.configuration import ConfigurationError
 from bestman_bt.engine import load_tree
 from bestman_bt.evaluation.suite import load_suite
+from bestman_bt.runtime.failure_lines import renamed_codes
 from bestman_bt.runtime.plugins import node_registry
-from bestman_bt.runtime.renamed_codes import renamed_codes
 from tests.behaviours.at_the_table import tree_of
 
 CASES = '<Switch2 variable="{code}" case_1="hand_full" case_2="lost">' + 3 * "<AlwaysSuccess/>" + "</Switch2>"

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from py_trees import composites
 
-from behaviours.move_arm import MoveArm
+from behaviours.manipulation.move_arm import MoveArm
 from behaviours.parts import MissingPartError
 from bestman_bt.configuration import ConfigurationError, load_run
 from bestman_bt.control.robot_stop import HELD

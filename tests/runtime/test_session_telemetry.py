@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from behaviours.move_arm import MoveArm
+from behaviours.manipulation.move_arm import MoveArm
 from behaviours.skill import Explained
 from bestman_bt.engine import Sequence, SyncAction
 from bestman_bt.records.events import (

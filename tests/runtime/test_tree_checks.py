@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 import bestman_bt as bt
-from behaviours.move_arm import MoveArm
+from behaviours.manipulation.move_arm import MoveArm
 from bestman_bt.configuration import load_run
 from bestman_bt.engine import TreeLoadError, load_tree
 from bestman_bt.evaluation.episode import prepare_episode
@@ -151,7 +151,7 @@ def test_where_code_may_write_unseen_an_empty_entry_is_a_warning(tmp_path: Path)
     tree.write_text(
         "import py_trees\n"
         "from bestman_bt.engine import Sequence\n"
-        "from behaviours.check_held import CheckHeld\n"
+        "from behaviours.manipulation.grasp import CheckHeld\n"
         "def build():\n"
         '    native = py_trees.behaviours.SetBlackboardVariable("set", "thing", "cup", overwrite=True)\n'
         '    return Sequence([native, CheckHeld(object="{thing}")])\n'

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from behaviours.perceive import camera_called
+from behaviours.perception.perceive import camera_called
 from bestman_bt.configuration import ConfigurationError, find_data, load_run
 from bestman_bt.engine import TreeLoadError
 from bestman_bt.evaluation.audit import audit

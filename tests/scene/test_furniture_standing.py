@@ -9,8 +9,7 @@ import pytest
 
 from bestman_bt.messages import Pose, Pose2D
 from bestman_bt.scene import SceneConfig, load_scene
-from bestman_bt.scene.furniture_standing import standing_furniture
-from bestman_bt.scene.placing import gap_to_furniture, planar_radius
+from bestman_bt.scene.placing import gap_to_furniture, planar_radius, standing_furniture
 
 
 @pytest.fixture(scope="module")

@@ -9,7 +9,7 @@ import pytest
 
 from bestman_bt.messages import Box, PlacedShape, Pose, Pose2D
 from bestman_bt.scene import World, draw_world, load_scene, semantic_map
-from bestman_bt.scene.boards_of_furniture import leaves
+from bestman_bt.scene.map_of_world import leaves
 from bestman_bt.scene.plane_geometry import cut_away, rectangle, wall_rectangle
 
 

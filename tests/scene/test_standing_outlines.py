@@ -8,8 +8,8 @@ import pytest
 
 from bestman_bt.messages import Box
 from bestman_bt.scene import draw_world, load_scene
+from bestman_bt.scene.placing import leaf_outlines
 from bestman_bt.scene.scene import PlacedFurniture
-from bestman_bt.scene.standing_outlines import leaf_outlines
 
 
 @pytest.fixture(scope="module")

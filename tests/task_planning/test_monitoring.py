@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from bestman_bt.task_planning.monitoring import PlanMonitor
+from bestman_bt.task_planning.nodes import PlanMonitor
 from tests.task_planning.kitchen_domain import FETCH, FETCH_GOAL, facts, kitchen, plan_of
 
 

@@ -32,8 +32,8 @@ from bestman_bt.runtime.plugins import node_registry
 from bestman_bt.task_planning.base import TaskPlanner
 from bestman_bt.task_planning.builders import ReactiveBuilder, SequenceBuilder
 from bestman_bt.task_planning.builders.replanning import with_replanning
-from bestman_bt.task_planning.conditions import TUCKED, beliefs_of
 from bestman_bt.task_planning.domain import Domain
+from bestman_bt.task_planning.nodes import TUCKED, beliefs_of
 from bestman_bt.task_planning.state import PredicateError, read_state
 from bestman_bt.task_planning.symbolic import Problem, SymbolicPlanner, TaskPlan
 from bestman_bt.task_planning.symbolic.facts import parse_fact

@@ -14,10 +14,9 @@ from bestman_bt.engine.errors import Problem as Fault
 from bestman_bt.messages import Box, ObjectModel, PlacedShape, Pose, Pose2D
 from bestman_bt.robot_model import RobotModel
 from bestman_bt.task_planning.builders import ReactiveBuilder
-from bestman_bt.task_planning.reach import highest_reach, widest_grasp
 from bestman_bt.task_planning.simulation import SimulatedHolds
 from bestman_bt.task_planning.symbolic import Operator, Problem
-from bestman_bt.task_planning.verification import verify
+from bestman_bt.task_planning.verification import highest_reach, verify, widest_grasp
 from bestman_bt.world_model import MapFurniture, MapSurface, ObjectBelief, SemanticMap, WorldModel
 from tests.robot_models import arm_model, base_model, gripper_model
 from tests.task_planning.kitchen_domain import FETCH, FETCH_GOAL, OPERATORS, kitchen, operator, plan_of

@@ -6,7 +6,7 @@ from itertools import combinations
 
 import pytest
 
-from bestman_bt.visualization.label_layout import GAP, Label, overlap, place_labels
+from bestman_bt.visualization.annotated_image import GAP, Label, overlap, place_labels
 
 PICTURE = (640.0, 480.0)
 

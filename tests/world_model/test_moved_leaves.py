@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from bestman_bt.messages import Box, ObjectModel, PlacedShape, PointCloud, Pose, VoxelGrid, YawSet
-from bestman_bt.messages.voxel_grid import VOXEL_FREE, VOXEL_OCCUPIED
+from bestman_bt.messages.grids import VOXEL_FREE, VOXEL_OCCUPIED
 from bestman_bt.scene import draw_world, load_scene, semantic_map
 from bestman_bt.world_model import ObjectBelief, WorldModel
 

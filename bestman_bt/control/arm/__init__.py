@@ -1,6 +1,6 @@
 """Arm control."""
 
-from bestman_bt.control.arm.arm_controller import ArmController
+from bestman_bt.control.arm.arm_controller import ArmController, ContactLimits, ContactMonitor
 from bestman_bt.control.arm.arm_ways import ArmWays, Passing
 from bestman_bt.control.arm.constraint_following import (
     FollowedMotion,
@@ -8,10 +8,8 @@ from bestman_bt.control.arm.constraint_following import (
     FollowGuide,
     Following,
 )
-from bestman_bt.control.arm.contact_monitor import ContactLimits, ContactMonitor
-from bestman_bt.control.arm.guarded_move import GuardedOutcome, Guarding
+from bestman_bt.control.arm.guarded_move import GuardedOutcome, Guarding, Streaming
 from bestman_bt.control.arm.joint_axis import AxisFitting, JointAxis, JointAxisEstimator
-from bestman_bt.control.arm.tool_stream import Streaming
 
 __all__ = [
     "ArmController",

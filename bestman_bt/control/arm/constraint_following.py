@@ -15,9 +15,9 @@ from enum import Enum
 import numpy as np
 from numpy.typing import NDArray
 
+from bestman_bt.control.arm.guarded_move import StreamStep, ToolStream
 from bestman_bt.control.arm.joint_axis import AxisFitting, JointAxis, JointAxisEstimator
-from bestman_bt.control.arm.tool_stream import StreamStep, ToolStream
-from bestman_bt.control.force_torque import WristWrench
+from bestman_bt.control.touch import WristWrench
 from bestman_bt.messages import JointKind, MotionErrorCode, Pose
 from hal.api import Motion
 

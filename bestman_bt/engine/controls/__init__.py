@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 from bestman_bt.engine.controls.base import Control
-from bestman_bt.engine.controls.branching import IfThenElse, WhileDoElse
-from bestman_bt.engine.controls.fallback import AsyncFallback, Fallback
-from bestman_bt.engine.controls.manual_selector import ManualSelector
 from bestman_bt.engine.controls.nav2 import PipelineSequence, RecoveryNode, RoundRobin
 from bestman_bt.engine.controls.parallel import Parallel, ParallelAll
 from bestman_bt.engine.controls.reactive import ReactiveFallback, ReactiveSequence
-from bestman_bt.engine.controls.sequence import AsyncSequence, Sequence, SequenceWithMemory
-from bestman_bt.engine.controls.switch import Switch2, Switch3, Switch4, Switch5, Switch6
+from bestman_bt.engine.controls.sequence import (
+    AsyncFallback,
+    AsyncSequence,
+    Fallback,
+    IfThenElse,
+    Sequence,
+    SequenceWithMemory,
+    WhileDoElse,
+)
+from bestman_bt.engine.controls.switch import ManualSelector, Switch2, Switch3, Switch4, Switch5, Switch6
 from bestman_bt.engine.controls.try_catch import TryCatch
 
 __all__ = [

@@ -7,8 +7,8 @@ from typing import Any, ClassVar
 import py_trees
 from py_trees.composites import Composite
 
-from bestman_bt.engine.around_tick import Tick
-from bestman_bt.engine.node import Node
+from bestman_bt.engine.core.around_tick import Tick
+from bestman_bt.engine.core.node import Node
 
 
 class Control(Node, Composite):

@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import py_trees
 
-from bestman_bt.engine.around_tick import Tick
-from bestman_bt.engine.node import Node
-from bestman_bt.engine.status import SKIPPED
+from bestman_bt.engine.core.around_tick import Tick
+from bestman_bt.engine.core.node import Node
+from bestman_bt.engine.core.status import SKIPPED
 
 
 class Decorator(Node, py_trees.decorators.Decorator):

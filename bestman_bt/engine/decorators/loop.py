@@ -8,10 +8,100 @@ from typing import Any, ClassVar
 from py_trees.ports import PortInformation
 
 from bestman_bt.engine.conversion import cast
+from bestman_bt.engine.core.ports import key_of
+from bestman_bt.engine.core.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS, NodeStatus
 from bestman_bt.engine.decorators.base import Decorator
 from bestman_bt.engine.errors import ConversionError
-from bestman_bt.engine.ports import key_of
-from bestman_bt.engine.status import FAILURE, IDLE, RUNNING, SUCCESS, NodeStatus
+
+# ForEach: the child once for each item of a list of any type.
+
+
+class ForEach(Decorator):
+    """Writes the items of ``items`` to ``item`` one by one and ticks the child; FAILURE as soon as it fails.
+
+    The list is read when the node starts; SUCCESS when all items are done, also of an empty list. Items whose
+    child was SKIPPED count as done.
+    """
+
+    INPUT_PORTS = {"items": PortInformation(list[Any], True, "the items")}
+    OUTPUT_PORTS = {
+        "item": PortInformation(Any, False, "the current item"),
+        "index": PortInformation(int, False, "its position, from 0"),
+    }
+    RESETS_CHILD = True
+
+    def on_load(self) -> None:
+        """Begin before the first item."""
+        self.items: list[Any] = []
+        self.position = 0
+
+    def on_tick(self) -> int:
+        """Go on with the current item; between two that each took one tick, return RUNNING and wake the loop."""
+        if self._s <= IDLE:
+            self.items = list(self.get_input("items"))
+            self.position = 0
+            self.set_state(RUNNING)
+        child = self.child
+        while self.position < len(self.items):
+            was_idle = child._s <= IDLE
+            if was_idle:
+                self.set_output("index", self.position)
+                self.set_output("item", self.items[self.position])
+            status = child.execute_tick()
+            if status == RUNNING:
+                return RUNNING
+            self.reset_child()
+            if status == FAILURE:
+                return FAILURE
+            self.position += 1
+            if was_idle and status != SKIPPED and self.position < len(self.items):
+                self.wake_up()
+                return RUNNING
+        return SUCCESS
+
+
+# ConsumeQueue: the older form of Loop, over a shared queue.
+
+
+class ConsumeQueue(Decorator):
+    """Takes items from the ``deque`` at ``queue`` and ticks the child for each, several in one tick; fails with it."""
+
+    INPUT_PORTS = {"queue": PortInformation(deque, False, "a collections.deque, emptied in place")}
+    OUTPUT_PORTS = {"popped_item": PortInformation(Any, False, "the current item")}
+    RESETS_CHILD = True
+
+    def on_load(self) -> None:
+        """Begin with an idle child."""
+        self.child_runs = False
+
+    def halt(self) -> None:
+        """Halt the child."""
+        self.child_runs = False
+        super().halt()
+
+    def on_tick(self) -> int:
+        """Finish the current item, then take the others until the child runs or fails."""
+        result = SUCCESS
+        if self.child_runs:
+            result = self._tick_child()
+            if result in (RUNNING, FAILURE):
+                return result
+        queue = self.get_input("queue")
+        while queue:
+            self.set_state(RUNNING)
+            self.set_output("popped_item", queue.popleft())
+            status = self._tick_child()
+            if status in (RUNNING, FAILURE):
+                return status
+            result = status
+        return result
+
+    def _tick_child(self) -> int:
+        status = self.child.execute_tick()
+        self.child_runs = status == RUNNING
+        if status != RUNNING:
+            self.reset_child()
+        return status
 
 
 class Loop(Decorator):

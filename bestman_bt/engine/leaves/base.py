@@ -6,8 +6,9 @@ from typing import ClassVar
 
 from py_trees.behaviour import Behaviour
 
-from bestman_bt.engine.node import Node
-from bestman_bt.engine.status import IDLE, RUNNING
+from bestman_bt.engine.bounds import BoundedPort
+from bestman_bt.engine.core.node import Node
+from bestman_bt.engine.core.status import FAILURE, IDLE, RUNNING, SUCCESS
 
 
 class Leaf(Node, Behaviour):
@@ -65,3 +66,44 @@ class StatefulAction(Leaf):
         if self._s == RUNNING:
             self.on_halted()
         self.reset_status()
+
+
+# Sleep: RUNNING for a while.
+
+
+class Sleep(StatefulAction):
+    """RUNNING for ``msec`` milliseconds of the tree's clock, then SUCCESS."""
+
+    CHECKED_AT_TICK = True
+    INPUT_PORTS = {"msec": BoundedPort(int, True, "how long, in milliseconds")}
+
+    def on_start(self) -> int:
+        """Remember the time."""
+        self.end = self.clock.now() + self.get_input("msec") * 1e-3
+        return RUNNING if self.get_input("msec") > 0 else SUCCESS
+
+    def on_running(self) -> int:
+        """Look at the clock."""
+        return SUCCESS if self.clock.now() >= self.end else RUNNING
+
+    def on_halted(self) -> None:
+        """Nothing is left moving by a sleep."""
+
+
+# AlwaysSuccess and AlwaysFailure.
+
+
+class AlwaysSuccess(SyncAction):
+    """SUCCESS at every tick."""
+
+    def on_tick(self) -> int:
+        """Succeed."""
+        return SUCCESS
+
+
+class AlwaysFailure(SyncAction):
+    """FAILURE at every tick."""
+
+    def on_tick(self) -> int:
+        """Fail."""
+        return FAILURE

@@ -2,11 +2,82 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Awaitable, Callable, Coroutine, Generator
 from typing import Any
 
+from bestman_bt.engine.core.status import FAILURE, RUNNING, SKIPPED, SUCCESS
 from bestman_bt.engine.leaves.base import StatefulAction
-from bestman_bt.engine.status import RUNNING
+
+# ThreadedAction: work that would hold up the tick, in a thread of its own.
+
+
+class ThreadedAction(StatefulAction):
+    """An action whose ``on_work()`` runs in a thread; the node is RUNNING meanwhile.
+
+    Read the inputs in ``prepare()``, on the tick thread, and hand them over as its result. ``on_work`` must look at
+    ``halt_requested`` often and return soon once it is set: a halt waits for it. Its end wakes the tick loop.
+    Threads make a simulation depend on the machine's load; use them against hardware.
+    """
+
+    _thread: threading.Thread | None = None
+
+    def prepare(self) -> Any:
+        """Return what ``on_work`` needs; called on the tick thread."""
+        return None
+
+    def on_work(self, inputs: Any) -> int:
+        """Do the work and return SUCCESS or FAILURE; called in the thread."""
+        raise NotImplementedError(f"{type(self).__name__} does not define on_work()")
+
+    @property
+    def halt_requested(self) -> bool:
+        """Whether the work should end now."""
+        return self._halt.is_set()
+
+    def on_load(self) -> None:
+        """Make what the threads are told by."""
+        self._halt = threading.Event()
+        self._result: int | None = None
+        self._failure: BaseException | None = None
+        self._done = False
+
+    def on_start(self) -> int:
+        """Start the thread."""
+        self._halt.clear()
+        self._result = self._failure = None
+        self._done = False
+        self._thread = threading.Thread(target=self._run, args=(self.prepare(),), name=self.path, daemon=True)
+        self._thread.start()
+        return RUNNING
+
+    def _run(self, inputs: Any) -> None:
+        try:
+            self._result = self.on_work(inputs)
+        except BaseException as error:  # noqa: BLE001 - handed to the tick thread, which tells it
+            self._failure = error
+        self._done = True  # before the wake-up: the thread may still be alive when the loop looks
+        self.wake_up()
+
+    def on_running(self) -> int:
+        """Look whether the thread is done; what it raised is raised here."""
+        if not self._done:
+            return RUNNING
+        self._thread = None
+        if isinstance(self._failure, Exception):
+            raise self._failure
+        if self._failure is not None:
+            raise self.error(f"its on_work() ended with {self._failure!r}")
+        if self._result not in (SUCCESS, FAILURE, SKIPPED):
+            raise self.error(f"its on_work() returned {self._result!r}; SUCCESS, FAILURE or SKIPPED are accepted")
+        return self._result
+
+    def on_halted(self) -> None:
+        """Ask the thread to end, and wait for it."""
+        self._halt.set()
+        if self._thread is not None:
+            self._thread.join()
+            self._thread = None
 
 
 class _NextTick:

@@ -3,14 +3,97 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 from py_trees.ports import PortInformation
 
-from bestman_bt.engine.around_tick import Tick
-from bestman_bt.engine.leaves.base import Condition, SyncAction
-from bestman_bt.engine.ports import key_of
-from bestman_bt.engine.status import FAILURE, SUCCESS
+from bestman_bt.engine.core.around_tick import Tick
+from bestman_bt.engine.core.ports import key_of
+from bestman_bt.engine.core.status import FAILURE, RUNNING, SKIPPED, STATUS_NAMES, SUCCESS
+from bestman_bt.engine.leaves.base import Condition, StatefulAction, SyncAction
+from bestman_bt.engine.scripting import ScriptCompiler
+
+# TestNode: a leaf with a scripted result and delay, put in the place of a real one by a substitution rule.
+
+
+@dataclass(frozen=True)
+class TestNodeConfig:
+    """What a TestNode does.
+
+    Attributes:
+        return_status: its result, unless ``return_status_script`` or ``complete`` decide.
+        return_status_script: a script whose value is the result; it knows the names of the statuses.
+        success_script: run when the result is SUCCESS.
+        failure_script: run when the result is FAILURE.
+        post_script: run whatever the result is.
+        async_delay: seconds of the tree's clock for which it is RUNNING first.
+        complete: a function that returns the result.
+    """
+
+    __test__ = False
+
+    return_status: int = SUCCESS
+    return_status_script: str = ""
+    success_script: str = ""
+    failure_script: str = ""
+    post_script: str = ""
+    async_delay: float = 0.0
+    complete: Callable[[], int] | None = None
+
+
+class TestNode(StatefulAction):
+    """A leaf that returns what its ``TestNodeConfig`` says."""
+
+    __test__ = False
+    config: TestNodeConfig = TestNodeConfig()
+
+    def on_load(self) -> None:
+        """Compile the scripts."""
+        compiler = self.owner.compiler
+        names = {name: value for value, name in enumerate(STATUS_NAMES)}
+        statuses = ScriptCompiler({**compiler.enums, **names})
+        config = self.config
+        self._result = self._compiled(statuses, config.return_status_script)
+        self._on_success = self._compiled(compiler, config.success_script)
+        self._on_failure = self._compiled(compiler, config.failure_script)
+        self._post = self._compiled(compiler, config.post_script)
+        self._end = 0.0
+
+    def _compiled(self, compiler: ScriptCompiler, source: str) -> Callable[[], Any] | None:
+        return compiler.compile(source, self.board) if source else None
+
+    def on_start(self) -> int:
+        """Begin the delay, or be done at once."""
+        if self.config.async_delay <= 0:
+            return self._complete()
+        self._end = self.clock.now() + self.config.async_delay
+        return RUNNING
+
+    def on_running(self) -> int:
+        """Be done when the delay is over."""
+        return self._complete() if self.clock.now() >= self._end else RUNNING
+
+    def _complete(self) -> int:
+        status = self._decide()
+        script = {SUCCESS: self._on_success, FAILURE: self._on_failure}.get(status)
+        if script is not None:
+            script()
+        if self._post is not None:
+            self._post()
+        return status
+
+    def _decide(self) -> int:
+        found: Any = self.config.return_status
+        if self.config.complete is not None:
+            found = self.config.complete()
+        elif self._result is not None:
+            found = self._result()
+            found = STATUS_NAMES.index(found) if found in STATUS_NAMES else found
+        for status in (RUNNING, SUCCESS, FAILURE, SKIPPED):
+            if found == status:
+                return status
+        raise self.error(f"its result is {found!r}; RUNNING, SUCCESS, FAILURE or SKIPPED are accepted")
 
 
 class Script(SyncAction):

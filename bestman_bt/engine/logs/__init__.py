@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from bestman_bt.engine.logs.btlog import BtLog, BtLogWriter, LogError, read_btlog
+from bestman_bt.engine.logs.btlog import BtLog, BtLogWriter, LogError, Transition, Transitions, read_btlog
 from bestman_bt.engine.logs.observer import NodeStatistics, TreeObserver
-from bestman_bt.engine.logs.transitions import Transition, Transitions
 
 __all__ = [
     "BtLog",

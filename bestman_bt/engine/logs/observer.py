@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from types import TracebackType
 
-from bestman_bt.engine.node import Node
-from bestman_bt.engine.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS
-from bestman_bt.engine.tree import StateChanges, Tree
+from bestman_bt.engine.core.node import Node
+from bestman_bt.engine.core.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS
+from bestman_bt.engine.core.tree import StateChanges, Tree
 
 
 @dataclass

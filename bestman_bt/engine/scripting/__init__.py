@@ -3,8 +3,13 @@
 from __future__ import annotations
 
 from bestman_bt.engine.scripting.compiler import ScriptCompiler
-from bestman_bt.engine.scripting.parser import MAX_SCRIPT_DEPTH, assigns_to_no_key, parse_script
-from bestman_bt.engine.scripting.tokens import MAX_SCRIPT_LENGTH, tokenize
+from bestman_bt.engine.scripting.parser import (
+    MAX_SCRIPT_DEPTH,
+    MAX_SCRIPT_LENGTH,
+    assigns_to_no_key,
+    parse_script,
+    tokenize,
+)
 
 __all__ = [
     "MAX_SCRIPT_DEPTH",

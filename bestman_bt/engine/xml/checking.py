@@ -10,13 +10,13 @@ from typing import Any, Final
 
 from bestman_bt.engine.bounds import refusal
 from bestman_bt.engine.conversion import UNTYPED, cast, partly_read, type_name
+from bestman_bt.engine.core.ports import key_of
+from bestman_bt.engine.core.status import NodeStatus
 from bestman_bt.engine.errors import ConversionError, Problem, ScriptError
 from bestman_bt.engine.leaves.function import class_name
-from bestman_bt.engine.ports import key_of
 from bestman_bt.engine.registry import NodeInfo, NodeRegistry
 from bestman_bt.engine.scripting import ScriptCompiler, assigns_to_no_key
 from bestman_bt.engine.spelling import closest
-from bestman_bt.engine.status import NodeStatus
 from bestman_bt.engine.xml.documents import Documents, TreeDefinition
 from bestman_bt.engine.xml.elements import Element
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,16 +10,143 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
+from PIL import Image, ImageDraw, ImageFont
 
-from bestman_bt.evaluation.film.film import caption, captioned, require_film_writer, write_film, write_still
 from bestman_bt.evaluation.film.filmed_run import FilmedRun, FilmError
-from bestman_bt.evaluation.film.painted import paint_job
-from bestman_bt.evaluation.film.shot import best_frame, plan_shot
+from bestman_bt.evaluation.film.shot import RATE, Shot, best_frame, plan_shot
 from bestman_bt.evaluation.film.stage import Stage
+from bestman_bt.evaluation.recording import recorded_bodies
+from bestman_bt.extras import install_command
+from bestman_bt.scene import Wall, World
 from bestman_bt.visualization import RobotSnapshot
-from bestman_bt.visualization.blender import blender_python, paint
+from bestman_bt.visualization.blender import (
+    Finish,
+    PaintedBody,
+    PaintedFrame,
+    PaintedRobot,
+    PaintJob,
+    blender_python,
+    paint,
+)
 from hal.simulation import Viewpoint
+
+# A run's frames for Blender: what each body is made of, and which walls are left out so that one sees in.
+
+
+BEHIND = 0.35
+"""Metres behind what is looked at in which a wall still hides it."""
+
+
+def paint_job(
+    run: FilmedRun,
+    frames: Sequence[tuple[RobotSnapshot, Viewpoint]],
+    files: Sequence[Path],
+    size: tuple[int, int],
+    samples: int,
+) -> PaintJob:
+    """The job that paints ``frames`` into ``files``; ``size``: width and height in pixels."""
+    views = [view for _, view in frames]
+    hidden = {name for name, wall in _walls(run.world) if any(_hides(wall, view) for view in views)}
+    return PaintJob(
+        robot=PaintedRobot(run.robot_model.urdf, run.robot_model.base_frame),
+        bodies=list(_painted_bodies(run.world)),
+        frames=[
+            PaintedFrame(snapshot, view.eye, view.target, view.field_of_view, file)
+            for (snapshot, view), file in zip(frames, files, strict=True)
+        ],
+        hidden=frozenset(hidden),
+        width=size[0],
+        height=size[1],
+        samples=samples,
+        seed=run.config.seed,
+    )
+
+
+def _painted_bodies(world: World) -> Iterable[PaintedBody]:
+    finishes: dict[str, Finish] = {name: "wall" for name, _ in _walls(world)}
+    finishes |= {thing.name: "object" for thing in world.objects}
+    finishes |= {walker.name: "person" for walker in world.walkers}
+    for body in recorded_bodies(world):
+        yield PaintedBody(body, finishes.get(body.name, "furniture"))
+
+
+def _walls(world: World) -> list[tuple[str, Wall]]:
+    """With the names that they have as bodies."""
+    return [(f"wall{number}", wall) for number, wall in enumerate(world.walls)]
+
+
+def _hides(wall: Wall, view: Viewpoint) -> bool:
+    """Whether a wall stands between the camera and what it looks at, in plan, or right behind the camera."""
+    eye, target = np.array(view.eye[:2]), np.array(view.target[:2])
+    away = target - eye
+    length = float(np.linalg.norm(away))
+    direction = away / length if length > 0 else np.array([1.0, 0.0])
+    side = np.array([-direction[1], direction[0]])
+    start, end = (np.array(point) - eye for point in (wall.start, wall.end))
+    reach = length - BEHIND
+    for share in np.linspace(0.0, 1.0, 40):
+        point = start + share * (end - start)
+        ahead, across = float(point @ direction), float(point @ side)
+        if -BEHIND < ahead < reach and abs(across) < 0.5 * max(ahead, 0.0) + BEHIND:
+            return True
+    return False
+
+
+# Films and stills from pictures: a line that tells what is going on, an mp4, a JPEG.
+
+
+SMALL_FILM = 1_500_000
+SMALL_STILL = 200_000
+
+
+def caption(run: FilmedRun, shot: Shot, time: float) -> str:
+    """What is going on at a second of the run."""
+    return f"{run.config.name}   {time:5.1f} s   {shot.speed:.2g} x   {run.doing(time)}"
+
+
+def captioned(picture: NDArray[np.uint8], text: str) -> NDArray[np.uint8]:
+    """With a line of text at the lower edge."""
+    image = Image.fromarray(picture)
+    draw = ImageDraw.Draw(image, "RGBA")
+    draw.rectangle((0, image.height - 24, image.width, image.height), fill=(20, 24, 28, 170))
+    draw.text((10, image.height - 20), text, font=ImageFont.load_default(14), fill=(255, 255, 255, 255))
+    return np.asarray(image)
+
+
+def write_still(picture: NDArray[np.uint8], path: Path, largest: int = SMALL_STILL) -> None:
+    """A JPEG of at most ``largest`` bytes, or as small as it gets."""
+    image = Image.fromarray(picture)
+    for quality in (92, 88, 80, 70, 60):
+        image.save(path, quality=quality, optimize=True)
+        if path.stat().st_size <= largest:
+            return
+
+
+def require_film_writer() -> None:
+    """Raises FilmError where films cannot be written; to be asked before the pictures are made."""
+    try:
+        import av  # noqa: F401 - only whether it is there
+    except ImportError as error:
+        raise FilmError(f"films need PyAV: {install_command('gallery')}") from error
+
+
+def write_film(pictures: Iterable[NDArray[np.uint8]], path: Path, largest: int = SMALL_FILM) -> None:
+    """An mp4 (H.264) of at most ``largest`` bytes, or as small as it gets; FilmError without its writer."""
+    require_film_writer()
+    import av
+
+    frames = list(pictures)
+    height, width = frames[0].shape[:2]
+    for quality in (21, 25, 29, 33, 37):
+        with av.open(str(path), "w", options={"movflags": "faststart"}) as out:
+            stream = out.add_stream("libx264", rate=RATE, options={"crf": str(quality), "preset": "slow"})
+            stream.width, stream.height, stream.pix_fmt = width, height, "yuv420p"
+            for frame in frames:
+                out.mux(stream.encode(av.VideoFrame.from_ndarray(frame, format="rgb24")))
+            out.mux(stream.encode())
+        if path.stat().st_size <= largest:
+            return
+
 
 LARGEST_STILL = 600_000
 LARGEST_FILM = 6_000_000

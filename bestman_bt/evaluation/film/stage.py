@@ -19,7 +19,7 @@ from bestman_bt.scene import Articulation, PlacedFurniture
 from bestman_bt.visualization import RobotSnapshot
 from hal.pybullet import PyBulletRobot
 from hal.simulation import ReadPurpose, Viewpoint
-from hal.simulation.photographer import smooth
+from hal.simulation.camera import smooth
 
 
 class Stage:

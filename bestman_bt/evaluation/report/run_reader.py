@@ -16,10 +16,10 @@ from PIL import Image, UnidentifiedImageError
 from bestman_bt.errors import Error, InputError
 from bestman_bt.evaluation.report.story import INTERRUPTED, STILL_RUNNING, RunStory, StoryFailure, StoryPicture
 from bestman_bt.evaluation.result import RunResult
-from bestman_bt.records.activities import activities
 from bestman_bt.records.events import LogEvent
 from bestman_bt.records.history import Picture, RunHistory
 from bestman_bt.records.reader import RecordError, has_record, read
+from bestman_bt.records.timeline import activities
 from bestman_bt.records.writer import EVENTS_FILE, LOG_FILE, STATES_FILE
 
 RESULT, CONFIG = "result.json", "config.yaml"

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from bestman_bt.evaluation.result import RunResult
-from bestman_bt.records.activities import Activities
 from bestman_bt.records.nodes import NodeList
+from bestman_bt.records.timeline import Activities
 
 INTERRUPTED = "interrupted"
 STILL_RUNNING = "running"

@@ -5,10 +5,12 @@ Pan et al., "FCL: a general purpose library for collision and proximity queries"
 
 from __future__ import annotations
 
+import hashlib
 import math
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
+from dataclasses import fields, is_dataclass, replace
 from functools import cached_property
+from typing import TypeAlias
 
 import coal
 import numpy as np
@@ -16,9 +18,7 @@ import pinocchio
 from numpy.typing import ArrayLike, NDArray
 
 from bestman_bt.manipulation.collision.base import CollisionModel, CollisionWorld
-from bestman_bt.manipulation.collision.coal_voxels import Placed, clear_of, octree
-from bestman_bt.manipulation.collision.fingerprint import fingerprint
-from bestman_bt.manipulation.collision.planning_scene import PlanningScene
+from bestman_bt.manipulation.collision.planning_scene import PlanningScene, VoxelObstacle
 from bestman_bt.manipulation.errors import ManipulationError
 from bestman_bt.manipulation.joint_values import joint_vector
 from bestman_bt.manipulation.kinematics.pinocchio_model import (
@@ -31,6 +31,67 @@ from bestman_bt.manipulation.kinematics.pinocchio_model import (
 )
 from bestman_bt.messages import Box, Cylinder, Mesh, PlacedShape, Shape, Sphere
 from bestman_bt.robot_model import ArmModel, RobotModel
+
+# Voxels for coal: an octree, and which voxels the robot itself disproves.
+# Hornung et al., "OctoMap: an efficient probabilistic 3D mapping framework based on octrees", Autonomous Robots 2013.
+
+
+Placed: TypeAlias = tuple[coal.CollisionGeometry, pinocchio.SE3]
+"""A geometry and its pose in the frame of its body."""
+
+
+def octree(voxels: VoxelObstacle) -> coal.OcTree:
+    """The voxels in the frame of their grid."""
+    return coal.makeOctree((voxels.indices + 0.5) * voxels.resolution, voxels.resolution)
+
+
+def clear_of(voxels: VoxelObstacle, bodies: Sequence[Placed], margin: float) -> VoxelObstacle:
+    """The voxels that do not touch the bounding box of any body, grown by ``margin`` metres.
+
+    Where the robot is now is no obstacle, whatever was seen there. ``bodies``: geometries and their poses in the base.
+    """
+    reach = margin + math.sqrt(3.0) / 2 * voxels.resolution
+    indices = voxels.indices
+    centres = voxels.base_from_grid.apply((indices + 0.5) * voxels.resolution)
+    for geometry, base_from_body in bodies:
+        geometry.computeLocalAABB()
+        box = geometry.aabb_local
+        local = (centres - base_from_body.translation) @ base_from_body.rotation
+        outside = ((local < box.min_ - reach) | (local > box.max_ + reach)).any(axis=1)
+        indices, centres = indices[outside], centres[outside]
+    return replace(voxels, indices=np.ascontiguousarray(indices))
+
+
+# A hash of plain values: equal values give equal hashes, in every process.
+
+
+def fingerprint(value: object) -> str:
+    """32 hexadecimal digits for a value made of dataclasses, mappings, sets, sequences, arrays, texts and numbers.
+
+    Raises TypeError for anything else.
+    """
+    return hashlib.blake2b(_encoded(value), digest_size=16).hexdigest()
+
+
+def _encoded(value: object) -> bytes:
+    """A description in which the type and the length of every part come before it, so that no two values share one."""
+    match value:
+        case np.ndarray():
+            content = f"{value.dtype}{value.shape}".encode() + np.ascontiguousarray(value).tobytes()
+        case None | str() | bool() | int() | float() | np.generic():
+            content = repr(value).encode()
+        case Mapping():
+            content = b"".join(sorted(_encoded(item) for item in value.items()))
+        case frozenset() | set():
+            content = b"".join(sorted(_encoded(item) for item in value))
+        case tuple() | list():
+            content = b"".join(_encoded(item) for item in value)
+        case _ if is_dataclass(value):
+            content = b"".join(_encoded((field.name, getattr(value, field.name))) for field in fields(value))
+        case _:
+            raise TypeError(f"no fingerprint for a {type(value).__name__}")
+    return f"{type(value).__name__}:{len(content)}:".encode() + content
+
 
 # At a margin of exactly zero, coal's GJK was seen to miss an overlap of 9 mm (link 5 and hand of a Panda); any
 # positive margin made it certain.

@@ -6,16 +6,14 @@ from bestman_bt.manipulation.kinematics.arc_path import (
     IsFreeAt,
     Stations,
 )
-from bestman_bt.manipulation.kinematics.arm_bodies import ArmBodies
 from bestman_bt.manipulation.kinematics.base import IKResult, InverseKinematics
 from bestman_bt.manipulation.kinematics.cartesian_path import CartesianPath, cartesian_path
 from bestman_bt.manipulation.kinematics.damped_least_squares import DampedLeastSquares
-from bestman_bt.manipulation.kinematics.forward import ForwardKinematics
-from bestman_bt.manipulation.kinematics.link_hulls import body_between, link_hulls
-from bestman_bt.manipulation.kinematics.reachability_cache import reachability_map
+from bestman_bt.manipulation.kinematics.link_hulls import ArmBodies, ForwardKinematics, body_between, link_hulls
 from bestman_bt.manipulation.kinematics.reachability_map import (
     ReachabilityMap,
     ReachabilitySampling,
+    reachability_map,
 )
 from bestman_bt.manipulation.kinematics.stand_along import (
     ArcStands,

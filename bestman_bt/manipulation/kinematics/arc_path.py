@@ -18,7 +18,7 @@ from bestman_bt.manipulation.errors import ManipulationError
 from bestman_bt.manipulation.joint_values import JointLimits, joint_vector
 from bestman_bt.manipulation.kinematics.base import InverseKinematics
 from bestman_bt.messages import Pose
-from bestman_bt.messages.bounds import Positive, WholeNumber
+from bestman_bt.messages.shapes import Positive, WholeNumber
 
 Stations = Sequence[Sequence[Pose]]
 """For each station the tool poses that are allowed there; neighbours in the list are neighbours in the hand's turn."""

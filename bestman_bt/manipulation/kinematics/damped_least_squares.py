@@ -31,7 +31,7 @@ from bestman_bt.manipulation.kinematics.pinocchio_model import (
     to_se3,
 )
 from bestman_bt.messages import Pose
-from bestman_bt.messages.bounds import Count
+from bestman_bt.messages.shapes import Count
 from bestman_bt.robot_model import ArmModel, RobotModel
 
 

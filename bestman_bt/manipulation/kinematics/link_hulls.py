@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from functools import lru_cache
+from functools import cached_property, lru_cache
+from itertools import product
 from types import MappingProxyType
 
 import coal
@@ -12,8 +13,42 @@ import pinocchio
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
-from bestman_bt.manipulation.kinematics.forward import ForwardKinematics
-from bestman_bt.robot_model import ArmModel, RobotModel
+from bestman_bt.manipulation.kinematics.pinocchio_model import build_model, configuration, frame_index, to_pose
+from bestman_bt.messages import Pose
+from bestman_bt.robot_model import ArmModel, RobotModel, joints_above
+from bestman_bt.world_model import HeldObject
+
+# Forward kinematics: the pose of any link of the robot from joint positions by name.
+
+
+class ForwardKinematics:
+    """Frames of the whole robot; the model is built at the first question."""
+
+    def __init__(self, robot: RobotModel) -> None:
+        self.robot = robot
+
+    @cached_property
+    def _model(self) -> pinocchio.Model:
+        return build_model(self.robot)
+
+    @cached_property
+    def _data(self) -> pinocchio.Data:
+        return self._model.createData()
+
+    def pose(self, frame: str, positions: Mapping[str, float], reference: str | None = None) -> Pose:
+        """The pose of the link ``frame`` in the link ``reference`` (default: the robot's base frame).
+
+        ``positions``: joint name → radians or metres; joints that are missing stand at zero.
+        Raises ManipulationError for an unknown link or joint, or a position that is not finite.
+        """
+        model, data = self._model, self._data
+        frame_id = frame_index(model, frame)
+        reference_id = frame_index(model, reference or self.robot.base_frame)
+        pinocchio.forwardKinematics(model, data, configuration(model, positions))
+        root_from_frame = pinocchio.updateFramePlacement(model, data, frame_id).copy()
+        root_from_reference = pinocchio.updateFramePlacement(model, data, reference_id)
+        return to_pose(root_from_reference.actInv(root_from_frame))
+
 
 _TURNS = 16
 
@@ -76,3 +111,44 @@ def _corners(shape: coal.CollisionGeometry) -> NDArray[np.float64]:
         return np.vstack([np.column_stack([ring, np.full(_TURNS, z)]) for z in ends])
     corners: NDArray[np.float64] = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * half
     return corners
+
+
+# Where an arm with its hand, and what it holds, is in space: for whoever drives it past something.
+
+
+class ArmBodies:
+    """All links that move with ``arm``; the robot's geometry is loaded at the first question."""
+
+    def __init__(self, robot: RobotModel, arm: str = "arm") -> None:
+        self._robot, self._arm = robot, robot.of(ArmModel)[arm]
+
+    def at(self, positions: Mapping[str, float], held: HeldObject | None = None) -> list[NDArray[np.float64]]:
+        """Corners of the convex hull of each body, (N, 3) metres in the base frame.
+
+        ``positions``: of all joints, by name; those that are missing stand at zero. ``held``: what is in the hand, as
+        the box around it.
+        """
+        model = self._model
+        data = model.createData()
+        pinocchio.framesForwardKinematics(model, data, configuration(model, positions))
+        base_from_root = data.oMf[frame_index(model, self._robot.base_frame)].inverse()
+
+        def pose(frame: str) -> Pose:
+            return to_pose(base_from_root * data.oMf[frame_index(model, frame)])
+
+        bodies = [pose(link).apply(hull) for link, hulls in self._hulls.items() for hull in hulls]
+        if held is not None:
+            low, high = held.model.bounds()
+            corners = np.array(list(product(*zip(low, high, strict=True))))
+            bodies.append((pose(self._arm.tool_frame) @ held.tool_from_object).apply(corners))
+        return bodies
+
+    @cached_property
+    def _model(self) -> pinocchio.Model:
+        return build_model(self._robot)
+
+    @cached_property
+    def _hulls(self) -> dict[str, tuple[NDArray[np.float64], ...]]:
+        moving = set(self._arm.joint_names)
+        hulls = link_hulls(self._robot).items()
+        return {link: corners for link, corners in hulls if moving & joints_above(self._robot, link)}

@@ -6,7 +6,13 @@ filled from sampled joint positions instead of inverse kinematics.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import hashlib
+import logging
+import os
+import tempfile
+import zipfile
+from dataclasses import asdict, dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,8 +20,74 @@ from numpy.typing import ArrayLike, NDArray
 from bestman_bt.manipulation.errors import ManipulationError
 from bestman_bt.manipulation.joint_values import JointLimits
 from bestman_bt.manipulation.kinematics.base import InverseKinematics
-from bestman_bt.manipulation.kinematics.screw_chain import ScrewChain
-from bestman_bt.messages.bounds import Count, Positive
+from bestman_bt.messages.shapes import Count, Positive
+
+# Forward kinematics of many joint positions at once, by the product of exponentials.
+# Brockett, "Robotic manipulators and the product of exponentials formula", 1984.
+
+
+@dataclass(frozen=True, eq=False)
+class ScrewChain:
+    """``screws``: (n, 6) linear over angular part of each joint's axis in the base frame, at joint positions zero.
+
+    ``rotation`` (3, 3), ``position`` (3,): of the tool there.
+    """
+
+    screws: NDArray[np.float64]
+    rotation: NDArray[np.float64]
+    position: NDArray[np.float64]
+
+    @classmethod
+    def of(cls, kinematics: InverseKinematics) -> ScrewChain:
+        """Read off an arm's kinematics: its Jacobian at zero, taken to the base frame."""
+        zero = np.zeros(len(kinematics.joint_names))
+        tool = kinematics.tool_pose(zero)
+        jacobian = kinematics.jacobian(zero)
+        angular = tool.rotation @ jacobian[3:]
+        linear = tool.rotation @ jacobian[:3] - np.cross(angular.T, tool.position).T
+        return cls(np.vstack([linear, angular]).T, tool.rotation, tool.position)
+
+    @property
+    def joints(self) -> int:
+        """How many joints there are."""
+        return len(self.screws)
+
+    def reach(
+        self, positions: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+        """At (N, n) joint positions: tool positions (N, 3), tool z axes (N, 3), manipulabilities (N,)."""
+        count = len(positions)
+        rotation, translation = np.tile(np.eye(3), (count, 1, 1)), np.zeros((count, 3))
+        jacobian = np.empty((count, 6, self.joints))
+        for i, screw in enumerate(self.screws):
+            angular = rotation @ screw[3:]
+            jacobian[:, 3:, i] = angular
+            jacobian[:, :3, i] = rotation @ screw[:3] + np.cross(translation, angular)
+            turn, shift = _exponential(screw, positions[:, i])
+            translation = translation + np.einsum("nij,nj->ni", rotation, shift)
+            rotation = rotation @ turn
+        # The determinant does not depend on the point that the Jacobian refers to.
+        squared = np.linalg.det(jacobian @ np.swapaxes(jacobian, 1, 2))
+        tool = translation + rotation @ self.position
+        return tool, rotation @ self.rotation[:, 2], np.sqrt(np.maximum(squared, 0.0))
+
+
+def _exponential(
+    screw: NDArray[np.float64], angles: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """exp of a unit screw at ``angles`` (N,): rotations (N, 3, 3) and translations (N, 3)."""
+    x, y, z = screw[3:]
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    square = cross @ cross
+    sine, versine = np.sin(angles)[:, None, None], (1.0 - np.cos(angles))[:, None, None]
+    rotation = np.eye(3) + sine * cross + versine * square
+    linear = screw[:3]
+    shift = (
+        angles[:, None] * linear
+        + versine[:, 0] * (cross @ linear)
+        + (angles[:, None] - np.sin(angles)[:, None]) * (square @ linear)
+    )
+    return rotation, shift
 
 
 @dataclass(frozen=True)
@@ -134,3 +206,84 @@ def _vectors(values: ArrayLike, what: str) -> NDArray[np.float64]:
     if array.ndim != 2 or array.shape[1] != 3 or not np.isfinite(array).all():
         raise ManipulationError(f"{what} should be (N, 3) and finite but have shape {array.shape}")
     return array
+
+
+# Reachability maps on disk, one file per arm: what the map depends on is in the file's name.
+
+
+_VERSION = 1
+_LOG = logging.getLogger(__name__)
+_FIELDS = ("origin", "voxel", "directions", "counts", "manipulability", "plenty")
+
+
+def reachability_map(
+    kinematics: InverseKinematics,
+    limits: JointLimits,
+    sampling: ReachabilitySampling | None = None,
+    folder: Path | None = None,
+) -> ReachabilityMap:
+    """The map of an arm from ``folder`` (default: the user's cache), else built and put there.
+
+    ``kinematics``: one with a ``fingerprint``. A file that cannot be read is built anew; a folder that cannot be
+    written only costs the next start its time.
+    """
+    sampling = sampling or ReachabilitySampling()
+    file = (folder or cache_folder()) / f"reachability-{_key(kinematics, sampling)}.npz"
+    stored = _read(file)
+    if stored is not None:
+        return stored
+    built = sampling.build(kinematics, limits)
+    _write(file, built)
+    return built
+
+
+def cache_folder() -> Path:
+    """``$XDG_CACHE_HOME/bestman-bt``, or ``~/.cache/bestman-bt``."""
+    home = os.environ.get("XDG_CACHE_HOME")
+    return (Path(home) if home else Path.home() / ".cache") / "bestman-bt"
+
+
+def _key(kinematics: InverseKinematics, sampling: ReachabilitySampling) -> str:
+    content = (_VERSION, kinematics.fingerprint, sorted(asdict(sampling).items()))
+    return hashlib.sha256(repr(content).encode()).hexdigest()[:24]
+
+
+def _read(file: Path) -> ReachabilityMap | None:
+    if not file.is_file():
+        return None
+    try:
+        with np.load(file, allow_pickle=False) as stored:
+            values = {name: stored[name] for name in _FIELDS}
+        found = ReachabilityMap(
+            values["origin"],
+            float(values["voxel"]),
+            values["directions"],
+            values["counts"],
+            values["manipulability"],
+            int(values["plenty"]),
+        )
+        if found.counts.ndim != 4 or found.counts.shape != found.manipulability.shape:
+            raise ValueError(f"its arrays have the shapes {found.counts.shape} and {found.manipulability.shape}")
+    except (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile) as error:
+        _LOG.warning("the stored reachability map %s cannot be used and is built anew: %s", file, error)
+        return None
+    return found
+
+
+def _write(file: Path, built: ReachabilityMap) -> None:
+    """In one step, so that a second process never reads half a file."""
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.NamedTemporaryFile(dir=file.parent, suffix=".npz", delete=False) as part:
+            np.savez_compressed(
+                part,
+                origin=built.origin,
+                voxel=built.voxel,
+                directions=built.directions,
+                counts=built.counts,
+                manipulability=built.manipulability,
+                plenty=built.plenty,
+            )
+        Path(part.name).replace(file)
+    except OSError as error:
+        _LOG.warning("the reachability map cannot be stored as %s: %s", file, error)

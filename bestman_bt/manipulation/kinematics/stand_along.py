@@ -26,7 +26,7 @@ from bestman_bt.manipulation.kinematics.arc_path import (
 from bestman_bt.manipulation.kinematics.base import InverseKinematics
 from bestman_bt.manipulation.kinematics.reachability_map import ReachabilityMap
 from bestman_bt.messages import Pose, Pose2D, wrap_angle
-from bestman_bt.messages.bounds import Count
+from bestman_bt.messages.shapes import Count
 
 _EVERY_15_DEGREES = tuple(math.radians(degrees) for degrees in range(-180, 180, 15))
 _AT_ONCE = 32  # stands whose promise is computed in one array, which is to stay in the processor's cache

@@ -8,10 +8,9 @@ from bestman_bt.manipulation.motion_planning.base import (
     PlanningError,
     PlanningErrorCode,
 )
-from bestman_bt.manipulation.motion_planning.escape import Escape
 from bestman_bt.manipulation.motion_planning.ompl_planners import AORRTC, KPIECE, BITStar, RRTConnect, RRTStar
 from bestman_bt.manipulation.motion_planning.portfolio import Portfolio
-from bestman_bt.manipulation.motion_planning.timed_planner import TimedMotionPlanner, TimedPlan
+from bestman_bt.manipulation.motion_planning.timed_planner import Escape, TimedMotionPlanner, TimedPlan
 from bestman_bt.manipulation.motion_planning.upright import Upright
 
 __all__ = [

@@ -3,14 +3,73 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+import time
+from collections.abc import Callable, Iterator
 from enum import IntEnum
+from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bestman_bt.manipulation.motion_planning.edge import halving_order
+from bestman_bt.manipulation.collision.base import CollisionWorld
+from bestman_bt.manipulation.motion_planning.base import PathConstraint, PlanningError, PlanningErrorCode
+
+# What a planner asks of a configuration: collisions, the constraint, and a count of the questions.
+
+
+_CHECKS_BETWEEN_LOOKS_AT_THE_CLOCK = 256
+
+
+class CountedValidity:
+    """Free of collisions and within the constraint, as a Python ``bool`` (OMPL refuses numpy's).
+
+    ``wall_limit``: seconds after which it raises PlanningError (``timeout``). A result never depends on it.
+    """
+
+    def __init__(self, world: CollisionWorld, constraint: PathConstraint | None, wall_limit: float) -> None:
+        self._is_free = world.is_free
+        self._constraint = constraint
+        self._wall_limit = wall_limit
+        self._end = time.monotonic() + wall_limit
+        self.checks = 0
+
+    def __call__(self, positions: NDArray[np.float64]) -> bool:
+        """Whether the arm may stand at ``positions`` (n,)."""
+        self.checks += 1
+        if self.checks % _CHECKS_BETWEEN_LOOKS_AT_THE_CLOCK == 0 and time.monotonic() > self._end:
+            raise PlanningError(
+                PlanningErrorCode.TIMEOUT,
+                f"planning was aborted after {self._wall_limit:g} s and {self.checks} checks",
+            )
+        if self._constraint is not None and not self._constraint.satisfied(positions):
+            return False
+        return bool(self._is_free(positions))
+
+
+# Points on straight joint motions, at a given resolution.
+
+
+def dense_points(path: NDArray[np.float64], step: float) -> Iterator[NDArray[np.float64]]:
+    """Points (n,) along ``path`` (N, n), at most ``step`` rad (Euclidean) apart, all waypoints among them."""
+    yield path[0]
+    for a, b in pairwise(path):
+        count = max(1, math.ceil(float(np.linalg.norm(b - a)) / step))
+        for i in range(1, count + 1):
+            yield a + (i / count) * (b - a)
+
+
+@lru_cache(maxsize=1024)
+def halving_order(count: int) -> tuple[float, ...]:
+    """The fractions i / count, 0 < i < count, from coarse to fine."""
+    order: list[float] = []
+    ranges = [(0, count)]
+    for low, high in ranges:
+        middle = (low + high) // 2
+        if middle > low:
+            order.append(middle / count)
+            ranges += [(low, middle), (middle, high)]
+    return tuple(order)
 
 
 class Proof(IntEnum):

@@ -22,7 +22,7 @@ from bestman_bt.manipulation.motion_planning.base import (
 )
 from bestman_bt.manipulation.motion_planning.ompl_planners import AORRTC, KPIECE, BITStar, RRTConnect, RRTStar
 from bestman_bt.manipulation.motion_planning.sampling_planner import SamplingPlanner
-from bestman_bt.messages.bounds import Count
+from bestman_bt.messages.shapes import Count
 
 _MEMBERS: dict[str, Callable[[], SamplingPlanner]] = {
     "aorrtc": AORRTC,

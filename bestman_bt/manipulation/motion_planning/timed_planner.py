@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from bestman_bt.manipulation.collision.base import CollisionWorld
 from bestman_bt.manipulation.errors import ManipulationError
-from bestman_bt.manipulation.joint_values import JointLimits
+from bestman_bt.manipulation.joint_values import JointLimits, joint_vector
 from bestman_bt.manipulation.motion_planning.base import (
     MotionPlan,
     MotionPlanner,
@@ -18,10 +18,108 @@ from bestman_bt.manipulation.motion_planning.base import (
     PlanningError,
     PlanningErrorCode,
 )
-from bestman_bt.manipulation.motion_planning.escape import Escape
-from bestman_bt.manipulation.trajectory.base import SpeedScale, TimeParametrization
-from bestman_bt.manipulation.trajectory.collision_check import dense_samples, first_touch
+from bestman_bt.manipulation.trajectory.base import SpeedScale, TimeParametrization, dense_samples, first_touch
 from bestman_bt.messages import JointTrajectory
+
+# The way out of a start in collision: a small motion on which the clearance grows from step to step.
+# Ascent of the clearance, as medial-axis PRM retracts samples (Wilmarth, Amato and Stiller, "MAPRM", ICRA 1999), by
+# finite differences; where bodies on two sides make the gradient useless, by the best of some random directions.
+
+
+_DIFFERENCE = 1e-4
+_HALVINGS = 4
+
+
+@dataclass(frozen=True)
+class Escape:
+    """Moves an arm out of a start in collision.
+
+    ``step``: radians of the joint that moves most in one step; ``largest_motion``: of any joint, all in all.
+
+    ``deepest``: metres of overlap, padding included, beyond which the belief is taken to be wrong and nothing is
+    moved. ``spare``: metres of clearance at which the motion ends. ``directions``: random ones that are tried.
+    """
+
+    step: float = 0.01
+    largest_motion: float = 0.35
+    deepest: float = 0.03
+    spare: float = 0.002
+    directions: int = 24
+
+    def path(
+        self, start: ArrayLike, world: CollisionWorld, limits: JointLimits, rng: np.random.Generator
+    ) -> NDArray[np.float64]:
+        """Waypoints (N, n), radians, from ``start`` to where the arm is free; the clearance grows with every row.
+
+        One row where the start is free. Raises PlanningError (``start_in_collision``) that names the pairs where they
+        overlap too far, or no small motion leads out.
+        """
+        origin = joint_vector(start, len(limits.joint_names), "start of an escape")
+        path = [origin]
+        if world.is_free(origin):
+            return np.array(path)
+        clearance = world.clearance(origin)
+        if clearance < -self.deepest:
+            raise _refusal(origin, world, f"by {-1e3 * clearance:.0f} mm, too far to move out of it")
+        while clearance < self.spare or not world.is_free(path[-1]):
+            found = self._better(path[-1], clearance, world, limits, rng)
+            if found is None:
+                if world.is_free(path[-1]):
+                    break
+                raise _refusal(origin, world, "and no small motion leads out of it")
+            positions, clearance = found
+            if np.abs(positions - origin).max() > self.largest_motion:
+                raise _refusal(origin, world, f"and {self.largest_motion:g} rad of motion do not lead out of it")
+            path.append(positions)
+        return np.array(path)
+
+    def _better(
+        self,
+        positions: NDArray[np.float64],
+        clearance: float,
+        world: CollisionWorld,
+        limits: JointLimits,
+        rng: np.random.Generator,
+    ) -> tuple[NDArray[np.float64], float] | None:
+        """A step with more clearance; None if none is found."""
+        gradient = _gradient(positions, clearance, world)
+        for halving in range(_HALVINGS):
+            found = _step(positions, gradient, self.step / 2**halving, world, limits)
+            if found is not None and found[1] > clearance:
+                return found
+        tried = [
+            found
+            for direction in rng.normal(size=(self.directions, len(positions)))
+            if (found := _step(positions, direction, self.step, world, limits)) is not None
+        ]
+        best = max(tried, key=lambda found: found[1], default=None)
+        return best if best is not None and best[1] > clearance else None
+
+
+def _step(
+    positions: NDArray[np.float64],
+    direction: NDArray[np.float64],
+    length: float,
+    world: CollisionWorld,
+    limits: JointLimits,
+) -> tuple[NDArray[np.float64], float] | None:
+    largest = float(np.abs(direction).max())
+    if largest == 0.0:
+        return None
+    # A start may be a little outside the limits; never further.
+    lower, upper = np.minimum(limits.lower, positions), np.maximum(limits.upper, positions)
+    moved = np.clip(positions + length / largest * direction, lower, upper)
+    return moved, world.clearance(moved)
+
+
+def _gradient(positions: NDArray[np.float64], clearance: float, world: CollisionWorld) -> NDArray[np.float64]:
+    steps = positions + _DIFFERENCE * np.eye(len(positions))
+    return np.array([world.clearance(step) - clearance for step in steps]) / _DIFFERENCE
+
+
+def _refusal(origin: NDArray[np.float64], world: CollisionWorld, why: str) -> PlanningError:
+    pairs = ", ".join(f"{a} with {b}" for a, b in world.colliding_pairs(origin))
+    return PlanningError(PlanningErrorCode.START_IN_COLLISION, f"the start is in collision: {pairs}, {why}")
 
 
 @dataclass(frozen=True, eq=False)

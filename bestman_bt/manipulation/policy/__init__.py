@@ -2,10 +2,13 @@
 
 from bestman_bt.manipulation.policy.base import ActionChunk, Observation, Policy
 from bestman_bt.manipulation.policy.behaviour_cloning import BehaviourCloning, ClonedPolicy
-from bestman_bt.manipulation.policy.chunk_path import chunk_path
-from bestman_bt.manipulation.policy.chunk_stream import ChunkStream, StreamedMotion
-from bestman_bt.manipulation.policy.demonstration import Demonstration
-from bestman_bt.manipulation.policy.demonstrations import DatasetError, DemonstrationFormat, DemonstrationRecorder
+from bestman_bt.manipulation.policy.chunk_stream import ChunkStream, StreamedMotion, chunk_path
+from bestman_bt.manipulation.policy.demonstrations import (
+    DatasetError,
+    Demonstration,
+    DemonstrationFormat,
+    DemonstrationRecorder,
+)
 from bestman_bt.manipulation.policy.errors import (
     PolicyActionError,
     PolicyError,
@@ -17,7 +20,6 @@ from bestman_bt.manipulation.policy.errors import (
 )
 from bestman_bt.manipulation.policy.expert_policy import ExpertPolicy
 from bestman_bt.manipulation.policy.features import feature_vector, pose_error, pose_vector
-from bestman_bt.manipulation.policy.load import load_policy
 from bestman_bt.manipulation.policy.onnx_policy import (
     OnnxPolicy,
     PolicyCard,
@@ -31,9 +33,8 @@ from bestman_bt.manipulation.policy.picking import (
     PickState,
 )
 from bestman_bt.manipulation.policy.reaching import REACHING_FEATURES, ReachingExpert
-from bestman_bt.manipulation.policy.rollout import Rollout, roll_out
-from bestman_bt.manipulation.policy.specification import ActionSpace, PolicySpecification
-from bestman_bt.manipulation.policy.workspace import Workspace
+from bestman_bt.manipulation.policy.rollout import Rollout, load_policy, roll_out
+from bestman_bt.manipulation.policy.specification import ActionSpace, PolicySpecification, Workspace
 
 __all__ = [
     "PICKING_FEATURES",

@@ -1,7 +1,6 @@
 """Timed joint trajectories."""
 
-from bestman_bt.manipulation.trajectory.base import SpeedScale, TimeParametrization, TrajectoryError
-from bestman_bt.manipulation.trajectory.collision_check import Touch, first_touch
+from bestman_bt.manipulation.trajectory.base import SpeedScale, TimeParametrization, Touch, TrajectoryError, first_touch
 from bestman_bt.manipulation.trajectory.ruckig import RuckigStateToState
 from bestman_bt.manipulation.trajectory.toppra import Toppra
 

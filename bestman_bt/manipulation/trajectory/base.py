@@ -2,14 +2,64 @@
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
+from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
-from numpy.typing import ArrayLike
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from bestman_bt.manipulation.errors import ManipulationError
 from bestman_bt.manipulation.joint_values import JointLimits
 from bestman_bt.messages import JointTrajectory
+
+if TYPE_CHECKING:
+    from bestman_bt.manipulation.collision.base import CollisionWorld
+
+
+# Checking a timed motion against a collision world, as densely as it is executed.
+
+
+@dataclass(frozen=True)
+class Touch:
+    """Where a motion touches: ``time`` in seconds from its start, ``pairs`` of names that are nearer than padding."""
+
+    time: float
+    pairs: tuple[tuple[str, str], ...]
+
+    def __str__(self) -> str:
+        return f"at {self.time:.2f} s: " + ", ".join(f"{a} with {b}" for a, b in self.pairs)
+
+
+def first_touch(
+    trajectory: JointTrajectory, world: CollisionWorld, max_time: float = 0.01, max_step: float = 0.01
+) -> Touch | None:
+    """The first touch of the motion that ``trajectory.sample`` gives, or None if it is free throughout.
+
+    Points are at most ``max_time`` seconds and about ``max_step`` rad (Euclidean) apart.
+    """
+    for time, positions in dense_samples(trajectory, max_time, max_step):
+        if not world.is_free(positions):
+            return Touch(time, world.colliding_pairs(positions))
+    return None
+
+
+def dense_samples(
+    trajectory: JointTrajectory, max_time: float, max_step: float
+) -> Iterator[tuple[float, NDArray[np.float64]]]:
+    """(time, positions (n,)) along the motion, at most ``max_time`` seconds and about ``max_step`` rad apart."""
+    yield 0.0, trajectory.positions[0]
+    times, positions = trajectory.times, trajectory.positions
+    for i in range(len(times) - 1):
+        span = float(times[i + 1] - times[i])
+        moved = float(np.linalg.norm(positions[i + 1] - positions[i]))
+        count = max(1, math.ceil(span / max_time - 1e-9), math.ceil(moved / max_step - 1e-9))
+        for k in range(1, count):
+            time = float(times[i]) + span * k / count
+            yield time, trajectory.sample(time)[0]
+        yield float(times[i + 1]), positions[i + 1]
 
 
 class TrajectoryError(ManipulationError):

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from bestman_bt.manipulation.joint_values import JointLimits, joint_vector
 from bestman_bt.manipulation.trajectory.base import SpeedScale, TrajectoryError
 from bestman_bt.messages import JointTrajectory
-from bestman_bt.messages.bounds import Positive
+from bestman_bt.messages.shapes import Positive
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from bestman_bt.manipulation.joint_values import JointLimits, joint_path
 from bestman_bt.manipulation.trajectory.base import SpeedScale, TimeParametrization, TrajectoryError
 from bestman_bt.messages import JointTrajectory
-from bestman_bt.messages.bounds import Count, Positive
+from bestman_bt.messages.shapes import Count, Positive
 
 if TYPE_CHECKING:
     import toppra

@@ -16,7 +16,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
 from bestman_bt.engine import FAILURE, SUCCESS, Node, Tree
-from bestman_bt.monitor.groot2.errors import RequestError
+from bestman_bt.monitor.groot2.protocol import RequestError
 
 POLL = 0.05
 """Seconds after which a tick that is held up looks whether the execution was cancelled."""

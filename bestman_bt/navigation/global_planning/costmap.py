@@ -18,9 +18,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bestman_bt.messages import OccupancyGrid, Pose2D
-from bestman_bt.messages.bounds import NonNegative, NotBelow, Positive
 from bestman_bt.messages.frozen_array import frozen_array
-from bestman_bt.messages.occupancy_grid import FREE, OCCUPIED
+from bestman_bt.messages.grids import FREE, OCCUPIED
+from bestman_bt.messages.shapes import NonNegative, NotBelow, Positive
 from bestman_bt.navigation.global_planning.footprint import Footprint, at_poses
 from bestman_bt.navigation.global_planning.layers import (
     CellLayer,

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +18,8 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import dijkstra
 
 from bestman_bt.navigation.global_planning.costmap import Costmap
+from bestman_bt.navigation.global_planning.polyline_planner import PolylinePlanner
+from bestman_bt.navigation.global_planning.room import Room
 
 LARGE = 30_000
 """Cells from which on a corridor is sought first."""
@@ -171,3 +173,15 @@ def _nearest_free(point: NDArray[np.float64], padded: NDArray[np.float64], costm
                 if best is None or away < best[0]:
                     best = away, (r, c)
     return None if best is None else best[1]
+
+
+# A* on the grid (Hart, Nilsson and Raphael 1968), 8-connected, with cost, then any-angle smoothing.
+
+
+@dataclass(frozen=True)
+class GridAStar(PolylinePlanner):
+    """The cheapest way over the cells; deterministic."""
+
+    def way(self, start: NDArray[np.float64], goal: NDArray[np.float64], room: Room) -> NDArray[np.float64] | None:
+        """See the base class."""
+        return cheapest_way(start, goal, room.field, room.lethal_distance, room.lethal_slack)

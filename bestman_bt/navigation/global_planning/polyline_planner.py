@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.messages import Path2D, Pose2D
-from bestman_bt.messages.bounds import NonNegative, Several
+from bestman_bt.messages.shapes import NonNegative, Several
 from bestman_bt.navigation.global_planning.base import GlobalPlanner, PlanningFailure, told_of_overhang
 from bestman_bt.navigation.global_planning.costmap import Costmap
 from bestman_bt.navigation.global_planning.room import Room

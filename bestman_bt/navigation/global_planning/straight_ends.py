@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.messages import Pose2D
-from bestman_bt.messages.bounds import NonNegative, NotBelow, Positive
+from bestman_bt.messages.shapes import NonNegative, NotBelow, Positive
 from bestman_bt.navigation.global_planning.base import PlanningFailure, PlanningFailureReason
 from bestman_bt.navigation.global_planning.costmap import Costmap
 

@@ -1,14 +1,12 @@
 """Local planning: path followers."""
 
 from bestman_bt.navigation.local_planning.base import FollowerCommand, PathFollower
-from bestman_bt.navigation.local_planning.braking import braking_time, safe_share
+from bestman_bt.navigation.local_planning.braking import GiveWay, braking_time, safe_share
 from bestman_bt.navigation.local_planning.dwa import DWA
-from bestman_bt.navigation.local_planning.footprint_motion import FootprintMotion
-from bestman_bt.navigation.local_planning.give_way import GiveWay
-from bestman_bt.navigation.local_planning.local_obstacles import LocalObstacles
+from bestman_bt.navigation.local_planning.footprint_check import FootprintMotion
 from bestman_bt.navigation.local_planning.moving_obstacles import MovingObstacle, MovingObstacles
 from bestman_bt.navigation.local_planning.mppi import MPPI
-from bestman_bt.navigation.local_planning.obstacle_layer import ObstacleLayer
+from bestman_bt.navigation.local_planning.obstacle_layer import LocalObstacles, ObstacleLayer
 from bestman_bt.navigation.local_planning.pure_pursuit import PurePursuit
 from bestman_bt.navigation.local_planning.rotate_to_heading import RotateToHeading
 from bestman_bt.navigation.local_planning.swept_path import SweptPath

@@ -8,10 +8,9 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import NDArray
 
-from bestman_bt.messages.bounds import NonNegative, Positive
+from bestman_bt.messages.shapes import NonNegative, Positive
 from bestman_bt.navigation.global_planning.footprint import Footprint
-from bestman_bt.navigation.local_planning.cost_to_go import CostToGo
-from bestman_bt.navigation.local_planning.distance_grid import DistanceGrid
+from bestman_bt.navigation.local_planning.cost_to_go import CostToGo, DistanceGrid
 from bestman_bt.navigation.local_planning.footprint_check import FootprintCheck
 from bestman_bt.navigation.local_planning.moving_obstacles import MovingObstacle
 

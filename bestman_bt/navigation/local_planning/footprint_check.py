@@ -2,11 +2,80 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
+from bestman_bt.messages import Twist2D
 from bestman_bt.navigation.global_planning.footprint import Footprint
-from bestman_bt.navigation.local_planning.distance_grid import DistanceGrid
+from bestman_bt.navigation.local_planning.cost_to_go import DistanceGrid
+
+# When a footprint that moves at a constant twist touches points: nav2's "approach" with the exact outline.
+
+
+STEP = 0.02
+"""Metres that no point of the outline moves further than from one look to the next."""
+MOST_STEPS = 60
+NEARER = 1e-3
+
+
+class FootprintMotion:
+    """``margin``: metres around the outline that count as the base."""
+
+    def __init__(self, footprint: Footprint, margin: float) -> None:
+        edges = np.roll(footprint.corners, -1, axis=0) - footprint.corners
+        self._normals = np.column_stack([edges[:, 1], -edges[:, 0]]) / np.linalg.norm(edges, axis=1)[:, None]
+        self._offsets = np.einsum("ij,ij->i", self._normals, footprint.corners) + margin
+        self.reach = footprint.circumscribed_radius + margin
+        """Metres from the base's middle within which a point can be within the outline."""
+
+    def distance(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Of points (..., 2), base frame, to the outline with its margin, (...): exact along its edges, metres.
+
+        Negative inside; at a corner it is that of the edges' lines, which is less.
+        """
+        distances: NDArray[np.float64] = (points @ self._normals.T - self._offsets).max(axis=-1)
+        return distances
+
+    def contact(self, points: NDArray[np.float64], twist: Twist2D, horizon: float) -> tuple[float, int]:
+        """Seconds, at most ``horizon``, until ``twist`` brings the outline to one of ``points`` (N, 2), and to which.
+
+        Infinity and -1 where it does not. A point that is within the outline already counts only if it gets nearer:
+        moving away from it is always free.
+        """
+        speed = math.hypot(twist.vx, twist.vy)
+        reach = self.reach + speed * horizon
+        near = np.flatnonzero(np.einsum("ij,ij->i", points, points) < reach**2)
+        if not len(near) or (speed == 0.0 and twist.wz == 0.0):
+            return math.inf, -1
+        steps = min(MOST_STEPS, math.ceil((speed + abs(twist.wz) * self.reach) * horizon / STEP))
+        times = horizon * np.arange(steps + 1) / steps
+        x, y, theta = arc(twist, times)
+        cos, sin = np.cos(theta)[:, None], np.sin(theta)[:, None]
+        dx, dy = points[near, 0] - x[:, None], points[near, 1] - y[:, None]
+        distances = self.distance(np.stack([cos * dx + sin * dy, cos * dy - sin * dx], axis=-1))
+        touched = (distances < 0.0) & (distances < distances[0] - NEARER)
+        first = int(np.argmax(touched.any(axis=1)))
+        if not touched[first].any():
+            return math.inf, -1
+        index = int(np.argmin(np.where(touched[first], distances[first], np.inf)))
+        before, after = float(distances[first - 1, index]), float(distances[first, index])
+        share = before / (before - after) if before > 0.0 else 0.0
+        time = float(times[first - 1] + share * (times[first] - times[first - 1]))
+        return (time if distances[0, index] > 0.0 else 0.0), int(near[index])
+
+
+def arc(
+    twist: Twist2D, times: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """x, y, theta (T,) of the base after ``times`` (T,) seconds at ``twist``, in the frame where it began."""
+    turned = twist.wz * times
+    if abs(twist.wz) < 1e-6:
+        return twist.vx * times, twist.vy * times, turned
+    along, across = np.sin(turned) / twist.wz, (1.0 - np.cos(turned)) / twist.wz
+    return twist.vx * along - twist.vy * across, twist.vx * across + twist.vy * along, turned
+
 
 SPACING = 0.04
 """Metres between the points of the outline that are looked at: a tip comes no nearer than half of it unseen."""

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
-from bestman_bt.messages.bounds import NonNegative, NotBelow, Positive, check_bounds
+from bestman_bt.messages.shapes import NonNegative, NotBelow, Positive, check_bounds
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.messages import Pose2D, Twist2D
-from bestman_bt.messages.bounds import Count, NonNegative, NotBelow, Positive, Several, Share, WholeNumber
+from bestman_bt.messages.shapes import Count, NonNegative, NotBelow, Positive, Several, Share, WholeNumber
 from bestman_bt.navigation.local_planning.critics import Critics, Drives, Surroundings
 from bestman_bt.navigation.local_planning.obstacle_aware import ObstacleAwareFollower
 from bestman_bt.robot_model import MobilePart

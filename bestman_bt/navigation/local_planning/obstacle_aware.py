@@ -16,20 +16,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.messages import LaserScan, Path2D, Pose2D, Twist2D, wrap_angle
-from bestman_bt.messages.bounds import Count, NonNegative, NotBelow, Positive
+from bestman_bt.messages.shapes import Count, NonNegative, NotBelow, Positive
 from bestman_bt.navigation.global_planning.costmap import Costmap
 from bestman_bt.navigation.global_planning.footprint import Footprint
 from bestman_bt.navigation.local_planning.base import FollowerCommand, PathFollower
-from bestman_bt.navigation.local_planning.braking import braking_time, safe_share
+from bestman_bt.navigation.local_planning.braking import JerkLimit, braking_time, safe_share
 from bestman_bt.navigation.local_planning.cost_to_go import CostToGo, cost_to_go
 from bestman_bt.navigation.local_planning.critics import Critics, CriticWeights, Surroundings
-from bestman_bt.navigation.local_planning.footprint_check import FootprintCheck
-from bestman_bt.navigation.local_planning.footprint_motion import FootprintMotion, arc
-from bestman_bt.navigation.local_planning.jerk_limit import JerkLimit
-from bestman_bt.navigation.local_planning.local_obstacles import LocalObstacles
-from bestman_bt.navigation.local_planning.path_progress import PathProgress, densified
+from bestman_bt.navigation.local_planning.footprint_check import FootprintCheck, FootprintMotion, arc
+from bestman_bt.navigation.local_planning.obstacle_layer import LocalObstacles
 from bestman_bt.navigation.local_planning.pure_pursuit import PurePursuit
-from bestman_bt.navigation.local_planning.rotate_to_heading import RotateToHeading
+from bestman_bt.navigation.local_planning.rotate_to_heading import PathProgress, RotateToHeading, densified
 from bestman_bt.robot_model import BaseModel, MobilePart
 
 STILL = 0.02

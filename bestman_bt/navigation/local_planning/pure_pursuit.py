@@ -13,11 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.messages import Path2D, Pose2D, Twist2D, wrap_angle
-from bestman_bt.messages.bounds import NonNegative, NotBelow, Positive, check_bounds
+from bestman_bt.messages.shapes import NonNegative, NotBelow, Positive, check_bounds
 from bestman_bt.navigation.global_planning.costmap import Costmap
 from bestman_bt.navigation.local_planning.base import FollowerCommand, PathFollower
-from bestman_bt.navigation.local_planning.path_progress import densified, metres_left
-from bestman_bt.navigation.local_planning.rotate_to_heading import RotateToHeading
+from bestman_bt.navigation.local_planning.rotate_to_heading import RotateToHeading, densified, metres_left
 
 _SPACING = 0.02
 

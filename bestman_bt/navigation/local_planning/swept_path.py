@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.messages import Path2D, wrap_angle
-from bestman_bt.navigation.local_planning.footprint_motion import FootprintMotion
+from bestman_bt.navigation.local_planning.footprint_check import FootprintMotion
 
 SPACING = 0.05
 TURN = 0.15

@@ -10,10 +10,9 @@ from bestman_bt.navigation.localization.base import (
 )
 from bestman_bt.navigation.localization.correlative_search import CorrelativeSearch
 from bestman_bt.navigation.localization.distance_field import DistanceField
-from bestman_bt.navigation.localization.ekf import OdometryEkf
+from bestman_bt.navigation.localization.ekf import OdometryEkf, OdometryFilter, WheelOdometry
 from bestman_bt.navigation.localization.front_edge import FrontEdge, front_edge
 from bestman_bt.navigation.localization.map_lines import MapLines, PlanarMap, map_lines
-from bestman_bt.navigation.localization.odometry import OdometryFilter, WheelOdometry
 from bestman_bt.navigation.localization.ray_casting import cast_rays
 from bestman_bt.navigation.localization.scan_to_map import ScanToMap
 

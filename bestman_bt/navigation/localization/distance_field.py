@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 
 from bestman_bt.messages import OccupancyGrid
 from bestman_bt.messages.frozen_array import frozen_array
-from bestman_bt.messages.occupancy_grid import FREE
+from bestman_bt.messages.grids import FREE
 from bestman_bt.navigation.localization.map_lines import PlanarMap, map_lines
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.messages import OccupancyGrid
-from bestman_bt.messages.occupancy_grid import OCCUPIED
+from bestman_bt.messages.grids import OCCUPIED
 from bestman_bt.world_model import SemanticMap
 
 PlanarMap: TypeAlias = SemanticMap | OccupancyGrid

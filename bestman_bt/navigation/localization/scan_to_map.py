@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.messages import LaserScan, Pose2D, wrap_angle
-from bestman_bt.messages.bounds import Count, NonNegative, NotBelow, Positive, Share
+from bestman_bt.messages.shapes import Count, NonNegative, NotBelow, Positive, Share
 from bestman_bt.navigation.localization.base import LocalizationEstimate, Localizer, ScanMatch
 from bestman_bt.navigation.localization.map_lines import PlanarMap, map_lines, open_furniture, within
 from bestman_bt.navigation.localization.pose_uncertainty import (

@@ -13,14 +13,12 @@ from bestman_bt.navigation.slam.frontiers import (
     FrontierView,
     find_frontiers,
 )
-from bestman_bt.navigation.slam.log_odds_grid import LogOddsGrid
 from bestman_bt.navigation.slam.loop_closure import LoopCloser
 from bestman_bt.navigation.slam.oriented_points import OrientedPoints, oriented_points
 from bestman_bt.navigation.slam.overhangs import Overhangs
 from bestman_bt.navigation.slam.point_to_line import LineReference, PointToLine, ScanAlignment
 from bestman_bt.navigation.slam.pose_graph import Constraint, PoseGraph
-from bestman_bt.navigation.slam.pose_graph_slam import PoseGraphSlam
-from bestman_bt.navigation.slam.slam_localizer import SlamLocalizer
+from bestman_bt.navigation.slam.pose_graph_slam import LogOddsGrid, PoseGraphSlam, SlamLocalizer
 
 __all__ = [
     "Constraint",

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt, maximum_filter1d
 
 from bestman_bt.messages import Pose2D, wrap_angle
-from bestman_bt.messages.bounds import Count, Positive, Share
+from bestman_bt.messages.shapes import Count, Positive, Share
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.messages import Pose2D
-from bestman_bt.messages.bounds import Count, NonNegative, NotBelow, Positive, Share, WholeNumber, check_bounds
+from bestman_bt.messages.shapes import Count, NonNegative, NotBelow, Positive, Share, WholeNumber, check_bounds
 from bestman_bt.navigation.localization.pose_uncertainty import (
     WEAK_PRIOR,
     deviation,

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from bestman_bt.messages import OccupancyGrid
-from bestman_bt.messages.bounds import NonNegative, NotBelow, Positive, WholeNumber
-from bestman_bt.messages.occupancy_grid import OCCUPIED
+from bestman_bt.messages.grids import OCCUPIED
+from bestman_bt.messages.shapes import NonNegative, NotBelow, Positive, WholeNumber
 
 
 @dataclass(eq=False)

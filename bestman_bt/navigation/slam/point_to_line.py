@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from bestman_bt.messages import Pose2D, wrap_angle
-from bestman_bt.messages.bounds import Count, NonNegative, Positive, Several, Share
+from bestman_bt.messages.shapes import Count, NonNegative, Positive, Several, Share
 from bestman_bt.navigation.localization.pose_uncertainty import WEAK_PRIOR
 from bestman_bt.navigation.slam.oriented_points import OrientedPoints
 

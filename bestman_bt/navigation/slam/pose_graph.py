@@ -16,8 +16,8 @@ from scipy import sparse
 from scipy.sparse.linalg import splu
 
 from bestman_bt.messages import Pose2D, wrap_angle
-from bestman_bt.messages.bounds import Count, NonNegative, Positive
 from bestman_bt.messages.frozen_array import frozen_array
+from bestman_bt.messages.shapes import Count, NonNegative, Positive
 
 
 @dataclass(frozen=True, eq=False)

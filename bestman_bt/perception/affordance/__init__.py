@@ -1,6 +1,5 @@
 """Handles of doors and drawers."""
 
-from bestman_bt.perception.affordance.base import HandleDetector, HandleScene
-from bestman_bt.perception.affordance.front_handles import FrontHandles
+from bestman_bt.perception.affordance.front_handles import FrontHandles, HandleDetector, HandleScene
 
 __all__ = ["FrontHandles", "HandleDetector", "HandleScene"]

@@ -11,11 +11,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from bestman_bt.perception.affordance.handle_on_front import HandleOnFront
 from bestman_bt.perception.affordance.lying_front import LyingFront, Rectangle
 from bestman_bt.perception.affordance.panel_borders import BorderSearch, PanelBorders, Side
-from bestman_bt.perception.affordance.rectified import RectifiedFront
-from bestman_bt.perception.affordance.relief import Relief
+from bestman_bt.perception.affordance.protrusions import HandleOnFront
+from bestman_bt.perception.affordance.rectified import RectifiedFront, Relief
 
 Kind = Literal["notch", "slot", "strip"]
 

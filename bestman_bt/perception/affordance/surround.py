@@ -9,7 +9,7 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import NDArray
 
-from bestman_bt.perception.affordance.relief import Relief
+from bestman_bt.perception.affordance.rectified import Relief
 
 
 @dataclass(frozen=True)

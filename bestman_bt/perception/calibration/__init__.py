@@ -1,21 +1,29 @@
 """Calibration: lenses, depth, and where cameras sit, from views of a board."""
 
-from bestman_bt.perception.calibration.board_chain import (
+from bestman_bt.perception.calibration.boards import (
+    Board,
+    BoardPose,
+    BoardSighting,
+    CalibrationError,
+    CharucoBoard,
+    Checkerboard,
+    DegenerateMotionError,
+    board_pose,
+    project,
+)
+from bestman_bt.perception.calibration.depth_error import DepthCalibration, DepthErrorResult
+from bestman_bt.perception.calibration.hand_eye import Daniilidis, HandEye, HandEyeResult, ParkMartin
+from bestman_bt.perception.calibration.hand_eye_refinement import HandEyeNoise
+from bestman_bt.perception.calibration.head_camera import (
     BoardView,
     ChainCalibration,
     ChainPoses,
     ChainResult,
+    HeadAxes,
+    HeadCameraResult,
+    calibrate_head_camera,
 )
-from bestman_bt.perception.calibration.board_pose import BoardPose, board_pose, project
-from bestman_bt.perception.calibration.boards import Board, BoardSighting, CharucoBoard, Checkerboard
-from bestman_bt.perception.calibration.daniilidis import Daniilidis
-from bestman_bt.perception.calibration.depth_error import DepthCalibration, DepthErrorResult
-from bestman_bt.perception.calibration.errors import CalibrationError, DegenerateMotionError
-from bestman_bt.perception.calibration.hand_eye import HandEye, HandEyeResult
-from bestman_bt.perception.calibration.hand_eye_refinement import HandEyeNoise
-from bestman_bt.perception.calibration.head_camera import HeadAxes, HeadCameraResult, calibrate_head_camera
 from bestman_bt.perception.calibration.intrinsics import IntrinsicsCalibration, IntrinsicsResult
-from bestman_bt.perception.calibration.park_martin import ParkMartin
 
 __all__ = [
     "Board",

@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from bestman_bt.messages import CameraIntrinsics, Pose
-from bestman_bt.perception.calibration.boards import BoardSighting
-from bestman_bt.perception.calibration.errors import CalibrationError, DegenerateMotionError
+from bestman_bt.perception.calibration.boards import BoardSighting, CalibrationError, DegenerateMotionError
 from bestman_bt.perception.camera_model import DepthCorrection
 
 

@@ -16,8 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.messages import CameraIntrinsics
-from bestman_bt.perception.calibration.boards import BoardSighting
-from bestman_bt.perception.calibration.errors import CalibrationError, DegenerateMotionError
+from bestman_bt.perception.calibration.boards import BoardSighting, CalibrationError, DegenerateMotionError
 
 COVERAGE_CELLS = (8, 6)
 _FIXED = {

@@ -1,16 +1,14 @@
 """Detection: known objects by name, and other things by label."""
 
-from bestman_bt.perception.detection.aruco import (
+from bestman_bt.perception.detection.base import DetectedScene, Detection, Detector, LabelledCluster
+from bestman_bt.perception.detection.by_marker import (
+    ByMarker,
     MarkerDetection,
     MarkerDetector,
     marker_shapes,
 )
-from bestman_bt.perception.detection.base import DetectedScene, Detection, Detector, LabelledCluster
-from bestman_bt.perception.detection.by_marker import ByMarker
 from bestman_bt.perception.detection.color_shape import ColorShape
-from bestman_bt.perception.detection.from_image import FromImage
-from bestman_bt.perception.detection.image_detection import ImageDetection
-from bestman_bt.perception.detection.model_registration import ModelRegistration
+from bestman_bt.perception.detection.from_image import FromImage, ImageDetection, ModelRegistration
 from bestman_bt.perception.detection.onnx_detector import OnnxDetector
 from bestman_bt.perception.detection.remote_detector import (
     RemoteDetector,

@@ -7,14 +7,105 @@ from dataclasses import dataclass, field
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
-from bestman_bt.messages import ObjectModel
-from bestman_bt.perception.detection.aruco import MarkerDetection, MarkerDetector
+from bestman_bt.messages import Box, ObjectModel, PlacedShape, Pose, RGBDImage
+from bestman_bt.messages.frozen_array import frozen_array
 from bestman_bt.perception.detection.base import DetectedScene, Detector, LabelledCluster
 from bestman_bt.perception.detection.from_image import located
+from bestman_bt.perception.errors import PerceptionError
 from bestman_bt.perception.pose_estimation import MultiStart, PoseEstimator
 from bestman_bt.perception.segmentation import Cluster, Region, RegionGrowing, Segmentation
 from bestman_bt.perception.view import View
+
+# Square markers: ArUco and AprilTag in images, and markers as coloured boxes for scenes.
+# Garrido-Jurado et al., "Automatic Generation and Detection of Highly Reliable Fiducial Markers under Occlusion", 2014;
+# Olson, "AprilTag: A Robust and Flexible Visual Fiducial System", 2011; detected by OpenCV.
+
+
+WHITE, BLACK = (0.98, 0.98, 0.98), (0.03, 0.03, 0.03)
+
+
+@dataclass(frozen=True, eq=False)
+class MarkerDetection:
+    """``corners``: (4, 2) pixels (u, v), clockwise as printed, from its upper left corner."""
+
+    id: int
+    corners: NDArray[np.float64]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "corners", frozen_array(self.corners, (4, 2), "MarkerDetection corners"))
+
+
+@dataclass(frozen=True)
+class MarkerDetector:
+    """Finds the markers of one dictionary. Raises PerceptionError where OpenCV knows no such dictionary.
+
+    ``dictionary``: OpenCV's name, such as DICT_4X4_50 or DICT_APRILTAG_36h11. ``min_perimeter``: of a marker, as a
+    share of the image's longer side. ``max_corrected``: share of the dictionary's error correction that is used.
+    """
+
+    dictionary: str = "DICT_4X4_50"
+    min_perimeter: float = 0.02
+    max_corrected: float = 0.6
+
+    def __post_init__(self) -> None:
+        marker_dictionary(self.dictionary)
+
+    def find(self, image: RGBDImage) -> tuple[MarkerDetection, ...]:
+        """All markers in the colour image, by id, then by place."""
+        if min(image.rgb.shape[:2]) < 8:
+            return ()
+        settings = cv2.aruco.DetectorParameters()
+        settings.minMarkerPerimeterRate = self.min_perimeter
+        settings.errorCorrectionRate = self.max_corrected
+        settings.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
+        grey = cv2.cvtColor(image.rgb, cv2.COLOR_RGB2GRAY)
+        corners, ids, _ = cv2.aruco.ArucoDetector(marker_dictionary(self.dictionary), settings).detectMarkers(grey)
+        if ids is None:
+            return ()
+        numbers = np.asarray(ids).ravel()
+        found = [
+            MarkerDetection(int(n), np.asarray(quad, dtype=np.float64).reshape(4, 2))
+            for n, quad in zip(numbers, corners, strict=True)
+        ]
+        return tuple(sorted(found, key=lambda marker: (marker.id, *marker.corners.mean(axis=0))))
+
+
+def marker_dictionary(name: str) -> cv2.aruco.Dictionary:
+    """OpenCV's dictionary of that name; PerceptionError lists the names."""
+    known = sorted(entry for entry in dir(cv2.aruco) if entry.startswith("DICT_"))
+    wanted = {entry.upper(): entry for entry in known}.get(name.upper())
+    if wanted is None:
+        raise PerceptionError(f"no marker dictionary {name!r}; known: {', '.join(known)}")
+    return cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, wanted))
+
+
+def marker_shapes(
+    marker: int, size: float, dictionary: str = "DICT_4X4_50", thickness: float = 0.001
+) -> tuple[tuple[PlacedShape, tuple[float, float, float]], ...]:
+    """A marker as flat boxes with their colours, for renderers without textures.
+
+    ``size``: metres, of the black square; a white border of one cell is added on each side. Its frame lies in the
+    middle of the printed face: x to the printed right, y to the printed top, z out of it; all is behind z = 0.
+    Raises PerceptionError where the dictionary has no such marker.
+    """
+    words = marker_dictionary(dictionary)
+    if not 0 <= marker < len(words.bytesList):
+        raise PerceptionError(f"{dictionary} has markers 0 to {len(words.bytesList) - 1}, not {marker}")
+    cells = words.markerSize + 2
+    printed = np.pad(cv2.aruco.generateImageMarker(words, marker, cells) > 0, 1, constant_values=True)
+    edge = size / cells
+    half = edge * len(printed) / 2
+    parts = []
+    for row, line in enumerate(printed):
+        ends = np.flatnonzero(np.diff(line)) + 1
+        for start, stop in zip([0, *ends], [*ends, len(line)], strict=True):
+            centre = ((start + stop) / 2 * edge - half, half - (row + 0.5) * edge, -thickness / 2)
+            box = Box(((stop - start) * edge, edge, thickness))
+            color = WHITE if line[start] else BLACK
+            parts.append((PlacedShape(box, Pose(np.array(centre, dtype=float))), color))
+    return tuple(parts)
 
 
 @dataclass(frozen=True)

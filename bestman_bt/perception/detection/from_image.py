@@ -4,19 +4,87 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.messages import ObjectModel, PointCloud, RGBDImage
-from bestman_bt.perception.detection.base import DetectedScene, Detection, Detector, LabelledCluster
-from bestman_bt.perception.detection.image_detection import ImageDetection
+from bestman_bt.messages.frozen_array import frozen_array
+from bestman_bt.perception.detection.base import DetectedScene, Detection, Detector, LabelledCluster, Naming
+from bestman_bt.perception.errors import PerceptionError
 from bestman_bt.perception.pose_estimation import MultiStart, PoseEstimator
-from bestman_bt.perception.segmentation import Cluster, Region, RegionGrowing, Segmentation, SegmentedScene
-from bestman_bt.perception.segmentation.voxels import voxel_means
+from bestman_bt.perception.segmentation import Cluster, PlaneDbscan, Region, RegionGrowing, Segmentation, SegmentedScene
+from bestman_bt.perception.segmentation.base import voxel_means
 from bestman_bt.perception.view import View
+
+# Detection by registration: every cluster on the surface is compared with every known model.
+
+
+@dataclass(frozen=True)
+class ModelRegistration(Naming, Detector):
+    """Segments, then names each cluster by the model that explains it best, if one does."""
+
+    segmentation: Segmentation = field(default_factory=PlaneDbscan)
+    pose_estimator: PoseEstimator = field(default_factory=MultiStart)
+
+    def detect(
+        self, view: View, region: Region, models: Sequence[ObjectModel], rng: np.random.Generator
+    ) -> DetectedScene:
+        """See Detector."""
+        scene = self.segmentation.segment(view, region, rng)
+        found = [(cluster, self.pose_estimator.estimate(cluster, models, view)) for cluster in scene.clusters]
+        return self.named_scene(scene, found)
+
+
+# Things found in images: names with boxes and masks, in pixels.
+
+
+@dataclass(frozen=True, eq=False)
+class ImageDetection:
+    """A named part of an image.
+
+    ``score``: 0 to 1. ``box``: left, top, right, bottom in pixels; pixel (u, v) fills u - 0.5 to u + 0.5.
+    ``mask``: (H, W) bool of the whole image, or None where only the box is known.
+    Raises PerceptionError where the score or the box is none.
+    """
+
+    label: str
+    score: float
+    box: tuple[float, float, float, float]
+    mask: NDArray[np.bool_] | None = None
+
+    def __post_init__(self) -> None:
+        left, top, right, bottom = self.box
+        if not (np.isfinite(self.box).all() and left < right and top < bottom):
+            raise PerceptionError(
+                f"ImageDetection {self.label!r}: box should be left < right, top < bottom: {self.box}"
+            )
+        if not 0.0 <= self.score <= 1.0:
+            raise PerceptionError(f"ImageDetection {self.label!r}: score should be 0 to 1 but is {self.score}")
+        if self.mask is not None:
+            object.__setattr__(self, "mask", frozen_array(self.mask, (None, None), "ImageDetection mask", np.bool_))
+
+    def clipped(self, width: int, height: int) -> ImageDetection | None:
+        """The part inside an image of that size; None where nothing is."""
+        left, right = (float(np.clip(value, -0.5, width - 0.5)) for value in (self.box[0], self.box[2]))
+        top, bottom = (float(np.clip(value, -0.5, height - 0.5)) for value in (self.box[1], self.box[3]))
+        if left >= right or top >= bottom:
+            return None
+        return replace(self, box=(left, top, right, bottom))
+
+    def holds(self, pixels: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Which of the pixels (N, 2), as (u, v), lie in the mask, else in the box; NaN lies in none."""
+        left, top, right, bottom = self.box
+        u, v = pixels[:, 0], pixels[:, 1]
+        inside: NDArray[np.bool_] = (u >= left) & (u <= right) & (v >= top) & (v <= bottom)
+        if self.mask is not None:
+            height, width = self.mask.shape
+            nearest = np.rint(np.where(inside[:, None], pixels, 0.0)).astype(np.intp)
+            nearest = np.clip(nearest, 0, (width - 1, height - 1))
+            inside &= self.mask[nearest[:, 1], nearest[:, 0]]
+        return inside
 
 
 @dataclass(frozen=True)

@@ -20,8 +20,7 @@ from numpy.typing import NDArray
 from bestman_bt.errors import MissingExtraError
 from bestman_bt.extras import install_command
 from bestman_bt.messages import RGBDImage
-from bestman_bt.perception.detection.from_image import FromImage
-from bestman_bt.perception.detection.image_detection import ImageDetection
+from bestman_bt.perception.detection.from_image import FromImage, ImageDetection
 from bestman_bt.perception.errors import DetectorModelError
 
 _GREY = 114

@@ -5,18 +5,132 @@ The protocol is one POST of JSON (see remote_protocol and docs/detectors.md).
 
 from __future__ import annotations
 
+import base64
+import binascii
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, Any
 
+import cv2
 import httpx
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, Field, ValidationError
 
 from bestman_bt.bounded_post import AnswerRefusedError, NoAnswerError, PostLimits, ask_again, post_json
 from bestman_bt.messages import RGBDImage
-from bestman_bt.perception.detection.from_image import FromImage
-from bestman_bt.perception.detection.image_detection import ImageDetection
-from bestman_bt.perception.detection.remote_protocol import reply_detections, request_body
+from bestman_bt.perception.detection.from_image import FromImage, ImageDetection
 from bestman_bt.perception.errors import DetectorReplyError, DetectorUnreachableError
+from bestman_bt.perception.view import known_depth
+
+# What a remote detector is asked and answers: JSON with PNG images, described in docs/detectors.md.
+
+
+_PNG = b"\x89PNG\r\n\x1a\n"
+
+
+class RemoteMask(BaseModel):
+    """One of the two: ``png``, base64 of a grey PNG of the image's size (not 0: inside); ``counts``, the run lengths of
+    COCO: column by column, outside first.
+    """
+
+    png: str | None = None
+    counts: list[Annotated[int, Field(ge=0)]] | None = None
+
+
+class RemoteDetection(BaseModel):
+    """One named thing; ``box`` is left, top, right, bottom in pixels."""
+
+    label: str
+    score: Annotated[float, Field(ge=0.0, le=1.0)]
+    box: tuple[float, float, float, float]
+    mask: RemoteMask | None = None
+
+
+class RemoteReply(BaseModel):
+    """The answer; other fields are ignored."""
+
+    detections: list[RemoteDetection]
+
+
+def request_body(image: RGBDImage, names: Sequence[str], with_depth: bool) -> dict[str, Any]:
+    """The question as JSON: names, size and the picture as PNG; depth in millimetres, 0 unknown."""
+    k = image.intrinsics
+    body: dict[str, Any] = {
+        "names": list(names),
+        "width": k.width,
+        "height": k.height,
+        "rgb_png": _encoded(cv2.cvtColor(image.rgb, cv2.COLOR_RGB2BGR)),
+    }
+    if with_depth:
+        millimetres = np.clip(np.rint(1000.0 * known_depth(image.depth).astype(np.float64)), 0, 65535)
+        body["depth_png"] = _encoded(millimetres.astype(np.uint16))
+    return body
+
+
+def reply_detections(content: bytes, image: RGBDImage, names: Sequence[str]) -> tuple[ImageDetection, ...]:
+    """The detections of an answer, highest score first; labels that were not asked for are left out.
+
+    Raises ValueError, in words, where the answer is none.
+    """
+    try:
+        reply = RemoteReply.model_validate_json(content)
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        where = ".".join(str(part) for part in first["loc"]) or "the answer"
+        raise ValueError(f"{where}: {first['msg']}") from error
+    height, width = image.depth.shape
+    found = []
+    for index, item in enumerate(reply.detections):
+        if item.label not in names:
+            continue
+        where = f"detections.{index}"
+        left, top, right, bottom = item.box
+        if not (np.isfinite(item.box).all() and left < right and top < bottom):
+            raise ValueError(f"{where}.box: {item.box} is not left < right, top < bottom")
+        mask = None if item.mask is None else _mask(item.mask, (height, width), f"{where}.mask")
+        clipped = ImageDetection(item.label, item.score, item.box, mask).clipped(width, height)
+        if clipped is None:
+            raise ValueError(f"{where}.box: {item.box} lies outside of the image of {width} x {height} pixels")
+        found.append(clipped)
+    return tuple(sorted(found, key=lambda detection: -detection.score))
+
+
+def _mask(mask: RemoteMask, shape: tuple[int, int], where: str) -> NDArray[np.bool_]:
+    if (mask.png is None) == (mask.counts is None):
+        raise ValueError(f"{where}: has to have either png or counts")
+    if mask.png is not None:
+        return _decoded(mask.png, shape, f"{where}.png")
+    counts = np.array(mask.counts, dtype=np.int64)
+    height, width = shape
+    if (counts > height * width).any() or int(counts.sum()) != height * width:
+        raise ValueError(f"{where}.counts: runs of {int(counts.sum())} pixels, the image has {height * width}")
+    inside = np.repeat(np.arange(len(counts)) % 2 == 1, counts)
+    return np.ascontiguousarray(inside.reshape(width, height).T)
+
+
+def _decoded(text: str, shape: tuple[int, int], where: str) -> NDArray[np.bool_]:
+    try:
+        data = base64.b64decode(text, validate=True)
+    except (binascii.Error, ValueError) as error:
+        raise ValueError(f"{where}: is not base64") from error
+    if not data.startswith(_PNG) or len(data) < 24:
+        raise ValueError(f"{where}: is no PNG")
+    # The size stands at the beginning: a small file may unpack to gigabytes.
+    width, height = int.from_bytes(data[16:20], "big"), int.from_bytes(data[20:24], "big")
+    if (height, width) != shape:
+        raise ValueError(f"{where}: has {width} x {height} pixels, the image {shape[1]} x {shape[0]}")
+    picture = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), cv2.IMREAD_GRAYSCALE)
+    if picture is None or picture.shape != shape:
+        raise ValueError(f"{where}: is a PNG that cannot be read")
+    return np.asarray(picture) > 0
+
+
+def _encoded(picture: NDArray[Any]) -> str:
+    good, data = cv2.imencode(".png", picture)
+    if not good:
+        raise ValueError(f"a picture {picture.shape} cannot be written as PNG")
+    return base64.b64encode(data.tobytes()).decode("ascii")
 
 
 @dataclass(frozen=True)

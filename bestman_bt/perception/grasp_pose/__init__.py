@@ -1,14 +1,12 @@
 """Grasps for parallel grippers."""
 
 from bestman_bt.perception.grasp_pose.antipodal_cloud import AntipodalCloud
-from bestman_bt.perception.grasp_pose.antipodal_model import AntipodalModel
 from bestman_bt.perception.grasp_pose.anygrasp import AnyGraspAdapter
 from bestman_bt.perception.grasp_pose.base import GraspCandidate, GraspPlanner, GraspTarget
-from bestman_bt.perception.grasp_pose.hand_placement import HandPlacement
-from bestman_bt.perception.grasp_pose.hand_shape import HandShape, HandSize
+from bestman_bt.perception.grasp_pose.hand_poses import handle_motion
+from bestman_bt.perception.grasp_pose.hand_shape import HandPlacement, HandShape, HandSize
 from bestman_bt.perception.grasp_pose.handle_grasp import HandleGrasp
-from bestman_bt.perception.grasp_pose.handle_motion import handle_motion
-from bestman_bt.perception.grasp_pose.model_based import ModelBased
+from bestman_bt.perception.grasp_pose.model_based import AntipodalModel, ModelBased
 from bestman_bt.perception.grasp_pose.ranking import GraspRanking, RankedGrasp
 
 __all__ = [

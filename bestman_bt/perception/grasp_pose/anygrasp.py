@@ -21,10 +21,9 @@ from scipy.spatial import cKDTree
 from bestman_bt.messages import Pose
 from bestman_bt.perception.errors import PerceptionError
 from bestman_bt.perception.grasp_pose.base import GraspCandidate, GraspPlanner, GraspTarget
-from bestman_bt.perception.grasp_pose.clearance import surroundings_of
-from bestman_bt.perception.grasp_pose.hand_placement import HandPlacement
 from bestman_bt.perception.grasp_pose.hand_poses import HandPoses, different_hands
-from bestman_bt.perception.grasp_pose.hand_shape import HandShape, HandSize
+from bestman_bt.perception.grasp_pose.hand_shape import HandPlacement, HandShape, HandSize
+from bestman_bt.perception.grasp_pose.ranking import surroundings_of
 from bestman_bt.robot_model import GripperModel
 
 ROW = 17

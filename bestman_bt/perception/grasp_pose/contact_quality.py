@@ -15,8 +15,111 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.perception.grasp_pose.hand_poses import HandPoses
-from bestman_bt.perception.grasp_pose.pad_contact import PadContacts
 from bestman_bt.robot_model import GripperModel
+
+# What the pads meet when the hand closes: how wide, how flat, how well opposed, found from points with normals.
+
+
+@dataclass(frozen=True, eq=False)
+class PadContacts:
+    """For each of K hands, (K,) each; ``width`` is 0 where a pad meets nothing.
+
+    ``centre``: middle between the contacts, (K, 3) in the tool frame. ``alignment``: cosine between closing direction
+    and mean normal of the patch, at the worse side. ``extent``: (K, 2) how far the smaller patch spreads across and
+    along the pads, metres (standard deviation). ``offset``: metres between the patches, along the pads' faces.
+    ``bulge``: metres by which the object is wider further up between the fingers than at the pads.
+    """
+
+    width: NDArray[np.float64]
+    centre: NDArray[np.float64]
+    alignment: NDArray[np.float64]
+    extent: NDArray[np.float64]
+    offset: NDArray[np.float64]
+    bulge: NDArray[np.float64]
+
+
+def close_pads(
+    points: NDArray[np.float64],
+    normals: NDArray[np.float64],
+    hands: HandPoses,
+    openings: NDArray[np.float64],
+    pad_size: tuple[float, float],
+    finger_depth: float,
+    patch_depth: float,
+) -> PadContacts:
+    """Close flat pads on the surface samples ``points``, ``normals`` (N, 3).
+
+    ``patch_depth``: metres behind the first point of contact within which a sample still counts as touching:
+    what the pad gives way, and the noise of the samples.
+    """
+    count = len(hands)
+    result = PadContacts(
+        width=np.zeros(count),
+        centre=np.zeros((count, 3)),
+        alignment=np.full(count, -1.0),
+        extent=np.zeros((count, 2)),
+        offset=np.zeros(count),
+        bulge=np.zeros(count),
+    )
+    for part in hands.passes(len(points)):
+        chunk = hands.selected(part)
+        x, y, z = chunk.local(points)
+        between = (np.abs(x) <= pad_size[0] / 2) & (np.abs(y) <= openings[part, None] / 2)
+        between &= (z <= pad_size[1] / 2) & (z > -finger_depth)
+        hand, sample = np.nonzero(between)
+        x, y, z = x[between], y[between], z[between]
+        at_pads = z >= -pad_size[1] / 2
+        facing = np.einsum("ij,ijk->ik", normals[sample], chunk.rotations[hand])
+        sides = [
+            _side(sign, len(chunk), hand, np.stack([x, y, z], axis=1), facing, at_pads, patch_depth)
+            for sign in (1.0, -1.0)
+        ]
+        (reach, middle, spread, cosine, bulge), (other, other_middle, other_spread, *others) = sides
+        met = np.isfinite(reach) & np.isfinite(other)
+        index = np.arange(count)[part][met]
+        result.width[index] = reach[met] + other[met]
+        result.centre[index, 1] = (reach[met] - other[met]) / 2
+        result.centre[index, ::2] = (middle + other_middle)[met] / 2
+        result.alignment[index] = np.minimum(cosine, others[0])[met]
+        result.extent[index] = np.minimum(spread, other_spread)[met]
+        result.offset[index] = np.linalg.norm(middle - other_middle, axis=1)[met]
+        result.bulge[index] = np.maximum(np.maximum(bulge, others[1])[met], 0.0)
+    return result
+
+
+def _side(
+    sign: float,
+    count: int,
+    hand: NDArray[np.intp],
+    local: NDArray[np.float64],
+    facing: NDArray[np.float64],
+    at_pads: NDArray[np.bool_],
+    patch_depth: float,
+) -> tuple[NDArray[np.float64], ...]:
+    """One pad of each of ``count`` hands on the samples between its fingers, given with the hand that they belong to.
+
+    How far out it stops (-inf: it meets nothing), middle and spread of its patch (across, along), cosine of the mean
+    normal, and how much farther the object reaches above.
+    """
+    out = sign * local[:, 1]
+    reach, above = np.full(count, -np.inf), np.full(count, -np.inf)
+    np.maximum.at(reach, hand[at_pads], out[at_pads])
+    np.maximum.at(above, hand[~at_pads], out[~at_pads])
+    patch = at_pads & (out >= reach[hand] - patch_depth)
+    owner, across = hand[patch], local[patch][:, [0, 2]]
+    number = np.maximum(np.bincount(owner, minlength=count), 1)
+
+    def mean(values: NDArray[np.float64]) -> NDArray[np.float64]:
+        columns = [np.bincount(owner, column, count) / number for column in values.T]
+        return np.stack(columns, axis=1)
+
+    middle = mean(across)
+    spread = np.sqrt(np.maximum(mean(across**2) - middle**2, 0.0))
+    normal = mean(facing[patch])
+    cosine = sign * normal[:, 1] / np.maximum(np.linalg.norm(normal, axis=1), 1e-9)
+    with np.errstate(invalid="ignore"):
+        bulge = above - reach
+    return reach, middle, spread, cosine, bulge
 
 
 @dataclass(frozen=True)

@@ -12,10 +12,9 @@ from numpy.typing import NDArray
 from bestman_bt.messages import Handle
 from bestman_bt.perception.errors import PerceptionError
 from bestman_bt.perception.grasp_pose.base import GraspCandidate, GraspPlanner, GraspTarget
-from bestman_bt.perception.grasp_pose.clearance import clear_candidates, hands_of, surroundings_of
-from bestman_bt.perception.grasp_pose.hand_placement import HandPlacement
-from bestman_bt.perception.grasp_pose.hand_shape import HandShape, HandSize
-from bestman_bt.perception.grasp_pose.handle_motion import handle_motion
+from bestman_bt.perception.grasp_pose.hand_poses import handle_motion
+from bestman_bt.perception.grasp_pose.hand_shape import HandPlacement, HandShape, HandSize
+from bestman_bt.perception.grasp_pose.ranking import clear_candidates, hands_of, surroundings_of
 from bestman_bt.robot_model import GripperModel
 
 

@@ -15,26 +15,76 @@ from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
 from scipy.special import expit
 
 from bestman_bt.messages import Box, ObjectModel, Pose, YawSet
 from bestman_bt.perception.pose_estimation.base import PoseEstimator, PoseHypothesis
 from bestman_bt.perception.pose_estimation.evidence import ConfidenceModel, Evidence, color_distance, judge
-from bestman_bt.perception.pose_estimation.model_colors import model_palette
-from bestman_bt.perception.pose_estimation.model_surface import ModelSurface, model_surface
-from bestman_bt.perception.pose_estimation.registration import (
-    Fit,
-    Registration,
-    end_aligned_poses,
-    yaw_difference,
+from bestman_bt.perception.pose_estimation.model_surface import (
+    ModelSurface,
+    color_distances,
+    model_palette,
+    model_surface,
 )
-from bestman_bt.perception.pose_estimation.stray_points import StrayPoints
-from bestman_bt.perception.pose_estimation.turned_surface import TurnedSurface, turned_surface
-from bestman_bt.perception.pose_estimation.yaw_profile import (
-    YawSearch,
-)
-from bestman_bt.perception.segmentation.base import Cluster
+from bestman_bt.perception.pose_estimation.point_to_plane import TurnedSurface, turned_surface
+from bestman_bt.perception.pose_estimation.registration import Fit, Registration, end_aligned_poses, yaw_difference
+from bestman_bt.perception.pose_estimation.yaw_profile import YawSearch
+from bestman_bt.perception.segmentation.base import Cluster, voxel_means
 from bestman_bt.perception.view import View
+
+# Thin parts of an object that its segmentation left out: the handle of a mug, of which a camera sees shreds.
+
+
+@dataclass(frozen=True)
+class StrayPoints:
+    """Finds points near a cluster that belong to the object.
+
+    Lengths in metres.
+
+    ``reach``: how far from the cluster's box strays are sought; ``link``: how far one is from the next, or from the
+    cluster, at most. ``color``: distance of chromaticities to the nearest colour of the model, at most. ``voxel``: one
+    point each. ``min_height``: above the plane.
+    """
+
+    reach: Annotated[float, "m"] = 0.07
+    link: Annotated[float, "m"] = 0.015
+    color: float = 0.10
+    voxel: Annotated[float, "m"] = 0.004
+    min_height: Annotated[float, "m"] = 0.010
+
+    def added_to(
+        self, points: NDArray[np.float64], plane_view: View, palette: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """``points`` (N, 3) of a cluster, and points near it that have the model's colours and are linked to it.
+
+        All in the plane's frame. ``palette``: (K, 3), the model's colours.
+        """
+        grow = np.array([self.reach, self.reach, self.link])
+        lower, upper = points.min(axis=0) - grow, points.max(axis=0) + grow
+        lower[2] = self.min_height
+        corners = np.array(
+            [[x, y, z] for x in (lower[0], upper[0]) for y in (lower[1], upper[1]) for z in (0.0, upper[2])]
+        )
+        cloud = plane_view.cloud(corners)
+        cloud = cloud.selected(((cloud.points > lower) & (cloud.points < upper)).all(axis=1))
+        assert cloud.colors is not None
+        cloud = cloud.selected(color_distances(cloud.colors, palette) < self.color)
+        known = cKDTree(points)
+        if len(cloud):
+            cloud = voxel_means(cloud.selected(known.query(cloud.points)[0] > self.voxel), self.voxel)
+        if len(cloud) == 0:
+            return points
+        pairs = cKDTree(cloud.points).query_pairs(self.link, output_type="ndarray")
+        count = len(cloud)
+        _, group = connected_components(
+            coo_matrix((np.ones(len(pairs)), pairs.T), shape=(count, count)), directed=False
+        )
+        linked = np.isin(group, group[known.query(cloud.points)[0] <= self.link])
+        return np.concatenate([points, cloud.points[linked]])
+
 
 PLANE_HEIGHT_STD, PLANE_TILT_STD = 0.0003, 0.001
 """Metres and radians: three times what rendered images show, whose noise is independent from pixel to pixel."""

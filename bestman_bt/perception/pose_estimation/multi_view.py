@@ -20,8 +20,7 @@ from bestman_bt.messages import ObjectModel, Pose, YawSet
 from bestman_bt.perception.errors import PerceptionError
 from bestman_bt.perception.pose_estimation.base import PoseHypothesis
 from bestman_bt.perception.pose_estimation.evidence import Evidence, color_distance
-from bestman_bt.perception.pose_estimation.model_colors import model_palette
-from bestman_bt.perception.pose_estimation.model_surface import ModelSurface
+from bestman_bt.perception.pose_estimation.model_surface import ModelSurface, model_palette
 from bestman_bt.perception.pose_estimation.multi_start import (
     MultiStart,
     SeenCluster,

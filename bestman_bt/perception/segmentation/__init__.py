@@ -1,8 +1,7 @@
 """Segmentation of views into support surfaces and the things on them."""
 
 from bestman_bt.perception.segmentation.base import Cluster, Region, Segmentation, SegmentedScene, Side, SupportPlane
-from bestman_bt.perception.segmentation.open3d_dbscan import Open3DDbscan
-from bestman_bt.perception.segmentation.plane_dbscan import PlaneDbscan
+from bestman_bt.perception.segmentation.plane_dbscan import Open3DDbscan, PlaneDbscan
 from bestman_bt.perception.segmentation.region_growing import RegionGrowing
 from bestman_bt.perception.segmentation.support_surfaces import (
     SupportSurfaces,

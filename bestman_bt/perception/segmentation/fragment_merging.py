@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
-from bestman_bt.perception.segmentation.footprints import footprint, overlaps
+from bestman_bt.perception.segmentation.horizontal_plane import footprint, overlaps
 
 
 @dataclass(frozen=True)

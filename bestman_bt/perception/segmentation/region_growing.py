@@ -10,16 +10,131 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.messages import PointCloud, Pose
-from bestman_bt.perception.segmentation.base import Cluster, Region, Segmentation, SegmentedScene, SupportPlane
-from bestman_bt.perception.segmentation.depth_fragments import DepthFragments, depth_fragments
+from bestman_bt.perception.segmentation.base import (
+    Cluster,
+    Region,
+    Segmentation,
+    SegmentedScene,
+    SupportPlane,
+    voxel_means,
+)
 from bestman_bt.perception.segmentation.fragment_merging import FragmentMerging, merge_fragments
 from bestman_bt.perception.segmentation.horizontal_plane import HorizontalPlane, inside_region
-from bestman_bt.perception.segmentation.voxels import voxel_means
 from bestman_bt.perception.view import View
+
+# Cutting a depth image into smooth pieces: along jumps of the depth, and along valleys between convex things.
+# Trevor et al., "Efficient Organized Point Cloud Segmentation with Connected Components", 2013, for the jumps; Stein et
+# al., "Object Partitioning using Local Convexity", 2014, for the valleys. A plane is affine in inverse depth, whatever
+# its slant, so a second difference of inverse depth tells valleys from slopes without normals.
+
+
+@dataclass(frozen=True)
+class DepthFragments:
+    """How a depth image is cut into smooth pieces. Lengths in metres.
+
+    ``jump``: of the depth from pixel to pixel, beyond the slope beside it. ``valley``: how deep one must be between
+    two points that lie ``valley_reach`` to its left and right (or above and below); beyond 1 m in proportion deeper.
+    ``smoothing``: differences of depth up to about this are taken for noise. ``min_fragment_pixels``: of a piece;
+    smaller ones join a neighbour. ``fill``: pixels over which a piece takes back what was cut away along its border.
+    """
+
+    jump: Annotated[float, "m"] = 0.010
+    valley: Annotated[float, "m"] = 0.0033
+    valley_reach: Annotated[float, "m"] = 0.010
+    smoothing: Annotated[float, "m"] = 0.010
+    min_fragment_pixels: Annotated[int, "pixels"] = 12
+    fill: Annotated[float, "pixels"] = 6.0
+
+
+def depth_fragments(
+    depth: NDArray[np.float32], mask: NDArray[np.bool_], focal_length: float, p: DepthFragments
+) -> NDArray[np.int32]:
+    """Labels (h, w) of the pieces of ``depth`` (metres, 0 unknown) inside ``mask``: from 1; 0 is none.
+
+    ``focal_length``: pixels.
+    """
+    mask = mask & (depth > 0)
+    if not mask.any():
+        return np.zeros(depth.shape, dtype=np.int32)
+    smooth = np.asarray(cv2.bilateralFilter(np.where(mask, depth, np.float32(0.0)), 5, p.smoothing, 2.0), np.float32)
+    border = _jumps(smooth, mask, p.jump)
+    coarse = _components(mask & ~border)
+    middle = float(np.median(smooth[mask]))
+    reach = int(np.clip(round(p.valley_reach * focal_length / middle), 2, 10))
+    valley = _valleys(smooth, coarse, reach, p.valley)
+    labels = _components(mask & ~border & ~valley, p.min_fragment_pixels)
+    return _filled(labels, mask, smooth, p)
+
+
+def _jumps(z: NDArray[np.float32], mask: NDArray[np.bool_], limit: float) -> NDArray[np.bool_]:
+    """Both pixels of each pair between which the depth changes more than beside them."""
+    border = np.zeros(z.shape, dtype=bool)
+    for axis in (0, 1):
+        values, inside = (z, mask) if axis == 0 else (z.T, mask.T)
+        marks = border if axis == 0 else border.T
+        step = np.where(inside[1:] & inside[:-1], values[1:] - values[:-1], np.float32(0.0))
+        size = np.abs(step)
+        beside = np.zeros_like(size)
+        beside[1:-1] = np.where(
+            (step[1:-1] * step[:-2] > 0) & (step[1:-1] * step[2:] > 0), np.minimum(size[:-2], size[2:]), 0.0
+        )
+        jump = size - beside > limit
+        marks[1:] |= jump
+        marks[:-1] |= jump
+    return border
+
+
+def _valleys(z: NDArray[np.float32], labels: NDArray[np.int32], reach: int, limit: float) -> NDArray[np.bool_]:
+    """Where a piece lies ``limit`` metres behind the line between its points ``reach`` pixels to both sides."""
+    inverse = np.where(labels > 0, 1.0 / np.maximum(z, 1e-3), 0.0).astype(np.float32)
+    found = np.zeros(z.shape, dtype=bool)
+    for axis in (0, 1):
+        w, piece, depth = (inverse, labels, z) if axis == 0 else (inverse.T, labels.T, z.T)
+        marks = found if axis == 0 else found.T
+        if len(w) <= 2 * reach:
+            continue
+        middle = slice(reach, -reach)
+        same = (piece[middle] > 0) & (piece[: -2 * reach] == piece[middle]) & (piece[2 * reach :] == piece[middle])
+        bend = (w[: -2 * reach] + w[2 * reach :]) / 2 - w[middle]
+        deep = np.where(same, bend * depth[middle] ** 2, np.float32(0.0)).astype(np.float32)
+        # Averaged along the valley, not across it.
+        weight = cv2.blur(same.astype(np.float32), (5, 1))
+        deep = cv2.blur(deep, (5, 1)) / np.maximum(weight, 0.2)
+        # Noise grows with the distance.
+        marks[middle] |= same & (deep > limit * np.maximum(1.0, depth[middle]))
+    return found
+
+
+def _components(mask: NDArray[np.bool_], min_pixels: int = 1) -> NDArray[np.int32]:
+    count, labels, stats, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8), connectivity=4)
+    numbers = np.zeros(count, dtype=np.int32)
+    kept = np.flatnonzero(stats[1:, cv2.CC_STAT_AREA] >= min_pixels) + 1
+    numbers[kept] = np.arange(1, len(kept) + 1)
+    components: NDArray[np.int32] = numbers[labels]
+    return components
+
+
+def _filled(
+    labels: NDArray[np.int32], mask: NDArray[np.bool_], z: NDArray[np.float32], p: DepthFragments
+) -> NDArray[np.int32]:
+    """Give the pixels on cuts to the nearest piece, where the depth agrees."""
+    if not labels.any():
+        return labels
+    distance, nearest = cv2.distanceTransformWithLabels(
+        (labels == 0).astype(np.uint8), cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL
+    )
+    seeds = np.zeros(int(nearest.max()) + 1, dtype=np.intp)
+    where = np.flatnonzero(labels)
+    seeds[nearest.ravel()[where]] = where
+    source = seeds[nearest]
+    joins = mask & (labels == 0) & (distance <= p.fill) & (np.abs(z.ravel()[source] - z) < 2 * p.jump)
+    return np.where(joins, labels.ravel()[source], labels)
+
 
 _PLANE_STEP = 2
 _BORDER = 3

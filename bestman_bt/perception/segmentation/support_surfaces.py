@@ -8,6 +8,7 @@ are joined. Nothing is known beforehand but where up is.
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Annotated
@@ -18,18 +19,128 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
-from bestman_bt.messages import Pose
+from bestman_bt.messages import CameraIntrinsics, Pose
 from bestman_bt.perception.errors import NoSurfaceError
-from bestman_bt.perception.segmentation.base import Region, SupportPlane
+from bestman_bt.perception.segmentation.base import Region, Side, SupportPlane
 from bestman_bt.perception.segmentation.horizontal_plane import (
     HorizontalPlane,
     above_plane,
     least_squares_plane,
     rectangle,
 )
-from bestman_bt.perception.segmentation.plane_normals import plane_normals
-from bestman_bt.perception.segmentation.surface_sides import surface_sides
-from bestman_bt.perception.view import View
+from bestman_bt.perception.view import View, known_depth
+
+# How a surface ends on each side of its rectangle: at a rim, at a wall, behind something, or with the picture.
+
+
+_STEP, _REACH, _LEVEL = 0.03, 0.07, 0.012
+_PIXELS = 2
+
+
+def surface_sides(view: View, frame_from_plane: Pose, size: tuple[float, float]) -> tuple[Side, ...]:
+    """What most points just beyond -x, +x, -y, +y of the rectangle show."""
+    half_x, half_y = size[0] / 2, size[1] / 2
+    along = np.linspace(-0.9, 0.9, 19)
+    sides: list[Side] = []
+    for outward, start in (
+        ((-1, 0), (-half_x, 0)),
+        ((1, 0), (half_x, 0)),
+        ((0, -1), (0, -half_y)),
+        ((0, 1), (0, half_y)),
+    ):
+        reach = half_y if outward[0] else half_x
+        tangent = np.array([outward[1], outward[0]]) * reach
+        points = np.array(start) + along[:, None] * tangent
+        sides.append(edge_kind(view, frame_from_plane, points, np.array(outward, dtype=float)))
+    return tuple(sides)
+
+
+def edge_kind(view: View, frame_from_plane: Pose, edge: NDArray[np.float64], outward: NDArray[np.float64]) -> Side:
+    """How the surface ends along ``edge``, (N, 2) metres in the plane's frame; ``outward``: (2,), a unit vector."""
+    votes: Counter[Side] = Counter()
+    plane_from_frame = frame_from_plane.inverse()
+    beyond = np.zeros((len(edge), 3))
+    beyond[:, :2] = edge + _STEP * outward
+    k = view.image.intrinsics
+    pixels, expected = view.project(frame_from_plane.apply(beyond))
+    shown = np.isfinite(pixels).all(axis=1)
+    inside = np.zeros(len(edge), dtype=bool)
+    inside[shown] = ((pixels[shown] >= _PIXELS) & (pixels[shown] < np.array([k.width, k.height]) - _PIXELS)).all(axis=1)
+    votes["cut"] = int((~inside).sum())
+    depth = np.full(len(edge), np.nan)
+    # The camera often knows nothing right at an edge: the nearest pixel around that it does know is asked.
+    for du, dv in _AROUND:
+        unknown = inside & np.isnan(depth)
+        if not unknown.any():
+            break
+        depth[unknown] = view.measured_depth(pixels[unknown] + (du, dv))
+    known = inside & np.isfinite(depth)
+    rays = np.column_stack([(pixels[known] - (k.cx, k.cy)) / (k.fx, k.fy), np.ones(int(known.sum()))])
+    measured = plane_from_frame.apply(view.frame_from_camera.apply(rays * depth[known][:, None]))
+    behind = depth[known] - expected[known]
+    beside = np.linalg.norm(measured[:, :2] - edge[known], axis=1) < _REACH
+    votes["rim"] = int((behind > _LEVEL).sum())
+    votes["wall"] = int(((behind < -_LEVEL) & beside).sum())
+    votes["hidden"] = len(edge) - sum(votes.values())
+    return max(votes, key=lambda side: votes[side])
+
+
+_AROUND = sorted(
+    ((du, dv) for du in range(-_PIXELS, _PIXELS + 1) for dv in range(-_PIXELS, _PIXELS + 1)),
+    key=lambda step: step[0] ** 2 + step[1] ** 2,
+)
+
+
+# Surface normals of a depth image: a plane through each pixel's window, all windows at once.
+# Sums over windows by box filters, as in Holzer et al., "Adaptive Neighborhood Selection for Real-Time Surface Normal
+# Estimation from Organized Point Cloud Data Using Integral Images", 2012; fitted to the inverse depth, in which a plane
+# seen at any slant is affine: 1 / z = n · (x, y, 1) / d.
+
+
+def plane_normals(
+    depth: NDArray[np.float32], intrinsics: CameraIntrinsics, window: tuple[int, int]
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Unit normals (H, W, 3) towards the camera, in the optical frame, and residuals (H, W): rms in metres of depth.
+
+    ``depth``: (H, W) metres of the whole image. ``window``: (rows, columns), odd. Where the depth is unknown, or known
+    in fewer than half of the window's pixels, the normal is NaN and the residual infinite.
+    """
+    depth = known_depth(depth)
+    known = depth > 0
+    inverse = np.where(known, 1.0 / np.maximum(depth, 1e-3), 0.0)
+    rows, columns = window
+    v = np.arange(rows) - rows // 2
+    u = np.arange(columns) - columns // 2
+    weight = known.astype(np.float64)
+
+    def moment(values: NDArray[np.float64], power_u: int, power_v: int) -> NDArray[np.float64]:
+        across, down = (u**power_u).astype(np.float64), (v**power_v).astype(np.float64)
+        return np.asarray(cv2.sepFilter2D(values, cv2.CV_64F, across, down, borderType=cv2.BORDER_CONSTANT), float)
+
+    n, su, sv = moment(weight, 0, 0), moment(weight, 1, 0), moment(weight, 0, 1)
+    n = np.maximum(np.rint(n), 1.0)
+    suu = moment(weight, 2, 0) - su * su / n
+    suv = moment(weight, 1, 1) - su * sv / n
+    svv = moment(weight, 0, 2) - sv * sv / n
+    sw = moment(inverse, 0, 0)
+    suw = moment(inverse, 1, 0) - su * sw / n
+    svw = moment(inverse, 0, 1) - sv * sw / n
+    sww = moment(inverse * inverse, 0, 0) - sw * sw / n
+    determinant = suu * svv - suv * suv
+    usable = known & (n >= rows * columns / 2) & (determinant > 1e-6)
+    determinant = np.where(usable, determinant, 1.0)
+    slope_u = (suw * svv - svw * suv) / determinant
+    slope_v = (svw * suu - suw * suv) / determinant
+    middle = (sw - slope_u * su - slope_v * sv) / n
+    rms = np.sqrt(np.maximum(sww - slope_u * suw - slope_v * svw, 0.0) / n)
+    residual = np.where(usable, rms * depth.astype(np.float64) ** 2, np.inf).astype(np.float32)
+    k = intrinsics
+    x = (np.arange(depth.shape[1]) - k.cx)[None, :]
+    y = (np.arange(depth.shape[0]) - k.cy)[:, None]
+    normal = np.stack([slope_u * k.fx, slope_v * k.fy, middle - slope_u * x - slope_v * y], axis=-1)
+    length = np.sqrt((normal * normal).sum(axis=-1))
+    normal = -normal / np.where(usable & (length > 0), length, np.nan)[..., None]
+    return normal.astype(np.float32), residual
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,12 +1,9 @@
 """Calibration of a robot's cameras: datasets, recorded or simulated, and what is written for robot files."""
 
 from bestman_bt.runtime.calibration.dataset import Dataset, DatasetConfig, Progress, load_dataset
-from bestman_bt.runtime.calibration.residual_plot import plot_residuals
 from bestman_bt.runtime.calibration.result import CalibrationResult
 from bestman_bt.runtime.calibration.simulate import Kind, Simulated, compare, simulate
-from bestman_bt.runtime.calibration.solve_hand_eye import solve_hand_eye
-from bestman_bt.runtime.calibration.solve_head import solve_head
-from bestman_bt.runtime.calibration.solve_intrinsics import solve_intrinsics
+from bestman_bt.runtime.calibration.solve import plot_residuals, solve_hand_eye, solve_head, solve_intrinsics
 
 __all__ = [
     "CalibrationResult",

@@ -30,17 +30,77 @@ from bestman_bt.manipulation.collision import (
 from bestman_bt.manipulation.kinematics import DampedLeastSquares, ForwardKinematics
 from bestman_bt.manipulation.motion_planning import PlanningError, RRTConnect, TimedMotionPlanner
 from bestman_bt.manipulation.trajectory import SpeedScale, Toppra
-from bestman_bt.messages import Box, PlacedShape, Pose, Pose2D, RGBDImage
+from bestman_bt.messages import Box, Mesh, PlacedShape, Pose, Pose2D, RGBDImage
 from bestman_bt.perception.calibration import CalibrationError, CharucoBoard
 from bestman_bt.robot_model import ArmModel, GripperModel, RobotModel
 from bestman_bt.runtime.calibration.dataset import FILE, Progress
-from bestman_bt.runtime.calibration.drawn_board import board_shapes, plate_box
 from bestman_bt.runtime.calibration.robot_chain import RobotChain, written
 from bestman_bt.scene import World
 from hal.api import Arm, Camera, JointGroup, Motion, MotionStatus
 from hal.pybullet import PyBulletRobot
-from hal.pybullet.body_urdf import body_urdf
+from hal.pybullet.body_urdf import Color, body_urdf
 from hal.pybullet.parameters import PhysicsParameters
+
+# A ChArUco board as solid shapes, for a simulation to render: a white plate with thin black tiles on it.
+
+
+PLATE, TILE = 0.006, 0.0006
+"""Thickness of plate and tiles, metres."""
+WHITE: Color = (0.97, 0.97, 0.97, 1.0)
+BLACK: Color = (0.03, 0.03, 0.03, 1.0)
+_CORNERS = np.array([[x, y, z] for x in (0.0, 1.0) for y in (0.0, 1.0) for z in (0.0, 1.0)])
+_FACES = np.array(
+    [
+        *([0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1]),
+        *([2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4], [1, 5, 7], [1, 7, 3]),
+    ]
+)
+
+
+def board_shapes(board: CharucoBoard, margin: float = 0.012) -> list[tuple[PlacedShape, Color]]:
+    """Shapes with colours in the board frame, z away from who looks at it; ``margin``: white rim, metres."""
+    width, height = board.size
+    middle = Pose(np.array([width / 2, height / 2, PLATE / 2]))
+    plate = PlacedShape(Box((width + 2 * margin, height + 2 * margin, PLATE)), middle)
+    return [(plate, WHITE), (PlacedShape(_tiles(board), Pose()), BLACK)]
+
+
+def plate_box(board: CharucoBoard, margin: float = 0.02) -> PlacedShape:
+    """A box around the board, for collision checks."""
+    width, height = board.size
+    size = Box((width + 2 * margin, height + 2 * margin, PLATE + 2 * TILE))
+    return PlacedShape(size, Pose(np.array([width / 2, height / 2, PLATE / 2])))
+
+
+def _tiles(board: CharucoBoard) -> Mesh:
+    per_square = _pixels_per_square(board)
+    size = board.square / per_square
+    boxes = [
+        (_CORNERS * [(last - first) * size, size, TILE + 0.001] + [first * size, row * size, -TILE])
+        for row, first, last in _runs(board.picture(per_square) < 128)
+    ]
+    offsets = 8 * np.arange(len(boxes))[:, None, None]
+    return Mesh(np.concatenate(boxes), (_FACES[None] + offsets).reshape(-1, 3))
+
+
+def _pixels_per_square(board: CharucoBoard) -> int:
+    """The fewest pixels with which the markers' cells fall onto whole pixels."""
+    cells = int(board.dictionary.split("_")[1].split("X")[0]) + 2
+    for pixels in range(cells, 40 * cells):
+        cell = pixels * board.marker / board.square / cells
+        rim = (pixels - cell * cells) / 2
+        if math.isclose(cell, round(cell), abs_tol=1e-6) and math.isclose(rim, round(rim), abs_tol=1e-6):
+            return pixels
+    return 20 * cells
+
+
+def _runs(black: NDArray[np.bool_]) -> list[tuple[int, int, int]]:
+    """Row, first and past-the-last column of each run of black pixels."""
+    padded = np.pad(black, ((0, 0), (1, 1))).astype(np.int8)
+    rows, starts = np.nonzero(np.diff(padded, axis=1) == 1)
+    _, ends = np.nonzero(np.diff(padded, axis=1) == -1)
+    return list(zip(rows.tolist(), starts.tolist(), ends.tolist(), strict=True))
+
 
 ON_BASE = Pose.from_xyz_rpy((0.62, 0.0, 0.62), (0.0, math.radians(-25.0), 0.0)) @ Pose.from_xyz_rpy(
     (0.0, 0.0, 0.0), (math.pi, 0.0, math.pi / 2)

@@ -10,7 +10,7 @@ import numpy as np
 
 from bestman_bt.messages import Pose2D
 from bestman_bt.scene.apartment_generator.floor_plan import Doorway, FloorPlan, Room
-from bestman_bt.scene.apartment_generator.placed import Placed
+from bestman_bt.scene.apartment_generator.options import Placed
 from bestman_bt.scene.furniture_file import read_furniture
 from bestman_bt.scene.furniture_generator import FURNITURE_KINDS, generate_furniture
 from bestman_bt.scene.scene import FurnitureModel

@@ -8,11 +8,10 @@ from typing import Literal
 import numpy as np
 
 from bestman_bt.configuration.quantity import PositiveLength, Torque
-from bestman_bt.scene.furniture_generator.carcass import carcass, model, surface
-from bestman_bt.scene.furniture_generator.finish import FinishOptions, draw_finish
 from bestman_bt.scene.furniture_generator.handle_design import HandleOptions, draw_handle
 from bestman_bt.scene.furniture_generator.leaf import GAP, SEAM, Front, door
 from bestman_bt.scene.furniture_generator.option_error import FurnitureOptionError
+from bestman_bt.scene.furniture_generator.panel import FinishOptions, carcass, draw_finish, model, surface
 from bestman_bt.scene.furniture_generator.solid import block
 from bestman_bt.scene.scene import FurnitureModel
 

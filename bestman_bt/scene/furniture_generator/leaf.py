@@ -9,15 +9,15 @@ import numpy as np
 
 from bestman_bt.messages import Handle, Pose
 from bestman_bt.messages.handle import HingeSide
-from bestman_bt.scene.furniture_generator.carcass import surface
-from bestman_bt.scene.furniture_generator.finish import Finish
 from bestman_bt.scene.furniture_generator.handle_design import HandleDesign
 from bestman_bt.scene.furniture_generator.panel import (
+    Finish,
     FreeBorder,
     Panel,
     PanelHandle,
     front_with_handle,
     furniture_from_panel,
+    surface,
 )
 from bestman_bt.scene.furniture_generator.solid import Point, Solid, block
 from bestman_bt.scene.scene import Articulation

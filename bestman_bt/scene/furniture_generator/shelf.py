@@ -7,9 +7,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from bestman_bt.configuration.quantity import PositiveLength, WholeNumber
-from bestman_bt.scene.furniture_generator.carcass import model, surface
-from bestman_bt.scene.furniture_generator.finish import FinishOptions, draw_finish
 from bestman_bt.scene.furniture_generator.option_error import FurnitureOptionError
+from bestman_bt.scene.furniture_generator.panel import FinishOptions, draw_finish, model, surface
 from bestman_bt.scene.furniture_generator.solid import block
 from bestman_bt.scene.scene import FurnitureModel
 

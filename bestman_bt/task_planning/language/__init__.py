@@ -11,9 +11,7 @@ from bestman_bt.task_planning.language.errors import (
     RefusedError,
     TranscriptError,
 )
-from bestman_bt.task_planning.language.from_text import plan_from_text
-from bestman_bt.task_planning.language.goals import GoalReader
-from bestman_bt.task_planning.language.planner import LanguagePlanner, Proposal
+from bestman_bt.task_planning.language.from_text import GoalReader, LanguagePlanner, Proposal, plan_from_text
 from bestman_bt.task_planning.language.transcripts import RecordingEndpoint, ReplayEndpoint
 
 __all__ = [

@@ -10,9 +10,8 @@ from pydantic import ValidationError
 
 from bestman_bt.errors import Error
 from bestman_bt.task_planning.language.chat import ChatEndpoint, ChatReply, ChatRequest, Message, Usage
-from bestman_bt.task_planning.language.errors import NoValidAnswerError, RefusedError
+from bestman_bt.task_planning.language.errors import NoValidAnswerError, RefusedError, quoted
 from bestman_bt.task_planning.language.prompt import fault_message
-from bestman_bt.task_planning.language.quoting import quoted
 from bestman_bt.task_planning.language.schema import GoalAnswer, faults_of
 
 Answer = TypeVar("Answer", bound=GoalAnswer)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ipaddress
+import json
 import logging
 import os
 import time
@@ -11,6 +12,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import httpx
+from pydantic import BaseModel, Field, ValidationError
 
 from bestman_bt.bounded_post import (
     Answer,
@@ -21,14 +23,133 @@ from bestman_bt.bounded_post import (
     ask_again,
     post_json,
 )
-from bestman_bt.task_planning.language.api_key import ApiKey
 from bestman_bt.task_planning.language.chat import ChatEndpoint, ChatReply, ChatRequest, Usage
-from bestman_bt.task_planning.language.completion import Completion, read_completion, read_refusal
 from bestman_bt.task_planning.language.errors import (
     EndpointNotSetError,
     EndpointReplyError,
     EndpointUnreachableError,
+    quoted,
 )
+
+# The body of an answer to ``POST /chat/completions``, as far as it is used.
+
+
+class _Function(BaseModel):
+    name: str = "?"
+
+
+class _ToolCall(BaseModel):
+    function: _Function = Field(default_factory=_Function)
+
+
+class _Message(BaseModel):
+    content: str | None = None
+    refusal: str | None = None
+    tool_calls: list[_ToolCall] | None = None
+
+
+class _Choice(BaseModel):
+    message: _Message
+    finish_reason: str | None = None
+
+
+class _Tokens(BaseModel):
+    prompt_tokens: int = Field(0, ge=0)
+    completion_tokens: int = Field(0, ge=0)
+
+
+class Completion(BaseModel):
+    """The first choice counts; none, or one without a message, breaks the protocol."""
+
+    choices: list[_Choice] = Field(min_length=1)
+    tokens: _Tokens | None = Field(None, alias="usage")
+
+    @property
+    def usage(self) -> _Tokens:
+        """The tokens that the server counted; 0 where it counts none."""
+        return self.tokens or _Tokens(prompt_tokens=0, completion_tokens=0)
+
+    def reply(self, usage: Usage) -> ChatReply:
+        """The answer without its wrapping."""
+        choice = self.choices[0]
+        message, refusal = choice.message, choice.message.refusal
+        if choice.finish_reason == "content_filter" and not refusal:
+            refusal = "the endpoint's content filter stopped the answer"
+        return ChatReply(
+            message.content or "",
+            usage,
+            refusal or None,
+            tuple(call.function.name for call in message.tool_calls or ()),
+            complete=choice.finish_reason != "length",
+        )
+
+
+class _Why(BaseModel):
+    message: str
+
+
+class _Refusal(BaseModel):
+    error: _Why | str
+
+
+def read_completion(content: str) -> Completion:
+    """Parse a body; ValueError with a short text where it breaks the protocol."""
+    try:
+        return Completion.model_validate_json(content)
+    except ValidationError as error:
+        raise ValueError(_first_of(error)) from None
+
+
+def read_refusal(content: str) -> str:
+    """Why the server refused the question, in its words as far as it gives any, shortened."""
+    try:
+        error = _Refusal.model_validate_json(content).error
+    except ValidationError:
+        return ""
+    return quoted(error if isinstance(error, str) else error.message)
+
+
+def _first_of(error: ValidationError) -> str:
+    fault = error.errors(include_input=False, include_url=False)[0]
+    place = ".".join(str(part) for part in fault["loc"])
+    return f"{place}: {fault['msg']}" if place else str(fault["msg"])
+
+
+# A key that is sent with each question and shown nowhere.
+
+
+class ApiKey:
+    """Knows how to sign a request and how to take itself out of texts; its ``repr`` tells nothing.
+
+    Raises EndpointNotSetError, without the key, where it has characters that no HTTP header can carry: the libraries
+    below would show the whole header in their error.
+    """
+
+    def __init__(self, text: str) -> None:
+        text = text.strip()
+        if not all("!" <= character <= "~" for character in text):
+            raise EndpointNotSetError("the API key has characters other than visible ASCII")
+        self._text = text
+
+    def __bool__(self) -> bool:
+        return bool(self._text)
+
+    def __repr__(self) -> str:
+        return "ApiKey(…)" if self._text else "ApiKey()"
+
+    def headers(self) -> dict[str, str]:
+        """The header ``Authorization``, if there is a key."""
+        return {"Authorization": f"Bearer {self._text}"} if self._text else {}
+
+    def removed_from(self, text: str) -> str:
+        """The text with ``…`` wherever it quotes the key, plainly or in JSON, as servers do that do not know it."""
+        if not self._text:
+            return text
+        quoted = json.dumps(self._text)[1:-1]
+        for written in (quoted.replace("/", "\\/"), quoted, self._text):
+            text = text.replace(written, "…")
+        return text
+
 
 BASE_URL, MODEL, API_KEY, PRICES = (f"BESTMAN_LLM_{name}" for name in ("BASE_URL", "MODEL", "API_KEY", "PRICES"))
 

@@ -1,6 +1,5 @@
 """Symbolic planning: facts, problems, and a planner for them."""
 
-from bestman_bt.task_planning.symbolic.binding import instantiate
 from bestman_bt.task_planning.symbolic.facts import (
     FactSyntaxError,
     goal_as_facts,
@@ -9,9 +8,8 @@ from bestman_bt.task_planning.symbolic.facts import (
     parse_goal,
     parse_literals,
 )
-from bestman_bt.task_planning.symbolic.grounding import ground, reachable_actions
+from bestman_bt.task_planning.symbolic.grounding import ground, instantiate, reachable_actions
 from bestman_bt.task_planning.symbolic.pddl_reading import PddlError, read_pddl
-from bestman_bt.task_planning.symbolic.planner import SymbolicPlanner
 from bestman_bt.task_planning.symbolic.problem import (
     Action,
     Condition,
@@ -25,6 +23,7 @@ from bestman_bt.task_planning.symbolic.problem import (
     TaskPlan,
     Unsolvable,
 )
+from bestman_bt.task_planning.symbolic.search import SymbolicPlanner
 
 __all__ = [
     "Action",

@@ -9,7 +9,7 @@ from typing import Any
 from bestman_bt.errors import MissingExtraError
 from bestman_bt.extras import install_command
 from bestman_bt.task_planning.base import TaskPlanner
-from bestman_bt.task_planning.symbolic.binding import instantiate
+from bestman_bt.task_planning.symbolic.grounding import instantiate
 from bestman_bt.task_planning.symbolic.pddl_writing import PddlText
 from bestman_bt.task_planning.symbolic.problem import GoalError, PlanningError, Problem, TaskPlan, Unsolvable
 

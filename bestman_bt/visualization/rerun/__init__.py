@@ -1,12 +1,17 @@
 """Rerun recordings of runs; rerun itself is imported when a recording is opened."""
 
 from bestman_bt.visualization.rerun.blueprint import Eye, eye_on
-from bestman_bt.visualization.rerun.checked_file import check_recording
-from bestman_bt.visualization.rerun.live_feed import LiveFeed
 from bestman_bt.visualization.rerun.open_recording import RecordedCamera
 from bestman_bt.visualization.rerun.recorder import RECORDING_NAME, RerunRecorder
 from bestman_bt.visualization.rerun.sensed import SensorRecording
-from bestman_bt.visualization.rerun.viewer import Display, Viewer, ViewerOptions, has_window_system
+from bestman_bt.visualization.rerun.viewer import (
+    Display,
+    LiveFeed,
+    Viewer,
+    ViewerOptions,
+    check_recording,
+    has_window_system,
+)
 
 __all__ = [
     "RECORDING_NAME",

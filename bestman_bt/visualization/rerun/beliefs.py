@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from bestman_bt.visualization.marks import GRASP_COLOR, GraspMark, ObjectMark, box_edges, grasp_lines, object_color
 from bestman_bt.visualization.rerun import entities
-from bestman_bt.visualization.rerun.markers import write_pose
+from bestman_bt.visualization.rerun.bodies import write_pose
 
 if TYPE_CHECKING:
     import rerun as rr

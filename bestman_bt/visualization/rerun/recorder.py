@@ -9,7 +9,7 @@ from types import TracebackType
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from bestman_bt.engine.status import FAILURE, IDLE, RUNNING, SUCCESS
+from bestman_bt.engine.core.status import FAILURE, IDLE, RUNNING, SUCCESS
 from bestman_bt.extras import require_extra
 from bestman_bt.messages import LaserScan, Path2D, PointCloud, Pose, RGBDImage
 from bestman_bt.records.events import StatesEvent, TreeEvent
@@ -17,7 +17,7 @@ from bestman_bt.records.states import NO
 from bestman_bt.visualization.errors import RecordingError
 from bestman_bt.visualization.marks import GraspMark, ObjectMark
 from bestman_bt.visualization.node_labels import node_label
-from bestman_bt.visualization.rerun import beliefs, entities, markers, sensed
+from bestman_bt.visualization.rerun import beliefs, bodies, entities, sensed
 from bestman_bt.visualization.rerun.blueprint import Eye
 from bestman_bt.visualization.rerun.bodies import body_frame
 from bestman_bt.visualization.rerun.open_recording import Announced, OpenRecording, RecordedCamera
@@ -123,16 +123,16 @@ class RerunRecorder:
             parts.transforms.add_pose(entities.MAP_FRAME, body_frame(name), pose)
         if snapshot.believed_map_from_base is not None:
             if not parts.has_belief:
-                markers.write_belief(parts.stream)
+                bodies.write_belief(parts.stream)
                 parts.has_belief = True
-            parts.transforms.add_pose(entities.MAP_FRAME, markers.BELIEF_FRAME, snapshot.believed_map_from_base)
+            parts.transforms.add_pose(entities.MAP_FRAME, bodies.BELIEF_FRAME, snapshot.believed_map_from_base)
         parts.transforms.write(snapshot.stamp, snapshot.tick)
         joints = snapshot.joint_positions
         parts.joints.write([joints.get(name, np.nan) for name in self._announced.plotted_joints])
         grippers = self._announced.grippers.values()
         parts.widths.write([sum(joints.get(name, np.nan) for name in names) for names in grippers])
         if parts.driven.extend(snapshot.map_from_base.position[:2]):
-            markers.write_path(parts.stream, "driven", parts.driven.points, markers.DRIVEN_COLOR)
+            bodies.write_path(parts.stream, "driven", parts.driven.points, bodies.DRIVEN_COLOR)
 
     def changes(self, event: StatesEvent) -> None:
         """Record the state changes of one tick of the main tree, and what its nodes say."""
@@ -168,7 +168,7 @@ class RerunRecorder:
     def path(self, name: str, path: Path2D | None, stamp: float) -> None:
         """Record a path in the map frame; the next one of this name replaces it, None removes it."""
         points = np.empty((0, 2)) if path is None else path.points
-        markers.write_path(self._at(stamp).stream, name, points, markers.PLANNED_COLOR)
+        bodies.write_path(self._at(stamp).stream, name, points, bodies.PLANNED_COLOR)
 
     def map(self, walls: NDArray[np.float64], outlines: Mapping[str, NDArray[np.float64]]) -> None:
         """Record the map that the robot was given: (N, 4) ends of walls, and (M, 2) corners of furniture by name."""
@@ -193,15 +193,15 @@ class RerunRecorder:
 
     def pose(self, name: str, map_from_pose: Pose, stamp: float, axis_length: float = 0.08) -> None:
         """Record a named triad, for example a detected object or a grasp; ``axis_length`` in metres."""
-        markers.write_pose(self._at(stamp).stream, name, map_from_pose, axis_length, name)
+        bodies.write_pose(self._at(stamp).stream, name, map_from_pose, axis_length, name)
 
     def clear(self, name: str, stamp: float) -> None:
         """Remove the triad ``name`` from the scene, from ``stamp`` on."""
-        markers.clear(self._at(stamp).stream, name)
+        bodies.clear(self._at(stamp).stream, name)
 
     def goal(self, point: ArrayLike, stamp: float, label: str = "goal") -> None:
         """Record a pin on a point of the map, (3,) metres; the next one of this label replaces it."""
-        markers.write_goal(self._at(stamp).stream, label, np.asarray(point, dtype=float), label)
+        bodies.write_goal(self._at(stamp).stream, label, np.asarray(point, dtype=float), label)
 
     def text(self, level: str, message: str, stamp: float) -> None:
         """Record a line of the log; ``level``: DEBUG, INFO, WARN or ERROR."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from bestman_bt.records.nodes import NodeList
@@ -9,10 +11,135 @@ from bestman_bt.records.palette import Color, look_of
 from bestman_bt.records.states import NodeStates
 from bestman_bt.visualization.node_labels import node_label
 from bestman_bt.visualization.rerun import entities
-from bestman_bt.visualization.rerun.tree_layout import TreeLayout, tidy_layout
 
 if TYPE_CHECKING:
     import rerun as rr
+
+
+# A tidy left-to-right drawing of a tree.
+# Subtrees are packed by their contours, as in Reingold and Tilford, "Tidier Drawings of Trees" (1981), with the root on
+# the left and one column per depth: labels are wide and flat, so this is far more compact than top-down. A node with
+# one child, as every decorator, stands right above it in the same column: behavior trees have long chains of these,
+# which would else make the drawing wide and empty.
+
+
+Point = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class LabelSizes:
+    """Sizes in the units of the drawing (points at zoom 1); ``family_gap``: between subtrees, in rows."""
+
+    character_width: float = 6.2
+    label_padding: float = 14.0
+    row_height: float = 27.0
+    column_gap: float = 40.0
+    chain_indent: float = 8.0
+    family_gap: float = 0.3
+
+    def width(self, label: str) -> float:
+        """The width of a label in its box."""
+        return self.character_width * len(label) + self.label_padding
+
+
+@dataclass(frozen=True)
+class TreeLayout:
+    """``centers``: uid → (x, y) of the node's label, y downwards. ``size``: (width, height) from the origin."""
+
+    centers: Mapping[int, Point]
+    size: Point
+
+
+def tidy_layout(tree: NodeList, labels: Mapping[int, str], sizes: LabelSizes = LabelSizes()) -> TreeLayout:
+    """Place every node so that no two labels overlap; ``labels``: uid → text."""
+    columns, steps = _columns(tree)
+    rows = _rows(tree, sizes.family_gap)
+    extents = {uid: steps[uid] * sizes.chain_indent + sizes.width(text) for uid, text in labels.items()}
+    column_widths: dict[int, float] = {}
+    for uid, column in columns.items():
+        column_widths[column] = max(column_widths.get(column, 0.0), extents[uid])
+    lefts, left = {}, 0.0
+    for column in sorted(column_widths):
+        lefts[column] = left
+        left += column_widths[column] + sizes.column_gap
+    top = min(rows.values())
+    centers = {
+        uid: (lefts[columns[uid]] + extents[uid] - sizes.width(text) / 2, (rows[uid] - top + 0.5) * sizes.row_height)
+        for uid, text in labels.items()
+    }
+    height = (max(rows.values()) - top + 1.0) * sizes.row_height
+    return TreeLayout(centers, (left - sizes.column_gap, height))
+
+
+def _columns(tree: NodeList) -> tuple[dict[int, int], dict[int, int]]:
+    """uid → column, and uid → number of nodes above it in its chain."""
+    columns: dict[int, int] = {}
+    steps: dict[int, int] = {}
+    for node in tree:
+        if node.parent is None:
+            columns[node.uid], steps[node.uid] = 0, 0
+        elif len(tree.children(node.parent)) == 1:
+            columns[node.uid], steps[node.uid] = columns[node.parent], steps[node.parent] + 1
+        else:
+            columns[node.uid], steps[node.uid] = columns[node.parent] + 1, 0
+    return columns, steps
+
+
+@dataclass
+class _Contour:
+    """Lowest and highest row per column, relative to the top node of a subtree."""
+
+    low: list[float]
+    high: list[float]
+
+    def shifted(self, shift: float) -> _Contour:
+        return _Contour([row + shift for row in self.low], [row + shift for row in self.high])
+
+
+def _rows(tree: NodeList, family_gap: float) -> dict[int, float]:
+    contours: dict[int, _Contour] = {}
+    offsets: dict[int, float] = {tree[0].uid: 0.0}
+    for node in reversed(list(tree.depth_first())):
+        children = [child.uid for child in tree.children(node.uid)]
+        if not children:
+            contours[node.uid] = _Contour([0.0], [0.0])
+        elif len(children) == 1:
+            offsets[children[0]] = 1.0
+            contour = contours.pop(children[0]).shifted(1.0)
+            contour.low[0] = 0.0
+            contours[node.uid] = contour
+        else:
+            merged, shifts = _side_by_side([contours.pop(child) for child in children], family_gap)
+            centre = (shifts[0] + shifts[-1]) / 2
+            for child, shift in zip(children, shifts, strict=True):
+                offsets[child] = shift - centre
+            merged = merged.shifted(-centre)
+            contours[node.uid] = _Contour([0.0, *merged.low], [0.0, *merged.high])
+    rows: dict[int, float] = {}
+    for node in tree.depth_first():
+        rows[node.uid] = offsets[node.uid] + (0.0 if node.parent is None else rows[node.parent])
+    return rows
+
+
+def _side_by_side(contours: list[_Contour], family_gap: float) -> tuple[_Contour, list[float]]:
+    """Pack subtrees below one another as closely as their contours allow: the union, and how far each moved."""
+    merged = contours[0]
+    shifts = [0.0]
+    before = contours[0]
+    for contour in contours[1:]:
+        both_leaves = _is_leaf(before) and _is_leaf(contour)
+        distance = 1.0 if both_leaves else 1.0 + family_gap
+        shift = max(high - low for high, low in zip(merged.high, contour.low, strict=False)) + distance
+        shifts.append(shift)
+        moved = contour.shifted(shift)
+        deeper = len(moved.low)
+        merged = _Contour(merged.low + moved.low[len(merged.low) :], moved.high + merged.high[deeper:])
+        before = contour
+    return merged, shifts
+
+
+def _is_leaf(contour: _Contour) -> bool:
+    return len(contour.low) == 1 and contour.low[0] == contour.high[0]
 
 
 class TreeGraph:

@@ -2,21 +2,106 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import signal
 import socket
+import struct
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
+from types import TracebackType
 from typing import IO
 
 from bestman_bt.extras import require_extra
-from bestman_bt.visualization.errors import ViewerError
+from bestman_bt.visualization.errors import RecordingError, ViewerError
+
+# Hands a recording on to a viewer while it is written.
+# The recorder writes to a file and knows nothing of the viewer: one that is slow or frozen holds up the thread here,
+# and no tick. Streaming to it directly would do that: Rerun's streams wait for a receiver that is some hundred MB
+# behind.
+
+
+POLL = 0.1
+CHUNK = 1 << 20
+LAST_WORDS = 2.0
+"""Seconds that the viewer gets at the end to take what is still to be told."""
+
+
+class LiveFeed:
+    """Copies what is appended to ``file``, which may not be there yet, to ``pipe``; between ``open`` and ``close``."""
+
+    def __init__(self, file: Path, pipe: IO[bytes]) -> None:
+        self._file = file
+        self._pipe = pipe
+        self._done = threading.Event()
+        self._thread = threading.Thread(target=self._copy, name="live-feed", daemon=True)
+
+    def __enter__(self) -> LiveFeed:
+        self._thread.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._done.set()
+        self._thread.join(LAST_WORDS)
+
+    def _copy(self) -> None:
+        while not self._file.exists() and not self._done.wait(POLL):
+            pass
+        # Until the viewer is closed; or nothing was recorded.
+        with contextlib.suppress(OSError), self._pipe, self._file.open("rb") as file:
+            while True:
+                ended = self._done.is_set()
+                while chunk := file.read(CHUNK):
+                    self._pipe.write(chunk)
+                    self._pipe.flush()
+                if ended:
+                    return
+                self._done.wait(POLL)
+
+
+# Whether a file is a recording, before a viewer is asked to open it.
+# Rerun's own reader refuses what a killed run leaves, which its viewer opens; so the frames of the format are followed:
+# 12 bytes of ``RRF2``, version and options, then messages of u64 kind, u64 length and that many bytes, little endian;
+# kind 0 is the end, with a footer behind it.
+
+
+_HEAD = struct.Struct("<4s4s4s")
+_MESSAGE = struct.Struct("<QQ")
+_END, _LAST_KIND = 0, 3
+
+
+def check_recording(path: Path) -> None:
+    """RecordingError where ``path`` is no recording, or is damaged, or holds nothing.
+
+    One that ends within a message, because the run was killed, is a recording.
+    """
+    size = path.stat().st_size
+    with path.open("rb") as file:
+        head = file.read(_HEAD.size)
+        if head[:4] != b"RRF2" or len(head) < _HEAD.size:
+            raise RecordingError(f"is no Rerun recording: it begins with {head[:4]!r} instead of b'RRF2'")
+        messages = 0
+        while len(frame := file.read(_MESSAGE.size)) == _MESSAGE.size:
+            kind, length = _MESSAGE.unpack(frame)
+            at = file.tell()
+            if kind == _END:
+                break
+            if kind > _LAST_KIND:
+                raise RecordingError(f"is a damaged Rerun recording: at byte {at} is a message of kind {kind}")
+            messages += 1
+            file.seek(min(length, size - at), 1)
+    if messages == 0:
+        raise RecordingError("is an empty Rerun recording")
+
 
 LOOPBACK = "127.0.0.1"
 STOP_WAIT = 5.0

@@ -2,20 +2,102 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
+from bestman_bt.messages import Pose2D, wrap_angle
 from bestman_bt.robot_model import LegModel, Payload
-from hal.parts.legged.attitude import GRAVITY, Attitude
-from hal.parts.legged.leg_kinematics import LegKinematics
-from hal.parts.legged.leg_odometry import LegOdometry
-from hal.parts.legged.trot import Trot
+from hal.parts.legged.trot import LegKinematics, Trot
 
+# Attitude from an inertial unit: a complementary filter.
+# R. Mahony, T. Hamel and J.-M. Pflimlin, "Nonlinear complementary filters on the special orthogonal group", 2008: the
+# gyroscope turns the estimate, the direction of gravity pulls it upright; what is left over at rest is the gyroscope's
+# bias.
+
+
+GRAVITY = 9.81
 Array = NDArray[np.float64]
+
+
+@dataclass(eq=False)
+class Attitude:
+    """The trunk's orientation; its heading begins at 0 and drifts as the gyroscope does.
+
+    ``gain``: 1/s with which gravity pulls the estimate upright. ``bias_time``: seconds over which the bias is
+    learned while the robot stands still: turns by less than ``still`` rad/s.
+    """
+
+    gain: float = 0.3
+    bias_time: float = 2.0
+    still: float = 0.03
+
+    def __post_init__(self) -> None:
+        self._rotation = Rotation.identity()
+        self._bias = np.zeros(3)
+        self.rate: Array = np.zeros(3)
+
+    @property
+    def odom_from_trunk(self) -> Array:
+        """Rotation matrix (3, 3)."""
+        return np.asarray(self._rotation.as_matrix())
+
+    @property
+    def heading(self) -> float:
+        """Yaw, radians in (-π, π]."""
+        forward = self.odom_from_trunk[:, 0]
+        return math.atan2(forward[1], forward[0])
+
+    @property
+    def level_from_trunk(self) -> Array:
+        """Rotation matrix (3, 3) to the frame that is level and points where the trunk does."""
+        return np.asarray((Rotation.from_euler("z", -self.heading) * self._rotation).as_matrix())
+
+    def update(self, angular_velocity: Array, specific_force: Array, period: float, standing: bool) -> None:
+        """Take in a reading of the trunk's (3,) rad/s and (3,) m/s²."""
+        self.rate = angular_velocity - self._bias
+        if standing and float(np.abs(self.rate).max()) < self.still:
+            self._bias = self._bias + min(1.0, period / self.bias_time) * (angular_velocity - self._bias)
+        # Steps shake the trunk by several g, but in the mean they hold it up: whole readings, never chosen ones.
+        up = self.odom_from_trunk[2]
+        turn = self.rate + self.gain * np.cross(specific_force / GRAVITY, up)
+        self._rotation = self._rotation * Rotation.from_rotvec(turn * period)
+
+
+# Odometry of a walking robot: feet on the floor roll and do not slip, so the trunk moves as the legs tell.
+# M. Bloesch et al., "State estimation for legged robots", 2012, without its filter: headings come from the gyroscope.
+
+
+class LegOdometry:
+    """Pose since the start in the plane, and the trunk's velocity (3,) m/s in its own level frame."""
+
+    def __init__(self) -> None:
+        self.x = self.y = self.travelled = 0.0
+        self.heading = 0.0  # without end
+        self.velocity: Array = np.zeros(3)
+
+    @property
+    def pose(self) -> Pose2D:
+        """The pose in the odom frame."""
+        return Pose2D(self.x, self.y, wrap_angle(self.heading))
+
+    def update(self, velocities: Array, heading: float, period: float, smoothing: float) -> None:
+        """``velocities``: of the trunk by what each foot on the floor tells, (k, 3) m/s; none: it flies on.
+
+        ``smoothing``: seconds of the first-order low-pass over the velocity that the gait looks at.
+        """
+        before = self.velocity
+        measured = velocities.mean(axis=0) if len(velocities) else before
+        self.heading += wrap_angle(heading - self.heading)
+        self.x += (measured[0] * math.cos(heading) - measured[1] * math.sin(heading)) * period
+        self.y += (measured[0] * math.sin(heading) + measured[1] * math.cos(heading)) * period
+        self.travelled += float(measured[0]) * period
+        self.velocity = before + min(1.0, period / smoothing) * (measured - before)
 
 
 @dataclass(eq=False)

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from bestman_bt.control.arm import ArmController
-from bestman_bt.control.force_torque import WristWrench
 from bestman_bt.control.gripper import GripperController
 from bestman_bt.control.joint_state import JointStateSensor
+from bestman_bt.control.touch import WristWrench
 from bestman_bt.manipulation.kinematics import DampedLeastSquares, ForwardKinematics
 from bestman_bt.messages import Handle, Pose, Pose2D
 from bestman_bt.scene import PlacedFurniture, World, read_furniture

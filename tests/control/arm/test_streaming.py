@@ -9,7 +9,7 @@ import pytest
 
 from bestman_bt.control import MotionStatus
 from bestman_bt.control.arm import ArmController, Guarding
-from bestman_bt.control.arm.tool_stream import Streaming, StreamStep, ToolStream
+from bestman_bt.control.arm.guarded_move import Streaming, StreamStep, ToolStream
 from bestman_bt.messages import Failure, MotionErrorCode, Pose
 from hal.api import CommandRefusedError, NoDataError, NotConnectedError
 from tests.control.arm.gantry import START, AtWork, Gantry, spring

@@ -8,11 +8,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from bestman_bt.control.force_torque import WristWrench
 from bestman_bt.control.inertial import FusedOdometry, GyroHeading
 from bestman_bt.control.joint_state import JointStateError, JointStateSensor
 from bestman_bt.control.lidar import LidarSensor
-from bestman_bt.control.tactile import TactileSensor
+from bestman_bt.control.touch import TactileSensor, WristWrench
 from bestman_bt.messages import Failure, LaserScan, MotionErrorCode, Pose, Pose2D, Wrench
 from bestman_bt.navigation.localization import OdometryFilter, WheelOdometry
 from bestman_bt.robot_model import payload

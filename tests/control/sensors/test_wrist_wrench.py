@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from bestman_bt.control.force_torque import WristWrench
 from bestman_bt.control.joint_state import JointStateSensor
+from bestman_bt.control.touch import WristWrench
 from bestman_bt.manipulation.kinematics import ForwardKinematics
 from bestman_bt.messages import Pose2D
 from bestman_bt.robot_model import ArmModel, load_robot_model

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from bestman_bt.control.wheeled import CollisionMonitor, MonitorAction
-from bestman_bt.control.wheeled.velocity_gate import VelocityGate
+from bestman_bt.control.wheeled.base_controller import VelocityGate
 from bestman_bt.messages import LaserScan, Pose2D, Twist2D
 from bestman_bt.navigation.global_planning import Footprint
 from bestman_bt.navigation.local_planning import FootprintMotion, MovingObstacle

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from bestman_bt.control.wheeled import CollisionMonitor
-from bestman_bt.control.wheeled.velocity_gate import VelocityGate
+from bestman_bt.control.wheeled.base_controller import VelocityGate
 from bestman_bt.messages import LaserScan, Pose2D, Twist2D
 from bestman_bt.navigation.local_planning import MovingObstacle
 from bestman_bt.robot_model import BaseModel

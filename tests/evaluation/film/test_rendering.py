@@ -9,8 +9,7 @@ from PIL import Image
 
 from bestman_bt.evaluation.film import FilmedRun, FilmError
 from bestman_bt.evaluation.film import shot as shots
-from bestman_bt.evaluation.film.painted import paint_job
-from bestman_bt.evaluation.film.rendering import RenderOptions, render
+from bestman_bt.evaluation.film.rendering import RenderOptions, paint_job, render
 from bestman_bt.evaluation.film.shot import viewpoint
 from bestman_bt.scene import Wall
 from bestman_bt.visualization.blender import BlenderError

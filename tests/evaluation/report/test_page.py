@@ -10,18 +10,16 @@ import numpy as np
 import pytest
 
 from bestman_bt.engine import load_tree
+from bestman_bt.engine.core.status import FAILURE, SUCCESS
 from bestman_bt.engine.logs import Transitions
-from bestman_bt.engine.status import FAILURE, SUCCESS
-from bestman_bt.evaluation.report.gantt import MAX_BARS, MAX_ROWS, WIDTH, gantt
-from bestman_bt.evaluation.report.many_runs import groups_by_name
-from bestman_bt.evaluation.report.page import report_page
+from bestman_bt.evaluation.report.page import MAX_BARS, MAX_ROWS, WIDTH, gantt, groups_by_name, report_page
 from bestman_bt.evaluation.report.run_reader import read_story
 from bestman_bt.evaluation.result import Outcome
-from bestman_bt.records.activities import Activities, activities
 from bestman_bt.records.described_tree import describe_tree
 from bestman_bt.records.events import Category, DescribedNode, TreeEvent
 from bestman_bt.records.nodes import NodeList
 from bestman_bt.records.states import NO
+from bestman_bt.records.timeline import Activities, activities
 from tests.evaluation.report.run_folders import TREE, failure_with_picture, picture, write_run
 
 NOW = datetime(2026, 3, 4, 5, 6)

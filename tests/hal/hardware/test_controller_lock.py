@@ -16,15 +16,15 @@ from bestman_bt.robot_model import RobotModel
 from bestman_bt.robot_model.connection_config import ConnectionConfig, SafetyConfig
 from bestman_bt.runtime_folder import runtime_folder
 from hal.api import Failure, Part
-from hal.hardware import Connection, RealTimeClock, controller_lock
-from hal.hardware.controller_lock import ControllerLock
+from hal.hardware import Connection, RealTimeClock, connection
+from hal.hardware.connection import ControllerLock
 from hal.parts import ConnectionFailedError, StopLatch
 
 pytestmark = pytest.mark.real_time
 
 ADDRESS = "192.168.77.203"
 HOLDER = f"""
-from hal.hardware.controller_lock import ControllerLock
+from hal.hardware.connection import ControllerLock
 ControllerLock("arm_controller", "xarm", "{ADDRESS}").take()
 print("taken", flush=True)
 input()
@@ -35,7 +35,7 @@ input()
 def own_locks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Locks of these tests are apart from those of anybody's robots."""
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
-    monkeypatch.setattr(controller_lock, "PATIENCE", 0.3)
+    monkeypatch.setattr(connection, "PATIENCE", 0.3)
 
 
 def client(driver: str = "xarm", address: str = ADDRESS) -> ControllerLock:
@@ -110,7 +110,7 @@ def test_the_address_stands_nowhere() -> None:
 
 
 def test_a_client_that_leaves_within_the_patience_is_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(controller_lock, "PATIENCE", 60.0)
+    monkeypatch.setattr(connection, "PATIENCE", 60.0)
     first, second = client(), client()
     first.take()
     leaving = threading.Timer(0.1, first.release)

@@ -10,7 +10,7 @@ import pytest
 
 from bestman_bt.messages import JointTrajectory
 from hal.api import CommandRefusedError
-from hal.parts.command_checks import JointCommandChecks
+from hal.parts.streamed_joints import JointCommandChecks
 from tests.robot_models import joint_group_model
 
 NAMES = ("pan", "tilt")

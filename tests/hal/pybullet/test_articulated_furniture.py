@@ -15,7 +15,7 @@ from bestman_bt.robot_model import RobotModel
 from bestman_bt.scene import LATCH_TRAVEL, Articulation, PlacedFurniture, PlacedObject, World, read_furniture
 from hal.pybullet import PyBulletRobot
 from hal.simulation import GroundTruth, SceneRecorder, SimulationError
-from hal.simulation.mass_distribution import mass_distribution
+from hal.simulation.joint_motors import mass_distribution
 
 PLACES = {
     "drawer_chest": Pose2D(1.8, 1.2, 0.3),

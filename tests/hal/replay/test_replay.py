@@ -25,7 +25,7 @@ from hal.api import (
 from hal.parts import ConnectionFailedError
 from hal.pybullet import PyBulletRobot
 from hal.replay import TAPE_NAME, ReplayRobot
-from hal.replay.encoding import error_from_json, error_to_json
+from hal.replay.tape import error_from_json, error_to_json
 from tests.hal.replay.story import Story, act, target
 
 

@@ -11,7 +11,7 @@ from hal.api import MotionErrorCode, NoDataError
 from hal.hardware import RealTimeClock
 from hal.parts import ConnectionFailedError
 from hal.robotiq import RobotiqOptions
-from hal.robotiq.channel import RobotiqChannel
+from hal.robotiq.connection import RobotiqChannel
 from hal.robotiq.wire import RobotiqStatus, RobotiqWire
 
 

@@ -11,7 +11,7 @@ import pytest
 from hal.api import NoDataError
 from hal.hardware import LatencyMonitor, RemoteTime
 from hal.parts import SimulatedClock
-from hal.rosbridge.stream import Stream
+from hal.rosbridge.link import Stream
 
 
 class Clock(SimulatedClock):

@@ -18,7 +18,7 @@ from bestman_bt.robot_model import RobotModel, WheeledBaseModel
 from bestman_bt.robot_model.urdf_elements import child_of
 from bestman_bt.scene import World
 from hal.simulation import BuiltWorld, Contact, Engine, Ledger, LinkMotion, SimulatedRobot, SimulationError, Viewpoint
-from hal.simulation.drive import make_drives
+from hal.simulation.wheel_drive import make_drives
 
 FLOOR, ROBOT = 0, 1
 FAR = 2.0

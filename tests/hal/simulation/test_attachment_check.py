@@ -9,8 +9,8 @@ import pytest
 from bestman_bt.robot_model import load_robot_model
 from bestman_bt.scene import draw_world, load_scene
 from hal.pybullet import PyBulletRobot
-from hal.simulation.attachment_check import AttachmentCheck
 from hal.simulation.bodies import BodyState
+from hal.simulation.monitor import AttachmentCheck
 from hal.simulation.observation import Observation
 from hal.simulation.simulation import Simulation
 

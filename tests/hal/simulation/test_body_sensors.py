@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from bestman_bt.configuration import Document, find_data, read_document
-from bestman_bt.control.tactile import TactileSensor
+from bestman_bt.control.touch import TactileSensor
 from bestman_bt.robot_model import BatteryPart, ImuPart, LidarPart, RobotModel, TactilePart, compose_robot
 from hal.api import Battery, Gripper, Imu, Lidar, MobileBase, NoDataError, Tactile
 from hal.pybullet import PyBulletRobot

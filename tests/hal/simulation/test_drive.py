@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from hal.simulation.drive import Odometry, SideDrive, SteeredDrive
+from hal.simulation.wheel_drive import Odometry, SideDrive, SteeredDrive
 
 SIDES = SideDrive(0.1, 0.1, 0.5)
 PLACES = np.array([[0.25, 0.2], [0.25, -0.2], [-0.25, 0.2], [-0.25, -0.2]])

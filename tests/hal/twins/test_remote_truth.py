@@ -11,8 +11,8 @@ import pytest
 from bestman_bt.robot_model import RobotModel
 from bestman_bt.scene import World
 from hal.simulation import AuditRecord
-from hal.twins.judge_server import JudgeServer
 from hal.twins.remote_truth import RemoteTruth
+from hal.twins.twin_host import JudgeServer
 from hal.twins.world import TwinWorld
 
 

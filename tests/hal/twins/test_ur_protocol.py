@@ -12,7 +12,7 @@ import pytest
 from bestman_bt.robot_model import load_robot_model
 from hal.twins.ur_kinematics import URKinematics
 from hal.twins.ur_program import Command, URProgram, path_of
-from hal.twins.ur_rtde_fields import Recipe
+from hal.twins.ur_rtde import Recipe
 from tests.robot_models import arm_model
 
 

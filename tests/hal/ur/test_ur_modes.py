@@ -10,8 +10,7 @@ import pytest
 from bestman_bt.robot_model.connection_config import SafetyConfig
 from hal.api import CommandRefusedError, Failure, MotionErrorCode, NoDataError
 from hal.parts import StopLatch
-from hal.ur.connection import URConnection, fault_of
-from hal.ur.digital_io import URDigitalIO
+from hal.ur.connection import URConnection, URDigitalIO, fault_of
 from hal.ur.sdk_process import Report
 
 

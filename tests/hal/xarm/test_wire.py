@@ -14,11 +14,9 @@ from bestman_bt.robot_model.connection_config import ConnectionConfig, SafetyCon
 from hal.api import MotionErrorCode
 from hal.parts import ConnectionFailedError, SimulatedClock, StopLatch
 from hal.xarm import XArmOptions
-from hal.xarm.arm_identity import ArmIdentity
-from hal.xarm.channels import XArmGripper
-from hal.xarm.connection import XArmConnection
+from hal.xarm.connection import XArmConnection, XArmGripper
 from hal.xarm.lite6_gripper import Lite6GripperWire
-from hal.xarm.wire import XArmWire
+from hal.xarm.wire import ArmIdentity, XArmWire
 
 TITLES = {number: {"en": {"title": f"title {number}"}} for number in (*range(40), "other")}
 

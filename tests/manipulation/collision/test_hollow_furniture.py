@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from bestman_bt.manipulation.collision import planning_scene_from_world_model
-from bestman_bt.manipulation.collision.hollow_furniture import hollow_furniture
+from bestman_bt.manipulation.collision.scene_from_world_model import hollow_furniture
 from bestman_bt.manipulation.errors import ManipulationError
 from bestman_bt.messages import Box, Handle, PlacedShape, Pose, Pose2D, distance_to_shape
 from bestman_bt.scene import PlacedFurniture, World, draw_world, load_scene, read_furniture, semantic_map

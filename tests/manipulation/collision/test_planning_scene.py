@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from bestman_bt.manipulation.collision import AttachedObject, PlanningScene, SceneObstacle, VoxelObstacle
-from bestman_bt.manipulation.collision.fingerprint import fingerprint
+from bestman_bt.manipulation.collision.coal_world import fingerprint
 from bestman_bt.messages import PlacedShape, Pose, Sphere
 
 BALL = (PlacedShape(Sphere(0.1), Pose()),)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from bestman_bt.manipulation.collision.voxels_from_world_model import voxel_obstacles
+from bestman_bt.manipulation.collision.scene_from_world_model import voxel_obstacles
 from bestman_bt.messages import VOXEL_FREE, VOXEL_OCCUPIED, VOXEL_UNKNOWN, Box, PlacedShape, Pose, Pose2D, VoxelGrid
 
 BASE_FROM_MAP = Pose2D(3.0, -1.0, 2.2).to_pose().inverse()

@@ -11,9 +11,7 @@ from bestman_bt.manipulation.kinematics import (
     ReachabilitySampling,
     reachability_map,
 )
-from bestman_bt.manipulation.kinematics.reachability_cache import cache_folder
-from bestman_bt.manipulation.kinematics.reachability_map import even_directions
-from bestman_bt.manipulation.kinematics.screw_chain import ScrewChain
+from bestman_bt.manipulation.kinematics.reachability_map import ScrewChain, cache_folder, even_directions
 from bestman_bt.messages import Pose
 from bestman_bt.robot_model import ArmModel
 

@@ -3,8 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from bestman_bt.manipulation.motion_planning.checked_edges import CheckedEdges
-from bestman_bt.manipulation.motion_planning.edge import dense_points
+from bestman_bt.manipulation.motion_planning.checked_edges import CheckedEdges, dense_points
 
 ZERO, HALF, ONE = np.zeros(1), np.full(1, 0.5), np.ones(1)
 

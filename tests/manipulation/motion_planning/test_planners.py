@@ -19,7 +19,7 @@ from bestman_bt.manipulation.motion_planning import (
     RRTConnect,
     RRTStar,
 )
-from bestman_bt.manipulation.motion_planning.edge import dense_points
+from bestman_bt.manipulation.motion_planning.checked_edges import dense_points
 from bestman_bt.registry import ALGORITHMS
 from examples.plugins.lazy_prm import PRM
 from tests.manipulation.motion_planning.joint_worlds import PortfolioOf

@@ -16,7 +16,7 @@ from bestman_bt.manipulation.motion_planning import (
     Portfolio,
     RRTConnect,
 )
-from bestman_bt.manipulation.motion_planning.edge import dense_points, halving_order
+from bestman_bt.manipulation.motion_planning.checked_edges import dense_points, halving_order
 from bestman_bt.manipulation.motion_planning.query import check_query
 from examples.plugins.lazy_prm import PRM
 from tests.manipulation.motion_planning.joint_worlds import TWO, JointWorld, Kept, PortfolioOf

@@ -11,7 +11,7 @@ from bestman_bt.manipulation.motion_planning import (
     RRTConnect,
     Upright,
 )
-from bestman_bt.manipulation.motion_planning.edge import dense_points
+from bestman_bt.manipulation.motion_planning.checked_edges import dense_points
 from bestman_bt.messages import Pose
 from tests.manipulation.table_and_shelf import problems
 

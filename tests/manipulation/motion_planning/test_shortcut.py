@@ -6,9 +6,8 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bestman_bt.manipulation.motion_planning.checked_edges import CheckedEdges
-from bestman_bt.manipulation.motion_planning.edge import dense_points
-from bestman_bt.manipulation.motion_planning.shortcut import shortcut
+from bestman_bt.manipulation.motion_planning.checked_edges import CheckedEdges, dense_points
+from bestman_bt.manipulation.motion_planning.sampling_planner import shortcut
 
 
 def outside_disc(q: np.ndarray) -> bool:

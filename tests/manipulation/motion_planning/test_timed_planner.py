@@ -14,7 +14,7 @@ from bestman_bt.manipulation.motion_planning import (
     Upright,
 )
 from bestman_bt.manipulation.trajectory import SpeedScale, Toppra, first_touch
-from bestman_bt.manipulation.trajectory.collision_check import dense_samples
+from bestman_bt.manipulation.trajectory.base import dense_samples
 from bestman_bt.messages import Pose
 from tests.manipulation.motion_planning.joint_worlds import TWO, JointWorld, Kept
 from tests.manipulation.table_and_shelf import problems

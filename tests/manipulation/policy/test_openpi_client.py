@@ -25,8 +25,7 @@ from bestman_bt.manipulation.policy import (
     PolicyUnreachableError,
     load_policy,
 )
-from bestman_bt.manipulation.policy.msgpack_numpy import pack, unpack
-from bestman_bt.manipulation.policy.openpi_client import resize_with_pad
+from bestman_bt.manipulation.policy.openpi_client import pack, resize_with_pad, unpack
 from bestman_bt.messages import Pose
 
 JOINTS = tuple(f"panda_joint{i}" for i in range(1, 8))

@@ -4,7 +4,7 @@ import numpy as np
 
 from bestman_bt.manipulation.collision import PlanningScene, SceneObstacle
 from bestman_bt.manipulation.trajectory import Toppra, first_touch
-from bestman_bt.manipulation.trajectory.collision_check import dense_samples
+from bestman_bt.manipulation.trajectory.base import dense_samples
 from bestman_bt.messages import Box, PlacedShape, Pose
 from tests.manipulation.table_and_shelf import FINGERS
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from bestman_bt.manipulation.errors import ManipulationError
-from bestman_bt.manipulation.motion_planning.edge import dense_points
+from bestman_bt.manipulation.motion_planning.checked_edges import dense_points
 from bestman_bt.manipulation.trajectory import SpeedScale, Toppra, TrajectoryError
 
 # Sharp corners, a reversal and a repeated waypoint.

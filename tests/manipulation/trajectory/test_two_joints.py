@@ -13,7 +13,7 @@ from bestman_bt.manipulation.trajectory import (
     TrajectoryError,
     first_touch,
 )
-from bestman_bt.manipulation.trajectory.collision_check import dense_samples
+from bestman_bt.manipulation.trajectory.base import dense_samples
 from bestman_bt.messages import JointTrajectory
 from tests.manipulation.motion_planning.joint_worlds import TWO, JointWorld
 from tests.rigs.limit_usage import limit_usage

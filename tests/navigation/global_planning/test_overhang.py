@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from bestman_bt.messages import Box, OccupancyGrid, Path2D, PlacedShape, Pose, Pose2D
-from bestman_bt.messages.occupancy_grid import FREE, OCCUPIED
+from bestman_bt.messages.grids import FREE, OCCUPIED
 from bestman_bt.navigation.global_planning import (
     Costmap,
     Footprint,

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from bestman_bt.messages import LaserScan, Path2D, Pose2D, Twist2D
 from bestman_bt.navigation.global_planning import Costmap
 from bestman_bt.navigation.local_planning import braking_time, safe_share
+from bestman_bt.navigation.local_planning.braking import JerkLimit
 from bestman_bt.navigation.local_planning.critics import Critics, Surroundings
-from bestman_bt.navigation.local_planning.jerk_limit import JerkLimit
 from bestman_bt.navigation.local_planning.obstacle_aware import ObstacleAwareFollower
 from bestman_bt.navigation.localization.ray_casting import cast_rays
 from bestman_bt.robot_model import BaseModel, MobilePart

@@ -9,10 +9,9 @@ import pytest
 
 from bestman_bt.messages import Pose2D, Twist2D
 from bestman_bt.navigation.local_planning import DWA, MPPI, MovingObstacle
-from bestman_bt.navigation.local_planning.cost_to_go import CostToGo, cost_to_go
+from bestman_bt.navigation.local_planning.cost_to_go import CostToGo, DistanceGrid, cost_to_go
 from bestman_bt.navigation.local_planning.critics import Critics, CriticWeights, Drives, Surroundings
-from bestman_bt.navigation.local_planning.distance_grid import DistanceGrid
-from bestman_bt.navigation.local_planning.path_progress import PathProgress
+from bestman_bt.navigation.local_planning.rotate_to_heading import PathProgress
 from bestman_bt.robot_model import BaseModel
 from tests.robot_models import base_model
 

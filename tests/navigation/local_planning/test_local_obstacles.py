@@ -8,8 +8,8 @@ import pytest
 from bestman_bt.messages import LaserScan, Pose2D, Twist2D
 from bestman_bt.navigation.global_planning import Costmap, Footprint
 from bestman_bt.navigation.local_planning import FootprintMotion, LocalObstacles, safe_share
+from bestman_bt.navigation.local_planning.braking import JerkLimit
 from bestman_bt.navigation.local_planning.footprint_check import FootprintCheck
-from bestman_bt.navigation.local_planning.jerk_limit import JerkLimit
 from bestman_bt.navigation.localization.ray_casting import cast_rays
 from tests.robot_models import base_model
 

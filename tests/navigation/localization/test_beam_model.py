@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from bestman_bt.messages import Pose2D
-from bestman_bt.navigation.localization.beam_model import BeamModel
+from bestman_bt.navigation.localization.correlative_search import BeamModel
 from tests.navigation.localization.simulated_scans import scan_at
 
 TRUTH = Pose2D(0.2, -0.8, 0.4)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from bestman_bt.messages import LaserScan, Pose2D
-from bestman_bt.messages.occupancy_grid import FREE, OCCUPIED
+from bestman_bt.messages.grids import FREE, OCCUPIED
 from bestman_bt.navigation.slam import PoseGraphSlam, SlamLocalizer
 
 BASE_FROM_LIDAR = Pose2D(0.1, 0.0, 0.05)

@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from bestman_bt.navigation.slam.shortest_tour import shortest_tour
+from bestman_bt.navigation.slam.frontiers import shortest_tour
 
 
 @pytest.mark.parametrize("seed", range(5))

@@ -10,7 +10,7 @@ from benchmarks.perception_measures.distractors import Parts, block
 from benchmarks.rendering import render_view
 from bestman_bt.messages import Pose
 from bestman_bt.perception.affordance.fronts import Front, FrontSearch
-from bestman_bt.perception.affordance.relief import relief
+from bestman_bt.perception.affordance.rectified import relief
 
 CameraBefore = Callable[[np.ndarray, float, float, float], Pose]
 GREY = (0.6, 0.6, 0.6)

@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from bestman_bt.perception.affordance.joint_suggestion import JointRules
+from bestman_bt.perception.affordance.front_handles import JointRules
 from bestman_bt.perception.affordance.panel_borders import PanelBorders
 
 RULES = JointRules()

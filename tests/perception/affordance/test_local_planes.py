@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from bestman_bt.messages import CameraIntrinsics
-from bestman_bt.perception.affordance.local_planes import local_planes
+from bestman_bt.perception.affordance.fronts import local_planes
 
 CAMERA = CameraIntrinsics(64, 48, 60.0, 60.0, 31.5, 23.5)
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from bestman_bt.perception.affordance.handle_on_front import HandleOnFront
+from bestman_bt.perception.affordance.front_handles import parted
 from bestman_bt.perception.affordance.panel_borders import PanelBorders
-from bestman_bt.perception.affordance.shared_panels import parted
+from bestman_bt.perception.affordance.protrusions import HandleOnFront
 
 WHOLE = PanelBorders(-0.4, 0.4, 0.0, 0.75)
 """A chest without visible seams."""

@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from bestman_bt.perception.detection.color_palette import palette_distance
+from bestman_bt.perception.detection.color_shape import palette_distance
 
 RED, GREEN, WHITE, BLACK = (0.8, 0.2, 0.2), (0.2, 0.7, 0.3), (0.9, 0.9, 0.9), (0.1, 0.1, 0.1)
 ALL = np.ones((1, 1))

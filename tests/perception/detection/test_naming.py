@@ -9,7 +9,7 @@ import pytest
 
 from bestman_bt.messages import Box, ObjectModel, PlacedShape, Pose, YawSet
 from bestman_bt.perception.detection import DetectedScene, ImageDetection, LabelledCluster
-from bestman_bt.perception.detection.naming import Naming
+from bestman_bt.perception.detection.base import Naming
 from bestman_bt.perception.pose_estimation import PoseHypothesis
 from bestman_bt.perception.segmentation import Cluster, SegmentedScene, SupportPlane
 

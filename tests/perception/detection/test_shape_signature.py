@@ -7,7 +7,7 @@ import pytest
 
 from benchmarks.rendered_table import known_models, solid
 from bestman_bt.messages import Box, Cylinder, Sphere
-from bestman_bt.perception.detection.shape_signature import model_look, signature
+from bestman_bt.perception.detection.color_shape import model_look, signature
 
 GREY = (0.6, 0.6, 0.6)
 EYE = np.array([-1.0, 0.0, 1.0])

@@ -14,11 +14,10 @@ from bestman_bt.perception.grasp_pose import (
     GraspRanking,
     HandPlacement,
 )
-from bestman_bt.perception.grasp_pose.clearance import clear_candidates, columns_below
-from bestman_bt.perception.grasp_pose.contact_quality import ContactQuality
+from bestman_bt.perception.grasp_pose.contact_quality import ContactQuality, PadContacts, close_pads
 from bestman_bt.perception.grasp_pose.hand_poses import HandPoses, different_hands, hands_about
 from bestman_bt.perception.grasp_pose.hand_shape import HandShape, HandSize
-from bestman_bt.perception.grasp_pose.pad_contact import PadContacts, close_pads
+from bestman_bt.perception.grasp_pose.ranking import clear_candidates, columns_below
 from tests.robot_models import gripper_model, with_part
 
 GRIPPER = gripper_model(finger_depth=0.045, pad_size=(0.02, 0.016))

@@ -11,7 +11,7 @@ from bestman_bt.messages import Pose
 from bestman_bt.messages.pose import wrap_angle
 from bestman_bt.perception import PerceptionError, View
 from bestman_bt.perception.pose_estimation import MultiStart, MultiView, Observation
-from bestman_bt.perception.view_planning.expected_yaw import looking_at
+from bestman_bt.perception.view_planning import looking_at
 
 from .seen_objects import MAST, cluster_of, photographed, shipped, standing
 

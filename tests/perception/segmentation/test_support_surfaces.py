@@ -19,7 +19,7 @@ from bestman_bt.perception.segmentation import (
     SupportSurfaces,
     surface_regions,
 )
-from bestman_bt.perception.segmentation.surface_sides import surface_sides
+from bestman_bt.perception.segmentation.support_surfaces import surface_sides
 
 Tables = Callable[..., RenderedTable]
 shelf = cache(random_shelf)
@@ -172,7 +172,7 @@ def test_each_side_is_looked_at_along_its_own_length(monkeypatch: pytest.MonkeyP
         looked.append((tuple(outward), edge.min(axis=0).tolist(), edge.max(axis=0).tolist()))
         return "rim"
 
-    monkeypatch.setattr("bestman_bt.perception.segmentation.surface_sides.edge_kind", edge_kind)
+    monkeypatch.setattr("bestman_bt.perception.segmentation.support_surfaces.edge_kind", edge_kind)
     assert surface_sides(shelf(*SHELVES[0]).view, Pose(), (0.4, 2.0)) == ("rim",) * 4
     assert [side for side, _, _ in looked] == [(-1, 0), (1, 0), (0, -1), (0, 1)]
     lowest, highest = (

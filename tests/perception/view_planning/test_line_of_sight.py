@@ -6,7 +6,7 @@ import numpy as np
 
 from bestman_bt.messages import Box, Cylinder, PlacedShape, Pose
 from bestman_bt.perception.pose_estimation.model_surface import sample_shape
-from bestman_bt.perception.view_planning.line_of_sight import hidden_by_shapes, unobstructed
+from bestman_bt.perception.view_planning import hidden_by_shapes, unobstructed
 
 
 def test_of_a_box_the_faces_towards_the_eye_are_seen() -> None:

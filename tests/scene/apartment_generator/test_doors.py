@@ -11,11 +11,11 @@ import pytest
 from bestman_bt.navigation.global_planning import Costmap, Footprint
 from bestman_bt.scene import World, draw_world, load_scene, semantic_map
 from bestman_bt.scene.apartment_generator import Apartment, ApartmentOptions, generate_apartment
-from bestman_bt.scene.apartment_generator.doors import as_standing
+from bestman_bt.scene.apartment_generator.generate import as_standing
 from bestman_bt.scene.floor_grid import FloorGrid
+from bestman_bt.scene.placing import leaf_outlines, standing_outlines
 from bestman_bt.scene.plane_geometry import polygons_overlap, wall_rectangle
 from bestman_bt.scene.scene import Wall
-from bestman_bt.scene.standing_outlines import leaf_outlines, standing_outlines
 from bestman_bt.world_model import WorldModel, open_leaves
 
 OPTIONS = ApartmentOptions(doors=1.0, half_open=0.5)

@@ -10,9 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from bestman_bt.task_planning.language.api_key import ApiKey
 from bestman_bt.task_planning.language.chat import ChatRequest, Message
-from bestman_bt.task_planning.language.endpoint import EndpointAddress, EndpointLimits, HttpEndpoint
+from bestman_bt.task_planning.language.endpoint import ApiKey, EndpointAddress, EndpointLimits, HttpEndpoint
 from bestman_bt.task_planning.language.errors import (
     EndpointNotSetError,
     EndpointReplyError,

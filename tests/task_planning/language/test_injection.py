@@ -8,9 +8,8 @@ import pytest
 
 from bestman_bt.task_planning.language.endpoint import EndpointAddress, EndpointLimits, HttpEndpoint
 from bestman_bt.task_planning.language.errors import NoValidAnswerError
-from bestman_bt.task_planning.language.names import LONGEST_NAME, PlainNames
-from bestman_bt.task_planning.language.planner import LanguagePlanner
-from bestman_bt.task_planning.language.prompt import plan_messages
+from bestman_bt.task_planning.language.from_text import LanguagePlanner
+from bestman_bt.task_planning.language.prompt import LONGEST_NAME, PlainNames, plan_messages
 from bestman_bt.task_planning.limits import PlanLimits
 from bestman_bt.task_planning.symbolic import Fact, Problem
 from tests.answering_server import Server

@@ -12,7 +12,7 @@ from bestman_bt.task_planning.language.errors import (
     NoValidAnswerError,
     RefusedError,
 )
-from bestman_bt.task_planning.language.planner import LanguagePlanner, Proposal
+from bestman_bt.task_planning.language.from_text import LanguagePlanner, Proposal
 from bestman_bt.task_planning.symbolic import PlanningError, parse_literals
 from tests.answering_server import Server, Way, breaks_off, sleeps
 from tests.task_planning.language.kitchen_problem import FETCH, RIGHT, answer, kitchen, step

@@ -23,8 +23,7 @@ from bestman_bt.task_planning.symbolic import (
     parse_literals,
 )
 from bestman_bt.task_planning.symbolic.grounding import ground
-from bestman_bt.task_planning.symbolic.heuristics import RelaxedPlan
-from bestman_bt.task_planning.symbolic.search import Found, best_first
+from bestman_bt.task_planning.symbolic.search import Found, RelaxedPlan, best_first
 
 
 def operator(name, parameters, pre="", effects="", cost=1.0, hold=""):

@@ -20,8 +20,8 @@ from bestman_bt.visualization.blender import (
     PaintJob,
     blender_python,
     install_blender,
-    installation,
     paint,
+    painting,
 )
 from bestman_bt.visualization.blender.painting import SCRIPT
 
@@ -137,12 +137,12 @@ def test_without_an_installation_the_error_says_the_one_command(
 
 def test_an_installation_that_fails_leaves_nothing_behind(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
-    monkeypatch.setattr(installation, "_base_python", lambda: "/bin/false")
+    monkeypatch.setattr(painting, "_base_python", lambda: "/bin/false")
 
     with pytest.raises(BlenderError, match="an environment in .* failed"):
         install_blender(lambda _: None)
 
-    assert not installation.environment_folder().exists()
+    assert not painting.environment_folder().exists()
 
 
 def test_nothing_of_the_package_imports_blender() -> None:

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from bestman_bt.visualization.rerun.series import short_names
+from bestman_bt.visualization.rerun.open_recording import short_names
 
 
 @pytest.mark.parametrize(

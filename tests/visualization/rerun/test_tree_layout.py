@@ -3,7 +3,7 @@ from __future__ import annotations
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from bestman_bt.visualization.rerun.tree_layout import LabelSizes, tidy_layout
+from bestman_bt.visualization.rerun.tree_graph import LabelSizes, tidy_layout
 from tests.visualization.conftest import nodes_of, tree_of
 
 BUSY = settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])

@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 
 from bestman_bt.engine import RUNNING, SUCCESS
 from bestman_bt.records.states import NodeStates, StateHistory
-from bestman_bt.visualization.terminal.folding import folded_nodes
+from bestman_bt.visualization.terminal import folded_nodes
 from tests.visualization.conftest import nodes_of, tree_of
 
 

@@ -1,0 +1,209 @@
+"""Standing to open a door or drawer: where to see its handle from, and where to pull it from."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+
+from behaviours.context import DRIVEN
+from behaviours.furniture.close import BEFORE, Push, pushes
+from behaviours.furniture.leaf import (
+    SAME_STAND,
+    UNKNOWN_ARTICULATION,
+    Leaf,
+    LeafWay,
+    find_leaf,
+    find_stands,
+    room_beside,
+)
+from behaviours.furniture.opening import Opening, before, plan_opening, pull_grasps, stations
+from behaviours.skill import ArticulationName, Declaration, OnArm, Skill, SkillFailure, Steps
+from bestman_bt.engine import In, Out
+from bestman_bt.messages import Pose, Pose2D
+from bestman_bt.world_model import MOVED, HandleBelief
+
+if TYPE_CHECKING:
+    from bestman_bt.manipulation.kinematics import StandAlong
+
+
+# Standing to close a door or drawer: from where the arm pushes its front all the way shut.
+
+
+CLOSE_DISTANCES = (0.55, 0.65, 0.75, 0.85, 0.95)
+"""Metres from the middle of the pushed point's way to the middle of the base."""
+CLOSE_BEARINGS = tuple(math.radians(degrees) for degrees in range(-90, 91, 15))
+TURNS = (0.0, -0.5, 0.5)
+
+
+class FindCloseStand(OnArm, Skill):
+    """Choose where to stand so that the arm pushes a door or drawer shut from where it is believed to be.
+
+    Each time it is asked again it gives another stand, until none is left.
+    """
+
+    REQUIRES = ("base", "lidar", "arm", "gripper")
+    articulation = In[str](ArticulationName, "furniture/leaf of the map")
+    stand = Out(Pose2D, "where to stand, in the map frame", required=True)
+    FAILS: ClassVar = {
+        **UNKNOWN_ARTICULATION,
+        "no_stand": "look where it stands now: FindLookStand, DetectHandle",
+    }
+    DECLARATION = Declaration(effects=("stand_known({articulation})",))
+
+    def on_load(self) -> None:
+        """Nothing has been tried yet."""
+        self._tried: list[Pose2D] = []
+
+    def execute(self) -> Steps:
+        """For one way to push after another, until there is a stand for it."""
+        leaf = find_leaf(self.skills, self.articulation)
+        stands = yield self.compute("stand_planning", self._rank, leaf)
+        if not stands:
+            raise SkillFailure("no_stand", f"the arm cannot push {leaf.articulation} shut from anywhere free")
+        best = stands[0].pose
+        self._tried.append(best)
+        self.stand = best
+        self.feedback_message = f"stand at {best.x:.2f}, {best.y:.2f}, {np.degrees(best.theta):.0f}°"
+
+    def _rank(self, leaf: Leaf) -> Sequence[StandAlong]:
+        return find_stands(self.skills, leaf, self._ways(leaf))
+
+    def _ways(self, leaf: Leaf) -> Iterator[LeafWay]:
+        skills = self.skills
+        is_base_free = None
+        around: dict[tuple[float, ...], list[Pose2D]] = {}
+        for push in pushes(skills, leaf):
+            positions, point = push.positions(), tuple(push.point)
+            is_base_free = is_base_free or room_beside(skills, leaf, positions)
+            if point not in around:  # however the hand is held there
+                around[point] = [stand for stand in _around(push) if self._is_new(stand) and is_base_free(stand)]
+            yield LeafWay(around[point], [push.stations(BEFORE)[0], *push.stations()], positions, "fingers", skip=1)
+
+    def _is_new(self, stand: Pose2D) -> bool:
+        return all(stand.distance_to(tried) > SAME_STAND for tried in self._tried)
+
+
+def _around(push: Push) -> tuple[Pose2D, ...]:
+    from bestman_bt.manipulation.kinematics import stands_around
+
+    middle = push.start / 2
+    outward = -push.leaf.front(middle).rotation[:, 0]
+    front = math.atan2(outward[1], outward[0])
+    return stands_around(push.at(middle)[:2], CLOSE_DISTANCES, [front + bearing for bearing in CLOSE_BEARINGS], TURNS)
+
+
+LOOK_DISTANCES = (0.90, 1.05, 0.75, 1.20)
+"""Metres from a front to the middle of the base that looks at it."""
+LOOK_BEARINGS = tuple(math.radians(degrees) for degrees in (0, 50, -50))
+"""From where to look at it, from straight before it: a door that stands open unknown to the robot may be edge-on."""
+DISTANCES = (0.55, 0.65, 0.75, 0.85, 0.95, 1.05)
+"""Metres from a handle to the middle of the base that pulls it."""
+BEARINGS = tuple(math.radians(degrees) for degrees in range(-75, 76, 15))
+
+
+class FindLookStand(Skill):
+    """Choose where to stand to see the front of a door or drawer of the map, and where to look from there."""
+
+    REQUIRES = ("base", "lidar")
+    articulation = In[str](ArticulationName, "furniture/leaf of the map")
+    stand = Out(Pose2D, "where to stand, in the map frame", required=True)
+    front = Out(Pose, "the middle of its front as it is believed, in the map frame", required=True)
+    FAILS: ClassVar = {
+        **UNKNOWN_ARTICULATION,
+        "no_stand": "what stands there may have gone: ForgetBlocked, then again",
+    }
+    DECLARATION = Declaration(effects=("stand_known({articulation})",))
+
+    def on_load(self) -> None:
+        """Nothing has been tried yet."""
+        self._asked, self._position = 0, math.nan
+
+    def execute(self) -> Steps:
+        """The first distance at which the base has room; each time it is asked again from another side, in turn.
+
+        Of a leaf that is no longer believed to be where it was, from straight before it again.
+        """
+        from bestman_bt.manipulation.kinematics import stands_around
+
+        articulation: str = self.articulation
+        leaf = find_leaf(self.skills, articulation)
+        position = self.skills.world.articulations.get(articulation, 0.0)
+        if not abs(position - self._position) <= MOVED:
+            self._asked, self._position = 0, position
+        front = leaf.front(position)
+        facing = math.atan2(-float(front.rotation[1, 0]), -float(front.rotation[0, 0]))
+        clearance = yield self.compute("stand_planning", lambda: self.skills.known_costmap(DRIVEN).clearance_at)
+        first = self._asked % len(LOOK_BEARINGS)
+        self._asked += 1
+        for bearing in (*LOOK_BEARINGS[first:], *LOOK_BEARINGS[:first]):
+            stands = stands_around(front.position[:2], LOOK_DISTANCES, (facing + bearing,), (0.0,))
+            stand = next((stand for stand in stands if clearance(stand) > 0.0), None)
+            if stand is not None:
+                self.stand = stand
+                self.front = front
+                return
+        raise SkillFailure("no_stand", f"no room to stand before {articulation}")
+
+
+class FindOpenStand(OnArm, Skill):
+    """Choose where to stand so that the arm takes a handle and follows it as far as is asked, on one branch.
+
+    Each time it is asked again it gives another stand, until none is left.
+    """
+
+    REQUIRES = ("base", "lidar", "arm", "gripper")
+    articulation = In[str](ArticulationName, "furniture/leaf of the map")
+    handle = In(str, "a believed handle")
+    opening = In(float, "how far to open: metres of a drawer, radians of a door")
+    stand = Out(Pose2D, "where to stand, in the map frame", required=True)
+    FAILS: ClassVar = {
+        **UNKNOWN_ARTICULATION,
+        "handle_not_found": "DetectHandle first",
+        "no_stand": "ask for less opening, or another leaf",
+    }
+    DECLARATION = Declaration(pre=("handle_known({handle})",), effects=("stand_known({articulation})",))
+
+    def on_load(self) -> None:
+        """Nothing has been tried yet."""
+        self._tried: list[Pose2D] = []
+
+    def execute(self) -> Steps:
+        """Rank stands around the handle by how well the arm follows the whole way."""
+        name: str = self.handle
+        articulation: str = self.articulation
+        belief = self.skills.world.handles.get(name)
+        if belief is None:
+            raise SkillFailure("handle_not_found", f"the handle {name} has not been seen; detect it first")
+        opening = plan_opening(self.skills, articulation, belief, self.opening)
+        stands = yield self.compute("stand_planning", self._rank, opening, belief)
+        if not stands:
+            raise SkillFailure("no_stand", f"the arm cannot follow {articulation} as far as asked from anywhere free")
+        best = stands[0].pose
+        self._tried.append(best)
+        self.stand = best
+        self.feedback_message = f"stand at {best.x:.2f}, {best.y:.2f}, {np.degrees(best.theta):.0f}°"
+
+    def _rank(self, opening: Opening, belief: HandleBelief) -> Sequence[StandAlong]:
+        """For all grasps."""
+        return find_stands(self.skills, opening.leaf, self._ways(opening, belief))
+
+    def _ways(self, opening: Opening, belief: HandleBelief) -> Iterator[LeafWay]:
+        from bestman_bt.manipulation.kinematics import stands_around
+
+        skills = self.skills
+        position, outward = opening.handle.pose.position, opening.handle.outward
+        front = math.atan2(outward[1], outward[0])
+        is_base_free = room_beside(skills, opening.leaf, opening.positions())
+        stands = [
+            stand
+            for stand in stands_around(position[:2], DISTANCES, [front + bearing for bearing in BEARINGS], TURNS)
+            if all(stand.distance_to(tried) > SAME_STAND for tried in self._tried) and is_base_free(stand)
+        ]
+        for candidate in pull_grasps(skills, opening, belief):
+            grasp, pre_grasp = skills.map_from_base @ candidate.grasp, skills.map_from_base @ candidate.pre_grasp
+            tilts = opening.tilts(grasp)
+            way = [before(opening, grasp, pre_grasp, tilts), *stations(opening, grasp, tilts)]
+            yield LeafWay(stands, way, opening.positions(), opening.touching, skip=1)

@@ -1,0 +1,395 @@
+"""Closing doors and drawers: push at the front with closed fingers until the end stop is felt."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import islice
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from behaviours.contacts import handle
+from behaviours.context import SkillContext
+from behaviours.furniture.leaf import UNKNOWN_ARTICULATION, Leaf, find_leaf, free_along, world_at_leaf
+from behaviours.furniture.leaf_motion import FOLLOWING_FAILS, error_code, followed, tare_wrist, withdraw, withdraw_after
+from behaviours.manipulation.arm_motion import ARM_PLANNING_FAILS, move_free
+from behaviours.skill import (
+    ALGORITHM_ERRORS,
+    ArticulationName,
+    Declaration,
+    OnArm,
+    PostureName,
+    Skill,
+    SkillFailure,
+    Steps,
+    StepsTo,
+)
+from bestman_bt.engine import In, Out
+from bestman_bt.messages import Box, PlacedShape, Pose
+from bestman_bt.world_model import handle_shape
+
+if TYPE_CHECKING:
+    from bestman_bt.control.arm import FollowGuide, GuardedOutcome, JointAxis
+    from bestman_bt.manipulation.kinematics import ArcPath
+    from bestman_bt.manipulation.motion_planning import Approach
+    from bestman_bt.robot_model import GripperModel
+
+
+# What closing asks of the arm: where to push at a front, and on which tool poses it goes shut.
+
+
+STEP = 0.04
+"""Metres of the pushed point's way between two stations."""
+BEFORE = 0.08
+"""Metres before the front from which the hand comes."""
+ROOM = 0.075
+"""Metres from the pushed point to any handle."""
+PALM_GAP = 0.01
+"""Metres that the palm keeps from the front and its handles, in addition to what the map may be off."""
+PALM_STEP = 0.03
+"""Metres, at most, between the points that stand for the palm."""
+ACROSS = (0.0, -0.12, 0.12, -0.25, 0.25, -0.38, 0.38)
+"""Places on a front, as shares of its width, and, the same, of its height."""
+UP = (0.0, 0.3, -0.3, 0.15, -0.15, 0.42, -0.42)
+ROLLS = tuple(math.radians(degrees) for degrees in (0, 90, 180, 270))
+"""Turns of the hand about its own axis."""
+PITCHES = tuple(math.radians(degrees) for degrees in (0, 35, 65))
+"""By which the hand points downwards."""
+TILTS = tuple(math.radians(degrees) for degrees in range(-50, 51, 10))
+"""Turns of the hand about a hinge, from straight at a door."""
+SHORT_LEVER = 0.5
+"""Share of the longest lever below which a place on a door is not pushed at."""
+POINTS = 6
+"""How many places are tried with each pitch."""
+
+
+@dataclass(frozen=True, eq=False)
+class Push:
+    """One way to push: ``point`` (3,) on the front, in the front board's frame (x inwards), and how the hand is held.
+
+    ``tip``: metres from the tool frame to the finger tips, along z of the tool. ``palm``: (N, 3) metres, points all
+    over the palm in the tool frame. ``handles``: what stands out of the front, in the front board's frame.
+    """
+
+    leaf: Leaf
+    start: float
+    point: NDArray[np.float64]
+    roll: float
+    pitch: float
+    tip: float
+    palm: NDArray[np.float64]
+    handles: tuple[PlacedShape, ...] = ()
+
+    @property
+    def lever(self) -> float:
+        """Metres that the pushed point moves per unit of the joint."""
+        return self.leaf.lever(self.at(0.0))
+
+    @cached_property
+    def tilts(self) -> tuple[float, ...]:
+        """Turns of the hand beside the leaf's own, about its hinge, with which the fingers alone touch the leaf.
+
+        A drawer's hand has no turn but 0. Empty where the palm would touch the front or a handle with any of them.
+        """
+        return tuple(
+            tilt for tilt in ((0.0,) if self.leaf.leaf.kind == "prismatic" else TILTS) if self._palm_is_free(tilt)
+        )
+
+    def at(self, position: float) -> NDArray[np.float64]:
+        """Where the pushed point is in the map, (3,), when the leaf is open by ``position``."""
+        point: NDArray[np.float64] = self.leaf.front(position).apply(self.point[None])[0]
+        return point
+
+    def positions(self) -> list[float]:
+        """Where the leaf is at the stations, from where it is believed to be to closed."""
+        count = 1 + max(1, math.ceil(self.start * self.lever / STEP))
+        return [float(position) for position in np.linspace(self.start, 0.0, count)]
+
+    def stations(self, back: float = 0.0) -> list[list[Pose]]:
+        """Tool poses in the map frame, per station one for each tilt; ``back``: metres before the front."""
+        return [[self._tool(position, tilt, back) for tilt in self.tilts] for position in self.positions()]
+
+    def axis(self) -> JointAxis:
+        """The joint's axis in the map frame; it closes in the positive sense."""
+        from bestman_bt.control.arm import JointAxis
+
+        point, direction = self.leaf.axis()
+        if self.leaf.leaf.kind == "prismatic":
+            return JointAxis("prismatic", self.at(self.start), -direction, 0.0, 0.0)
+        return JointAxis("revolute", point, -direction, self.lever, 0.0)
+
+    def opening(self, tip: NDArray[np.float64]) -> float:
+        """How far the leaf is open, radians or metres, with the finger tips (3,), map frame, at its front."""
+        axis = self.axis()
+        if axis.kind == "prismatic":
+            return axis.travelled(tip, self.at(0.0))
+        return axis.angle(tip, self.at(0.0))
+
+    def guide(self, arc: ArcPath) -> FollowGuide:
+        """What hand and arm are to do along the way."""
+        from bestman_bt.control.arm import FollowGuide
+
+        closed_by = self.start - np.array(self.positions()[: len(arc.path)])
+        tilts = np.array([self.tilts[option] for option in arc.options])
+        door = np.zeros(len(tilts)) if self.leaf.leaf.kind == "prismatic" else closed_by
+        return FollowGuide(self.lever * closed_by, door - (tilts - tilts[0]), arc.path, np.array([0.0, 0.0, self.tip]))
+
+    def _palm_is_free(self, tilt: float) -> bool:
+        """Whether the palm keeps clear of the leaf while the finger tips are at the pushed point.
+
+        Where the tips touch, the front is there, wherever the map has it. How the front is turned, and where on it the
+        tips are, is off by what the map is off.
+        """
+        board, piece = self.leaf.leaf.shapes[0].shape, self.leaf.furniture
+        assert isinstance(board, Box)
+        palm = self._front_from_tool(tilt).apply(self.palm)
+        room = -palm[:, 0] - board.size[0] / 2 - PALM_GAP
+        if self.leaf.leaf.kind == "revolute":
+            from_hinge = np.cross(self._hinge, [1.0, 0.0, 0.0])
+            turned = piece.position_error / self.lever + piece.heading_error
+            room -= turned * np.abs((palm - self.point) @ from_hinge)
+        before = (np.abs(palm[:, 1:]) < np.array(board.size[1:]) / 2 + piece.position_error).all(axis=1)
+        if (before & (room < 0.0)).any():
+            return False
+        gap = PALM_GAP + piece.position_error
+        return all((_distance(handle, palm) > gap).all() for handle in self.handles)
+
+    def _tool(self, position: float, tilt: float, back: float) -> Pose:
+        """The finger tips at the pushed point, or ``back`` metres before it, in the map frame."""
+        return self.leaf.front(position) @ self._front_from_tool(tilt, back)
+
+    def _front_from_tool(self, tilt: float, back: float = 0.0) -> Pose:
+        """The hand beside the front board: z of the tool into it, turned by pitch, roll and tilt."""
+        inwards = Pose.from_matrix(_INWARDS) @ _about([1.0, 0.0, 0.0], -self.pitch) @ _about([0.0, 0.0, 1.0], self.roll)
+        hand = _about(self._hinge, tilt) @ inwards if tilt else inwards
+        return Pose(self.point - (self.tip + back) * hand.rotation[:, 2], hand.quaternion)
+
+    @cached_property
+    def _hinge(self) -> NDArray[np.float64]:
+        """The joint's axis, (3,) unit, in the front board's frame: the same wherever the leaf is."""
+        axis: NDArray[np.float64] = self.leaf.front(self.start).rotation.T @ self.leaf.axis()[1]
+        return axis
+
+
+_INWARDS = np.array([[0.0, 0.0, 1.0, 0.0], [-1.0, 0.0, 0.0, 0.0], [0.0, -1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
+"""front_from_tool: z inwards, y down."""
+
+
+def _about(axis: object, angle: float) -> Pose:
+    direction = np.asarray(axis, dtype=float)
+    return Pose(np.zeros(3), np.append(math.sin(angle / 2) * direction, math.cos(angle / 2)))
+
+
+def pushes(skills: SkillContext, leaf: Leaf) -> Iterator[Push]:
+    """Ways to push a leaf shut, best places first: far from its hinge, or in the middle of a drawer; no handle near."""
+    start = max(0.0, skills.world.articulations.get(leaf.articulation, 0.0))
+    tip, palm = skills.gripper_model.part.pad_size[1] / 2, _palm(skills.gripper_model)
+    map_from_front = leaf.front(start)
+    seen = [handle_shape(belief.handle) for belief in skills.world.handles_of(leaf.furniture, leaf.leaf)]
+    handles = tuple(PlacedShape(bar.shape, map_from_front.inverse() @ bar.pose) for bar in seen)
+    points = _points(leaf, handles)
+    for pitch in PITCHES:
+        here = ([Push(leaf, start, point, roll, pitch, tip, palm, handles) for roll in ROLLS] for point in points)
+        free = ([push for push in held if push.tilts] for held in here)
+        for held in islice(filter(None, free), POINTS):
+            yield from held
+
+
+def _palm(gripper: GripperModel) -> NDArray[np.float64]:
+    """Points (N, 3) all over the palm of a hand with closed fingers, tool frame, ``PALM_STEP`` apart."""
+    from bestman_bt.perception.grasp_pose import HandShape, HandSize
+
+    centres, halves = HandShape(gripper, HandSize()).boxes(np.array([gripper.part.min_width]))
+    centre, half = centres[0, 2], halves[0, 2]
+    steps = [np.linspace(-extent, extent, 2 + int(2 * extent / PALM_STEP)) for extent in half]
+    points: NDArray[np.float64] = centre + np.stack(np.meshgrid(*steps), axis=-1).reshape(-1, 3)
+    return points
+
+
+def _distance(placed: PlacedShape, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Metres (N,) from a box to points (N, 3) in the frame of its pose; 0 inside."""
+    assert isinstance(placed.shape, Box)
+    outside = np.abs(placed.pose.inverse().apply(points)) - np.array(placed.shape.size) / 2
+    distance: NDArray[np.float64] = np.linalg.norm(np.maximum(outside, 0.0), axis=1)
+    return distance
+
+
+def _points(leaf: Leaf, handles: Sequence[PlacedShape]) -> list[NDArray[np.float64]]:
+    front = leaf.leaf.shapes[0]
+    assert isinstance(front.shape, Box)
+    thickness, width, height = front.shape.size
+    grid = np.array([[-thickness / 2, y * width, z * height] for y in ACROSS for z in UP])
+    free = np.ones(len(grid), dtype=bool)
+    for bar in handles:
+        free &= _distance(bar, grid) > ROOM
+    aside = np.linalg.norm(grid[:, 1:] / (width, height), axis=1)
+    if leaf.leaf.kind == "prismatic":
+        order = np.argsort(aside, kind="stable")
+    else:
+        levers = np.array([leaf.lever(point) for point in leaf.front(0.0).apply(grid)])
+        free &= levers > SHORT_LEVER * levers.max()
+        order = np.argsort(np.abs(levers / levers.max() - 0.8) + 0.5 * np.abs(grid[:, 2] / height), kind="stable")
+    return [grid[index] for index in order if free[index]]
+
+
+FINGER_FORCE = 10.0
+"""Newtons with which the fingers are held together."""
+TOUCH = 8.0
+"""Newtons at which the front counts as touched: less than any door or drawer takes to move."""
+SEARCH = 0.08
+"""Metres beyond where the front is believed to be in which it is looked for."""
+BEYOND = 0.06
+"""Metres beyond closed, by the map, until which resistance is waited for."""
+FELT = 0.02
+"""Metres by which the finger tips may be off, beside the piece's own error, when the end stop is felt."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Plan:
+    push: Push
+    approach: Approach
+    guide: FollowGuide
+    score: float
+
+
+class Close(OnArm, Skill):
+    """Push a door or drawer shut from where the base stands, with closed fingers at its front.
+
+    It starts from where the leaf is believed to be, feels for the front, goes along with the map's joint, and ends when
+    something resists. Near closed that is the end stop; before, it is a jam, which is told with how far it is open.
+    """
+
+    REQUIRES = ("arm", "gripper")
+    USES = ("force_torque",)
+    articulation = In[str](ArticulationName, "furniture/leaf of the map")
+    opening = In(float, "how far it may stay open: metres or radians", default=0.02)
+    max_push = In(float, "newtons", default=40.0)
+    posture = In[str](PostureName, "of the arm at the end", default="carry")
+    left = Out(float, "how far it may still be open, metres or radians")
+    FAILS: ClassVar = {
+        **UNKNOWN_ARTICULATION,
+        **ARM_PLANNING_FAILS,
+        **FOLLOWING_FAILS,
+        "hand_not_empty": "put down what is held: FindPlacePose, PlaceOn, Release",
+        "no_push": "stand elsewhere: FindCloseStand, NavigateTo",
+        "not_found": "it is open less, or farther, than believed: FindLookStand, DetectHandle",
+        "jammed": "push from elsewhere: FindCloseStand, NavigateTo; or pull what jams out again: Open",
+        "lost_contact": "it is not where it is believed to be: FindLookStand, DetectHandle, then Close",
+        "not_withdrawn": "Retreat",
+    }
+    DECLARATION = Declaration(pre=("not holding(any)",), effects=("not open({articulation})",))
+
+    def execute(self) -> Steps:
+        """Plan, close the fingers, touch, push, withdraw."""
+        skills = self.skills
+        if skills.held is not None:
+            raise SkillFailure("hand_not_empty", f"the hand holds the {skills.held.name}")
+        leaf, posture = find_leaf(skills, self.articulation), self.posture
+        leaf.check_opening("opening", self.opening)
+        plan: _Plan | None = yield self.compute("grasp_planning", self._plan, leaf)
+        if plan is None:
+            raise SkillFailure("no_push", f"the arm cannot push {leaf.articulation} shut from here")
+        yield skills.gripper.close(FINGER_FORCE)
+        yield from move_free(self, [plan.approach.pre], world_at_leaf(skills, leaf, plan.push.start, "free"))
+        yield from tare_wrist(self)
+        with self.touching(handle(leaf.articulation)):
+            try:
+                start = yield from self._touch(plan.push)
+                left = yield from self._push(plan, start)
+            except (SkillFailure, *ALGORITHM_ERRORS) as failure:
+                yield from withdraw_after(self, leaf, posture, failure)
+                raise
+            yield from withdraw(self, leaf, posture)
+        self.left = left
+        self.feedback_message = f"{leaf.articulation} closed, to {left:.3f} by the map"
+
+    def _plan(self, leaf: Leaf) -> _Plan | None:
+        from bestman_bt.manipulation.kinematics import ArcSearch
+        from bestman_bt.manipulation.motion_planning import approaches
+
+        skills = self.skills
+        kinematics, base_from_map = skills.kinematics, skills.map_from_base.inverse()
+        plans: list[_Plan] = []
+        for push in pushes(skills, leaf):
+            positions = push.positions()
+            free = world_at_leaf(skills, leaf, push.start, "free")
+            contact = world_at_leaf(skills, leaf, push.start, "fingers")
+            way = [[base_from_map @ pose for pose in poses] for poses in push.stations()]
+            for option, before in enumerate(push.stations(BEFORE)[0]):
+                for approach in approaches(
+                    kinematics,
+                    base_from_map @ before,
+                    way[0][option],
+                    way[0][option],
+                    skills.arm_positions(),
+                    free,
+                    contact,
+                    skills.rng,
+                ):
+                    is_free = free_along(skills, leaf, positions, "fingers")
+                    arc = ArcSearch().path_through(
+                        kinematics, way, 0, option, approach.into[-1], skills.arm_model, is_free
+                    )
+                    if arc.complete:
+                        score = arc.margin - 0.2 * abs(push.tilts[option])
+                        plans.append(_Plan(push, approach, push.guide(arc), score))
+            if plans:
+                return max(plans, key=lambda plan: plan.score)
+        return None
+
+    def _tip(self, push: Push, base_from_tool: Pose) -> Pose:
+        return self.skills.map_from_base @ base_from_tool @ Pose(np.array([0.0, 0.0, push.tip]))
+
+    def _touch(self, push: Push) -> StepsTo[float]:
+        """Go on straight until the front is felt; how far the leaf is open there."""
+        skills = self.skills
+        tool = skills.base_from_tool()
+        touch: GuardedOutcome = yield skills.arm.move_until(tool.rotation[:, 2], 0.05, BEFORE + SEARCH, TOUCH)
+        position = push.opening(self._tip(push, touch.tool).position)
+        if not touch.touched:
+            why = f"the front of {push.leaf.articulation} is not where it is believed to be, open by {push.start:.2f}"
+            raise SkillFailure("not_found", f"{why}: nothing is there up to {position:.2f}")
+        return position
+
+    def _push(self, plan: _Plan, start: float) -> StepsTo[float]:
+        """Push until something resists; how far it may be open then."""
+        from bestman_bt.control.arm import FollowEnd
+
+        skills, push, leaf = self.skills, plan.push, plan.push.leaf
+        base_from_map = skills.map_from_base.inverse()
+        axis, base = push.axis(), base_from_map.rotation
+        tip = self._tip(push, skills.base_from_tool()).position
+        beyond = max(0.0, start) + BEYOND / push.lever
+        following = skills.arm.follow_constraint(
+            base @ axis.tangent(tip),
+            distance=beyond if axis.kind == "prismatic" else math.inf,
+            angle=beyond if axis.kind == "revolute" else math.inf,
+            max_pull=self.max_push,
+            guide=plan.guide,
+            axis=replace(axis, point=base_from_map.apply(axis.point[None])[0], direction=base @ axis.direction),
+            learns=False,
+        )
+        motion, failure = yield from followed(following)
+        left = max(0.0, push.opening(self._tip(push, motion.tool).position))
+        resisted = motion.end in (FollowEnd.JAMMED, FollowEnd.LOCKED)
+        if resisted and left <= self._uncertainty(push):
+            skills.world.believe_articulation(leaf.articulation, 0.0)
+            return left
+        if failure is None:
+            raise SkillFailure("lost_contact", f"nothing resisted up to where {leaf.articulation} should be shut")
+        skills.world.believe_articulation(leaf.articulation, min(left, leaf.leaf.upper))
+        if left > self.opening:
+            self.left = left
+            code = "jammed" if resisted else error_code(motion.end)
+            raise SkillFailure(code, f"{leaf.articulation} is still open by {left:.2f}: {failure}", failure.failure)
+        return left
+
+    def _uncertainty(self, push: Push) -> float:
+        """How far from shut, by the map, the end stop may be felt, metres or radians."""
+        piece = push.leaf.furniture
+        turned = piece.heading_error * (1.0 if push.leaf.leaf.kind == "revolute" else 0.0)
+        return (FELT + 1.5 * piece.position_error) / push.lever + turned

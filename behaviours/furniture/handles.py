@@ -1,0 +1,172 @@
+"""Handles: where doors and drawers can be pulled."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+
+from behaviours.furniture.leaf import UNKNOWN_ARTICULATION, Leaf, find_leaf
+from behaviours.furniture.leaf_measurement import (
+    SHUT,
+    believe_place,
+    believe_shut_fronts,
+    opening_by_board,
+    opening_seen,
+    opening_since,
+)
+from behaviours.skill import ArticulationName, Declaration, FurnitureName, Skill, SkillFailure, Steps
+from bestman_bt.engine import In, Out
+from bestman_bt.messages import Handle, Pose
+from bestman_bt.world_model import HandleBelief, MapFurniture
+
+if TYPE_CHECKING:
+    from bestman_bt.perception.affordance import HandleScene
+    from bestman_bt.perception.segmentation import SupportPlane
+
+
+MAP_MARGIN = 0.10
+"""Metres around a piece of furniture on the map in which its handles may be: the map is off, handles stick out."""
+SAME_HANDLE = 0.05
+"""Metres beside its axis within which a seen handle is one that was seen before."""
+
+
+class DetectHandle(Skill):
+    """Look for handles through the head camera, on one piece of furniture or anywhere; fail if there is none.
+
+    All that are seen are believed; the output is the one nearest to ``near``, else the surest. Of an ``articulation``
+    it also tells, and believes, how far that stands open: where no handle on it is seen, by its board, before it fails.
+    """
+
+    REQUIRES = ("camera",)
+    furniture = In[str | None](FurnitureName, "furniture of the map, such as fridge", required=False)
+    articulation = In[str | None](ArticulationName, "only on this door or drawer, furniture/leaf", required=False)
+    near = In(Pose, "choose the handle nearest to this, map frame", required=False)
+    joint = In(str, "only handles of a revolute or a prismatic joint", required=False)
+    min_confidence = In(float, "0 to 1", default=0.5)
+    handle = Out(str, "the name under which the handle is believed")
+    pose = Out(Pose, "of the handle, in the map frame")
+    count = Out(int, "how many were seen")
+    opening = Out(float, "how far the articulation is open, metres or radians")
+    FAILS: ClassVar = {
+        **UNKNOWN_ARTICULATION,
+        "handle_not_found": "look from elsewhere: FindLookStand, NavigateTo, LookAt",
+        "unknown_furniture": "name furniture of the map",
+    }
+    DECLARATION = Declaration(effects=("handle_known({furniture})",))
+
+    def execute(self) -> Steps:
+        """Capture, detect, believe, choose."""
+        skills = self.skills
+        furniture = self._furniture()
+        view = skills.camera.capture()
+        scene: HandleScene = yield self.compute("handle_detection", skills.affordance.detect, view.in_base, skills.rng)
+        seen = [handle.seen_from(view.map_from_base) for handle in scene.handles]
+        articulation: str = self.articulation or ""
+        if articulation:
+            # Whether a leaf is shut that was closed, its neighbours tell better than a map that was never measured.
+            closed = skills.world.articulations.get(articulation) == 0.0
+            believe_shut_fronts(skills.world, find_leaf(skills, articulation).furniture.name, seen, closed)
+            leaf = find_leaf(skills, articulation)
+            seen = self._on_leaf(leaf, seen)
+            if not seen:
+                self._believe_board(leaf, [front.seen_from(view.map_from_base) for front in scene.fronts])
+        names = [self._believe(handle, view.stamp) for handle in seen]
+        chosen = [name for name in dict.fromkeys(names) if self._wanted(skills.world.handles[name], furniture)]
+        for name in chosen:
+            if (on := skills.world.handles[name].furniture) is not None:
+                believe_place(skills.world, on, skills.world.handles[name].handle)
+        self.count = len(chosen)
+        if not chosen:
+            on = articulation or (furniture.name if furniture is not None else "")
+            where = f" on the {on}" if on else ""
+            why = scene.reason or f"{len(scene.handles)} handles in view, none of them as asked"
+            raise SkillFailure("handle_not_found", f"no handle{where}: {why}")
+        best = min(chosen, key=lambda name: self._rank(skills.world.handles[name].handle))
+        self.handle = best
+        self.pose = skills.world.handles[best].handle.pose
+        self.feedback_message = f"{best}: {skills.world.handles[best].handle.kind}, {len(chosen)} in all"
+
+    def _on_leaf(self, leaf: Leaf, seen: list[Handle]) -> list[Handle]:
+        """Those on a door or drawer; it is believed to be as far open as the surest of them says."""
+        skills = self.skills
+        openings = [(handle, opening_seen(leaf, handle)) for handle in seen]
+        found = [(handle, opening) for handle, opening in openings if opening is not None]
+        if found:
+            handle, opening = max(found, key=lambda entry: entry[0].confidence)
+            believed = skills.world.articulations.get(leaf.articulation, 0.0)
+            # A handle that was pushed shut unseen is where the map has it, and tells no more than that.
+            for known in skills.world.handles_of(leaf.furniture, leaf.leaf) if believed > 0.0 else ():
+                since = opening_since(leaf, believed, known.handle, handle)
+                opening = opening if since is None else since
+            skills.world.believe_articulation(leaf.articulation, opening)
+            self.opening = opening
+        return [handle for handle, _ in found]
+
+    def _believe_board(self, leaf: Leaf, fronts: list[SupportPlane]) -> None:
+        """By its board a leaf is known to stand open where that is more than the map's error explains."""
+        openings = [opening for front in fronts if (opening := opening_by_board(leaf, front)) is not None]
+        if not openings:
+            return
+        opening, world = openings[0], self.skills.world  # the largest plane goes first
+        if abs(opening - world.articulations.get(leaf.articulation, 0.0)) > SHUT[leaf.leaf.kind]:
+            world.believe_articulation(leaf.articulation, opening)
+        self.opening = opening
+
+    def _furniture(self) -> MapFurniture | None:
+        name = self.furniture
+        known = self.skills.world.map.furniture
+        if name and name not in known:
+            raise SkillFailure("unknown_furniture", f"no furniture {name!r} in the map; there are {', '.join(known)}")
+        return known[name] if name else None
+
+    def _believe(self, handle: Handle, stamp: float) -> str:
+        """Store the handle; one that was seen before keeps its name."""
+        world = self.skills.world
+        on = min((f for f in world.map.furniture.values() if _belongs(handle, f)), key=_area, default=None)
+        stem = f"{on.name}/handle" if on is not None else "handle"
+        for name, belief in world.handles.items():
+            if belief.stamp < stamp and _same(belief.handle, handle):
+                world.handles[name] = HandleBelief(name, handle, stamp, belief.furniture)
+                return name
+        number = 1
+        while f"{stem}_{number}" in world.handles:
+            number += 1
+        name = f"{stem}_{number}"
+        world.handles[name] = HandleBelief(name, handle, stamp, on.name if on is not None else None)
+        return name
+
+    def _wanted(self, belief: HandleBelief, furniture: MapFurniture | None) -> bool:
+        joint = self.joint
+        return (
+            belief.handle.confidence >= self.min_confidence
+            and (furniture is None or belief.furniture == furniture.name)
+            and (not joint or belief.handle.joint == joint)
+        )
+
+    def _rank(self, handle: Handle) -> float:
+        near: Pose | None = self.near
+        if near is None:
+            return -handle.confidence
+        return float(np.linalg.norm(handle.pose.position - near.position))
+
+
+def _same(known: Handle, seen: Handle) -> bool:
+    """Whether two handles overlap: of a long one, a view may show only a part."""
+    apart = seen.pose.position - known.pose.position
+    along = float(apart @ known.axis)
+    beside = float(np.linalg.norm(apart - along * known.axis))
+    return beside < SAME_HANDLE and abs(along) < max(SAME_HANDLE, (known.length + seen.length) / 2)
+
+
+def _belongs(handle: Handle, furniture: MapFurniture) -> bool:
+    low_enough = float(handle.pose.position[2]) < furniture.height + MAP_MARGIN
+    if low_enough and furniture.covers(handle.pose.position[:2], MAP_MARGIN):
+        return True
+    leaves = (Leaf(f"{furniture.name}/{leaf.name}", furniture, leaf) for leaf in furniture.leaves)
+    return any(opening_seen(leaf, handle) is not None for leaf in leaves)
+
+
+def _area(furniture: MapFurniture) -> float:
+    """What stands on other furniture is smaller than that."""
+    return furniture.footprint[0] * furniture.footprint[1]

@@ -1,0 +1,296 @@
+"""Doors and drawers of the map as skills work at them, and what the arm has around it there."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Literal, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from behaviours.context import DRIVEN, SkillContext
+from behaviours.manipulation.arm_motion import hand_contacts
+from behaviours.skill import SkillFailure
+from bestman_bt.messages import Box, PlacedShape, Pose, Pose2D
+from bestman_bt.world_model import BasePose, MapFurniture, MapLeaf, Obstacle, WorldModel
+
+if TYPE_CHECKING:
+    from bestman_bt.manipulation.collision import CollisionWorld, PlanningScene
+    from bestman_bt.manipulation.kinematics import ArcStands, IsFreeAt, ReachabilityMap, StandAlong, Stations
+
+
+MEASURED = 0.01
+"""Metres of a piece's position error up to which its doors are where they are believed to be, for the palm too."""
+
+Touching = Literal["free", "nothing", "fingers", "hand"]
+"""What may touch the furniture that is worked at: fingers its leaf, or the hand all of it.
+
+``nothing``: where the piece is known well; else, and for the fingers too, its boards are as thick as the map's error,
+and the hand may be within them. ``free``: nothing may.
+"""
+
+LeafWorlds: TypeAlias = "dict[tuple[Pose2D | None, float, Touching], CollisionWorld]"
+"""What the arm has around it at a leaf, by stand, the leaf's position and what may touch."""
+
+UNKNOWN_ARTICULATION = {"unknown_articulation": "name a door or drawer of the map, as furniture/leaf"}
+
+
+@dataclass(frozen=True, eq=False)
+class Leaf:
+    """A door or drawer: ``articulation`` is its name, ``furniture/leaf``."""
+
+    articulation: str
+    furniture: MapFurniture
+    leaf: MapLeaf
+
+    def bodies(self) -> list[str]:
+        """Names of the bodies in the planning scene that the hand works at."""
+        return [self.furniture.name, *(f"{self.furniture.name}/{leaf.name}" for leaf in self.furniture.leaves)]
+
+    def front(self, position: float) -> Pose:
+        """The middle of its front board in the map frame, axes as the furniture's, when it is open by ``position``."""
+        return self.furniture.pose.to_pose() @ self.leaf.moved(position) @ self.leaf.shapes[0].pose
+
+    def axis(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """A point on the axis and its direction, (3,) each, in the map frame; the joint opens in the positive sense."""
+        frame = self.furniture.pose.to_pose()
+        return frame.apply(np.array([self.leaf.origin]))[0], frame.rotation @ np.array(self.leaf.axis)
+
+    def check_opening(self, port: str, opening: float) -> None:
+        """SkillFailure (``bad_input``) where the leaf cannot be open by so much, radians or metres."""
+        upper, unit = self.leaf.upper, "rad" if self.leaf.kind == "revolute" else "m"
+        if not 0.0 <= opening <= upper:
+            raise SkillFailure(
+                "bad_input", f"{port} is {opening}; {self.articulation} opens by 0 to {upper:.2f} {unit}"
+            )
+
+    def lever(self, position: NDArray[np.float64]) -> float:
+        """Metres that a point (3,) of the map moves per unit of the joint: distance from the hinge, or 1."""
+        if self.leaf.kind == "prismatic":
+            return 1.0
+        point, axis = self.axis()
+        return float(np.linalg.norm(np.cross(axis, position - point)))
+
+
+def find_leaf(skills: SkillContext, articulation: str) -> Leaf:
+    """The door or drawer ``furniture/leaf`` of the map; SkillFailure names what there is."""
+    known = skills.world.map.furniture
+    name, _, part = articulation.partition("/")
+    leaf = next((leaf for leaf in known[name].leaves if leaf.name == part), None) if name in known else None
+    if leaf is None:
+        there = ", ".join(f"{piece.name}/{one.name}" for piece in known.values() for one in piece.leaves)
+        raise SkillFailure("unknown_articulation", f"no door or drawer {articulation!r} in the map; there are {there}")
+    return Leaf(articulation, known[name], leaf)
+
+
+def world_at_leaf(
+    skills: SkillContext,
+    leaf: Leaf,
+    position: float,
+    touching: Touching,
+    stand: Pose2D | None = None,
+    ignore: Iterable[str] = (),
+    margin: float = 0.0,
+    felt: Obstacle | None = None,
+) -> CollisionWorld:
+    """What the arm has around it while the leaf is open by ``position``, radians or metres.
+
+    ``stand``: where the base will be, None where it is. ``ignore``: names to leave out. ``margin``: by how much more or
+    less the leaf may be open. ``felt``: where the leaf is by feel, instead of ``position``.
+    """
+    scene = _scene_at_leaf(skills, leaf, position, touching, stand, ignore, felt)
+    if margin > 0.0:
+        others = [_scene_at_leaf(skills, leaf, position + off, touching, stand, ignore) for off in (-margin, margin)]
+        may_be = [o for other in (scene, *others) for o in other.obstacles if o.name == leaf.articulation]
+        if may_be:
+            scene = scene.adding(replace(may_be[0], shapes=tuple(s for body in may_be for s in body.shapes)))
+    return skills.arm_world(scene)
+
+
+def _scene_at_leaf(
+    skills: SkillContext,
+    leaf: Leaf,
+    position: float,
+    touching: Touching,
+    stand: Pose2D | None,
+    ignore: Iterable[str],
+    felt: Obstacle | None = None,
+) -> PlanningScene:
+    from bestman_bt.manipulation.collision import finger_contacts, planning_scene_from_world_model
+
+    world = replace(skills.world, articulations={**skills.world.articulations, leaf.articulation: position})
+    if felt is not None:
+        world = replace(world, obstacles={**world.obstacles, felt.name: felt})
+    if stand is not None:
+        world = replace(world, base=BasePose(stand, 0.0, 0.0, skills.clock.now()))
+    allowed: list[tuple[str, str]] = []
+    if touching == "hand" or (touching != "free" and leaf.furniture.position_error > MEASURED):
+        allowed = hand_contacts(skills, *leaf.bodies())
+    elif touching == "fingers":
+        allowed = list(finger_contacts(skills.robot, leaf.articulation, skills.arm.name))
+    return planning_scene_from_world_model(
+        world,
+        skills.robot,
+        skills.joints.positions(),
+        skills.arm.name,
+        ignore=ignore,
+        allowed_pairs=allowed,
+        hollow=[leaf.furniture.name],
+        explained=[_seen_with(skills.world, leaf, world.base.pose.to_pose().inverse())],
+    )
+
+
+def _seen_with(world: WorldModel, leaf: Leaf, base_from_map: Pose) -> PlacedShape:
+    """A box, base frame, around the leaf and what is in it, where they are believed to be: that goes along."""
+    opened = base_from_map @ leaf.furniture.pose.to_pose() @ world.opening_of(leaf.furniture, leaf.leaf)
+    return PlacedShape(leaf.leaf.hull.shape, opened @ leaf.leaf.hull.pose)
+
+
+def free_along(
+    skills: SkillContext,
+    leaf: Leaf,
+    positions: Sequence[float],
+    touching: Touching,
+    stand: Pose2D | None = None,
+    skip: int = 0,
+    worlds: LeafWorlds | None = None,
+) -> IsFreeAt:
+    """Whether the arm is free at each station of a way on which the leaf is at ``positions``.
+
+    ``skip``: stations at the start that belong to the first position, such as the one before a grasp. ``worlds``: made
+    for other ways of this leaf, while all else stood as it stands now; those that are made are added.
+    """
+    known: LeafWorlds = {} if worlds is None else worlds
+
+    def is_free(joints: NDArray[np.float64], station: int) -> bool:
+        position = positions[max(0, station - skip)]
+        around = known.get((stand, position, touching))
+        if around is None:
+            around = known[stand, position, touching] = world_at_leaf(skills, leaf, position, touching, stand)
+        return around.is_free(joints)
+
+    return is_free
+
+
+# Where the base may stand while the arm moves a door or drawer, and from where the arm follows it all the way.
+
+
+BASE_GAP = 0.05
+"""Metres that the robot's body keeps from where the leaf passes."""
+SAME_STAND = 0.05
+BATCHES = (slice(0, 6), slice(6, 18))
+"""Which of the most promising stands are looked at for all ways first, and then, where none is good."""
+ROOM = 0.05
+"""Share of half their ranges that the joints keep on a way that is good enough to look no further."""
+ACROSS = np.linspace(-0.5, 0.5, 9)
+"""Places on a front, as shares of its width, that stand for all of it."""
+
+
+def room_beside(skills: SkillContext, leaf: Leaf, positions: Sequence[float]) -> Callable[[Pose2D], bool]:
+    """Whether the base has room at a stand (map frame) and its body is where the leaf does not pass at ``positions``.
+
+    Body and head may be below or above the leaf; the arm is not looked at.
+    """
+    from bestman_bt.manipulation.kinematics import body_between
+
+    front = leaf.leaf.shapes[0]
+    assert isinstance(front.shape, Box)
+    height, thickness = front.shape.size[2], front.shape.size[0]
+    low = float(front.pose.position[2]) - height / 2
+    body = body_between(skills.robot, skills.joints.positions(), skills.arm.name, low - BASE_GAP, low + height)
+    swept = swept_by(leaf, positions)
+    clearance = skills.known_costmap(DRIVEN).clearance_at
+
+    def is_free(stand: Pose2D) -> bool:
+        if clearance(stand) <= 0.0:
+            return False
+        if body is None:
+            return True
+        local = stand.inverse().apply(swept)
+        gap = BASE_GAP + thickness / 2
+        return not bool(((local > body[0] - gap) & (local < body[1] + gap)).all(axis=1).any())
+
+    return is_free
+
+
+def swept_by(leaf: Leaf, positions: Sequence[float]) -> NDArray[np.float64]:
+    """Points (N, 2) of the map over which the front passes."""
+    front = leaf.leaf.shapes[0]
+    assert isinstance(front.shape, Box)
+    across = np.column_stack([np.zeros(len(ACROSS)), ACROSS * front.shape.size[1], np.zeros(len(ACROSS))])
+    return np.concatenate([leaf.front(position).apply(across)[:, :2] for position in positions])
+
+
+@dataclass(frozen=True, eq=False)
+class LeafWay:
+    """One way to move a leaf: from one of ``stands`` the arm would follow ``stations``, both in the map frame.
+
+    ``positions``: where the leaf is meanwhile. ``touching``, ``skip``: as in ``free_along``.
+    """
+
+    stands: Sequence[Pose2D]
+    stations: Stations
+    positions: Sequence[float]
+    touching: Touching
+    skip: int = 0
+
+
+def find_stands(skills: SkillContext, leaf: Leaf, ways: Iterable[LeafWay]) -> list[StandAlong]:
+    """Stands from which the arm follows the whole of one of ``ways``, best first; empty if there is none.
+
+    The arm's reachability map says which stands are looked at, so that few paths are searched in vain.
+    """
+    from bestman_bt.manipulation.kinematics import ArcStands
+
+    kinematics, current = skills.kinematics, skills.world.base.pose
+    reachability = _reachability(skills)
+    found: list[StandAlong] = []
+    promising: list[LeafWay] = []
+    worlds: LeafWorlds = {}
+    few = ArcStands(enough=2, starts=3)
+    for batch in BATCHES:
+        for way in promising or ways:
+            if batch is BATCHES[0]:
+                stands = way.stands
+                if reachability is not None:
+                    stands = ArcStands().promising(stands, way.stations, kinematics, reachability, current)
+                way = replace(way, stands=stands)
+                promising.append(way)
+            these = replace(way, stands=way.stands[batch])
+            found += stands_along_leaf(skills, leaf, these, worlds, few, reachability)
+            if any(stand.arc.margin >= ROOM for stand in found):
+                return sorted(found, key=lambda stand: -stand.score)
+    return sorted(found, key=lambda stand: -stand.score)
+
+
+def stands_along_leaf(
+    skills: SkillContext,
+    leaf: Leaf,
+    way: LeafWay,
+    worlds: LeafWorlds,
+    search: ArcStands,
+    reachability: ReachabilityMap | None = None,
+) -> tuple[StandAlong, ...]:
+    """Of the stands of ``way`` those, best first, from which the arm follows it while the leaf moves.
+
+    ``worlds``: as in ``free_along``.
+    """
+    return search.rank(
+        way.stands,
+        way.stations,
+        skills.kinematics,
+        skills.arm_model,
+        skills.arm_positions(),
+        skills.rng,
+        reachability,
+        is_free_at=lambda stand: free_along(skills, leaf, way.positions, way.touching, stand, way.skip, worlds),
+        current=skills.world.base.pose,
+    )
+
+
+def _reachability(skills: SkillContext) -> ReachabilityMap | None:
+    """The arm's map, from the disk; None where the kinematics in use has none."""
+    from bestman_bt.manipulation.kinematics import reachability_map
+
+    return reachability_map(skills.kinematics, skills.arm_model) if skills.kinematics.fingerprint else None

@@ -1,0 +1,300 @@
+"""How far a door or drawer stands open, by a handle that was seen on it or by its board."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from behaviours.furniture.leaf import Leaf
+from behaviours.furniture.opening import Opening
+from bestman_bt.messages import Box, Handle, PlacedShape, Pose, Pose2D, Shape, wrap_angle
+from bestman_bt.world_model import MapFurniture, MapLeaf, Obstacle, WorldModel, handle_shape
+
+if TYPE_CHECKING:
+    from bestman_bt.perception.segmentation import SupportPlane
+
+
+# Where a piece of furniture really stands: measured by the front panel of a closed door or drawer.
+# The map is off by centimetres and degrees. A front whose borders were seen is off by millimetres, and the map knows
+# where on the piece that front is. A single front that stands out may be open, or the map may be wrong: fronts in one
+# plane, as on the map, are shut, and tell where the piece stands even where the map is wrong by much more.
+
+
+SAME_SIZE = 0.05
+"""Metres by which a seen panel may differ from the map's front board."""
+SAME_HEIGHT = 0.05
+SLACK = 0.01
+"""Metres that a front may be beyond where the map's error allows it: noise, and a leaf that is not quite shut."""
+POSITION_ERROR = 0.008
+HEADING_ERROR = math.radians(0.4)
+"""How well a piece is known once a front of it was measured, metres and radians."""
+SAME_PLACE = 0.015
+"""Metres within which two shut fronts tell the same place of a piece."""
+MISPLACED = 0.16
+"""Metres, each axis, that a piece may stand from its place on the map where two of its fronts tell so."""
+
+
+def believe_place(world: WorldModel, furniture: str, handle: Handle) -> None:
+    """Correct where the map has a piece by a handle's panel, if that is one of its closed fronts; once per piece."""
+    piece = world.map.furniture[furniture]
+    if piece.position_error <= POSITION_ERROR:
+        return
+    closed = (leaf for leaf in piece.leaves if world.articulations.get(f"{furniture}/{leaf.name}", 0.0) == 0.0)
+    for leaf in closed:
+        pose = _measured(piece, leaf, handle)
+        if pose is not None:
+            placed = replace(piece, pose=pose, position_error=POSITION_ERROR, heading_error=HEADING_ERROR)
+            world.map = world.map.with_furniture(placed)
+            return
+
+
+def believe_shut_fronts(
+    world: WorldModel, furniture: str, handles: Iterable[Handle], explained_too: bool = False
+) -> None:
+    """Correct where the map has a piece that two fronts in one plane show to be farther off than the map may be.
+
+    ``explained_too``: also by less than that, and where the two are in two planes: the one farther back is shut, which
+    counts where the map's error explains it; by itself it shows no more.
+    """
+    piece = world.map.furniture[furniture]
+    if piece.position_error <= POSITION_ERROR:
+        return
+    seen = list(handles)
+    told = [[pose for handle in seen if (pose := _told(piece, leaf, handle)) is not None] for leaf in piece.leaves]
+    agreed = [
+        one
+        for index, places in enumerate(told)
+        for one in places
+        if any(_same(one, other) for others in told[index + 1 :] for other in others)
+    ]
+    candidates = agreed
+    if explained_too and sum(bool(places) for places in told) > 1:
+        candidates = [one for places in told for one in places]
+    if not candidates:
+        return
+    # Two that stand open as far as each other look like shut ones of a nearer piece: the farthest back counts.
+    pose = max(candidates, key=lambda place: float(_off(piece, place)[0]))
+    off = np.abs(_off(piece, pose)).max()
+    if off > MISPLACED or _turned(piece, pose) > piece.heading_error + HEADING_ERROR:
+        return
+    if not (explained_too if _explained(piece, pose) else any(_same(pose, one) for one in agreed)):
+        return
+    placed = replace(piece, pose=pose, position_error=POSITION_ERROR, heading_error=HEADING_ERROR)
+    world.map = world.map.with_furniture(placed)
+
+
+def _measured(piece: MapFurniture, leaf: MapLeaf, handle: Handle) -> Pose2D | None:
+    """Where the piece stands if the handle is on this leaf and that is shut; None if it is not, as far as is known."""
+    pose = _told(piece, leaf, handle)
+    return pose if pose is not None and _explained(piece, pose) else None
+
+
+def _told(piece: MapFurniture, leaf: MapLeaf, handle: Handle) -> Pose2D | None:
+    """Where the piece would stand if the handle were on this leaf and that shut; None if the panel is not its front."""
+    front = leaf.shapes[0]
+    if handle.panel is None or handle.panel_size is None or not isinstance(front.shape, Box):
+        return None
+    size_off = np.abs(np.array(handle.panel_size) - front.shape.size[1:])
+    if size_off.max() > SAME_SIZE or abs(handle.panel.position[2] - front.pose.position[2]) > SAME_HEIGHT:
+        return None
+    outward: NDArray[np.float64] = handle.outward
+    theta = math.atan2(-float(outward[1]), -float(outward[0]))
+    face = front.pose.position[:2] - np.array([front.shape.size[0] / 2, 0.0])
+    x, y = handle.panel.position[:2] - Pose2D(theta=theta).apply(face[None])[0]
+    return Pose2D(float(x), float(y), theta)
+
+
+def _explained(piece: MapFurniture, pose: Pose2D) -> bool:
+    """Whether the map's error explains that the piece stands at ``pose``."""
+    near = np.abs(_off(piece, pose)).max() <= math.sqrt(2.0) * piece.position_error + SLACK
+    return bool(near) and _turned(piece, pose) <= piece.heading_error + HEADING_ERROR
+
+
+def _off(piece: MapFurniture, pose: Pose2D) -> NDArray[np.float64]:
+    """Metres (2,) from the piece's place on the map, in its frame: x backwards."""
+    off: NDArray[np.float64] = piece.pose.inverse().apply(np.array([pose.xy]))[0]
+    return off
+
+
+def _turned(piece: MapFurniture, pose: Pose2D) -> float:
+    return abs(wrap_angle(pose.theta - piece.pose.theta))
+
+
+def _same(one: Pose2D, other: Pose2D) -> bool:
+    return one.distance_to(other) < SAME_PLACE and abs(wrap_angle(one.theta - other.theta)) < 2.0 * HEADING_ERROR
+
+
+# Where a door or drawer is by feel: the hand that has moved it knows that better than the map does.
+
+
+def felt_leaf(
+    opening: Opening, before: NDArray[np.float64], after: NDArray[np.float64], angle: float, stamp: float
+) -> Obstacle:
+    """The leaf with its handle, in the map frame, after the held place went from ``before`` to ``after``, (3,) each.
+
+    ``angle``: radians by which the door has turned. The handle as it was seen tells where the front was; how the front
+    lies to both sides of the handle is the map's, with the map's error.
+    """
+    leaf, handle = opening.leaf, opening.handle
+    front, believed = leaf.leaf.shapes[0], leaf.front(opening.start)
+    assert isinstance(front.shape, Box)
+    facing = math.atan2(-float(handle.outward[1]), -float(handle.outward[0]))
+    outward = np.array([-math.cos(facing), -math.sin(facing), 0.0])
+    face = believed.position + front.shape.size[0] / 2 * outward
+    seen_face = handle.pose.position - handle.standoff * handle.outward
+    seen = Pose.from_xyz_rpy(believed.position + float((seen_face - face) @ outward) * outward, (0.0, 0.0, facing))
+    motion = Pose(after) @ _turn(handle.hinge_direction, angle) @ Pose(-before)
+    moved = motion @ seen @ front.pose.inverse()
+    boards = [
+        PlacedShape(_wider(placed.shape, leaf.furniture.position_error), moved @ placed.pose)
+        if isinstance(placed.shape, Box)
+        else PlacedShape(placed.shape, moved @ placed.pose)
+        for placed in leaf.leaf.shapes
+    ]
+    bar = handle_shape(handle)
+    return Obstacle(leaf.articulation, (*boards, PlacedShape(bar.shape, motion @ bar.pose)), stamp)
+
+
+def grown(leaf: Obstacle, by: float) -> Obstacle:
+    """The leaf with boxes that are larger by so many metres on each side."""
+    return replace(leaf, shapes=tuple(replace(placed, shape=_larger(placed.shape, by)) for placed in leaf.shapes))
+
+
+def _larger(shape: Shape, by: float) -> Shape:
+    if not isinstance(shape, Box):
+        return shape
+    x, y, z = (extent + 2.0 * by for extent in shape.size)
+    return Box((x, y, z))
+
+
+def _wider(box: Box, error: float) -> Box:
+    x, y, z = box.size
+    return Box((x, y + 2.0 * error, z))
+
+
+def _turn(axis: NDArray[np.float64] | None, angle: float) -> Pose:
+    if axis is None or angle == 0.0:
+        return Pose()
+    return Pose(np.zeros(3), np.append(math.sin(angle / 2) * axis, math.cos(angle / 2)))
+
+
+ACROSS = 0.07
+"""Metres by which a handle may be beside its front, in addition to what the map may be off."""
+FACING = math.cos(math.radians(12.0))
+"""Cosine of what a drawer's front may be turned."""
+LEVER = 0.3
+"""Share of a door's width that a handle is from the hinge at least: nearer, a gap looks like a recessed edge."""
+SHUT = {"prismatic": 0.02, "revolute": math.radians(2.5)}
+"""What seems open by less than that, in addition to what the map may be off, counts as shut."""
+ON_BOARD = 0.9
+"""Share of a seen plane that has to lie on a board."""
+BOARD_SEEN = 0.25
+"""Shares of a board's width and height that have to be seen."""
+
+
+def opening_seen(leaf: Leaf, handle: Handle) -> float | None:
+    """How far ``leaf`` is open if ``handle`` (map frame) is on it, radians or metres; None if it cannot be on it.
+
+    A door tells by the direction that its handle faces, a drawer by how far it stands out; the map's error is allowed
+    for.
+    """
+    piece, front = leaf.furniture, leaf.leaf.shapes[0]
+    if not isinstance(front.shape, Box):
+        return None
+    thickness, width, height = front.shape.size
+    slack = ACROSS + 1.5 * piece.position_error
+    on_front = handle.pose.position - handle.standoff * handle.outward
+    position = _position(leaf, on_front, handle.outward)
+    if position is None:
+        return None
+    if leaf.leaf.kind == "revolute" and leaf.lever(handle.pose.position) < LEVER * width:
+        return None
+    x, y, z = leaf.front(position).inverse().apply(handle.pose.position[None])[0]
+    before = abs(x + thickness / 2 + handle.standoff) < slack
+    if not (before and abs(y) < width / 2 + slack and abs(z) < height / 2 + ACROSS / 2):
+        return None
+    return _rounded(leaf, position)
+
+
+def opening_by_board(leaf: Leaf, plane: SupportPlane) -> float | None:
+    """How far ``leaf`` is open if ``plane`` (map frame) is the front or the back of its board, radians or metres.
+
+    None if it cannot be that. A door that is seen at a flat angle shows its board where its handle is not recognised.
+    """
+    front = leaf.leaf.shapes[0]
+    if not isinstance(front.shape, Box):
+        return None
+    size = np.array(front.shape.size)
+    slack = ACROSS + 1.5 * leaf.furniture.position_error
+    for side in (-1.0, 1.0):  # the front faces -x
+        outward = -side * plane.normal
+        on_front = plane.frame_from_plane.position + (side + 1.0) / 2 * size[0] * outward
+        position = _position(leaf, on_front, outward)
+        if position is None:
+            continue
+        points = leaf.front(position).inverse().apply(plane.inliers)
+        inside = np.abs(points - (side * size[0] / 2, 0.0, 0.0)) < np.array([0.0, *size[1:] / 2]) + slack
+        seen = np.ptp(points[:, 1:], axis=0) > BOARD_SEEN * size[1:]
+        if inside.all(axis=1).mean() > ON_BOARD and seen.all():
+            return _rounded(leaf, position)
+    return None
+
+
+def _error(leaf: Leaf) -> float:
+    """By how much the map may be wrong about how far a leaf is open, radians or metres."""
+    piece = leaf.furniture
+    return piece.heading_error if leaf.leaf.kind == "revolute" else 1.5 * piece.position_error
+
+
+def _position(leaf: Leaf, on_front: NDArray[np.float64], outward: NDArray[np.float64]) -> float | None:
+    """How far ``leaf`` is open if its front faces ``outward`` and goes through ``on_front``, (3,) each, map frame.
+
+    None beyond where it can be.
+    """
+    _, axis = leaf.axis()
+    closed = leaf.front(0.0)
+    facing = -closed.rotation[:, 0]
+    if leaf.leaf.kind == "prismatic":
+        if float(outward @ facing) < FACING:
+            return None
+        front = leaf.leaf.shapes[0].shape
+        assert isinstance(front, Box)
+        face = closed.apply(np.array([[-front.size[0] / 2, 0.0, 0.0]]))[0]
+        position = float((on_front - face) @ axis)
+    else:
+        position = math.atan2(float(np.cross(facing, outward) @ axis), float(facing @ outward))
+    error = _error(leaf)
+    return position if -error - SHUT[leaf.leaf.kind] <= position <= leaf.leaf.upper + error else None
+
+
+def _rounded(leaf: Leaf, position: float) -> float:
+    """0 where it counts as shut; no farther than it opens."""
+    return 0.0 if position < _error(leaf) + SHUT[leaf.leaf.kind] else min(position, leaf.leaf.upper)
+
+
+def opening_since(leaf: Leaf, believed: float, known: Handle, seen: Handle) -> float | None:
+    """How far ``leaf`` is open by how its handle has moved since it was ``known`` and the leaf open by ``believed``.
+
+    Other than what ``opening_seen`` tells, that does not depend on where exactly the map has the piece. Handles are in
+    the map frame; radians or metres; None if ``seen`` is not that handle.
+    """
+    frame, (_, axis) = leaf.furniture.pose.to_pose(), leaf.axis()
+    if leaf.leaf.kind == "prismatic":
+        further = float((seen.pose.position - known.pose.position) @ axis)
+    else:
+        further = math.atan2(float(np.cross(known.outward, seen.outward) @ axis), float(known.outward @ seen.outward))
+    position = believed + further
+    moved = frame @ leaf.leaf.moved(position) @ leaf.leaf.moved(believed).inverse() @ frame.inverse()
+    apart = seen.pose.position - moved.apply(known.pose.position[None])[0]
+    along = float(apart @ seen.axis)
+    beside = float(np.linalg.norm(apart - along * seen.axis))
+    if beside > ACROSS + 1.5 * leaf.furniture.position_error or abs(along) > max(
+        ACROSS, (known.length + seen.length) / 2
+    ):
+        return None
+    return 0.0 if position < SHUT[leaf.leaf.kind] else min(position, leaf.leaf.upper)

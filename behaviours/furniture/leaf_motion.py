@@ -1,0 +1,138 @@
+"""Going along with a door or drawer, for skills that want to know how far it came also where it failed."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from behaviours.computation import Until
+from behaviours.context import SkillContext
+from behaviours.furniture.leaf import Leaf, world_at_leaf
+from behaviours.furniture.leaf_measurement import grown
+from behaviours.manipulation.arm_motion import follow_path, move_free
+from behaviours.skill import ALGORITHM_ERRORS, Skill, SkillFailure, Steps, StepsTo
+from bestman_bt.messages import Pose
+from bestman_bt.world_model import Obstacle
+
+if TYPE_CHECKING:
+    from bestman_bt.control import Motion
+    from bestman_bt.control.arm import FollowedMotion, FollowEnd
+    from bestman_bt.manipulation.collision import CollisionWorld
+
+
+# Waiting until the wrist has learned what it reads while nothing touches the hand.
+
+
+def tare_wrist(skill: Skill) -> Steps:
+    """Learn the wrist's offset, with the hand at rest and touching nothing; nothing to do without such a sensor.
+
+    It is over when the readings are gathered; where the hand was not still, the older offset serves.
+    """
+    wrist = skill.skills.wrist_wrench
+    if wrist is not None:
+        wrist.tare()
+        yield Until(lambda: not wrist.taring)
+
+
+# Taking the hand away from a door or drawer, and the arm to a posture.
+
+
+BACK_OFF = 0.12
+"""Metres that the hand goes straight back first."""
+FELT = 0.012
+"""Metres by which the boards of a leaf may be beside where they are felt to be."""
+UNSURE = {"revolute": 0.06, "prismatic": 0.015}
+"""By how much a leaf may be open more or less than the hand's way has told, radians or metres."""
+
+
+def withdraw(skill: Skill, leaf: Leaf, posture: str, felt: Obstacle | None = None) -> Steps:
+    """Go straight back, and take the arm to the named posture.
+
+    ``felt``: where the leaf is, by feel; without it the arm goes by the map. The hand may be closer to the leaf than
+    the map's error lets any motion come, the arm only where it is so already.
+    """
+    from bestman_bt.manipulation.kinematics import cartesian_path
+
+    skills = skill.skills
+    position = skills.world.articulations.get(leaf.articulation, 0.0)
+    for bodies in ([], leaf.bodies()):
+        world = world_at_leaf(skills, leaf, position, "hand", ignore=bodies, felt=felt)
+        if world.is_free(skills.arm_positions()):
+            break
+    back = skills.base_from_tool() @ Pose(np.array([0.0, 0.0, -BACK_OFF]))
+    line = cartesian_path(skills.kinematics, skills.arm_positions(), back, world.is_free)
+    if len(line.path) > 1:
+        yield from follow_path(skill, line.path, world, speed=0.5)
+    around = _around(skills, leaf, position, felt)
+    yield from move_free(skill, [skills.robot.posture(posture, skills.arm_model.joint_names)], around)
+
+
+def _around(skills: SkillContext, leaf: Leaf, position: float, felt: Obstacle | None) -> CollisionWorld:
+    """What the arm keeps clear of on its way home: a leaf that was felt, lest it is pushed.
+
+    Where the arm would be within that, the leaf is not there: the grip was lost before, and the hand went on alone.
+    What else the arm touches, such as itself, says nothing of the leaf.
+    """
+    positions = skills.arm_positions()
+
+    def clear_of_leaf(around: CollisionWorld) -> bool:
+        return not any(leaf.articulation in pair for pair in around.colliding_pairs(positions))
+
+    for boards in (grown(felt, FELT), felt) if felt is not None else ():
+        around = world_at_leaf(skills, leaf, position, "free", felt=boards)
+        if clear_of_leaf(around):
+            return around
+    for margin, ignore in ((UNSURE[leaf.leaf.kind], ()), (0.0, ()), (0.0, (leaf.articulation,))):
+        around = world_at_leaf(skills, leaf, position, "free", ignore=ignore, margin=margin)
+        if clear_of_leaf(around):
+            break
+    return around
+
+
+def withdraw_after(skill: Skill, leaf: Leaf, posture: str, failure: Exception, felt: Obstacle | None = None) -> Steps:
+    """Withdraw; where that fails, too, what went wrong first is what is told."""
+    try:
+        yield from withdraw(skill, leaf, posture, felt)
+    except (SkillFailure, *ALGORITHM_ERRORS) as second:
+        skill.explain("not_withdrawn", f"the hand could not be withdrawn: {second}")
+        raise failure from second
+
+
+FOLLOWING_FAILS = {
+    "locked": "it does not move at all: BelieveLocked, and take another one",
+    "jammed": "it got stuck on the way: Close or Open it the other way, then again",
+    "grip_lost": "the hand slipped off: FindLookStand, DetectHandle, then again",
+    "obstacle": "something pushes the hand aside: look again, from another stand",
+    "out_of_reach": "stand elsewhere: FindOpenStand or FindCloseStand, NavigateTo",
+}
+"""Failure codes of going along with a door or drawer; ``timeout`` is one of all skills."""
+
+
+def error_code(end: FollowEnd, reached: str = "") -> str:
+    """What skills report where a following failed, and where it ``reached`` its end and more was asked."""
+    from bestman_bt.control.arm import FollowEnd
+
+    codes = {
+        FollowEnd.REACHED: reached,
+        FollowEnd.LOCKED: "locked",
+        FollowEnd.JAMMED: "jammed",
+        FollowEnd.GRIP_LOST: "grip_lost",
+        FollowEnd.OBSTACLE: "obstacle",
+        FollowEnd.ARM_LIMIT: "out_of_reach",
+        FollowEnd.TIMEOUT: "timeout",
+    }
+    return codes[end]
+
+
+def followed(following: Motion[FollowedMotion]) -> StepsTo[tuple[FollowedMotion, SkillFailure | None]]:
+    """The motion, and what ended it early; SkillFailure where there was none."""
+    failure: SkillFailure | None = None
+    try:
+        yield following
+    except SkillFailure as error:
+        if following.result is None:
+            raise
+        failure = error
+    assert following.result is not None
+    return following.result, failure

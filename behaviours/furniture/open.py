@@ -1,0 +1,147 @@
+"""Opening doors and drawers: take the handle, go along with it, let go, step back."""
+
+from __future__ import annotations
+
+import math
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from behaviours.contacts import handle
+from behaviours.furniture.leaf import UNKNOWN_ARTICULATION, world_at_leaf
+from behaviours.furniture.leaf_measurement import felt_leaf
+from behaviours.furniture.leaf_motion import FOLLOWING_FAILS, error_code, followed, tare_wrist, withdraw, withdraw_after
+from behaviours.furniture.opening import HandlePull, Opening, plan_opening, plan_pull
+from behaviours.manipulation.arm_motion import ARM_PLANNING_FAILS, follow_path, move_free
+from behaviours.skill import (
+    ALGORITHM_ERRORS,
+    ArticulationName,
+    Declaration,
+    OnArm,
+    PostureName,
+    Skill,
+    SkillFailure,
+    Steps,
+    StepsTo,
+)
+from bestman_bt.control.gripper import HELD_WIDTH
+from bestman_bt.engine import In, Out
+from bestman_bt.messages import Pose
+from bestman_bt.world_model import Obstacle
+
+
+class Open(OnArm, Skill):
+    """Open a door or drawer by a believed handle, from where the base stands; the hand lets go at the end.
+
+    The hand feels its way: hinge or rail are learned on the way. What counts is how far the hand was carried. Halted
+    while it holds the handle, it lets go (the fingers open by themselves); a stopped robot keeps its hand as it is.
+    """
+
+    REQUIRES = ("arm", "gripper")
+    USES = ("force_torque",)
+    articulation = In[str](ArticulationName, "furniture/leaf of the map")
+    handle = In(str, "a believed handle")
+    opening = In(float, "how far it shall be open: metres of a drawer, radians of a door")
+    force = In(float, "closing force, newtons", default=40.0)
+    max_pull = In(float, "newtons", default=45.0)
+    posture = In[str](PostureName, "of the arm at the end", default="carry")
+    opened = Out(float, "how far it is open, metres or radians")
+    FAILS: ClassVar = {
+        **UNKNOWN_ARTICULATION,
+        **ARM_PLANNING_FAILS,
+        **FOLLOWING_FAILS,
+        "hand_not_empty": "put down what is held: FindPlacePose, PlaceOn, Release",
+        "handle_not_found": "DetectHandle first",
+        "no_grasp": "stand elsewhere: FindOpenStand, NavigateTo",
+        "grasp_failed": "look again from near by: LookAt, DetectHandle",
+        "grip_lost": "look where the handle is now: FindLookStand, DetectHandle, then Open",
+        "out_of_reach": "Open again, from another stand: FindOpenStand, NavigateTo",
+        "not_open": "Open again, from another stand: FindOpenStand, NavigateTo",
+        "not_withdrawn": "Retreat",
+    }
+    DECLARATION = Declaration(pre=("handle_known({handle})", "not holding(any)"), effects=("open({articulation})",))
+
+    def execute(self) -> Steps:
+        """Plan, grasp, follow, let go, withdraw."""
+        skills = self.skills
+        name: str = self.handle
+        if skills.held is not None:
+            raise SkillFailure("hand_not_empty", f"the hand holds the {skills.held.name}")
+        belief = skills.world.handles.get(name)
+        if belief is None:
+            raise SkillFailure("handle_not_found", f"the handle {name} has not been seen; detect it first")
+        opening = plan_opening(skills, self.articulation, belief, self.opening)
+        plan: HandlePull | None = yield self.compute("grasp_planning", plan_pull, skills, opening, belief)
+        if plan is None:
+            raise SkillFailure("no_grasp", f"no grasp of {name} is free and within reach from here")
+        leaf, posture = opening.leaf, self.posture
+        yield skills.gripper.open(plan.fingers)
+        yield from move_free(self, [plan.into[0]], world_at_leaf(skills, leaf, opening.start, "free"))
+        yield from tare_wrist(self)
+        with self.touching(handle(leaf.articulation)):
+            opened = yield from self._pull_open(opening, plan, posture)
+        self.opened = opened
+        self.feedback_message = f"{leaf.articulation} open by {opened:.2f}"
+
+    def _pull_open(self, opening: Opening, plan: HandlePull, posture: str) -> StepsTo[float]:
+        """Take the handle, follow, let go, withdraw; how far it is open then."""
+        skills, leaf = self.skills, opening.leaf
+        yield from follow_path(self, plan.into, world_at_leaf(skills, leaf, opening.start, "hand"), speed=0.35)
+        self._felt: Obstacle | None = None
+        try:
+            yield skills.gripper.close(self.force)
+            self._check_held()
+            opened = yield from self._pull(opening, plan)
+        except GeneratorExit:
+            skills.gripper.open()
+            raise
+        except (SkillFailure, *ALGORITHM_ERRORS) as failure:
+            yield skills.gripper.open()
+            yield from withdraw_after(self, leaf, posture, failure, self._felt)
+            raise
+        yield skills.gripper.open()
+        yield from withdraw(self, leaf, posture, self._felt)
+        return opened
+
+    def _check_held(self) -> None:
+        gripper = self.skills.gripper
+        if not gripper.pressing() or gripper.width() < self.skills.gripper_model.part.min_width + HELD_WIDTH.shut:
+            width = 1e3 * gripper.width()
+            raise SkillFailure("grasp_failed", f"the hand closed to {width:.0f} mm and does not hold the handle")
+
+    def _held(self, plan: HandlePull, base_from_tool: Pose) -> NDArray[np.float64]:
+        """Where the held place (3,) is in the map frame."""
+        held: NDArray[np.float64] = (self.skills.map_from_base @ base_from_tool).apply(plan.guide.held_at[None])[0]
+        return held
+
+    def _pull(self, opening: Opening, plan: HandlePull) -> StepsTo[float]:
+        """Go along, no farther than was planned: beyond that nobody has looked what the arm would run into.
+
+        How far it is open then. A following that ends early tells how far it came, too.
+        """
+        skills, leaf, share = self.skills, opening.leaf, plan.planned
+        held_before = self._held(plan, skills.base_from_tool())
+        following = skills.arm.follow_constraint(
+            skills.map_from_base.inverse().rotation @ opening.handle.opening_direction,
+            distance=share * opening.distance if opening.angle is None else math.inf,
+            angle=math.inf if opening.angle is None else share * opening.angle,
+            max_pull=self.max_pull,
+            grip=skills.gripper.watch_slip(HELD_WIDTH.slip_turning if opening.bar_turns else HELD_WIDTH.slip),
+            hint=leaf.leaf.kind,
+            guide=plan.guide,
+            axis=opening.axis(skills.map_from_base.inverse()),
+        )
+        motion, failure = yield from followed(following)
+        held_after = self._held(plan, motion.tool)
+        self._felt = felt_leaf(opening, held_before, held_after, motion.angle, skills.clock.now())
+        opened = opening.start + (motion.angle if opening.angle is not None else motion.distance)
+        # Where the grip was lost, too: the leaf is left about there, and the base has to keep clear of it.
+        skills.world.believe_articulation(leaf.articulation, max(0.0, min(opened, leaf.leaf.upper)))
+        if opened < opening.asked:
+            why = f"{leaf.articulation} is open by {opened:.2f} of {opening.asked:.2f} only"
+            if failure is None and share < 1.0:
+                raise SkillFailure("out_of_reach", f"{why}: the arm cannot open it any further from this base pose")
+            code = error_code(motion.end, reached="not_open")
+            raise SkillFailure(code, f"{why}: {failure}" if failure else why, failure.failure if failure else None)
+        return opened

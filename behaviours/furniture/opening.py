@@ -1,0 +1,294 @@
+"""What opening asks of the arm: how far, about what, and on which tool poses."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from behaviours.context import SkillContext
+from behaviours.furniture.leaf import (
+    MEASURED,
+    Leaf,
+    LeafWay,
+    LeafWorlds,
+    Touching,
+    find_leaf,
+    stands_along_leaf,
+    world_at_leaf,
+)
+from behaviours.manipulation.grasp_candidates import handle_grasp_candidates
+from bestman_bt.messages import Handle, Pose
+from bestman_bt.world_model import HandleBelief
+
+if TYPE_CHECKING:
+    from bestman_bt.control.arm import FollowGuide, JointAxis
+    from bestman_bt.manipulation.kinematics import ArcPath
+    from bestman_bt.perception.grasp_pose import GraspCandidate
+
+
+STEP = 0.04
+"""Metres of the handle's way between two stations."""
+DRAWER_MARGIN = 0.025
+"""Metres that a drawer is pulled further than is asked: the hand gives a little, and the drawer rolls back."""
+DOOR_MARGIN = 0.09
+"""Radians, likewise."""
+END_STOP = 0.95
+"""Share of a leaf's range that is used at most."""
+PARALLEL = 0.98
+"""Cosine between bar and hinge from which on the bar may turn between the fingers."""
+FINGER_ROOM = 0.03
+"""Metres between front and bar from which on fingers around the bar are clear of the front."""
+PALM_GAP = 0.01
+"""Metres that the palm keeps from a front."""
+TILTS = tuple(math.radians(degrees) for degrees in range(-50, 51, 10))
+"""Turns of the hand about a bar, from straight at the front."""
+
+
+@dataclass(frozen=True, eq=False)
+class Opening:
+    """A leaf to be opened: its handle in the map frame, and how far that is to go, metres along its way.
+
+    ``angle``: radians, of a door; None of a drawer. ``asked``: what counts as done, radians or metres. ``start``: how
+    far it is believed to be open already. ``most_tilt``: radians by which the hand may be turned beside the door.
+    """
+
+    leaf: Leaf
+    handle: Handle
+    asked: float
+    start: float
+    distance: float
+    angle: float | None
+    most_tilt: float = TILTS[-1]
+
+    def way(self) -> NDArray[np.float64]:
+        """Metres from the start at which the stations are, first 0."""
+        return np.linspace(0.0, self.distance, 1 + max(1, math.ceil(self.distance / STEP)))
+
+    def positions(self) -> list[float]:
+        """Where the leaf is at the stations, radians or metres from closed."""
+        further = self.distance if self.angle is None else self.angle
+        return [self.start + share * further for share in np.linspace(0.0, 1.0, len(self.way()))]
+
+    def axis(self, base_from_map: Pose) -> JointAxis | None:
+        """Where a door's hinge is believed to be, in the base frame; it opens in the positive sense."""
+        from bestman_bt.control.arm import JointAxis
+
+        handle = self.handle.seen_from(base_from_map)
+        if self.angle is None or handle.hinge is None or handle.hinge_direction is None:
+            return None
+        return JointAxis("revolute", handle.hinge, handle.hinge_direction, _radius(handle), 0.0)
+
+    @property
+    def touching(self) -> Touching:
+        """Fingers around a bar reach no further than before the front; those at a knob or a lip may touch it."""
+        return "nothing" if self.handle.kind == "bar" and self.handle.standoff > FINGER_ROOM else "fingers"
+
+    @property
+    def bar_turns(self) -> bool:
+        """Whether the hand may turn about what it holds: a bar along the hinge turns between the fingers."""
+        axis = self.handle.hinge_direction
+        if self.angle is None or axis is None or self.handle.kind != "bar":
+            return False
+        return abs(float(self.handle.axis @ axis)) > PARALLEL
+
+    def held_at(self, grasp: Pose) -> NDArray[np.float64]:
+        """Where in the tool frame the hand at ``grasp`` (map frame) holds a bar: on its axis; else the origin."""
+        if not self.bar_turns:
+            return np.zeros(3)
+        apart = grasp.position - self.handle.pose.position
+        on_bar = self.handle.pose.position + float(apart @ self.handle.axis) * self.handle.axis
+        held: NDArray[np.float64] = grasp.inverse().apply(on_bar[None])[0]
+        return held
+
+    def tilts(self, grasp: Pose) -> tuple[float, ...]:
+        """Turns about the hinge by which ``grasp`` (map frame) may go on beside the door's own, ascending, with 0."""
+        axis = self.handle.hinge_direction
+        if not self.bar_turns or axis is None:
+            return (0.0,)
+        inwards = -self.handle.outward
+        now = math.atan2(float(np.cross(inwards, grasp.rotation[:, 2]) @ axis), float(inwards @ grasp.rotation[:, 2]))
+        return tuple(
+            sorted({0.0, *(t - now for t in TILTS if abs(t) <= self.most_tilt and abs(t - now) > math.radians(5.0))})
+        )
+
+
+def plan_opening(skills: SkillContext, articulation: str, belief: HandleBelief, asked: float) -> Opening:
+    """What the map says of the joint goes before what the handle's looks suggest; the true axis is felt later.
+
+    SkillFailure (``bad_input``) where the leaf cannot be open as far as asked.
+    """
+    leaf = find_leaf(skills, articulation)
+    leaf.check_opening("opening", asked)
+    start = skills.world.articulations.get(articulation, 0.0)
+    end = min(asked + (DRAWER_MARGIN if leaf.leaf.kind == "prismatic" else DOOR_MARGIN), END_STOP * leaf.leaf.upper)
+    further = max(end - start, STEP)
+    handle = belief.handle
+    if leaf.leaf.kind == "prismatic":
+        _, direction = leaf.axis()
+        handle = replace(handle, joint="prismatic", opening_direction=direction)
+        return Opening(leaf, handle, asked, start, further, None)
+    hinge, axis = leaf.axis()
+    opening = np.cross(axis, handle.pose.position - hinge)
+    opening = opening / np.linalg.norm(opening)
+    handle = replace(handle, joint="revolute", hinge=hinge, hinge_direction=axis, opening_direction=opening)
+    most_tilt = TILTS[-1] if leaf.furniture.position_error <= MEASURED else _palm_limit(skills, handle)
+    return Opening(leaf, handle, asked, start, further * _radius(handle), further, most_tilt)
+
+
+def _palm_limit(skills: SkillContext, handle: Handle) -> float:
+    """Radians that the hand may be turned about a bar until a corner of its palm is at the front.
+
+    Where the map is too vague to check the palm against it, what was seen of the handle tells how far the front is.
+    """
+    from bestman_bt.perception.grasp_pose import HandSize
+
+    depth, half = skills.gripper_model.part.finger_depth, HandSize().palm_size[1] / 2
+    room = max(0.0, handle.standoff - PALM_GAP)
+    return math.asin(min(1.0, room / math.hypot(depth, half))) + math.atan2(depth, half)
+
+
+def stations(
+    opening: Opening, grasp: Pose, tilts: tuple[float, ...] = (0.0,), base_from_map: Pose | None = None
+) -> list[list[Pose]]:
+    """Tool poses along the way from ``grasp`` (map frame) on: at each station one per tilt of the hand beside the door.
+
+    In the base frame if ``base_from_map`` is given.
+    """
+    from bestman_bt.perception.grasp_pose import handle_motion
+
+    handle, frame = opening.handle, base_from_map or Pose()
+    turned = [_turned(opening, grasp, tilt) for tilt in tilts]
+    return [[frame @ handle_motion(handle, float(distance)) @ pose for pose in turned] for distance in opening.way()]
+
+
+def before(opening: Opening, grasp: Pose, pre_grasp: Pose, tilts: tuple[float, ...]) -> list[Pose]:
+    """For each tilt, from where the hand comes straight to the turned ``grasp``, map frame."""
+    return [_turned(opening, grasp, tilt) @ grasp.inverse() @ pre_grasp for tilt in tilts]
+
+
+def guide(opening: Opening, grasp: Pose, arc: ArcPath, tilts: tuple[float, ...]) -> FollowGuide:
+    """What the hand is to do along the way of ``arc`` from ``grasp`` (map frame) on, whose options are ``tilts``."""
+    from bestman_bt.control.arm import FollowGuide
+
+    way = opening.way()[: len(arc.path)]
+    hand = np.array([tilts[option] for option in arc.options])
+    doors = np.zeros(len(way)) if opening.angle is None else way / _radius(opening.handle)
+    return FollowGuide(way, doors + hand - hand[0], arc.path, opening.held_at(grasp))
+
+
+def _turned(opening: Opening, grasp: Pose, tilt: float) -> Pose:
+    """The hand turned about the bar that it holds."""
+    axis = opening.handle.hinge_direction
+    if axis is None or tilt == 0.0:
+        return grasp
+    bar = grasp.apply(opening.held_at(grasp)[None])[0]
+    turn = Pose(np.zeros(3), np.append(math.sin(tilt / 2) * axis, math.cos(tilt / 2)))
+    return Pose(bar) @ turn @ Pose(-bar) @ grasp
+
+
+def _radius(handle: Handle) -> float:
+    assert handle.hinge is not None
+    assert handle.hinge_direction is not None
+    return float(np.linalg.norm(np.cross(handle.hinge_direction, handle.pose.position - handle.hinge)))
+
+
+# Planning to take a handle and go with it: which grasp, by which way, and how arm and hand turn meanwhile.
+
+
+ENOUGH = 1
+"""Grasps from which the end of the way is reached, after which no further ones are looked at."""
+GRASPS = 6
+"""Different grasps that are looked at."""
+SAME_PLACE = 0.02
+"""Metres between the grasps of a bar that count as one."""
+SAME_BRANCH = 0.3
+"""Radians by which the straight way in may end beside the posture from which the arc was planned."""
+DEPTH = 0.3
+"""Share of what a bar stands off beyond the fingers' room by which it is held deeper than in the middle of the pads.
+
+On the way it creeps towards the tips.
+"""
+
+
+@dataclass(frozen=True, eq=False)
+class HandlePull:
+    """``into``: (N, n) radians, the hand's straight way from before the handle around it. ``fingers``: how far open.
+
+    ``reached``: share of the way that is in reach.
+    """
+
+    fingers: float
+    into: NDArray[np.float64]
+    guide: FollowGuide
+    reached: float
+    score: float
+
+    @property
+    def planned(self) -> float:
+        """Share of the way for which the guide has postures: of its stations the first is where the handle is now."""
+        stations = (len(self.guide.ways) + 1) / self.reached - 1  # but for the one before the handle
+        return min(1.0, (len(self.guide.ways) - 1) / (stations - 1))
+
+
+def plan_pull(skills: SkillContext, opening: Opening, belief: HandleBelief) -> HandlePull | None:
+    """The grasp from which the arm gets farthest from where it stands; None if there is none within reach."""
+    from bestman_bt.manipulation.kinematics import ArcStands, cartesian_path
+
+    base_from_map, here = skills.map_from_base.inverse(), [skills.world.base.pose]
+    free = world_at_leaf(skills, opening.leaf, opening.start, "free")
+    contact = world_at_leaf(skills, opening.leaf, opening.start, "fingers")
+    from_here = ArcStands(enough=1, most=1, starts=6, options=7, min_fraction=0.3)
+    plans: list[HandlePull] = []
+    worlds: LeafWorlds = {}
+    for candidate in pull_grasps(skills, opening, belief):
+        grasp, pre_grasp = skills.map_from_base @ candidate.grasp, skills.map_from_base @ candidate.pre_grasp
+        tilts = opening.tilts(grasp)
+        way = [before(opening, grasp, pre_grasp, tilts), *stations(opening, grasp, tilts)]
+        along_leaf = LeafWay(here, way, opening.positions(), opening.touching, skip=1)
+        for stand in stands_along_leaf(skills, opening.leaf, along_leaf, worlds, from_here):
+            arc = replace(stand.arc, path=stand.arc.path[1:], options=stand.arc.options[1:])
+            if len(arc.path) < 2 or not free.is_free(stand.arc.path[0]):
+                continue
+            around = base_from_map @ way[1][arc.options[0]]
+            into = cartesian_path(skills.kinematics, stand.arc.path[0], around, contact.is_free)
+            if into.complete and float(np.abs(into.path[-1] - arc.path[0]).max()) < SAME_BRANCH:
+                along = guide(opening, grasp, arc, tilts)
+                score = candidate.quality + np.sqrt(arc.margin)
+                plans.append(HandlePull(candidate.opening, into.path, along, stand.arc.fraction, float(score)))
+        if sum(plan.reached >= 1.0 for plan in plans) >= ENOUGH:
+            break
+    return max(plans, key=lambda plan: (plan.reached, plan.score)) if plans else None
+
+
+def pull_grasps(skills: SkillContext, opening: Opening, belief: HandleBelief) -> list[GraspCandidate]:
+    """Grasps of a believed handle in the base frame, best first.
+
+    Of those that hold a bar at the same place with the same finger up, which are turns about it, only the best.
+    """
+    from bestman_bt.perception.grasp_pose import GraspRanking
+
+    ranked = [entry.candidate for entry in GraspRanking().rank(handle_grasp_candidates(skills, belief))]
+    if not opening.bar_turns:
+        return ranked[:GRASPS]
+    kept: list[GraspCandidate] = []
+    for candidate in (_deeper(candidate, opening) for candidate in ranked):
+        same = (
+            np.linalg.norm(candidate.grasp.position - other.grasp.position) < SAME_PLACE
+            and float(candidate.grasp.rotation[:, 1] @ other.grasp.rotation[:, 1]) > 0.0
+            for other in kept
+        )
+        if not any(same):
+            kept.append(candidate)
+    return kept[:GRASPS]
+
+
+def _deeper(candidate: GraspCandidate, opening: Opening) -> GraspCandidate:
+    """The grasp with a bar nearer to the palm, where the finger tips have room before the front."""
+    if opening.touching != "nothing":
+        return candidate
+    grasp, depth = candidate.grasp, DEPTH * (opening.handle.standoff - FINGER_ROOM)
+    return replace(candidate, grasp=replace(grasp, position=grasp.position + depth * grasp.rotation[:, 2]))

@@ -1,0 +1,132 @@
+"""Steps that several arm skills share: moving freely, following a straight path."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from behaviours.context import SkillContext
+from behaviours.skill import Skill, SkillFailure, Steps, StepsTo
+from bestman_bt.manipulation.trajectory import SpeedScale
+from bestman_bt.messages import JointTrajectory, MotionErrorCode
+
+if TYPE_CHECKING:
+    from bestman_bt.control import Motion
+    from bestman_bt.manipulation.collision import CollisionWorld
+    from bestman_bt.manipulation.motion_planning import TimedPlan
+
+
+MAX_HELD_TILT = math.radians(25.0)
+FREE_SPEED = SpeedScale(0.5, 0.35)
+CARRYING_SPEED = SpeedScale(0.4, 0.21)
+PLANS = 3
+"""How often a way is planned while other arms move into it."""
+ESCAPE_SPEED = SpeedScale(0.05, 0.05)
+
+ARM_PLANNING_FAILS = {
+    "start_out_of_limits": "Retreat",
+    "start_in_collision": "Retreat, or BackUp",
+    "start_violates_constraint": "what is held leans: CheckHeld",
+    "goal_out_of_limits": "stand elsewhere: FindStandPose, NavigateTo",
+    "goal_in_collision": "look again, or stand elsewhere: ScanScene, FindStandPose, NavigateTo",
+    "goal_violates_constraint": "another grasp: PlanGrasp",
+    "no_path": "stand elsewhere: FindStandPose, NavigateTo; or come from another posture: MoveArm",
+    "timed_path_invalid": "again; or stand elsewhere: FindStandPose, NavigateTo",
+}
+"""Failure codes of planning the arm's way (``PlanningErrorCode``); ``timeout`` is one of all skills."""
+
+
+def hand_contacts(skills: SkillContext, *others: str) -> list[tuple[str, str]]:
+    """Pairs of hand and finger links with other bodies, to be allowed where the hand works."""
+    from bestman_bt.manipulation.collision import hand_links
+
+    return [(link, other) for link in hand_links(skills.robot, skills.arm.name) for other in others]
+
+
+def move_free(skill: Skill, goals: Sequence[NDArray[np.float64]], world: CollisionWorld | None = None) -> Steps:
+    """Plan around everything that is believed, or in ``world``, to one of ``goals``, each (n,) radians, and go there.
+
+    What is held stays upright within 25°, if it is now. Where the arm is believed to touch something already, a small
+    motion with ever more clearance comes first. Where another arm has moved into the way since, it is planned again.
+    """
+    from bestman_bt.manipulation.motion_planning import PlanningError, PlanningErrorCode
+
+    skills = skill.skills
+    for left in reversed(range(1 if world is not None else PLANS)):
+        around = world if world is not None else skills.arm_world(skills.planning_scene())
+        try:
+            timed = yield _planned(skill, goals, around)
+        except PlanningError as refusal:
+            if refusal.code is not PlanningErrorCode.START_IN_COLLISION:
+                raise
+            yield from _escape(skill, around)
+            timed = yield _planned(skill, goals, around)
+        try:
+            yield skills.arm.follow(timed.trajectory, free=True)
+        except SkillFailure as failure:
+            if left == 0 or failure.code != MotionErrorCode.OTHER_ARM_IN_THE_WAY:
+                raise
+        else:
+            return
+
+
+def _planned(skill: Skill, goals: Sequence[NDArray[np.float64]], world: CollisionWorld) -> Motion[TimedPlan]:
+    """A motion from where the arm is."""
+    from bestman_bt.manipulation.motion_planning import Upright
+
+    skills = skill.skills
+    start = skills.arm_positions()
+    constraint, speed = None, FREE_SPEED
+    if skills.held is not None:
+        upright = Upright(skills.kinematics, skills.held.tool_from_object, MAX_HELD_TILT)
+        constraint = upright if upright.satisfied(start) else None
+        speed = CARRYING_SPEED
+    return skill.compute(
+        "motion_planning",
+        skills.motion_planning.plan,
+        start,
+        goals,
+        world,
+        skills.arm_model,
+        skills.rng,
+        speed,
+        constraint,
+    )
+
+
+def _escape(skill: Skill, world: CollisionWorld) -> Steps:
+    """Out of what the arm is believed to touch, slowly, where a small motion does that."""
+    skills = skill.skills
+    trajectory = yield skill.compute(
+        "motion_planning",
+        skills.motion_planning.escape,
+        skills.arm_positions(),
+        world,
+        skills.arm_model,
+        skills.rng,
+        ESCAPE_SPEED,
+    )
+    yield skills.arm.follow(trajectory)
+
+
+def follow_path(skill: Skill, path: NDArray[np.float64], world: CollisionWorld, speed: float = 1.0) -> Steps:
+    """Follow joint waypoints (N, n), radians, that begin where the arm is, at a share ``speed`` of the usual speed."""
+    trajectory = yield from timed_path(skill, path, world, speed)
+    yield skill.skills.arm.follow(trajectory)
+
+
+def timed_path(
+    skill: Skill, path: NDArray[np.float64], world: CollisionWorld, speed: float = 1.0
+) -> StepsTo[JointTrajectory]:
+    """The motion of ``follow_path``, checked; PlanningError where it would touch something."""
+    skills = skill.skills
+    waypoints = np.vstack([skills.arm_positions(), path[1:]])
+    scale = SpeedScale(FREE_SPEED.velocity * speed, FREE_SPEED.acceleration * speed)
+    trajectory: JointTrajectory = yield skill.compute(
+        "trajectory", skills.motion_planning.follow_path, waypoints, world, skills.arm_model, scale
+    )
+    return trajectory

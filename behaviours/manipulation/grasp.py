@@ -1,0 +1,349 @@
+"""Grasping: which grasps the arm can reach, and taking the object with one of them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+
+from behaviours.contacts import grasp as grasp_contact
+from behaviours.contacts import support, surface_below
+from behaviours.manipulation.arm_motion import ARM_PLANNING_FAILS, follow_path, hand_contacts, move_free, timed_path
+from behaviours.manipulation.grasp_candidates import grasp_candidates
+from behaviours.skill import (
+    ALGORITHM_ERRORS,
+    ArmName,
+    Declaration,
+    ObjectName,
+    OnArm,
+    Skill,
+    SkillCondition,
+    SkillFailure,
+    Steps,
+)
+from bestman_bt.control.gripper import HELD_WIDTH
+from bestman_bt.engine import In, InOut, Out
+from bestman_bt.messages import Pose
+from bestman_bt.perception import View
+from bestman_bt.world_model import HeldObject, ObjectBelief
+
+if TYPE_CHECKING:
+    from bestman_bt.manipulation.motion_planning import Approach
+    from bestman_bt.perception.grasp_pose import GraspCandidate
+
+
+# Checking what the hand holds: by its width, by touch, by sight.
+
+
+EMPTY = 0.6
+"""Share of the gap between the fingers that the camera must look through for the hand to be empty."""
+
+
+class CheckHeld(OnArm, Skill):
+    """Make sure that the hand holds an object: gripper width, tactile pads and wrist camera, where there are any.
+
+    An object that has been lost is no longer believed to be in the hand.
+    """
+
+    REQUIRES = ("arm", "gripper")
+    USES = ("wrist_camera", "tactile")
+    object = In[str](ObjectName, "the object that the hand should hold")
+    look = In(bool, "also use the wrist camera", default=True)
+    width = Out(float, "metres between the fingers")
+    evidence = Out(str, "what was asked: width, touch, sight")
+    FAILS: ClassVar = {
+        "not_holding": "take it: DetectObject, PlanGrasp, Grasp",
+        "object_lost": "find it again: ScanScene, DetectObject",
+    }
+    DECLARATION = Declaration(pre=("holding({object})",), effects=("holding({object})",))
+
+    def execute(self) -> Steps:
+        """Ask each sensor in turn, the cheapest first."""
+        skills = self.skills
+        name: str = self.object
+        held = skills.held
+        if held is None or held.name != name:
+            raise SkillFailure("not_holding", f"the hand does not hold the {name}")
+        width = skills.gripper.width()
+        self.width = width
+        evidence = ["width"]
+        problem = HELD_WIDTH.problem(width, held.width)
+        if not problem and skills.tactile:
+            evidence.append("touch")
+            problem = self._touch_problem()
+        if not problem and skills.wrist_camera is not None and self.look:
+            evidence.append("sight")
+            problem = yield self.compute("hand_check", self._sight_problem, width)
+        self.evidence = ", ".join(evidence)
+        if problem:
+            skills.held = None
+            raise SkillFailure("object_lost", f"the {name} is no longer in the hand: {problem}")
+        self.feedback_message = f"{name} in hand, by {' and '.join(evidence)}"
+
+    def _touch_problem(self) -> str:
+        loose = [pad.name for pad in self.skills.tactile if not pad.pressed()]
+        return f"nothing presses on {', '.join(loose)}" if loose else ""
+
+    def _sight_problem(self, width: float) -> str:
+        from bestman_bt.perception.held_object import look_between_fingers
+
+        skills = self.skills
+        assert skills.wrist_camera is not None
+        seen = skills.wrist_camera.capture()
+        with_own_body = View(seen.image, seen.base_from_camera)
+        gap = look_between_fingers(with_own_body, skills.base_from_tool(), skills.gripper_model, width)
+        return f"the camera looks through {gap.empty:.0%} of the gap" if gap.empty > EMPTY else ""
+
+
+LEAST_FORCE = 20.0
+"""Newtons with which the hand closes at least, where no force is given."""
+SAFETY = 4.0
+"""By how much the moment of the pads exceeds that of the weight."""
+GRAVITY = 9.81
+
+
+@dataclass(frozen=True, eq=False)
+class PlannedGrasp:
+    """A grasp that the arm reaches from where the base stands; ``map_from_object`` is what it was planned for.
+
+    ``tool_from_object``: with the hand as planned.
+    """
+
+    candidate: GraspCandidate
+    approach: Approach
+    map_from_object: Pose
+    tool_from_object: Pose
+
+
+class PlanGrasp(OnArm, Skill):
+    """Choose grasps of a located object that the arm reaches without touching anything else, best first."""
+
+    REQUIRES = ("arm", "gripper")
+    USES = ("wrist_camera",)
+    object = In[str](ObjectName, "a located object")
+    count = In(int, "how many to keep", default=4)
+    grasps = Out(list, "planned grasps, best first", required=True)
+    FAILS: ClassVar = {
+        "not_found": "DetectObject first",
+        "no_grasp": "stand elsewhere: FindStandPose, NavigateTo; or look again: DetectObject",
+    }
+    DECLARATION = Declaration(pre=("located({object})",), effects=("grasps_known({object})",))
+
+    def execute(self) -> Steps:
+        """Propose, check, rank."""
+        name: str = self.object
+        belief = self.skills.world.objects.get(name)
+        if belief is None:
+            raise SkillFailure("not_found", f"the {name} has not been seen; detect it first")
+        grasps = yield self.compute("grasp_planning", self._plan, belief, self.count)
+        if not grasps:
+            raise SkillFailure("no_grasp", f"no grasp of the {name} is free and within reach from here")
+        self.grasps = grasps
+        self.feedback_message = f"{len(grasps)} grasps"
+
+    def _plan(self, belief: ObjectBelief, count: int) -> list[PlannedGrasp]:
+        from bestman_bt.manipulation.motion_planning import approaches
+        from bestman_bt.perception.grasp_pose import GraspRanking
+
+        skills = self.skills
+        scene = skills.planning_scene()
+        free = skills.arm_world(scene)
+        contact = skills.arm_world(scene.allowing(*hand_contacts(skills, belief.name)))
+        reference = skills.arm_positions()
+        base_from_object = skills.map_from_base.inverse() @ belief.pose
+        planned: list[tuple[float, PlannedGrasp]] = []
+        for ranked in GraspRanking().rank(grasp_candidates(skills, belief), self._reachability):
+            candidate = ranked.candidate
+            for approach in approaches(
+                skills.kinematics,
+                candidate.pre_grasp,
+                candidate.grasp,
+                candidate.lift,
+                reference,
+                free,
+                contact,
+                skills.rng,
+            ):
+                tool_from_object = candidate.grasp.inverse() @ base_from_object
+                grasp = PlannedGrasp(candidate, approach, belief.pose, tool_from_object)
+                planned.append((approach.cost + 4.0 * (1.0 - ranked.score), grasp))
+            if len(planned) >= 3 * count:
+                break
+        planned.sort(key=lambda costed: costed[0])
+        return [grasp for _, grasp in planned[:count]]
+
+    def _reachability(self, base_from_tool: Pose) -> float:
+        """1 where inverse kinematics finds a posture, whatever stands in the way; else 0."""
+        skills = self.skills
+        found = skills.kinematics.solve(base_from_tool, skills.arm_positions(), skills.rng, attempts=5).found
+        return 1.0 if found else 0.0
+
+
+class Grasp(OnArm, Skill):
+    """Take an object with the first of the planned grasps, and lift it; the grasps that are left go back to the port.
+
+    If the hand closes on nothing, or cannot lift what it holds, it opens and leaves as it came, and all grasps are
+    dropped: the object may have moved.
+    """
+
+    REQUIRES = ("arm", "gripper")
+    object = In[str](ObjectName, "the object")
+    grasps = InOut(list, "planned grasps, best first; used up one by one")
+    force = In(float, "closing force, newtons; by default by the weight", required=False)
+    FAILS: ClassVar = {
+        **ARM_PLANNING_FAILS,
+        "no_path": "Grasp again: the next planned grasp",
+        "grasp_failed": "the object has moved: DetectObject, PlanGrasp",
+        "no_grasp": "PlanGrasp from another stand: FindStandPose, NavigateTo",
+    }
+    DECLARATION = Declaration(pre=("grasps_known({object})", "not holding(any)"), effects=("holding({object})",))
+
+    def on_load(self) -> None:
+        """Nothing has failed yet."""
+        self._last_failure: Exception | None = None
+
+    def execute(self) -> Steps:
+        """Open, approach, close, lift."""
+        name: str = self.object
+        grasps: list[PlannedGrasp] = self.grasps
+        if not grasps:
+            raise self._last_failure or SkillFailure("no_grasp", f"no planned grasp of the {name} is left")
+        try:
+            yield from self._take(name, grasps)
+        except (SkillFailure, *ALGORITHM_ERRORS) as failure:
+            self._last_failure = failure
+            raise
+        self._last_failure = None
+
+    def _take(self, name: str, grasps: list[PlannedGrasp]) -> Steps:
+        skills = self.skills
+        grasp, rest = grasps[0], grasps[1:]
+        belief = skills.world.objects[name]
+        self.grasps = rest
+        skills.held = None
+        yield skills.gripper.open(grasp.candidate.opening)
+        yield from move_free(self, [grasp.approach.pre])
+        stands_on = belief.surface or surface_below(skills.world, belief.pose)
+        with self.touching(grasp_contact(name), support(name, stands_on)):
+            yield from self._close_and_lift(name, grasp)
+
+    def _close_and_lift(self, name: str, grasp: PlannedGrasp) -> Steps:
+        skills = self.skills
+        contact = skills.arm_world(skills.planning_scene(allowed_pairs=hand_contacts(skills, name)))
+        yield from follow_path(self, grasp.approach.into, contact, speed=0.35)
+        self.grasps = []
+        yield skills.gripper.close(self.force or self._force(grasp))
+        belief = skills.world.objects[name]
+        width = grasp.candidate.width if belief.recognised else None
+        try:
+            self._check_held(width)
+            held = HeldObject(name, belief.model, self._tool_from_object(grasp), skills.gripper.width())
+            lift = yield from timed_path(self, grasp.approach.out, contact, speed=0.5)
+        except (SkillFailure, *ALGORITHM_ERRORS):
+            yield skills.gripper.open(grasp.candidate.opening)
+            yield from follow_path(self, grasp.approach.into[::-1], contact, speed=0.5)
+            raise
+        try:
+            yield skills.arm.follow(lift)
+        except SkillFailure:
+            if not HELD_WIDTH.problem(skills.gripper.width(), held.width):
+                self._believe(held)  # stopped on its way up, with the object in the hand
+            raise
+        self._check_held(held.width if width is None else width)
+        self._believe(replace(held, width=skills.gripper.width()))
+        self.feedback_message = f"{name} in hand, {1e3 * skills.gripper.width():.0f} mm wide"
+
+    def _believe(self, held: HeldObject) -> None:
+        """The object is in the hand, and where it stood is free."""
+        from bestman_bt.perception.occupancy import freed
+
+        world = self.skills.world
+        belief = world.objects.pop(held.name)
+        self.skills.observations.pop(held.name, None)
+        self.skills.held = held
+        if world.occupancy is not None:
+            taken = [replace(part, pose=belief.pose @ part.pose) for part in belief.model.collision]
+            world.occupancy = freed(world.occupancy, taken)
+
+    def _check_held(self, expected: float | None) -> None:
+        """``expected``: metres between the fingers; None where nothing is known of the object's far side."""
+        width = self.skills.gripper.width()
+        if expected is not None:
+            problem = HELD_WIDTH.problem(width, expected)
+        else:
+            closed = width < self.skills.gripper_model.part.min_width + HELD_WIDTH.shut
+            problem = f"it closed to {1e3 * width:.0f} mm" if closed else ""
+        if not problem and not self.skills.gripper.pressing():
+            problem = "the fingers do not press"
+        if problem:
+            raise SkillFailure("grasp_failed", f"the hand closed but does not hold the {self.object}: {problem}")
+
+    def _force(self, grasp: PlannedGrasp) -> float:
+        """Newtons that hold the weight, which turns what is held off its middle out of the pads."""
+        gripper = self.skills.gripper
+        mass = self.skills.world.objects[self.object].model.mass
+        lever = float(np.linalg.norm(grasp.tool_from_object.position[:2]))
+        needed = SAFETY * mass * GRAVITY * lever / (self.skills.gripper_model.part.pad_size[1] / 2)
+        return min(max(LEAST_FORCE, needed), gripper.model.part.max_force)
+
+    def _tool_from_object(self, grasp: PlannedGrasp) -> Pose:
+        """As it was seen, but with the contacts in the middle between the fingers, which have pushed it there."""
+        skills = self.skills
+        base_from_object = skills.map_from_base.inverse() @ grasp.map_from_object
+        tool_from_object = skills.base_from_tool().inverse() @ base_from_object
+        x, _, z = tool_from_object.position
+        return Pose(np.array([x, grasp.tool_from_object.position[1], z]), tool_from_object.quaternion)
+
+
+class Holding(SkillCondition):
+    """Whether a hand holds an object, by its encoders; forgets an object that has been lost."""
+
+    REQUIRES = ("gripper",)
+    object = In[str](ObjectName, "the object")
+    arm = In[str](ArmName, "the arm whose hand shall hold it; by default any", default="")
+    FAILS: ClassVar = {
+        "not_holding": "take it: DetectObject, PlanGrasp, Grasp",
+        "object_lost": "find it again: ScanScene, DetectObject",
+    }
+
+    def check(self) -> tuple[str, str] | None:
+        """Compares the fingers with the grasp."""
+        name: str = self.object
+        arm = self.arm or self.skills.world.arm_with(name)
+        skills = self.skills if arm is None else self.skills_of(arm)
+        held = skills.held
+        if held is None or held.name != name:
+            return "not_holding", f"the hand does not hold the {name}"
+        problem = HELD_WIDTH.problem(skills.gripper.width(), held.width)
+        if problem:
+            skills.held = None
+            return "object_lost", f"the {name} is no longer in the hand: {problem}"
+        return None
+
+
+class Reachable(OnArm, SkillCondition):
+    """Whether the arm can reach a grasp of a seen object from where the base stands; collisions are not checked."""
+
+    REQUIRES = ("arm", "gripper")
+    USES = ("wrist_camera",)
+    object = In[str](ObjectName, "a seen object")
+    FAILS: ClassVar = {
+        "not_found": "DetectObject first",
+        "out_of_reach": "stand elsewhere: FindStandPose, NavigateTo",
+    }
+
+    def check(self) -> tuple[str, str] | None:
+        """Inverse kinematics for some of the candidates."""
+        skills = self.skills
+        name: str = self.object
+        belief = skills.world.objects.get(name)
+        if belief is None:
+            return "not_found", f"the {name} has not been seen"
+        reference = skills.arm_positions()
+        candidates = grasp_candidates(skills, belief)
+        for candidate in candidates[:12]:
+            if skills.kinematics.solve(candidate.grasp, reference, skills.rng, attempts=5).found:
+                return None
+        distance = float(np.linalg.norm((skills.map_from_base.inverse() @ belief.pose).position[:2]))
+        return "out_of_reach", f"the {name} is out of reach, {distance:.2f} m from the base"

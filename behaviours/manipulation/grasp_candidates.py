@@ -1,0 +1,92 @@
+"""Grasps of what is believed: of objects and handles, in the base frame, whether or not the arm reaches them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from behaviours.context import SkillContext
+from bestman_bt.messages import Box, PlacedShape, Pose
+from bestman_bt.world_model import HandleBelief, ObjectBelief
+
+if TYPE_CHECKING:
+    from bestman_bt.perception.grasp_pose import GraspCandidate
+
+
+NEIGHBOURHOOD = 0.5
+"""Metres around an object in which other things may be in the hand's way."""
+OBLIQUE = 0.5
+"""Cosine between the hand's direction and that straight into a drawer or a cupboard, at least."""
+SURROUNDINGS_SPACING = 0.01
+"""Metres between the points that stand for other things."""
+
+
+def grasp_candidates(skills: SkillContext, belief: ObjectBelief) -> tuple[GraspCandidate, ...]:
+    """Grasps of a believed object in the base frame, best first; of a thing without a model, from its points."""
+    from bestman_bt.perception.grasp_pose import GraspTarget
+
+    base_from_map = skills.map_from_base.inverse()
+    base_from_object = base_from_map @ belief.pose
+    support_height = float(base_from_object.position[2] + belief.model.bounds()[0, 2])
+    if belief.recognised:
+        target = GraspTarget.of_model(belief.model, base_from_object)
+        candidates = skills.grasp_pose.plan(target, skills.gripper_model, support_height)
+        return _from_the_open_side(skills, belief, candidates)
+    box = belief.model.collision[0]
+    target = GraspTarget(
+        box=replace(box, pose=base_from_object @ box.pose),
+        cloud=None if belief.cloud is None else belief.cloud.transformed(base_from_map),
+        viewpoints=None if belief.viewpoint is None else base_from_map.apply(belief.viewpoint[None]),
+        surroundings=_surroundings(skills, belief, base_from_map),
+    )
+    return skills.unknown_grasp_pose.plan(target, skills.gripper_model, support_height)
+
+
+def _from_the_open_side(
+    skills: SkillContext, belief: ObjectBelief, candidates: tuple[GraspCandidate, ...]
+) -> tuple[GraspCandidate, ...]:
+    """Of grasps within furniture, those into a drawer from above, and into what has a door from the front."""
+    known = skills.world.map
+    furniture, surface = known.surface(belief.surface) if belief.surface else (None, None)
+    if furniture is None or surface is None or not furniture.is_inside(surface):
+        return candidates
+    if surface.leaf is not None:
+        inwards = np.array([0.0, 0.0, -1.0])
+    else:
+        inwards = skills.map_from_base.inverse().rotation @ furniture.pose.to_pose().rotation[:, 0]
+    straight = tuple(one for one in candidates if float(one.grasp.rotation[:, 2] @ inwards) > OBLIQUE)
+    return straight if surface.leaf is not None else _camera_above(skills, straight)
+
+
+def _camera_above(skills: SkillContext, candidates: tuple[GraspCandidate, ...]) -> tuple[GraspCandidate, ...]:
+    """Those with the camera of the hand above it: below, it touches what the object is put down on later."""
+    if skills.wrist_camera is None:
+        return candidates
+    tool_from_camera = skills.base_from_tool().inverse() @ skills.wrist_camera.base_from_camera()
+    return tuple(one for one in candidates if (one.grasp @ tool_from_camera).position[2] > one.grasp.position[2])
+
+
+def handle_grasp_candidates(skills: SkillContext, belief: HandleBelief) -> tuple[GraspCandidate, ...]:
+    """Grasps of a believed handle in the base frame, best first."""
+    from bestman_bt.perception.grasp_pose import GraspTarget
+
+    handle = belief.handle.seen_from(skills.map_from_base.inverse())
+    size = (handle.length, 2 * handle.radius, 2 * handle.radius)
+    target = GraspTarget(PlacedShape(Box(size), handle.pose), handle=handle)
+    return skills.handle_grasp_pose.plan(target, skills.gripper_model, support_height=0.0)
+
+
+def _surroundings(skills: SkillContext, belief: ObjectBelief, base_from_map: Pose) -> NDArray[np.float64]:
+    """Points of everything else that is believed near an object, (N, 3) metres in the base frame."""
+    from bestman_bt.perception.pose_estimation.model_surface import sample_shape
+
+    points = [np.empty((0, 3))]
+    for other in skills.world.objects.values():
+        near = np.linalg.norm(other.pose.position - belief.pose.position) < NEIGHBOURHOOD
+        if other.name != belief.name and near:
+            parts = [(other.pose @ part.pose, part.shape) for part in other.model.collision]
+            points += [pose.apply(sample_shape(shape, SURROUNDINGS_SPACING)[0]) for pose, shape in parts]
+    return base_from_map.apply(np.concatenate(points))

@@ -1,0 +1,290 @@
+"""Moving the arm: to a posture, and out of a place where the hand has worked."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from behaviours.contacts import grasp
+from behaviours.context import SkillContext
+from behaviours.manipulation.arm_motion import ARM_PLANNING_FAILS, MAX_HELD_TILT, follow_path, hand_contacts, move_free
+from behaviours.skill import Declaration, OnArm, PostureName, Skill, SkillFailure, Steps
+from bestman_bt.engine import In
+from bestman_bt.messages import Box, Cylinder, PlacedShape, Pose
+from bestman_bt.world_model import HeldObject
+
+if TYPE_CHECKING:
+    from bestman_bt.manipulation.collision import CollisionWorld, PlanningScene, SceneObstacle
+
+
+# Carrying what no posture of the robot holds upright: beside the mast, over the base, out of the camera's view.
+
+
+BESIDE = (
+    (0.0, 0.25, 1.45),
+    (0.0, -0.2, 1.45),
+    (0.1, 0.25, 1.45),
+    (0.2, -0.2, 1.45),
+    (-0.1, 0.2, 1.35),
+    (-0.1, -0.25, 1.4),
+    (0.1, 0.3, 1.25),
+    (0.1, -0.3, 1.25),
+)
+"""Places, (x, y, z) metres in the base frame, for what is held."""
+TURNS_BESIDE = tuple(math.radians(degrees) for degrees in (0, 45, -45, 90, -90, 135, -135, 180))
+"""Turns of the hand from straight ahead there."""
+SAME_PLACE = 0.05
+"""Metres from such a place within which what is held counts as there."""
+ENOUGH = 6
+"""Postures among which the planner may choose."""
+IN_VIEW = ((0.6, 0.0, 0.8), (0.75, 0.0, 0.8), (0.65, 0.25, 0.8), (0.65, -0.25, 0.8))
+"""Points, (x, y, z) metres in the base frame, that the head camera should see: on a table before the robot."""
+SIGHT = (0.05, 0.08, 0.1)
+"""Metres: the radius that is kept free about a line of sight, and how much of it is not at the camera and the point."""
+ROOM_TO_TURN = (-0.42, 0.45, 0.42)
+"""Metres in the base frame: the arm stays before the first x, behind the second, and within this y on both sides."""
+
+
+def postures_beside(
+    skills: SkillContext,
+    held: HeldObject,
+    posture: NDArray[np.float64],
+    world: CollisionWorld,
+    sights: Sequence[NDArray[np.float64]] = (),
+) -> tuple[list[NDArray[np.float64]], list[NDArray[np.float64]]]:
+    """Joint positions (n,) in which what is held stands upright beside the mast, whichever way the hand has taken it.
+
+    First those that leave the head camera's view free and do not stand out over the base, then others; each nearest to
+    the present ones first. Only the present ones, if they are such. They are sought near these and near ``posture``.
+    ``world``: what they must be free in. ``sights``: points (3,), base frame, that the camera should see as well.
+    """
+    clear = _things_that_are_not_there(skills, (_lines(skills, [*IN_VIEW, *sights]), _fence()))
+    now = skills.arm_positions()
+    held_at = (skills.base_from_tool() @ held.tool_from_object).position
+    is_beside = min(float(np.linalg.norm(held_at - place)) for place in BESIDE) < SAME_PLACE
+    if is_beside and world.is_free(now) and clear.is_free(now):
+        return [now], []
+    ahead = held.tool_from_object.inverse().rotation[:, 2]
+    yaw_ahead = -math.atan2(float(ahead[1]), float(ahead[0]))
+    found: list[NDArray[np.float64]] = []
+    others: list[NDArray[np.float64]] = []
+    for place in BESIDE:
+        for turn in TURNS_BESIDE:
+            base_from_object = Pose.from_xyz_rpy(place, (0.0, 0.0, yaw_ahead + turn))
+            base_from_tool = base_from_object @ held.tool_from_object.inverse()
+            for reference in (now, posture):
+                result = skills.kinematics.solve(
+                    base_from_tool, reference, skills.rng, count=2, is_valid=world.is_free, attempts=4
+                )
+                for positions in result.solutions:
+                    (found if clear.is_free(positions) else others).append(positions)
+    return _nearest(found, now), _nearest(others, now)
+
+
+def _nearest(postures: list[NDArray[np.float64]], now: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+    return sorted(postures, key=lambda positions: float(np.abs(positions - now).max()))[:ENOUGH]
+
+
+def out_of_sight(skills: SkillContext, point: NDArray[np.float64]) -> CollisionWorld:
+    """In which the arm, with what it holds, is free where the head camera sees past it to a point (3,), base frame."""
+    return _things_that_are_not_there(skills, (_lines(skills, [point]),))
+
+
+def _things_that_are_not_there(skills: SkillContext, things: Sequence[SceneObstacle]) -> CollisionWorld:
+    return skills.arm_world(replace(skills.planning_scene(), obstacles=tuple(things), voxels=()))
+
+
+def _lines(skills: SkillContext, points: Sequence[ArrayLike]) -> SceneObstacle:
+    from bestman_bt.manipulation.collision import SceneObstacle
+
+    if not skills.has("camera"):
+        return SceneObstacle("sight", ())
+    eye = skills.camera.base_from_camera().position
+    return SceneObstacle("sight", tuple(_line_of_sight(eye, np.asarray(point)) for point in points))
+
+
+def _fence() -> SceneObstacle:
+    """About the base."""
+    from bestman_bt.manipulation.collision import SceneObstacle
+
+    back, front, side = ROOM_TO_TURN
+    boards = tuple(
+        PlacedShape(Box(size), Pose(np.array(middle)))
+        for size, middle in (
+            ((0.2, 4.0, 3.0), (back - 0.1, 0.0, 1.5)),
+            ((0.2, 4.0, 3.0), (front + 0.1, 0.0, 1.5)),
+            ((4.0, 0.2, 3.0), (0.0, side + 0.1, 1.5)),
+            ((4.0, 0.2, 3.0), (0.0, -side - 0.1, 1.5)),
+        )
+    )
+    return SceneObstacle("fence", boards)
+
+
+def _line_of_sight(eye: NDArray[np.float64], point: NDArray[np.float64]) -> PlacedShape:
+    """A cylinder from a camera at ``eye`` to ``point``, (3,) metres, without its ends."""
+    from scipy.spatial.transform import Rotation
+
+    radius, after, before = SIGHT
+    line = point - eye
+    distance = float(np.linalg.norm(line))
+    direction = line / distance
+    rotation, _ = Rotation.align_vectors(direction, (0.0, 0.0, 1.0))
+    length = distance - after - before
+    return PlacedShape(Cylinder(radius, length), Pose(eye + (after + length / 2) * direction, rotation.as_quat()))
+
+
+PULL_OUT = 0.30
+"""Metres straight back with something that was taken from the side."""
+LEVEL = 0.5
+"""Cosine between the hand's axis and the vertical below which the hand counts as level."""
+ARRIVED = 0.02
+"""Radians within which a posture counts as reached."""
+ROOM = 0.012
+"""Metres that what is held keeps from the robot itself and all else in a posture, where one has that room."""
+TURN = np.radians(15.0)
+"""Radians between the turns of the hand that are tried so that what it holds has room."""
+
+UNKNOWN_POSTURE = {"unknown_posture": "name a posture of the robot"}
+
+
+class MoveArm(OnArm, Skill):
+    """Move the arm to a posture of the robot, around everything that is believed to be there."""
+
+    REQUIRES = ("arm",)
+    USES = ("camera",)
+    posture = In[str](PostureName, "a posture of the robot, such as carry")
+    sight = In(Pose, "a place in the map that the head camera shall see past what is held", required=False)
+    FAILS: ClassVar = {
+        **ARM_PLANNING_FAILS,
+        **UNKNOWN_POSTURE,
+    }
+    DECLARATION = Declaration(effects=("posture({posture})",))
+
+    def execute(self) -> Steps:
+        """Plan and follow; at once done where the arm is there already."""
+        place: Pose | None = self.sight
+        sight = None if place is None else self.skills.map_from_base.inverse().apply(place.position[None])[0]
+        yield from _move_to(self, _postures(self, self.posture, sight))
+
+
+class Retreat(OnArm, Skill):
+    """Take the hand straight back from where it has worked, then move the arm to a posture."""
+
+    REQUIRES = ("arm",)
+    USES = ("camera",)
+    posture = In[str](PostureName, "where to end", default="carry")
+    distance = In(float, "straight back, metres", default=0.1)
+    FAILS: ClassVar = {
+        **ARM_PLANNING_FAILS,
+        **UNKNOWN_POSTURE,
+    }
+    DECLARATION = Declaration(effects=("posture({posture})",))
+
+    def execute(self) -> Steps:
+        """Back along the hand's own axis as far as that is free, then on; with something in a level hand, too.
+
+        What was taken from the side may have come from between boards.
+        """
+        skills = self.skills
+        _posture(self, self.posture)  # an unknown one is told before anything moves
+        distance: float = self.distance
+        if skills.held is None and distance > 0:
+            scene = skills.planning_scene(allowed_pairs=hand_contacts(skills, *skills.world.objects))
+            handled = skills.handled
+            with self.touching(*([grasp(handled)] if handled is not None else ())):
+                yield from self._straight_back(skills.arm_world(scene), distance)
+        elif skills.held is not None and abs(float(skills.base_from_tool().rotation[2, 2])) < LEVEL:
+            yield from self._straight_back(skills.arm_world(skills.planning_scene()), PULL_OUT)
+        yield from _move_to(self, _postures(self, self.posture))
+
+    def _straight_back(self, world: CollisionWorld, distance: float) -> Steps:
+        """As far as that is free."""
+        from bestman_bt.manipulation.kinematics import cartesian_path
+
+        skills = self.skills
+        back = skills.base_from_tool() @ Pose(np.array([0.0, 0.0, -distance]))
+        line = cartesian_path(skills.kinematics, skills.arm_positions(), back, world.is_free)
+        if len(line.path) > 1:
+            yield from follow_path(self, line.path, world, speed=0.5)
+
+
+def _move_to(skill: Skill, choices: Sequence[list[NDArray[np.float64]]]) -> Steps:
+    """Go to one of the first of ``choices`` to which there is a way; at once done where the arm is there already."""
+    from bestman_bt.manipulation.motion_planning import PlanningError, PlanningErrorCode
+
+    for goals in choices:
+        if min(np.abs(skill.skills.arm_positions() - goal).max() for goal in goals) <= ARRIVED:
+            return
+        try:
+            yield from move_free(skill, goals)
+        except PlanningError as refusal:
+            if goals is choices[-1] or refusal.code is not PlanningErrorCode.NO_PATH:
+                raise
+        else:
+            return
+
+
+def _postures(skill: Skill, name: str, sight: NDArray[np.float64] | None = None) -> list[list[NDArray[np.float64]]]:
+    """Joint positions (n,) to go to, the best choices first: the posture itself, or with something in the hand others.
+
+    Tried in turn: the posture, then with its last joint turned, then the postures whose names begin with its name and
+    an underscore, in the same way; then any that hold it upright beside the robot. ``sight``: a point (3,), base frame,
+    that the head camera shall see past what is held.
+    """
+    from bestman_bt.manipulation.motion_planning import Upright
+
+    skills = skill.skills
+    posture = _posture(skill, name)
+    held = skills.held
+    if held is None:
+        return [[posture]]
+    scene = skills.planning_scene()
+    world, roomy = skills.arm_world(scene), skills.arm_world(_with_room(scene))
+    upright = Upright(skills.kinematics, held.tool_from_object, MAX_HELD_TILT)
+    past = None if sight is None else out_of_sight(skills, sight)
+    tilted = not upright.satisfied(skills.arm_positions())
+
+    def is_fit(positions: NDArray[np.float64]) -> bool:
+        seen = past is None or past.is_free(positions)
+        return seen and (tilted or upright.satisfied(positions)) and roomy.is_free(positions)
+
+    others = sorted(other for other in skills.robot.postures if other.startswith(f"{name}_"))
+    for basic in (posture, *(_posture(skill, other) for other in others)):
+        if is_fit(basic):
+            return [[basic]]
+        free = [turned for turned in _turned(skill, basic) if is_fit(turned)]
+        if free:
+            return [[min(free, key=lambda positions: _reach(skill, positions, held))]]
+    beside = postures_beside(skills, held, posture, world, () if sight is None else (sight,))
+    return [goals for goals in beside if goals] or [[posture]]
+
+
+def _posture(skill: Skill, name: str) -> NDArray[np.float64]:
+    try:
+        return skill.skills.robot.posture(name, skill.skills.arm_model.joint_names)
+    except KeyError as error:
+        raise SkillFailure("unknown_posture", str(error.args[0])) from error
+
+
+def _with_room(scene: PlanningScene) -> PlanningScene:
+    """The scene with what is held taken to be larger: it may sag and sway on the way."""
+    assert scene.attached is not None
+    return scene.holding(replace(scene.attached, padding=ROOM))
+
+
+def _turned(skill: Skill, posture: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+    """The posture with its last joint at other angles within the limits."""
+    arm = skill.skills.arm_model
+    turns = np.arange(arm.lower[-1], arm.upper[-1], TURN)
+    return [np.append(posture[:-1], angle) for angle in turns]
+
+
+def _reach(skill: Skill, positions: NDArray[np.float64], held: HeldObject) -> float:
+    """Metres from the middle of the base to the middle of what the hand holds, horizontally."""
+    base_from_object = skill.skills.kinematics.tool_pose(positions) @ held.tool_from_object
+    return float(np.linalg.norm(base_from_object.position[:2]))

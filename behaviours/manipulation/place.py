@@ -1,0 +1,259 @@
+"""Placing: where there is room, setting the object down, letting it go."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from behaviours.contacts import grasp, support, surface_below
+from behaviours.manipulation.arm_motion import ARM_PLANNING_FAILS, follow_path, hand_contacts, move_free
+from behaviours.perception.beliefs import believe_surface
+from behaviours.perception.perceive import NO_CAMERA, camera_called
+from behaviours.perception.surfaces import SURFACE_NOT_SEEN, UNKNOWN_SURFACE, surface_region
+from behaviours.skill import Declaration, ObjectName, OnArm, Skill, SkillFailure, Steps, SurfaceName
+from bestman_bt.control.gripper import HELD_WIDTH
+from bestman_bt.engine import In, Out
+from bestman_bt.messages import Pose
+from bestman_bt.world_model import HeldObject, ObjectBelief
+
+if TYPE_CHECKING:
+    from bestman_bt.control.arm import GuardedOutcome
+    from bestman_bt.manipulation.collision import CollisionWorld
+    from bestman_bt.manipulation.motion_planning import Approach
+    from bestman_bt.perception.detection import DetectedScene
+    from bestman_bt.perception.segmentation import SurfaceCoverage
+
+
+DROP = 0.002
+"""Metres above the measured surface at which an object is let go by a hand that feels nothing."""
+HOVER = 0.008
+"""Metres above the measured surface from which a hand that feels goes on by feel."""
+SEARCH = 0.01
+"""Metres below the measured surface at which that ends: surfaces are measured to millimetres."""
+SET_DOWN_SPEED = 0.02
+SET_DOWN_FORCE = 4.0
+"""Newtons; enough to stand, too little to push the object up in the hand."""
+BACK = 0.1
+"""Metres that the hand can go straight back from where it lets go."""
+PRE_PLACE = 0.12
+"""Metres above the goal where the straight descent begins."""
+MAX_TAKEN = 0.03
+"""Share of the disc at the goal that may look taken: noise at the edges of things nearby."""
+MIN_FREE = 0.4
+"""Share of the disc at the goal that must have been seen free; the rest may be hidden behind what is carried."""
+TURNS_OF_A_ROUND_OBJECT = 12
+LOOSE = 3.0
+"""Newtons with which fingers that are caught close again before they open once more."""
+NUDGE = 0.001
+"""Metres that they are raised in between."""
+
+
+class FindPlacePose(Skill):
+    """Look at a surface and check that there is room at the goal; the height comes from the measured surface."""
+
+    REQUIRES = ("camera",)
+    USES = ("wrist_camera",)
+    object = In[str](ObjectName, "the object to place")
+    surface = In[str](SurfaceName, "the surface, such as counter")
+    goal = In(Pose, "x;y;z or x;y;z;roll;pitch;yaw in the map frame; z is measured")
+    radius = In(float, "of the free disc, metres", default=0.06)
+    camera = In(str, "head, wrist, or its name", default="head")
+    pose = Out(Pose, "of the placed object, in the map frame", required=True)
+    FAILS: ClassVar = {
+        **UNKNOWN_SURFACE,
+        **SURFACE_NOT_SEEN,
+        **NO_CAMERA,
+        "unknown_object": "add a model of it",
+        "surface_full": "another surface",
+        "goal_taken": "another goal: FindFreePlace",
+        "goal_not_seen": "another view: FindStandPose, NavigateTo, LookAt",
+    }
+    DECLARATION = Declaration(effects=("free({goal})",))
+
+    def execute(self) -> Steps:
+        """Capture, measure the surface, look for room."""
+        from bestman_bt.perception.segmentation import surface_coverage
+
+        skills = self.skills
+        name: str = self.object
+        surface: str = self.surface
+        goal: Pose = self.goal
+        model = skills.world.models.get(name)
+        if model is None:
+            raise SkillFailure("unknown_object", f"no model of {name!r}")
+        view = camera_called(skills, self.camera).capture()
+        region = surface_region(skills, surface, view)
+        models = list(skills.world.models.values())
+        scene: DetectedScene = yield self.compute(
+            "detection", skills.detection.detect, view.in_base, region, models, skills.rng
+        )
+        believe_surface(skills, surface, view, scene)
+        base_from_goal = view.map_from_base.inverse() @ goal
+        x, y = (float(value) for value in base_from_goal.position[:2])
+        self._check_room(surface_coverage(view.in_base, region, scene.scene), np.array([x, y]), surface)
+        height = scene.plane.height_at(x, y) - float(model.bounds()[0, 2])
+        upright = Pose.from_xyz_rpy((x, y, height), (0.0, 0.0, base_from_goal.yaw))
+        self.pose = view.map_from_base @ upright
+
+    def _check_room(self, coverage: SurfaceCoverage, point: NDArray[np.float64], surface: str) -> None:
+        from bestman_bt.perception.segmentation import FREE, OCCUPIED
+
+        radius: float = self.radius
+        shares = coverage.disc(point, radius)
+        if shares[OCCUPIED] <= MAX_TAKEN and shares[FREE] >= MIN_FREE:
+            return
+        across = f"{200 * radius:.0f} cm disc"
+        if len(coverage.free_discs(radius, point)) == 0:
+            raise SkillFailure("surface_full", f"no free {across} is left on the {surface}")
+        if shares[OCCUPIED] > MAX_TAKEN:
+            raise SkillFailure("goal_taken", f"{shares[OCCUPIED]:.0%} of the {across} at the goal is taken")
+        raise SkillFailure("goal_not_seen", f"only {shares[FREE]:.0%} of the {across} at the goal was seen to be free")
+
+
+class PlaceOn(OnArm, Skill):
+    """Bring the held object above its place and lower it straight until it is felt to stand there."""
+
+    REQUIRES = ("arm",)
+    USES = ("force_torque",)
+    object = In[str](ObjectName, "the held object")
+    pose = In(Pose, "where it shall stand, in the map frame")
+    FAILS: ClassVar = {
+        **ARM_PLANNING_FAILS,
+        "not_holding": "find it and take it: DetectObject, PlanGrasp, Grasp",
+        "no_approach": "stand elsewhere: FindStandPose, NavigateTo",
+        "nothing_below": "measure the surface again: FindPlacePose",
+    }
+    DECLARATION = Declaration(pre=("holding({object})", "free({pose})"), effects=("lowered({object}, {pose})",))
+
+    def execute(self) -> Steps:
+        """Plan above and down, then move."""
+        skills = self.skills
+        name: str = self.object
+        held = skills.held
+        if held is None or held.name != name:
+            raise SkillFailure("not_holding", f"the hand does not hold the {name}")
+        base_from_object = skills.map_from_base.inverse() @ self.pose
+        approach: Approach | None = yield self.compute("grasp_planning", self._plan, held, base_from_object)
+        if approach is None:
+            raise SkillFailure("no_approach", f"no free way of the arm to put the {name} down there from here")
+        yield from move_free(self, [approach.pre])
+        with self.touching(grasp(name), support(name, surface_below(skills.world, self.pose))):
+            yield from follow_path(self, approach.into, self._lowering_world(held), speed=0.35)
+            if skills.wrist_wrench is not None:
+                yield from self._set_down(name)
+
+    def _set_down(self, name: str) -> Steps:
+        """What is let go in the air falls; what hangs askew in the hand comes to stand earlier than believed."""
+        outcome: GuardedOutcome = yield self.skills.arm.move_until(
+            (0.0, 0.0, -1.0), SET_DOWN_SPEED, HOVER + SEARCH, SET_DOWN_FORCE
+        )
+        if not outcome.touched:
+            raise SkillFailure("nothing_below", f"the {name} stands on nothing 1 cm below the measured surface")
+
+    def _plan(self, held: HeldObject, base_from_object: Pose) -> Approach | None:
+        from bestman_bt.manipulation.motion_planning import approaches
+
+        skills = self.skills
+        free = skills.arm_world(skills.planning_scene())
+        lowering, arm_alone = self._lowering_world(held), self._lowering_world(held, hand=True)
+        kinematics, reference = skills.kinematics, skills.arm_positions()
+        found: list[Approach] = []
+        lift = DROP if skills.wrist_wrench is None else HOVER
+        for above, down in place_tool_poses(held, base_from_object, self._above(held), lift):
+            # Back along the hand's axis there must be room, too: that is how it leaves what it has let go.
+            back = down @ Pose(np.array([0.0, 0.0, -BACK]))
+            found += [
+                approach
+                for approach in approaches(kinematics, above, down, back, reference, free, lowering, skills.rng)
+                if self._has_room_below(approach, down, lift, arm_alone)
+            ]
+        return min(found, key=lambda approach: approach.cost) if found else None
+
+    def _has_room_below(self, approach: Approach, down: Pose, lift: float, world: CollisionWorld) -> bool:
+        """Whether the arm stays clear of the support all the way that the object may be lowered by feel.
+
+        The wrist feels what the object and the hand touch, but not what the arm does.
+        """
+        from bestman_bt.manipulation.kinematics import cartesian_path
+
+        lowest = Pose(down.position - np.array([0.0, 0.0, lift + SEARCH]), down.quaternion)
+        kinematics = self.skills.kinematics
+        return cartesian_path(kinematics, approach.into[-1], lowest, world.is_free).complete
+
+    def _above(self, held: HeldObject) -> float:
+        """Metres above the goal where the descent begins."""
+        return PRE_PLACE
+
+    def _lowering_world(self, held: HeldObject, hand: bool = False) -> CollisionWorld:
+        """The object, or also the ``hand``, may touch what it is put on."""
+        skills = self.skills
+        supports = [name for name in skills.world.obstacles if name.endswith("/surface")]
+        allowed = [(held.name, support) for support in supports]
+        if hand:
+            allowed += hand_contacts(skills, *supports)
+        return skills.arm_world(skills.planning_scene(allowed_pairs=allowed))
+
+
+class Release(OnArm, Skill):
+    """Open the hand slowly, and believe that the object stands where the hand has left it."""
+
+    REQUIRES = ("arm", "gripper")
+    USES = ("force_torque",)
+    object = In[str](ObjectName, "the held object")
+    surface = In[str | None](SurfaceName, "below it, to look for it there later", required=False)
+    FAILS: ClassVar = {
+        "not_holding": "there is nothing to let go of",
+        "not_released": "it sticks to the fingers: Release again",
+    }
+    DECLARATION = Declaration(
+        pre=("lowered({object}, {pose})",), effects=("not holding({object})", "at({object}, {pose})")
+    )
+
+    def execute(self) -> Steps:
+        """Open a little, so that neighbours stay where they are."""
+        skills = self.skills
+        held = skills.held
+        if held is None:
+            raise SkillFailure("not_holding", f"the hand does not hold the {self.object}")
+        map_from_object = skills.map_from_base @ skills.base_from_tool() @ held.tool_from_object
+        with self.touching(grasp(held.name), support(held.name, surface_below(skills.world, map_from_object))):
+            yield from self._let_go(held)
+        skills.held = None
+        skills.world.objects[held.name] = ObjectBelief(
+            held.name, held.model, map_from_object, 1.0, 0.005, skills.clock.now(), self.surface
+        )
+
+    def _let_go(self, held: HeldObject) -> Steps:
+        skills = self.skills
+        outcome = yield skills.gripper.release()
+        if outcome.width < held.width + HELD_WIDTH.let_go:
+            # Caught: hold it loosely, so that it comes to lie as it likes between the fingers, and try again.
+            yield skills.gripper.close(LOOSE)
+            if skills.wrist_wrench is not None:
+                yield skills.arm.move_until((0.0, 0.0, 1.0), SET_DOWN_SPEED, NUDGE, SET_DOWN_FORCE)
+            outcome = yield skills.gripper.release()
+        if outcome.width < held.width + HELD_WIDTH.let_go:
+            # The arm must not leave with a thing that is neither held nor free.
+            yield skills.gripper.close()
+            opened = f"the fingers opened to {1e3 * outcome.width:.0f} mm, it is {1e3 * held.width:.0f} mm wide"
+            raise SkillFailure("not_released", f"the hand does not let go of the {held.name}: {opened}")
+
+
+def place_tool_poses(
+    held: HeldObject, frame_from_object: Pose, above: float = PRE_PLACE, lift: float = DROP
+) -> list[tuple[Pose, Pose]]:
+    """Tool poses (above, down) that put the held object to ``frame_from_object`` but for turns that look the same.
+
+    ``above``: metres from the goal up to where the straight descent begins. ``lift``: up to where it ends.
+    """
+    count = held.model.symmetry_order or TURNS_OF_A_ROUND_OBJECT
+    poses = []
+    for i in range(count):
+        turned = frame_from_object @ Pose.from_xyz_rpy((0.0, 0.0, 0.0), (0.0, 0.0, 2 * math.pi * i / count))
+        lifted = Pose(turned.position + np.array([0.0, 0.0, lift]), turned.quaternion)
+        down = lifted @ held.tool_from_object.inverse()
+        poses.append((Pose(down.position + np.array([0.0, 0.0, above]), down.quaternion), down))
+    return poses

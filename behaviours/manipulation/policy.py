@@ -1,0 +1,401 @@
+"""Acting by a learned policy: its chunks are checked before they move anything, and the tool stays in its box."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from behaviours.computation import TimeSource, Until
+from behaviours.contacts import Contact, grasp, support, surface_below
+from behaviours.context import SkillContext
+from behaviours.manipulation.arm_motion import hand_contacts
+from behaviours.perception.perceive import NO_CAMERA
+from behaviours.skill import Declaration, ObjectName, OnArm, Skill, SkillFailure, Steps, StepsTo
+from bestman_bt.control import MotionStatus
+from bestman_bt.engine import In, Out
+from bestman_bt.manipulation.errors import ManipulationError
+from bestman_bt.manipulation.trajectory import SpeedScale
+from bestman_bt.messages import Pose
+from bestman_bt.world_model import HeldObject
+
+if TYPE_CHECKING:
+    from bestman_bt.control import Motion
+    from bestman_bt.control.gripper import GripperOutcome
+    from bestman_bt.manipulation.policy import (
+        ActionChunk,
+        Observation,
+        Policy,
+        PolicySpecification,
+        StreamedMotion,
+        Workspace,
+    )
+
+
+# The arm and the gripper under a policy: one motion that goes on from chunk to chunk, watched and stopped.
+
+
+POLICY_SPEED = SpeedScale(0.5, 0.35)
+OUTSIDE = 0.02
+"""Metres by which the measured tool may leave the box before the arm is stopped: its plans may not leave it at all."""
+CLOSED = 0.002
+"""Metres of gripper width below which a policy means: close; also by how much another width differs."""
+
+
+class PolicyMotion:
+    """What a policy has set in motion, by the clock's ``deadline`` and with the tool in ``box``.
+
+    ``closed_at``: base_from_tool when the gripper was last told to close. Nothing moves after ``cancel``.
+    """
+
+    def __init__(self, skills: SkillContext, box: Workspace, deadline: float) -> None:
+        from bestman_bt.manipulation.policy import ChunkStream
+
+        self._skills, self.box, self.deadline = skills, box, deadline
+        self.stream = ChunkStream(skills.arm_model, speed=POLICY_SPEED)
+        self.closed_at: Pose | None = None
+        self._arm: Motion[None] | None = None
+        self._fingers: Motion[GripperOutcome] | None = None
+        self._width = skills.gripper.width()
+        self._chunk: tuple[ActionChunk, float] | None = None
+
+    @property
+    def asked_width(self) -> float:
+        """What the gripper was told last, metres."""
+        return self._width
+
+    def asked(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Positions and velocities that the arm is asked to have now, (n,) each; at rest, where it is.
+
+        Deltas that are added to what was asked make up for what gravity and lag take away, and what encoders tell of
+        velocities is coarse.
+        """
+        now, motion = self._skills.clock.now(), self.stream.motion
+        if motion is not None and self.stream.moving(now):
+            state = motion.state(now)
+            return state.positions, state.velocities
+        positions = self._skills.arm_positions()
+        return positions, np.zeros(len(positions))
+
+    def follow(self, spliced: StreamedMotion) -> None:
+        """Go on along a checked motion; StaleChunkError where it is too late for it."""
+        trajectory = self.stream.accept(spliced, self._skills.clock.now())
+        self._arm = self._skills.arm.follow(trajectory, guard=self._objection)
+
+    def carry_out(self, chunk: ActionChunk, seen: float, count: int) -> StepsTo[bool]:
+        """Until ``count`` actions of the chunk are over, which began at ``seen``; returns whether the gripper moved."""
+        self._chunk = chunk, seen
+        return (yield from self._until(seen + max(1, count) * chunk.dt))
+
+    def finish(self) -> Steps:
+        """Until the motion under way is at rest."""
+        if self.stream.motion is not None:
+            yield from self._until(self.stream.motion.end)
+        while self._arm is not None and not self._arm.done:
+            yield from self._until(self._skills.clock.now() + 1e-3)
+
+    def cancel(self) -> None:
+        """Bring arm and fingers to rest; what is held stays held."""
+        for handle in (self._arm, self._fingers):
+            if handle is not None:
+                handle.cancel()
+
+    def _until(self, time: float) -> StepsTo[bool]:
+        clock, acted = self._skills.clock, False
+        while True:
+            self._watch()
+            acted = self._move_gripper() or acted
+            if clock.now() >= time - 1e-9:
+                return acted
+            yield _next_tick(clock)
+
+    def _watch(self) -> None:
+        """Raise where arm or gripper has failed."""
+        for handle in (self._arm, self._fingers):
+            if handle is not None and handle.done and handle.status is not MotionStatus.SUCCEEDED:
+                failure = handle.failure
+                if failure is not None and failure.code == "guarded" and self._skills.clock.now() >= self.deadline:
+                    raise SkillFailure("timeout", "stopped in the middle of a chunk: not there in time")
+                raise SkillFailure.of(failure)
+
+    def _objection(self) -> str | None:
+        if self._skills.clock.now() >= self.deadline:
+            return "time is up"
+        position = self._skills.base_from_tool().position
+        if self.box.contains(position, OUTSIDE):
+            return None
+        return f"the tool has left the workspace at {np.round(position, 3).tolist()}"
+
+    def _move_gripper(self) -> bool:
+        """Tell the gripper what the chunk says for now, where that is new; returns whether it moves."""
+        gripper = self._skills.gripper
+        moving = self._fingers is not None and not self._fingers.done
+        if self._chunk is None or self._chunk[0].gripper_widths is None:
+            return moving
+        chunk, seen = self._chunk
+        widths = self._chunk[0].gripper_widths
+        index = min(int((self._skills.clock.now() - seen) / chunk.dt), len(widths) - 1)
+        width = float(np.clip(widths[index], 0.0, gripper.model.max_width))
+        if abs(width - self._width) <= CLOSED:
+            return moving
+        self._width = width
+        if width < CLOSED:
+            self.closed_at = self._skills.base_from_tool()
+            self._fingers = gripper.close()
+        else:
+            self._fingers = gripper.open(width)
+        return True
+
+
+def _next_tick(clock: TimeSource) -> Until:
+    now = clock.now()
+    return Until(lambda: clock.now() > now)
+
+
+STILL = 1e-3
+"""Radians below which a chunk moves nothing."""
+STILL_CHUNKS = 3
+LEAD = 0.15
+"""Seconds from the policy's answer to where its chunk takes over: until then it has to be checked."""
+SUCCESSES = ("goal", "holding", "lifted")
+
+
+class RunPolicy(OnArm, Skill):
+    """Act by a learned policy until the tool is at the goal, or the gripper holds something, or has lifted it.
+
+    The policy is asked again before its chunk is over, and the motion goes on without a stop. Each chunk is checked
+    against the workspace and against everything that is believed to be there before it moves anything. Fails with
+    ``timeout``, ``stalled``, ``workspace``, ``collision``, or with what the policy itself is to blame for, such as
+    ``bad_action`` or ``policy_unreachable``. The hand may touch ``object``, which is believed to be held at the end.
+    """
+
+    REQUIRES = ("arm", "gripper")
+    USES = ("camera", "wrist_camera")
+    policy = In(str, "a shipped name, an .onnx file, the .yaml of a policy server or file.py:Class")
+    goal = In(Pose, "where the tool shall be, or what it shall pick, in the map frame", required=False)
+    object = In[str | None](ObjectName, "a seen object that the policy picks", required=False)
+    success = In(str, "goal, holding or lifted", default="goal")
+    lift = In(float, "metres, for lifted", default=0.1)
+    timeout = In(float, "seconds", default=20.0)
+    position_tolerance = In(float, "metres", default=0.01)
+    rotation_tolerance = In(float, "radians", default=0.1)
+    workspace = In(str, "x;y;z;x;y;z in the base frame; the policy's by default", default="")
+    chunks = Out(int, "how many were carried out")
+
+    # Of an object only where one is given; of the effects the one that ``success`` asks for.
+    FAILS: ClassVar = {
+        **NO_CAMERA,
+        "not_found": "DetectObject first",
+        "hand_not_empty": "put down what is held: FindPlacePose, PlaceOn, Release",
+        "workspace": "stand where the policy's box holds the goal: FindStandPose, NavigateTo",
+        "collision": "come from another posture: Retreat, MoveArm",
+        "stalled": "look again and start over: MoveArm, DetectObject, RunPolicy; or pick by PlanGrasp, Grasp",
+        "timeout": "look again and start over: MoveArm, DetectObject, RunPolicy; or pick by PlanGrasp, Grasp",
+        "no_goal": "give a goal",
+        "other_goal": "a policy whose goal is a pose",
+        "other_robot": "a policy that was trained for this arm",
+        "no_workspace": "give a workspace",
+        "policy_failed": "pick by PlanGrasp, Grasp",
+        "policy_unusable": "another file of the policy",
+        "bad_observation": "another policy, or the cameras that it needs",
+        "bad_action": "pick by PlanGrasp, Grasp",
+        "stale_chunk": "RunPolicy again; the policy is too slow",
+        "policy_unreachable": "see that its server runs",
+        "policy_server": "see what its server says",
+    }
+    DECLARATION = Declaration(pre=("visible({object})",), effects=("tool_at({goal})", "holding({object})"))
+
+    motion: PolicyMotion | None = None
+    """What moves while the skill runs, for those who record it."""
+
+    def execute(self) -> Steps:
+        """Ask, check, move, look again while it moves."""
+        policy = self.skills.policies(self.policy, self.folders)
+        try:
+            timeout, goal = self._timeout(), self._goal()
+            box = self._check(policy.specification, goal)
+            yield from self._open_hand(policy.specification)
+            deadline = self.skills.clock.now() + timeout
+            self.motion = motion = PolicyMotion(self.skills, box, deadline)
+            try:
+                with self.touching(*self._contacts()):
+                    yield from self._run(policy, motion, goal)
+            finally:
+                self.motion = None
+                motion.cancel()
+        finally:
+            policy.close()
+
+    def _contacts(self) -> Iterator[Contact]:
+        """Of the object that the hand may touch, where one is given."""
+        name = self.object
+        if name:
+            belief = self.skills.world.objects[name]
+            yield grasp(name)
+            yield support(name, belief.surface or surface_below(self.skills.world, belief.pose))
+
+    def _run(self, policy: Policy, motion: PolicyMotion, goal: Pose | None) -> Steps:
+        from bestman_bt.manipulation.policy import StaleChunkError, chunk_path
+
+        clock, spec = self.skills.clock, policy.specification
+        policy.reset()
+        done, still = 0, 0
+        self.chunks = done
+        while True:
+            if self._succeeded(motion, goal):
+                yield from motion.finish()
+                if self._succeeded(motion, goal):
+                    break
+            if clock.now() >= motion.deadline:
+                raise SkillFailure("timeout", f"not there in time{self._distance(goal)}")
+            seen, (start, velocities) = clock.now(), motion.asked()
+            chunk = yield self.compute("policy", policy.act, self._observation(spec, goal, velocities))
+            path = chunk_path(chunk, start, self.skills.kinematics, self.skills.arm_model)
+            moves = bool(np.abs(path - start).max() > STILL) or motion.stream.moving(seen)
+            if moves:
+                begin = clock.now() + LEAD if motion.stream.moving(seen) else clock.now()
+                try:
+                    spliced = yield self.compute("trajectory", self._checked, motion, path, chunk.dt, seen, begin)
+                    motion.follow(spliced)
+                except StaleChunkError:
+                    continue  # the arm has come to rest meanwhile, or does so now: look again
+            acted = yield from motion.carry_out(chunk, seen, spec.executed or len(chunk.actions) // 2)
+            still = 0 if moves or acted else still + 1
+            if still == STILL_CHUNKS:
+                raise SkillFailure("stalled", f"the policy does not move any more{self._distance(goal)}")
+            done += 1
+            self.chunks = done
+        self._believe_held(motion, goal)
+        self.feedback_message = f"{done} chunks"
+
+    def _timeout(self) -> float:
+        timeout: float = self.timeout
+        if not 0.0 < timeout < math.inf:
+            raise SkillFailure("bad_input", f"timeout is {timeout}; a finite number of seconds above 0 is accepted")
+        return timeout
+
+    def _goal(self) -> Pose | None:
+        map_from_goal: Pose | None = self.goal
+        return None if map_from_goal is None else self.skills.map_from_base.inverse() @ map_from_goal
+
+    def _check(self, spec: PolicySpecification, goal: Pose | None) -> Workspace:
+        """Refuse before anything moves; returns the box."""
+        from bestman_bt.manipulation.policy import Workspace
+
+        skills = self.skills
+        if spec.joint_names != skills.arm_model.joint_names or spec.robot not in ("", skills.robot.name):
+            raise SkillFailure("other_robot", f"the policy moves {spec.robot} {spec.joint_names}, not this arm")
+        success, name = self.success, self.object
+        if success not in SUCCESSES:
+            raise SkillFailure("bad_input", f"success should be one of {', '.join(SUCCESSES)} but is {success!r}")
+        if name and name not in skills.world.objects:
+            raise SkillFailure("not_found", f"the {name} has not been seen; detect it first")
+        if goal is None and (spec.goal_size or success == "goal"):
+            raise SkillFailure("no_goal", "the policy, or the condition of success, needs a goal")
+        if spec.goal_size not in (0, 7):
+            raise SkillFailure("other_goal", f"the policy takes a goal of {spec.goal_size} numbers, a pose has 7")
+        given: str = self.workspace
+        if not given and spec.workspace is None:
+            raise SkillFailure("no_workspace", "the policy knows no workspace: give one, the tool must stay in it")
+        try:
+            box = Workspace.from_string(given) if given else Workspace(*map(np.array, spec.workspace or ()))
+        except ManipulationError as error:
+            raise SkillFailure("bad_input", str(error)) from error
+        for what, pose in (("goal", goal), ("tool", skills.base_from_tool())):
+            if pose is not None and not box.contains(pose.position):
+                where = np.round(pose.position, 3).tolist()
+                raise SkillFailure("workspace", f"the {what} at {where} is outside the workspace {box}")
+        return box
+
+    def _open_hand(self, spec: PolicySpecification) -> Steps:
+        """A policy that opens and closes the gripper begins with it open."""
+        skills = self.skills
+        if not spec.moves_gripper or not spec.open_width:
+            return
+        if skills.held is not None:
+            raise SkillFailure("hand_not_empty", f"the hand holds the {skills.held.name}")
+        if abs(skills.gripper.width() - spec.open_width) > CLOSED:
+            yield skills.gripper.open(spec.open_width)
+
+    def _succeeded(self, motion: PolicyMotion, goal: Pose | None) -> bool:
+        from bestman_bt.manipulation.policy import pose_error
+
+        success = self.success
+        if success != "goal":
+            if not self.skills.gripper.pressing():
+                return False
+            closed_at = motion.closed_at
+            if success == "holding":
+                return True
+            height = self.skills.base_from_tool().position[2]
+            return closed_at is not None and bool(height - closed_at.position[2] >= self.lift)
+        assert goal is not None
+        error = pose_error(goal, self.skills.base_from_tool())
+        return bool(
+            np.linalg.norm(error[:3]) <= self.position_tolerance
+            and np.linalg.norm(error[3:]) <= self.rotation_tolerance
+        )
+
+    def _distance(self, goal: Pose | None) -> str:
+        from bestman_bt.manipulation.policy import pose_error
+
+        if goal is None or self.success != "goal":
+            return ""
+        error = pose_error(goal, self.skills.base_from_tool())
+        return f": {np.linalg.norm(error[:3]):.3f} m and {np.linalg.norm(error[3:]):.2f} rad from the goal"
+
+    def _observation(
+        self, spec: PolicySpecification, goal: Pose | None, velocities: NDArray[np.float64]
+    ) -> Observation:
+        from bestman_bt.manipulation.policy import Observation, pose_vector
+
+        skills = self.skills
+        cameras = {"head": skills.camera if skills.has("camera") else None, "wrist": skills.wrist_camera}
+        images: dict[str, NDArray[np.uint8]] = {}
+        for name in spec.images:
+            camera = cameras.get(name)
+            if camera is None:
+                raise SkillFailure("no_camera", f"the policy needs a camera {name!r}, which the robot lacks")
+            images[name] = camera.capture().image.rgb
+        return Observation(
+            skills.arm_positions(),
+            skills.base_from_tool(),
+            np.zeros(0) if goal is None else pose_vector(goal),
+            skills.gripper.width(),
+            images,
+            velocities,
+        )
+
+    def _checked(
+        self, motion: PolicyMotion, path: NDArray[np.float64], dt: float, seen: float, begin: float
+    ) -> StreamedMotion:
+        """The motion along ``path`` (H + 1, n) from the clock's ``begin`` on: in the box, and it touches nothing."""
+        from bestman_bt.manipulation.trajectory import first_touch
+
+        skills = self.skills
+        kinematics = skills.kinematics
+        outside = motion.box.first_outside(path, kinematics)
+        if outside is None:
+            spliced = motion.stream.splice(path, dt, seen, begin)
+            outside = motion.box.first_outside(spliced.trajectory.positions, kinematics)
+        if outside is not None:
+            raise SkillFailure("workspace", f"the policy would leave the workspace at {np.round(outside, 3).tolist()}")
+        name = self.object
+        allowed = hand_contacts(skills, name) if name else ()
+        touch = first_touch(spliced.trajectory, skills.arm_world(skills.planning_scene(allowed_pairs=allowed)))
+        if touch is not None:
+            raise SkillFailure("collision", f"the policy would touch {touch}")
+        return spliced
+
+    def _believe_held(self, motion: PolicyMotion, goal: Pose | None) -> None:
+        """The object that was picked is in the hand, as it was seen, but centred between the fingers."""
+        skills, name = self.skills, self.object
+        if not name or goal is None or motion.closed_at is None or self.success == "goal":
+            return
+        tool_from_object = motion.closed_at.inverse() @ goal
+        centred = Pose(tool_from_object.position * [1.0, 0.0, 1.0], tool_from_object.quaternion)
+        belief = skills.world.objects.pop(name)
+        skills.held = HeldObject(name, belief.model, centred, skills.gripper.width())

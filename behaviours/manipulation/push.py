@@ -1,0 +1,291 @@
+"""Pushing: an object is slid over its surface to a goal by the fingertips, which stand side by side behind it.
+
+Two fingers that touch the object beside each other make the push stable: it turns until it lies against both, and
+then moves with them (Lynch and Mason, "Stable pushing: mechanics, controllability, and planning", IJRR 1996).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from behaviours.contacts import push, support, surface_below
+from behaviours.manipulation.arm_motion import ARM_PLANNING_FAILS, follow_path, move_free
+from behaviours.navigation.base_placement import FindStandPose, StandTarget
+from behaviours.perception.surfaces import UNKNOWN_SURFACE, find_surface
+from behaviours.skill import Declaration, ObjectName, OnArm, Skill, SkillFailure, Steps
+from bestman_bt.engine import In, Out
+from bestman_bt.messages import ObjectModel, Pose
+from bestman_bt.world_model import ObjectBelief
+
+if TYPE_CHECKING:
+    from bestman_bt.control.arm import GuardedOutcome
+    from bestman_bt.manipulation.collision import CollisionWorld, PlanningScene
+
+
+TILTS = tuple(math.radians(tilt) for tilt in (45.0, 35.0, 55.0, 65.0))
+"""How far the hand leans back from what it pushes, so that the fingertips touch it before the palm does."""
+HEIGHT = 0.03
+"""Metres of the fingertips above the surface: an object that is pushed low slides instead of falling over."""
+STANDOFF = 0.06
+"""Metres between fingertips and object where the straight approach begins."""
+CLEAR = 0.01
+"""Metres that all of the hand but the fingertips stays away from the object."""
+FINE = 0.002
+"""Metres between two waypoints of the approach, which ends before the first one that would touch."""
+SPARE = 0.003
+"""Metres more than the scene's padding at which the approach ends: the timed motion bends a little."""
+SPREAD = 0.5
+"""The fingers stand apart by this share of the object's width."""
+EDGE = 0.03
+"""Metres that the whole object stays away from the mapped edge of its surface: the map is off by as much."""
+SHORTEST = 0.004
+"""Metres: what is nearer to its goal is there."""
+
+
+@dataclass(frozen=True, eq=False)
+class PushPlan:
+    """``pre``: (n,) radians, where free motion ends. ``into``: (N, n), straight on until just before the object.
+
+    ``direction``: (3,) unit, base frame. ``gap``: metres from the end of ``into`` to the object. ``distance``: metres
+    that the object is to go.
+    """
+
+    pre: NDArray[np.float64]
+    into: NDArray[np.float64]
+    direction: NDArray[np.float64]
+    gap: float
+    distance: float
+    cost: float
+
+
+class Push(OnArm, Skill):
+    """Push a located object straight to a goal on its surface; the wrist feels whether something is in the way.
+
+    How far it really went is for the next look to say. What helps when it fails: ``no_approach``: another stand;
+    ``blocked``: look again, something unseen is in the way; ``not_found``: detect it first.
+    """
+
+    REQUIRES = ("arm", "gripper")
+    object = In[str](ObjectName, "a located object")
+    goal = In(Pose, "where its middle shall be, in the map frame; height and turn are free")
+    speed = In(float, "m/s", default=0.05)
+    max_force = In(float, "newtons against the hand", default=15.0)
+    pushed = Out(float, "metres that the hand went on with the object")
+    FAILS: ClassVar = {
+        **UNKNOWN_SURFACE,
+        **ARM_PLANNING_FAILS,
+        "hand_not_empty": "put down what is held: FindPlacePose, PlaceOn, Release",
+        "not_found": "DetectObject first",
+        "no_approach": "stand elsewhere: FindPushStand, NavigateTo",
+        "blocked": "something unseen is in the way: DetectObjects",
+        "off_surface": "a goal farther from the edge",
+        "not_withdrawn": "Retreat",
+    }
+    DECLARATION = Declaration(
+        pre=("located({object})", "not holding(any)", "free({goal})"), effects=("at({object}, {goal})",)
+    )
+
+    def execute(self) -> Steps:
+        """Plan, set the fingers, approach, push under watch, go back."""
+        skills = self.skills
+        name: str = self.object
+        goal: Pose = self.goal
+        if skills.held is not None:
+            raise SkillFailure("hand_not_empty", f"the hand holds the {skills.held.name}")
+        belief = skills.world.objects.get(name)
+        if belief is None:
+            raise SkillFailure("not_found", f"the {name} has not been seen; detect it first")
+        way = goal.position[:2] - belief.pose.position[:2]
+        if float(np.linalg.norm(way)) < SHORTEST:
+            self.feedback_message = f"the {name} is there already"
+            return
+        self._check_goal(belief, goal)
+        yield skills.gripper.open(spread(belief.model, skills.gripper_model.max_width))
+        plan: PushPlan | None = yield self.compute("grasp_planning", self._plan, belief, goal)
+        if plan is None:
+            raise SkillFailure("no_approach", f"no free way of the arm to push the {name} there from here")
+        yield from move_free(self, [plan.pre])
+        stands_on = belief.surface or surface_below(skills.world, belief.pose)
+        with self.touching(push(name), support(name, stands_on)):
+            yield from self._push(belief, plan)
+
+    def _push(self, belief: ObjectBelief, plan: PushPlan) -> Steps:
+        skills, name = self.skills, belief.name
+        yield from follow_path(self, plan.into, skills.arm_world(self._untouched(belief)), speed=0.35)
+        outcome: GuardedOutcome = yield skills.arm.move_until(
+            plan.direction, self.speed, plan.gap + plan.distance, self.max_force
+        )
+        pushed = max(0.0, outcome.distance - plan.gap)
+        self._believe(belief, pushed * plan.direction)
+        self.pushed = pushed
+        yield from self._withdraw(name, plan)
+        way_words = f"{100 * pushed:.0f} of {100 * plan.distance:.0f} cm"
+        if outcome.touched:
+            force = float(np.linalg.norm(outcome.force))
+            raise SkillFailure("blocked", f"the {name} resists with {force:.0f} N after {way_words}")
+        self.feedback_message = f"{name} pushed by {way_words}"
+
+    def _check_goal(self, belief: ObjectBelief, goal: Pose) -> None:
+        """Whether the object will stand on its surface with room to spare."""
+        if belief.surface is None:
+            return
+        furniture, surface = find_surface(self.skills, belief.surface)
+        local = (furniture.pose.to_pose() @ surface.pose).inverse().apply(goal.position)
+        room = np.array(surface.size) / 2 - np.abs(local[:2]) - belief.model.size[:2].max() / 2
+        if room.min() < EDGE:
+            raise SkillFailure(
+                "off_surface", f"the goal is {100 * room.min():.0f} cm from the edge of {belief.surface}"
+            )
+
+    def _plan(self, belief: ObjectBelief, goal: Pose) -> PushPlan | None:
+        from bestman_bt.manipulation.kinematics import cartesian_path
+
+        skills = self.skills
+        kinematics, reference = skills.kinematics, skills.arm_positions()
+        base_from_map = skills.map_from_base.inverse()
+        base_from_object = base_from_map @ belief.pose
+        scene = self._untouched(belief)
+        free = skills.arm_world(replace(scene, padding=scene.padding + SPARE))
+        direction, distance = _way(base_from_object, base_from_map @ goal)
+        plans = []
+        for behind in push_tool_poses(belief.model, base_from_object, direction):
+            beyond = Pose(behind.position + (STANDOFF + 0.05) * direction, behind.quaternion)
+            for pre in kinematics.solve(behind, reference, skills.rng, 2, is_valid=free.is_free).solutions:
+                into = cartesian_path(kinematics, pre, beyond, free.is_free, max_translation=FINE)
+                if into.complete or len(into.path) < 2:
+                    continue  # it does not meet the object, or something else is in the way at once
+                here = kinematics.tool_pose(into.path[-1])
+                touching = self._is_touched(free, into.path[-1], here, direction, belief.name)
+                pushed = Pose(here.position + distance * direction, here.quaternion)
+                world = self._pushing_world(scene, belief, here.inverse() @ base_from_object)
+                if touching and cartesian_path(kinematics, into.path[-1], pushed, world.is_free).complete:
+                    cost = float(np.abs(pre - reference).max())
+                    gap = scene.padding + SPARE + FINE / 2
+                    plans.append(PushPlan(pre, into.path, direction, gap, distance, cost))
+        return min(plans, key=lambda plan: plan.cost) if plans else None
+
+    def _is_touched(
+        self,
+        world: CollisionWorld,
+        positions: NDArray[np.float64],
+        base_from_tool: Pose,
+        direction: NDArray[np.float64],
+        name: str,
+    ) -> bool:
+        """Whether the fingers, and nothing else, touch the object next: a little further on, to be sure."""
+        onward = Pose(base_from_tool.position + CLEAR * direction, base_from_tool.quaternion)
+        following = self.skills.kinematics.track(onward, positions)
+        if following is None:
+            return False
+        fingers = self.skills.gripper_model.part.finger_links
+        pairs = world.colliding_pairs(following)
+        return bool(pairs) and all(name in pair and any(finger in pair for finger in fingers) for pair in pairs)
+
+    def _untouched(self, belief: ObjectBelief) -> PlanningScene:
+        """The scene with the object exactly where it is believed to be."""
+        scene = self.skills.planning_scene()
+        exact = [replace(o, padding=0.0) for o in scene.obstacles if o.name == belief.name]
+        return scene.adding(*exact)
+
+    def _pushing_world(self, scene: PlanningScene, belief: ObjectBelief, tool_from_object: Pose) -> CollisionWorld:
+        """The object goes with the hand; it slides on its surface and touches nothing else, nor the palm."""
+        from bestman_bt.manipulation.collision import AttachedObject, finger_contacts
+
+        skills = self.skills
+        moving = AttachedObject(
+            belief.name, belief.model.collision, skills.arm_model.tool_frame, tool_from_object, frozenset()
+        )
+        supports = [o.name for o in scene.obstacles if o.name.endswith("/surface")]
+        if belief.surface is not None:
+            supports.append(belief.surface.partition("/")[0])
+        pairs = [*finger_contacts(skills.robot, belief.name, skills.arm.name), *((belief.name, s) for s in supports)]
+        return skills.arm_world(scene.holding(moving).allowing(*pairs))
+
+    def _believe(self, belief: ObjectBelief, went: NDArray[np.float64]) -> None:
+        """It went along with the hand, ``went`` (3,) metres in the base frame, as far as can be felt."""
+        from bestman_bt.perception.occupancy import freed
+
+        skills = self.skills
+        if skills.world.occupancy is not None:
+            left = [replace(part, pose=belief.pose @ part.pose) for part in belief.model.collision]
+            skills.world.occupancy = freed(skills.world.occupancy, left)
+        moved = Pose(belief.pose.position + skills.map_from_base.rotation @ went, belief.pose.quaternion)
+        skills.world.objects[belief.name] = replace(
+            belief, pose=moved, position_std=max(belief.position_std, 0.01), stamp=skills.clock.now()
+        )
+
+    def _withdraw(self, name: str, plan: PushPlan) -> Steps:
+        """Straight back as far as that is free; the object itself is ahead of the hand and in nobody's way."""
+        from bestman_bt.manipulation.kinematics import cartesian_path
+
+        skills = self.skills
+        here = skills.base_from_tool()
+        world = skills.arm_world(skills.planning_scene(ignore=[name]))
+        back = Pose(here.position - STANDOFF * plan.direction, here.quaternion)
+        line = cartesian_path(skills.kinematics, skills.arm_positions(), back, world.is_free)
+        if len(line.path) < 2:
+            raise SkillFailure("not_withdrawn", f"the hand cannot go back from the {name}: {line.failure}")
+        yield from follow_path(self, line.path, world, speed=0.5)
+
+
+def spread(model: ObjectModel, max_width: float) -> float:
+    """Metres between the fingers."""
+    return min(SPREAD * float(min(model.size[:2])), max_width)
+
+
+def push_tool_poses(model: ObjectModel, frame_from_object: Pose, direction: NDArray[np.float64]) -> Iterator[Pose]:
+    """Tool poses behind an object that is to go in ``direction`` (3,), leaning back, either side of the hand up."""
+    from scipy.spatial.transform import Rotation
+
+    radius = float(np.linalg.norm(model.size[:2])) / 2
+    bottom = float(frame_from_object.position[2] + model.bounds()[0, 2])
+    behind = frame_from_object.position - (radius + STANDOFF) * direction
+    position = np.array([behind[0], behind[1], bottom + HEIGHT])
+    for tilt in TILTS:
+        along = math.sin(tilt) * direction - math.cos(tilt) * np.array([0.0, 0.0, 1.0])
+        forward = math.cos(tilt) * direction + math.sin(tilt) * np.array([0.0, 0.0, 1.0])
+        for side in (-1.0, 1.0):
+            axes = np.column_stack([side * forward, np.cross(along, side * forward), along])
+            yield Pose(position, Rotation.from_matrix(axes).as_quat())
+
+
+def _way(base_from_object: Pose, base_from_goal: Pose) -> tuple[NDArray[np.float64], float]:
+    """Horizontal unit direction (3,) and distance, metres."""
+    way = base_from_goal.position - base_from_object.position
+    way[2] = 0.0
+    distance = float(np.linalg.norm(way))
+    return way / distance, distance
+
+
+# Standing where an object can be pushed to its goal.
+
+
+class FindPushStand(FindStandPose):
+    """Choose where to stand to push an object that was seen to a goal: the arm reaches behind it and all the way.
+
+    Each time it is asked again for the same object and place it gives another stand, until all have been tried.
+    """
+
+    FAILS: ClassVar = {"not_found": "DetectObject first"}
+    DECLARATION = Declaration(pre=("visible({object})",), effects=("stand_known({surface})",))
+
+    def _targets(self) -> list[StandTarget]:
+        name: str = self.object or ""
+        goal: Pose | None = self.goal
+        belief = self.skills.world.objects.get(name)
+        if belief is None or goal is None:
+            raise SkillFailure("not_found", f"the {name or 'object'} has not been seen, or no goal is given")
+        way = goal.position - belief.pose.position
+        way[2] = 0.0
+        direction = way / max(float(np.linalg.norm(way)), 1e-6)
+        ends = []
+        for behind in push_tool_poses(belief.model, belief.pose, direction):
+            last = Pose(behind.position + way + STANDOFF * direction, behind.quaternion)
+            ends.append((behind, last))
+        return [StandTarget(ends, belief.pose.position[:2])]

@@ -1,0 +1,154 @@
+"""A second look: the view of the wrist camera that tells most about how an object is turned."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from behaviours.manipulation.arm_motion import ARM_PLANNING_FAILS, move_free
+from behaviours.perception.beliefs import only_nearest, remember_view
+from behaviours.perception.perceive import NO_CAMERA, region_around
+from behaviours.perception.surfaces import SURFACE_NOT_SEEN
+from behaviours.skill import ALGORITHM_ERRORS, Declaration, ObjectName, OnArm, Skill, SkillFailure, Steps, StepsTo
+from bestman_bt.engine import In, Out
+from bestman_bt.messages import PlacedShape, Pose
+from bestman_bt.world_model import ObjectBelief
+
+if TYPE_CHECKING:
+    from bestman_bt.control.rgbd import RGBDSensor, RGBDView
+    from bestman_bt.perception.detection import DetectedScene
+    from bestman_bt.perception.pose_estimation import Observation, PoseHypothesis
+    from bestman_bt.perception.view_planning import RankedView
+
+
+TRIED_VIEWS = 24
+"""Views, the most telling first, for which a posture of the arm is sought."""
+ROLLS = (0.0, math.pi / 2, -math.pi / 2, math.pi)
+"""Turns of the camera about its own axis: the picture tells the same, the arm may reach another one."""
+GOALS = 4
+"""Views that the planner may choose from, once so many can be reached."""
+
+
+class SecondLook(OnArm, Skill):
+    """Look at an object again from where that tells most about its yaw, and join the views; none if that is known."""
+
+    REQUIRES = ("arm", "wrist_camera")
+    object = In[str](ObjectName, "an object that was located")
+    max_yaw_width = In(float, "radians of yaw that may stay open", default=0.35)
+    min_confidence = In(float, "0 to 1", default=0.5)
+    pose = Out(Pose, "where the object is, in the map frame")
+    yaw_width = Out(float, "radians of yaw that are still open")
+    FAILS: ClassVar = {
+        **NO_CAMERA,
+        **SURFACE_NOT_SEEN,
+        **ARM_PLANNING_FAILS,
+        "not_found": "DetectObject first",
+        "no_view": "do without, or stand elsewhere: FindStandPose, NavigateTo",
+        "object_lost": "DetectObject again",
+    }
+    DECLARATION = Declaration(pre=("located({object})",), effects=("yaw_known({object})",))
+
+    def execute(self) -> Steps:
+        """Rank views, reach the best one that can be reached, look, join."""
+        skills = self.skills
+        name: str = self.object
+        belief = skills.world.objects.get(name)
+        if belief is None or not skills.observations.get(name):
+            raise SkillFailure("not_found", f"the {name} has not been seen; detect it first")
+        if belief.yaw_set.width > self.max_yaw_width:
+            camera = skills.wrist_camera
+            if camera is None:
+                raise SkillFailure("no_camera", f"the robot {skills.robot.name} has no camera on its hand to look with")
+            postures = yield self.compute("view_planning", self._postures, belief, camera)
+            if not postures:
+                raise SkillFailure("no_view", f"no telling view of the {name} is free and within reach from here")
+            yield from self._go(postures)
+            belief = yield from self._look(belief, camera)
+            skills.world.objects[name] = belief
+        self.pose = belief.pose
+        self.yaw_width = belief.yaw_set.width
+        self.feedback_message = f"{name}: yaw open by {math.degrees(belief.yaw_set.width):.0f}°"
+
+    def _postures(self, belief: ObjectBelief, camera: RGBDSensor) -> list[NDArray[np.float64]]:
+        """Joint positions (n,) of views that can be taken, the most telling first."""
+        skills = self.skills
+        (hypothesis,) = self._joined(belief, skills.observations[belief.name])
+        planner = skills.view_planning
+        candidates = planner.candidates(hypothesis, camera.intrinsics)
+        ranked = planner.rank(hypothesis, candidates, camera.intrinsics, self._others(belief))
+        world = skills.arm_world(skills.planning_scene())
+        reference = skills.arm_positions()
+        camera_from_tool = camera.base_from_camera().inverse() @ skills.base_from_tool()
+        postures = []
+        for view in ranked[:TRIED_VIEWS]:
+            for base_from_tool in self._tool_poses(view, camera_from_tool):
+                found = skills.kinematics.solve(base_from_tool, reference, skills.rng, attempts=4)
+                postures += [positions for positions in found.solutions if world.is_free(positions)][:1]
+            if len(postures) >= GOALS:
+                break
+        return postures
+
+    def _tool_poses(self, view: RankedView, camera_from_tool: Pose) -> list[Pose]:
+        base_from_camera = self.skills.map_from_base.inverse() @ view.frame_from_camera
+        rolled = [Pose.from_xyz_rpy((0.0, 0.0, 0.0), (0.0, 0.0, roll)) for roll in ROLLS]
+        return [base_from_camera @ roll @ camera_from_tool for roll in rolled]
+
+    def _others(self, belief: ObjectBelief) -> list[PlacedShape]:
+        """What may stand in the way of the look, in the map frame."""
+        world = self.skills.world
+        shapes = [shape for obstacle in world.obstacles.values() for shape in obstacle.shapes]
+        for other in world.objects.values():
+            if other.name != belief.name:
+                shapes += [replace(part, pose=other.pose @ part.pose) for part in other.model.collision]
+        return shapes
+
+    def _go(self, postures: Sequence[NDArray[np.float64]]) -> Steps:
+        """To the most telling view that a motion leads to."""
+        for posture in postures[:-1]:
+            try:
+                yield from move_free(self, [posture])
+            except ALGORITHM_ERRORS:
+                continue
+            return
+        yield from move_free(self, [postures[-1]])
+
+    def _look(self, belief: ObjectBelief, camera: RGBDSensor) -> StepsTo[ObjectBelief]:
+        from bestman_bt.perception.pose_estimation import Observation
+
+        skills = self.skills
+        view: RGBDView = camera.capture()
+        base_from_object = view.map_from_base.inverse() @ belief.pose
+        region = region_around(base_from_object, float(belief.model.size[2]))
+        scene: DetectedScene = yield self.compute(
+            "pose_estimation",
+            skills.detection.detect,
+            view.in_base,
+            region,
+            list(skills.world.models.values()),
+            skills.rng,
+        )
+        found = only_nearest(scene, belief, base_from_object).detections
+        if not found:
+            raise SkillFailure("object_lost", f"the second look does not show the {belief.name}")
+        seen = Observation(found[0].cluster.seen_from(view.map_from_base), view.in_map)
+        remember_view(skills, belief.name, seen)
+        joined = yield self.compute("pose_estimation", self._joined, belief, skills.observations[belief.name])
+        if not joined or joined[0].confidence < self.min_confidence:
+            raise SkillFailure("object_lost", f"the views of the {belief.name} do not fit together")
+        best: PoseHypothesis = joined[0]
+        return replace(
+            belief,
+            pose=best.pose,
+            confidence=best.confidence,
+            position_std=best.position_std,
+            yaw_set=best.yaw_set,
+            stamp=view.stamp,
+        )
+
+    def _joined(self, belief: ObjectBelief, observations: Sequence[Observation]) -> tuple[PoseHypothesis, ...]:
+        return self.skills.multi_view.estimate(observations, [belief.model])

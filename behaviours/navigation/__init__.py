@@ -1,0 +1,1 @@
+"""Skills of the base: driving, base placement, exploring, localisation."""

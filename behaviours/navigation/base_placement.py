@@ -1,0 +1,186 @@
+"""Standing: base poses from which the arm reaches an object or a place."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from behaviours.context import DRIVEN
+from behaviours.manipulation.grasp_candidates import grasp_candidates
+from behaviours.manipulation.place import place_tool_poses
+from behaviours.perception.surfaces import UNKNOWN_SURFACE, find_surface, with_open_drawers
+from behaviours.skill import Declaration, ObjectName, OnArm, Skill, SkillFailure, Steps, StepsTo, SurfaceName
+from bestman_bt.engine import In, Out
+from bestman_bt.messages import Pose, Pose2D
+from bestman_bt.world_model import BasePose, MapFurniture, MapSurface
+
+if TYPE_CHECKING:
+    from bestman_bt.manipulation.collision import CollisionWorld
+    from bestman_bt.manipulation.kinematics import StandPose
+
+
+SAME_STAND = 0.05
+"""Metres: a stand nearer than this to one that was tried is the same one."""
+SAME_TARGET = 0.05
+PRE_REACH = 0.1
+"""Metres before its place from where the hand should go straight into furniture."""
+PART = 0.25
+"""Share of a surface's size from its middle to the middle of a quarter."""
+HAND_ABOVE = 0.08
+"""Metres above a surface at which the hand should be able to work where the object has not been seen yet."""
+
+
+@dataclass(frozen=True, eq=False)
+class StandTarget:
+    """``tool_poses``: in the map frame, each a sequence of which all are to be reached. ``at``: (2,) what for."""
+
+    tool_poses: Sequence[Sequence[Pose]]
+    at: NDArray[np.float64]
+
+
+class FindStandPose(OnArm, Skill):
+    """Choose where to stand to reach an object (where it was seen), a goal on a surface, or else the surface itself.
+
+    Of a surface the middle is preferred; where that is out of reach, another part of it will do.
+    Each time it is asked again for the same target it gives another stand, until all have been tried.
+    """
+
+    REQUIRES = ("base", "lidar", "arm", "gripper")
+    USES = ("wrist_camera",)
+    surface = In[str](SurfaceName, "the surface to stand at, such as table")
+    object = In[str | None](ObjectName, "the object to reach, where it has been seen", required=False)
+    goal = In(Pose, "the place to reach, in the map frame", required=False)
+    stand = Out(Pose2D, "where to stand, in the map frame", required=True)
+    FAILS: ClassVar = {
+        **UNKNOWN_SURFACE,
+        "no_stand": "what stands there may have gone: ForgetBlocked, then again",
+    }
+    DECLARATION = Declaration(effects=("stand_known({surface})",))
+
+    def on_load(self) -> None:
+        """Nothing has been tried yet."""
+        self._target = np.full(2, np.inf)
+        self._tried: list[Pose2D] = []
+
+    def execute(self) -> Steps:
+        """Rank the stands along the furniture by what the arm reaches from them."""
+        furniture, _ = find_surface(self.skills, self.surface)
+        targets = self._targets()
+        if np.linalg.norm(targets[0].at - self._target) > SAME_TARGET:
+            self._target, self._tried = targets[0].at, []
+        stands = yield from self._first_reached(furniture, targets)
+        if not stands and self._tried:
+            self._tried = []
+            stands = yield from self._first_reached(furniture, targets)
+        if not stands:
+            raise SkillFailure(
+                "no_stand", f"the arm cannot reach its target from anywhere free at the {furniture.name}"
+            )
+        best = stands[0].pose
+        self._tried.append(best)
+        self.stand = best
+        self.feedback_message = f"stand at {best.x:.2f}, {best.y:.2f}, {np.degrees(best.theta):.0f}°"
+
+    def _first_reached(self, furniture: MapFurniture, targets: Sequence[StandTarget]) -> StepsTo[tuple[StandPose, ...]]:
+        """Stands, best first, from where one of the targets is reached, those of the first one that is."""
+        for target in targets:
+            stands: tuple[StandPose, ...] = yield self.compute("stand_planning", self._rank, furniture, target)
+            if stands:
+                return stands
+        return ()
+
+    def _targets(self) -> list[StandTarget]:
+        """What would do, the best first."""
+        skills = self.skills
+        goal: Pose | None = self.goal
+        name: str = self.object or ""
+        belief = skills.world.objects.get(name)
+        if goal is not None and skills.held is not None:
+            on_surface = Pose(np.array([*goal.position[:2], self._object_height()]), goal.quaternion)
+            return [StandTarget(place_tool_poses(skills.held, on_surface), goal.position[:2])]
+        if belief is not None:
+            candidates = grasp_candidates(self.skills, belief)[:8]
+            map_from_base = skills.map_from_base
+            grasps = [(map_from_base @ c.pre_grasp, map_from_base @ c.grasp) for c in candidates]
+            return [StandTarget(grasps, belief.pose.position[:2])]
+        furniture, surface = find_surface(skills, self.surface)
+        height = self._middle()[2] + HAND_ABOVE
+        points = goal.position[None, :2] if goal is not None else self._parts(furniture, surface)
+        within = furniture.is_inside(surface) and surface.leaf is None
+        hands = partial(_from_front, heading=furniture.pose.theta) if within else _top_down
+        return [StandTarget(hands(np.array([*point, height])), point) for point in points]
+
+    def _parts(self, furniture: MapFurniture, surface: MapSurface) -> NDArray[np.float64]:
+        """Points (N, 2) of a surface in the map frame, the middle first, then others nearer to its front."""
+        shares = np.array([(0.0, 0.0), *((-PART, share * PART) for share in (0.0, 1.0, -1.0))])
+        points = np.column_stack([shares * np.array(surface.size), np.zeros(len(shares))])
+        in_map: NDArray[np.float64] = (furniture.pose.to_pose() @ surface.pose).apply(points)[:, :2]
+        return in_map
+
+    def _middle(self) -> NDArray[np.float64]:
+        furniture, surface = find_surface(self.skills, self.surface)
+        return (furniture.pose.to_pose() @ surface.pose).position
+
+    def _object_height(self) -> float:
+        held = self.skills.held
+        assert held is not None
+        return float(self._middle()[2] - held.model.bounds()[0, 2])
+
+    def _rank(self, furniture: MapFurniture, target: StandTarget) -> tuple[StandPose, ...]:
+        from bestman_bt.manipulation.kinematics import StandSearch
+
+        skills, search = self.skills, StandSearch()
+        corners = np.array(skills.base.model.footprint)
+        costmap = skills.seen_costmap(DRIVEN)
+        candidates = [
+            stand
+            for stand in search.beside(with_open_drawers(skills, furniture), target.at, float(corners[:, 0].max()))
+            if all(stand.distance_to(tried) > SAME_STAND for tried in self._tried)
+        ]
+        return search.rank(
+            candidates,
+            target.tool_poses,
+            skills.kinematics,
+            skills.arm_model,
+            skills.arm_positions(),
+            skills.rng,
+            is_base_free=lambda pose: costmap.clearance_at(pose) > 0.0,
+            world_at=self._world_at,
+            current=skills.world.base.pose,
+        )
+
+    def _world_at(self, stand: Pose2D) -> CollisionWorld:
+        """What the arm will have around it there, but for the target itself and for what stands on the surface.
+
+        What is in the way at a goal is for the one to tell who looks at the place.
+        """
+        from bestman_bt.manipulation.collision import planning_scene_from_world_model
+
+        skills = self.skills
+        others = {arm: held for arm, held in skills.world.hands.items() if arm != skills.arm_name}
+        there = replace(skills.world, base=BasePose(stand, 0.0, 0.0, skills.clock.now()), hands=others)
+        name: str = self.object or ""
+        ignore = [name]
+        if self.goal is not None or name not in skills.world.objects:
+            ignore += [*skills.world.objects, *(n for n in skills.world.obstacles if not n.endswith("/surface"))]
+        scene = planning_scene_from_world_model(
+            there, skills.robot, skills.joints.positions(), skills.arm.name, ignore=ignore
+        )
+        return skills.arm_world(scene)
+
+
+def _top_down(position: NDArray[np.float64]) -> list[tuple[Pose, ...]]:
+    """Tool poses that point straight down, at six turns of the hand."""
+    return [(Pose.from_xyz_rpy(position, (np.pi, 0.0, turn)),) for turn in np.arange(6) * np.pi / 3]
+
+
+def _from_front(position: NDArray[np.float64], heading: float) -> list[tuple[Pose, ...]]:
+    """Level tool poses in the direction ``heading``, before the place and there, at four turns of the hand."""
+    level = Pose.from_xyz_rpy(position, (0.0, np.pi / 2, heading))
+    turned = [level @ Pose.from_xyz_rpy((0.0, 0.0, 0.0), (0.0, 0.0, turn)) for turn in np.arange(4) * np.pi / 2]
+    return [(pose @ Pose(np.array([0.0, 0.0, -PRE_REACH])), pose) for pose in turned]

@@ -1,0 +1,205 @@
+"""Exploring: mapping a place that nothing is known of."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+
+from behaviours.computation import Until, passed
+from behaviours.skill import Declaration, Skill, SkillFailure, Steps, StepsTo
+from bestman_bt.control import READING_ERRORS, MotionStatus
+from bestman_bt.engine import In, Out
+from bestman_bt.messages import OccupancyGrid, Path2D, Pose2D, wrap_angle
+from bestman_bt.messages.grids import FREE
+from bestman_bt.messages.shapes import Positive
+from bestman_bt.world_model import BasePose
+
+if TYPE_CHECKING:
+    from bestman_bt.navigation.global_planning import Costmap, Footprint, PlanningFailure
+    from bestman_bt.navigation.localization import Localizer
+    from bestman_bt.navigation.slam import FrontierView, Overhangs
+
+
+AHEAD = (1.5, 0.0, 0.35)
+"""Where the camera looks on the way, metres in the base frame."""
+LOOK_PERIOD = 0.8
+"""Seconds between two looks at what is still unknown and whether the way is free."""
+PICTURE_DISTANCE, PICTURE_TURN = 0.5, math.radians(25.0)
+"""Metres that the base moves, or radians that it turns, between two images of the way ahead."""
+LOOK_AHEAD = 1.5
+"""Metres of the path ahead that must be free."""
+EVERY_POINT = 7
+"""Of a depth image's points, one in so many is drawn."""
+PADDING = 0.025
+"""Metres by which the base's outline is grown: beams clear cells that posts half fill."""
+ARRIVED = 0.30
+"""Metres from a goal where all that is to be seen from it has been: the base need not come to rest there."""
+
+
+class ExploreAndMap(Skill):
+    """Map the surroundings by lidar SLAM: drive from place to place where unknown floor can be seen until none is left.
+
+    The map's frame is the one in which the base believes to be at the start. A camera, where there is
+    one, looks for table tops and what else the lidar does not see. Afterwards the base localises as before.
+    """
+
+    REQUIRES = ("base", "lidar")
+    USES = ("head", "camera")
+    file = In(str, "where to save the map, NAME.yaml; else not saved", required=False)
+    max_time = In[float](Positive, "seconds, then it ends", default=900.0)
+    grid = Out(OccupancyGrid, "the map")
+    area = Out(float, "floor that was found free, m²")
+    saved = Out(str, "the file, where one was written")
+    FAILS: ClassVar = {
+        "timeout": "ExploreAndMap with more max_time",
+        "no_image": "ExploreAndMap again",
+        "start_blocked": "DriveOnHeading or BackUp, then ExploreAndMap again",
+        "not_saved": "give a file in a folder that can be written to",
+    }
+    DECLARATION = Declaration(effects=("mapped()",))
+
+    def execute(self) -> Steps:
+        """Explore, then save."""
+        from bestman_bt.navigation.map_file import MapFileError, write_map
+        from bestman_bt.navigation.slam import SlamLocalizer
+
+        skills = self.skills
+        slam, told = skills.slam, skills.world.base
+        before = skills.base.localise_by(SlamLocalizer(slam))
+        try:
+            finished = yield from self._explore()
+            yield skills.base.park()
+        finally:
+            skills.base.stop()
+            self._localise_by(before, told)
+        grid = slam.grid
+        area = float((grid.data == FREE).sum()) * grid.resolution**2
+        self.grid = grid
+        self.area = area
+        if self.file:
+            try:
+                self.saved = str(write_map(grid, self.file))
+            except MapFileError as error:
+                raise SkillFailure("not_saved", str(error)) from error
+        if not finished:
+            text = f"{area:.0f} m² were mapped in {self.max_time:.0f} s, and there is more to see"
+            raise SkillFailure("timeout", text)
+        self.feedback_message = f"{area:.0f} m² of free floor, {slam.estimate.loop_closures} loop closures"
+
+    def _localise_by(self, localizer: Localizer, told: BasePose) -> None:
+        """Back to the map that was there before: as unsure as that was told where the base was at the start."""
+        base, now = self.skills.base, self.skills.world.base
+        base.localise_by(localizer)
+        far = told.pose.distance_to(now.pose)
+        position_std = math.hypot(now.position_std, told.position_std + told.heading_std * far)
+        base.believe(now.pose, position_std, math.hypot(now.heading_std, told.heading_std))
+
+    def _explore(self) -> StepsTo[bool]:
+        """Whether nothing is left to see; False where the time is up."""
+        from bestman_bt.navigation.slam import Overhangs
+
+        skills = self.skills
+        end = skills.clock.now() + self.max_time
+        slam, explorer = skills.slam, skills.exploration
+        if skills.has("head"):
+            yield skills.head.look_at(AHEAD)
+        yield skills.base.park()
+        overhangs = Overhangs(slam.grid.resolution)
+        self._pictured: Pose2D | None = None
+        self._outline = self._grown(skills.footprint())
+        useless, moved = np.zeros((0, 2)), False
+        while skills.clock.now() < end:
+            grid, costmap = self._look(overhangs)
+            views: list[FrontierView] = yield self.compute(
+                "exploration", explorer.tour, grid, costmap, self._pose, useless
+            )
+            if not views and not moved and costmap.clearance_at(self._pose) <= 0.0:
+                text = "too little around the base is known to be free to drive from where it stands"
+                raise SkillFailure("start_blocked", text)
+            if not views:
+                return True
+            for view in views:
+                path = yield self.compute("global_planning", self._plan, view.pose, costmap)
+                if isinstance(path, Path2D):
+                    self.feedback_message = f"{view.gain:.1f} m² unknown in view, {path.length:.1f} m away"
+                    moved = True
+                    if not (yield from self._drive(path, view, overhangs, end)):
+                        useless = np.vstack([useless, view.pose.xy])
+                    break
+                useless = np.vstack([useless, view.pose.xy])
+        return False
+
+    def _grown(self, footprint: Footprint) -> Footprint:
+        """The outline of base and arm as one: how high something is that the lidar has seen is not known."""
+        from bestman_bt.navigation.global_planning import Footprint
+
+        corners = footprint.corners * (1.0 + PADDING / np.linalg.norm(footprint.corners, axis=1, keepdims=True))
+        above = footprint.above.corners
+        reaching = np.column_stack([above, np.zeros(len(above))])
+        return Footprint(corners, footprint.turning_drift).carrying([reaching], margin=0.0).above
+
+    def _drive(self, path: Path2D, view: FrontierView, overhangs: Overhangs, end: float) -> StepsTo[bool]:
+        """Drive until there is nothing more to see from the goal; whether that is so, on the way or there."""
+        skills, explorer = self.skills, self.skills.exploration
+        handle = skills.base.follow(path)
+        while True:
+            yield Until(passed(skills.clock, LOOK_PERIOD), handle)
+            if handle.done and handle.status is not MotionStatus.SUCCEEDED:
+                failure = handle.failure
+                if failure is None or failure.code not in ("blocked", "tolerance"):
+                    raise SkillFailure.of(failure)
+                return False
+            grid, costmap = self._look(overhangs)
+            if explorer.gain(grid, view.pose.xy) < explorer.min_gain:
+                return True
+            if handle.done or self._pose.distance_to(view.pose) < ARRIVED:
+                return False
+            if skills.clock.now() >= end:
+                return True
+            if not self._is_free(path, costmap):
+                skills.base.stop()
+                return costmap.clearance_at(view.pose) > 0.0
+
+    def _look(self, overhangs: Overhangs) -> tuple[OccupancyGrid, Costmap]:
+        """The map as it is now, and what to keep clear of."""
+        skills = self.skills
+        if skills.has("camera") and self._picture_due():
+            self._pictured = self._pose
+            try:
+                view = skills.camera.capture().in_map
+            except READING_ERRORS as error:
+                text = f"what hangs over the floor cannot be seen: {error}"
+                raise SkillFailure("no_image", text, error.failure) from error
+            overhangs.add(view.cloud().points[::EVERY_POINT], view.viewpoint)
+        grid = skills.slam.grid
+        if not grid.data.size:
+            raise SkillFailure("start_blocked", "the lidar has seen nothing yet that a map could be drawn of")
+        return grid, skills.costmap.of_grid(overhangs.drawn_on(grid), self._outline)
+
+    def _picture_due(self) -> bool:
+        pictured, pose = self._pictured, self._pose
+        if pictured is None or pose.distance_to(pictured) > PICTURE_DISTANCE:
+            return True
+        return abs(wrap_angle(pose.theta - pictured.theta)) > PICTURE_TURN
+
+    @property
+    def _pose(self) -> Pose2D:
+        return self.skills.world.base.pose
+
+    def _plan(self, goal: Pose2D, costmap: Costmap) -> Path2D | PlanningFailure:
+        return self.skills.global_planning.plan(self._pose, goal, costmap)
+
+    def _is_free(self, path: Path2D, costmap: Costmap) -> bool:
+        """Whether the next metres of the path are."""
+        steps = np.diff(path.points, axis=0)
+        lengths = np.linalg.norm(steps, axis=1)
+        pieces = [
+            start + step * np.arange(0.0, 1.0, 0.05 / max(float(length), 0.05))[:, None]
+            for start, step, length in zip(path.points[:-1], steps, lengths, strict=True)
+        ]
+        points = np.concatenate([*pieces, path.points[-1:]])
+        passed = int(np.argmin(np.linalg.norm(points - self._pose.xy, axis=1)))
+        ahead = points[passed : passed + round(LOOK_AHEAD / 0.05)]
+        return bool((costmap.distance_at(ahead) > 0.9 * costmap.footprint.inscribed_radius).all())

@@ -1,0 +1,113 @@
+"""Knowing where the base is: from the start, and again after it has lost its way."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Annotated, ClassVar
+
+import numpy as np
+from annotated_types import Gt, Lt
+
+from behaviours.skill import Declaration, Skill, SkillCondition, SkillFailure, Steps
+from bestman_bt.engine import In, Out
+from bestman_bt.messages import Pose2D
+from bestman_bt.messages.shapes import Count, Positive
+
+if TYPE_CHECKING:
+    from bestman_bt.navigation.localization import OdometryScan, Place
+
+
+KNOWN_POSITION_STD = 0.5
+"""Metres; a pose that is less certain is none."""
+ROOM_TO_TURN = 0.03
+"""Metres that the lidar must see free around the base before it turns without a map."""
+
+
+class Relocalise(Skill):
+    """Find the base on the whole map, wherever it believes to be; turn and look again until there is one such place.
+
+    Nothing is driven but turns on the spot, and those only where the lidar sees room for them.
+    """
+
+    REQUIRES = ("base", "lidar")
+    looks = In[int](Count, "scans, with a turn between them", default=4)
+    turn = In[float](
+        Annotated[float, Gt(-math.pi), Lt(math.pi)],
+        "radians between two scans, within a half turn",
+        default=math.pi / 2,
+    )
+    certainty = In[float](Positive, "probability that the place must have, below 1", default=0.95)
+    pose = Out(Pose2D, "where the base was found, in the map frame")
+    FAILS: ClassVar = {
+        "ambiguous": "drive on and look again: DriveOnHeading, then Relocalise",
+        "not_on_map": "the map is of another place, or much has changed: ExploreAndMap",
+        "no_room": "BackUp, then Relocalise",
+    }
+    DECLARATION = Declaration(effects=("localised",))
+
+    def execute(self) -> Steps:
+        """Look, search, turn; then let the tracking settle on what was found."""
+        skills = self.skills
+        looks, certainty = self.looks, self.certainty
+        scans: list[OdometryScan] = []
+        yield skills.base.park()
+        for look in range(looks):
+            if look:
+                self._check_room(scans[-1])
+                yield skills.base.turn(self.turn)
+            scans.append(skills.base.scan())
+            places: tuple[Place, ...] = yield self.compute(
+                "global_localization",
+                skills.global_localization.locate,
+                skills.world.map,
+                scans,
+                skills.base.lidar.base_from_lidar,
+            )
+            self.feedback_message = _told(places)
+            if places and places[0].probability >= certainty:
+                break
+        else:
+            raise SkillFailure("ambiguous" if places else "not_on_map", _told(places))
+        best = places[0]
+        skills.base.believe(best.pose, best.position_std, best.heading_std)
+        yield skills.base.park()
+        if skills.base.localisation.lost:
+            raise SkillFailure("not_on_map", f"{_told(places)}, but the scans after that do not fit")
+        self.pose = skills.world.base.pose
+
+    def _check_room(self, seen: OdometryScan) -> None:
+        corners = np.array(self.skills.base.model.footprint)
+        radius = float(np.linalg.norm(corners, axis=1).max())
+        away = np.linalg.norm(self.skills.base.lidar.base_from_lidar.apply(seen.scan.points()), axis=1)
+        if away.size and away.min() < radius + ROOM_TO_TURN:
+            raise SkillFailure("no_room", f"the base cannot turn to look around: something is {away.min():.2f} m away")
+
+
+class InitialPoseReceived(SkillCondition):
+    """Whether the base has a pose on the map to go on from: it was told one, or has found it, and has not lost it."""
+
+    REQUIRES = ("base", "lidar")
+    max_position_std = In[float](Positive, "metres, of the believed position", default=KNOWN_POSITION_STD)
+    FAILS: ClassVar = {
+        "no_pose": "Relocalise",
+        "lost": "Relocalise",
+    }
+
+    def check(self) -> tuple[str, str] | None:
+        """Asks the localisation."""
+        believed, limit = self.skills.world.base, self.max_position_std
+        if believed.position_std > limit:
+            return "no_pose", f"the base may be ±{believed.position_std:.1f} m from where it believes to be"
+        if self.skills.base.localisation.lost:
+            return "lost", "the base has lost its way"
+        return None
+
+
+def _told(places: tuple[Place, ...]) -> str:
+    if not places:
+        return "the map has no place that looks like this"
+    best = places[0]
+    where = f"({best.pose.x:.2f}, {best.pose.y:.2f}) m, {math.degrees(best.pose.theta):.0f}°"
+    if len(places) == 1:
+        return f"the base is at {where}"
+    return f"the base is at {where} with a probability of {best.probability:.0%}; {len(places)} places look like this"

@@ -1,0 +1,1 @@
+"""Skills that look: detecting, scanning, searching, tidying, and beliefs made of what was seen."""

@@ -1,0 +1,205 @@
+"""From what a view shows to what is believed: identities, things without a model, the surface itself."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable
+from dataclasses import replace
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+
+from behaviours.context import SkillContext
+from behaviours.perception.surfaces import UNKNOWN_SURFACE, measured_surface, told_surface
+from behaviours.skill import Declaration, InstantSkill, ObjectName, SkillFailure, SurfaceName
+from bestman_bt.engine import In
+from bestman_bt.messages import Box, ObjectModel, PlacedShape, PointCloud, Pose
+from bestman_bt.messages.shapes import NonNegative
+from bestman_bt.world_model import ObjectBelief
+
+if TYPE_CHECKING:
+    from bestman_bt.control.rgbd import RGBDView
+    from bestman_bt.perception.detection import DetectedScene, Detection
+    from bestman_bt.perception.pose_estimation import Observation
+    from bestman_bt.perception.segmentation import Cluster
+
+
+# Beliefs of objects that nobody has looked at: whoever tells knows where they stand.
+
+
+class BelieveObject(InstantSkill):
+    """Believe that an object stands at a pose, such as in a fixture or where another robot has seen it.
+
+    Where a surface is named, it is believed to be as high as the object's lowest point.
+    """
+
+    object = In[str](ObjectName, "an object that the robot has a model of")
+    pose = In(Pose, "x;y;z;roll;pitch;yaw in the map frame, of the model's origin")
+    surface = In[str | None](SurfaceName, "the surface that it stands on", required=False)
+    position_std = In[float](NonNegative, "metres", default=0.002)
+    FAILS: ClassVar = {
+        **UNKNOWN_SURFACE,
+        "unknown_object": "add a model of it",
+    }
+    DECLARATION = Declaration(effects=("located({object})",))
+
+    def act(self) -> None:
+        """Takes no picture."""
+        world, name = self.skills.world, self.object
+        model = world.models.get(name)
+        if model is None:
+            raise SkillFailure("unknown_object", f"no model of {name!r}; there are {', '.join(world.models)}")
+        pose, surface = self.pose, self.surface
+        if surface:
+            lowest = float(pose.position[2] + (pose.rotation[2] * model.bounds()).min(axis=0).sum())
+            world.obstacles[f"{surface}/surface"] = told_surface(self.skills, surface, lowest)
+        world.objects[name] = ObjectBelief(
+            name=name,
+            model=model,
+            pose=pose,
+            confidence=1.0,
+            position_std=self.position_std,
+            stamp=self.skills.clock.now(),
+            surface=surface or None,
+        )
+
+
+REMEMBERED_VIEWS = 4
+"""Views of one object that are kept, to be joined with the next one."""
+MAP_ERROR = 0.03
+"""Metres by which furniture may stand beside its place on the map."""
+THING_STD = 0.003
+"""Metres: how well the middle of a measured box is known."""
+THING_DENSITY = 400.0
+"""kg/m³: what a thing without a model is taken to weigh."""
+
+
+def believe_surface(skills: SkillContext, surface: str, view: RGBDView, scene: DetectedScene) -> tuple[str, ...]:
+    """Believe in a surface as measured, and in what stands on it; returns as ``believe_objects``."""
+    skills.world.obstacles[f"{surface}/surface"] = measured_surface(skills, surface, view, scene.plane)
+    return believe_objects(skills, view, scene, surface)
+
+
+def believe_objects(
+    skills: SkillContext, view: RGBDView, scene: DetectedScene, surface: str | None = None
+) -> tuple[str, ...]:
+    """Explain what was seen by what is believed; returns the identities: of the detections, then of the unknown."""
+    from bestman_bt.perception.pose_estimation import Observation
+
+    world = skills.world
+    things = [cluster for cluster in scene.unknown if not _part_of_furniture(skills, view, cluster, surface)]
+    clusters = [*(found.cluster for found in scene.detections), *things]
+    sightings = [_sighting(view, found, surface) for found in scene.detections]
+    models = {model.name for model in world.models.values()}
+    sightings += [_thing(view, cluster, surface, models) for cluster in things]
+    tracked = skills.tracking.update(
+        world.objects,
+        sightings,
+        view.in_map,
+        drift=world.base.position_std,
+        taken=[held.name for held in world.hands.values()],
+    )
+    world.objects = dict(tracked.objects)
+    world.changes += tracked.changes
+    _forget_views(skills, [change.name for change in tracked.changes])
+    for name, cluster in zip(tracked.identities, clusters, strict=True):
+        remember_view(skills, name, Observation(cluster.seen_from(view.map_from_base), view.in_map))
+    return tracked.identities
+
+
+def remember_view(skills: SkillContext, name: str, observation: Observation) -> None:
+    """Keep what was seen of an object, in the map frame, to be joined with other views of it."""
+    skills.observations[name] = [*skills.observations.get(name, []), observation][-REMEMBERED_VIEWS:]
+
+
+def only_nearest(scene: DetectedScene, belief: ObjectBelief, base_from_object: Pose) -> DetectedScene:
+    """The scene with nothing in it but what may be the believed object: of its model, nearest to its place."""
+    if belief.recognised:
+        same = [found for found in scene.detections if found.name == belief.model.name]
+        same.sort(key=lambda found: float(np.linalg.norm(found.pose.position - base_from_object.position)))
+        return replace(scene, detections=tuple(same[:1]), unknown=())
+    things = sorted(
+        scene.unknown,
+        key=lambda cluster: float(np.linalg.norm(cluster.bounding_box.pose.position - base_from_object.position)),
+    )
+    return replace(scene, detections=(), unknown=tuple(things[:1]))
+
+
+def seen_words(scene: DetectedScene) -> str:
+    """What was seen, for an error message."""
+    from bestman_bt.perception.detection import LabelledCluster
+
+    seen = [f"{found.name} ({found.confidence:.2f}{score_words(found.score)})" for found in scene.detections]
+    named = [thing for thing in scene.unknown if isinstance(thing, LabelledCluster)]
+    seen += [f"{thing.label} (no pose{score_words(thing.score)})" for thing in named]
+    nameless = len(scene.unknown) - len(named)
+    if nameless:
+        seen.append(f"{nameless} unknown thing{'s' if nameless > 1 else ''}")
+    return "seen " + ", ".join(seen) if seen else "it is empty"
+
+
+def score_words(score: float | None) -> str:
+    """``, score 0.80``: a detector's own; empty where it gives none."""
+    return "" if score is None else f", score {score:.2f}"
+
+
+def _part_of_furniture(skills: SkillContext, view: RGBDView, cluster: Cluster, surface: str | None) -> bool:
+    """Whether the map explains a cluster: it lies within furniture other than that which it was searched on."""
+    known = skills.world.map
+    searched = surface.partition("/")[0] if surface is not None else None
+    place = (view.map_from_base @ cluster.bounding_box.pose).position
+    for name, piece in known.furniture.items():
+        if name != searched and piece.covers(place[:2], MAP_ERROR):
+            under = known.standing_under(name)
+            floor = under.height if under is not None else 0.0
+            if floor - MAP_ERROR < place[2] < piece.height + MAP_ERROR:
+                return True
+    return False
+
+
+def _forget_views(skills: SkillContext, names: Iterable[str]) -> None:
+    for name in names:
+        skills.observations.pop(name, None)
+
+
+def _sighting(view: RGBDView, found: Detection, surface: str | None) -> ObjectBelief:
+    hypothesis = found.hypothesis
+    return ObjectBelief(
+        name=found.name,
+        model=hypothesis.model,
+        pose=view.map_from_base @ hypothesis.pose,
+        confidence=hypothesis.confidence,
+        position_std=hypothesis.position_std,
+        stamp=view.stamp,
+        surface=surface,
+        yaw_set=hypothesis.yaw_set.turned(view.map_from_base.yaw),
+        score=found.score,
+    )
+
+
+def _thing(view: RGBDView, cluster: Cluster, surface: str | None, models: Collection[str]) -> ObjectBelief:
+    """A thing that no model explains, named where a detector has a name for it: its box is its model.
+
+    ``models``: their names. What bears one of these and was not fitted has confidence 0.
+    """
+    from bestman_bt.perception.detection import LabelledCluster
+    from bestman_bt.perception.tracking import THING
+
+    name, score = (cluster.label, cluster.score) if isinstance(cluster, LabelledCluster) else (THING, None)
+    placed = cluster.bounding_box
+    assert isinstance(placed.shape, Box)
+    red, green, blue = (float(value) for value in cluster.colors.mean(axis=0) / 255.0)
+    mass = THING_DENSITY * float(np.prod(placed.shape.size))
+    model = ObjectModel(name, (red, green, blue), mass, 0.5, (PlacedShape(placed.shape, Pose()),), symmetry_order=2)
+    return ObjectBelief(
+        name=name,
+        model=model,
+        pose=view.map_from_base @ placed.pose,
+        confidence=0.0 if name in models else 1.0,
+        position_std=THING_STD,
+        stamp=view.stamp,
+        surface=surface,
+        recognised=False,
+        cloud=PointCloud(view.map_from_base.apply(cluster.points), cluster.colors),
+        viewpoint=view.in_map.viewpoint,
+        score=score,
+    )

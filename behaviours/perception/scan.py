@@ -1,0 +1,173 @@
+"""Scanning: several views of a surface, joined into one belief of what stands there and of what space is free."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from behaviours.perception.beliefs import believe_objects, believe_surface
+from behaviours.perception.surfaces import SURFACE_NOT_SEEN, UNKNOWN_SURFACE, find_surface, surface_region
+from behaviours.skill import ALGORITHM_ERRORS, Declaration, Skill, SkillFailure, Steps, StepsTo, SurfaceName
+from bestman_bt.engine import In, Out
+from bestman_bt.messages import Pose, VoxelGrid
+
+if TYPE_CHECKING:
+    from bestman_bt.control.rgbd import RGBDView
+    from bestman_bt.perception.detection import DetectedScene
+    from bestman_bt.perception.occupancy import VoxelRegion
+    from bestman_bt.perception.pose_estimation import PoseHypothesis
+    from bestman_bt.perception.segmentation import Region, SupportPlane
+
+
+SPREAD = 0.6
+"""Share of a surface's longer side over which the views are spread."""
+TURN = 0.6
+"""Radians between two views where no surface is named."""
+AHEAD = (1.2, 0.7)
+"""Metres before the base and above the floor that are looked at where no surface is named."""
+MAPPED_HEIGHT = 0.8
+"""Metres above the lowest point of a scan that are mapped."""
+MAPPED_MARGIN = 0.3
+"""Metres around a scanned surface that are mapped."""
+MAPPED_AROUND = 2.4
+"""Metres, the side of the square before the base that is mapped where no surface is named."""
+
+
+class ScanScene(Skill):
+    """Turn the head over a surface, or around where none is named, and believe in what all views show together.
+
+    A camera that nothing turns takes one picture.
+
+    The space around is mapped as free, occupied or unknown, for planning.
+    """
+
+    REQUIRES = ("camera",)
+    USES = ("head",)
+    surface = In[str | None](SurfaceName, "a surface, such as table; else all in view", required=False)
+    views = In(int, "how many pictures to take", default=3)
+    further = In(bool, "add to the space that the last scan of this surface has mapped", default=False)
+    objects = Out(list, "names of what was seen")
+    changes = Out(list, "what was noticed: cup moved, can_2 added")
+    FAILS: ClassVar = {**UNKNOWN_SURFACE, **SURFACE_NOT_SEEN}
+    DECLARATION = Declaration(effects=("scanned({surface})",))
+
+    def execute(self) -> Steps:
+        """Look, detect and map, view by view; then join the views of each object."""
+        skills = self.skills
+        count: int = self.views
+        if count < 1:
+            raise SkillFailure("bad_input", f"views should be 1 or more, got {count}")
+        noticed = len(skills.world.changes)
+        views: list[RGBDView] = []
+        seen: list[str] = []
+        problems: list[Exception] = []
+        if not skills.has("head"):
+            count = 1  # it sees the same each time
+        for point in self._points(count):
+            if skills.has("head"):
+                yield skills.head.look_at(point)
+            try:
+                views.append(skills.camera.capture())
+                seen += yield from self._detect(views[-1])
+            except ALGORITHM_ERRORS as error:
+                problems.append(error)
+        if len(problems) == count:
+            raise problems[0]
+        before = skills.world.occupancy
+        mapped: VoxelGrid = yield self.compute(
+            "depth_fusion", skills.occupancy.fuse, [view.in_map for view in views], self._mapped()
+        )
+        skills.world.occupancy = mapped if before is None or not self.further else mapped.with_unknown_from(before)
+        names = [name for name in dict.fromkeys(seen) if name in skills.world.objects]
+        for name in names:
+            yield from self._join(name)
+        changes = skills.world.changes[noticed:]
+        self.objects = names
+        self.changes = [f"{change.name} {change.kind}" for change in changes]
+        self.feedback_message = f"{len(names)} things, {len(changes)} changes"
+
+    def _points(self, count: int) -> list[NDArray[np.float64]]:
+        """Where to look, (3,) metres in the base frame, the middle first."""
+        steps = sorted(np.linspace(-0.5, 0.5, count) if count > 1 else [0.0], key=abs)
+        name = self.surface
+        if not name:
+            turns = [step * TURN * (count - 1) for step in steps]
+            return [np.array([AHEAD[0] * np.cos(turn), AHEAD[0] * np.sin(turn), AHEAD[1]]) for turn in turns]
+        furniture, surface = find_surface(self.skills, name)
+        base_from_surface = self.skills.map_from_base.inverse() @ furniture.pose.to_pose() @ surface.pose
+        longer = int(surface.size[1] >= surface.size[0])
+        along = np.eye(3)[longer] * surface.size[longer] * SPREAD
+        return [base_from_surface.apply(step * along) for step in steps]
+
+    def _detect(self, view: RGBDView) -> StepsTo[Sequence[str]]:
+        """Believe in what one view shows; returns the identities."""
+        from bestman_bt.perception.segmentation import surface_regions
+
+        skills = self.skills
+        name = self.surface
+        if name:
+            scene = yield from self._detected(view, surface_region(skills, name, view))
+            return believe_surface(skills, name, view, scene)
+        planes: Sequence[SupportPlane] = yield self.compute(
+            "segmentation", skills.surfaces.find, view.in_base, skills.rng
+        )
+        names: list[str] = []
+        for plane, region in zip(planes, surface_regions(planes), strict=True):
+            scene = yield from self._detected(view, region)
+            names += believe_objects(skills, view, scene, self._surface_of(view, plane))
+        return names
+
+    def _detected(self, view: RGBDView, region: Region) -> StepsTo[DetectedScene]:
+        skills = self.skills
+        models = list(skills.world.models.values())
+        scene: DetectedScene = yield self.compute(
+            "detection", skills.detection.detect, view.in_base, region, models, skills.rng
+        )
+        return scene
+
+    def _surface_of(self, view: RGBDView, plane: SupportPlane) -> str | None:
+        """The mapped surface that a measured plane is, if it is one."""
+        place = (view.map_from_base @ plane.frame_from_plane).position
+        for furniture in self.skills.world.map.furniture.values():
+            for surface in furniture.surfaces:
+                local = (furniture.pose.to_pose() @ surface.pose).inverse().apply(place)
+                if abs(local[2]) < 0.05 and (np.abs(local[:2]) < np.array(surface.size) / 2).all():
+                    return f"{furniture.name}/{surface.name}"
+        return None
+
+    def _mapped(self) -> VoxelRegion:
+        """The box to map, in the map frame."""
+        from bestman_bt.perception.occupancy import VoxelRegion
+
+        skills = self.skills
+        name = self.surface
+        if not name:
+            centre = Pose(np.array([AHEAD[0], 0.0, AHEAD[1]]))
+            return VoxelRegion(skills.map_from_base @ centre, (MAPPED_AROUND, MAPPED_AROUND, 2 * AHEAD[1]))
+        furniture, surface = find_surface(skills, name)
+        above = Pose(np.array([0.0, 0.0, MAPPED_HEIGHT / 2 - MAPPED_MARGIN / 2]))
+        x, y = (extent + 2 * MAPPED_MARGIN for extent in surface.size)
+        return VoxelRegion(furniture.pose.to_pose() @ surface.pose @ above, (x, y, MAPPED_HEIGHT + MAPPED_MARGIN))
+
+    def _join(self, name: str) -> Steps:
+        """One pose from all views of an object."""
+        skills = self.skills
+        belief, observations = skills.world.objects[name], skills.observations.get(name, [])
+        if not belief.recognised or len(observations) < 2:
+            return
+        joined: tuple[PoseHypothesis, ...] = yield self.compute(
+            "pose_estimation", skills.multi_view.estimate, observations, [belief.model]
+        )
+        if joined and joined[0].confidence >= belief.confidence:
+            best = joined[0]
+            skills.world.objects[name] = replace(
+                belief,
+                pose=best.pose,
+                confidence=best.confidence,
+                position_std=best.position_std,
+                yaw_set=best.yaw_set,
+            )

@@ -1,0 +1,89 @@
+"""Searching: was what was looked for seen? If not, was all seen where it may be, and that it was looked for there."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+from behaviours.context import SkillContext
+from behaviours.perception.surfaces import UNKNOWN_SURFACE, find_surface
+from behaviours.skill import ObjectName, SkillCondition, SurfaceName
+from bestman_bt.engine import In
+
+HIDDEN_AT_MOST = 0.02
+"""Share of a surface that may stay hidden when all of it counts as seen: the corner behind a thing that is known."""
+THING = 0.06
+"""Metres: how wide a thing without a model is taken to be."""
+
+
+class FoundOrSeenAll(SkillCondition):
+    """Whether it is known where an object is, or no part of a surface is left that may hide it.
+
+    Asks the space that ``ScanScene`` has mapped, of what the robot's own arm hid, too.
+    """
+
+    object = In[str](ObjectName, "the object that is looked for")
+    surface = In[str](SurfaceName, "the surface that was scanned, such as table")
+    FAILS: ClassVar = {
+        **UNKNOWN_SURFACE,
+        "part_hidden": "another posture, MoveArm, or stand, FindStandPose and NavigateTo; then ScanScene",
+    }
+
+    def check(self) -> tuple[str, str] | None:
+        """Asks the beliefs; takes no picture."""
+        if self.object in self.skills.world.objects:
+            return None
+        hidden = hidden_part(self.skills, self.object, self.surface)
+        if hidden <= HIDDEN_AT_MOST:
+            return None
+        return "part_hidden", f"{hidden:.0%} of the {self.surface} was hidden, the {self.object} may be there"
+
+
+def hidden_part(skills: SkillContext, name: str, surface_name: str) -> float:
+    """Share of a surface, 0 to 1, that the last scan did not show well enough for an object to be noticed there.
+
+    0 without a scan, and of drawers, into which the camera on the hand looks from above.
+    """
+    from bestman_bt.perception.occupancy import hidden_share
+
+    furniture, surface = find_surface(skills, surface_name)
+    grid, model = skills.world.occupancy, skills.world.models.get(name)
+    if grid is None or surface.leaf is not None:
+        return 0.0
+    width = THING if model is None else float(model.size[:2].min())
+    return hidden_share(grid, furniture.pose.to_pose() @ surface.pose, surface.size, width)
+
+
+class FoundOn(SkillCondition):
+    """Whether an object is believed to be on a surface that was just looked at; remembers where it was not found.
+
+    Found on another surface on the way it counts as not found here, and its place is known. Where a part of the surface
+    was hidden all the time, ``ForgetBlocked`` makes it worth looking there again.
+    """
+
+    object = In[str](ObjectName, "the object that is looked for")
+    surface = In[str](SurfaceName, "the surface that was looked at, such as table")
+    FAILS: ClassVar = {
+        **UNKNOWN_SURFACE,
+        "not_found": "look elsewhere: Plan, or another place",
+    }
+
+    def check(self) -> tuple[str, str] | None:
+        """Asks the beliefs; takes no picture."""
+        world = self.skills.world
+        name: str = self.object
+        furniture, surface = find_surface(self.skills, self.surface)
+        place = f"{furniture.name}/{surface.name}"
+        belief = world.objects.get(name)
+        if belief is None:
+            world.searched[name, place] = self.skills.clock.now()
+            world.searched_in_part.discard((name, place))
+            hidden = hidden_part(self.skills, name, place)
+            if hidden <= HIDDEN_AT_MOST:
+                return "not_found", f"the {name} was not seen on the {place}"
+            world.searched_in_part.add((name, place))
+            return "not_found", f"the {name} was not seen on the {place}, {hidden:.0%} of which was hidden"
+        if belief.surface is not None:
+            seen_furniture, seen_surface = find_surface(self.skills, belief.surface)
+            if seen_furniture.name == furniture.name and seen_surface.name == surface.name:
+                return None
+        return "not_found", f"the {name} was seen on the {belief.surface}, not on the {place}"

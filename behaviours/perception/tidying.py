@@ -1,0 +1,197 @@
+"""Tidying: which of the things that were seen do not stand where they belong, and where there is room for them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+from py_trees.ports import PortInformation
+
+from behaviours.context import SkillContext
+from behaviours.perception.beliefs import believe_surface
+from behaviours.perception.surfaces import SURFACE_NOT_SEEN, UNKNOWN_SURFACE, find_surface, surface_region
+from behaviours.skill import Declaration, Explained, ObjectName, Skill, SkillCondition, SkillFailure, Steps, SurfaceName
+from bestman_bt.engine import In, InOut, Out, SyncAction
+from bestman_bt.engine.bounds import BoundedPort
+from bestman_bt.messages import ObjectModel, Pose
+from bestman_bt.world_model import ObjectBelief
+
+if TYPE_CHECKING:
+    from bestman_bt.perception.detection import DetectedScene
+
+
+SAME_PLACE = 0.08
+"""Metres: a place nearer than this to one that was given before is the same one."""
+BEFORE_BASE = 0.6
+"""Metres before the base where a place is reached best."""
+MAX_TILT = np.radians(10.0)
+ON_SURFACE = 0.03
+"""Metres above or below the mapped height of a surface at which a thing stands on it."""
+
+_WHERE: dict[str, PortInformation] = {
+    "surface": BoundedPort(SurfaceName, description="the surface on which they belong, such as counter/top"),
+    "region_x": PortInformation(list, description="from, to: metres in the frame of the surface"),
+    "region_y": PortInformation(list, description="from, to: metres in the frame of the surface"),
+}
+_WHICH: dict[str, PortInformation] = {
+    "objects": PortInformation(list, description="names of the things that belong there, as far as they are seen"),
+    "seen": PortInformation(list, description="names of those that were seen so far"),
+}
+
+
+class RememberSeen(Explained, SyncAction):
+    """Add those of the named things that are believed to be somewhere to the list of what was seen."""
+
+    INPUT_PORTS: ClassVar = {"objects": _WHICH["objects"]}
+    seen = InOut(list, "the list; begun where there is none", required=False)
+
+    def on_tick(self) -> int:
+        """Asks the beliefs."""
+        wanted: Sequence[str] = self.get_input("objects")
+        before: Sequence[str] = self.seen or ()
+        now = [belief.name for belief in self.skills.world.objects.values() if _is_wanted(belief, wanted)]
+        seen = list(dict.fromkeys([*before, *now]))
+        self.seen = seen
+        return self.succeed(", ".join(seen) or "nothing")
+
+
+class FindUntidy(Explained, SyncAction):
+    """List the things, of those that were seen, that are not believed to stand upright within a region of a surface."""
+
+    INPUT_PORTS: ClassVar = {"seen": _WHICH["seen"], **_WHERE}
+    margin = In(float, "metres inside the region", default=0.035)
+    untidy = Out(list, "their names", required=True)
+    FAILS: ClassVar = UNKNOWN_SURFACE
+
+    def on_tick(self) -> int:
+        """Asks the beliefs."""
+        untidy = _untidy(self)
+        self.untidy = untidy
+        return self.succeed(", ".join(untidy) or "nothing")
+
+
+class IsTidy(SkillCondition):
+    """Whether all things that were seen are believed to stand upright within a region; not where none was seen."""
+
+    INPUT_PORTS: ClassVar = FindUntidy.INPUT_PORTS
+    FAILS: ClassVar = {
+        **UNKNOWN_SURFACE,
+        "nothing_seen": "ScanScene",
+        "untidy": "FindUntidy, then pick and place each",
+    }
+
+    def check(self) -> tuple[str, str] | None:
+        """Asks the beliefs; takes no picture."""
+        if not self.get_input("seen"):
+            return "nothing_seen", "none of the things that should be tidied was seen"
+        untidy = _untidy(self)
+        if untidy:
+            where = f"within the region on the {self.get_input('surface')}"
+            return "untidy", f"the {', the '.join(untidy)} {'do' if len(untidy) > 1 else 'does'} not stand {where}"
+        return None
+
+
+class FindFreePlace(Skill):
+    """Look at a surface and choose a place on it, anywhere or within a region, where there is room for an object.
+
+    The place nearest to the robot; asked again for the same object it gives another one.
+    """
+
+    REQUIRES = ("camera",)
+    object = In[str](ObjectName, "the object that shall stand there")
+    surface = In[str](SurfaceName, "the surface, such as counter/top")
+    region_x = In(list, "from, to: metres in its frame; all of it by default", required=False)
+    region_y = In(list, "from, to: metres in its frame; all of it by default", required=False)
+    margin = In(float, "metres inside the region", default=0.05)
+    clearance = In(float, "metres around the object", default=0.04)
+    goal = Out(Pose, "the place, in the map frame, z of the surface", required=True)
+    FAILS: ClassVar = {
+        **UNKNOWN_SURFACE,
+        **SURFACE_NOT_SEEN,
+        "unknown_object": "DetectObject first, or add a model",
+        "surface_full": "another surface or region",
+    }
+    DECLARATION = Declaration(effects=("free({goal})",))
+
+    def on_load(self) -> None:
+        """Nothing has been given yet."""
+        self._object = ""
+        self._given: list[NDArray[np.float64]] = []
+
+    def execute(self) -> Steps:
+        """Capture, measure the surface, look for room."""
+        from bestman_bt.perception.segmentation import surface_coverage
+
+        skills = self.skills
+        name: str = self.object
+        surface: str = self.surface
+        model = _model(skills, name)
+        if name != self._object:
+            self._object, self._given = name, []
+        view = skills.camera.capture()
+        region = surface_region(skills, surface, view)
+        models = list(skills.world.models.values())
+        scene: DetectedScene = yield self.compute(
+            "detection", skills.detection.detect, view.in_base, region, models, skills.rng
+        )
+        believe_surface(skills, surface, view, scene)
+        radius = float(np.linalg.norm(model.size[:2])) / 2 + self.clearance
+        coverage = surface_coverage(view.in_base, region, scene.scene)
+        discs = view.map_from_base.apply(coverage.free_discs(radius, np.array([BEFORE_BASE, 0.0])))
+        furniture, mapped = find_surface(skills, surface)
+        map_from_surface = furniture.pose.to_pose() @ mapped.pose
+        inside = discs[_within(self, map_from_surface.inverse().apply(discs))]
+        given = np.reshape(self._given, (-1, 3))[:, :2]
+        fresh = [place for place in inside if (np.linalg.norm(given - place[:2], axis=1) > SAME_PLACE).all()]
+        if not fresh:
+            across = f"{200 * radius:.0f} cm disc for the {name}"
+            where = f"on the {surface}" if self.region_x is None else f"in the region of the {surface}"
+            raise SkillFailure("surface_full", f"no free {across} is left {where}")
+        self._given.append(fresh[0])
+        self.goal = Pose(fresh[0], map_from_surface.quaternion)
+        self.feedback_message = f"place for the {name} at {fresh[0][0]:.2f}, {fresh[0][1]:.2f}"
+
+
+def _model(skills: SkillContext, name: str) -> ObjectModel:
+    held = {one.name: one.model for one in skills.world.hands.values()}
+    belief = skills.world.objects.get(name)
+    if name in held:
+        return held[name]
+    if belief is not None:
+        return belief.model
+    if name in skills.world.models:
+        return skills.world.models[name]
+    raise SkillFailure("unknown_object", f"no model of {name!r} and nothing so called seen")
+
+
+def _is_wanted(belief: ObjectBelief, wanted: Sequence[str]) -> bool:
+    return belief.name in wanted or belief.model.name in wanted
+
+
+def _untidy(node: FindUntidy | IsTidy) -> list[str]:
+    skills = node.skills
+    furniture, surface = find_surface(skills, node.get_input("surface"))
+    surface_from_map = (furniture.pose.to_pose() @ surface.pose).inverse()
+
+    def tidy(name: str) -> bool:
+        belief = skills.world.objects.get(name)
+        if belief is None or belief.pose.tilt > MAX_TILT:
+            return False
+        place = (surface_from_map @ belief.pose).position
+        on_it = abs(place[2] + float(belief.model.bounds()[0, 2])) < ON_SURFACE
+        return on_it and bool(_within(node, place[None])[0])
+
+    return [name for name in node.get_input("seen") if not tidy(name)]
+
+
+def _within(node: FindUntidy | IsTidy | FindFreePlace, places: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Which (N,) of the places (N, 3) in the frame of the surface lie inside the region by the margin."""
+    region = node.get_input("region_x"), node.get_input("region_y")
+    if None in region:
+        return np.ones(len(places), dtype=bool)
+    lower, upper = np.transpose(region)
+    margin: float = node.get_input("margin")
+    within: NDArray[np.bool_] = ((places[:, :2] >= lower + margin) & (places[:, :2] <= upper - margin)).all(axis=1)
+    return within

@@ -1,0 +1,142 @@
+"""What stands around a node's tick where somebody asked for it: scripts of conditions, callbacks, py_trees' visits."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+from bestman_bt.engine.core.status import FAILURE, RUNNING, SKIPPED, SUCCESS
+
+if TYPE_CHECKING:
+    from bestman_bt.engine.core.node import Node
+
+
+Tick = Callable[[], int]
+PreTick = Callable[["Node"], "int | None"]
+PostTick = Callable[["Node", int], "int | None"]
+
+_INSTEAD = {"_skipIf": SKIPPED, "_failureIf": FAILURE, "_successIf": SUCCESS}
+"""Scripts before a tick that replace it where they hold."""
+
+
+class Conditions:
+    """The compiled scripts around one node's tick: ``_skipIf`` and the like before, ``_onSuccess`` after."""
+
+    __slots__ = ("on_failure", "on_halted", "on_success", "post", "pre")
+
+    def __init__(self) -> None:
+        self.pre: list[tuple[str, Callable[[], bool]]] = []
+        self.on_success: Callable[[], Any] | None = None
+        self.on_failure: Callable[[], Any] | None = None
+        self.on_halted: Callable[[], Any] | None = None
+        self.post: Callable[[], Any] | None = None
+
+    @property
+    def after(self) -> bool:
+        """Whether a script follows the tick."""
+        return not (self.on_success is None and self.on_failure is None and self.post is None)
+
+
+class Hooks:
+    """The callbacks around one node's tick; a status that they return replaces the tick's."""
+
+    __slots__ = ("monitor", "post", "pre")
+
+    def __init__(self) -> None:
+        self.pre: list[PreTick] = []
+        self.post: list[PostTick] = []
+        self.monitor: list[PostTick] = []
+
+
+def with_visits(node: Node, core: Tick, visited: list[Node]) -> Tick:
+    """Tell ``visited`` of every tick."""
+
+    def run() -> int:
+        status = core()
+        visited.append(node)
+        return status
+
+    return run
+
+
+def with_pre_hooks(node: Node, core: Tick, hooks: Hooks) -> Tick:
+    """Ask the callbacks before the tick, and tell the monitors after it."""
+
+    def run() -> int:
+        if node._s <= RUNNING:
+            for before in tuple(hooks.pre):  # one may remove itself
+                replaced = before(node)
+                if replaced in (SUCCESS, FAILURE, SKIPPED):
+                    return int(replaced)
+        status = core()
+        for watch in hooks.monitor:
+            watch(node, status)
+        return status
+
+    return run
+
+
+def with_post_hooks(node: Node, core: Tick, hooks: Hooks) -> Tick:
+    """Ask the callbacks after the tick."""
+
+    def run() -> int:
+        status = core()
+        for after in tuple(hooks.post):
+            replaced = after(node, status)
+            if replaced in (SUCCESS, FAILURE):
+                status = int(replaced)
+        return status
+
+    return run
+
+
+def with_conditions(node: Node, core: Tick, conditions: Conditions) -> Tick:
+    """Run the scripts before and after the tick; a lone ``_skipIf`` is the common case, and costs one call."""
+    pre = conditions.pre
+    if len(pre) == 1 and pre[0][0] == "_skipIf" and not conditions.after:
+        skips = pre[0][1]
+
+        def run_unless_skipped() -> int:
+            if node._s <= 0 and skips():
+                return SKIPPED
+            return core()
+
+        return run_unless_skipped
+
+    def run() -> int:
+        status = -1
+        if pre:
+            code = node._s
+            if code <= 0:
+                status = _before_start(pre)
+            elif code == RUNNING:
+                kind, holds = pre[-1]
+                if kind == "_while" and not holds():
+                    node.halt_node()
+                    status = SKIPPED
+        if status < 0:
+            status = core()
+        if status == SUCCESS:
+            if conditions.on_success is not None:
+                conditions.on_success()
+            if conditions.post is not None:
+                conditions.post()
+        elif status == FAILURE:
+            if conditions.on_failure is not None:
+                conditions.on_failure()
+            if conditions.post is not None:
+                conditions.post()
+        return status
+
+    return run
+
+
+def _before_start(pre: list[tuple[str, Callable[[], bool]]]) -> int:
+    """The status that a script gives in the tick's place, or -1."""
+    for kind, holds in pre:
+        if holds():
+            if kind != "_while":
+                return _INSTEAD[kind]
+        elif kind == "_while":
+            return SKIPPED
+    return -1

@@ -1,0 +1,502 @@
+"""The base of every node: a py_trees behaviour with the tick, halt and status rules of BehaviorTree.CPP v4.
+
+Two statuses. The engine's own is one integer, ``_s``: 1 RUNNING, 2 SUCCESS, 3 FAILURE, and when the node is idle
+0, or -2/-3 to remember its last result. ``state`` and py_trees' ``status`` are views of it.
+
+A parent calls ``child.run()`` and stores the status that comes back. ``bind`` alone decides what ``run`` is: the
+node's bare tick, the traced one while somebody listens, or one wrapped in conditions and hooks.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from types import FrameType
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from py_trees.behaviour import Behaviour
+from py_trees.common import Status as PyTreesStatus
+from py_trees.ports import PortInformation
+
+from bestman_bt.engine.core.around_tick import (
+    Conditions,
+    Hooks,
+    PostTick,
+    PreTick,
+    Tick,
+    with_conditions,
+    with_post_hooks,
+    with_pre_hooks,
+    with_visits,
+)
+from bestman_bt.engine.core.ports import declare_typed_ports, make_reader, make_writer
+from bestman_bt.engine.core.py_trees_face import PyTreesFace
+from bestman_bt.engine.core.status import FAILURE, IDLE, RUNNING, SKIPPED, STATUS_NAMES, SUCCESS
+from bestman_bt.engine.errors import NodeError
+from bestman_bt.engine.own_files import in_words
+
+if TYPE_CHECKING:
+    from bestman_bt.engine.blackboard import Blackboard
+    from bestman_bt.engine.clock import Clock
+    from bestman_bt.engine.core.tree import Tree
+    from bestman_bt.engine.registry import NodeInfo
+
+
+# Errors of nodes whose tick went wrong: what their authors are told.
+
+
+def describe_bad_status(status: object) -> str:
+    """Return what to tell the author of a node that returned something odd."""
+    if isinstance(status, int) and status == IDLE:
+        return "its tick returned IDLE; SUCCESS, FAILURE, RUNNING or SKIPPED are accepted"
+    if isinstance(status, PyTreesStatus):
+        return f"its tick returned py_trees' {status}; return bestman_bt.engine's {status.name} instead"
+    return f"its tick returned {status!r}; one of {', '.join(STATUS_NAMES[1:])} is accepted"
+
+
+def wrapped(error: Exception, node: Node) -> NodeError:
+    """Return a ``NodeError`` that says in which node ``error`` was raised."""
+    if type(error).__module__.startswith("bestman_bt.engine"):
+        return node.error(str(error) or type(error).__name__)
+    return node.error(in_words(error))
+
+
+def odd_status(status: object, child: Node) -> NodeError:
+    """Return the error for a status that no parent accepts."""
+    return child.error(describe_bad_status(status))
+
+
+# What a node that is made in Python is called with: a name and children, in the forms of py_trees and of trees.
+
+
+def line_that_makes(node: Behaviour) -> tuple[str, int]:
+    """File and line of the call that makes a node, outside of its own ``__init__`` and of py_trees' idioms."""
+    frame = sys._getframe(1)
+    while frame.f_back is not None and (_makes(frame, node) or frame.f_globals.get("__package__") == "py_trees"):
+        frame = frame.f_back
+    return frame.f_code.co_filename, frame.f_lineno
+
+
+def _makes(frame: FrameType, node: Behaviour) -> bool:
+    if frame.f_code.co_name not in ("_set_up", "__init__"):
+        return False
+    return frame.f_code.co_argcount > 0 and frame.f_locals.get(frame.f_code.co_varnames[0]) is node
+
+
+def split_arguments(
+    cls: type[Node], args: tuple[Any, ...], name: str | None, attributes: dict[str, Any]
+) -> tuple[str | None, list[Any]]:
+    """Sort the positional arguments of a node made in Python into its name and its children."""
+    children: list[Any] = []
+    for argument in args:
+        if isinstance(argument, str) and name is None:
+            name = argument
+        elif isinstance(argument, (list, tuple)):
+            children.extend(argument)
+        else:
+            children.append(argument)
+    children.extend(attributes.pop("children", ()))
+    child = attributes.pop("child", None)
+    if child is not None:
+        children.append(child)
+    return name, [_child(cls, found) for found in children]
+
+
+def _child(cls: type[Node], found: Any) -> Behaviour:
+    """A node, or the SubTree that stands for a whole tree."""
+    if isinstance(found, Behaviour):
+        return found
+    if not hasattr(found, "as_subtree"):
+        raise TypeError(f"{cls.__name__} takes a name and children but got {found!r}")
+    subtree: Behaviour = found.as_subtree()
+    return subtree
+
+
+# Where a node of a loaded tree belongs: its tree, its blackboard and the SubTrees around it.
+
+
+class Place:
+    """One SubTree instance, shared by all its nodes.
+
+    Attributes:
+        tree: the whole tree.
+        board: the SubTree's blackboard.
+        path: the SubTree's path; empty for the main tree.
+        prefix: what the paths of its nodes begin with.
+        ancestors: the IDs of the trees around it, outermost first, its own last.
+        file: the file that defines it.
+    """
+
+    __slots__ = ("ancestors", "board", "file", "path", "prefix", "tree")
+
+    def __init__(self, tree: Tree, board: Blackboard, path: str, ancestors: tuple[str, ...], file: str) -> None:
+        self.tree = tree
+        self.board = board
+        self.path = path
+        self.prefix = f"{path}/" if path else ""
+        self.ancestors = ancestors
+        self.file = file
+
+
+class Node(PyTreesFace):
+    """Base of all nodes.
+
+    Write leaves on ``SyncAction``, ``StatefulAction`` or ``Condition``, parents on ``Control`` or ``Decorator``.
+    State that a node needs is made in ``on_load``, when ports and context are there.
+    """
+
+    __slots__ = (
+        "_readers",
+        "_writers",
+        "attributes",
+        "children",
+        "conditions",
+        "ev",
+        "hooks",
+        "info",
+        "line",
+        "log",
+        "made_in",
+        "name",
+        "only",
+        "pairs",
+        "parent",
+        "place",
+        "run",
+        "uid",
+    )
+
+    INPUT_PORTS: ClassVar[Mapping[str, PortInformation]] = {}
+    OUTPUT_PORTS: ClassVar[Mapping[str, PortInformation]] = {}
+    KIND: ClassVar[str] = "Action"
+    SYNCHRONOUS: ClassVar[bool] = False
+    """True for leaves that must not return RUNNING."""
+    CHECKED_AT_TICK: ClassVar[bool] = False
+    """True where BehaviorTree.CPP misses a port or child only when the node is ticked; so do we, but for `validate`."""
+
+    tick_bare: ClassVar[Callable[..., int] | None] = None
+    """The tick while nobody listens, where a class has a faster one than ``on_tick``."""
+    tick_traced: ClassVar[Callable[..., int] | None] = None
+    """The same, logging every state change."""
+
+    run: Tick
+    log: list[Any] | None
+    ev: tuple[int, int, int, int]
+    pairs: list[tuple[Tick, Node]]
+    only: tuple[Tick, Node]
+    conditions: Conditions | None
+
+    uid: int
+    place: Place | None
+    info: NodeInfo | None
+    line: int
+    made_in: str
+    """The Python file that has made the node; set, with ``line``, of nodes that are not made from XML."""
+    attributes: dict[str, Any]
+    hooks: Hooks | None
+    _readers: dict[str, Callable[[], Any]] | None
+    _writers: dict[str, Callable[[Any], None]] | None
+
+    children: list[Behaviour]
+    parent: Behaviour | None
+
+    def __init_subclass__(cls, **options: Any) -> None:
+        super().__init_subclass__(**options)
+        declare_typed_ports(cls)
+
+    def __init__(self, *args: Any, name: str | None = None, **attributes: Any) -> None:
+        name, children = split_arguments(type(self), args, name, attributes)
+        self._set_up(name or type(self).__name__, attributes, children)
+
+    def _set_up(self, name: str, attributes: dict[str, Any], children: list[Any]) -> None:
+        """Set what every node has from the start."""
+        self.name = name
+        self._s = 0
+        self.attributes = attributes
+        self.children = children
+        self.conditions = self.hooks = self._readers = self._writers = None
+        self.parent = self.place = self.info = None
+        self.uid = 0
+        self.made_in, self.line = line_that_makes(self)
+        for child in children:
+            child.parent = self
+
+    # ---- what a node offers to the code inside it
+
+    def on_load(self) -> None:
+        """Do once what must precede the first tick; ports, blackboard, context and clock are there."""
+
+    def on_tick(self) -> int:
+        """Do one tick and return a status."""
+        raise NotImplementedError(f"{type(self).__name__} does not define on_tick()")
+
+    def halt(self) -> None:
+        """Interrupt the node: children first, then itself."""
+        for child in self.nodes_below():
+            code = child._s
+            if code > 0:
+                if code == RUNNING:
+                    child.halt_node()
+                child.reset_status()
+        self.reset_status()
+
+    @property
+    def tree(self) -> Tree | None:
+        """The tree that this node belongs to, once it is loaded."""
+        place = self.place
+        return None if place is None else place.tree
+
+    @property
+    def owner(self) -> Tree:
+        """The tree that this node belongs to.
+
+        Raises:
+            NodeError: the node is not part of a tree yet.
+        """
+        return self._place.tree
+
+    @property
+    def board(self) -> Blackboard:
+        """The blackboard of the SubTree that this node belongs to."""
+        return self._place.board
+
+    @property
+    def _place(self) -> Place:
+        place = self.place
+        if place is None:
+            raise NodeError("the node is not part of a tree yet; build one with build_tree()", node=self.name)
+        return place
+
+    @property
+    def context(self) -> Any:
+        """Whatever the application handed over when the tree was loaded."""
+        return self.owner.context
+
+    @property
+    def clock(self) -> Clock:
+        """The tree's clock."""
+        return self.owner.clock
+
+    def wake_up(self) -> None:
+        """End the tick loop's sleep: the tree is ticked again at once. May be called from any thread."""
+        self.owner.wake_up()
+
+    def get_input(self, port: str) -> Any:
+        """Return the value of an input port, converted to the port's type.
+
+        An optional port without a value gives its default, else None.
+
+        Raises:
+            NodeError: a required port has no value, or one of another type.
+        """
+        readers = self._readers
+        if readers is None:
+            readers = self._readers = {}
+        reader = readers.get(port)
+        if reader is None:
+            reader = readers[port] = make_reader(self, port)
+        return reader()
+
+    def set_output(self, port: str, value: Any) -> None:
+        """Write a value to the blackboard entry that an output port is mapped to; nothing if it is not mapped.
+
+        Raises:
+            NodeError: the node has no such output port, or the value does not fit its type.
+        """
+        writers = self._writers
+        if writers is None:
+            writers = self._writers = {}
+        writer = writers.get(port)
+        if writer is None:
+            writer = writers[port] = make_writer(self, port)
+        writer(value)
+
+    def wrong_input(self, message: str) -> Exception:
+        """Return what reading a port raises where the entry has a value that the port does not accept."""
+        return self.error(message)
+
+    def error(self, message: str) -> NodeError:
+        """Return a ``NodeError`` that names this node."""
+        return NodeError(message, node=self.path, node_type=self.type_id, where=self.where)
+
+    @property
+    def where(self) -> str:
+        """The node's name with file and line, for messages; empty in a tree that comes from no file."""
+        if self.place is None or self.place.file.startswith("<"):
+            return ""
+        file = Path(self.place.file).name
+        return f"{self.name} ({file}:{self.line})" if self.line else f"{self.place.prefix}{self.name} ({file})"
+
+    @property
+    def folders(self) -> tuple[Path, ...]:
+        """The folders of the file that defines the node and of its tree's file; none for a tree that has no file."""
+        files = () if self.place is None else (self.place.file, self.place.tree.file)
+        return tuple(dict.fromkeys(Path(file).resolve().parent for file in files if not file.startswith("<")))
+
+    @property
+    def type_id(self) -> str:
+        """The name that the node's class is registered by."""
+        return self.info.name if self.info is not None else type(self).__name__
+
+    def full_path(self) -> str:
+        """Return the path: the SubTrees on the way, then the name (with ``::uid`` where it is the type's)."""
+        suffix = f"::{self.uid}" if self.name == self.type_id and self.uid else ""
+        prefix = "" if self.place is None else self.place.prefix
+        return prefix + self.name + suffix
+
+    # ---- the engine's status
+
+    @property
+    def state(self) -> int:
+        """The engine's status: IDLE, RUNNING, SUCCESS or FAILURE."""
+        code = self._s
+        return code if code > 0 else IDLE
+
+    @property
+    def last_result(self) -> int:
+        """What an idle node returned last (IDLE if nothing, or if it was halted), else its state."""
+        return abs(self._s)
+
+    def set_state(self, state: int) -> None:
+        """Store a status that is not IDLE, and log the change."""
+        if self._s != state:
+            if state not in (RUNNING, SUCCESS, FAILURE):
+                raise self.error(describe_bad_status(state))
+            self._s = state
+            if self.log is not None:
+                self.log.append(self.ev[state])
+
+    def reset_status(self) -> None:
+        """Become idle, and log the change."""
+        code = self._s
+        if code > 0:
+            self._s = 0 if code == RUNNING else -code
+            if self.log is not None:
+                self.log.append(self.ev[0])
+
+    # ---- what parents do with children
+
+    def execute_tick(self) -> int:
+        """Tick this node and store the status that comes back; what parents do in the general form."""
+        try:
+            status = self.run()
+        except NodeError:
+            raise
+        except Exception as error:
+            raise wrapped(error, self) from error
+        if status != SKIPPED:
+            if status == RUNNING and self.SYNCHRONOUS:
+                self.refuse_running()
+            self.set_state(status)
+        return status
+
+    def refuse_running(self) -> None:
+        """Raise the error for a synchronous leaf that returned RUNNING; it is RUNNING from then on."""
+        self.set_state(RUNNING)
+        raise self.error("it must not return RUNNING; derive it from StatefulAction")
+
+    def halt_node(self) -> None:
+        """Interrupt the node, then run its ``_onHalted`` script."""
+        self.halt()
+        if self.conditions is not None and self.conditions.on_halted is not None:
+            self.conditions.on_halted()
+
+    def halt_child(self, child: Node) -> None:
+        """Halt a child if it runs, and make it idle."""
+        code = child._s
+        if code > 0:
+            if code == RUNNING:
+                child.halt_node()
+            child.reset_status()
+
+    def reset_children(self) -> None:
+        """Halt the children that run and make all of them idle, in order."""
+        for child in self.children:
+            self.halt_child(child)  # type: ignore[arg-type]
+
+    def nodes_below(self) -> list[Node]:
+        """Return the children as engine nodes."""
+        return self.children  # type: ignore[return-value]
+
+    # ---- which method a parent calls
+
+    def bind(self, log: list[Any] | None, visited: list[Node] | None) -> None:
+        """Choose ``run``; children are bound before their parent.
+
+        Args:
+            log: receives ``uid * 8 + state`` for every state change; None while nobody listens.
+            visited: receives every node that was ticked, for py_trees' visitors; None without them.
+        """
+        self.log = log
+        if log is None and visited is None and self.hooks is None and self.conditions is None:
+            self.bind_children(None)
+            self.run = self.bound(self.tick_bare or self.on_tick)
+            return
+        fast = self.tick_bare if log is None else self.tick_traced
+        core: Tick = self.on_tick if fast is None else fast
+        if log is not None:
+            base = self.uid * 8
+            self.ev = (base, base + 1, base + 2, base + 3)
+        hooks = self.hooks
+        if hooks is not None and (hooks.pre or hooks.monitor):
+            core = with_pre_hooks(self, core, hooks)
+        if self.conditions is not None:
+            core = with_conditions(self, core, self.conditions)
+        if hooks is not None and hooks.post:
+            core = with_post_hooks(self, core, hooks)
+        self.bind_children(log)
+        core = self.bound(core)
+        if visited is not None:
+            core = with_visits(self, core, visited)
+        self.run = core
+
+    def bind_children(self, log: list[Any] | None) -> None:
+        """Collect what this node calls its children by."""
+
+    def refuse(self, instead: Tick) -> None:
+        """Call ``instead`` wherever this node or a child of it would be ticked, at once, until the next ``bind``."""
+        self.run = instead
+
+    def bound(self, core: Tick) -> Tick:
+        """Return ``core`` with whatever the node's kind needs around it."""
+        return core
+
+    # ---- hooks
+
+    def add_pre_tick(self, callback: PreTick, *, rebind: bool = True) -> None:
+        """Call ``callback(node)`` before each tick; a SUCCESS, FAILURE or SKIPPED from it replaces the tick.
+
+        With ``rebind=False`` it takes effect at the next ``tree.rebind()``: for callbacks on many nodes.
+        """
+        self._hooked().pre.append(callback)
+        if rebind:
+            self.owner.rebind()
+
+    def add_post_tick(self, callback: PostTick, *, rebind: bool = True) -> None:
+        """Call ``callback(node, status)`` after each tick; a SUCCESS or FAILURE from it replaces the status."""
+        self._hooked().post.append(callback)
+        if rebind:
+            self.owner.rebind()
+
+    def add_tick_monitor(self, callback: PostTick, *, rebind: bool = True) -> None:
+        """Call ``callback(node, status)`` after each real tick, before the post-tick callbacks."""
+        self._hooked().monitor.append(callback)
+        if rebind:
+            self.owner.rebind()
+
+    def remove_hook(self, callback: Callable[..., Any], *, rebind: bool = True) -> None:
+        """Remove a callback wherever it was added."""
+        hooks = self._hooked()
+        for kind in (hooks.pre, hooks.post, hooks.monitor):
+            while callback in kind:
+                kind.remove(callback)
+        if not (hooks.pre or hooks.post or hooks.monitor):
+            self.hooks = None
+        if rebind:
+            self.owner.rebind()
+
+    def _hooked(self) -> Hooks:
+        if self.hooks is None:
+            self.hooks = Hooks()
+        return self.hooks

@@ -1,0 +1,463 @@
+"""A loaded tree: the tick loop, halting, wake-ups, and the stream of state changes."""
+
+from __future__ import annotations
+
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+from py_trees.behaviour import Behaviour
+from py_trees.blackboard import Blackboard as PyTreesBlackboard
+from py_trees.composites import Selector
+from py_trees.trees import setup as set_up_within
+from py_trees.visitors import VisitorBase
+
+from bestman_bt.engine.blackboard import Blackboard
+from bestman_bt.engine.clock import Clock, WakeableClock, WallClock
+from bestman_bt.engine.core.node import Node, wrapped
+from bestman_bt.engine.core.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS, NodeStatus
+from bestman_bt.engine.errors import EngineError, NodeError
+
+if TYPE_CHECKING:
+    from bestman_bt.engine.blackboard import SharedEntries
+    from bestman_bt.engine.decorators.subtree import SubTree
+    from bestman_bt.engine.registry import NodeInfo, NodeRegistry
+    from bestman_bt.engine.scripting import ScriptCompiler
+
+
+SETUP_TIMEOUT: Final = 15.0
+"""Seconds of wall time that the setup of all native behaviours may take before a first tick."""
+FRAMES_PER_LEVEL: Final = 8
+"""Most Python frames that one node takes while it is ticked or halted."""
+FRAMES_AROUND: Final = 500
+
+
+class StateChanges(Sequence["tuple[int, int]"]):
+    """The state changes of one tick or halt, in order, as ``(uid, new state)``; ``stamp`` is its clock time."""
+
+    __slots__ = ("codes", "stamp")
+
+    def __init__(self, stamp: float, codes: list[int]) -> None:
+        self.stamp = stamp
+        self.codes = codes
+
+    def __len__(self) -> int:
+        return len(self.codes)
+
+    def __getitem__(self, index: Any) -> Any:
+        if isinstance(index, slice):
+            return [divmod(code, 8) for code in self.codes[index]]
+        return divmod(self.codes[index], 8)
+
+    def __iter__(self) -> Iterator[tuple[int, int]]:
+        return (divmod(code, 8) for code in self.codes)
+
+
+Listener = Callable[[StateChanges], None]
+InnerListener = Callable[["Tree", Node], None]
+
+
+def _refused() -> int:
+    raise EngineError("no node is ticked any more: the execution was cancelled")
+
+
+class Tree:
+    """A tree that can be ticked. ``nodes`` are in construction order: the node with uid N is ``nodes[N - 1]``.
+
+    ``shared``: what keeps its top blackboard and py_trees' one; None where no native behaviour is in the tree.
+    ``origin``: the file or text that it was loaded from, and where its includes may lie; None for one made in Python.
+    ``left_out``: entries, and other words, that what is wrong with the tree names, where it was loaded all the same.
+    """
+
+    def __init__(
+        self,
+        *,
+        registry: NodeRegistry,
+        compiler: ScriptCompiler,
+        blackboard: Blackboard,
+        tree_id: str,
+        context: Any = None,
+        clock: Clock | None = None,
+    ) -> None:
+        self.registry = registry
+        self.compiler = compiler
+        self.tree_id = tree_id
+        self.context = context
+        self.clock: Clock = clock if clock is not None else WallClock()
+        self.nodes: list[Node] = []
+        self.blackboard = blackboard
+        self.blackboards: dict[str, Blackboard] = {"": blackboard}
+        self.subtree_ids: dict[str, str] = {"": tree_id}
+        self.file = ""
+        self.source = ""
+        self.origin: tuple[str | Path, tuple[Path, ...]] | None = None
+        self.left_out: set[str] = set()
+        self.shared: SharedEntries | None = None
+        self._status: int = IDLE
+        self._root: Node | None = None
+        self._wake = threading.Event()
+        self._listeners: list[Listener] = []
+        self._inner_listeners: list[InnerListener] = []
+        self._log: list[Any] | None = None
+        self._visited: list[Node] | None = None
+        self._visitors: list[VisitorBase] = []
+        self._binding = threading.RLock()  # monitors add hooks from threads of theirs
+        self._bound = False
+        self._plain = False  # bound, set up and without visitors
+        self._set_up = True
+        self._refusing = False
+
+    # ---- what the loader does
+
+    @property
+    def root(self) -> Node:
+        """The root node."""
+        if self._root is None:
+            raise EngineError("the tree is empty")
+        return self._root
+
+    def complete(self, root: Node, depth: int, shared: SharedEntries | None) -> None:
+        """Take the root, and what keeps the blackboards one where native behaviours are below it.
+
+        The interpreter's recursion limit is raised where a tree of this depth, with hooks and conditions, needs it.
+        """
+        self._root = root
+        self.shared = shared
+        self._set_up = shared is None
+        needed = FRAMES_PER_LEVEL * depth + FRAMES_AROUND
+        if needed > sys.getrecursionlimit():
+            sys.setrecursionlimit(needed)
+        self.blackboard.store.now = self.clock.now()
+
+    def info_of(self, node: Node) -> NodeInfo:
+        """Return what the registry knows of a node's class."""
+        return node.info if node.info is not None else self.registry.info_of_class(type(node))
+
+    def rebind(self) -> None:
+        """Choose each node's ``run`` anew, after a listener, a visitor or a hook came or went.
+
+        Before the first tick there is nothing to do: that tick chooses. May be called from any thread.
+        """
+        if self._bound:
+            self._bind()
+
+    def _bind(self) -> None:
+        with self._binding:
+            for node in reversed(self.nodes):
+                node.bind(self._log, self._visited)
+            self._bound = True
+            self._plain = self._visited is None and not self._visitors and self._set_up
+        if self._refusing:
+            self._refuse()
+
+    def _refuse(self) -> None:
+        for node in self.nodes:
+            node.refuse(_refused)
+
+    # ---- looking around
+
+    def node(self, path: str) -> Node:
+        """Return the node with this path.
+
+        Raises:
+            KeyError: there is none.
+        """
+        for node in self.nodes:
+            if node.path == path:
+                return node
+        raise KeyError(f"there is no node '{path}' in the tree '{self.tree_id}'")
+
+    @property
+    def xml(self) -> str:
+        """The tree as XML: the text it was loaded from, or what the writer makes of a tree built in Python."""
+        if self.source:
+            return self.source
+        from bestman_bt.engine.xml.writer import tree_to_xml
+
+        return tree_to_xml(self)
+
+    def as_subtree(self) -> SubTree:
+        """Return what stands for this tree among the children of a node that is made in Python."""
+        from bestman_bt.engine.decorators.subtree import SubTree
+
+        return SubTree(self)
+
+    def bind(self, context: Any, clock: Clock) -> None:
+        """Give the nodes another context and clock; not while it runs."""
+        self.context, self.clock = context, clock
+        self.blackboard.store.now = clock.now()
+
+    # ---- native behaviours
+
+    def setup(self, timeout: float = SETUP_TIMEOUT, **kwargs: Any) -> None:
+        """Call the ``setup`` of native py_trees behaviours that are not set up, children first.
+
+        The first tick does it where nobody has. Each gets ``kwargs``, and ``context`` and ``clock`` of the tree where
+        its signature takes them. ``timeout``: seconds of wall time for all of them; outside the main thread a setup
+        that takes longer ends before it is noticed.
+
+        Raises:
+            NodeError: one failed or took too long; those before it stay set up, for ``shutdown``.
+        """
+        if self.shared is None:
+            return
+        if threading.current_thread() is threading.main_thread():
+            set_up_within(self.root, timeout, **kwargs)
+        else:
+            end = time.monotonic() + timeout
+            for node in self.root.iterate():
+                node.setup(**kwargs)
+                if time.monotonic() > end:
+                    raise NodeError(f"setup() of the tree took longer than {timeout:g} s", node=node.name)
+        self._set_up = True
+        self.share_entries()
+
+    def shutdown(self) -> None:
+        """Call the ``shutdown`` of native py_trees behaviours that were set up; the next tick sets up anew.
+
+        Raises:
+            EngineError: some failed; all have been asked, and it says what went wrong with which.
+        """
+        if self.shared is None:
+            return
+        faults = []
+        for node in self.root.iterate():
+            try:
+                node.shutdown()
+            except NodeError as error:
+                faults.append(str(error))
+        self._set_up = self._plain = False
+        self.share_entries()
+        if faults:
+            raise EngineError("; ".join(faults))
+
+    def share_entries(self) -> None:
+        """Take over what native behaviours have written to py_trees' blackboard."""
+        if self.shared is not None:
+            self.shared.take_over()
+
+    @property
+    def status(self) -> NodeStatus:
+        """Status of the root after the last tick; IDLE after a halt. Equals the constants, as in ``== RUNNING``."""
+        return NodeStatus(self._status)
+
+    # ---- ticking
+
+    def tick_exactly_once(self) -> int:
+        """Tick once, whatever wake-ups there are; return the root's status."""
+        status = self._tick()
+        return self._finished(status)
+
+    def tick_once(self) -> int:
+        """Tick once, and again as long as the root runs and a node has woken the loop; return the root's status."""
+        status = self._tick()
+        while status == RUNNING and self._woken():
+            status = self._tick()
+        return self._finished(status)
+
+    def tick_while_running(self, period: float = 0.05, max_ticks: int | None = None) -> int:
+        """Tick until the root does not run any more, sleeping ``period`` seconds of the clock between ticks.
+
+        Args:
+            period: seconds; a wake-up ends the sleep early where the clock can.
+            max_ticks: return RUNNING after this many ticks; None for no limit.
+        """
+        ticks = 0
+        while True:
+            status = self.tick_once()
+            ticks += 1
+            if status != RUNNING or (max_ticks is not None and ticks >= max_ticks):
+                return status
+            self.sleep(period)
+
+    def refuse_ticks(self) -> None:
+        """From now on no node begins a tick, not even within the tick under way: EngineError ends that.
+
+        May be called from any thread and from a signal handler. Ticks ask for nothing, so it costs them nothing.
+        """
+        self._refusing = True
+        if self._bound:
+            self._refuse()
+
+    def raise_if_refused(self) -> None:
+        """For what holds up a tick: EngineError after ``refuse_ticks``."""
+        if self._refusing:
+            _refused()
+
+    def allow_ticks(self) -> None:
+        """Take back ``refuse_ticks``."""
+        if self._refusing:
+            self._refusing = False
+            self.rebind()
+
+    def sleep(self, duration: float) -> None:
+        """Let ``duration`` seconds of the clock pass, less where a wake-up comes."""
+        if self._woken():
+            return
+        clock = self.clock
+        if isinstance(clock, WakeableClock):
+            clock.wait(duration, self._wake)
+        else:
+            clock.sleep(duration)
+        self._woken()
+
+    def wake_up(self) -> None:
+        """End the loop's sleep. May be called from any thread."""
+        if not self._wake.is_set():
+            self._wake.set()
+
+    def _woken(self) -> bool:
+        if self._wake.is_set():
+            self._wake.clear()
+            return True
+        return False
+
+    def _tick(self) -> int:
+        if self._plain:
+            return self._tick_bound()
+        return self._tick_visited()
+
+    def _tick_bound(self) -> int:
+        root = self.root
+        self._begin()
+        try:
+            status = root.run()
+            if status == RUNNING:
+                if root._s != RUNNING:
+                    if root.SYNCHRONOUS:
+                        root.refuse_running()
+                    root.set_state(RUNNING)
+            elif status != SKIPPED:
+                root.set_state(status)
+                root.reset_status()
+        except NodeError:
+            raise
+        except Exception as error:
+            raise wrapped(error, root) from error
+        finally:
+            if self._log:
+                self.publish()
+        return status
+
+    def _begin(self) -> None:
+        store = self.blackboard.store
+        store.now = self.clock.now()
+        store.observed = PyTreesBlackboard.activity_stream is not None or bool(store.watchers)
+
+    def _finished(self, status: int) -> int:
+        self._status = status
+        return status
+
+    def halt(self) -> None:
+        """Interrupt everything that runs, deepest first, and run the ``_onHalted`` scripts."""
+        if not self._bound:
+            self._bind()
+        self._begin()
+        try:
+            root = self.root
+            root.halt_node()
+            for node in self.nodes:
+                node.halt_node()
+            root.reset_status()
+        finally:
+            if self._log:
+                self.publish()
+        for node in self.nodes:
+            node._s = IDLE
+        self._status = IDLE
+
+    # ---- py_trees' side
+
+    def tick_as_behaviour(self, node: Node) -> Iterator[Behaviour]:
+        """Tick ``node`` for py_trees: yields the nodes that were visited, children before parents."""
+        visited = self._visit()
+        self._begin()
+        try:
+            status = node.execute_tick()
+            if status in (SUCCESS, FAILURE):
+                node.reset_status()
+        finally:
+            if self._log:
+                self.publish()
+        if status == SKIPPED:
+            node._s = -FAILURE if isinstance(node.parent, Selector) else -SUCCESS
+        if node is self._root:
+            self._status = status
+        yield from list(visited)
+
+    def add_visitor(self, visitor: VisitorBase) -> None:
+        """Show every node that a tick visits to a py_trees visitor, after the tick."""
+        self._visitors.append(visitor)
+        self._plain = False
+
+    def remove_visitor(self, visitor: VisitorBase) -> None:
+        """Detach a py_trees visitor; without any, ticks cost nothing more than before."""
+        self._visitors.remove(visitor)
+
+    def _visit(self) -> list[Node]:
+        if self._visited is None:
+            self._visited = []
+            self._bind()
+        self._visited.clear()
+        return self._visited
+
+    def _tick_visited(self) -> int:
+        if not self._set_up:
+            self.setup()
+        if not self._visitors:
+            self._visited = None
+            self._bind()
+            return self._tick_bound()
+        visited = self._visit()
+        for visitor in self._visitors:
+            visitor.initialise()
+        status = self._tick_bound()
+        for visitor in self._visitors:
+            for node in self.nodes if visitor.full else visited:
+                visitor.run(node)
+            visitor.finalise()
+        return status
+
+    # ---- listening
+
+    def subscribe(self, listener: Listener) -> None:
+        """Call ``listener`` with the ``StateChanges`` of each tick and halt that has any."""
+        self._listeners.append(listener)
+        if self._log is None:
+            self._log = []
+            self.rebind()
+
+    def unsubscribe(self, listener: Listener) -> None:
+        """End a subscription; without any, ticks cost nothing more than before."""
+        if listener in self._listeners:
+            self._listeners.remove(listener)
+        if not self._listeners and self._log is not None:
+            self._log = None
+            self.rebind()
+
+    def subscribe_to_inner(self, listener: InnerListener) -> None:
+        """Call ``listener`` with each tree that a leaf of this one is about to tick by itself, and the leaf."""
+        self._inner_listeners.append(listener)
+
+    def unsubscribe_from_inner(self, listener: InnerListener) -> None:
+        """End such a subscription."""
+        if listener in self._inner_listeners:
+            self._inner_listeners.remove(listener)
+
+    def announce_inner(self, inner: Tree, leaf: Node) -> None:
+        """For a leaf that has made a tree which it will tick: tell who listens, before its first tick."""
+        for listener in tuple(self._inner_listeners):
+            listener(inner, leaf)
+
+    def publish(self) -> None:
+        """Tell the listeners what has changed so far. Each tick and halt ends with it; one that is held up may, too."""
+        log = self._log
+        if not log:
+            return
+        changes = StateChanges(self.blackboard.store.now, log.copy())
+        log.clear()
+        for listener in tuple(self._listeners):
+            listener(changes)

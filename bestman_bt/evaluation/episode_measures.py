@@ -1,0 +1,142 @@
+"""How long a run drove, moved its arm, perceived and planned: simulated time of its running leaves, by family."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from bestman_bt.engine import RUNNING, Node, Tree
+from bestman_bt.messages import Pose, Pose2D
+from bestman_bt.visualization import RobotSnapshot
+from bestman_bt.visualization.motion_file import MOTION_NAME, MotionWriter
+from hal.simulation import GroundTruth, SceneRecorder, SceneSnapshot
+
+# How far a base has really driven.
+
+
+class DrivenPath:
+    """Adds up the way of the true pose from tick to tick; to turn on the spot is no way."""
+
+    def __init__(self, truth: GroundTruth) -> None:
+        self._truth = truth
+        self._before: Pose2D | None = None
+        self.length = 0.0
+        """Metres."""
+
+    def after_tick(self) -> None:
+        """Look where the base is."""
+        pose = self._truth.base_pose().to_pose2d()
+        if self._before is not None:
+            self.length += pose.distance_to(self._before)
+        self._before = pose
+
+
+# Writes down where everything was during a simulated run, so that it can be filmed when it has ended.
+
+
+class MotionLog:
+    """Adds a moment to ``motion.jsonl`` in ``folder`` at every ``every``-th tick."""
+
+    def __init__(self, folder: Path, scene: SceneRecorder, every: int = 4) -> None:
+        self._writer = MotionWriter(folder / MOTION_NAME)
+        self._scene, self._every = scene, every
+        self._ticks = 0
+
+    def open(self) -> None:
+        """Write the first moment."""
+        self._write()
+
+    def close(self) -> None:
+        """Write the last moment and end the file."""
+        self._write()
+        self._writer.close()
+
+    def after_tick(self) -> None:
+        """Called by the executor."""
+        self._ticks += 1
+        if self._ticks % self._every == 0:
+            self._write()
+
+    def _write(self) -> None:
+        self._writer.write(robot_snapshot(self._scene.scene_snapshot(), self._ticks))
+
+
+def robot_snapshot(seen: SceneSnapshot, tick: int, believed: Pose | None = None) -> RobotSnapshot:
+    """What the simulator has seen, as the recorders take it; ``believed``: map_from_base, as the robot believes."""
+    return RobotSnapshot(
+        stamp=seen.stamp,
+        tick=tick,
+        map_from_base=seen.base_pose,
+        joint_positions=seen.joint_positions,
+        believed_map_from_base=believed,
+        body_poses={**seen.object_poses, **seen.leaf_poses, **seen.walker_poses},
+    )
+
+
+FAMILIES = {
+    "drive_s": ("navigation.navigate", "navigation.explore", "navigation.localise", "nav2"),
+    "arm_s": (
+        *("manipulation.move_arm", "manipulation.grasp", "manipulation.place", "manipulation.place_in"),
+        *("manipulation.push", "manipulation.policy", "furniture.open", "furniture.close"),
+    ),
+    "perception_s": (
+        *("perception.perceive", "perception.scan", "perception.look", "manipulation.second_look"),
+        "furniture.handles",
+    ),
+    "planning_s": ("navigation.base_placement", "furniture.base_placement", "perception.tidying"),
+}
+"""Duration → modules and folders of ``behaviours`` whose leaves it adds up."""
+_OTHER_FAMILY = {
+    "PlanGrasp": "planning_s",
+    "FindPlacePose": "planning_s",
+    "FindPushStand": "planning_s",
+    "ComputePathToPose": "planning_s",
+    "ComputePathThroughPoses": "planning_s",
+    "CheckHeld": "perception_s",
+    **dict.fromkeys(("FindRoomIn", "BelieveBlocked", "ForgetBlocked", "BelievedSurface", "ObjectVisible", "ObjectAt")),
+    "Wait": None,
+}
+"""Leaves that are of another family than their module."""
+
+
+def duration_of(leaf: type[Node]) -> str | None:
+    """The duration that a leaf's time counts to, also of a class derived from a shipped one; None: to no duration."""
+    for base in leaf.__mro__:
+        folder, _, rest = base.__module__.partition(".")
+        if folder == "behaviours":
+            within = {rest, rest.partition(".")[0]}
+            family = next((name for name, modules in FAMILIES.items() if within & set(modules)), None)
+            return _OTHER_FAMILY.get(base.__name__, family)
+    return None
+
+
+class Durations:
+    """Adds up, from tick to tick, the time in which at least one leaf of a family is running, in inner trees too."""
+
+    def __init__(self, tree: Tree) -> None:
+        self._clock = tree.clock
+        self._before = self._clock.now()
+        self._leaves: dict[str, list[Node]] = {}
+        self._running: list[str] = []
+        self._seconds: dict[str, float] = {}
+        self._add(tree)
+        tree.subscribe_to_inner(self._add)
+
+    @property
+    def seconds(self) -> dict[str, float]:
+        """Of the families that the tree has leaves of."""
+        return {name: round(self._seconds[name], 3) for name in FAMILIES if name in self._seconds}
+
+    def after_tick(self) -> None:
+        """What was running since the last tick has worked for that long."""
+        now = self._clock.now()
+        for name in self._running:
+            self._seconds[name] += now - self._before
+        self._before = now
+        self._running = [name for name, leaves in self._leaves.items() if any(leaf.state == RUNNING for leaf in leaves)]
+
+    def _add(self, tree: Tree, under: Node | None = None) -> None:
+        for node in tree.nodes:
+            name = duration_of(type(node)) if not node.children else None
+            if name is not None:
+                self._leaves.setdefault(name, []).append(node)
+                self._seconds.setdefault(name, 0.0)

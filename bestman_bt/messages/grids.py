@@ -1,0 +1,88 @@
+"""Occupancy grids, as in ROS."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from bestman_bt.messages.frozen_array import frozen_array
+from bestman_bt.messages.pose import Pose
+
+# Space in cubes: free, occupied, or not yet seen.
+
+
+VOXEL_UNKNOWN, VOXEL_FREE, VOXEL_OCCUPIED = 0, 1, 2
+
+
+@dataclass(frozen=True, eq=False)
+class VoxelGrid:
+    """``states``: (X, Y, Z) uint8 of VOXEL_UNKNOWN, VOXEL_FREE, VOXEL_OCCUPIED; ``resolution``: a voxel's edge, metres.
+
+    ``frame_from_grid``: the outer corner of voxel (0, 0, 0); the axes run along the grid. ``stamp``: the latest view's.
+    """
+
+    states: NDArray[np.uint8]
+    resolution: float
+    frame_from_grid: Pose
+    stamp: float
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "states", frozen_array(self.states, (None, None, None), "VoxelGrid states", np.uint8))
+
+    def centres(self, state: int) -> NDArray[np.float64]:
+        """Centres (N, 3) of all voxels in ``state``, metres, in the frame."""
+        indices = np.argwhere(self.states == state)
+        return self.frame_from_grid.apply((indices + 0.5) * self.resolution)
+
+    def state_at(self, points: NDArray[np.float64]) -> NDArray[np.uint8]:
+        """States (N,) at points (N, 3) of the frame; VOXEL_UNKNOWN outside the grid."""
+        indices = np.floor(self.frame_from_grid.inverse().apply(points) / self.resolution).astype(np.intp)
+        inside = ((indices >= 0) & (indices < self.states.shape)).all(axis=1)
+        states = np.full(len(points), VOXEL_UNKNOWN, dtype=np.uint8)
+        states[inside] = self.states[tuple(indices[inside].T)]
+        return states
+
+    def with_unknown_from(self, other: VoxelGrid) -> VoxelGrid:
+        """What is unknown here as ``other`` has it, a grid in the same frame; known voxels stay as they are."""
+        states = np.array(self.states)
+        unknown = np.argwhere(states == VOXEL_UNKNOWN)
+        centres = self.frame_from_grid.apply((unknown + 0.5) * self.resolution)
+        states[tuple(unknown.T)] = other.state_at(centres)
+        return replace(self, states=states)
+
+
+FREE, OCCUPIED, UNKNOWN = 0, 100, -1
+
+
+@dataclass(frozen=True, eq=False)
+class OccupancyGrid:
+    """``data``: (rows, columns) int8, 0 free, 100 occupied, -1 unknown; row 0 is at the smallest y.
+
+    ``resolution``: metres per cell. ``origin``: (2,) metres in the map frame, the outer corner of cell (0, 0).
+    """
+
+    data: NDArray[np.int8]
+    resolution: float
+    origin: NDArray[np.float64]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "data", frozen_array(self.data, (None, None), "OccupancyGrid data", np.int8))
+        object.__setattr__(self, "origin", frozen_array(self.origin, (2,), "OccupancyGrid origin"))
+
+    def to_cells(self, points: ArrayLike) -> NDArray[np.intp]:
+        """Cells (row, column) of map points (..., 2); they may lie outside the grid."""
+        xy = (np.asarray(points, dtype=float) - self.origin) / self.resolution
+        return np.floor(xy[..., ::-1]).astype(np.intp)
+
+    def to_points(self, cells: ArrayLike) -> NDArray[np.float64]:
+        """Map points (..., 2), metres, at the centres of cells (row, column)."""
+        centres: NDArray[np.float64] = (np.asarray(cells, dtype=float)[..., ::-1] + 0.5) * self.resolution
+        return centres + self.origin
+
+    def contains(self, cells: ArrayLike) -> NDArray[np.bool_]:
+        """Which cells (..., 2) lie inside the grid."""
+        cells = np.asarray(cells)
+        inside: NDArray[np.bool_] = np.all((cells >= 0) & (cells < self.data.shape), axis=-1)
+        return inside

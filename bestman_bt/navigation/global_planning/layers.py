@@ -1,0 +1,193 @@
+"""Layers of a costmap: each knows one kind of thing that a base must keep clear of."""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+from scipy.spatial import ConvexHull
+
+from bestman_bt.messages import Box, Cylinder, Mesh, OccupancyGrid, PlacedShape, Pose2D, Sphere
+from bestman_bt.messages.grids import OCCUPIED, UNKNOWN
+from bestman_bt.world_model import MapFurniture
+
+# Exact distances in the plane, for many points at once.
+
+
+def squared_distance_to_segment(
+    points: NDArray[np.float64], start: NDArray[np.float64], end: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """For ``points`` (2, N), a row each for x and y: faster than (N, 2)."""
+    (dx, dy), (along_x, along_y) = points - start[:, None], end - start
+    share = np.clip((dx * along_x + dy * along_y) / max(float(along_x**2 + along_y**2), 1e-12), 0.0, 1.0)
+    squared: NDArray[np.float64] = (dx - share * along_x) ** 2 + (dy - share * along_y) ** 2
+    return squared
+
+
+def distance_to_polygon(points: NDArray[np.float64], corners: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Signed distance of ``points`` (2, N) to a convex, counter-clockwise polygon (M, 2); negative inside."""
+    squared = np.full(points.shape[1], np.inf)
+    depth = np.full(points.shape[1], -np.inf)
+    for start, end in zip(corners, np.roll(corners, -1, axis=0), strict=True):
+        normal = np.array([end[1] - start[1], start[0] - end[0]]) / np.linalg.norm(end - start)
+        np.maximum(depth, normal @ points - normal @ start, out=depth)
+        np.minimum(squared, squared_distance_to_segment(points, start, end), out=squared)
+    return np.where(depth < 0.0, depth, np.sqrt(squared))
+
+
+class CostmapLayer(ABC):
+    """A costmap takes the nearest of what its layers have; inflation and footprint work on that."""
+
+    @abstractmethod
+    def distance(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Metres (N,) from ``points`` (2, N) in the map frame to the next thing of this kind, negative inside one.
+
+        Infinite where there is none. The layer's own margins are already taken off.
+        """
+
+    def reaching(self, height: float) -> CostmapLayer:
+        """What of it reaches up to ``height`` metres or higher: all of it, itself, where that is not known."""
+        return self
+
+
+# Bodies in space, as far as a robot on the floor can meet them: what was seen, doors where they are believed to be.
+
+
+@dataclass(frozen=True, eq=False)
+class ShapeLayer(CostmapLayer):
+    """The outlines of ``shapes`` in the map frame, seen from above.
+
+    Those that end below ``floor_height`` or begin above ``robot_height``, metres, are left out.
+    """
+
+    shapes: Sequence[PlacedShape]
+    floor_height: float
+    robot_height: float
+
+    def reaching(self, height: float) -> ShapeLayer:
+        """Without the shapes that end below."""
+        return replace(self, floor_height=max(self.floor_height, height))
+
+    def distance(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """See the base class."""
+        distance = np.full(points.shape[1], np.inf)
+        for placed in self.shapes:
+            outline = _outline_on_floor(placed, self.floor_height, self.robot_height)
+            if outline is not None:
+                np.minimum(distance, distance_to_polygon(points, outline), out=distance)
+        return distance
+
+
+def _outline_on_floor(placed: PlacedShape, floor: float, ceiling: float) -> NDArray[np.float64] | None:
+    """The convex outline of a shape seen from above, (N, 2) counter-clockwise; None if a robot never meets it."""
+    shape = placed.shape
+    if isinstance(shape, Box):
+        half = np.array(shape.size) / 2
+        points = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * half
+    elif isinstance(shape, Cylinder):
+        turn = np.arange(16) * (2 * math.pi / 16)
+        # The corners lie outside the circle, so that the sides touch it.
+        ring = shape.radius / math.cos(math.pi / 16) * np.column_stack([np.cos(turn), np.sin(turn)])
+        points = np.vstack([np.column_stack([ring, np.full(16, z)]) for z in (-shape.length / 2, shape.length / 2)])
+    elif isinstance(shape, Sphere):
+        points = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * shape.radius
+    elif isinstance(shape, Mesh):
+        points = shape.vertices
+    points = placed.pose.apply(points)
+    if points[:, 2].max() < floor or points[:, 2].min() > ceiling:
+        return None
+    hull: NDArray[np.float64] = points[ConvexHull(points[:, :2]).vertices, :2]
+    return hull
+
+
+# The furniture of the map, wherever within its errors it may stand.
+
+
+@dataclass(frozen=True, eq=False)
+class FurnitureLayer(CostmapLayer):
+    """Outlines of ``pieces``, turned and grown by how far these may be off.
+
+    ``position_error``: metres, each way, and ``heading_error``: radians, unless a piece is known better.
+    """
+
+    pieces: Sequence[MapFurniture]
+    position_error: float
+    heading_error: float
+
+    def reaching(self, height: float) -> FurnitureLayer:
+        """The pieces that are so high."""
+        high = [piece for piece in self.pieces if piece.height >= height]
+        return self if len(high) == len(self.pieces) else replace(self, pieces=high)
+
+    def distance(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """See the base class."""
+        distance = np.full(points.shape[1], np.inf)
+        for piece in self.pieces:
+            position_error = min(self.position_error, piece.position_error)
+            for outline in _possible_outlines(piece, min(self.heading_error, piece.heading_error)):
+                np.minimum(distance, distance_to_polygon(points, outline) - position_error, out=distance)
+        return distance
+
+
+def _possible_outlines(piece: MapFurniture, heading_error: float) -> Iterator[NDArray[np.float64]]:
+    centre = piece.pose.xy
+    corners = piece.corners() - centre
+    for turn in (-heading_error, 0.0, heading_error) if heading_error else (0.0,):
+        yield Pose2D(centre[0], centre[1], turn).apply(corners)
+
+
+# Cells of an occupancy grid, such as SLAM makes: the occupied ones, and those that nobody has seen.
+
+
+@dataclass(frozen=True, eq=False)
+class CellLayer(CostmapLayer):
+    """The ``blocked`` cells (rows, columns) of a grid; each fills its square, so distances are from its border."""
+
+    grid: OccupancyGrid
+    blocked: NDArray[np.bool_]
+
+    @classmethod
+    def occupied(cls, grid: OccupancyGrid) -> CellLayer:
+        """Cells from ``OCCUPIED`` / 2 on."""
+        return cls(grid, grid.data >= OCCUPIED / 2)
+
+    @classmethod
+    def unknown(cls, grid: OccupancyGrid) -> CellLayer:
+        """Cells that nobody has seen."""
+        return cls(grid, grid.data == UNKNOWN)
+
+    def distance(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """See the base class; that of the cells in which the points lie, and infinite beyond the grid."""
+        blocked = self.blocked
+        outside = ndimage.distance_transform_edt(~blocked) if blocked.any() else np.full(blocked.shape, np.inf)
+        inside = ndimage.distance_transform_edt(blocked) if not blocked.all() else np.full(blocked.shape, np.inf)
+        cells = np.where(blocked, 0.5 - inside, outside - 0.5) * self.grid.resolution
+        column, row = np.floor((points - self.grid.origin[:, None]) / self.grid.resolution).astype(np.intp)
+        rows, columns = blocked.shape
+        on_grid = (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
+        distance = np.full(points.shape[1], np.inf)
+        distance[on_grid] = cells[row[on_grid], column[on_grid]]
+        return distance
+
+
+# The walls of the map, which are exact.
+
+
+@dataclass(frozen=True, eq=False)
+class StaticLayer(CostmapLayer):
+    """``walls``: (N, 4) segments x1, y1, x2, y2 in metres."""
+
+    walls: NDArray[np.float64]
+
+    def distance(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """See the base class; walls have no inside."""
+        squared = np.full(points.shape[1], np.inf)
+        for segment in self.walls:
+            np.minimum(squared, squared_distance_to_segment(points, segment[:2], segment[2:]), out=squared)
+        distance: NDArray[np.float64] = np.sqrt(squared)
+        return distance

@@ -1,0 +1,174 @@
+"""From a dataset to where a camera sits on an arm, or beside one."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from bestman_bt.configuration import ConfigurationError
+from bestman_bt.messages import Pose
+from bestman_bt.perception.calibration import (
+    BoardView,
+    CalibrationError,
+    ChainCalibration,
+    ChainPoses,
+    IntrinsicsCalibration,
+    board_pose,
+    calibrate_head_camera,
+    project,
+)
+from bestman_bt.registry import ALGORITHMS
+from bestman_bt.runtime.calibration.dataset import Dataset, Progress, pose_of
+from bestman_bt.runtime.calibration.result import CalibrationResult, deviations
+from bestman_bt.runtime.calibration.robot_chain import written
+from bestman_bt.runtime.calibration.seen_views import Seen, add_depth, both_ends, chain_of, result_of, seen_views
+
+# A picture of what a calibration leaves over: how far corners are from where they should be, and each view's share.
+
+
+def plot_residuals(result: CalibrationResult, path: Path) -> None:
+    """Write a PNG: offsets of all corners in pixels, and the root mean square of each view."""
+    figure = Figure(figsize=(10.0, 4.4), layout="constrained")
+    FigureCanvasAgg(figure)
+    scatter, bars = figure.subplots(1, 2, width_ratios=(1.0, 1.6))
+    offsets = np.concatenate(result.offsets)
+    reach = 1.1 * max(float(np.percentile(np.abs(offsets), 99.5)), 0.05)
+    shades = np.concatenate([np.full(len(offset), i) for i, offset in enumerate(result.offsets)])
+    scatter.scatter(offsets[:, 0], offsets[:, 1], c=shades, s=7, cmap="viridis", alpha=0.7, linewidths=0)
+    scatter.axhline(0.0, color="0.6", linewidth=0.8)
+    scatter.axvline(0.0, color="0.6", linewidth=0.8)
+    scatter.set(xlim=(-reach, reach), ylim=(reach, -reach), aspect="equal", xlabel="u, pixels", ylabel="v, pixels")
+    scatter.set_title(f"{len(offsets)} corners, {result.error:.2f} px root mean square")
+    bars.bar(range(len(result.views)), result.errors, color="#4878a8")
+    bars.axhline(result.error, color="#c0504d", linewidth=1.2)
+    bars.set_xticks(range(len(result.views)), result.views, rotation=90, fontsize=7)
+    bars.set(ylabel="pixels", title=f"{result.camera}, {result.kind.replace('_', '-')}: each view")
+    bars.margins(x=0.01)
+    figure.savefig(path, dpi=110, metadata={"Software": ""})
+
+
+# From a dataset to the intrinsics and the distortion of a lens.
+
+
+def solve_intrinsics(dataset: Dataset, method: IntrinsicsCalibration, progress: Progress) -> CalibrationResult:
+    """Focal lengths, principal point, distortion. Raises CalibrationError."""
+    views, size = dataset.read(progress)
+    found = method.calibrate([view.sighting for view in views], size)
+    k = found.intrinsics
+    used = tuple(views[index] for index in found.used)
+    sightings = tuple(view.sighting for view in used if view.sighting is not None)
+    seen = Seen(used, sightings, k, len(views))
+    settings: dict[str, Any] = {
+        "width": k.width,
+        "height": k.height,
+        "focal_length": [k.fx, k.fy],
+        "principal_point": [k.cx, k.cy],
+        "distortion": list(k.distortion),
+    }
+    names = ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3")
+    figures: dict[str, Any] = {
+        "standard_deviations": dict(zip(names, found.standard_deviations.tolist(), strict=True)),
+        "coverage": float(found.coverage.mean()),
+    }
+    offsets = [
+        project(sighting.points, board_pose(sighting, k).eye_from_board, k) - sighting.pixels for sighting in sightings
+    ]
+    return result_of("intrinsics", dataset, seen, offsets, {dataset.config.camera: {"set": settings}}, figures, [])
+
+
+# From a dataset to where a pan-tilt head stands, and how its camera sits on it.
+
+
+def solve_head(dataset: Dataset, progress: Progress) -> CalibrationResult:
+    """A camera on a pan-tilt head, before a fixed board or one on the arm."""
+    if not dataset.board.tells_orientation:
+        raise CalibrationError("a checkerboard looks the same after half a turn; poses need a ChArUco board")
+    chain = chain_of(dataset)
+    head = chain.head if chain is not None else None
+    if chain is None or head is None:
+        message = "no pan-tilt of a robot moves this camera; for others use bestman-bt calibrate hand-eye"
+        raise ConfigurationError([dataset.document.problem(("camera",), message)])
+    seen = seen_views(dataset, chain, progress)
+    root = chain.head_root(head)
+    joints = [dataset.config.views[view.index].joints for view in seen.views]
+    _, holders = both_ends(dataset, chain, seen)
+    views = [
+        BoardView(sighting, chain.kinematics.pose(chain.carrier, positions, root), holder)
+        for sighting, positions, holder in zip(seen.sightings, joints, holders, strict=True)
+    ]
+    measured = dataset.config.board_pose
+    found = calibrate_head_camera(
+        views,
+        seen.intrinsics,
+        chain.kinematics.pose(root, {}),
+        chain.carrier_from_camera(),
+        pose_of(measured) if measured is not None else None,
+        chain.head_axes(head),
+    )
+    poses = found.chain.poses
+    parts: dict[str, dict[str, Any]] = {}
+    if "mount" in found.free:
+        parts[head] = dict(chain.head_mount(head, poses.mount))
+    parts[chain.camera] = dict(chain.camera_mount(poses.camera))
+    settings: dict[str, Any] = {}
+    figures: dict[str, Any] = {
+        "estimated": list(found.free),
+        "offsets_deg": {
+            "pan": None if found.pan_offset is None else math.degrees(found.pan_offset),
+            "tilt": math.degrees(found.tilt_offset),
+        },
+        "standard_deviations": {name: deviations(block) for name, block in found.chain.covariance.items()},
+        "covariance": {name: block for name, block in found.chain.covariance.items() if name != "board"},
+    }
+    notes = add_depth(seen, [poses.board_in_camera(view) for view in views], settings, figures)
+    if settings:
+        parts[chain.camera]["set"] = settings
+    if "mount" not in found.free:
+        notes.append(
+            "where the head stands was not estimated: that needs a board on the arm, or one at a measured place"
+        )
+    return result_of("head", dataset, seen, found.chain.offsets, parts, figures, notes)
+
+
+def solve_hand_eye(dataset: Dataset, method: str, progress: Progress) -> CalibrationResult:
+    """A camera on an arm before a fixed board, or a fixed camera before a board on the arm."""
+    if not dataset.board.tells_orientation:
+        raise CalibrationError("a checkerboard looks the same after half a turn; poses need a ChArUco board")
+    chain = chain_of(dataset)
+    seen = seen_views(dataset, chain, progress)
+    carriers, holders = both_ends(dataset, chain, seen)
+    in_camera = [board_pose(sighting, seen.intrinsics).eye_from_board for sighting in seen.sightings]
+    world_from_carrier = [holder.inverse() @ carrier for holder, carrier in zip(holders, carriers, strict=True)]
+    algorithm = ALGORITHMS.resolve(f"calibration/{method}")()
+    first = algorithm.calibrate(world_from_carrier, in_camera)
+    views = [BoardView(*view) for view in zip(seen.sightings, carriers, holders, strict=True)]
+    start = ChainPoses(Pose(), first.carrier_from_eye, first.world_from_target)
+    refined = ChainCalibration().calibrate(views, seen.intrinsics, start, ("camera", "board"))
+    camera = refined.poses.camera
+    settings: dict[str, Any] = {}
+    figures: dict[str, Any] = {
+        "method": method,
+        "carrier": chain.carrier if chain is not None else "hand",
+        "carrier_from_camera": {**written(camera), "quaternion_xyzw": camera.quaternion},
+        "standard_deviations": deviations(refined.covariance["camera"]),
+        "covariance": refined.covariance["camera"],
+        "closed_form": {
+            "apart_mm": 1e3 * float(np.linalg.norm(first.carrier_from_eye.position - camera.position)),
+            "apart_deg": _degrees(first.carrier_from_eye, camera),
+        },
+    }
+    seen_poses = [refined.poses.board_in_camera(view) for view in views]
+    notes = add_depth(seen, seen_poses, settings, figures)
+    part: dict[str, Any] = chain.camera_mount(camera) if chain is not None else written(camera)
+    if settings:
+        part["set"] = settings
+    return result_of("hand_eye", dataset, seen, refined.offsets, {dataset.config.camera: part}, figures, notes)
+
+
+def _degrees(a: Pose, b: Pose) -> float:
+    return math.degrees(2.0 * math.asin(min(1.0, float(np.linalg.norm((a.inverse() @ b).quaternion[:3])))))
