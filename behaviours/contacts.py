@@ -40,10 +40,11 @@ class Contact:
     on: str = ""
     skill: str = ""
 
-    def fault(self, objects: Collection[str]) -> str:
+    def fault(self, objects: Collection[str], articulations: Collection[str]) -> str:
         """What is wrong with the declaration, and what would be right; empty where nothing is.
 
-        ``objects``: the names that the robot knows.
+        ``objects``: the names that the robot knows. ``articulations``: the doors and drawers of its map; any name will
+        do where it has none, as in a world that is explored.
         """
         if not 0.0 < self.max_force <= MOST_FORCE:
             return f"max_force should be more than 0 and at most {MOST_FORCE:g} N, got {self.max_force:g}"
@@ -53,6 +54,10 @@ class Contact:
             )
         if self.kind == "handle" and "/" not in self.thing:
             return f"it should name one door or drawer, 'furniture/leaf', got {self.thing!r}"
+        if self.kind == "handle" and articulations and self.thing not in articulations:
+            return f"it should name one door or drawer of the map, got {self.thing!r}; " + suggestion(
+                self.thing, list(articulations)
+            )
         return ""
 
 

@@ -210,12 +210,15 @@ class Skill(Explained, StatefulAction):
         """Declare contacts for as long as the block lasts, before they are made; all others count as collisions.
 
         A contact that began within the block may go on after it: what was grasped stays in the hand. Raises NodeError
-        for an object that the robot does not know, and for more than ``MOST_FORCE``.
+        for an object that the robot does not know, a door or drawer that its map does not have though it has others,
+        and more than ``MOST_FORCE``.
         """
         skills = self.skills
         known = [*skills.world.models, *skills.world.objects]
+        pieces = skills.world.map.furniture.values()
+        articulations = [f"{piece.name}/{leaf.name}" for piece in pieces for leaf in piece.leaves]
         for contact in contacts:
-            if fault := contact.fault(known):
+            if fault := contact.fault(known, articulations):
                 raise self._mistake(self.execute, f"declares a contact, {contact.kind}, that is refused: {fault}")
         declared = [replace(contact, skill=self.path) for contact in contacts]
         skills.contacts += declared

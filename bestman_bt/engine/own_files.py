@@ -5,9 +5,12 @@ Modules of two folders do not meet: each ``helpers.py`` is found by the files be
 
 from __future__ import annotations
 
+import ast
 import importlib
 import importlib.util
 import inspect
+import linecache
+import re
 import sys
 import traceback
 import zlib
@@ -113,6 +116,8 @@ def described(error: BaseException, path: Path) -> tuple[str, int, str]:
         top = (error.name or "").partition(".")[0]
         if top in PACKAGES and (path.parent / f"{top}.py").is_file():
             words += f"; {path.parent / top}.py has the name of a package of bestman-bt: rename it"
+        elif hints := _places_of_skills(error):
+            words += f"; {' and '.join(hints)}"
     folder = path.resolve().parent
     places = [(frame.filename, frame.lineno or 0) for frame in _frames(error)]
     if isinstance(error, SyntaxError) and error.filename:
@@ -123,6 +128,26 @@ def described(error: BaseException, path: Path) -> tuple[str, int, str]:
         if found.is_relative_to(folder) and not {"site-packages", *PACKAGES} & {*found.relative_to(folder).parts}:
             return str(path.parent / found.relative_to(folder)), line, words
     return str(path), 0, words
+
+
+def _places_of_skills(error: ImportError) -> list[str]:
+    """Which modules of ``behaviours`` have what a file imports from another; else those of the name that is missing."""
+    wanted, skills = error.name or "", Path(__file__).parents[2] / "behaviours"
+    frames = _frames(error)
+    if wanted.partition(".")[0] != skills.name or not frames:
+        return []
+    modules = {".".join(path.relative_to(skills.parent).with_suffix("").parts): path for path in skills.rglob("*.py")}
+    imports = ast.walk(ast.parse("".join(linecache.getlines(frames[-1].filename))))
+    froms = [one for one in imports if isinstance(one, ast.ImportFrom) and one.module == wanted]
+    names = [alias.name for one in froms for alias in one.names]
+    called = names if wanted == skills.name else [wanted.rpartition(".")[2]]
+    other = sorted(modules.keys() - {wanted})
+    has = []
+    for module in other if wanted != skills.name else ():
+        defined = re.findall(r"^(?:class |def )?(\w+)", modules[module].read_text(encoding="utf-8"), re.MULTILINE)
+        if held := [name for name in names if name in defined]:
+            has.append(f"{module} has {', '.join(held)}")
+    return has or [f"there is {module}" for module in other if module.rpartition(".")[2] in called]
 
 
 def _frames(error: BaseException) -> list[traceback.FrameSummary]:

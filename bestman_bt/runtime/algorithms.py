@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import inspect
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from functools import cache, partial
 from importlib import import_module
@@ -257,7 +257,8 @@ def _choose(
             message += f" (known: {', '.join(sorted(algorithms))})"
         if example := PLUGIN_EXAMPLES.get(f"{SLOTS[slot].kind}/{name}"):
             message = f"{name!r} is a plug-in now: name it as {example!r}, a file of bestman-bt's sources"
-        raise ConfigurationError([config.problem(("algorithms", slot, "algorithm"), message)])
+        wrong = [config.problem(("algorithms", slot, "algorithm"), message)]
+        raise ConfigurationError([*wrong, *_parameters_of_none(config, slot, values, algorithms.values())])
     algorithm = algorithms[name]
     refuse_unfinished(algorithm, SLOTS[slot].base, f"algorithms.{slot}")
     with module_of(algorithm) as module:
@@ -277,6 +278,18 @@ def _choose(
         except ConfigurationError as error:
             raise ConfigurationError([_placed(config, slot, problem) for problem in error.problems]) from error
     return algorithm, {field: getattr(checked, field) for field in values}
+
+
+def _parameters_of_none(
+    config: RunConfig, slot: str, values: Iterable[str], algorithms: Iterable[type[Any]]
+) -> Iterator[Problem]:
+    """Parameters that no algorithm of a slot has, beside the name of an algorithm that there is not."""
+    types = [parameters_of(algorithm, slot) for algorithm in algorithms]
+    known = {field.name for one in types if one is not None for field in dataclasses.fields(one)}
+    for name in values:
+        if name not in known:
+            message = f"no algorithm of this slot has it; {suggestion(name, sorted(known))}"
+            yield config.problem(("algorithms", slot, name), message)
 
 
 def algorithms_by_slot() -> dict[str, dict[str, type[Any]]]:

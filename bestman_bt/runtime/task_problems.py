@@ -71,9 +71,10 @@ def _contact_problems(config: RunConfig, world: World, things: list[str], model:
     walls = [f"wall_{index}" for index in range(len(world.walls))]
     names = [*things, "floor", *walls, "fingers", "robot"]
     links = [link.get("name", "") for link in robot.iter("link")]
-    for index, pair in enumerate(config.task.allowed_contacts or ()):
-        for side, name in enumerate(pair):
-            if name not in names and name not in links:
+    pairs = config.written.data.get("allowed_contacts", config.task.allowed_contacts)  # one of a wrong type drops all
+    for index, pair in enumerate(pairs if isinstance(pairs, (list, tuple)) else ()):
+        for side, name in enumerate(pair if isinstance(pair, (list, tuple)) else ()):
+            if isinstance(name, str) and name not in names and name not in links:
                 close = get_close_matches(name, [*names, *links], n=1)
                 remedy = f"did you mean {close[0]!r}?" if close else f"known: {', '.join(names)} and the robot's links"
                 message = f"there is no object, piece of furniture or link {name!r}; {remedy}"

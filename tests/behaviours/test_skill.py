@@ -16,6 +16,7 @@ from bestman_bt.manipulation.errors import ManipulationError
 from bestman_bt.runtime import Session
 from hal.simulation.sensor_pipeline import SensorFault
 from tests.behaviours.at_the_table import PERIOD, failures_of, tick, tree_of
+from tests.behaviours.test_leaf_seen import leaf_and_handle
 
 
 class Think(Skill):
@@ -254,6 +255,24 @@ def test_contacts_that_name_no_single_thing_or_too_much_force_are_refused(
     assert f"(at {__file__}:" in str(raised.value)
     assert bystander.skills.contacts == []
     leaf_of(tree, Reach).declared = grasp("cup", 600.0)
+    assert tree.tick_once() == RUNNING
+    tree.halt()
+
+
+def test_a_handle_is_one_of_the_map_where_the_map_has_doors_or_drawers(
+    bystander: Session, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tree = load(bystander, "<Reach/>")
+    reach = leaf_of(tree, Reach)
+    reach.declared = handle("fridge/uper_door")
+    assert tree.tick_once() == RUNNING, "the kitchen has neither, as a world that is explored"
+    tree.halt()
+    fridge = leaf_and_handle("fridge", "upper_door", 0.0)[0].furniture
+    monkeypatch.setattr(bystander.skills.world, "map", bystander.skills.world.map.with_furniture(fridge))
+    with pytest.raises(NodeError, match="map, got 'fridge/uper_door'; did you mean 'fridge/upper_door'"):
+        tree.tick_once()
+    assert bystander.skills.contacts == []
+    reach.declared = handle("fridge/upper_door")
     assert tree.tick_once() == RUNNING
     tree.halt()
 

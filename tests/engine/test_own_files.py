@@ -55,6 +55,37 @@ def test_a_tree_does_not_find_the_helpers_of_another_folder(two: list[Path], tmp
         load_tree(alone / "tree.py")
 
 
+@pytest.mark.parametrize(
+    ("statement", "told"),
+    [
+        (
+            "from behaviours.grasp import (\n    Grasp,\n    PlanGrasp as Plan,\n)",
+            "No module named 'behaviours.grasp'; behaviours.manipulation.grasp has Grasp, PlanGrasp",
+        ),
+        (
+            "from behaviours.names import SurfaceName, Skill",
+            "No module named 'behaviours.names'; behaviours.skill has SurfaceName, Skill",
+        ),
+        (
+            "from behaviours.navigate import *",
+            "; there is behaviours.nav2.navigate and there is behaviours.navigation.navigate",
+        ),
+        ("import behaviours.leaf", "No module named 'behaviours.leaf'; there is behaviours.furniture.leaf"),
+        ("from behaviours import push", "; there is behaviours.manipulation.push"),
+        ("import behaviours.graspp", "No module named 'behaviours.graspp'"),
+    ],
+)
+def test_a_skill_that_is_imported_from_where_it_is_not_is_told_with_its_module(
+    tmp_path: Path, statement: str, told: str
+) -> None:
+    (tmp_path / "tree.py").write_text(f"{statement}\n")
+    with pytest.raises(TreeLoadError) as raised:
+        load_tree(tmp_path / "tree.py")
+    (problem,) = raised.value.problems
+    assert problem.message.endswith(told)
+    assert problem.line == 1
+
+
 def test_a_tree_that_loads_a_tree_of_another_folder_keeps_its_own_helpers(two: list[Path]) -> None:
     (two[0] / "tree.py").write_text(
         "from bestman_bt.engine import load_tree\nimport helpers\n"

@@ -73,6 +73,12 @@ def test_a_wrong_parameter_is_told_with_what_is_right(settings: list[str], fault
     assert faults(*settings) == [fault]
 
 
+def test_parameters_beside_a_wrong_name_are_told_if_no_algorithm_of_the_slot_has_them() -> None:
+    unknown, key = faults(*(f"global_planning.{one}" for one in ("algorithm=astar", "turn_cost=2", "turn_kost=1")))
+    assert "unknown algorithm 'astar'" in unknown
+    assert key == "global_planning.turn_kost: no algorithm of this slot has it; did you mean 'turn_cost'?"
+
+
 def test_an_algorithm_without_parameters_refuses_any() -> None:
     assert faults("collision.margin=0.1") == ["collision: coal_world takes no parameters, got margin"]
 

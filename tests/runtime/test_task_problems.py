@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bestman_bt.configuration import ConfigurationError, load_run
+from bestman_bt.configuration import ConfigurationError, Problem, load_run
+from bestman_bt.configuration.run import run_of_options
 from bestman_bt.evaluation.episode import prepare_episode
 from bestman_bt.runtime import open_session
 from bestman_bt.runtime.setup import prepare
@@ -137,6 +138,16 @@ def test_contacts_with_an_object_that_is_left_out_are_no_fault_but_misspelt_ones
         return [problem.field for problem in error.value.problems]
 
     assert told() == told("scene.objects.box=absent") == ["allowed_contacts[1][0]", "allowed_contacts[2][1]"]
+
+
+def test_contacts_beside_one_of_a_wrong_type_are_checked_all_the_same(tmp_path: Path) -> None:
+    wrong = CONTACTS.replace("[[fingers, box], [bx, table]", "[[fingers, 3], cup, [bx, table]")
+    found: list[Problem] = []
+    config = run_of_options(written(tmp_path, wrong), seed=1, faults=found)
+    with pytest.raises(ConfigurationError) as error:
+        prepare_episode(config, found)
+    fields = ["allowed_contacts[0][1]", "allowed_contacts[1]", "allowed_contacts[2][0]", "allowed_contacts[3][1]"]
+    assert sorted(problem.field for problem in error.value.problems) == fields
 
 
 def test_of_objects_to_choose_from_those_that_are_left_out_are_not_chosen(tmp_path: Path) -> None:
