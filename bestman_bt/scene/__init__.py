@@ -2,7 +2,7 @@
 
 from bestman_bt.scene.draw import SceneError, draw_world
 from bestman_bt.scene.furniture_file import read_furniture
-from bestman_bt.scene.load import SceneConfig, load_scene
+from bestman_bt.scene.load import load_scene
 from bestman_bt.scene.map_of_world import semantic_map
 from bestman_bt.scene.moving_door import MovingDoor
 from bestman_bt.scene.object_file import read_object
@@ -18,6 +18,7 @@ from bestman_bt.scene.scene import (
     World,
     wall_box,
 )
+from bestman_bt.scene.scene_config import SceneConfig
 from bestman_bt.scene.walker import Walker
 
 __all__ = [

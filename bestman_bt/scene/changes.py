@@ -17,8 +17,7 @@ from bestman_bt.scene.plane_geometry import Points, polygons_overlap, rectangle
 from bestman_bt.scene.scene import FurnitureModel, PlacedFurniture
 
 if TYPE_CHECKING:
-    from bestman_bt.scene.load import SceneConfig
-    from bestman_bt.scene.scene_config import RegionConfig
+    from bestman_bt.scene.scene_config import RegionConfig, SceneConfig
 
 _APART = 0.05
 _AROUND_ROBOT = 1.0  # side of the square that stays free at its start, metres

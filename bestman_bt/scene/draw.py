@@ -14,7 +14,6 @@ from bestman_bt.messages import Pose, Pose2D
 from bestman_bt.scene.apartment_generator import ApartmentError, generate_apartment
 from bestman_bt.scene.changes import draw_changes, exactly_placed
 from bestman_bt.scene.floor_grid import FloorGrid
-from bestman_bt.scene.load import SceneConfig
 from bestman_bt.scene.moving_door import MovingDoor
 from bestman_bt.scene.placing import (
     gap_to_furniture,
@@ -28,7 +27,14 @@ from bestman_bt.scene.placing import (
 )
 from bestman_bt.scene.plane_geometry import depth_inside, distance_to_polygon, rectangle, wall_rectangle
 from bestman_bt.scene.scene import PlacedFurniture, PlacedObject, Surface, Wall, World
-from bestman_bt.scene.scene_config import FurniturePlacement, GoalPlacement, ObjectPlacement, RegionConfig, WallsConfig
+from bestman_bt.scene.scene_config import (
+    FurniturePlacement,
+    GoalPlacement,
+    ObjectPlacement,
+    RegionConfig,
+    SceneConfig,
+    WallsConfig,
+)
 from bestman_bt.scene.walker import Walker
 from bestman_bt.scene.walker_routes import draw_walkers
 

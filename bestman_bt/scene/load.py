@@ -6,7 +6,7 @@ import copy
 import re
 from collections import Counter
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -26,8 +26,8 @@ from bestman_bt.scene.apartment_generator.furnish import NEEDED
 from bestman_bt.scene.furniture_file import read_furniture
 from bestman_bt.scene.object_file import read_object
 from bestman_bt.scene.placement_faults import placement_faults, written_texts
-from bestman_bt.scene.scene import FurnitureModel, Surface
-from bestman_bt.scene.scene_config import RegionConfig, SceneFile
+from bestman_bt.scene.scene import FurnitureModel
+from bestman_bt.scene.scene_config import RegionConfig, SceneConfig, SceneFile
 
 # What types cannot tell of a scene's file: names that clash, ranges the wrong way round, walls without a length.
 
@@ -105,36 +105,6 @@ def _written(document: Document, *path: str | int) -> Any:
 
 _ABSENT = "absent"
 _REMOVABLE = ("furniture", "unmapped", "objects", "goals")
-
-
-@dataclass(frozen=True)
-class SceneConfig:
-    """A scene before chance has decided.
-
-    ``furniture``: model of each piece by its name in the scene. ``models``: what the robot may know of objects: the
-    model of each object by its name, and of each goal's object by the model's. ``goal_models``: by the goal's name.
-    ``unmapped``: models of the furniture that the map does not have.
-    ``absent``: names of furniture and objects that the scene or its settings leave out of what it extends.
-    ``document``: where each value was written.
-    """
-
-    name: str
-    file: SceneFile
-    furniture: Mapping[str, FurnitureModel]
-    models: Mapping[str, ObjectModel]
-    goal_models: Mapping[str, ObjectModel]
-    unmapped: Mapping[str, FurnitureModel] = field(default_factory=dict)
-    absent: tuple[str, ...] = ()
-    document: Document = field(default_factory=lambda: Document({}), compare=False, repr=False)
-
-    def surface(self, name: str) -> tuple[str, Surface]:
-        """Furniture name and surface of ``furniture`` or ``furniture/surface``; KeyError names what there is."""
-        furniture, _, wanted = name.partition("/")
-        for surface in self.furniture[furniture].all_surfaces if furniture in self.furniture else ():
-            if wanted in ("", surface.name):
-                return furniture, surface
-        known = [f"{piece}/{surface.name}" for piece, model in self.furniture.items() for surface in model.all_surfaces]
-        raise KeyError(f"unknown surface {name!r}; {suggestion(name, known)}")
 
 
 def load_scene(name_or_path: str | Path, overrides: Mapping[str, Any] | None = None) -> SceneConfig:

@@ -22,7 +22,7 @@ from bestman_bt.scene.scene import FurnitureModel, PlacedFurniture, Surface
 from bestman_bt.scene.scene_config import GoalPlacement, ObjectPlacement
 
 if TYPE_CHECKING:
-    from bestman_bt.scene.load import SceneConfig
+    from bestman_bt.scene.scene_config import SceneConfig
 
 
 # Furniture that stands in other furniture: its solids compared as upright prisms, part by part.

@@ -17,7 +17,7 @@ from bestman_bt.scene.plane_geometry import Points, distance_to_polygon, rectang
 from bestman_bt.scene.scene import PlacedFurniture, PlacedObject, Surface, Wall
 
 if TYPE_CHECKING:
-    from bestman_bt.scene.load import SceneConfig
+    from bestman_bt.scene.scene_config import SceneConfig
 
 
 # What stands on the floor, seen from above: what a start, a goal or somebody who walks keeps away from.

@@ -9,6 +9,7 @@ from typing import Annotated
 
 from pydantic import Field
 
+from bestman_bt.configuration import Document
 from bestman_bt.configuration.quantity import (
     Angle,
     AngularSpeed,
@@ -23,7 +24,10 @@ from bestman_bt.configuration.quantity import (
     Speed,
     Torque,
 )
+from bestman_bt.messages import ObjectModel
+from bestman_bt.registry import suggestion
 from bestman_bt.scene.apartment_generator.options import ApartmentOptions
+from bestman_bt.scene.scene import FurnitureModel, Surface
 
 _TWO_DEGREES = math.radians(2.0)
 Point2 = tuple[Length, Length]
@@ -177,3 +181,33 @@ class SceneFile:
     finger_friction: Friction | None = None
     extends: str | None = None
     description: str = ""
+
+
+@dataclass(frozen=True)
+class SceneConfig:
+    """A scene before chance has decided.
+
+    ``furniture``: model of each piece by its name in the scene. ``models``: what the robot may know of objects: the
+    model of each object by its name, and of each goal's object by the model's. ``goal_models``: by the goal's name.
+    ``unmapped``: models of the furniture that the map does not have.
+    ``absent``: names of furniture and objects that the scene or its settings leave out of what it extends.
+    ``document``: where each value was written.
+    """
+
+    name: str
+    file: SceneFile
+    furniture: Mapping[str, FurnitureModel]
+    models: Mapping[str, ObjectModel]
+    goal_models: Mapping[str, ObjectModel]
+    unmapped: Mapping[str, FurnitureModel] = field(default_factory=dict)
+    absent: tuple[str, ...] = ()
+    document: Document = field(default_factory=lambda: Document({}), compare=False, repr=False)
+
+    def surface(self, name: str) -> tuple[str, Surface]:
+        """Furniture name and surface of ``furniture`` or ``furniture/surface``; KeyError names what there is."""
+        furniture, _, wanted = name.partition("/")
+        for surface in self.furniture[furniture].all_surfaces if furniture in self.furniture else ():
+            if wanted in ("", surface.name):
+                return furniture, surface
+        known = [f"{piece}/{surface.name}" for piece, model in self.furniture.items() for surface in model.all_surfaces]
+        raise KeyError(f"unknown surface {name!r}; {suggestion(name, known)}")
