@@ -13,7 +13,7 @@ from typing import Annotated, Any, ClassVar, TypeAlias, TypeVar
 from behaviours.contacts import Contact
 from behaviours.context import SkillContext
 from behaviours.failure import MOTION_FAILS, READING_FAILS, SEEING_FAILS, NodeFailure
-from behaviours.parts import PartKind
+from behaviours.parts import WORDS, PartKind
 from bestman_bt.control import READING_ERRORS, Motion, MotionStatus
 from bestman_bt.engine import FAILURE, RUNNING, SUCCESS, Condition, In, Node, NodeError, Out, StatefulAction, SyncAction
 from bestman_bt.engine.bounds import Named
@@ -95,6 +95,15 @@ class OnRobot(Node):
     REQUIRES: ClassVar[tuple[PartKind, ...]] = ()
     USES: ClassVar[tuple[PartKind, ...]] = ()
 
+    def __init_subclass__(cls, **options: Any) -> None:
+        """Raises TypeError where ``REQUIRES`` or ``USES`` is no tuple of kinds of parts."""
+        super().__init_subclass__(**options)
+        for name in ("REQUIRES", "USES"):
+            kinds = getattr(cls, name)
+            if not isinstance(kinds, tuple) or any(kind not in WORDS for kind in kinds):
+                right = f"a tuple of kinds of parts ({', '.join(WORDS)})"
+                raise TypeError(f"{cls.__name__}.{name} should be {right}, got {kinds!r}")
+
     @property
     def skills(self) -> SkillContext:
         """The robot's controllers, algorithms and beliefs; of several arms those of the default one."""
@@ -136,6 +145,15 @@ class Explained(OnRobot):
     """
 
     FAILS: ClassVar[Mapping[str, str]] = {"bad_input": "a port has a value that is not accepted: correct the tree"}
+
+    def __init_subclass__(cls, **options: Any) -> None:
+        """Raises TypeError where ``FAILS`` is no mapping or ``DECLARATION`` no Declaration."""
+        super().__init_subclass__(**options)
+        declared = getattr(cls, "DECLARATION", Declaration())
+        if not isinstance(declared, Declaration):
+            raise TypeError(f"{cls.__name__}.DECLARATION should be a Declaration, got {declared!r}")
+        if not isinstance(cls.FAILS, Mapping):
+            raise TypeError(f"{cls.__name__}.FAILS should map codes to what a tree may try then, got {cls.FAILS!r}")
 
     error_code = Out(str, "why it failed, for programs; empty if not")
     error_message = Out(str, "why it failed, in words")

@@ -29,6 +29,13 @@ Watcher = Callable[["Slot", Any], None]
 """Called after a write with the slot (its new value inside) and the previous value."""
 
 
+def key_fault(key: str) -> str:
+    """What is wrong with the name of an entry; empty where nothing is."""
+    if key and key != "@" and key.count("@") <= 1:
+        return ""
+    return f"'{key}' is not a key (it must be named, with '@' at most once, in front)"
+
+
 @dataclass(frozen=True)
 class Entry:
     """What is known of one entry: its value, how often and when (clock seconds) it was written, its type."""
@@ -295,8 +302,8 @@ class Blackboard:
         return slot
 
     def _resolve(self, key: str) -> Slot:
-        if not key or key == "@" or key.count("@") > 1:
-            raise BlackboardError(f"'{key}' is not a key (it must be named, with '@' at most once, in front)")
+        if fault := key_fault(key):
+            raise BlackboardError(fault)
         if key[0] == "@":
             slot = self.root.slot(key[1:])
         elif self.parent is not None and key in self.remapping:

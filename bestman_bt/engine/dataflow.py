@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from bestman_bt.engine.blackboard import Slot
+from bestman_bt.engine.blackboard import Slot, key_fault
 from bestman_bt.engine.core.node import Node
 from bestman_bt.engine.core.ports import key_of
 from bestman_bt.engine.core.tree import Tree
 from bestman_bt.engine.decorators.subtree import SubTree
 from bestman_bt.engine.errors import ScriptError
-from bestman_bt.engine.leaves.blackboard import SetBlackboard, UnsetBlackboard
+from bestman_bt.engine.leaves.blackboard import ENTRY_PORTS, SetBlackboard, UnsetBlackboard
 from bestman_bt.engine.scripting.parser import (
     Assignment,
     Binary,
@@ -60,8 +60,9 @@ def _uses_of(tree: Tree, node: Node) -> Iterator[EntryUse]:
             continue
         key = key_of(value, name)
         port = ports.get(name)
-        if isinstance(node, (SetBlackboard, UnsetBlackboard)) and name in ("output_key", "key") and key is None:
-            yield EntryUse(board.slot(str(value)), node, name, str(value), True)
+        if isinstance(node, (SetBlackboard, UnsetBlackboard)) and name in ENTRY_PORTS and key is None:
+            if not key_fault(str(value)):
+                yield EntryUse(board.slot(str(value)), node, name, str(value), True)
         elif key is not None and port is not None and not isinstance(node, SubTree):
             if port.direction != "output":
                 yield EntryUse(board.slot(key), node, name, key, False)

@@ -350,3 +350,17 @@ def test_mistakes_of_a_skills_author_are_told_with_the_remedy_and_their_line(
     line = inspect.getsourcelines(method)[1] + (leaf is YieldsFive)
     assert words in str(raised.value)
     assert str(raised.value).endswith(f"(at {__file__}:{line})")
+
+
+@pytest.mark.parametrize(
+    ("declared", "told"),
+    [
+        ({"REQUIRES": ("hed",)}, r"Wrong.REQUIRES should be a tuple of kinds of parts \(base, lidar, .*got \('hed',\)"),
+        ({"USES": "head"}, "Wrong.USES should be a tuple of kinds of parts .*got 'head'"),
+        ({"FAILS": ["a"]}, r"Wrong.FAILS should map codes to what a tree may try then, got \['a'\]"),
+        ({"DECLARATION": 5}, "Wrong.DECLARATION should be a Declaration, got 5"),
+    ],
+)
+def test_a_wrong_declaration_is_refused_when_the_class_is_made(declared: dict[str, object], told: str) -> None:
+    with pytest.raises(TypeError, match=told):
+        type("Wrong", (Skill,), declared)

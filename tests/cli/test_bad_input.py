@@ -436,3 +436,13 @@ def test_a_replay_without_a_recording_and_a_recording_without_a_replay(refused: 
     assert "bestman-bt run --driver replay --recording RUN" in refused(
         "run", "--task", "fetch_cup", "--driver", "replay"
     )
+
+
+def test_entries_whose_names_are_no_keys_are_told_beside_other_faults(refused, folder: Path) -> None:
+    nodes = '<SetBlackboard value="3" output_key=""/>\n<UnsetBlackboard key="@@k"/>\n<Sleep msec="x"/>'
+    body = f'<BehaviorTree ID="M"><Sequence>\n{nodes}</Sequence></BehaviorTree>'
+    (folder / "t.xml").write_text(f'<root BTCPP_format="4" main_tree_to_execute="M">{body}</root>')
+    told = refused("validate", "t.xml")
+    assert "t.xml:2: <SetBlackboard> port 'output_key': '' is not a key" in told
+    assert "t.xml:3: <UnsetBlackboard> port 'key': '@@k' is not a key" in told
+    assert "t.xml:4: <Sleep> port 'msec'" in told

@@ -125,7 +125,7 @@ def test_all_faults_of_a_suite_are_told_at_once(tmp_path: Path) -> None:
         "  renamed: {task: fetch_cup, successes: {at_most: 3, of: 2}}\n"
     )
     (tmp_path / "mine.yaml").write_text(
-        "tree: navigate\nscene: kitchen\nrobot: diff_panda\ndrive: {to: 3}\npredicate: arrived\n"
+        "tree: navigate\nscene: kitchen\nrobot: diff_panda\ngoals: [{at_goal: {to: 3}}]\npredicate: arrived\n"
     )
     with pytest.raises(ConfigurationError) as caught:
         load_suite(path)
@@ -142,7 +142,7 @@ def test_all_faults_of_a_suite_are_told_at_once(tmp_path: Path) -> None:
     assert "bad.yaml:8: controls.lost.causes[1]: should be text, got 3" in told
     assert "controls.lost.successes: " not in told
     assert "bad.yaml:9: controls.renamed.successes: more than all 2 are asked" in told
-    assert "mine.yaml:4: drive.to: unknown field" in told
+    assert "mine.yaml:4: goals[0].at_goal.to: unknown field" in told
     assert "mine.yaml:5: predicate: unknown predicate 'arrived'" in told
 
 

@@ -12,6 +12,9 @@ from bestman_bt.engine.core.status import FAILURE, SUCCESS
 from bestman_bt.engine.errors import BlackboardError
 from bestman_bt.engine.leaves.base import SyncAction
 
+ENTRY_PORTS = ("output_key", "key")
+"""Ports of SetBlackboard and UnsetBlackboard whose literals name an entry."""
+
 
 class SetBlackboard(SyncAction):
     """Writes ``value``, a literal or a copy of an entry, to the entry named by ``output_key``."""
