@@ -11,7 +11,7 @@ from bestman_bt.engine.core.ports import key_of
 from bestman_bt.engine.core.tree import Tree
 from bestman_bt.engine.decorators.subtree import SubTree
 from bestman_bt.engine.errors import ScriptError
-from bestman_bt.engine.leaves.blackboard import ENTRY_PORTS, SetBlackboard, UnsetBlackboard
+from bestman_bt.engine.leaves.blackboard import names_entry
 from bestman_bt.engine.scripting.parser import (
     Assignment,
     Binary,
@@ -60,7 +60,7 @@ def _uses_of(tree: Tree, node: Node) -> Iterator[EntryUse]:
             continue
         key = key_of(value, name)
         port = ports.get(name)
-        if isinstance(node, (SetBlackboard, UnsetBlackboard)) and name in ENTRY_PORTS and key is None:
+        if key is None and names_entry(type(node), name):
             if not key_fault(str(value)):
                 yield EntryUse(board.slot(str(value)), node, name, str(value), True)
         elif key is not None and port is not None and not isinstance(node, SubTree):

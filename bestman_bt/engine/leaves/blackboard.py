@@ -7,13 +7,11 @@ from typing import Any
 
 from py_trees.ports import PortInformation
 
+from bestman_bt.engine.core.node import Node
 from bestman_bt.engine.core.ports import key_of
 from bestman_bt.engine.core.status import FAILURE, SUCCESS
 from bestman_bt.engine.errors import BlackboardError
 from bestman_bt.engine.leaves.base import SyncAction
-
-ENTRY_PORTS = ("output_key", "key")
-"""Ports of SetBlackboard and UnsetBlackboard whose literals name an entry."""
 
 
 class SetBlackboard(SyncAction):
@@ -65,6 +63,11 @@ class UnsetBlackboard(SyncAction):
         """Remove it; nothing if there is none."""
         self.board.unset(self.get_input("key"))
         return SUCCESS
+
+
+def names_entry(cls: type[Node], port: str) -> bool:
+    """Whether a literal in this port of a node class is the name of an entry."""
+    return port in ("output_key", "key") and issubclass(cls, (SetBlackboard, UnsetBlackboard))
 
 
 class WasEntryUpdated(SyncAction):

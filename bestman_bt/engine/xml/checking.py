@@ -14,7 +14,7 @@ from bestman_bt.engine.conversion import UNTYPED, cast, partly_read, type_name
 from bestman_bt.engine.core.ports import key_of
 from bestman_bt.engine.core.status import NodeStatus
 from bestman_bt.engine.errors import ConversionError, Problem, ScriptError
-from bestman_bt.engine.leaves.blackboard import ENTRY_PORTS, SetBlackboard, UnsetBlackboard
+from bestman_bt.engine.leaves.blackboard import names_entry
 from bestman_bt.engine.leaves.function import class_name
 from bestman_bt.engine.registry import NodeInfo, NodeRegistry
 from bestman_bt.engine.scripting import ScriptCompiler, assigns_to_no_key
@@ -136,7 +136,7 @@ class Checker:
                     continue
             if port.direction == "output":
                 self._check_output(element, info, key, text)
-            elif key in checked or names_entry(info, key):
+            elif key in checked or names_entry(info.cls, key):
                 self._check_literal(element, info, key, text)
             elif key == "code" and info.builtin and (text or info.name != "Script"):
                 self._check_script(element, key, text)
@@ -206,15 +206,10 @@ def unknown_port(info: NodeInfo, key: str) -> tuple[str, str]:
     return f"unknown port '{key}'", f"did you mean '{hint}'?" if hint else f"its ports: {known}"
 
 
-def names_entry(info: NodeInfo, key: str) -> bool:
-    """Whether a literal in this port is the name of an entry."""
-    return key in ENTRY_PORTS and issubclass(info.cls, (SetBlackboard, UnsetBlackboard))
-
-
 def literal_message(info: NodeInfo, key: str, value: Any, registry: NodeRegistry) -> str:
     """Return what is wrong with a literal, or an empty text."""
     port = info.ports[key]
-    if names_entry(info, key):
+    if names_entry(info.cls, key):
         return key_fault(str(value))
     if port.data_type in UNTYPED:
         return ""
