@@ -56,7 +56,7 @@ def evaluate(
     ``jobs``: processes. ``folder``: keeps every episode, and an evaluation of the same goes on where it stopped.
     Raises ConfigurationError with everything that is wrong, before anything is started.
     """
-    from bestman_bt.configuration import ConfigurationError, Problem, told_to_programs
+    from bestman_bt.configuration import ConfigurationError, Problem, RunRequest, told_to_programs
     from bestman_bt.evaluation.evaluation import Evaluation
     from bestman_bt.evaluation.suite import make_suite
 
@@ -69,15 +69,8 @@ def evaluate(
         raise ConfigurationError(wrong)
     named = [str(tasks)] if isinstance(tasks, (str, Path)) else [str(task) for task in tasks]
     with told_to_programs():
-        suite = make_suite(
-            named,
-            episodes,
-            seed,
-            None if scene is None else str(scene),
-            None if robot is None else str(robot),
-            list(settings),
-            list(plugins),
-        )
+        asked = RunRequest(scene=scene, robot=robot, settings=list(settings), plugins=list(plugins))
+        suite = make_suite(named, episodes, seed, asked)
     with Evaluation(suite, None if folder is None else Path(folder)) as evaluation:
         return evaluation.run(jobs)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any
@@ -13,7 +14,7 @@ import typer
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 
 from bestman_bt.cli.json_output import json_output
-from bestman_bt.cli.options import Json, Seed, Settings
+from bestman_bt.cli.options import Json, Seed, Settings, grouped_options
 from bestman_bt.cli.run_view import CONSOLE
 from bestman_bt.configuration import ConfigurationError, Problem, parse_settings
 from bestman_bt.perception.calibration import CalibrationError, IntrinsicsCalibration
@@ -56,18 +57,26 @@ class Lens(StrEnum):
     FIVE = "k1_k2_p1_p2_k3"
 
 
+@dataclass(frozen=True)
+class SimulatedViews:
+    """Of which robot's camera views are recorded in simulation; ``robot`` None: of none."""
+
+    robot: Annotated[
+        str | None, typer.Option("--simulate", metavar="ROBOT", help="Record the views with a simulated robot.")
+    ] = None
+    camera: Annotated[str | None, typer.Option(help="The camera, where the simulated robot has several.")] = None
+    views: Annotated[int | None, typer.Option(min=4, help="How many views are simulated; 20, for a lens 40.")] = None
+    seed: Seed = 0
+    settings: Settings = None
+
+
+@grouped_options
 def command(
     what: Annotated[What, typer.Argument(help="The lens of a camera, one on an arm, or one on a pan-tilt head.")],
     dataset: Annotated[
         Path | None, typer.Argument(metavar="[DATASET]", help="A folder with dataset.yaml and its images.")
     ] = None,
-    robot: Annotated[
-        str | None, typer.Option("--simulate", metavar="ROBOT", help="Record the views with a simulated robot.")
-    ] = None,
-    camera: Annotated[str | None, typer.Option(help="The camera, where the simulated robot has several.")] = None,
-    views: Annotated[int | None, typer.Option(min=4, help="How many views are simulated; 20, for a lens 40.")] = None,
-    seed: Seed = 0,
-    settings: Settings = None,
+    simulation: SimulatedViews = SimulatedViews(),
     method: Annotated[Method, typer.Option(help="The closed form that a hand-eye calibration begins with.")] = (
         Method.PARK_MARTIN
     ),
@@ -78,21 +87,17 @@ def command(
     as_json: Json = False,
 ) -> None:
     """Calibrate a camera from views of a board; writes a file that robot files take as ``calibration``."""
-    if (dataset is None) == (robot is None):
+    if (dataset is None) == (simulation.robot is None):
         message = "give a dataset, or --simulate ROBOT, and not both"
         raise ConfigurationError([Problem("bestman-bt calibrate", None, "", message)])
     kind: Kind = what.value
-    count = views or (40 if kind == "intrinsics" else 20)
     with json_output(as_json) as tell:
         try:
             with _progress() as report:
                 simulated = None
-                if robot is not None:
-                    folder = out or Path(f"calibration-{kind}-{seed}")
-                    simulated = simulate(kind, robot, _robot_settings(settings), camera, count, seed, folder, report)
-                else:
-                    assert dataset is not None
-                    folder = dataset
+                folder = dataset or out or Path(f"calibration-{kind}-{simulation.seed}")
+                if dataset is None:
+                    simulated = _simulate(kind, simulation, folder, report)
                 result = _solve(kind, folder, method, lens, report)
         except CalibrationError as error:
             print(f"bestman-bt: no calibration: {error}", file=sys.stderr)
@@ -102,6 +107,13 @@ def command(
     if not as_json:
         _tell(document)
     sys.exit(0)
+
+
+def _simulate(kind: Kind, asked: SimulatedViews, folder: Path, report: Report) -> Simulated:
+    assert asked.robot is not None
+    settings = _robot_settings(asked.settings)
+    views = asked.views or (40 if kind == "intrinsics" else 20)
+    return simulate(kind, asked.robot, settings, asked.camera, views, asked.seed, folder, report)
 
 
 def _solve(kind: Kind, folder: Path, method: Method, lens: Lens, report: Report) -> CalibrationResult:

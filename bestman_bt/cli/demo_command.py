@@ -12,7 +12,7 @@ import typer
 from bestman_bt.cli.json_output import json_output
 from bestman_bt.cli.options import MONITOR_PORT, Groot2Port, Json, Live, Monitor, MonitorPort, Seed
 from bestman_bt.cli.report_command import REPORT_NAME
-from bestman_bt.cli.run_command import execute, exit_code
+from bestman_bt.cli.run_command import ViewOptions, execute, exit_code
 from bestman_bt.cli.run_view import RESULTS
 from bestman_bt.cli.started_monitor import show_in_monitor
 from bestman_bt.configuration import load_run
@@ -37,7 +37,7 @@ def command(
         setup = prepare_episode(load_run("fetch_cup", seed=seed, record=True))
         if monitor:
             show_in_monitor(monitor_port)
-        result, folder = execute(setup, runs, pictures=True, groot2_port=groot2_port, live=live)
+        result, folder = execute(setup, runs, ViewOptions(pictures=True, groot2_port=groot2_port, live=live))
         report = folder / REPORT_NAME
         report.write_text(report_page([read_story(folder)], datetime.now()), encoding="utf-8")
         _what_next(folder, report)

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from bestman_bt.cli.json_output import json_output
-from bestman_bt.cli.options import Json, Plugins, Robot, SavedWorld, Scene, Seed, Settings
+from bestman_bt.cli.options import Json, PlanningOptions, grouped_options
 from bestman_bt.configuration import ConfigurationError
 from bestman_bt.configuration import Problem as Fault
 from bestman_bt.facts.predicate import Beliefs
@@ -20,6 +20,7 @@ from bestman_bt.task_planning.symbolic import Operator, Problem, goal_as_facts
 from bestman_bt.task_planning.symbolic.pddl_writing import PddlText
 
 
+@grouped_options
 def command(
     pddl: Annotated[bool, typer.Option("--pddl", help="Print PDDL 2.1: the domain, then the problem.")] = False,
     goal: Annotated[
@@ -28,26 +29,20 @@ def command(
     output: Annotated[
         Path | None, typer.Option("-o", metavar="FOLDER", help="Write domain.pddl and problem.pddl there instead.")
     ] = None,
-    task: Annotated[str | None, typer.Option(help="The task in whose scene, with whose robot.")] = None,
-    scene: Scene = None,
-    robot: Robot = None,
-    seed: Seed = 0,
-    world: SavedWorld = None,
-    settings: Settings = None,
-    plugins: Plugins = None,
+    where: PlanningOptions = PlanningOptions(),
     as_json: Json = False,
 ) -> None:
     """Show what task planners may order, what can be said in a goal, and what the robot believes in a scene."""
     if output is not None and not pddl:
         raise ConfigurationError([Fault("-o", None, "", "is for --pddl")])
-    if not (pddl or as_json or goal or task or scene or robot or seed or world or settings):
-        _show_domain(Domain.of(node_registry([str(plugin) for plugin in plugins or ()])))
+    if not (pddl or as_json or goal) and where == PlanningOptions(plugins=where.plugins):
+        _show_domain(Domain.of(node_registry([str(plugin) for plugin in where.plugins or ()])))
         print("\nObjects and beliefs are those of a scene: name a --scene, --task or --world")
         return
     from bestman_bt.runtime.planning import planning_state
 
     goal = None if goal is None else goal_as_facts(goal)
-    setup, beliefs = planning_state(task, scene, robot, seed, settings, plugins, world)
+    setup, beliefs = planning_state(where.request, where.world)
     domain = Domain.of(setup.registry)
     try:
         problem = domain.problem(Beliefs(beliefs), goal)

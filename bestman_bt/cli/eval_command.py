@@ -6,6 +6,7 @@ import json
 import sys
 import time
 from collections import Counter
+from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
 from typing import Annotated, Any
@@ -17,10 +18,10 @@ from rich.table import Table
 from rich.text import Text
 
 from bestman_bt.cli.json_output import json_output
-from bestman_bt.cli.options import MONITOR_PORT, Json, Monitor, MonitorPort, Plugins, Robot, Scene, Settings
+from bestman_bt.cli.options import Json, MonitorOptions, Plugins, Robot, Scene, Settings, grouped_options
 from bestman_bt.cli.run_view import CONSOLE
 from bestman_bt.cli.started_monitor import show_in_monitor
-from bestman_bt.configuration import ConfigurationError, Problem
+from bestman_bt.configuration import ConfigurationError, Problem, RunRequest
 from bestman_bt.evaluation.comparison import within
 from bestman_bt.evaluation.evaluation import Evaluation
 from bestman_bt.evaluation.markdown import accuracy_words, markdown, own_targets, verdict
@@ -127,19 +128,32 @@ def _standing(document: dict[str, Any]) -> Text:
     )
 
 
-def command(
-    tasks: Annotated[list[str], typer.Argument(help="Shipped tasks or YAML files, or one suite such as manipulation.")],
+@dataclass(frozen=True)
+class EpisodeOptions:
+    """Which episodes are run, and in which scene with which robot, where it is not that of the task."""
+
     episodes: Annotated[
         int | None, typer.Option(min=1, help="How many seeds of each; 10, or what the suite says.", show_default=False)
-    ] = None,
+    ] = None
     seed: Annotated[
         int | None, typer.Option(min=0, help="The first seed; 0, or what the suite says.", show_default=False)
-    ] = None,
+    ] = None
+    scene: Scene = None
+    robot: Robot = None
+    settings: Settings = None
+    plugins: Plugins = None
+
+    def suite(self, tasks: list[str]) -> Suite:
+        """The suite of tasks, everything checked; ConfigurationError."""
+        asked = RunRequest(scene=self.scene, robot=self.robot, settings=self.settings, plugins=self.plugins)
+        return make_suite(tasks, self.episodes, self.seed, asked)
+
+
+@grouped_options
+def command(
+    tasks: Annotated[list[str], typer.Argument(help="Shipped tasks or YAML files, or one suite such as manipulation.")],
+    asked: EpisodeOptions = EpisodeOptions(),
     jobs: Annotated[int, typer.Option(min=1, help="Processes that run at the same time.")] = 1,
-    scene: Scene = None,
-    robot: Robot = None,
-    settings: Settings = None,
-    plugins: Plugins = None,
     out: Annotated[
         Path | None,
         typer.Option(help="Keep everything here and go on where it stopped.", show_default="runs/evaluations/NAME"),
@@ -150,26 +164,21 @@ def command(
     keep_old: Annotated[
         bool, typer.Option("--keep-old", help="Count finished episodes that were run with other code.")
     ] = False,
-    monitor: Monitor = False,
-    monitor_port: MonitorPort = MONITOR_PORT,
+    page: MonitorOptions = MonitorOptions(),
     as_json: Json = False,
 ) -> None:
     """Run seeds SEED … SEED + EPISODES - 1 of each task and summarise."""
     with json_output(as_json) as tell:
-        suite = make_suite(tasks, episodes, seed, scene, robot, settings, plugins)
+        suite = asked.suite(tasks)
         if compare and sum(not entry.control for entry in suite.entries) < 2:
             raise ConfigurationError([Problem("--compare", None, "", f"needs two entries, {suite.name} has one")])
-        _show(monitor, monitor_port)
+        if page.monitor:
+            show_in_monitor(page.monitor_port)
         document = _evaluate(suite, out or Path("runs/evaluations") / suite.name, jobs, keep_old, compare)
         tell(document)
     if not as_json:
         _tell(document)
     sys.exit(130 if document["interrupted"] else 0 if document["met"] else 1)
-
-
-def _show(monitor: bool, port: int) -> None:
-    if monitor:
-        show_in_monitor(port)
 
 
 def _evaluate(suite: Suite, folder: Path, jobs: int, keep_old: bool, compare: bool) -> dict[str, Any]:

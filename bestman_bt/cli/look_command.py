@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -10,8 +11,8 @@ import typer
 from PIL import Image
 
 from bestman_bt.cli.json_output import json_output
-from bestman_bt.cli.options import Json, Robot, Scene, Seed, Settings
-from bestman_bt.configuration import ConfigurationError, Problem
+from bestman_bt.cli.options import Json, Robot, Scene, Seed, Settings, grouped_options
+from bestman_bt.configuration import ConfigurationError, Problem, RunRequest
 from bestman_bt.extras import is_installed, require_extra
 from bestman_bt.perception.clouds import write_cloud
 from bestman_bt.registry import suggestion
@@ -23,10 +24,19 @@ from bestman_bt.visualization.rerun.look import RecordedLook, write_look
 from bestman_bt.world_model import MapFurniture
 
 
+@dataclass(frozen=True)
+class WhereToLook:
+    """In which scene, with which robot."""
+
+    scene: Scene = None
+    robot: Robot = None
+    seed: Seed = 0
+    settings: Settings = None
+
+
+@grouped_options
 def command(
-    scene: Scene = None,
-    robot: Robot = None,
-    seed: Seed = 0,
+    where: WhereToLook = WhereToLook(),
     at: Annotated[
         list[str] | None, typer.Option("--at", metavar="FURNITURE", help="What to look at; all furniture by default.")
     ] = None,
@@ -35,16 +45,16 @@ def command(
     clouds: Annotated[
         bool, typer.Option("--clouds", help="Write the points of each view, too, as .ply files.")
     ] = False,
-    settings: Settings = None,
     as_json: Json = False,
 ) -> None:
     """Stand the robot before furniture and show what it perceives: objects, poses, handles, grasps."""
-    scene, robot, settings = scene or "kitchen", robot or "diff_panda", settings or []
+    scene = where.scene or "kitchen"
+    asked = RunRequest(scene=scene, robot=where.robot or "diff_panda", seed=where.seed, settings=where.settings)
     if clouds:
         require_extra("--clouds", "open3d")
     with json_output(as_json) as tell:
-        known = furniture_to_look_at(scene, seed, settings)
-        stands = _stands(known, at or [], scene, robot, seed, settings)
+        known = furniture_to_look_at(asked)
+        stands = _stands(known, at or [], asked)
         _make_folder(save)
         found = []
         for name, stand in stands.items():
@@ -53,12 +63,10 @@ def command(
             found.append(_document(look, files))
             if not as_json:
                 _print(look, files)
-        tell({"scene": str(scene), "seed": seed, "looks": found})
+        tell({"scene": scene, "seed": where.seed, "looks": found})
 
 
-def _stands(
-    known: Mapping[str, MapFurniture], at: Sequence[str], scene: str, robot: str, seed: int, settings: Sequence[str]
-) -> dict[str, Setup | SceneError]:
+def _stands(known: Mapping[str, MapFurniture], at: Sequence[str], asked: RunRequest) -> dict[str, Setup | SceneError]:
     """The robot before each piece, everything checked; SceneError in place of one of all that has no room before it."""
     problems = [
         Problem("--at", None, "", f"the map has no furniture {name!r}; {suggestion(name, list(known))}")
@@ -70,7 +78,7 @@ def _stands(
     stands: dict[str, Setup | SceneError] = {}
     for name in at or known:
         try:
-            stands[name] = prepare(standing_before(known[name], scene, robot, seed, settings))
+            stands[name] = prepare(standing_before(known[name], asked))
         except SceneError as error:
             if at:
                 raise

@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 import typer
 
 from bestman_bt.cli.json_output import json_output
 from bestman_bt.cli.option_values import number, wrong_input
-from bestman_bt.cli.options import Json, Png
+from bestman_bt.cli.options import Json, Png, grouped_options
 from bestman_bt.configuration import data_names, find_data, own_objects
 from bestman_bt.messages import ObjectModel
 from bestman_bt.robot_model import GripperModel, load_robot_model
 from bestman_bt.scene import read_object
 from bestman_bt.scene.object_file import SYMMETRY_ORDERS
+
+if TYPE_CHECKING:
+    from bestman_bt.runtime.object_import import NewObject
 
 ROBOT = "diff_panda"
 verbs = typer.Typer(
@@ -28,40 +32,54 @@ verbs = typer.Typer(
 Robot = Annotated[str, typer.Option(help="The robot whose gripper grasps are for.")]
 
 
+@dataclass(frozen=True)
+class ObjectOptions:
+    """What is said of a new object, as it is written."""
+
+    name: Annotated[str, typer.Option(help="What scenes call it.")]
+    scale: Annotated[str, typer.Option(metavar="LENGTH", help="Metres per unit of the mesh; also '1 mm'.")] = "1"
+    up: Annotated[str, typer.Option(metavar="x|y|z", help="The mesh's axis that points up when it stands.")] = "z"
+    mass: Annotated[str | None, typer.Option(help="For example '250 g'; default: by its volume.")] = None
+    color: Annotated[str | None, typer.Option(metavar="R,G,B", help="0 to 1 each; default: the mesh's own.")] = None
+    friction: Annotated[str, typer.Option(help="Lateral coefficient.")] = "0.7"
+    symmetry: Annotated[str, typer.Option(help=f"auto, or of: {', '.join(SYMMETRY_ORDERS)}.")] = "auto"
+    open_surface: Annotated[bool, typer.Option("--open", help="Take a mesh with holes.")] = False
+    library: Annotated[str, typer.Option(metavar="trimesh|open3d", help="What reads and simplifies the mesh.")] = (
+        "trimesh"
+    )
+
+    def read(self) -> NewObject:
+        """The same as values; ConfigurationError where one makes no sense."""
+        from bestman_bt.runtime.object_import import NewObject
+
+        return NewObject(
+            name=self.name,
+            scale=number("--scale", self.scale, "length"),
+            up=_one_of("--up", self.up, ("x", "y", "z")),
+            mass=None if self.mass is None else number("--mass", self.mass, "mass"),
+            color=None if self.color is None else _color(self.color),
+            friction=number("--friction", self.friction, allow_zero=True),
+            symmetry=_one_of("--symmetry", self.symmetry, ("auto", *SYMMETRY_ORDERS)),
+            open_surface=self.open_surface,
+            library=_one_of("--library", self.library, ("trimesh", "open3d")),
+        )
+
+
 @verbs.command()
+@grouped_options
 def add(
     mesh: Annotated[Path, typer.Argument(help="A mesh file: STL, OBJ, PLY, GLB, OFF, 3MF …")],
-    name: Annotated[str, typer.Option(help="What scenes call it.")],
-    scale: Annotated[str, typer.Option(metavar="LENGTH", help="Metres per unit of the mesh; also '1 mm'.")] = "1",
-    up: Annotated[str, typer.Option(metavar="x|y|z", help="The mesh's axis that points up when it stands.")] = "z",
-    mass: Annotated[str | None, typer.Option(help="For example '250 g'; default: by its volume.")] = None,
-    color: Annotated[str | None, typer.Option(metavar="R,G,B", help="0 to 1 each; default: the mesh's own.")] = None,
-    friction: Annotated[str, typer.Option(help="Lateral coefficient.")] = "0.7",
-    symmetry: Annotated[str, typer.Option(help=f"auto, or of: {', '.join(SYMMETRY_ORDERS)}.")] = "auto",
+    described: ObjectOptions,
     into: Annotated[Path | None, typer.Option(metavar="DIR", help="Where its files go.")] = None,
     robot: Robot = ROBOT,
-    open_surface: Annotated[bool, typer.Option("--open", help="Take a mesh with holes.")] = False,
-    library: Annotated[
-        str, typer.Option(metavar="trimesh|open3d", help="What reads and simplifies the mesh.")
-    ] = "trimesh",
     force: Annotated[bool, typer.Option("--force", help="Replace an object of this name.")] = False,
     as_json: Json = False,
 ) -> None:
     """Make an object from a mesh: convex parts, symmetry, grasps, a picture and its YAML."""
-    from bestman_bt.runtime.object_import import NewObject, import_object
+    from bestman_bt.runtime.object_import import import_object
 
     with json_output(as_json) as write:
-        new = NewObject(
-            name=name,
-            scale=number("--scale", scale, "length"),
-            up=_one_of("--up", up, ("x", "y", "z")),
-            mass=None if mass is None else number("--mass", mass, "mass"),
-            color=None if color is None else _color(color),
-            friction=number("--friction", friction, allow_zero=True),
-            symmetry=_one_of("--symmetry", symmetry, ("auto", *SYMMETRY_ORDERS)),
-            open_surface=open_surface,
-            library=_one_of("--library", library, ("trimesh", "open3d")),
-        )
+        new = described.read()
         gripper_name, gripper = _gripper(robot)
         made = import_object(mesh, new, gripper, gripper_name, into or own_objects(), force)
         facts = _facts(made.model, made.files["object"]) | _why_no_grasps(made.model, robot, gripper)

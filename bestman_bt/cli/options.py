@@ -2,11 +2,43 @@
 
 from __future__ import annotations
 
+import dataclasses
+import functools
+import inspect
 import os
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+
+if TYPE_CHECKING:
+    from bestman_bt.configuration import RunRequest
+
+
+def grouped_options(command: Callable[..., None]) -> Callable[..., None]:
+    """For typer: a parameter of ``command`` that is a dataclass becomes an option for each of its fields."""
+    options: list[inspect.Parameter] = []
+    groups: dict[str, tuple[Callable[..., Any], list[str]]] = {}
+    for parameter in inspect.signature(command, eval_str=True).parameters.values():
+        group = parameter.annotation
+        if isinstance(group, type) and dataclasses.is_dataclass(group):
+            fields = inspect.signature(group, eval_str=True).parameters
+            groups[parameter.name] = (group, list(fields))
+            options += fields.values()
+        else:
+            options.append(parameter)
+
+    @functools.wraps(command)
+    def with_groups(**values: Any) -> None:
+        grouped = {name: group(**{key: values.pop(key) for key in keys}) for name, (group, keys) in groups.items()}
+        command(**values, **grouped)
+
+    parameters = [option.replace(kind=inspect.Parameter.KEYWORD_ONLY) for option in options]
+    with_groups.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
+    with_groups.__annotations__ = {option.name: option.annotation for option in options}
+    return with_groups
 
 
 def writable_file(path: Path | None) -> Path | None:
@@ -67,3 +99,33 @@ Monitor = Annotated[
 ]
 MonitorPort = Annotated[int, typer.Option(min=1, max=65535, help="With --monitor: the port of the page.")]
 MONITOR_PORT = 8750
+
+
+@dataclass(frozen=True)
+class PlanningOptions:
+    """What is planned for, and what is known there; ``world`` is read beside the request."""
+
+    task: Annotated[
+        str | None, typer.Option(help="The task in whose scene, with whose robot; for its goal, if none is given.")
+    ] = None
+    scene: Scene = None
+    robot: Robot = None
+    seed: Seed = 0
+    world: SavedWorld = None
+    settings: Settings = None
+    plugins: Plugins = None
+
+    @property
+    def request(self) -> RunRequest:
+        """As what is asked of a run."""
+        from bestman_bt.configuration import RunRequest
+
+        return RunRequest(self.task, None, self.scene, self.robot, self.seed, self.settings, self.plugins)
+
+
+@dataclass(frozen=True)
+class MonitorOptions:
+    """Whether the page of the live monitor is shown, and where."""
+
+    monitor: Monitor = False
+    monitor_port: MonitorPort = MONITOR_PORT

@@ -11,6 +11,7 @@ import shlex
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -20,12 +21,8 @@ from bestman_bt.cli.json_output import json_output
 from bestman_bt.cli.option_values import wrong_input
 from bestman_bt.cli.options import (
     Json,
-    Plugins,
-    Robot,
-    SavedWorld,
-    Scene,
-    Seed,
-    Settings,
+    PlanningOptions,
+    grouped_options,
     refuse_unwritable_folder,
     writable_file,
 )
@@ -61,138 +58,175 @@ def shown_log(package: str) -> Iterator[None]:
         logger.propagate = passes
 
 
-def command(
-    text: Annotated[str | None, typer.Argument(metavar="[TEXT]", help="What is wanted, in words.")] = None,
+@dataclass(frozen=True)
+class GoalOptions:
+    """What is wanted, and who plans and builds it within which limits."""
+
+    text: Annotated[str | None, typer.Argument(metavar="[TEXT]", help="What is wanted, in words.")] = None
     goal: Annotated[
         str | None, typer.Option(metavar="FACTS", help="What is wanted: facts joined by and, or FILE.pddl.")
-    ] = None,
-    planner: Annotated[str, typer.Option(help="symbolic, fast_downward, language, or one of your own.")] = "symbolic",
-    builder: Annotated[str, typer.Option(help="reactive, sequence or backchain.")] = "reactive",
-    output: Annotated[
-        Path | None, typer.Option("-o", metavar="FILE.xml", help="Where the tree is written.", callback=writable_file)
-    ] = None,
-    svg: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE.svg", help="Draw the tree, each ability as one box.", callback=writable_file),
-    ] = None,
-    run: Annotated[bool, typer.Option("--run", help="Run it at once, and plan anew where it fails.")] = False,
-    yes: Annotated[bool, typer.Option("--yes", help="Run what a model made of a text without asking you.")] = False,
-    task: Annotated[
-        str | None, typer.Option(help="The task in whose scene, with whose robot; for its goal, if none is given.")
-    ] = None,
-    scene: Scene = None,
-    robot: Robot = None,
-    seed: Seed = 0,
-    world: SavedWorld = None,
+    ] = None
     given: Annotated[
         list[str] | None,
         typer.Option("--given", metavar="FACTS", help="Where things are that were not seen: 'on(cup, table)'."),
-    ] = None,
-    record: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="Write what was said to and by the language model.", callback=writable_file),
-    ] = None,
-    replay: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Take the language model's answers from such a file.")
-    ] = None,
+    ] = None
+    planner: Annotated[str, typer.Option(help="symbolic, fast_downward, language, or one of your own.")] = "symbolic"
+    builder: Annotated[str, typer.Option(help="reactive, sequence or backchain.")] = "reactive"
     limits: Annotated[
         str,
         typer.Option("--limits", metavar="LIMITS", help="For a plan: 'steps=20; only=PickUp, PutAt; without=fridge'."),
-    ] = "",
-    settings: Settings = None,
-    plugins: Plugins = None,
-    runs: Annotated[Path, typer.Option(help="Where run folders are made.")] = Path("runs"),
+    ] = ""
+
+    def check(self) -> None:
+        """ConfigurationError for what contradicts itself."""
+        if self.text is not None and self.goal is not None:
+            raise wrong_input("bestman-bt plan", "give a text or --goal, one of them")
+        if self.text is not None and not self.text.strip():
+            raise wrong_input("bestman-bt plan", "the text is empty; say what is wanted")
+        if ":" in self.planner:
+            raise wrong_input("--planner", "one of your own is brought by --plugin FILE.py and named by its decorator")
+
+
+@dataclass(frozen=True)
+class TranscriptOptions:
+    """Where the words of the language model go, or come from."""
+
+    record: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Write what was said to and by the language model.", callback=writable_file),
+    ] = None
+    replay: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Take the language model's answers from such a file.")
+    ] = None
+
+
+@dataclass(frozen=True)
+class TreeFiles:
+    """Where the tree is written and drawn."""
+
+    output: Annotated[
+        Path | None, typer.Option("-o", metavar="FILE.xml", help="Where the tree is written.", callback=writable_file)
+    ] = None
+    svg: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE.svg", help="Draw the tree, each ability as one box.", callback=writable_file),
+    ] = None
+
+
+@dataclass(frozen=True)
+class ExecutionOptions:
+    """Whether the plan is run, and where its run folder is made."""
+
+    run: Annotated[bool, typer.Option("--run", help="Run it at once, and plan anew where it fails.")] = False
+    yes: Annotated[bool, typer.Option("--yes", help="Run what a model made of a text without asking you.")] = False
+    runs: Annotated[Path, typer.Option(help="Where run folders are made.")] = Path("runs")
+
+    def check(self, text: str | None, world: Path | None) -> None:
+        """ConfigurationError where what is asked cannot be run; nothing for what is not to be."""
+        if not self.run:
+            return
+        if world is not None:
+            raise wrong_input(f"--world {world}", "is for planning; --run has its own beliefs")
+        if text is not None and not self.yes and not sys.stdin.isatty():
+            raise wrong_input(
+                "--run", "a model's reading of a text is run when you agree, and nobody can be asked here; give --yes"
+            )
+        refuse_unwritable_folder(self.runs, "--runs")
+
+
+@grouped_options
+def command(
+    wanted: GoalOptions = GoalOptions(),
+    where: PlanningOptions = PlanningOptions(),
+    model: TranscriptOptions = TranscriptOptions(),
+    files: TreeFiles = TreeFiles(),
+    execution: ExecutionOptions = ExecutionOptions(),
     as_json: Json = False,
 ) -> None:
     """Plan for a goal, make a tree of the plan, and check it."""
-    if text is not None and goal is not None:
-        raise wrong_input("bestman-bt plan", "give a text or --goal, one of them")
-    if text is not None and not text.strip():
-        raise wrong_input("bestman-bt plan", "the text is empty; say what is wanted")
-    if run and world is not None:
-        raise wrong_input(f"--world {world}", "is for planning; --run has its own beliefs")
-    if run and text is not None and not yes and not sys.stdin.isatty():
-        raise wrong_input(
-            "--run", "a model's reading of a text is run when you agree, and nobody can be asked here; give --yes"
-        )
-    if ":" in planner:
-        raise wrong_input("--planner", "one of your own is brought by --plugin FILE.py and named by its decorator")
-    if run:
-        refuse_unwritable_folder(runs, "--runs")
+    wanted.check()
+    execution.check(wanted.text, where.world)
     with json_output(as_json) as tell, shown_log("bestman_bt.task_planning"):
-        wrong, state, allowed = ProblemCollector(), None, PlanLimits()
-        with _noted(wrong, "--goal"):
-            goal = None if goal is None else goal_as_facts(goal)
-        sound = not wrong.problems
-        with _noted(wrong, "--limits"):
-            allowed = _limits(limits)
-        with _noted(wrong, "bestman-bt plan"):
-            state = planning_state(task, scene, robot, seed, settings, plugins, world)
-        if state is not None or not plugins:  # plug-ins may bring them
-            with _noted(wrong, "--planner"):
-                planner_class(planner)
-            with _noted(wrong, "--builder"):
-                BUILDERS.resolve(builder)
-        if state is not None:
-            asked = PlanQuestion(*state, builder, allowed)
-            with _noted(wrong, "--given"):
-                asked.give(given or ())
-            with _noted(wrong, "--goal"):
-                if goal is not None and sound:
-                    asked.understood(goal)
-        wrong.raise_if_any()
-        assert state is not None
-        setup, _ = state
-        if text is None and goal is None:
-            facts = setup.config.task.asked("facts")
-            if facts is None:
-                raise wrong_input("bestman-bt plan", "give a text, --goal, or a --task with the goal facts")
-            goal = str(facts["goal"])
+        question, goal = _question(wanted, where)
+        transcript = Transcript(model.record, model.replay)
         try:
-            problem, plan = asked.answer(text, goal, planner, Transcript(record, replay))
-            made = asked.tree(problem, plan)
+            problem, plan = question.answer(wanted.text, goal, wanted.planner, transcript)
+            made = question.tree(problem, plan)
         except InputError:  # a goal that makes no sense, a planner that is not installed: nothing could be tried
             raise
         except PlanningError as error:
             tell({"plan": None, "why": str(error)})
             print(f"no plan: {error}", file=sys.stderr)
             sys.exit(1)
-        if text is not None:
+        if wanted.text is not None:
             print(f"understood as: {' and '.join(quoted(str(literal)) for literal in problem.goal)}", file=sys.stderr)
-        faults = asked.faults(problem, made)
+        faults = question.faults(problem, made)
         for fault in faults:
             print(fault, file=sys.stderr)
-        document = _document(problem, plan, planner, builder, [str(fault) for fault in faults])
+        document = _document(problem, plan, wanted, [str(fault) for fault in faults])
         _show(plan)
         if refusals(faults):
             tell(document)
             sys.exit(1)
-        if output is not None:
-            output.write_text(_said_where(setup.config, asked.xml(made, problem, plan, planner)), encoding="utf-8")
-            where = {"--task": task, "--scene": scene, "--robot": robot}
-            wanted = {"goal": " and ".join(map(str, problem.goal)), "told": asked.told(problem)}
-            needed = [
-                *(settings or ()),
-                *([f"goals={json.dumps([{'facts': wanted}])}", "predicate=facts"] if given else ()),
-            ]
-            print(f"run it: {_to_run(output, where, setup.config, needed)}", file=sys.stderr)
+        if files.output is not None:
+            xml = _said_where(question.setup.config, question.xml(made, problem, plan, wanted.planner))
+            files.output.write_text(xml, encoding="utf-8")
+            needed = [*(where.settings or ()), *(_judged_by(question, problem) if wanted.given else ())]
+            print(f"run it: {_to_run(files.output, where, question.setup.config, needed)}", file=sys.stderr)
             if assumed(plan):
-                print(f"{output} plans anew (ReachGoal) where the plan fails", file=sys.stderr)
-        if svg is not None:
-            svg.write_text(render_svg(folded(made, problem)), encoding="utf-8")
-        if not run:
+                print(f"{files.output} plans anew (ReachGoal) where the plan fails", file=sys.stderr)
+        if files.svg is not None:
+            files.svg.write_text(render_svg(folded(made, problem)), encoding="utf-8")
+        if not execution.run:
             tell(document)
             return
-        if text is not None and not yes and not typer.confirm("Run it?", err=True):
+        if wanted.text is not None and not execution.yes and not typer.confirm("Run it?", err=True):
             tell(document)
             sys.exit(130)
         from bestman_bt.cli.plan_run import run_plan
         from bestman_bt.cli.run_command import exit_code
 
-        told = asked.told(problem)
-        result = run_plan(setup, problem, made, planner, builder, allowed, told, runs)
+        result = run_plan(question, problem, made, wanted.planner, execution.runs)
         tell({**document, "run": result.to_document()})
         sys.exit(exit_code(result))
+
+
+def _question(wanted: GoalOptions, where: PlanningOptions) -> tuple[PlanQuestion, str | None]:
+    """What is asked of the planner, and the goal as facts, for a text None; ConfigurationError with all faults."""
+    wrong, state, limits = ProblemCollector(), None, PlanLimits()
+    goal = wanted.goal
+    with _noted(wrong, "--goal"):
+        goal = None if goal is None else goal_as_facts(goal)
+    sound = not wrong.problems
+    with _noted(wrong, "--limits"):
+        limits = _limits(wanted.limits)
+    with _noted(wrong, "bestman-bt plan"):
+        state = planning_state(where.request, where.world)
+    if state is not None or not where.plugins:  # plug-ins may bring them
+        with _noted(wrong, "--planner"):
+            planner_class(wanted.planner)
+        with _noted(wrong, "--builder"):
+            BUILDERS.resolve(wanted.builder)
+    if state is not None:
+        question = PlanQuestion(*state, wanted.builder, limits)
+        with _noted(wrong, "--given"):
+            question.give(wanted.given or ())
+        with _noted(wrong, "--goal"):
+            if goal is not None and sound:
+                question.understood(goal)
+    wrong.raise_if_any()
+    if wanted.text is None and goal is None:
+        facts = question.setup.config.task.asked("facts")
+        if facts is None:
+            raise wrong_input("bestman-bt plan", "give a text, --goal, or a --task with the goal facts")
+        goal = str(facts["goal"])
+    return question, goal
+
+
+def _judged_by(question: PlanQuestion, problem: Problem) -> tuple[str, str]:
+    """Settings by which a run of the tree is judged by the goal, and told where things are."""
+    facts = {"goal": " and ".join(map(str, problem.goal)), "told": question.told(problem)}
+    return f"goals={json.dumps([{'facts': facts}])}", "predicate=facts"
 
 
 @contextmanager
@@ -220,14 +254,15 @@ def _said_where(config: RunConfig, xml: str) -> str:
     return f"<!-- {where.replace('--', '- -')} -->\n{xml}"
 
 
-def _to_run(tree: Path, where: dict[str, str | None], config: RunConfig, settings: Sequence[str]) -> str:
+def _to_run(tree: Path, planned: PlanningOptions, config: RunConfig, settings: Sequence[str]) -> str:
     """The command that runs the saved tree as it was planned for."""
-    if where["--task"] is None:
+    where = {"--task": planned.task, "--scene": planned.scene, "--robot": planned.robot}
+    if planned.task is None:
         where = {"--scene": config.task.scene, "--robot": config.task.robot}
         of_world = {f"scene.{key}": value for key, value in config.scene_settings.items()}
-        planned = {"time_limit": f"{config.task.time_limit:g} s", **of_world}
+        own = {"time_limit": f"{config.task.time_limit:g} s", **of_world}
         given = {setting.partition("=")[0].strip() for setting in settings}
-        settings = [*(f"{key}={value}" for key, value in planned.items() if key not in given), *settings]
+        settings = [*(f"{key}={value}" for key, value in own.items() if key not in given), *settings]
     words = ["bestman-bt", "run", str(tree)]
     words += [word for option, name in where.items() if name is not None for word in (option, name)]
     words += ["--seed", str(config.seed)] if config.seed else []
@@ -247,11 +282,11 @@ def _show(plan: TaskPlan) -> None:
         )
 
 
-def _document(problem: Problem, plan: TaskPlan, planner: str, builder: str, faults: list[str]) -> dict[str, Any]:
+def _document(problem: Problem, plan: TaskPlan, wanted: GoalOptions, faults: list[str]) -> dict[str, Any]:
     return {
         "goal": [str(literal) for literal in problem.goal],
-        "planner": planner,
-        "builder": builder,
+        "planner": wanted.planner,
+        "builder": wanted.builder,
         "plan": [{"ability": action.name, **action.ports} for action in plan.actions],
         "cost": plan.cost,
         "assumes": [str(action) for action in assumed(plan)],

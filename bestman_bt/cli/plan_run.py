@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import sys
-from collections.abc import Mapping
 from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -13,39 +12,29 @@ from bestman_bt.cli.run_command import execute
 from bestman_bt.configuration import RunConfig
 from bestman_bt.evaluation.episode import prepare_episode
 from bestman_bt.evaluation.result import RunResult
-from bestman_bt.runtime.planning import planner_anew
+from bestman_bt.runtime.planning import PlanQuestion, planner_anew
 from bestman_bt.runtime.task_goals import FactsFields, can_be_judged
 from bestman_bt.task_planning.builders import PlanTree
-from bestman_bt.task_planning.builders.replanning import with_replanning
-from bestman_bt.task_planning.limits import PlanLimits
 from bestman_bt.task_planning.symbolic import Problem
 
 if TYPE_CHECKING:
     from bestman_bt.runtime import Setup
 
 
-def run_plan(
-    setup: Setup,
-    problem: Problem,
-    made: PlanTree,
-    planner: str,
-    builder: str,
-    limits: PlanLimits,
-    told: Mapping[str, str],
-    runs: Path,
-) -> RunResult:
+def run_plan(question: PlanQuestion, problem: Problem, made: PlanTree, planner: str, runs: Path) -> RunResult:
     """Run the tree in the scene that was planned for; where it fails, it is planned anew from what is believed then.
 
     A language model is asked no more: its goal is planned for by ``symbolic``.
     """
-    again = planner_anew(planner)
     goal = " and ".join(map(str, problem.goal))
-    asked = FactsFields(goal, told, again, builder, limits.to_string())
-    xml = with_replanning(made, problem.goal, again, builder, setup.registry, limits)
+    asked = FactsFields(
+        goal, question.told(problem), planner_anew(planner), question.builder, question.limits.to_string()
+    )
+    xml = question.replanning_xml(made, problem, planner)
     runs.mkdir(parents=True, exist_ok=True)
     file = runs / f"{datetime.now().strftime('%Y%m%d-%H%M%S')}-plan.xml"
     file.write_text(xml, encoding="utf-8")
-    result, _ = execute(prepare_episode(judged_by_goal(setup, problem, asked, file)), runs, False)
+    result, _ = execute(prepare_episode(judged_by_goal(question.setup, problem, asked, file)), runs)
     return result
 
 

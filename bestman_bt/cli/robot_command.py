@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -10,7 +11,7 @@ import typer
 
 from bestman_bt.cli.json_output import json_output
 from bestman_bt.cli.option_values import wrong_input
-from bestman_bt.cli.options import Json, Png
+from bestman_bt.cli.options import Json, Png, grouped_options
 from bestman_bt.configuration import ConfigurationError, Problem, own_parts, pybullet_data
 from bestman_bt.robot_model import ArmModel, JointGroupModel
 
@@ -124,19 +125,25 @@ def descriptions(
             print(f"{'unpacked into' if facts['brought'] else 'here already:'} {facts['folder']}")
 
 
-@verbs.command(name="import")
-def import_urdf(
-    urdf: Annotated[Path, typer.Argument(help="A URDF file (xacro expanded).")],
-    srdf: Annotated[Path | None, typer.Option(help="Its SRDF: groups, states and pairs that need no check.")] = None,
-    group: Annotated[str | None, typer.Option(help="Only this group of the SRDF.")] = None,
-    kind: Annotated[str | None, typer.Option(metavar="arm|gripper|base", help="Default: by its joints.")] = None,
-    name: Annotated[str | None, typer.Option(help="What robot files call it; default: the file's name.")] = None,
+@dataclass(frozen=True)
+class PartOptions:
+    """Which part is made of a URDF."""
+
+    srdf: Annotated[Path | None, typer.Option(help="Its SRDF: groups, states and pairs that need no check.")] = None
+    group: Annotated[str | None, typer.Option(help="Only this group of the SRDF.")] = None
+    kind: Annotated[str | None, typer.Option(metavar="arm|gripper|base", help="Default: by its joints.")] = None
+    name: Annotated[str | None, typer.Option(help="What robot files call it; default: the file's name.")] = None
     packages: Annotated[
         list[Path] | None, typer.Option("--package-path", metavar="DIR", help="Where packages of meshes are.")
-    ] = None,
-    cut: Annotated[
-        list[str] | None, typer.Option(metavar="LINK", help="Leave this link out, and what follows.")
-    ] = None,
+    ] = None
+    cut: Annotated[list[str] | None, typer.Option(metavar="LINK", help="Leave this link out, and what follows.")] = None
+
+
+@verbs.command(name="import")
+@grouped_options
+def import_urdf(
+    urdf: Annotated[Path, typer.Argument(help="A URDF file (xacro expanded).")],
+    wanted: PartOptions = PartOptions(),
     into: Annotated[Path | None, typer.Option(metavar="DIR", help="Where the part's file goes.")] = None,
     force: Annotated[bool, typer.Option("--force", help="Replace a part of this name.")] = False,
     png: Png = None,
@@ -150,18 +157,18 @@ def import_urdf(
     from bestman_bt.runtime.robot_facts import robot_facts
 
     with json_output(as_json) as write:
-        if group is not None and srdf is None:
+        if wanted.group is not None and wanted.srdf is None:
             raise wrong_input("--group", "is one of an SRDF: give --srdf, too")
-        wanted = urdf.stem if name is None else name
-        strange = name_fault(wanted)
+        name = urdf.stem if wanted.name is None else wanted.name
+        strange = name_fault(name)
         if strange is not None:
             raise wrong_input("--name", strange)
-        file = (into or own_parts()) / f"{wanted}.yaml"
+        file = (into or own_parts()) / f"{name}.yaml"
         if file.exists() and not force:
-            raise wrong_input("--name", f"there is a part {wanted!r} already ({file}); --force replaces it")
-        request = PartRequest(wanted, kind, group, tuple(packages or ()), tuple(cut or ()))
+            raise wrong_input("--name", f"there is a part {name!r} already ({file}); --force replaces it")
+        request = PartRequest(name, wanted.kind, wanted.group, tuple(wanted.packages or ()), tuple(wanted.cut or ()))
         try:
-            part = import_part(urdf, request, None if srdf is None else read_srdf(srdf))
+            part = import_part(urdf, request, None if wanted.srdf is None else read_srdf(wanted.srdf))
         except UrdfError as error:
             own = f"{urdf.name}: "
             problems = [Problem(str(urdf), None, "", fault.removeprefix(own)) for fault in error.faults]

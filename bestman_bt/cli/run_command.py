@@ -11,6 +11,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
 from difflib import get_close_matches
 from pathlib import Path
 from types import TracebackType
@@ -20,18 +21,17 @@ import typer
 
 from bestman_bt.cli.json_output import json_output
 from bestman_bt.cli.options import (
-    MONITOR_PORT,
     Driver,
     Groot2Port,
     Json,
     Live,
-    Monitor,
-    MonitorPort,
+    MonitorOptions,
     Plugins,
     Robot,
     Scene,
     Seed,
     Settings,
+    grouped_options,
 )
 from bestman_bt.cli.run_view import RunView
 from bestman_bt.cli.started_monitor import show_in_monitor
@@ -39,6 +39,7 @@ from bestman_bt.configuration import (
     ConfigurationError,
     Problem,
     RunConfig,
+    RunRequest,
     data_names,
     find_data,
     read_run,
@@ -134,54 +135,72 @@ def shown_live(recording: Path) -> Iterator[None]:
             opening.join()
 
 
-def command(
-    tree: Annotated[
-        str | None, typer.Argument(metavar="[TREE]", help="A shipped tree, or an XML or Python file.")
-    ] = None,
-    task: Annotated[str | None, typer.Option(help="A shipped task or a YAML file.")] = None,
-    scene: Scene = None,
-    robot: Robot = None,
-    driver: Driver = "pybullet",
-    seed: Seed = 0,
-    settings: Settings = None,
-    plugins: Plugins = None,
+@dataclass(frozen=True)
+class RunOptions:
+    """What is run, as far as it is not the task's own."""
+
+    task: Annotated[str | None, typer.Option(help="A shipped task or a YAML file.")] = None
+    scene: Scene = None
+    robot: Robot = None
+    driver: Driver = "pybullet"
+    seed: Seed = 0
+    settings: Settings = None
+    plugins: Plugins = None
     record: Annotated[
         bool,
         typer.Option(
             "--record", help="Write recording.rrd (of simulated runs) for the Rerun viewer, and readings to replay."
         ),
-    ] = False,
+    ] = False
+
+
+@dataclass(frozen=True)
+class ViewOptions:
+    """How a run may be watched."""
+
+    pictures: Annotated[bool, typer.Option("--pictures", help="Render start.png, grasp.png and end.png.")] = False
+    gui: Annotated[bool, typer.Option("--gui", help="Show the simulator's window.")] = False
+    groot2_port: Groot2Port = None
+    live: Live = False
+    real_time: Annotated[bool, typer.Option("--real-time", help="Simulate no faster than real time, to watch it.")] = (
+        False
+    )
+
+    def check(self, driver: str) -> None:
+        """ConfigurationError where the run cannot be watched so."""
+        if self.gui and not os.environ.get("DISPLAY"):
+            raise ConfigurationError([Problem("--gui", None, "", "needs an X display, and DISPLAY is not set")])
+        if self.live and driver != "pybullet":
+            raise ConfigurationError([Problem("--live", None, "", "shows simulated runs; --monitor shows all of them")])
+        if self.real_time and driver != "pybullet":
+            raise ConfigurationError([Problem("--real-time", None, "", f"is for simulated runs, not for {driver}")])
+
+
+@grouped_options
+def command(
+    tree: Annotated[
+        str | None, typer.Argument(metavar="[TREE]", help="A shipped tree, or an XML or Python file.")
+    ] = None,
+    asked: RunOptions = RunOptions(),
     recording: Annotated[
         Path | None, typer.Option(metavar="RUN", help="With --driver replay: a run folder made with --record.")
     ] = None,
-    pictures: Annotated[bool, typer.Option("--pictures", help="Render start.png, grasp.png and end.png.")] = False,
-    gui: Annotated[bool, typer.Option("--gui", help="Show the simulator's window.")] = False,
     judge: Annotated[
         Path | None, typer.Option(metavar="SOCKET", help="With --driver hardware on twins: the judge that they told.")
     ] = None,
     runs: Annotated[Path, typer.Option(help="Where run folders are made.")] = Path("runs"),
-    monitor: Monitor = False,
-    monitor_port: MonitorPort = MONITOR_PORT,
-    groot2_port: Groot2Port = None,
-    live: Live = False,
-    real_time: Annotated[
-        bool, typer.Option("--real-time", help="Simulate no faster than real time, to watch it.")
-    ] = False,
+    view: ViewOptions = ViewOptions(),
+    page: MonitorOptions = MonitorOptions(),
     as_json: Json = False,
 ) -> None:
     """Run a task, a tree with the task that names it, or a tree in place of a task's own."""
-    if gui and not os.environ.get("DISPLAY"):
-        raise ConfigurationError([Problem("--gui", None, "", "needs an X display, and DISPLAY is not set")])
-    if live and driver != "pybullet":
-        raise ConfigurationError([Problem("--live", None, "", "shows simulated runs; --monitor shows all of them")])
-    if real_time and driver != "pybullet":
-        raise ConfigurationError([Problem("--real-time", None, "", f"is for simulated runs, not for {driver}")])
+    view.check(asked.driver)
     with json_output(as_json) as tell:
         faults: list[Problem] = []
         if recording is not None:
-            config = _replayed(recording, tree, driver)
+            config = _replayed(recording, tree, asked.driver)
         else:
-            config = _configuration(tree, task, scene, robot, driver, seed, settings, plugins, record, faults)
+            config = run_of_options(_request(tree, asked), faults)
         if judge is not None:
             _ask_judge(judge, config.driver)
         setup = prepare_episode(config, faults)
@@ -189,53 +208,47 @@ def command(
         file = find_data("tree", setup.config.task.tree)
         for warning in validate_file(file, setup.registry, search_path=shipped_trees(), given=filled):
             print(warning, file=sys.stderr)
-        if record and driver != "pybullet":
+        if asked.record and asked.driver != "pybullet":
             kept = (
                 f"no {RECORDING_NAME}, only the readings for --driver replay"
                 if config.record
                 else "nothing of a replay"
             )
             print(f"--record: writes {kept}: the world is seen in simulation alone", file=sys.stderr)
-        if monitor:
-            show_in_monitor(monitor_port)
-        result, _ = execute(setup, runs, pictures, gui, judge, groot2_port, live, real_time)
+        if page.monitor:
+            show_in_monitor(page.monitor_port)
+        result, _ = execute(setup, runs, view, judge)
         tell(result.to_document())
     sys.exit(exit_code(result))
 
 
 def execute(
-    setup: Setup,
-    runs: Path,
-    pictures: bool,
-    gui: bool = False,
-    twin_judge: Path | None = None,
-    groot2_port: int | None = None,
-    live: bool = False,
-    real_time: bool = False,
+    setup: Setup, runs: Path, view: ViewOptions = ViewOptions(), twin_judge: Path | None = None
 ) -> tuple[RunResult, Path]:
-    """Run with a live view, print the summary; returns the result and the run folder."""
-    if live:
+    """Run while it is shown, print the summary; returns the result and the run folder."""
+    if view.live:
         require_extra("--live", "rerun")
     with ExitStack() as stack:
-        view = stack.enter_context(RunView(setup.config.name))
-        watchers = [view.watch]
-        if groot2_port is not None:
-            watchers.append(stack.enter_context(Groot2View(groot2_port)).watch)
-        if real_time:
+        status = stack.enter_context(RunView(setup.config.name))
+        watchers = [status.watch]
+        if view.groot2_port is not None:
+            watchers.append(stack.enter_context(Groot2View(view.groot2_port)).watch)
+        if view.real_time:
             watchers.append(no_faster_than_real_time)
         folder = make_run_folder(setup.config, runs)
         recording = None
-        if live:
+        if view.live:
             kept = setup.config.record
             place = folder if kept else Path(stack.enter_context(tempfile.TemporaryDirectory(prefix=folder.name)))
             recording = place / RECORDING_NAME
             stack.enter_context(shown_live(recording))
+        watch = _all_of(watchers)
         try:
-            result = run_episode(setup, folder, pictures, _all_of(watchers), gui, twin_judge, recording=recording)
+            result = run_episode(setup, folder, view.pictures, watch, view.gui, twin_judge, recording=recording)
         except ConnectionFailedError:
             shutil.rmtree(folder)  # nothing was started: there is nothing to keep
             raise
-    view.summary(result, setup, folder)
+    status.summary(result, setup, folder)
     return result, folder
 
 
@@ -302,45 +315,25 @@ def _replayed(recording: Path, tree: str | None, driver: str) -> RunConfig:
     return dataclasses.replace(config, task=task, driver=driver, record=False, recording=str(recording))
 
 
-def _configuration(
-    tree: str | None,
-    task: str | None,
-    scene: str | None,
-    robot: str | None,
-    driver: str,
-    seed: int,
-    settings: list[str] | None,
-    plugins: list[Path] | None,
-    record: bool,
-    faults: list[Problem],
-) -> RunConfig:
-    if tree is None and task is None and driver == "replay":
+def _request(tree: str | None, asked: RunOptions) -> RunRequest:
+    """With the task that names the tree, where none is given. ConfigurationError where nothing can be run."""
+    request = RunRequest(tree=tree, **vars(asked))
+    if tree is None and asked.task is None and asked.driver == "replay":
         raise ConfigurationError(
             [Problem("--driver replay", None, "", "give --recording RUN, a run made with --record")]
         )
-    if tree is None and task is None:
+    if tree is None and asked.task is None:
         raise ConfigurationError([Problem("bestman-bt run", None, "", "give a tree, or --task, or both")])
-    if tree is not None and task is None:
-        task = task_of_tree(tree)
-        if task is None:
-            tasks, trees = data_names("task"), data_names("tree")
-            close = get_close_matches(tree, [*trees, *tasks], n=1)
-            if tree in tasks:
-                message = f"is a task, not a tree: bestman-bt run --task {tree}"
-                raise ConfigurationError([Problem(tree, None, "", message)])
-            if close and close[0] not in trees and not Path(tree).suffix:
-                message = f"unknown tree; did you mean the task {close[0]!r}? bestman-bt run --task {close[0]}"
-                raise ConfigurationError([Problem(tree, None, "", message)])
-            scene, robot = scene or "kitchen", robot or "diff_panda"
-    return run_of_options(
-        task,
-        tree=tree,
-        scene=scene,
-        robot=robot,
-        seed=seed,
-        settings=settings or (),
-        plugins=[str(plugin) for plugin in plugins or ()],
-        record=record,
-        driver=driver,
-        faults=faults,
-    )
+    if tree is None or asked.task is not None:
+        return request
+    task = task_of_tree(tree)
+    if task is not None:
+        return dataclasses.replace(request, task=task)
+    tasks, trees = data_names("task"), data_names("tree")
+    close = get_close_matches(tree, [*trees, *tasks], n=1)
+    if tree in tasks:
+        raise ConfigurationError([Problem(tree, None, "", f"is a task, not a tree: bestman-bt run --task {tree}")])
+    if close and close[0] not in trees and not Path(tree).suffix:
+        message = f"unknown tree; did you mean the task {close[0]!r}? bestman-bt run --task {close[0]}"
+        raise ConfigurationError([Problem(tree, None, "", message)])
+    return dataclasses.replace(request, scene=asked.scene or "kitchen", robot=asked.robot or "diff_panda")

@@ -8,6 +8,7 @@ import shlex
 import signal
 import sys
 import threading
+from dataclasses import dataclass
 from pathlib import Path
 from types import FrameType
 from typing import Annotated
@@ -15,7 +16,7 @@ from typing import Annotated
 import typer
 
 from bestman_bt.cli.json_output import json_output
-from bestman_bt.cli.options import Json, Seed, Settings
+from bestman_bt.cli.options import Json, Seed, Settings, grouped_options
 from bestman_bt.configuration import ConfigurationError, Problem, parse_settings
 from bestman_bt.robot_model import load_robot_model
 from bestman_bt.scene import draw_world, load_scene
@@ -25,11 +26,19 @@ from hal.twins.tcp_server import ask
 from hal.twins.twin_host import Hosted, TwinHost
 
 
+@dataclass(frozen=True)
+class TwinOptions:
+    """Whose controllers are stood in for, and in which world."""
+
+    robot: Annotated[str, typer.Option(help="A shipped robot or a YAML file.")] = "diff_xarm6"
+    scene: Annotated[str, typer.Option(help="A shipped scene or a YAML file.")] = "pick_place_table"
+    seed: Seed = 0
+    settings: Settings = None
+
+
+@grouped_options
 def command(
-    robot: Annotated[str, typer.Option(help="A shipped robot or a YAML file.")] = "diff_xarm6",
-    scene: Annotated[str, typer.Option(help="A shipped scene or a YAML file.")] = "pick_place_table",
-    seed: Seed = 0,
-    settings: Settings = None,
+    asked: TwinOptions = TwinOptions(),
     judge: Annotated[
         bool, typer.Option("--judge", help="Open the judge's socket: what is true, for evaluation.")
     ] = False,
@@ -51,7 +60,7 @@ def command(
         return
     with json_output(as_json):
         try:
-            host = _host(robot, scene, seed, settings or [], judge)
+            host = _host(asked, judge)
         except TwinError as error:
             raise ConfigurationError([Problem("bestman-bt twin", None, "", str(error))]) from error
 
@@ -68,8 +77,8 @@ def command(
         raise ConfigurationError([Problem("bestman-bt twin", None, "", str(error))]) from error
 
 
-def _host(robot: str, scene: str, seed: int, settings: list[str], judge: bool) -> TwinHost:
-    values = parse_settings(settings)
+def _host(asked: TwinOptions, judge: bool) -> TwinHost:
+    values = parse_settings(asked.settings or ())
     inner = {
         kind: {key.removeprefix(f"{kind}."): value for key, value in values.items() if key.startswith(f"{kind}.")}
         for kind in ("robot", "scene")
@@ -78,8 +87,8 @@ def _host(robot: str, scene: str, seed: int, settings: list[str], judge: bool) -
     if strange:
         problems = [Problem(f"--set {key}", None, "", "should begin with robot. or scene.") for key in strange]
         raise ConfigurationError(problems)
-    model = load_robot_model(robot, inner["robot"])
-    return TwinHost(model, draw_world(load_scene(scene, inner["scene"]), seed), seed, judge)
+    model = load_robot_model(asked.robot, inner["robot"])
+    return TwinHost(model, draw_world(load_scene(asked.scene, inner["scene"]), asked.seed), asked.seed, judge)
 
 
 def _tell(hosted: Hosted, as_json: bool) -> None:

@@ -26,7 +26,15 @@ if TYPE_CHECKING:
     from bestman_bt.configuration.checked import check, override, salvage
     from bestman_bt.configuration.disturbance import DisturbanceConfig
     from bestman_bt.configuration.document import Document, dotted, parse_document, parse_value, read_document
-    from bestman_bt.configuration.run import RunConfig, dump_run, load_run, parse_settings, read_run, run_of_options
+    from bestman_bt.configuration.run import (
+        RunConfig,
+        RunRequest,
+        dump_run,
+        load_run,
+        parse_settings,
+        read_run,
+        run_of_options,
+    )
     from bestman_bt.configuration.task import (
         TaskConfig,
         TolerancesConfig,
@@ -39,6 +47,7 @@ _HOMES = {
     "DisturbanceConfig": "disturbance",
     "Document": "document",
     "RunConfig": "run",
+    "RunRequest": "run",
     "TaskConfig": "task",
     "TolerancesConfig": "task",
     "algorithm_parameters": "task",
@@ -65,6 +74,7 @@ __all__ = [
     "Problem",
     "ProblemCollector",
     "RunConfig",
+    "RunRequest",
     "TaskConfig",
     "TolerancesConfig",
     "algorithm_parameters",

@@ -52,6 +52,25 @@ class RunConfig:
         return Document({}, origins).problem(path, message)
 
 
+@dataclass(frozen=True)
+class RunRequest:
+    """What is asked of a run, by its task's name or without one, by options or arguments; nothing is checked yet.
+
+    ``settings``: ``key=value``, where ``scene.…`` and ``robot.…`` reach into those and anything else into the task.
+    ``driver``: which implementation of the Robotics API.
+    """
+
+    task: str | Path | None = None
+    tree: str | Path | None = None
+    scene: str | Path | None = None
+    robot: str | Path | None = None
+    seed: int = 0
+    settings: Iterable[str] | None = ()
+    plugins: Iterable[str | Path] | None = ()
+    record: bool = False
+    driver: str = "pybullet"
+
+
 def load_run(
     task: str | Path | None = None,
     *,
@@ -66,56 +85,36 @@ def load_run(
 ) -> RunConfig:
     """Merge a task (or, without one, a tree, a scene and a robot) with the other arguments.
 
-    Without a task and a tree, the run's ``tree`` is empty: a session is given its trees later.
-    ``settings``: ``key=value``, where ``scene.…`` and ``robot.…`` reach into those and anything else into the task.
+    They are the fields of ``RunRequest``. Without a task and a tree, the run's ``tree`` is empty: a session is given
+    its trees later.
     Raises ConfigurationError, which names arguments; scene and robot settings are checked when those are loaded.
     """
     with told_to_programs():
-        run = run_of_options(
-            task,
-            tree=tree,
-            scene=scene,
-            robot=robot,
-            seed=seed,
-            settings=settings,
-            plugins=plugins,
-            record=record,
-            driver=driver,
-        )
+        run = run_of_options(RunRequest(task, tree, scene, robot, seed, settings, plugins, record, driver))
     origins = {path: (in_python(source), line) for path, (source, line) in run.written.origins.items()}
     return _remembering(run, dataclasses.replace(run.written, origins=origins))
 
 
-def run_of_options(
-    task: str | Path | None = None,
-    *,
-    tree: str | Path | None = None,
-    scene: str | Path | None = None,
-    robot: str | Path | None = None,
-    seed: int = 0,
-    settings: Iterable[str] = (),
-    plugins: Iterable[str] = (),
-    record: bool = False,
-    driver: str = "pybullet",
-    faults: list[Problem] | None = None,
-) -> RunConfig:
+def run_of_options(asked: RunRequest, faults: list[Problem] | None = None) -> RunConfig:
     """As ``load_run``, for the command line: what is wrong names its options.
 
     With ``faults`` what is wrong is added there and left out, if the rest can be checked further: a tree, scene or
     robot that is not there is empty.
     """
-    choices = {"tree": "" if tree is None and task is None else tree, "scene": scene, "robot": robot}
+    task = asked.task
+    tree = "" if asked.tree is None and task is None else asked.tree
+    choices = {"tree": tree, "scene": asked.scene, "robot": asked.robot}
     source = {key: str(value) for key, value in choices.items() if value is not None}
     origins: Origins = {(key,): (value if key == "tree" else f"--{key} {value}", None) for key, value in source.items()}
     command_line = Document(dict(source), origins)
     found = ProblemCollector()
-    document, known, given = _nothing(), task is None, list(plugins)
+    document, known, given = _nothing(), task is None, [str(plugin) for plugin in asked.plugins or ()]
     values: dict[str, Any] = {}
     with found.step():
         document = with_default_algorithms(document) if task is None else task_document(task, found.problems)
         known = True
     document = document.merged(command_line)
-    for setting in settings:
+    for setting in asked.settings or ():
         with found.step():
             values |= parse_settings([setting])
     inner = {kind: _below(values, kind) for kind in ("scene", "robot")}
@@ -136,7 +135,7 @@ def run_of_options(
                 absent[kind] = ""
                 find_data(kind, name, dataclasses.replace(asked_by, field="") if kind in source else asked_by)
                 del absent[kind]
-    given_seed, seed = Document({"seed": seed}, {("seed",): (f"--seed {seed}", None)}), 0
+    given_seed, seed = Document({"seed": asked.seed}, {("seed",): (f"--seed {asked.seed}", None)}), 0
     with found.step():
         seed = check(given_seed, _Seed).seed
     if faults is not None:
@@ -147,7 +146,7 @@ def run_of_options(
     assert merged is not None
     merged = dataclasses.replace(merged, plugins=(*merged.plugins, *given), **absent)
     name = Path(str(merged.tree if task is None else task)).stem or "session"
-    run = RunConfig(name, merged, seed, driver, record, "", inner["scene"], inner["robot"])
+    run = RunConfig(name, merged, seed, asked.driver, asked.record, "", inner["scene"], inner["robot"])
     run = check(Document(_plain(run), {(): ("the run", None)}), RunConfig)
     return _remembering(run, document)
 

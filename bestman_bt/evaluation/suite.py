@@ -16,6 +16,7 @@ from bestman_bt.configuration import (
     Problem,
     ProblemCollector,
     RunConfig,
+    RunRequest,
     beside,
     data_names,
     find_data,
@@ -135,20 +136,20 @@ def is_suite(name: str) -> bool:
 
 def make_suite(
     tasks: Sequence[str],
-    episodes: int | None = None,
-    seed: int | None = None,
-    scene: str | None = None,
-    robot: str | None = None,
-    settings: Iterable[str] | None = None,
-    plugins: Iterable[str | Path] | None = None,
+    episodes: int | None,
+    seed: int | None,
+    asked: RunRequest,
 ) -> Suite:
-    """The suite that is named, or one made of the tasks, which asks that all episodes succeed."""
+    """The suite that is named, or one made of the tasks, which asks that all episodes succeed.
+
+    ``asked``: what holds for each run, without its task and seed.
+    """
     suites = [name for name in tasks if is_suite(name)]
-    if suites and (len(tasks) > 1 or scene or robot or plugins):
+    if suites and (len(tasks) > 1 or asked.scene or asked.robot or asked.plugins):
         message = "is a suite: no other task, scene, robot or plug-in can be given with it"
         raise ConfigurationError([Problem(suites[0], None, "", message)])
     if suites:
-        return load_suite(suites[0], episodes, seed, settings or ())
+        return load_suite(suites[0], episodes, seed, asked.settings or ())
     entries = []
     faults = ProblemCollector()
     for name in dict.fromkeys(tasks):
@@ -157,25 +158,16 @@ def make_suite(
             faults.problems.append(Problem(name, None, "", f"unknown; did you mean the suite {suite[0]!r}?"))
             continue
         with faults.step():
-            entries.append(Entry(name, _config(name, seed or 0, scene, robot, settings, plugins), episodes or 10))
+            entries.append(Entry(name, _config(replace(asked, task=name, seed=seed or 0)), episodes or 10))
     faults.raise_if_any()
     file = str(Path(tasks[0]).resolve()) if len(entries) == 1 and Path(tasks[0]).is_file() else ""
     return Suite("+".join(Path(name).stem for name in dict.fromkeys(tasks)), tuple(entries), file=file)
 
 
-def _config(
-    task: str,
-    seed: int,
-    scene: str | None,
-    robot: str | None,
-    settings: Iterable[str] | None,
-    plugins: Iterable[str | Path] | None,
-) -> RunConfig:
+def _config(asked: RunRequest) -> RunConfig:
     """Everything of the task is checked; ConfigurationError tells all that is wrong."""
-    given, known = [str(plugin) for plugin in plugins or ()], list[Problem]()
-    config = run_of_options(
-        task, scene=scene, robot=robot, seed=seed, settings=settings or (), plugins=given, faults=known
-    )
+    known = list[Problem]()
+    config = run_of_options(asked, known)
     prepare_episode(config, known)
     return config
 
@@ -254,14 +246,14 @@ def _prepared(path: Path, entered: Entered, seed: int, settings: tuple[str, ...]
     entry = entered.entry
     faults, wrong = ProblemCollector(), list[Problem]()
     try:
-        config = run_of_options(
+        asked = RunRequest(
             beside(path, "task", entry.task or entered.key),
             tree=None if entry.tree is None else beside(path, "tree", entry.tree),
             seed=seed,
             settings=(*entry.settings, *settings),
-            plugins=[str(path.parent / plugin) for plugin in entry.plugins],
-            faults=wrong,
+            plugins=[path.parent / plugin for plugin in entry.plugins],
         )
+        config = run_of_options(asked, wrong)
         setup = prepare_episode(config, wrong)
         known = metric_names(setup.asked, config.task.predicates)
         faults.problems += [

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass
-from pathlib import Path
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +13,7 @@ from behaviours.context import SkillContext
 from behaviours.failure import NodeFailure
 from behaviours.manipulation.grasp_candidates import grasp_candidates, handle_grasp_candidates
 from behaviours.perception.surfaces import SLAB_GROWTH
-from bestman_bt.configuration import RunConfig, run_of_options
+from bestman_bt.configuration import RunConfig, RunRequest, run_of_options
 from bestman_bt.control.rgbd import RGBDView
 from bestman_bt.messages import Box, Pose, Pose2D
 from bestman_bt.runtime.robot_session import open_session
@@ -45,10 +44,10 @@ class Look:
     failures: tuple[NodeFailure, ...]
 
 
-def furniture_to_look_at(scene: str | Path, seed: int, settings: Iterable[str] = ()) -> dict[str, MapFurniture]:
+def furniture_to_look_at(asked: RunRequest) -> dict[str, MapFurniture]:
     """The furniture on the robot's map of a scene, by name; raises as ``load_scene`` and ``draw_world``."""
-    config = run_of_options(tree=TREE, scene=scene, robot="diff_panda", seed=seed, settings=settings)
-    return dict(semantic_map(draw_world(load_scene(config.task.scene, config.scene_settings), seed)).furniture)
+    config = run_of_options(replace(asked, tree=TREE, robot="diff_panda"))
+    return dict(semantic_map(draw_world(load_scene(config.task.scene, config.scene_settings), asked.seed)).furniture)
 
 
 def look_at(furniture: MapFurniture, stand: RunConfig | Setup, views: int = 1) -> Look:
@@ -77,19 +76,14 @@ def unseen(furniture: str, code: str, why: Exception) -> Look:
     return Look(furniture, (), SceneMarks(), (NodeFailure("", code, str(why)),))
 
 
-def standing_before(
-    furniture: MapFurniture,
-    scene: str | Path,
-    robot: str | Path = "diff_panda",
-    seed: int = 0,
-    settings: Iterable[str] = (),
-) -> RunConfig:
+def standing_before(furniture: MapFurniture, asked: RunRequest) -> RunConfig:
     """A run whose robot starts straight before the furniture, at the best distance at which there is room.
 
     Raises SceneError where there is none, else as ``run_of_options`` and ``load_scene``.
     """
-    config = run_of_options(tree=TREE, scene=scene, robot=robot, seed=seed, settings=settings)
-    world = draw_world(load_scene(config.task.scene, config.scene_settings), seed)
+    asked = replace(asked, tree=TREE)
+    config = run_of_options(asked)
+    world = draw_world(load_scene(config.task.scene, config.scene_settings), asked.seed)
     obstacles = [wall_rectangle(wall) for wall in world.walls]
     obstacles += [rectangle(piece.actual, piece.model.footprint) for piece in world.furniture]
     front = furniture.pose @ Pose2D(-furniture.footprint[0] / 2, 0.0, 0.0)
@@ -102,7 +96,7 @@ def standing_before(
             start = {"x": stand.x, "y": stand.y, "yaw": stand.theta}
             placed = [f"scene.robot_start.{axis}=[{value}, {value}]" for axis, value in start.items()]
             placed.append(f"scene.start_clearance={ROOM}")
-            return run_of_options(tree=TREE, scene=scene, robot=robot, seed=seed, settings=[*placed, *settings])
+            return run_of_options(replace(asked, settings=[*placed, *(asked.settings or ())]))
     raise SceneError(
         f"no room for the robot before the {furniture.name}: nowhere from {min(distances)} m to {max(distances)} m "
         f"before it are {ROOM} m free on all sides"

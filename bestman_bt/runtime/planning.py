@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from bestman_bt.configuration import ConfigurationError, run_of_options, told_to_programs
+from bestman_bt.configuration import ConfigurationError, RunRequest, run_of_options, told_to_programs
 from bestman_bt.configuration import Problem as WrongInput
 from bestman_bt.engine import Problem as Fault
 from bestman_bt.facts.located import UNSEEN
@@ -27,41 +27,26 @@ TIME_LIMIT = "1200 s"
 """For what is planned without a task: to search a kitchen takes its time."""
 
 
-def planning_state(
-    task: str | None,
-    scene: str | None,
-    robot: str | None,
-    seed: int,
-    settings: Iterable[str] | None,
-    plugins: Iterable[str | Path] | None,
-    world: Path | None = None,
-) -> tuple[Setup, WorldModel]:
+def planning_state(asked: RunRequest, world: Path | None = None) -> tuple[Setup, WorldModel]:
     """The setup, and what is believed in it: at the start, or as in the file ``world``. ConfigurationError.
 
-    The scene is that of ``task`` or of ``world``; without one the furnished kitchen, and diff_panda, where nothing else
+    The scene is that of the task or of ``world``; without one the furnished kitchen, and diff_panda, where nothing else
     is asked.
     """
     from bestman_bt.runtime.world_file import read_world
 
     file = None if world is None else read_world(world)
-    added: list[str] = []
     if file is not None:
-        if task is not None or scene is not None or seed != 0:
+        if asked.task is not None or asked.scene is not None or asked.seed != 0:
             message = f"is of the scene {file.scene} with seed {file.seed}; leave --task, --scene and --seed out"
             raise ConfigurationError([WrongInput(f"--world {world}", None, "", message)])
-        scene, robot, seed, added = file.scene, robot or file.robot, file.seed, list(file.plugins)
-    if task is None:
-        scene, robot = scene or "kitchen_furnished", robot or "diff_panda"
-        settings = (f"time_limit={TIME_LIMIT}", *(settings or ()))
-    config = run_of_options(
-        task,
-        tree="plan_and_execute",
-        scene=scene,
-        robot=robot,
-        seed=seed,
-        settings=settings or (),
-        plugins=[*added, *(str(plugin) for plugin in plugins or ())],
-    )
+        plugins = (*file.plugins, *(asked.plugins or ()))
+        asked = replace(asked, scene=file.scene, robot=asked.robot or file.robot, seed=file.seed, plugins=plugins)
+    if asked.task is None:
+        settings = (f"time_limit={TIME_LIMIT}", *(asked.settings or ()))
+        scene, robot = asked.scene or "kitchen_furnished", asked.robot or "diff_panda"
+        asked = replace(asked, scene=scene, robot=robot, settings=settings)
+    config = run_of_options(replace(asked, tree="plan_and_execute"))
     if file is not None:
         config = replace(config, scene_settings={**file.scene_settings, **config.scene_settings})
     setup = prepare(config)
@@ -144,9 +129,12 @@ class PlanQuestion:
         """The tree as a file of its own; where the plan rests on an assumption, it plans anew if that is wrong."""
         if not assumed(plan):
             return made.xml(self.setup.registry)
-        return with_replanning(
-            made, problem.goal, planner_anew(planner), self.builder, self.setup.registry, self.limits
-        )
+        return self.replanning_xml(made, problem, planner)
+
+    def replanning_xml(self, made: PlanTree, problem: Problem, planner: str) -> str:
+        """The tree that plans anew where the plan fails."""
+        again = planner_anew(planner)
+        return with_replanning(made, problem.goal, again, self.builder, self.setup.registry, self.limits)
 
     def faults(self, problem: Problem, made: PlanTree) -> list[Fault]:
         """What verification says."""
@@ -218,7 +206,8 @@ def plan(
     facts = goal_as_facts(goal)
     file = None if world is None else Path(world)
     with told_to_programs():
-        setup, beliefs = planning_state(task, scene, robot, seed, settings, plugins, file)
+        asked = RunRequest(task, None, scene, robot, seed, settings, plugins)
+        setup, beliefs = planning_state(asked, file)
     question = PlanQuestion(setup, beliefs, builder, PlanLimits.from_string(limits))
     question.give(given)
     problem, found = question.answer(None, facts, planner, Transcript())

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from bestman_bt.cli.plan_run import judged_by_goal
-from bestman_bt.configuration import RunConfig
+from bestman_bt.configuration import RunConfig, RunRequest
 from bestman_bt.runtime.planning import PlanQuestion, Transcript, planning_state
 from bestman_bt.runtime.task_goals import FactsFields
 from bestman_bt.task_planning.limits import PlanLimits
@@ -15,7 +15,7 @@ from bestman_bt.task_planning.limits import PlanLimits
 
 @pytest.fixture(scope="module")
 def question() -> PlanQuestion:
-    setup, beliefs = planning_state("open_drawer", None, None, 0, None, None)
+    setup, beliefs = planning_state(RunRequest("open_drawer"))
     return PlanQuestion(setup, beliefs, "reactive", PlanLimits())
 
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from bestman_bt.configuration import ConfigurationError, load_run, load_task, run_of_options
+from bestman_bt.configuration import ConfigurationError, RunRequest, load_run, load_task, run_of_options
 
 TASK = "tree: fetch_cup\nscene: kitchen\nrobot: diff_panda\n"
 
@@ -104,7 +104,7 @@ def test_parameters_without_a_name_are_of_the_shipped_algorithm(tmp_path: Path) 
 
 def test_a_run_tells_where_each_field_of_its_task_was_written() -> None:
     asked: dict[str, Any] = {"scene": "kitchen_without_cup", "settings": ["tick_rate=10"]}
-    run, typed = load_run("fetch_cup", **asked), run_of_options("fetch_cup", **asked)
+    run, typed = load_run("fetch_cup", **asked), run_of_options(RunRequest("fetch_cup", **asked))
     assert str(run.problem(("scene",), "is odd")) == "scene='kitchen_without_cup': scene: is odd"
     assert str(typed.problem(("scene",), "is odd")) == "--scene kitchen_without_cup: scene: is odd"
     assert str(run.problem(("tick_rate",), "is odd")) == "settings=['tick_rate=10']: tick_rate: is odd"

@@ -10,7 +10,15 @@ from pathlib import Path
 
 import pytest
 
-from bestman_bt.configuration import ConfigurationError, Problem, dump_run, load_run, read_run, run_of_options
+from bestman_bt.configuration import (
+    ConfigurationError,
+    Problem,
+    RunRequest,
+    dump_run,
+    load_run,
+    read_run,
+    run_of_options,
+)
 from bestman_bt.registry import ALGORITHMS, BUILDERS, DRIVERS, PLANNERS, PREDICATES
 from bestman_bt.runtime import node_registry, prepare, session
 from bestman_bt.runtime.algorithms import Algorithms, make_algorithm
@@ -350,7 +358,8 @@ def test_a_plug_in_that_a_task_names_is_refused_at_the_tasks_line_and_one_of_an_
     task = tmp_path / "t.yaml"
     task.write_text("tree: fetch_cup\nscene: kichen\nrobot: nope\nplugins:\n  - no.py\n")
     faults: list[Problem] = []
-    config = run_of_options(task, plugins=["other.py"], settings=["goals=[{facts: {goal: 3}}]"], seed=-1, faults=faults)
+    settings = ["goals=[{facts: {goal: 3}}]"]
+    config = run_of_options(RunRequest(task, plugins=["other.py"], settings=settings, seed=-1), faults)
     with pytest.raises(ConfigurationError) as raised:
         prepare(config, known_faults=faults)
     told = str(raised.value)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from bestman_bt.configuration import ConfigurationError, Problem, load_run
-from bestman_bt.configuration.run import run_of_options
+from bestman_bt.configuration.run import RunRequest, run_of_options
 from bestman_bt.evaluation.episode import prepare_episode
 from bestman_bt.runtime import open_session
 from bestman_bt.runtime.setup import prepare
@@ -143,7 +143,7 @@ def test_contacts_with_an_object_that_is_left_out_are_no_fault_but_misspelt_ones
 def test_contacts_beside_one_of_a_wrong_type_are_checked_all_the_same(tmp_path: Path) -> None:
     wrong = CONTACTS.replace("[[fingers, box], [bx, table]", "[[fingers, 3], cup, [bx, table]")
     found: list[Problem] = []
-    config = run_of_options(written(tmp_path, wrong), seed=1, faults=found)
+    config = run_of_options(RunRequest(written(tmp_path, wrong), seed=1), found)
     with pytest.raises(ConfigurationError) as error:
         prepare_episode(config, found)
     fields = ["allowed_contacts[0][1]", "allowed_contacts[1]", "allowed_contacts[2][0]", "allowed_contacts[3][1]"]
