@@ -49,7 +49,8 @@ class SafetyConfig:
     ``joint_speed``: share of the arms' speed limits; ``base_speed``, ``base_turn``, ``gripper_force``: at most, in
     place of the parts' own where those are higher. These are written into the robot model, so planners and the
     simulation keep them, too. ``tool_speed`` and ``workspace`` bound the arms' tools on hardware. ``watchdog``:
-    seconds without a sign of life after which a controller counts as lost and everything else is stopped.
+    seconds without a sign of life after which a controller counts as lost and everything else is stopped;
+    ``heartbeat``: of the process that plans, or of the one that holds the connections, after which the robot brakes.
     """
 
     joint_speed: Share = 1.0
@@ -59,3 +60,4 @@ class SafetyConfig:
     base_turn: AngularSpeed | None = None
     workspace: WorkspaceConfig | None = None
     watchdog: PositiveTime = 0.25
+    heartbeat: PositiveTime = 0.2

@@ -2,35 +2,48 @@
 
 from __future__ import annotations
 
+import math
 import multiprocessing
 import os
 import subprocess
 import sys
+import threading
 import time
 import weakref
-from collections.abc import Mapping
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable, Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import suppress
+from dataclasses import replace
 from multiprocessing.connection import Connection
 from types import MappingProxyType
 from typing import Any
 
 from bestman_bt.robot_model import RobotModel
 from bestman_bt.scene import World
-from hal.api import Failure, Motion, MotionErrorCode, MotionStatus, NotConnectedError, Part, Robot
+from hal.api import Failure, Motion, MotionErrorCode, MotionStatus, NotConnectedError, Part, Robot, RobotError
 from hal.hardware.clock import RealTimeClock
+from hal.hardware.heartbeat import Heartbeat
 from hal.hardware.robot import HardwareRobot
-from hal.hardware.robot_process import ROBOT, Call, MotionNumber, Setup, plug_ins
+from hal.hardware.robot_process import ROBOT, STOPS, Call, MotionNumber, MotionReport, Setup, plug_ins
 from hal.parts import interface_of
 
 END_TIME = 5.0
+STOP_TIME = 0.5
+"""Seconds that the other process has to answer a stop, and to give a sign of life again after it was silent."""
+LOOK_PERIOD = 0.05
+"""Seconds between looks, while an answer is awaited, at whether the other process still lives."""
 PROGRAM = "from hal.hardware.robot_process import main; main()"
+PROCESS = "robot process"
+"""The other process's name among faults."""
 
 
 class IsolatedRobot(Robot):
     """As ``HardwareRobot``, which runs in a process of its own from ``connect()`` to ``disconnect()``.
 
-    Should this process die, the other one notices, brings the robot to rest and ends. Should that one die, motions
-    fail as DISCONNECTED and its controllers get no more set-points.
+    Both processes give each other signs of life. Should this one die or hang, the other one brings the robot to rest.
+    Should that one die, motions fail as DISCONNECTED and its controllers get no more set-points; where it hangs, or
+    does not answer a stop within ``STOP_TIME``, it is killed, to the same end. The robot then counts as stopped, with
+    that fault; ``connect()`` and ``clear_stop()`` begin another process.
     """
 
     clock: RealTimeClock  # the other process stamps readings by the same one
@@ -39,7 +52,7 @@ class IsolatedRobot(Robot):
         start = time.monotonic()
         self._start, self.clock = start, RealTimeClock(start)
         self._description = HardwareRobot(model, clock=self.clock)  # never connected: it describes, and refuses
-        self._client = RpcClient()
+        self._client = RpcClient(tuple(self._description.parts), self._description.stop)
         self.model = model
         self.parts = MappingProxyType(
             {name: _remote(part, self._client) for name, part in self._description.parts.items()}
@@ -54,23 +67,24 @@ class IsolatedRobot(Robot):
         """Start the other process and connect all controllers; raises as ``HardwareRobot.connect``; idempotent."""
         if self._client.open:
             return
-        self._client.start(Setup(self.model, self._start))
+        lost = self._client.lost
         try:
+            self._client.start(Setup(self.model, self._start))
             self._client.call(Call(ROBOT, "connect"))
             if self._description.stopped:
                 self._client.stop(Call(ROBOT, "stop"))
         except BaseException:
             self._client.close()
+            self._client.lost = lost
             raise
 
     def disconnect(self) -> None:
         """Disconnect all controllers and end the other process; idempotent."""
-        if not self._client.open:
-            return
         try:
-            if self.stopped:
-                self._description.stop()
-            self._client.call(Call(ROBOT, "disconnect"))
+            if self._client.open:
+                if self.stopped:
+                    self._description.stop()
+                self._client.call(Call(ROBOT, "disconnect"))
         except NotConnectedError:
             pass  # it is gone already
         finally:
@@ -78,13 +92,18 @@ class IsolatedRobot(Robot):
             self.clock.cancel_timers()
 
     def stop(self) -> None:
-        """Bring all parts to rest and latch; safe from any thread, whatever else is being asked."""
+        """Bring all parts to rest and latch; safe from any thread, whatever else is being asked.
+
+        It takes ``STOP_TIME`` at most: a process that does not answer by then is killed, see ``faults``.
+        """
         self._description.stop()
-        if self._client.open:
+        with suppress(NotConnectedError):  # it was lost: nothing moves any more
             self._client.stop(Call(ROBOT, "stop"))
 
     def clear_stop(self) -> None:
-        """Accept commands again; raises as ``HardwareRobot.clear_stop``."""
+        """Accept commands again; raises as ``HardwareRobot.clear_stop``. Connects again where the process was lost."""
+        if self._client.lost is not None:
+            self.connect()
         if self._client.open:
             self._client.call(Call(ROBOT, "clear_stop"))
         self._description.clear_stop()
@@ -92,88 +111,160 @@ class IsolatedRobot(Robot):
     @property
     def stopped(self) -> bool:
         """Whether the stop is latched."""
-        return bool(self._client.call(Call(ROBOT, "stopped"))) if self._client.open else self._description.stopped
+        return bool(self._asked("stopped", lambda: self._description.stopped))
 
     @property
     def stopped_at(self) -> float | None:
         """When all parts were last told to stop, seconds of the clock; of this connection."""
-        answer = self._client.call(Call(ROBOT, "stopped_at")) if self._client.open else self._description.stopped_at
+        answer = self._asked("stopped_at", lambda: self._description.stopped_at)
         return float(answer) if answer is not None else None
 
     @property
     def faults(self) -> Mapping[str, Failure]:
-        """Controller → the fault that stopped the robot."""
-        return dict(self._client.call(Call(ROBOT, "noted_faults"))) if self._client.open else {}
+        """Controller → the fault that stopped the robot; ``robot process``, where that was lost."""
+        lost = self._client.lost
+        return dict(self._asked("noted_faults", lambda: {PROCESS: lost} if lost is not None else {}))
 
     def diagnostics(self) -> dict[str, str]:
         """Short texts by subject; no addresses."""
-        texts: dict[str, str] = (
-            self._client.call(Call(ROBOT, "diagnostics")) if self._client.open else self._description.diagnostics()
-        )
-        return texts
+        texts: dict[str, str] = self._asked("diagnostics", self._description.diagnostics)
+        lost = self._client.lost
+        return texts if lost is None else {**texts, PROCESS: str(lost)}
+
+    def _asked(self, what: str, otherwise: Callable[[], Any]) -> Any:
+        """What the other process says; ``otherwise`` where there is none, or it is lost by asking it."""
+        with suppress(NotConnectedError):
+            if self._client.open:
+                return self._client.call(Call(ROBOT, what))
+        return otherwise()
 
 
 class RpcClient:
-    """Both wires to the other process, and the motions that go on there."""
+    """The wires to the other process: one for stops and cancels, one for the robot, one for each part.
 
-    def __init__(self) -> None:
-        self._calls: RpcConnection | None = None
-        self._stops: RpcConnection | None = None
+    So nobody waits for what another part is asked, such as an image. ``lost``: why the process that was there is there
+    no more, though nobody has disconnected; ``when_lost`` is told of it at once. Safe from any thread.
+    """
+
+    def __init__(self, parts: tuple[str, ...], when_lost: Callable[[Failure], None]) -> None:
+        self._names: tuple[str, ...] = (STOPS, ROBOT, *parts)
+        self._when_lost = when_lost
+        self._wires: Mapping[str, RpcConnection] = {}
         self._process: subprocess.Popen[bytes] | None = None
+        self._heartbeat: Heartbeat | None = None
+        self._losing = threading.Lock()
         self._motions: weakref.WeakSet[RemoteMotion] = weakref.WeakSet()
+        self.lost: Failure | None = None
 
     @property
     def open(self) -> bool:
         """Whether there is another process, as far as is known."""
-        return self._calls is not None
+        return bool(self._wires) and self.lost is None
 
     def start(self, setup: Setup) -> None:
         """Start the process; it is ready when this returns."""
-        pairs = [multiprocessing.Pipe() for _ in range(2)]  # which block whatever a vendor's SDK makes of all sockets
+        self.close()
+        pairs = [multiprocessing.Pipe() for _ in self._names]  # which block whatever a vendor's SDK makes of all sockets
         theirs = [their.fileno() for _, their in pairs]
         command = [sys.executable, "-c", PROGRAM, *map(str, theirs), *plug_ins(setup.model)]
         path = os.pathsep.join(filter(None, sys.path))
         self._process = subprocess.Popen(
-            command, pass_fds=theirs, env={**os.environ, "PYTHONPATH": path}, stdin=subprocess.DEVNULL
+            command,
+            pass_fds=theirs,
+            env={**os.environ, "PYTHONPATH": path},
+            stdin=subprocess.DEVNULL,
+            start_new_session=True,  # a signal to the group of this process is for this process to handle
         )
         for _, their in pairs:
             their.close()
-        self._calls, self._stops = (RpcConnection(our) for our, _ in pairs)
-        self._calls.ask(setup)
+        self._wires = dict(zip(self._names, (RpcConnection(our) for our, _ in pairs), strict=True))
+        self._heartbeat = Heartbeat(setup.model.safety.heartbeat)
+        self._exchange(self._wires[ROBOT], replace(setup, heartbeat=self._heartbeat.address), math.inf)
 
     def close(self) -> None:
         """End the process: it ends with its wires; what still moved has failed."""
-        for wire in (self._calls, self._stops):
-            if wire is not None:
-                wire.close()
-        self._calls = self._stops = None
-        if self._process is not None:
+        with self._losing:
+            wires, self._wires = self._wires, {}
+            process, self._process = self._process, None
+            heartbeat, self._heartbeat = self._heartbeat, None
+            if self.lost is not None and process is not None:
+                process.kill()
+            self.lost = None
+        for name in (ROBOT, *wires):  # the one after whose end it ends comes first
+            if name in wires:
+                wires[name].close()
+        if process is not None:
             try:
-                self._process.wait(END_TIME)
+                process.wait(END_TIME)
             except subprocess.TimeoutExpired:
-                self._process.kill()
-                self._process.wait()
-            self._process = None
-        for motion in tuple(self._motions):
-            motion.fail(MotionErrorCode.DISCONNECTED, "the robot was disconnected")
+                process.kill()
+                process.wait()
+        if heartbeat is not None:
+            heartbeat.close()
+        self._fail_motions("the robot was disconnected")
 
-    def call(self, call: Call) -> Any:
-        """Ask, and wait for the answer; what the other side raised is raised here."""
-        return self._ask(self._calls, call)
+    def call(self, call: Call, part: str = "") -> Any:
+        """Ask, and wait for the answer; what the other side raised is raised here. ``part``: whose motion is asked."""
+        return self._ask(part or str(call.target), call)
 
     def stop(self, call: Call) -> Any:
-        """As ``call``, past whatever else is being asked."""
-        return self._ask(self._stops, call)
+        """As ``call``, past whatever else is being asked, within ``STOP_TIME``; None where there is no process."""
+        return self._ask(STOPS, call, STOP_TIME) if self.open else None
 
-    def _ask(self, wire: RpcConnection | None, call: Call) -> Any:
-        if wire is None:
+    def _ask(self, wire: str, call: Call, limit: float = math.inf) -> Any:
+        if self.lost is not None:
+            raise NotConnectedError(f"{call.target or 'the robot'} was used after {self.lost.text}; call connect()")
+        found = self._wires.get(wire)
+        if found is None:
             raise NotConnectedError(f"{call.target or 'the robot'} was used while it is not connected; call connect()")
-        answer = wire.ask(call)
+        answer = self._exchange(found, call, limit)
+        if isinstance(answer, Exception):
+            raise answer
         if isinstance(answer, MotionNumber):
             motion = RemoteMotion(answer.number, str(call.target), self)
             self._motions.add(motion)
             return motion
         return answer
+
+    def _exchange(self, wire: RpcConnection, question: Call | Setup, limit: float) -> Any:
+        deadline = time.monotonic() + limit
+        try:
+            asked = wire.ask(question)
+            while True:
+                try:
+                    return asked.result(min(LOOK_PERIOD, max(0.0, deadline - time.monotonic())))
+                except TimeoutError:
+                    self._look(time.monotonic() > deadline)
+        except WireEndedError as error:
+            self._lose("the process that holds the robot's connections has ended", wire)
+            raise NotConnectedError(self.lost.text if self.lost is not None else str(error)) from error
+
+    def _look(self, late: bool) -> None:
+        """Kill the process where it hangs, which ends all questions. ``late``: it has not answered a stop in time."""
+        heartbeat = self._heartbeat
+        silent = heartbeat is not None and heartbeat.silence > STOP_TIME
+        if late or silent:
+            did_not = f"answer a stop within {STOP_TIME:g} s" if late else "give a sign of life"
+            self._lose(f"the process that holds the robot's connections was killed because it did not {did_not}")
+
+    def _lose(self, why: str, wire: RpcConnection | None = None) -> None:
+        """The process is gone, or goes now. ``wire``: by which that was seen, which may be of one that was closed."""
+        with self._losing:
+            if self.lost is not None or not self._wires or (wire is not None and wire not in self._wires.values()):
+                return
+            self.lost = Failure(MotionErrorCode.DISCONNECTED, why)
+            if self._process is not None:
+                self._process.kill()
+        self._when_lost(self.lost)
+        self._fail_motions(why)
+
+    def _fail_motions(self, why: str) -> None:
+        for motion in tuple(self._motions):
+            motion.fail(MotionErrorCode.DISCONNECTED, why)
+
+
+class WireEndedError(RobotError):
+    """The other end of a wire is gone, or this one was closed."""
 
 
 class RpcConnection:
@@ -189,23 +280,19 @@ class RpcConnection:
         # Begun here: an executor that is interrupted while it begins its thread forgets it and begins a second one.
         self._thread.submit(lambda: None).result()
 
-    def ask(self, question: Any) -> Any:
-        """The answer; NotConnectedError where the other process is gone."""
+    def ask(self, question: Any) -> Future[Any]:
+        """The answer to come; WireEndedError where the other process is gone."""
         try:
-            asked = self._thread.submit(self._exchange, question)
+            return self._thread.submit(self._exchange, question)
         except RuntimeError as error:  # closed meanwhile
-            raise NotConnectedError("the robot was disconnected") from error
-        answer = asked.result()
-        if isinstance(answer, Exception):
-            raise answer
-        return answer
+            raise WireEndedError("the robot was disconnected") from error
 
     def _exchange(self, question: Any) -> Any:
         try:
             self._connection.send(question)
             return self._connection.recv()
         except (OSError, EOFError) as error:
-            raise NotConnectedError("the process that holds the robot's connections is gone") from error
+            raise WireEndedError("the process that holds the robot's connections is gone") from error
 
     def close(self) -> None:
         """End it, after the question that is being asked."""
@@ -223,18 +310,18 @@ class RemoteMotion(Motion[Any]):
     def cancel(self) -> None:
         """Bring the part to rest."""
         if not self.done:
-            self._ask("cancel")
+            self._take(lambda: self._client.stop(Call(self._number, "cancel")))
 
     def _look(self) -> None:
-        self._ask("poll")
+        self._take(lambda: self._client.call(Call(self._number, "poll"), self._part))
 
-    def _ask(self, method: str) -> None:
+    def _take(self, ask: Callable[[], MotionReport | None]) -> None:
         try:
-            report = self._client.call(Call(self._number, method))
+            report = ask()
         except NotConnectedError as error:
             self.end(MotionStatus.FAILED, error.failure)
             return
-        if report.status is not MotionStatus.RUNNING:
+        if report is not None and report.status is not MotionStatus.RUNNING:
             self.end(report.status, report.failure, report.result)
 
 
@@ -252,7 +339,7 @@ def _remote(part: Part, client: RpcClient) -> Part:
 
 def _asking(part: Part, method: str, client: RpcClient) -> Any:
     def ask(self: Part, *arguments: Any, **keywords: Any) -> Any:
-        if not client.open:
+        if not client.open and client.lost is None:
             return getattr(part, method)(*arguments, **keywords)  # which is not connected, and says so
         call = Call(part.name, method, arguments, tuple(keywords.items()))
         return client.stop(call) if method == "stop" else client.call(call)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+import time
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
@@ -16,10 +17,15 @@ from hal.api import Failure, MotionErrorCode, Part, Robot
 from hal.hardware.clock import RealTimeClock
 from hal.hardware.connection import Connection
 from hal.hardware.control_loop import ControlLoop
+from hal.hardware.heartbeat import Heartbeat
 from hal.parts import ConnectionFailedError, StopLatch
 
 WATCH_RATE = 100.0
 """Hertz: how often the watchdog looks at each controller."""
+PLANNER = "the program that plans"
+"""Its name among faults."""
+FOUND_AGAIN_TIME = 1.0
+"""Seconds within which signs of life come again of a program that is back."""
 
 
 class HardwareRobot(Robot):
@@ -30,7 +36,8 @@ class HardwareRobot(Robot):
 
     ``world``, ``seed`` and ``gui`` are those of simulated drivers, which this one has no use for. ``connections``: the
     controllers by name. ``stopped_at``: when all parts were last told to stop, seconds of the clock; kept by
-    ``clear_stop()``; None: never.
+    ``clear_stop()``; None: never. ``planner``: signs of life of the program that commands the robot from another
+    process; where it is silent, the robot stops.
     """
 
     clock: RealTimeClock
@@ -43,8 +50,9 @@ class HardwareRobot(Robot):
         seed: int = 0,
         gui: bool = False,
         clock: RealTimeClock | None = None,
+        planner: Heartbeat | None = None,
     ) -> None:
-        self.model = model
+        self.model, self._planner = model, planner
         self.clock = clock or RealTimeClock()
         self._latch = StopLatch()
         self._lock = threading.RLock()
@@ -97,9 +105,9 @@ class HardwareRobot(Robot):
         self._disconnect_all()
         self.clock.cancel_timers()
 
-    def stop(self) -> None:
-        """Bring all parts to rest and latch; safe from any thread, at once in effect."""
-        self._stop(None)
+    def stop(self, fault: Failure | None = None) -> None:
+        """Bring all parts to rest and latch, because of ``fault``; safe from any thread, at once in effect."""
+        self._stop(fault)
 
     def clear_stop(self) -> None:
         """Accept commands again; clears what controllers report and connects again what was lost.
@@ -110,10 +118,12 @@ class HardwareRobot(Robot):
         with self._lock:
             stops = self._latch.stops
             if self._watchdog is not None:
+                self._await_planner()
                 for name, connection in self.connections.items():
                     connection.clear(self._faults.get(name))
                 if self._watchdog_ended:  # nothing may move without it
                     self._watchdog_ended = False
+                    self._watchdog.close()
                     self._watchdog.start()
             self._faults.clear()
             self._latch.clear(stops)
@@ -163,8 +173,20 @@ class HardwareRobot(Robot):
         if first:
             self.stopped_at = self.clock.now()
 
+    def _await_planner(self) -> None:
+        """Whoever asks lives: the signs of it come in a moment."""
+        deadline = time.monotonic() + FOUND_AGAIN_TIME
+        while self._planner is not None and self._planner.silence > 0.0:
+            if time.monotonic() > deadline:
+                raise ConnectionFailedError(f"{PLANNER} gives no signs of life, without which nothing may move")
+            time.sleep(0.005)
+
     def _watch(self, elapsed: float) -> None:
-        """A controller with a fault stops the robot, once."""
+        """A controller with a fault stops the robot, once; so does a program that plans no more."""
+        if self._planner is not None and self._planner.silence > 0.0 and PLANNER not in self._faults:
+            text = f"{PLANNER} gave no sign of life for {self._planner.longest_silence:g} s"
+            self._faults[PLANNER] = Failure(MotionErrorCode.STOPPED, text)
+            self._stop(self._faults[PLANNER])
         for name, connection in self.connections.items():
             if name in self._faults or not self._lock.acquire(blocking=False):
                 continue

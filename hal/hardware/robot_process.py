@@ -1,7 +1,7 @@
 """The process that holds a robot's connections: apart from the one that plans, whose computations would hold it up.
 
-Started by ``IsolatedRobot`` with the descriptors of two sockets. Over the first one come commands and readings, one
-after the other; over the second one stops, which wait for nothing.
+Started by ``IsolatedRobot`` with the descriptors of its sockets. Over the first one come stops and cancels, which wait
+for nothing; over the second one what concerns the whole robot; over one for each part commands and readings of it.
 """
 
 from __future__ import annotations
@@ -23,10 +23,13 @@ from bestman_bt.robot_model import RobotModel
 from hal.api import Failure, Motion, MotionStatus, RobotError
 from hal.hardware.clock import RealTimeClock
 from hal.hardware.control_loop import take_real_time_priority
+from hal.hardware.heartbeat import Heartbeat
 from hal.hardware.robot import HardwareRobot
 
 ROBOT = ""
 """The name of the robot itself among its parts."""
+STOPS = "stops"
+"""The name of the wire for stops."""
 OURS = ("bestman_bt", "hal")
 """Packages that each process has."""
 REMEMBERED_MOTIONS = 200
@@ -38,10 +41,14 @@ that none may lose the processor to a busy machine meanwhile."""
 
 @dataclass(frozen=True)
 class Setup:
-    """What the process is told first. ``clock_start``: of the monotonic clock, which all processes share."""
+    """What the process is told first. ``clock_start``: of the monotonic clock, which all processes share.
+
+    ``heartbeat``: address of the signs of life that both processes give each other; empty: there are none.
+    """
 
     model: RobotModel
     clock_start: float
+    heartbeat: str = ""
 
 
 @dataclass(frozen=True)
@@ -74,7 +81,8 @@ class RobotServer:
     """Does what is asked of one robot."""
 
     def __init__(self, setup: Setup) -> None:
-        self._robot = HardwareRobot(setup.model, clock=RealTimeClock(setup.clock_start))
+        self._heartbeat = Heartbeat(setup.model.safety.heartbeat, setup.heartbeat) if setup.heartbeat else None
+        self._robot = HardwareRobot(setup.model, clock=RealTimeClock(setup.clock_start), planner=self._heartbeat)
         self._motions: OrderedDict[int, Motion[Any]] = OrderedDict()
         self._numbers = itertools.count(1)
         self._lock = threading.Lock()
@@ -97,6 +105,8 @@ class RobotServer:
         self._robot.stop()
         threading.Event().wait(REST_TIME)
         self._robot.disconnect()
+        if self._heartbeat is not None:
+            self._heartbeat.close()
 
     def _do(self, call: Call) -> Any:
         if isinstance(call.target, int):
@@ -140,15 +150,18 @@ def _load(name: str, file: str) -> None:
 
 
 def main() -> None:
-    """Serve both wires."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the program that plans; it ends the wires
-    calls, stops = (Connection(int(descriptor)) for descriptor in sys.argv[1:3])
-    for plug_in in sys.argv[3:]:
+    """Serve all wires until that for the whole robot ends."""
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, signal.SIG_IGN)  # they are for the program that plans; it ends the wires
+    numbers = [word for word in sys.argv[1:] if word.isdigit()]
+    stops, calls, *parts = (Connection(int(descriptor)) for descriptor in numbers)
+    for plug_in in sys.argv[1 + len(numbers) :]:
         _load(*plug_in.split("=", 1))
     take_real_time_priority(SERVING_PRIORITY)  # and all threads from here on
     os.dup2(2, 1)  # what SDKs print is no output of the program
     server = RobotServer(calls.recv())
-    threading.Thread(target=server.serve, args=(stops,), name="stops", daemon=True).start()
+    for wire in (stops, *parts):
+        threading.Thread(target=server.serve, args=(wire,), name="wire", daemon=True).start()
     calls.send(None)
     server.serve(calls)
     server.close()

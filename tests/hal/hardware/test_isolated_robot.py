@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import multiprocessing
 import signal
+import subprocess
 import threading
 from collections.abc import Iterator
 from pathlib import Path
@@ -11,9 +13,9 @@ from pathlib import Path
 import pytest
 
 from bestman_bt.robot_model import load_robot_model
-from hal.api import Arm, MotionErrorCode, MotionStatus, NotConnectedError
-from hal.hardware.isolated_robot import IsolatedRobot, RpcClient, RpcConnection
-from hal.hardware.robot_process import ROBOT, Call, MotionNumber, Setup
+from hal.api import Arm, Failure, MotionErrorCode, MotionStatus, NotConnectedError
+from hal.hardware.isolated_robot import PROCESS, STOP_TIME, IsolatedRobot, RpcClient, RpcConnection, WireEndedError
+from hal.hardware.robot_process import ROBOT, STOPS, Call, MotionNumber, Setup
 
 
 @pytest.fixture
@@ -42,14 +44,14 @@ def test_after_an_interrupt_between_question_and_answer_the_next_question_gets_i
     server.start()
     threads = set(threading.enumerate())
     with pytest.raises(KeyboardInterrupt):
-        wire.ask("the first")
+        wire.ask("the first").result()
     was_interrupted.set()
-    assert wire.ask("the second") == "answer to the second"
+    assert wire.ask("the second").result() == "answer to the second"
     # Where a question began a thread, an interrupt in the middle of that could leave two on the wire.
     assert set(threading.enumerate()) <= threads
     server.join()
     wire.close()
-    with pytest.raises(NotConnectedError):
+    with pytest.raises(WireEndedError):
         wire.ask("the third")
 
 
@@ -58,16 +60,22 @@ class ScriptedProcess:
 
     def __init__(self) -> None:
         self.open = self.stopped = False
+        self.lost: Failure | None = None
+        self.refuses = False
         self.asked: list[tuple[str, object, str]] = []
 
     def start(self, setup: Setup) -> None:
-        self.open = True
+        if self.refuses:
+            raise NotConnectedError("no controller answers")
+        self.open, self.lost = True, None
 
     def call(self, call: Call) -> object:
         self.asked.append(("calls", call.target, call.method))
         return self.stopped if call.method == "stopped" else None
 
     def stop(self, call: Call) -> None:
+        if not self.open:
+            return
         self.asked.append(("stops", call.target, call.method))
 
     def close(self) -> None:
@@ -77,7 +85,7 @@ class ScriptedProcess:
 @pytest.fixture
 def process(monkeypatch: pytest.MonkeyPatch) -> ScriptedProcess:
     process = ScriptedProcess()
-    monkeypatch.setattr("hal.hardware.isolated_robot.RpcClient", lambda: process)
+    monkeypatch.setattr("hal.hardware.isolated_robot.RpcClient", lambda parts, when_lost: process)
     return process
 
 
@@ -122,17 +130,99 @@ def test_stops_go_past_what_else_is_asked(robot: IsolatedRobot, process: Scripte
     assert process.asked[-3:] == [("stops", ROBOT, "stop"), ("stops", "arm", "stop"), ("calls", "arm", "positions")]
 
 
+class Wires:
+    """A client of two parts whose other ends are here; ``lost``: what it tells when the process is lost."""
+
+    def __init__(self) -> None:
+        self.lost: list[Failure] = []
+        self.client = RpcClient(("arm", "camera"), self.lost.append)
+        names = (STOPS, ROBOT, "arm", "camera")
+        pairs = [multiprocessing.Pipe() for _ in names]
+        self.client._wires = {name: RpcConnection(ours) for name, (ours, _) in zip(names, pairs, strict=True)}
+        self.theirs = {name: theirs for name, (_, theirs) in zip(names, pairs, strict=True)}
+        self.client._process = self.process = subprocess.Popen(["sleep", "600"])
+        threading.Thread(target=self._end_with_it, daemon=True).start()
+
+    def _end_with_it(self) -> None:
+        self.process.wait()
+        for wire in self.theirs.values():
+            wire.close()
+
+
+@pytest.fixture
+def wires() -> Iterator[Wires]:
+    wires = Wires()
+    yield wires
+    wires.process.kill()
+    wires.client.close()
+
+
 @pytest.mark.parametrize("dies", [True, False])
-def test_a_motion_fails_with_the_process_that_it_is_in(dies: bool) -> None:
-    ours, theirs = multiprocessing.Pipe()
-    client = RpcClient()
-    client._calls = RpcConnection(ours)
-    theirs.send(MotionNumber(1))
-    motion = client.call(Call("arm", "move_to"))
-    if dies:
-        theirs.close()
-    else:
-        client.close()
+def test_a_motion_fails_with_the_process_that_it_is_in(wires: Wires, dies: bool) -> None:
+    wires.theirs["arm"].send(MotionNumber(1))
+    motion = wires.client.call(Call("arm", "move_to"))
+    wires.process.kill()
+    if not dies:
+        wires.client.close()
     assert motion.done
     assert (motion.status, motion.failure.code) == (MotionStatus.FAILED, MotionErrorCode.DISCONNECTED)
-    client.close()
+    assert [fault.code for fault in wires.lost] == ([MotionErrorCode.DISCONNECTED] if dies else [])
+
+
+def test_a_process_that_does_not_answer_a_stop_is_killed_and_what_waited_for_it_hears_why(wires: Wires) -> None:
+    heard: list[Exception] = []
+
+    def ask_for_an_image() -> None:
+        try:
+            wires.client.call(Call("camera", "capture"))
+        except NotConnectedError as error:
+            heard.append(error)
+
+    waiting = threading.Thread(target=ask_for_an_image)
+    waiting.start()
+    with pytest.raises(NotConnectedError, match=f"did not answer a stop within {STOP_TIME:g} s"):
+        wires.client.stop(Call(ROBOT, "stop"))
+    waiting.join(10.0)
+    assert wires.process.wait(10.0) == -signal.SIGKILL
+    assert "did not answer a stop" in str(heard[0])
+    assert not wires.client.open
+    assert [fault.text for fault in wires.lost] == [wires.client.lost.text] if wires.client.lost else False
+    with pytest.raises(NotConnectedError, match="did not answer a stop"):
+        wires.client.call(Call("arm", "positions"))
+
+
+def test_neither_stop_nor_cancel_nor_readings_wait_for_an_image(wires: Wires) -> None:
+    threading.Thread(target=lambda: suppressed(wires.client, Call("camera", "capture")), daemon=True).start()
+    assert wires.theirs["camera"].recv().method == "capture"
+    for name, answer in (("arm", [0.0] * 6), (STOPS, None)):
+        wires.theirs[name].send(answer)
+    assert wires.client.call(Call("arm", "positions")) == [0.0] * 6
+    wires.client.stop(Call(1, "cancel"))
+    assert wires.theirs[STOPS].recv().method == "cancel"
+
+
+def suppressed(client: RpcClient, call: Call) -> None:
+    with contextlib.suppress(NotConnectedError):
+        client.call(call)
+
+
+def test_a_robot_whose_process_is_lost_is_stopped_says_why_and_is_connected_again_by_clearing_the_stop(
+    robot: IsolatedRobot, process: ScriptedProcess
+) -> None:
+    robot.connect()
+    process.lost, process.open = Failure(MotionErrorCode.DISCONNECTED, "it was killed"), False
+    robot._description.stop(process.lost)
+    robot.stop()
+    assert robot.stopped
+    assert robot.faults[PROCESS] == process.lost
+    assert "it was killed" in robot.diagnostics()[PROCESS]
+    assert "it was killed" in robot.diagnostics()["stopped"]
+    process.refuses = True
+    for _ in range(2):  # a first attempt that fails is not forgotten
+        with pytest.raises(NotConnectedError):
+            robot.clear_stop()
+        assert robot.stopped
+    process.refuses = False
+    robot.clear_stop()
+    assert process.open
+    assert not robot.stopped

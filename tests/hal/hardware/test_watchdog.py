@@ -14,7 +14,9 @@ from bestman_bt.robot_model import BaseModel, RobotModel
 from bestman_bt.robot_model.connection_config import ConnectionConfig
 from hal.api import CommandRefusedError, Failure, MobileBase, MotionErrorCode, MotionStatus, Part
 from hal.hardware import Connection, HardwareRobot
-from hal.parts import BaseChannel, BaseReading, DrivenBase
+from hal.hardware.heartbeat import Heartbeat
+from hal.parts import BaseChannel, BaseReading, ConnectionFailedError, DrivenBase
+from tests.hal.twinned import wait_for
 
 WAIT = 10.0
 """Seconds that the watchdog's thread gets, which looks a hundred times a second."""
@@ -33,7 +35,7 @@ class Standing(BaseChannel):
 class Controller(Connection):
     """Reports ``told``; whoever commands its base as soon as its motion has failed is an impatient program."""
 
-    told: Failure | None = None
+    told: Failure | Exception | None = None
     answer: CommandRefusedError | None = None
 
     def make_parts(self) -> dict[str, Part]:
@@ -51,6 +53,9 @@ class Controller(Connection):
         return self.clock.now()
 
     def reported_fault(self) -> Failure | None:
+        if isinstance(self.told, Exception):
+            raised, self.told = self.told, None
+            raise raised
         return self.told
 
     def recover(self) -> None:
@@ -82,3 +87,50 @@ def test_a_command_at_the_moment_at_which_a_fault_fails_a_motion_is_refused(robo
     assert motion.failure is not None
     assert motion.failure.code is MotionErrorCode.FAULT
     assert "stopped because platform: a wheel is blocked" in str(controller.answer)
+
+
+def test_a_robot_whose_watchdog_has_ended_by_an_error_is_stopped_and_gets_a_new_one_before_it_takes_commands(
+    robot: HardwareRobot,
+) -> None:
+    controller = robot.connections["platform"]
+    assert isinstance(controller, Controller)
+    controller.told = ZeroDivisionError("of a driver")
+    wait_for(lambda: robot.stopped, "the error of the watchdog has stopped the robot")
+    with pytest.raises(CommandRefusedError, match="the watchdog stopped working: ZeroDivisionError"):
+        robot.part("base", MobileBase).rotate(1.0)
+    robot.clear_stop()
+    motion = robot.part("base", MobileBase).rotate(1.0)
+    controller.told = Failure(MotionErrorCode.FAULT, "a wheel is blocked")
+    wait_for(lambda: motion.done, "the new watchdog sees the fault")
+
+
+class Signs(Heartbeat):
+    """Of a program that plans, which are silent on demand."""
+
+    def __init__(self) -> None:
+        self.longest_silence, self.silent = 0.2, 0.0
+
+    @property
+    def silence(self) -> float:
+        return self.silent
+
+
+def test_a_silent_program_stops_the_robot_and_can_clear_that_once_it_is_back(
+    robot_model: RobotModel, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(CONNECTIONS, "resolve", lambda driver: Controller)
+    monkeypatch.setattr("hal.hardware.robot.FOUND_AGAIN_TIME", 0.02)
+    model, signs = replace(robot_model, connections={"platform": ConnectionConfig("any", ("base",))}), Signs()
+    with HardwareRobot(model, planner=signs) as robot:
+        motion = robot.part("base", MobileBase).rotate(1.0)
+        signs.silent = 0.01
+        wait_for(lambda: motion.done, "the silence is noticed")
+        assert motion.failure is not None
+        assert motion.failure.code is MotionErrorCode.STOPPED
+        assert "no sign of life for 0.2 s" in motion.failure.text
+        with pytest.raises(ConnectionFailedError, match="gives no signs of life"):
+            robot.clear_stop()
+        assert robot.stopped
+        signs.silent = 0.0
+        robot.clear_stop()
+        robot.part("base", MobileBase).rotate(1.0)

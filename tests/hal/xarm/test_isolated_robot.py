@@ -14,8 +14,19 @@ import pytest
 from bestman_bt.robot_model import RobotModel
 from hal.api import Arm, CommandRefusedError, MotionErrorCode, MotionStatus, NotConnectedError
 from hal.hardware import IsolatedRobot
+from hal.hardware.isolated_robot import PROCESS, STOP_TIME
 from hal.twins import TwinProcess
-from tests.hal.twinned import disconnected, wait_for
+from tests.hal.twinned import (
+    PATIENCE,
+    SLACK,
+    arm_comes_to_rest,
+    client_program,
+    disconnected,
+    twin_settings,
+    wait_for,
+    wait_in_twin,
+)
+from tests.hal.xarm.conftest import ROBOT
 
 pytestmark = [pytest.mark.real_time, pytest.mark.slow]
 
@@ -62,6 +73,67 @@ def test_where_the_other_process_dies_motions_fail_and_it_can_be_connected_again
         its_process_dies(twin_model)
 
 
+def test_a_robot_process_that_hangs_is_killed_by_the_stop_and_begun_anew_by_clearing_it(
+    twin: TwinProcess, twin_model: RobotModel, isolated_robot: IsolatedRobot
+) -> None:
+    with disconnected(isolated_robot):
+        before = children()
+        with IsolatedRobot(twin_model) as robot:
+            arm = robot.part("arm", Arm)
+            motion = arm.move_to(arm.positions() + 0.5 * FIRST_JOINT, 0.1)
+            (process,) = children() - before
+            os.kill(process, signal.SIGSTOP)
+            start = time.monotonic()
+            robot.stop()
+            assert time.monotonic() - start < STOP_TIME + SLACK
+            assert motion.failure is not None
+            assert motion.failure.code is MotionErrorCode.DISCONNECTED
+            assert robot.stopped
+            assert "did not answer a stop" in robot.faults[PROCESS].text
+            arm_comes_to_rest(twin)
+            robot.clear_stop()
+            assert not robot.stopped
+            assert not robot.faults
+            arm.move_to(arm.positions())
+        assert children() == before
+
+
+PLANNER = """
+import sys, time
+from bestman_bt.robot_model import load_robot_model
+from hal.api import Arm
+from hal.hardware import IsolatedRobot
+settings = dict(zip(sys.argv[2::2], sys.argv[3::2]))
+with IsolatedRobot(load_robot_model(sys.argv[1], settings)) as robot:
+    arm = robot.part("arm", Arm)
+    motion = arm.move_to(arm.positions() + [0.8 if arm.positions()[0] < 0 else -0.8, 0, 0, 0, 0, 0], 0.1)
+    print("moves", flush=True)
+    while not motion.done:
+        robot.clock.sleep(0.05)
+    print(motion.failure.code.value, motion.failure.text, flush=True)
+    robot.clear_stop()
+    arm.move_to(arm.positions())
+    print("accepted", flush=True)
+"""
+
+
+def test_while_the_program_that_plans_is_stopped_the_arm_brakes_and_it_hears_so_when_it_goes_on(
+    twin: TwinProcess, isolated_robot: IsolatedRobot
+) -> None:
+    settings = [str(word) for setting in twin_settings(twin).items() for word in setting]
+    with disconnected(isolated_robot), client_program(PLANNER, str(ROBOT), *settings) as program:
+        assert program.stdout is not None
+        assert program.stdout.readline() == "moves\n"
+        wait_for(lambda: max(map(abs, twin.judge("joints", "arm")["velocities"])) > 0.02, "the arm moves")
+        os.kill(program.pid, signal.SIGSTOP)
+        wait_in_twin(twin, 0.2 + SLACK)
+        arm_comes_to_rest(twin)
+        os.kill(program.pid, signal.SIGCONT)
+        assert program.stdout.readline().startswith("stopped stopped because the program that plans gave no sign")
+        assert program.stdout.readline() == "accepted\n"
+        assert program.wait(PATIENCE) == 0
+
+
 def its_process_dies(twin_model: RobotModel) -> None:
     before = children()
     with IsolatedRobot(twin_model) as robot:
@@ -72,10 +144,13 @@ def its_process_dies(twin_model: RobotModel) -> None:
         wait_for(lambda: motion.done, "the motion has failed")
         assert motion.failure is not None
         assert motion.failure.code is MotionErrorCode.DISCONNECTED
-        with pytest.raises(NotConnectedError):
+        with pytest.raises(NotConnectedError, match="has ended"):
             arm.positions()
-        robot.disconnect()
+        robot.stop()
+        assert robot.stopped
         robot.connect()
+        assert robot.stopped
+        robot.clear_stop()
         assert len(arm.positions()) == 6
     assert children() == before
 
