@@ -164,7 +164,9 @@ class RpcClient:
     def start(self, setup: Setup) -> None:
         """Start the process; it is ready when this returns."""
         self.close()
-        pairs = [multiprocessing.Pipe() for _ in self._names]  # which block whatever a vendor's SDK makes of all sockets
+        pairs = [
+            multiprocessing.Pipe() for _ in self._names
+        ]  # which block whatever a vendor's SDK makes of all sockets
         theirs = [their.fileno() for _, their in pairs]
         command = [sys.executable, "-c", PROGRAM, *map(str, theirs), *plug_ins(setup.model)]
         path = os.pathsep.join(filter(None, sys.path))
