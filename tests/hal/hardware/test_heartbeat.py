@@ -1,4 +1,4 @@
-"""Signs of life: a process that computes gives them, one that is stopped or dead does not, one that goes on is found."""
+"""Signs of life: a process that computes gives them, one that is stopped or dead does not, one that is back does."""
 
 from __future__ import annotations
 
