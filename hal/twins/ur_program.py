@@ -1,7 +1,16 @@
 """The program that ur-rtde uploads, as far as it acts: a loop that takes commands from RTDE registers.
 
-What a command does and how it is acknowledged is that of ``rtde_control.script`` in ur-rtde 1.6: register 0 tells 1
-when ready and 2 when a command is done, which the client answers by clearing it; real-time commands need no answer.
+What a command does and how it is acknowledged is that of ``scripts/rtde_control.script`` in ur-rtde 1.6.5: register 0
+tells 1 when ready and 2 when a command is done, which the client answers by clearing it; real-time commands need no
+answer. From there, too:
+
+- ``thread speed_thread(): while (True): … speedj(target, a=acceleration, t=time)``: a speed goes on until command 15,
+  and a new one is looked at when the ``speedj`` under way has lasted its ``time``.
+- ``thread servo_thread(): while (True): … servoj(…)``: likewise, until command 16.
+- ``stopj(deceleration_rate)``, ``stopl(…)``: the command is done when the arm rests.
+
+Motion functions of two threads at once are a run-time error that ends the program ("another thread is already
+controlling the robot", URScript manual, Threads).
 """
 
 from __future__ import annotations
@@ -24,6 +33,8 @@ Array = NDArray[np.float64]
 READY, DONE = 1, 2
 RUNNING_BIT = 1 << 15
 LIMIT_MARGIN = 1e-3
+AT_REST = 0.02
+"""rad/s below which ``stopj`` returns."""
 
 
 class Command(IntEnum):
@@ -56,6 +67,14 @@ class Waypoint:
     speed: float
 
 
+@dataclass(frozen=True, eq=False)
+class Speed:
+    """``joints``: the joint speeds now, (6,) rad/s. ``time``: seconds that one ``speedj`` or ``speedl`` lasts."""
+
+    joints: Callable[[], Array]
+    time: float
+
+
 _PATH = re.compile(r"# inject move path\n((?:\s*(?:signal_async_progress|movej)\(.*\)\n)+)")
 _MOVE = re.compile(r"movej\(\[([^\]]*)\],\s*a=([^,]+),\s*v=([^,]+),")
 
@@ -79,8 +98,10 @@ class URProgram:
         self._moves: list[Waypoint] = []
         self._motion: Motion[None] | None = None
         self._asynchronous = False
-        self._drift: Callable[[], Array] | None = None  # joint speeds now
-        self._drift_left = np.inf
+        self._drift: Speed | None = None  # under way, for so many seconds
+        self._drift_left = 0.0
+        self._next_drift: Speed | None = None
+        self._stopping = False
         self.follower: ServoFollower | None = None
         self.watchdog_frequency: float | None = None
         self.ended = self.protective_stop_asked = self.limit_exceeded = False
@@ -89,8 +110,9 @@ class URProgram:
     def halt(self) -> None:
         """Come to rest; nothing is followed any more."""
         self._arm.stop()
-        self.follower, self._motion, self._drift = None, None, None
+        self.follower, self._motion, self._drift, self._next_drift = None, None, None, None
         self._moves = []
+        self.outputs["output_int_register_2"] &= ~RUNNING_BIT
 
     def advance(self, dt: float, inputs: Mapping[str, Any], fresh: bool) -> None:
         """One cycle. ``fresh``: whether inputs have come since the last one."""
@@ -107,7 +129,10 @@ class URProgram:
             self._executing = True
             self._begin(command, numbers, bool(inputs.get("input_int_register_1", 0)))
         self._go_on(dt)
-        waits = self._motion is not None and not self._asynchronous
+        if self._stopping and float(np.max(np.abs(self._arm.velocities()))) < AT_REST:
+            self._stopping = False
+            self.outputs["output_int_register_2"] &= ~RUNNING_BIT
+        waits = (self._motion is not None or self._stopping) and not self._asynchronous
         if self._executing and not self._acknowledged and not waits and not self.ended:
             self._acknowledged = True
             self.outputs["output_int_register_0"] = DONE
@@ -115,28 +140,37 @@ class URProgram:
     def _stream(self, command: int, numbers: list[float]) -> None:
         target = np.array(numbers[:6])
         if command == Command.SERVO_JOINTS:
-            if self.follower is None:
+            if self._next_drift is not None or self._motion is not None:
+                self.ended = True
+            elif self.follower is None:
                 self.halt()
                 self.follower = ServoFollower(self._arm.positions(), self._speed)
-            if self._reachable(target):
+            if self.follower is not None and self._reachable(target):
                 self.follower.take(np.clip(target, self._lower, self._upper), time.monotonic())
         elif command in (Command.SPEED_JOINTS, Command.SPEED_TOOL):
-            self.follower, self._motion = None, None
-            if command == Command.SPEED_TOOL:
-                self._drift = lambda: self._kinematics.joint_speeds(self._arm.positions(), target)
+            if self.follower is not None or self._motion is not None:
+                self.ended = True
+            elif command == Command.SPEED_TOOL:
+                joints = lambda: self._kinematics.joint_speeds(self._arm.positions(), target)  # noqa: E731
+                self._next_drift = Speed(joints, numbers[7])
             else:
-                self._drift = lambda: target
-            self._drift_left = numbers[7] if numbers[7] > 0.0 else np.inf
+                self._next_drift = Speed(lambda: target, numbers[7])
 
     def _begin(self, command: int, numbers: list[float], asynchronous: bool) -> None:
         self._asynchronous = asynchronous
         if command in (Command.MOVE_JOINTS, Command.MOVE_PATH):
+            if self.follower is not None or self._next_drift is not None:
+                self.ended = True
+                return
             self.halt()
             single = [Waypoint(np.array(numbers[:6]), numbers[7], numbers[6])]
             self._moves = single if command == Command.MOVE_JOINTS else list(self._path)
             self._next_move()
         elif command in (Command.SPEED_STOP, Command.SERVO_STOP, Command.STOP_JOINTS, Command.STOP_TOOL):
             self.halt()
+            self._stopping = True
+            if asynchronous:
+                self.outputs["output_int_register_2"] |= RUNNING_BIT
         elif command == Command.SET_WATCHDOG:
             self.watchdog_frequency = numbers[0]
         elif command == Command.PROTECTIVE_STOP:
@@ -168,9 +202,8 @@ class URProgram:
             self._arm.servo(self.follower.advance(dt))
         elif self._motion is not None and self._motion.done:
             self._next_move()
-        elif self._drift is not None:
+        elif self._next_drift is not None:
             self._drift_left -= dt
-            speeds = self._drift() if self._drift_left > 0.0 else np.zeros(len(self._speed))
-            self._arm.command(velocities=np.clip(speeds, -self._speed, self._speed))
-            if self._drift_left <= 0.0:
-                self._drift = None
+            if self._drift is None or self._drift_left <= 0.0:
+                self._drift, self._drift_left = self._next_drift, self._next_drift.time
+            self._arm.command(velocities=np.clip(self._drift.joints(), -self._speed, self._speed))

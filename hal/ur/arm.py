@@ -24,9 +24,10 @@ from hal.ur.link import URLink
 from hal.ur.sdk_process import Report
 
 Array = NDArray[np.float64]
-START_TIME, STOP_TIME = 3.0, 1.0
+START_TIME, STOP_TIME = 3.0, 2.0
 """Seconds within which the controller has to begin and to end a motion of its own."""
-DECELERATION = 5.0
+RENEWAL = 0.05
+"""Seconds after which a speed is renewed; one that is not is stopped by the SDK's process."""
 TOOL_ACCELERATION = 1.0
 ARRIVED = 0.01
 SPEED_MARGIN = 1.1
@@ -44,6 +45,7 @@ class _OwnMotion:
     over: Callable[[Report, float], bool]  # of the newest report and the seconds since it began
     target: Array | None = None
     begun: float | None = None
+    renewed: float = 0.0
     stopping: bool = False
 
 
@@ -52,6 +54,7 @@ class URArm(StreamedArm):
 
     ``move_path``, ``speed_joints`` and ``speed_tool`` are the controller's ``movej``, ``speedj`` and ``speedl``, within
     the same limits as everything else. They do not take over from one another: ``stop`` or ``cancel`` comes first.
+    Speeds are renewed every 0.05 s, and end where this process does not renew them any more.
     """
 
     def __init__(
@@ -101,8 +104,8 @@ class URArm(StreamedArm):
             wanted = self._checks.velocities("speed_joints", velocities)
             if self._tool.slow_down(self.positions()[None], wanted[None]) < 1.0:
                 raise self._connection.refuse("speed_joints", "the tool would be faster than its limit")
-            arguments = (wanted.tolist(), float(min(self.model.acceleration)), float(duration))
-            return self._begin_speed("speed_joints", arguments)
+            acceleration = float(min(self.model.acceleration))
+            return self._begin_speed("speed_joints", wanted.tolist(), acceleration, float(duration))
 
     def speed_tool(self, twist: ArrayLike, duration: float) -> Motion[None]:
         """Move the tool at (vx, vy, vz, wx, wy, wz), m/s and rad/s in the arm's base frame, for ``duration`` seconds.
@@ -119,7 +122,7 @@ class URArm(StreamedArm):
                 raise self._connection.refuse("speed_tool", "the tool would be faster than its limit")
             # The controller counts x and y of its base the other way round than the URDF does.
             turned = wanted * np.array([-1.0, -1.0, 1.0, -1.0, -1.0, 1.0])
-            return self._begin_speed("speed_tool", (turned.tolist(), TOOL_ACCELERATION, float(duration)))
+            return self._begin_speed("speed_tool", turned.tolist(), TOOL_ACCELERATION, float(duration))
 
     # As for every arm
 
@@ -160,16 +163,14 @@ class URArm(StreamedArm):
 
     # Private
 
-    def _begin_speed(self, call: str, arguments: tuple[list[float], float, float]) -> Motion[None]:
-        duration = arguments[2]
+    def _begin_speed(self, call: str, speeds: list[float], acceleration: float, duration: float) -> Motion[None]:
         if not (np.isfinite(duration) and duration > 0.0):
             raise self._connection.refuse(call, f"duration = {duration} s is not positive")
-        still = self._tracking.settle_speed
         return self._begin_own(
             call,
-            lambda: self._link.call(call, *arguments, timeout=START_TIME),
+            lambda: self._link.call(call, speeds, acceleration, timeout=START_TIME),
             "stop_speed",
-            lambda report, passed: passed > duration and max(map(abs, report.velocities)) < still,
+            lambda report, passed: passed > duration,
         )
 
     def _begin_own(
@@ -194,7 +195,7 @@ class URArm(StreamedArm):
             if own.begun is None:
                 if not own.stopping:
                     own.begin()
-                own.begun = time.monotonic()
+                own.begun = own.renewed = time.monotonic()
                 return
             wrong = self._wrong(report) if report is not None else None
             if wrong is not None:
@@ -202,12 +203,18 @@ class URArm(StreamedArm):
             passed = time.monotonic() - own.begun
             over = report is not None and passed > AT_LEAST and own.over(report, passed)
             if not (own.stopping or over or wrong is not None):
+                self._renew(own)
                 return
             if not over or own.stop_call == "stop_speed":
-                self._link.call(own.stop_call, DECELERATION, timeout=STOP_TIME)
+                self._link.call(own.stop_call, timeout=STOP_TIME)
         except ConnectionFailedError as error:
             own.motion.fail(MotionErrorCode.FAULT, str(error))
         self._leave(own)
+
+    def _renew(self, own: _OwnMotion) -> None:
+        if own.stop_call == "stop_speed" and time.monotonic() - own.renewed > RENEWAL:
+            self._link.call("renew_speed", timeout=STOP_TIME)
+            own.renewed = time.monotonic()
 
     def _wrong(self, report: Report) -> str | None:
         fast = np.abs(report.velocities) > SPEED_MARGIN * self.model.velocity

@@ -26,6 +26,12 @@ from bestman_bt.errors import Error
 CONTROL_RATE = 125.0
 """Hertz at which the SDK's control interface is told the state of its program."""
 KICK_PERIOD = 0.02
+SPEED_TIME = 0.02
+"""Seconds that one ``speedj`` of the SDK's program lasts, after which it looks for a newer one."""
+SPEED_LAPSES = 0.25
+"""Seconds after which a speed that the parent has not renewed is stopped."""
+REST_TIME, AT_REST = 1.0, 0.02
+"""Seconds that the arm gets to come to rest, and rad/s that count as that."""
 REAL_TIME_PRIORITY = 20
 UNLOCK_TIME, POWER_TIME, PROGRAM_TIME = 7.0, 20.0, 5.0
 RUNNING, PLAYING = 7, 2
@@ -86,16 +92,18 @@ class SDKProcess:
         self._settings: dict[str, float] = {}
         self._busy = False
         self._kicked = 0.0
+        self._speed_until: float | None = None  # None: no speed is commanded
         self._answers: dict[str, Callable[..., Any]] = {
             "open": self.open,
             "recover": self.recover,
             "leave": self.leave,
             "set_output": self.set_output,
             "move_path": self.move_path,
-            "speed_joints": lambda speeds, acceleration, time: self._control.speedJ(speeds, acceleration, time),
-            "speed_tool": lambda twist, acceleration, time: self._control.speedL(twist, acceleration, time),
-            "stop_path": lambda deceleration: self._control.stopJ(deceleration),
-            "stop_speed": lambda deceleration: self._control.speedStop(deceleration),
+            "speed_joints": lambda speeds, acceleration: self.speed("speedJ", speeds, acceleration),
+            "speed_tool": lambda twist, acceleration: self.speed("speedL", twist, acceleration),
+            "renew_speed": self.renew_speed,
+            "stop_path": self.stop_path,
+            "stop_speed": self.stop_speed,
         }
 
     def serve(self) -> None:
@@ -113,6 +121,8 @@ class SDKProcess:
                 if self._control is not None and time.monotonic() - self._kicked > KICK_PERIOD:
                     self._control.kickWatchdog()
                     self._kicked = time.monotonic()
+                if self._speed_until is not None and time.monotonic() > self._speed_until:
+                    self.stop_speed()
         except (EOFError, OSError):
             self._go()
 
@@ -147,10 +157,12 @@ class SDKProcess:
 
     def leave(self) -> None:
         """End set-points and the program."""
-        control, self._control = self._control, None
-        if control is not None and control.isProgramRunning():
-            control.servoStop(self._settings["deceleration"])
-            control.stopScript()
+        if self._control is not None and self._control.isProgramRunning():
+            if self._speed_until is not None:
+                self.stop_speed()
+            self._control.servoStop(self._settings["deceleration"])
+            self._control.stopScript()
+        self._control = None
 
     def set_output(self, kind: str, number: int, on: bool) -> bool:
         """Switch a digital output: ``standard``, ``configurable`` or ``tool``."""
@@ -176,7 +188,45 @@ class SDKProcess:
             self._busy = False
         return begun
 
+    def speed(self, function: str, target: list[float], acceleration: float) -> bool:
+        """Move at speeds until ``stop_speed``, which comes of itself where ``renew_speed`` does not come.
+
+        The SDK's program has a thread that repeats ``speedj`` until ``speedStop``, whatever its ``time`` is.
+        """
+        self._control.servoStop(self._settings["deceleration"])  # no two threads of the program may move the arm
+        begun = bool(getattr(self._control, function)(target, acceleration, SPEED_TIME))
+        self._speed_until = time.monotonic() + SPEED_LAPSES
+        return begun
+
+    def renew_speed(self) -> None:
+        """The parent is alive and wants the speed to go on."""
+        if self._speed_until is None:
+            raise RefusedError(f"the speed was not renewed for {SPEED_LAPSES:g} s")
+        self._speed_until = time.monotonic() + SPEED_LAPSES
+
+    def stop_speed(self) -> None:
+        """Brake, and end the program's thread when the arm rests: a ``stopj`` in motion would outlast the watchdog."""
+        self._speed_until = None
+        deceleration = self._settings["deceleration"]
+        self._come_to_rest(lambda: self._control.speedJ([0.0] * 6, deceleration, SPEED_TIME))
+        self._control.speedStop(deceleration)
+
+    def stop_path(self) -> None:
+        """Brake on the way of a path."""
+        self._control.stopJ(self._settings["deceleration"], True)
+        self._come_to_rest(self._control.kickWatchdog)
+
     # Private
+
+    def _come_to_rest(self, keep_alive: Callable[[], object]) -> None:
+        """Wait for that, with a sign of life to the controller's watchdog meanwhile."""
+        deadline = time.monotonic() + REST_TIME
+        while time.monotonic() < deadline:
+            keep_alive()
+            self._kicked = time.monotonic()
+            time.sleep(KICK_PERIOD)
+            if max(map(abs, self._receive.getActualQd())) < AT_REST and not self._moves():
+                return
 
     def _follow(self) -> None:
         target = self._stream.recv()

@@ -37,17 +37,51 @@ def test_fields_are_packed_in_the_order_asked_and_unknown_ones_are_named() -> No
     assert Recipe(["timestamp", "tea_temperature"]).types == ("DOUBLE", "NOT_FOUND")
 
 
-@pytest.mark.parametrize("wrong", [7.0, float("nan")])
-def test_a_set_point_beyond_the_joints_limits_is_not_followed(wrong: float) -> None:
-    moved: list[Any] = []
+def fake_program() -> tuple[URProgram, Any]:
+    """A program over an arm that does as it is told at once."""
+    told: Any = SimpleNamespace(velocities=np.zeros(6), moved=[])
     arm: Any = SimpleNamespace(
         model=arm_model("abcdef", lower=-6.28, upper=6.28, velocity=3.14),
         positions=lambda: np.zeros(6),
+        velocities=lambda: told.velocities,
         stop=lambda: None,
-        servo=moved.append,
+        servo=told.moved.append,
+        command=lambda velocities: setattr(told, "velocities", velocities),
     )
-    program = URProgram("", arm, URKinematics(load_robot_model("diff_ur5"), "arm"))
+    return URProgram("", arm, URKinematics(load_robot_model("diff_ur5"), "arm")), told
+
+
+@pytest.mark.parametrize("wrong", [7.0, float("nan")])
+def test_a_set_point_beyond_the_joints_limits_is_not_followed(wrong: float) -> None:
+    program, told = fake_program()
     inputs = {"input_int_register_0": int(Command.SERVO_JOINTS), "input_double_register_0": wrong}
     program.advance(0.004, inputs, True)
     assert program.limit_exceeded
-    assert np.all(np.array(moved) == 0.0)
+    assert np.all(np.array(told.moved) == 0.0)
+
+
+def test_a_speed_goes_on_until_speed_stop_whatever_its_time_is() -> None:
+    program, told = fake_program()
+    speed = {"input_int_register_0": int(Command.SPEED_JOINTS), "input_double_register_0": 0.3}
+    program.advance(0.01, {**speed, "input_double_register_7": 0.5}, True)
+    for _ in range(800):
+        program.advance(0.01, speed, False)
+    assert told.velocities[0] == 0.3
+    program.advance(0.01, {"input_int_register_0": 0}, True)
+    program.advance(0.01, {"input_int_register_0": int(Command.SPEED_STOP)}, True)
+    assert program.outputs["output_int_register_0"] == 1  # it is done when the arm rests
+    told.velocities = np.zeros(6)
+    program.advance(0.01, {"input_int_register_0": int(Command.SPEED_STOP)}, False)
+    assert program.outputs["output_int_register_0"] == 2
+    assert not told.velocities.any()
+
+
+@pytest.mark.parametrize(
+    ("first", "second"), [(Command.SPEED_JOINTS, Command.SERVO_JOINTS), (Command.SERVO_JOINTS, Command.SPEED_TOOL)]
+)
+def test_two_threads_that_move_the_arm_end_the_program(first: Command, second: Command) -> None:
+    program, _ = fake_program()
+    program.advance(0.01, {"input_int_register_0": int(first)}, True)
+    assert not program.ended
+    program.advance(0.01, {"input_int_register_0": int(second)}, True)
+    assert program.ended

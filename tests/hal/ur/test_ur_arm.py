@@ -205,8 +205,8 @@ def test_speeds_are_held_to_the_tools_limit_and_its_frame_is_the_urdfs(
     arm.speed_tool([0.01, 0.02, 0.03, 0.04, 0.05, 0.06], 0.5)
     now[0] += PERIOD
     arm.cycle(PERIOD)
-    ((name, (twist, _, duration)),) = controller.calls
-    assert (name, duration) == ("speed_tool", 0.5)
+    ((name, (twist, _)),) = controller.calls
+    assert name == "speed_tool"
     assert twist == pytest.approx([-0.01, -0.02, 0.03, -0.04, -0.05, 0.06])
 
 
@@ -285,13 +285,19 @@ def test_a_motion_of_the_controller_is_not_over_by_reports_from_before_it(
     assert controller.asked[-1] == "stop_speed"
 
 
-def test_a_speed_is_not_over_while_the_joints_still_move(arm: URArm, controller: Controller, run: Run) -> None:
-    motion = arm.speed_joints(-300 * NUDGE, 0.2)
+def test_a_speed_is_renewed_ten_times_a_second_at_least_and_stopped_after_its_duration(
+    arm: URArm, controller: Controller, run: Run
+) -> None:
+    motion = arm.speed_joints(-300 * NUDGE, 1.0)
+    run(PERIOD)
     controller.speed = np.array([-0.3, 0, 0, 0, 0, 0])
-    run(0.5)
+    run(0.98)
     assert not motion.done
-    controller.speed = np.zeros(6)
-    until_done(motion, run)
+    assert controller.asked[0] == "speed_joints"
+    assert set(controller.asked[1:]) == {"renew_speed"}
+    assert len(controller.asked) > 10
+    run(0.05)
+    assert controller.asked[-1] == "stop_speed"
     assert motion.status is MotionStatus.SUCCEEDED
 
 

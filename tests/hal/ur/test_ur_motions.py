@@ -55,6 +55,23 @@ def test_joint_speeds_end_by_themselves(robot: HardwareRobot) -> None:
     motion = ended(robot, arm.speed_joints(-STEP, 1.0))
     assert motion.status is MotionStatus.SUCCEEDED, motion.failure
     assert arm.positions()[0] == pytest.approx(start[0] - 0.3, abs=0.05)
+    assert ended(robot, arm.move_to(start)).status is MotionStatus.SUCCEEDED  # set-points go on from there
+
+
+@pytest.mark.slow
+def test_a_speed_that_nobody_renews_is_stopped(
+    robot: HardwareRobot, twin: TwinProcess, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    arm = robot.part("arm", URArm)
+    monkeypatch.setattr("hal.ur.arm.RENEWAL", 60.0)
+    motion = arm.speed_joints(0.5 * STEP, 30.0)
+    wait_for(lambda: abs(arm.velocities()[0]) > 0.1, "the arm sets out")
+    wait_for(lambda: abs(arm.velocities()[0]) < 0.01, "the arm comes to rest")
+    wait_in_twin(twin, 0.3)
+    assert np.max(np.abs(twin.judge("joints", "arm")["velocities"])) < 0.01
+    monkeypatch.undo()
+    assert ended(robot, motion).status is MotionStatus.FAILED
+    assert "not renewed" in str(motion.failure)
 
 
 @pytest.mark.slow
