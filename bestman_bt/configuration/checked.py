@@ -7,6 +7,7 @@ import dataclasses
 import functools
 import types
 import typing
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any, TypeVar
 
@@ -63,7 +64,7 @@ def salvage(document: Document, dataclass_type: type[T]) -> tuple[T | None, list
         else:
             return value, problems
         if first:
-            problems += [_problem(document, kind, fault) for fault in faults]
+            problems += _problems(document, kind, faults)
             data, first = copy.deepcopy(data), False
         if not _leave_out(data, kind, [tuple(fault["loc"]) for fault in faults]):
             return None, problems
@@ -122,6 +123,25 @@ def _adapter(dataclass_type: type) -> TypeAdapter[Any]:
     return TypeAdapter(union, config=ConfigDict(allow_inf_nan=False))
 
 
+def _problems(document: Document, dataclass_type: Any, faults: list[dict[str, Any]]) -> list[Problem]:
+    """One of each fault, and one of a list whose entries lack their units."""
+    problems = []
+    lists = Counter(tuple(fault["loc"])[:-1] for fault in faults if fault["type"] == "unit")
+    for fault in faults:
+        *holder, last = fault["loc"] or ("",)
+        problem = _problem(document, dataclass_type, fault)
+        if fault["type"] == "unit" and isinstance(last, int):
+            others = lists.pop(tuple(holder), 0) - 1
+            if others < 0:
+                continue
+            if others:
+                problem = dataclasses.replace(
+                    problem, message=f"{problem.message}; the same goes for {others} more of this list"
+                )
+        problems.append(problem)
+    return problems
+
+
 def _problem(document: Document, dataclass_type: Any, fault: dict[str, Any]) -> Problem:
     path: FieldPath = tuple(fault["loc"])
     if path and path[-1] == "[key]":
@@ -132,7 +152,7 @@ def _problem(document: Document, dataclass_type: Any, fault: dict[str, Any]) -> 
     match fault["type"]:
         case "missing" | "missing_argument":
             return document.problem(path, "is missing")
-        case "quantity":
+        case "quantity" | "unit":
             return document.problem(path, message)
         case "literal_error":
             message = f"should be {fault['ctx']['expected']}"

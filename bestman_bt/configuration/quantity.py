@@ -1,11 +1,14 @@
-"""Quantities in configurations: plain SI numbers, or text with a unit such as ``5 cm``, ``47 deg``, ``3 kg``."""
+"""Quantities in configurations: text with a unit such as ``5 cm``, ``47 deg``, ``3 kg``, or plain SI numbers.
+
+Limits, rates of sensors, accelerations and jerks, which only robots have, need their unit, unless they are 0.
+"""
 
 from __future__ import annotations
 
 import math
 import re
 from collections.abc import Callable
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field
 from pydantic_core import PydanticCustomError
@@ -37,14 +40,15 @@ _UNITS: dict[str, dict[str, float]] = {
 _QUANTITY = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*?)\s*")
 
 
-def parse_quantity(value: object, *dimensions: str) -> float:
+def parse_quantity(value: object, *dimensions: str, needs_unit: bool = False) -> float:
     """``value`` in SI units: a number, or text with a unit of one of the ``dimensions`` (none: a plain number).
 
-    Raises PydanticCustomError (a ValueError) that names the units that would be accepted.
+    ``needs_unit``: only 0 may come without one. Raises PydanticCustomError (a ValueError) that names the units that
+    would be accepted.
     """
     if isinstance(value, (int, float)) and not isinstance(value, bool):
         try:
-            return _finite(float(value), value)
+            return _without_unit(float(value), value, dimensions if needs_unit else ())
         except OverflowError as error:
             raise _error(f"expected a number below 1e308, got one of {len(str(abs(int(value))))} digits") from error
     expected = " or ".join(
@@ -56,7 +60,7 @@ def parse_quantity(value: object, *dimensions: str) -> float:
         raise _error(f"expected {expected or 'a number'}, got {value!r}")
     number, unit = float(match[1]), match[2]
     if not unit:
-        return _finite(number, value)
+        return _without_unit(number, value, dimensions if needs_unit else ())
     for dimension in dimensions:
         if unit in _UNITS[dimension]:
             return _finite(number * _UNITS[dimension][unit], value)
@@ -65,21 +69,35 @@ def parse_quantity(value: object, *dimensions: str) -> float:
     raise _error(f"expected {expected or 'a number without a unit'}, got {value!r}: {reason}")
 
 
+def _without_unit(number: float, value: object, owed: tuple[str, ...]) -> float:
+    """``owed``: the dimensions of which it should have a unit."""
+    if _finite(number, value) and owed:
+        units = list({_UNITS[owed[0]][unit]: unit for unit in reversed(_UNITS[owed[0]])}.values())[::-1]
+        units = units[:2] + [next(iter(_UNITS[dimension])) for dimension in owed[1:]]
+        forms = " or ".join(f"'{str(value).strip()} {unit}'" for unit in units)
+        raise _error(f"a limit needs its unit: {forms}, got {value!r}", "unit")
+    return number
+
+
 def _finite(number: float, value: object) -> float:
     if not math.isfinite(number):
         raise _error(f"expected a finite number, got {value!r}")
     return number
 
 
-def _error(message: str) -> PydanticCustomError:
-    return PydanticCustomError("quantity", "{text}", {"text": message})
+def _error(message: str, kind: Literal["quantity", "unit"] = "quantity") -> PydanticCustomError:
+    return PydanticCustomError(kind, "{text}", {"text": message})
 
 
-def _reader(*dimensions: str) -> Callable[[Any], float]:
+def _reader(*dimensions: str, needs_unit: bool = False) -> Callable[[Any], float]:
     def read(value: Any) -> float:
-        return parse_quantity(value, *dimensions)
+        return parse_quantity(value, *dimensions, needs_unit=needs_unit)
 
     return read
+
+
+def _limit(*dimensions: str) -> Callable[[Any], float]:
+    return _reader(*dimensions, needs_unit=True)
 
 
 def _four_or_five(values: tuple[float, ...]) -> tuple[float, ...]:
@@ -96,8 +114,8 @@ Time = Annotated[float, Field(ge=0), BeforeValidator(_reader("time"))]
 Frequency = Annotated[float, Field(gt=0), BeforeValidator(_reader("frequency"))]
 Speed = Annotated[float, Field(ge=0), BeforeValidator(_reader("speed"))]
 AngularSpeed = Annotated[float, Field(ge=0), BeforeValidator(_reader("angular speed"))]
-Acceleration = Annotated[float, Field(ge=0), BeforeValidator(_reader("acceleration"))]
-AngularAcceleration = Annotated[float, Field(ge=0), BeforeValidator(_reader("angular acceleration"))]
+Acceleration = Annotated[float, Field(ge=0), BeforeValidator(_limit("acceleration"))]
+AngularAcceleration = Annotated[float, Field(ge=0), BeforeValidator(_limit("angular acceleration"))]
 Force = Annotated[float, Field(ge=0), BeforeValidator(_reader("force"))]
 Torque = Annotated[float, Field(ge=0), BeforeValidator(_reader("torque"))]
 Inertia = Annotated[float, Field(ge=0), BeforeValidator(_reader("inertia"))]
@@ -108,17 +126,29 @@ Power = Annotated[float, Field(ge=0), BeforeValidator(_reader("power"))]
 Voltage = Annotated[float, Field(ge=0), BeforeValidator(_reader("voltage"))]
 Resistance = Annotated[float, Field(ge=0), BeforeValidator(_reader("resistance"))]
 JointPosition = Annotated[float, BeforeValidator(_reader("angle", "length"))]
-JointSpeed = Annotated[float, Field(gt=0), BeforeValidator(_reader("angular speed", "speed"))]
+JointSpeed = Annotated[float, Field(gt=0), BeforeValidator(_limit("angular speed", "speed"))]
 Spread = Annotated[float, Field(ge=0), BeforeValidator(_reader("angle", "length"))]
 SpreadOfSpeed = Annotated[float, Field(ge=0), BeforeValidator(_reader("angular speed", "speed"))]
-Jerk = Annotated[float, Field(gt=0), BeforeValidator(_reader("jerk"))]
-AngularJerk = Annotated[float, Field(gt=0), BeforeValidator(_reader("angular jerk"))]
-JointAcceleration = Annotated[float, Field(gt=0), BeforeValidator(_reader("angular acceleration", "acceleration"))]
+Jerk = Annotated[float, Field(gt=0), BeforeValidator(_limit("jerk"))]
+AngularJerk = Annotated[float, Field(gt=0), BeforeValidator(_limit("angular jerk"))]
+JointAcceleration = Annotated[float, Field(gt=0), BeforeValidator(_limit("angular acceleration", "acceleration"))]
 JointEffort = Annotated[float, Field(gt=0), BeforeValidator(_reader("torque", "force"))]
 LatchEffort = Annotated[float, Field(ge=0), BeforeValidator(_reader("torque", "force"))]
 PositiveLength = Annotated[float, Field(gt=0), BeforeValidator(_reader("length"))]
 PositiveAngle = Annotated[float, Field(gt=0), BeforeValidator(_reader("angle"))]
 PositiveTime = Annotated[float, Field(gt=0), BeforeValidator(_reader("time"))]
+LengthLimit = Annotated[float, BeforeValidator(_limit("length"))]
+PositiveLengthLimit = Annotated[float, Field(gt=0), BeforeValidator(_limit("length"))]
+AngleLimit = Annotated[float, BeforeValidator(_limit("angle"))]
+MassLimit = Annotated[float, Field(gt=0), BeforeValidator(_limit("mass"))]
+TimeLimit = Annotated[float, Field(gt=0), BeforeValidator(_limit("time"))]
+SpeedLimit = Annotated[float, Field(ge=0), BeforeValidator(_limit("speed"))]
+AngularSpeedLimit = Annotated[float, Field(ge=0), BeforeValidator(_limit("angular speed"))]
+ForceLimit = Annotated[float, Field(ge=0), BeforeValidator(_limit("force"))]
+TorqueLimit = Annotated[float, Field(ge=0), BeforeValidator(_limit("torque"))]
+Rate = Annotated[float, Field(gt=0), BeforeValidator(_limit("frequency"))]
+JointLimit = Annotated[float, BeforeValidator(_limit("angle", "length"))]
+EffortLimit = Annotated[float, Field(gt=0), BeforeValidator(_limit("torque", "force"))]
 Distance = Annotated[float, Field(ge=0), BeforeValidator(_reader("length"))]
 Factor = Annotated[float, Field(gt=0), BeforeValidator(_reader())]
 Area = Annotated[float, Field(gt=0), BeforeValidator(_reader("area"))]

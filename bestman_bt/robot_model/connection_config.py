@@ -6,12 +6,12 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from bestman_bt.configuration.quantity import (
-    AngularSpeed,
-    Force,
-    Lengths3,
-    PositiveTime,
+    AngularSpeedLimit,
+    ForceLimit,
+    LengthLimit,
     Share,
-    Speed,
+    SpeedLimit,
+    TimeLimit,
     WholeNumber,
 )
 from bestman_bt.configuration.secret import Secret
@@ -38,8 +38,8 @@ class ConnectionConfig:
 class WorkspaceConfig:
     """A box, metres in the robot's base frame, that the tools of all arms stay in."""
 
-    lower: Lengths3
-    upper: Lengths3
+    lower: tuple[LengthLimit, LengthLimit, LengthLimit]
+    upper: tuple[LengthLimit, LengthLimit, LengthLimit]
 
 
 @dataclass(frozen=True)
@@ -54,10 +54,10 @@ class SafetyConfig:
     """
 
     joint_speed: Share = 1.0
-    tool_speed: Speed | None = None
-    gripper_force: Force | None = None
-    base_speed: Speed | None = None
-    base_turn: AngularSpeed | None = None
+    tool_speed: SpeedLimit | None = None
+    gripper_force: ForceLimit | None = None
+    base_speed: SpeedLimit | None = None
+    base_turn: AngularSpeedLimit | None = None
     workspace: WorkspaceConfig | None = None
-    watchdog: PositiveTime = 0.25
-    heartbeat: PositiveTime = 0.2
+    watchdog: TimeLimit = 0.25
+    heartbeat: TimeLimit = 0.2

@@ -10,19 +10,22 @@ from bestman_bt.configuration.quantity import (
     Acceleration,
     AngularAcceleration,
     AngularJerk,
-    AngularSpeed,
+    AngularSpeedLimit,
     Factor,
-    Force,
+    ForceLimit,
     Friction,
     Inertia,
     Jerk,
+    JointLimit,
     JointPosition,
     Length,
-    Mass,
+    LengthLimit,
+    MassLimit,
     PositiveLength,
+    PositiveLengthLimit,
     Size2,
-    Speed,
-    Torque,
+    SpeedLimit,
+    TorqueLimit,
 )
 from bestman_bt.robot_model.part_fields import EncodersConfig, FrameConfig, JointLimitsConfig, PartConfig
 
@@ -36,11 +39,11 @@ class MobilePart(PartConfig):
     it turns on the spot.
     """
 
-    payload: Mass | None = None
+    payload: MassLimit | None = None
     turning_drift: Length = 0.0
-    max_vx: Speed
-    max_vy: Speed = 0.0
-    max_wz: AngularSpeed
+    max_vx: SpeedLimit
+    max_vy: SpeedLimit = 0.0
+    max_wz: AngularSpeedLimit
     max_acceleration: Acceleration
     max_angular_acceleration: AngularAcceleration
     max_jerk: Jerk = 2.0
@@ -72,13 +75,13 @@ class BasePart(MobilePart):
     track: PositiveLength
     turning_slip: Factor = 1.0
     turning_centre: Length = 0.0
-    wheel_torque: Torque
+    wheel_torque: TorqueLimit
     wheel_friction: Friction | None = None
     rotor_inertia: Inertia = 0.0
     caster_links: tuple[str, ...] = ()
     steering_joints: tuple[str, ...] = ()
-    steering_torque: Torque = 0.0
-    steering_speed: AngularSpeed = 0.0
+    steering_torque: TorqueLimit = 0.0
+    steering_speed: AngularSpeedLimit = 0.0
     deck: FrameConfig | None = None
     encoders: EncodersConfig = field(default_factory=EncodersConfig)
 
@@ -135,7 +138,7 @@ class ArmPart(PartConfig):
     joints: tuple[str, ...]
     limits: JointLimitsConfig
     states: Mapping[str, tuple[JointPosition, ...]] = field(default_factory=dict)
-    payload: Mass | None = None
+    payload: MassLimit | None = None
     encoders: EncodersConfig = field(default_factory=EncodersConfig)
 
 
@@ -155,13 +158,13 @@ class GripperPart(PartConfig):
     tool: str
     joints: tuple[str, ...]
     finger_links: tuple[str, ...]
-    min_width: Length
-    max_width: PositiveLength
-    open_at: JointPosition | None = None
-    closed_at: JointPosition | None = None
+    min_width: LengthLimit
+    max_width: PositiveLengthLimit
+    open_at: JointLimit | None = None
+    closed_at: JointLimit | None = None
     rotor_inertia: Inertia = 0.0
-    max_speed: Speed
-    max_force: Force
+    max_speed: SpeedLimit
+    max_force: ForceLimit
     finger_depth: PositiveLength
     pad_size: Size2
     friction: Friction
@@ -185,7 +188,7 @@ class SuctionPart(PartConfig):
     cup: str
     cup_radius: PositiveLength
     cup_depth: PositiveLength
-    max_force: Force
+    max_force: ForceLimit
     seal_gap: Length = 0.001
     friction: Friction
 

@@ -9,14 +9,14 @@ from typing import Any
 from bestman_bt.configuration.quantity import (
     Angles3,
     Damping,
-    Frequency,
+    EffortLimit,
     Friction,
     JointAcceleration,
-    JointEffort,
-    JointPosition,
+    JointLimit,
     JointSpeed,
     Lengths3,
     Mass,
+    Rate,
     Size3,
     Spread,
     SpreadOfSpeed,
@@ -64,11 +64,11 @@ class ContactConfig:
 class JointLimitsConfig:
     """Limits, one entry per joint, in the order of ``joints``."""
 
-    lower: tuple[JointPosition, ...]
-    upper: tuple[JointPosition, ...]
+    lower: tuple[JointLimit, ...]
+    upper: tuple[JointLimit, ...]
     velocity: tuple[JointSpeed, ...]
     acceleration: tuple[JointAcceleration, ...]
-    effort: tuple[JointEffort, ...]
+    effort: tuple[EffortLimit, ...]
 
 
 @dataclass(frozen=True)
@@ -79,7 +79,7 @@ class EncodersConfig:
     joints are read; ``latency``: until the reading can be had. Motors have their own encoders and do not err.
     """
 
-    rate: Frequency | None = None
+    rate: Rate | None = None
     latency: Time = 0.0
     noise: Spread = 0.0
     noise_speed: SpreadOfSpeed = 0.0

@@ -14,26 +14,31 @@ from typing import Literal
 
 from bestman_bt.configuration.quantity import (
     Acceleration,
-    Angle,
+    AngleLimit,
     AngularSpeed,
+    AngularSpeedLimit,
     Distance,
     Energy,
     Factor,
     Force,
-    Frequency,
+    ForceLimit,
     Length,
+    LengthLimit,
     LensDistortion,
     Number,
     PositiveLength,
+    PositiveLengthLimit,
     PositiveShare,
     PositiveWholeNumber,
     Power,
+    Rate,
     Resistance,
     Share,
     Size2,
     Speed,
     Time,
     Torque,
+    TorqueLimit,
     Voltage,
     WholeNumber,
 )
@@ -59,9 +64,9 @@ class CameraPart(PartConfig):
     frame: str
     width: WholeNumber
     height: WholeNumber
-    vertical_fov: Angle
-    near: PositiveLength
-    far: PositiveLength
+    vertical_fov: AngleLimit
+    near: PositiveLengthLimit
+    far: PositiveLengthLimit
     noise_base: Length
     noise_quadratic: Length
     edge_dropout: Share
@@ -72,7 +77,7 @@ class CameraPart(PartConfig):
     focal_length: tuple[Factor, Factor] | None = None
     principal_point: tuple[Number, Number] | None = None
     distortion: LensDistortion = ()
-    rate: Frequency = 30.0
+    rate: Rate = 30.0
     latency: Time = 0.0
 
     @property
@@ -96,12 +101,12 @@ class LidarPart(PartConfig):
     kind: Literal["lidar"]
     frame: str
     beams: WholeNumber
-    angle_min: Angle
-    angle_max: Angle
-    range_min: Length
-    range_max: PositiveLength
+    angle_min: AngleLimit
+    angle_max: AngleLimit
+    range_min: LengthLimit
+    range_max: PositiveLengthLimit
     noise: Length
-    rate: Frequency
+    rate: Rate
     latency: Time = 0.0
 
 
@@ -115,13 +120,13 @@ class ForceTorquePart(PartConfig):
 
     kind: Literal["force_torque"]
     frame: str
-    rate: Frequency
+    rate: Rate
     noise_force: Force
     noise_torque: Torque
     offset_force: Force
     offset_torque: Torque
-    max_force: Force
-    max_torque: Torque
+    max_force: ForceLimit
+    max_torque: TorqueLimit
     latency: Time = 0.0
 
 
@@ -135,13 +140,13 @@ class ImuPart(PartConfig):
 
     kind: Literal["imu"]
     frame: str
-    rate: Frequency
+    rate: Rate
     latency: Time = 0.0
     noise_angular_velocity: AngularSpeed
     noise_acceleration: Acceleration
     bias_angular_velocity: AngularSpeed
     bias_acceleration: Acceleration
-    max_angular_velocity: AngularSpeed
+    max_angular_velocity: AngularSpeedLimit
     max_acceleration: Acceleration
 
 
@@ -160,7 +165,7 @@ class TactilePart(PartConfig):
     rows: PositiveWholeNumber
     columns: PositiveWholeNumber
     spread: PositiveLength
-    rate: Frequency
+    rate: Rate
     latency: Time = 0.0
     noise: Force
     noise_sliding: Speed
@@ -178,7 +183,7 @@ class BumperPart(PartConfig):
     zones: PositiveWholeNumber
     threshold: Force
     height: PositiveLength
-    rate: Frequency
+    rate: Rate
     latency: Time = 0.0
 
 
@@ -200,7 +205,7 @@ class BatteryPart(PartConfig):
     idle_power: Power
     drive_efficiency: PositiveShare
     holding_power: Power
-    rate: Frequency
+    rate: Rate
     latency: Time = 0.0
     noise_voltage: Voltage
     noise_charge: Share

@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 import xml.etree.ElementTree as ET
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -29,6 +29,12 @@ FRICTION = 0.8
 GUESSED_SLIP = 2.0
 SAMPLES = 200
 ALWAYS = 0.95
+
+_UNITS = {
+    False: {"lower": "rad", "upper": "rad", "velocity": "rad/s", "acceleration": "rad/s²", "effort": "N m"},
+    True: {"lower": "m", "upper": "m", "velocity": "m/s", "acceleration": "m/s²", "effort": "N"},
+}
+"""Of limits, of joints that turn and of those that slide."""
 
 
 def arm_facts(tree: UrdfTree, joints: Sequence[str] | None) -> Facts:
@@ -82,7 +88,8 @@ def gripper_facts(tree: UrdfTree, joints: Sequence[str] | None) -> Facts:
     depth = min(0.015, 0.2 * tip)
     middle = (shapes[closed][first].mean(axis=0) + shapes[closed][second].mean(axis=0)) / 2
     place = middle - (middle @ ahead) * ahead + (tip - depth) * ahead
-    sliding = tree.joints[names[0]].get("type") == "prismatic" and not mimics
+    unit = _UNITS[tree.joints[names[0]].get("type") == "prismatic"]["lower"]
+    sliding = unit == "m" and not mimics
     notes += [
         "the widths take the closed fingers to meet; the friction, the pads and the largest force are guesses",
         "check the tool frame in the picture: z leaves the hand, y is the closing direction",
@@ -92,12 +99,12 @@ def gripper_facts(tree: UrdfTree, joints: Sequence[str] | None) -> Facts:
         "frames": {"tool": {"link": root, "xyz": _rounded(place), "rpy": _rounded(_roll_pitch_yaw(axes))}},
         "tool": "tool",
         "joints": names,
-        **({} if sliding and min(ends) == 0.0 else {"open_at": opened, "closed_at": closed}),
+        **({} if sliding and min(ends) == 0.0 else {"open_at": f"{opened} {unit}", "closed_at": f"{closed} {unit}"}),
         "finger_links": [first, second],
         "min_width": 0.0,
-        "max_width": round(float(width), 5),
-        "max_speed": 0.1,
-        "max_force": 40.0,
+        "max_width": f"{round(float(width), 5)} m",
+        "max_speed": "0.1 m/s",
+        "max_force": "40 N",
         "finger_depth": round(float(min(0.05, 0.8 * tip)), 4),
         "pad_size": [0.02, 0.02],
         "friction": FRICTION,
@@ -137,13 +144,23 @@ def base_facts(tree: UrdfTree, joints: Sequence[str] | None) -> Facts:
         "wheel_radius": round(radius, 5),
         "track": round(track, 5),
         **({} if len(wheels) == 2 else {"turning_slip": GUESSED_SLIP, "rotor_inertia": 0.3}),
-        "wheel_torque": 30.0,
-        "max_vx": 0.5,
-        "max_wz": 1.0,
-        "max_acceleration": 0.5,
-        "max_angular_acceleration": 1.5,
+        "wheel_torque": "30 N m",
+        "max_vx": "0.5 m/s",
+        "max_wz": "1 rad/s",
+        "max_acceleration": "0.5 m/s²",
+        "max_angular_acceleration": "1.5 rad/s²",
     }
     return fields, notes
+
+
+def written_limits(
+    tree: UrdfTree, joints: Sequence[str], limits: Mapping[str, Sequence[float]]
+) -> dict[str, list[str]]:
+    """The limits of joints as text with units."""
+    units = [_UNITS[tree.joints[name].get("type") == "prismatic"] for name in joints]
+    return {
+        key: [f"{value} {unit[key]}" for value, unit in zip(row, units, strict=True)] for key, row in limits.items()
+    }
 
 
 def overlapping_pairs(robot: RobotModel) -> list[tuple[str, str]]:

@@ -24,6 +24,7 @@ from bestman_bt.runtime.part_facts import (
     base_facts,
     gripper_facts,
     overlapping_pairs,
+    written_limits,
 )
 
 
@@ -78,6 +79,8 @@ def import_part(urdf: Path, request: PartRequest, srdf: Srdf | None = None) -> I
         notes += [*more, *_strangers(tree, srdf)]
         if states:
             data["states"] = states
+    if "limits" in data:
+        data["limits"] = written_limits(tree, data["joints"], data["limits"])
     robot = _alone(urdf, request.name, data)
     links = set(_links_of(robot))
     if srdf is not None:

@@ -34,7 +34,7 @@ def twin_settings(twin: TwinProcess, **changes: Any) -> dict[str, Any]:
     """Settings of a robot's file that meets ``twin``, with the tests' watchdog; ``changes`` write ``__`` for a dot."""
     return {
         **twin.settings,
-        "safety.watchdog": WATCHDOG,
+        "safety.watchdog": f"{WATCHDOG} s",
         **{name.replace("__", "."): value for name, value in changes.items()},
     }
 

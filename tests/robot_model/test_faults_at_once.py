@@ -56,12 +56,28 @@ def test_a_name_that_is_a_number_is_told_with_its_line(tmp_path: Path) -> None:
         ("wheel_radius: -10 cm", "parts.base.set.wheel_radius: should be greater than 0, got '-10 cm'"),
         ("track: 0", "parts.base.set.track: should be greater than 0"),
         ("max_vx: 0.6 kg", "parts.base.set.max_vx: expected a speed"),
+        ("max_wz: 90", "parts.base.set.max_wz: a limit needs its unit: '90 rad/s' or '90 deg/s', got 90"),
         ("wheel_joints:", "parts.base.set.wheel_joints: should be a list, got nothing"),
     ],
 )
 def test_a_field_that_the_robot_sets_is_named_as_the_robots(tmp_path: Path, change: str, words: str) -> None:
     (fault,) = faults_of(tmp_path, WHOLE.replace("differential_base", f"differential_base, set: {{{change}}}"))
     assert fault.startswith(f"2: {words}")
+
+
+def test_a_list_of_limits_without_units_is_one_fault(tmp_path: Path) -> None:
+    limits = "{lower: [-1.5, 0, -90 deg], upper: [2, '3', 90 deg], velocity: [1, 2 rad/s, 0]}"
+    fields = f"{{kind: joint_group, generated: pan_tilt, joints: [a, b, c], limits: {limits}}}"
+    (tmp_path / "head.yaml").write_text(fields)
+    faults = faults_of(tmp_path, f"{WHOLE}  head: {{part: {tmp_path}/head.yaml, mount: base}}\n")
+    assert [fault.removeprefix("1: limits.") for fault in faults] == [
+        "lower[0]: a limit needs its unit: '-1.5 rad' or '-1.5 deg' or '-1.5 m', got -1.5",
+        "upper[0]: a limit needs its unit: '2 rad' or '2 deg' or '2 m', got 2; the same goes for 1 more of this list",
+        "velocity[0]: a limit needs its unit: '1 rad/s' or '1 deg/s' or '1 m/s', got 1",
+        "velocity[2]: should be greater than 0, got 0",
+        "acceleration: is missing",
+        "effort: is missing",
+    ]
 
 
 @pytest.mark.parametrize(

@@ -43,7 +43,7 @@ def test_addresses_and_tokens_are_in_no_text() -> None:
 
 def test_safety_makes_arms_slower_and_grippers_weaker_in_the_model() -> None:
     plain = robot()
-    safe = robot(safety={"joint_speed": 0.5, "gripper_force": "15 N", "base_speed": "20 cm/s", "base_turn": 9})
+    safe = robot(safety={"joint_speed": 0.5, "gripper_force": "15 N", "base_speed": "20 cm/s", "base_turn": "9 rad/s"})
     assert safe.of(ArmModel)["arm"].velocity == pytest.approx(plain.of(ArmModel)["arm"].velocity / 2)
     assert np.all(safe.of(ArmModel)["arm"].acceleration == plain.of(ArmModel)["arm"].acceleration)
     assert safe.of(GripperModel)["gripper"].part.max_force == 15.0
@@ -58,7 +58,10 @@ def test_safety_holds_for_every_arm_base_and_hand_and_makes_none_faster() -> Non
     }
     parts = {**PARTS, **second, "base": {"part": "omni_base"}}
     plain = robot(parts=parts)
-    safe = robot(parts=parts, safety={"joint_speed": 0.25, "gripper_force": 12, "base_speed": 0.1, "base_turn": 0.3})
+    safe = robot(
+        parts=parts,
+        safety={"joint_speed": 0.25, "gripper_force": "12 N", "base_speed": "0.1 m/s", "base_turn": "0.3 rad/s"},
+    )
     for name, arm in plain.of(ArmModel).items():
         assert np.allclose(safe.of(ArmModel)[name].velocity, arm.velocity / 4)
         with pytest.raises(ValueError, match="read-only"):
@@ -68,7 +71,7 @@ def test_safety_holds_for_every_arm_base_and_hand_and_makes_none_faster() -> Non
     base = safe.of(BaseModel)["base"].part
     assert (base.max_vx, base.max_vy, base.max_wz) == (0.1, 0.1, 0.3)
     assert (safe.safety.joint_speed, safe.safety.base_speed) == (0.25, 0.1)
-    fast = robot(parts=parts, safety={"gripper_force": 1000, "base_speed": 9, "base_turn": 9})
+    fast = robot(parts=parts, safety={"gripper_force": "1 kN", "base_speed": "9 m/s", "base_turn": "9 rad/s"})
     assert fast.of(BaseModel)["base"].part.max_vx == plain.of(BaseModel)["base"].part.max_vx == 0.6
     assert (fast.of(BaseModel)["base"].part.max_vy, fast.of(BaseModel)["base"].part.max_wz) == (0.6, 1.2)
     for name, hand in plain.of(GripperModel).items():
@@ -104,10 +107,13 @@ def test_a_load_up_to_what_the_arm_may_carry_is_taken() -> None:
             {"connections": {"c": {**XARM, "parts": ["arm", "base"]}}},
             ["connections.c.parts[1]", "'base' is of the kind"],
         ),
-        ({"safety": {"workspace": {"lower": [1.1, 0, 0], "upper": [1, 1, 1]}}}, ["lower x = 1.1 m should be below"]),
-        ({"safety": {"base_speed": -1}}, ["safety.base_speed"]),
-        ({"safety": {"base_turn": -1}}, ["safety.base_turn"]),
-        ({"safety": {"gripper_force": -1}}, ["safety.gripper_force"]),
+        (
+            {"safety": {"workspace": {"lower": ["1.1 m", 0, 0], "upper": ["1 m"] * 3}}},
+            ["lower x = 1.1 m should be below"],
+        ),
+        ({"safety": {"base_speed": "-1 m/s"}}, ["safety.base_speed"]),
+        ({"safety": {"base_turn": "-1 rad/s"}}, ["safety.base_turn"]),
+        ({"safety": {"gripper_force": "-1 N"}}, ["safety.gripper_force"]),
         ({"connections": {"c": {**XARM, "driver": "xram"}}}, ["connections.c.driver", "did you mean 'xarm'"]),
         ({"connections": {"c": {**XARM, "parts": []}}}, ["connections.c.parts", "at least one part"]),
         ({"connections": {"c": {**XARM, "parts": ["arn"]}}}, ["connections.c.parts[0]", "did you mean 'arm'"]),
@@ -120,8 +126,10 @@ def test_a_load_up_to_what_the_arm_may_carry_is_taken() -> None:
         ({"safety": {"joint_speed": 0}}, ["safety.joint_speed", "above 0"]),
         ({"safety": {"tool_speed": "3 N"}}, ["safety.tool_speed", "m/s", "'N' is a unit of force"]),
         ({"safety": {"watchdog": 0}}, ["safety.watchdog"]),
+        ({"safety": {"base_turn": 90}}, ["safety.base_turn: a limit needs its unit: '90 rad/s' or '90 deg/s', got 90"]),
+        ({"safety": {"watchdog": 250}}, ["safety.watchdog: a limit needs its unit: '250 s' or '250 ms'"]),
         (
-            {"safety": {"workspace": {"lower": [0, 0, 1], "upper": [1, 1, 1]}}},
+            {"safety": {"workspace": {"lower": [0, 0, "1 m"], "upper": ["1 m"] * 3}}},
             ["safety.workspace", "lower z = 1 m should be below upper z = 1 m"],
         ),
     ],

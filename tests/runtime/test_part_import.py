@@ -9,6 +9,7 @@ import pytest
 import yaml
 
 from bestman_bt.configuration import ConfigurationError
+from bestman_bt.configuration.quantity import parse_quantity
 from bestman_bt.robot_model import BaseModel, GripperModel, load_robot_model
 from bestman_bt.robot_model.srdf import read_srdf
 from bestman_bt.robot_model.urdf_source import UrdfError, locate_urdf
@@ -30,8 +31,8 @@ def test_a_chain_of_joints_is_an_arm_up_to_its_hand(tmp_path: Path) -> None:
     assert part.kind == "arm"
     assert (fields["root"], fields["tip"], fields["cut"]) == ("foot", "l5", ["palm"])
     assert fields["joints"] == list(JOINTS)
-    assert fields["limits"]["upper"] == [2.5] * 5
-    assert fields["limits"]["velocity"] == [2.0] * 5
+    assert fields["limits"]["upper"] == ["2.5 rad"] * 5
+    assert fields["limits"]["velocity"] == ["2.0 rad/s"] * 5
     assert any("accelerations" in note for note in part.notes)
 
 
@@ -47,7 +48,7 @@ def test_an_srdf_brings_states_and_pairs_and_leaves_out_what_cannot_be(tmp_path:
 def test_the_hand_of_the_same_file_gets_a_tool_between_its_fingers(tmp_path: Path) -> None:
     part, fields = imported(written(tmp_path, arm_urdf()), written(tmp_path, SRDF, "small.srdf"), group="hand")
     assert part.kind == "gripper"
-    assert fields["max_width"] == pytest.approx(0.06)
+    assert parse_quantity(fields["max_width"], "length") == pytest.approx(0.06)
     assert sorted(fields["finger_links"]) == ["left_finger", "right_finger"]
     tool = fields["frames"]["tool"]
     assert (tool["link"], tool["xyz"][:2]) == ("palm", [0.0, 0.0])

@@ -138,7 +138,7 @@ import sys, time
 from bestman_bt.robot_model import load_robot_model
 from hal.api import MobileBase
 from hal.hardware import HardwareRobot
-settings = {"connections.platform.address": sys.argv[2], "safety.watchdog": float(sys.argv[3])}
+settings = {"connections.platform.address": sys.argv[2], "safety.watchdog": sys.argv[3]}
 robot = HardwareRobot(load_robot_model(sys.argv[1], settings))
 robot.connect()
 base = robot.part("base", MobileBase)
@@ -154,7 +154,7 @@ time.sleep(60)
 @pytest.mark.slow
 def test_a_client_that_is_killed_leaves_the_base_at_rest(twin: TwinProcess) -> None:
     robot_file = str(Path(__file__).parent / "ros_robot.yaml")
-    with client_program(CLIENT, robot_file, twin.addresses[PLATFORM], str(WATCHDOG)) as client:
+    with client_program(CLIENT, robot_file, twin.addresses[PLATFORM], f"{WATCHDOG} s") as client:
         assert client.stdout is not None
         assert float(client.stdout.readline()) < -0.5
         client.kill()

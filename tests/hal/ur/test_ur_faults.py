@@ -38,7 +38,7 @@ from bestman_bt.robot_model import load_robot_model
 from hal.api import Arm
 from hal.hardware import HardwareRobot
 settings = {f"connections.{name}.address": at for name, at in zip(sys.argv[3::2], sys.argv[4::2])}
-settings["safety.watchdog"] = float(sys.argv[1])
+settings["safety.watchdog"] = sys.argv[1]
 robot = HardwareRobot(load_robot_model(sys.argv[2], settings))
 robot.connect()
 arm = robot.part("arm", Arm)
@@ -55,7 +55,7 @@ time.sleep(60)
 def test_whoever_is_killed_the_arm_comes_to_rest(twin: TwinProcess, sdk_too: bool) -> None:
     robot_file = str(Path(__file__).parent / "ur5_on_a_base.yaml")
     addresses = [word for pair in twin.addresses.items() for word in pair]
-    with client_program(CLIENT, str(WATCHDOG), robot_file, *addresses) as client:
+    with client_program(CLIENT, f"{WATCHDOG} s", robot_file, *addresses) as client:
         assert client.stdout is not None
         sdk = int(client.stdout.readline())
         moving = twin.judge("joints", "arm")["velocities"]

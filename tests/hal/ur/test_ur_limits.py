@@ -35,8 +35,8 @@ def test_motions_of_the_controller_are_held_to_the_limits_above_it(twin: TwinPro
     with connected(twin) as (robot, arm):
         ended(robot, arm.move_to(robot.model.posture("home", arm.joint_names)))
         place = ToolLimits(robot.model, "arm", robot.model.safety).tool(arm.positions())
-    box = {"lower": (place - 0.1).tolist(), "upper": (place + 0.1).tolist()}
-    with connected(twin, safety__workspace=box, safety__tool_speed=0.1) as (robot, arm):
+    box = {side: [f"{at} m" for at in end] for side, end in (("lower", place - 0.1), ("upper", place + 0.1))}
+    with connected(twin, safety__workspace=box, safety__tool_speed="0.1 m/s") as (robot, arm):
         with pytest.raises(CommandRefusedError, match="workspace"):
             arm.move_path([arm.positions() + 3 * STEP])
         with pytest.raises(CommandRefusedError, match="faster than its limit"):

@@ -98,8 +98,9 @@ def test_a_controller_of_another_arm_is_refused_before_anything_moves(
     with disconnected(robot), pytest.raises(ConnectionFailedError, match="the option 'arm' says"):
         HardwareRobot(other).connect()
     limits = robot.model.of(ArmModel)["arm"]
-    wide = {name: [float(value) for value in getattr(limits, name)] for name in ("velocity", "acceleration", "effort")}
-    wide |= {"lower": [-6.28] * len(limits.lower), "upper": [6.28] * len(limits.upper)}
+    units = {"velocity": "rad/s", "acceleration": "rad/s²", "effort": "N m"}
+    wide = {name: [f"{value} {unit}" for value in getattr(limits, name)] for name, unit in units.items()}
+    wide |= {"lower": ["-6.28 rad"] * len(limits.lower), "upper": ["6.28 rad"] * len(limits.upper)}
     wider = load_robot_model(file, {**twin_settings(twin), "parts.arm.set.limits": wide})
     with disconnected(robot), pytest.raises(ConnectionFailedError, match=r"joint2 goes from .* 'set' its limits"):
         HardwareRobot(wider).connect()

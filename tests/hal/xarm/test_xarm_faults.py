@@ -107,7 +107,7 @@ import sys, time
 from bestman_bt.robot_model import load_robot_model
 from hal.api import Arm
 from hal.hardware import IsolatedRobot
-settings = {"connections.arm_controller.address": sys.argv[2], "safety.watchdog": float(sys.argv[3])}
+settings = {"connections.arm_controller.address": sys.argv[2], "safety.watchdog": sys.argv[3]}
 robot = IsolatedRobot(load_robot_model(sys.argv[1], settings))
 robot.connect()
 arm = robot.part("arm", Arm)
@@ -124,7 +124,7 @@ time.sleep(60)
 def test_a_client_that_is_killed_leaves_the_arm_at_rest(robot: HardwareRobot, twin: TwinProcess) -> None:
     robot_file = str(Path(__file__).parent / "xarm6_on_a_base.yaml")
     with disconnected(robot):
-        with client_program(CLIENT, robot_file, twin.addresses[CONTROLLER], str(WATCHDOG)) as client:
+        with client_program(CLIENT, robot_file, twin.addresses[CONTROLLER], f"{WATCHDOG} s") as client:
             assert client.stdout is not None
             assert client.stdout.readline() == "moving\n"
             moving = twin.judge("joints", "arm")["velocities"]

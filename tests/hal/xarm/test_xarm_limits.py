@@ -58,7 +58,7 @@ def line(arm: Arm, target: np.ndarray, duration: float) -> JointTrajectory:
 
 
 def test_the_tool_never_exceeds_its_speed(twin: TwinProcess) -> None:
-    with connected(twin, safety__tool_speed=0.1) as robot:
+    with connected(twin, safety__tool_speed="0.1 m/s") as robot:
         arm = robot.part("arm", Arm)
         here = arm.positions()
         motion = arm.move_to(here + SIDEWAYS)
@@ -72,7 +72,7 @@ def test_the_tool_never_exceeds_its_speed(twin: TwinProcess) -> None:
 
 
 def test_the_trajectorys_own_time_is_told(twin: TwinProcess) -> None:
-    with connected(twin, safety__tool_speed=0.1) as robot:
+    with connected(twin, safety__tool_speed="0.1 m/s") as robot:
         arm = robot.part("arm", Arm)
         assert arm.trajectory_time() is None
         way = line(arm, arm.positions() + SIDEWAYS, 1.0)
@@ -96,7 +96,7 @@ def test_the_trajectorys_own_time_is_told(twin: TwinProcess) -> None:
 def test_nothing_leads_the_tool_out_of_its_workspace(twin: TwinProcess) -> None:
     with connected(twin) as robot:
         place = ToolLimits(robot.model, "arm", robot.model.safety).tool(robot.part("arm", Arm).positions())
-    box = {"lower": (place - 0.05).tolist(), "upper": (place + 0.05).tolist()}
+    box = {side: [f"{at} m" for at in end] for side, end in (("lower", place - 0.05), ("upper", place + 0.05))}
     with connected(twin, safety__workspace=box) as robot:
         arm = robot.part("arm", Arm)
         here = arm.positions()
