@@ -16,7 +16,7 @@ from bestman_bt.control import READING_ERRORS
 from bestman_bt.engine import In, Out
 from bestman_bt.messages import Path2D, Pose2D, wrap_angle
 from bestman_bt.messages.shapes import Positive, WholeNumber
-from bestman_bt.world_model import BasePose
+from bestman_bt.world_model import BasePose, containers_before, is_shut
 
 if TYPE_CHECKING:
     from bestman_bt.control import Motion
@@ -27,15 +27,23 @@ if TYPE_CHECKING:
 
 
 class BelieveBlocked(InstantSkill):
-    """Remember that there was nowhere to stand from where a surface could be reached."""
+    """Remember that there was nowhere to stand from where a surface could be reached.
+
+    Doors and drawers of the same furniture that stand open then count as in its way, whenever they are open again.
+    """
 
     surface = In[str](SurfaceName, "the surface, such as table")
     FAILS: ClassVar = UNKNOWN_SURFACE
 
     def act(self) -> None:
         """Writes a belief; moves nothing. What moves a door or drawer clears it."""
+        world = self.skills.world
         furniture, surface = find_surface(self.skills, self.surface)
-        self.skills.world.blocked.add(f"{furniture.name}/{surface.name}")
+        place = f"{furniture.name}/{surface.name}"
+        world.blocked.add(place)
+        leaves = {f"{furniture.name}/{leaf.name}" for leaf in furniture.leaves}
+        leaves.difference_update(containers_before(furniture, surface))
+        world.in_the_way |= {(leaf, place) for leaf in leaves if not is_shut(world, leaf)}
 
 
 class ForgetBlocked(InstantSkill):
@@ -47,9 +55,11 @@ class ForgetBlocked(InstantSkill):
         """Writes a belief; moves nothing."""
         world = self.skills.world
         in_part = {place for _, place in world.searched_in_part}
-        self.forgotten = len(world.blocked) + len(world.searched_in_part)
-        self.feedback_message = ", ".join(sorted(world.blocked | in_part))
+        blocked = world.blocked | {place for _, place in world.in_the_way}
+        self.forgotten = len(blocked) + len(world.searched_in_part)
+        self.feedback_message = ", ".join(sorted(blocked | in_part))
         world.blocked.clear()
+        world.in_the_way.clear()
         for searched in world.searched_in_part:
             world.searched.pop(searched, None)
         world.searched_in_part.clear()

@@ -1,4 +1,4 @@
-"""``accessible``, ``behind``, ``drawer``, ``blocked``: what stands between the robot and a place."""
+"""``accessible``, ``behind``, ``in_the_way``, ``drawer``, ``blocked``: what stands between the robot and a place."""
 
 from __future__ import annotations
 
@@ -19,6 +19,12 @@ BLOCKED = Predicate(
     {"place": "place"},
     "there was nowhere to stand from where the {place} could be reached, and no door or drawer has moved since",
     lambda beliefs, place: place in beliefs.world.blocked,
+)
+IN_THE_WAY = Predicate(
+    "in_the_way",
+    {"container": "container", "place": "place"},
+    "there was nowhere to stand from where the {place} could be reached while the {container} was open",
+    lambda beliefs, container, place: (container, place) in beliefs.world.in_the_way,
 )
 BEHIND = Predicate(
     "behind",

@@ -116,8 +116,9 @@ class SavedBeliefs:
 
     ``searched``: object → surface → when, in vain since it was lost. ``told``: object → surface where
     somebody said that it is. ``locked``: doors and drawers that did not open. ``blocked``: surfaces that could be
-    reached from nowhere, doors and drawers that could not be opened for now. ``brought_about``: effects of abilities of
-    your own that have succeeded.
+    reached from nowhere, doors and drawers that could not be opened for now. ``in_the_way``: door or drawer → surfaces
+    that could be reached from nowhere while it stood open. ``brought_about``: effects of abilities of your own that
+    have succeeded.
     """
 
     base: SavedBase | None = None
@@ -129,6 +130,7 @@ class SavedBeliefs:
     told: Mapping[str, str] = field(default_factory=dict)
     locked: tuple[str, ...] = ()
     blocked: tuple[str, ...] = ()
+    in_the_way: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     brought_about: tuple[str, ...] = ()
 
 
@@ -155,6 +157,11 @@ def saved(world: WorldModel, mapped: SemanticMap) -> dict[str, Any]:
         "locked": sorted(world.locked),
         "blocked": sorted(world.blocked),
     }
+    if world.in_the_way:
+        document["in_the_way"] = {
+            leaf: sorted(place for one, place in world.in_the_way if one == leaf)
+            for leaf in sorted({leaf for leaf, _ in world.in_the_way})
+        }
     if world.brought_about:
         document["brought_about"] = list(world.brought_about)
     if world.hands:
@@ -191,6 +198,7 @@ def restored(beliefs: SavedBeliefs, document: Document, start: WorldModel) -> Wo
     base = beliefs.base
     world = WorldModel(known, dict(start.models), start.base, told=dict(beliefs.told))
     world.locked, world.blocked = set(beliefs.locked), set(beliefs.blocked)
+    world.in_the_way = {(leaf, place) for leaf, places in beliefs.in_the_way.items() for place in places}
     world.brought_about = list(beliefs.brought_about)
     if base is not None:
         world.base = BasePose(Pose2D(base.x, base.y, base.theta), base.position_std, base.heading_std, base.stamp)
@@ -240,6 +248,9 @@ def _unknown_names(beliefs: SavedBeliefs, document: Document, start: WorldModel)
         (("blocked", at), "surface, door or drawer", name, [*surfaces, *leaves])
         for at, name in enumerate(beliefs.blocked)
     ]
+    for name, hidden in beliefs.in_the_way.items():
+        asked.append((("in_the_way", name), "door or drawer", name, leaves))
+        asked += [(("in_the_way", name, at), "surface", place, surfaces) for at, place in enumerate(hidden)]
     asked += [(("furniture", name), "furniture", name, list(start.map.furniture)) for name in beliefs.furniture]
     for name, place in beliefs.told.items():
         asked += [(("told", name), "object", name, things), (("told", name), "surface", place, surfaces)]

@@ -122,7 +122,8 @@ class WorldModel:
     ``searched_in_part``: those of them where a part of the surface stayed hidden.
     ``told``: object → surface where somebody said that it is. ``locked``: doors and drawers that did not open.
     ``blocked``: surfaces that could be reached from nowhere, and doors and drawers that could not be opened for want
-    of something that may change; until a door or drawer moves. ``brought_about``: the effects of abilities of your own
+    of something that may change; until a door or drawer moves. ``in_the_way``: (door or drawer, surface) where a
+    surface could be reached from nowhere while that stood open. ``brought_about``: the effects of abilities of your own
     that have succeeded, as facts, the latest last.
     """
 
@@ -141,6 +142,7 @@ class WorldModel:
     told: dict[str, str] = field(default_factory=dict)
     locked: set[str] = field(default_factory=set)
     blocked: set[str] = field(default_factory=set)
+    in_the_way: set[tuple[str, str]] = field(default_factory=set)
     brought_about: list[str] = field(default_factory=list)
 
     def __post_init__(self) -> None:

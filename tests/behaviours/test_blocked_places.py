@@ -8,13 +8,14 @@ import pytest
 from behaviours.context import SkillContext
 from bestman_bt.engine import SUCCESS, ManualClock, NodeRegistry, load_tree
 from bestman_bt.facts.predicate import Beliefs
+from bestman_bt.messages import Pose
 from bestman_bt.runtime.plugins import node_registry
 from bestman_bt.scene import draw_world, load_scene, semantic_map
 from bestman_bt.task_planning.domain import Domain
 from bestman_bt.task_planning.explanation import explain
 from bestman_bt.task_planning.symbolic import Unsolvable
 from bestman_bt.task_planning.symbolic.search import SymbolicPlanner
-from bestman_bt.world_model import WorldModel
+from bestman_bt.world_model import ObjectBelief, WorldModel
 from tests.behaviours.at_the_table import tree_of
 
 SCENE = load_scene("put_away", {})
@@ -104,3 +105,33 @@ def test_where_nothing_can_move_a_blocked_place_is_the_reason(skills: Any, libra
     with pytest.raises(Unsolvable):
         SymbolicPlanner().plan(problem)
     assert "blocked(table/top) is believed, and nothing changes that" in explain(problem)
+
+
+def test_an_open_drawer_is_in_the_way_each_time_it_is_open(skills: Any, library: NodeRegistry) -> None:
+    """It is shut while a thing is brought from the chest's top to another place, and opened after that."""
+    world = skills.world
+    world.articulations[DRAWER] = 0.3
+    ticked(skills, library, f'<BelieveBlocked surface="{TOP}"/>')
+    assert world.in_the_way == {(DRAWER, TOP)}
+    world.objects["cup"] = ObjectBelief("cup", SCENE.models["cup"], Pose(), 1.0, 0.0, 0.0, TOP)
+    problem = Domain.of(library).problem(Beliefs(world), f"on(cup, {DRAWER})")
+    actions = SymbolicPlanner().plan(problem).actions
+    names = [str(action) for action in actions]
+    elsewhere = actions[2].arguments[1]
+    assert elsewhere not in (TOP, DRAWER)
+    assert names == [
+        f"CloseContainer({DRAWER})",
+        f"PickUp(cup, {TOP})",
+        f"PutAt(cup, {elsewhere})",
+        f"OpenContainer({DRAWER})",
+        f"PickUp(cup, {elsewhere})",
+        f"PutAt(cup, {DRAWER})",
+    ]
+    assert ticked(skills, library, '<ForgetBlocked forgotten="{n}"/>').blackboard.get("n") == 1
+    assert (world.blocked, world.in_the_way) == (set(), set())
+
+
+def test_a_drawer_that_has_to_be_open_is_not_in_the_way(skills: Any, library: NodeRegistry) -> None:
+    skills.world.articulations[DRAWER] = 0.3
+    ticked(skills, library, f'<BelieveBlocked surface="{DRAWER}"/>')
+    assert (skills.world.blocked, skills.world.in_the_way) == ({DRAWER}, set())

@@ -52,6 +52,7 @@ def world(setup: Setup) -> WorldModel:
     world.changes.append(ObjectChange("removed", "cup", 10.0))
     world.told["bowl"] = "drawer_chest/drawer_3"
     world.locked.add("fridge/upper_door")
+    world.in_the_way |= {("drawer_chest/drawer_2", "drawer_chest/top"), ("drawer_chest/drawer_2", "shelf/top")}
     return world
 
 
@@ -95,6 +96,8 @@ def test_measurements_stay_out_of_the_file(setup: Setup, world: WorldModel, tmp_
         ("openings: {drawer_chest/drawer_7: 0.2}", "no door or drawer 'drawer_chest/drawer_7'; did you mean"),
         ("openings: {drawer_chest/drawer_1: 3 kg}", "unit of mass"),
         ("locked: [fridge]", "no door or drawer 'fridge'"),
+        ("in_the_way: {drawer_chest: []}", "no door or drawer 'drawer_chest'"),
+        ("in_the_way: {drawer_chest/drawer_2: [tabel]}", "no surface 'tabel'; did you mean 'table'"),
         ("told: {mugg: table}", "no object 'mugg'; did you mean 'mug'?"),
         ("searched: {mug: {shelf: soon}}", "expected a time"),
         ("furniture: {tabel: {x: 0, y: 0, theta: 0, position_error: 0, heading_error: 0}}", "no furniture 'tabel'"),
