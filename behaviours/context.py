@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from bestman_bt.control.touch import TactileSensor, WristWrench
     from bestman_bt.control.wheeled import BaseController
     from bestman_bt.manipulation.collision import CollisionModel, CollisionWorld, PlanningScene
-    from bestman_bt.manipulation.kinematics import ArmBodies, InverseKinematics
+    from bestman_bt.manipulation.kinematics import ArmBodies, InverseKinematics, ReachabilityMap, ReachingArm
     from bestman_bt.manipulation.motion_planning import TimedMotionPlanner
     from bestman_bt.manipulation.policy import Policy
     from bestman_bt.navigation.global_planning import Costmap, Footprint, GlobalPlanner, LayeredCostmap
@@ -209,6 +209,12 @@ class SkillContext:
         positions = self.joints.positions()
         return np.array([positions[name] for name in self.arm_model.joint_names])
 
+    def reaching_arm(self, reachability: ReachabilityMap | None = None) -> ReachingArm:
+        """The arm as it is now, for a search of stands."""
+        from bestman_bt.manipulation.kinematics import ReachingArm
+
+        return ReachingArm(self.kinematics, self.arm_model, self.arm_positions(), self.rng, reachability)
+
     def base_from_tool(self) -> Pose:
         """Where the tool is, by encoders."""
         return self.kinematics.tool_pose(self.arm_positions())
@@ -220,8 +226,8 @@ class SkillContext:
         from bestman_bt.manipulation.collision import planning_scene_from_world_model
 
         return planning_scene_from_world_model(
-            self.world, self.robot, self.arm.for_planning(self.joints.positions()), self.arm.name, ignore, allowed_pairs
-        )
+            self.world, self.robot, self.arm.for_planning(self.joints.positions()), self.arm.name, ignore
+        ).allowing(*allowed_pairs)
 
     def footprint(self, posture: str | None = None) -> Footprint:
         """The outline of the base, with arm and held object where they stand out above it.

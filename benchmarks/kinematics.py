@@ -28,6 +28,7 @@ import numpy as np
 from bestman_bt.evaluation.interval import wilson_interval
 from bestman_bt.manipulation.kinematics import (
     DampedLeastSquares,
+    ReachingArm,
     stands_around,
 )
 from bestman_bt.messages import Pose
@@ -83,7 +84,7 @@ def doors(count: int, seed: int) -> dict[str, object]:
             around = stands_around(door[len(door) // 2][len(door[0]) // 2].position)
             candidates = [s for s in around if hinge.inverse().apply(np.array([s.x, s.y, 0.0]))[0] < -0.4]
             began = time.process_time()
-            ranked = ArcStands().rank(candidates, door, kinematics, arm, home, rng, used)
+            ranked = ArcStands().rank(candidates, door, ReachingArm(kinematics, arm, home, rng, used))
             seconds.append(time.process_time() - began)
             opened += bool(ranked)
             stands.append(len(ranked))

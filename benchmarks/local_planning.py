@@ -22,14 +22,15 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from benchmarks.navigation_measures.processor_times import timed_ticks
 from benchmarks.navigation_measures.report import median, percentile, print_report, scaled
 from bestman_bt.control import MotionStatus
+from bestman_bt.control.inertial import FusedOdometry
 from bestman_bt.control.lidar import LidarSensor
-from bestman_bt.control.wheeled import BaseController, CollisionMonitor
+from bestman_bt.control.wheeled import BaseController, CollisionMonitor, LocalisationCycle
 from bestman_bt.facts.goals.at_goal import base_footprint
 from bestman_bt.manipulation.kinematics import ForwardKinematics
 from bestman_bt.messages import Box, Path2D, PlacedShape, Pose, Pose2D, wrap_angle
 from bestman_bt.navigation.global_planning import Costmap, GridAStar
 from bestman_bt.navigation.local_planning import DWA, MPPI, PathFollower, PurePursuit
-from bestman_bt.navigation.localization import ScanToMap
+from bestman_bt.navigation.localization import ScanToMap, WheelOdometry
 from bestman_bt.robot_model import RobotModel, load_robot_model
 from bestman_bt.scene import FurnitureModel, PlacedFurniture, World, draw_world, load_scene, semantic_map
 from bestman_bt.world_model import BasePose, Obstacle, WorldModel
@@ -142,7 +143,9 @@ def drive(model: RobotModel, planner: str, seed: int, boxes: int, monitored: boo
         lidar = LidarSensor(robot.part("lidar", Lidar), ForwardKinematics(model))
         monitor = CollisionMonitor(base_part.model, enabled=monitored)
         localizer = ScanToMap(belief.map)
-        base = BaseController(base_part, robot.clock, lidar, localizer, follower, belief, monitor=monitor)
+        odometer = FusedOdometry(base_part, robot.clock, WheelOdometry())
+        localisation = LocalisationCycle(robot.clock, lidar, localizer, odometer, belief)
+        base = BaseController(base_part, localisation, follower, monitor=monitor)
         base.start()
         robot.clock.sleep(0.5)
         path = GridAStar().plan(belief.base.pose, goal, costmap)

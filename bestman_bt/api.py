@@ -39,7 +39,7 @@ def nodes(plugins: Iterable[str | Path] = ()) -> dict[str, NodeInfo]:
     return {info.name: info for info in node_registry(str(plugin) for plugin in plugins)}
 
 
-def evaluate(
+def evaluate(  # noqa: PLR0913 - the options of bestman-bt eval, each by its name
     tasks: str | Path | Iterable[str | Path],
     episodes: int | None = None,
     seed: int | None = None,

@@ -309,7 +309,7 @@ class Close(OnArm, Skill):
 
     def _plan(self, leaf: Leaf) -> _Plan | None:
         from bestman_bt.manipulation.kinematics import ArcSearch
-        from bestman_bt.manipulation.motion_planning import approaches
+        from bestman_bt.manipulation.motion_planning import ApproachPoses, approaches
 
         skills = self.skills
         kinematics, base_from_map = skills.kinematics, skills.map_from_base.inverse()
@@ -322,9 +322,7 @@ class Close(OnArm, Skill):
             for option, before in enumerate(push.stations(BEFORE)[0]):
                 for approach in approaches(
                     kinematics,
-                    base_from_map @ before,
-                    way[0][option],
-                    way[0][option],
+                    ApproachPoses(base_from_map @ before, way[0][option], way[0][option]),
                     skills.arm_positions(),
                     free,
                     contact,
@@ -357,7 +355,7 @@ class Close(OnArm, Skill):
 
     def _push(self, plan: _Plan, start: float) -> StepsTo[float]:
         """Push until something resists; how far it may be open then."""
-        from bestman_bt.control.arm import FollowEnd
+        from bestman_bt.control.arm import FollowEnd, FollowGoal
 
         skills, push, leaf = self.skills, plan.push, plan.push.leaf
         base_from_map = skills.map_from_base.inverse()
@@ -366,12 +364,14 @@ class Close(OnArm, Skill):
         beyond = max(0.0, start) + BEYOND / push.lever
         following = skills.arm.follow_constraint(
             base @ axis.tangent(tip),
-            distance=beyond if axis.kind == "prismatic" else math.inf,
-            angle=beyond if axis.kind == "revolute" else math.inf,
-            max_pull=self.max_push,
-            guide=plan.guide,
-            axis=replace(axis, point=base_from_map.apply(axis.point[None])[0], direction=base @ axis.direction),
-            learns=False,
+            FollowGoal(
+                distance=beyond if axis.kind == "prismatic" else math.inf,
+                angle=beyond if axis.kind == "revolute" else math.inf,
+                max_pull=self.max_push,
+                guide=plan.guide,
+                axis=replace(axis, point=base_from_map.apply(axis.point[None])[0], direction=base @ axis.direction),
+                learns=False,
+            ),
         )
         motion, failure = yield from followed(following)
         left = max(0.0, push.opening(self._tip(push, motion.tool).position))

@@ -135,10 +135,9 @@ def _scene_at_leaf(
         skills.joints.positions(),
         skills.arm.name,
         ignore=ignore,
-        allowed_pairs=allowed,
         hollow=[leaf.furniture.name],
         explained=[_seen_with(skills.world, leaf, world.base.pose.to_pose().inverse())],
-    )
+    ).allowing(*allowed)
 
 
 def _seen_with(world: WorldModel, leaf: Leaf, base_from_map: Pose) -> PlacedShape:
@@ -279,11 +278,7 @@ def stands_along_leaf(
     return search.rank(
         way.stands,
         way.stations,
-        skills.kinematics,
-        skills.arm_model,
-        skills.arm_positions(),
-        skills.rng,
-        reachability,
+        skills.reaching_arm(reachability),
         is_free_at=lambda stand: free_along(skills, leaf, way.positions, way.touching, stand, way.skip, worlds),
         current=skills.world.base.pose,
     )

@@ -120,17 +120,21 @@ class Open(OnArm, Skill):
 
         How far it is open then. A following that ends early tells how far it came, too.
         """
+        from bestman_bt.control.arm import FollowGoal
+
         skills, leaf, share = self.skills, opening.leaf, plan.planned
         held_before = self._held(plan, skills.base_from_tool())
         following = skills.arm.follow_constraint(
             skills.map_from_base.inverse().rotation @ opening.handle.opening_direction,
-            distance=share * opening.distance if opening.angle is None else math.inf,
-            angle=math.inf if opening.angle is None else share * opening.angle,
-            max_pull=self.max_pull,
+            FollowGoal(
+                distance=share * opening.distance if opening.angle is None else math.inf,
+                angle=math.inf if opening.angle is None else share * opening.angle,
+                max_pull=self.max_pull,
+                guide=plan.guide,
+                axis=opening.axis(skills.map_from_base.inverse()),
+            ),
             grip=skills.gripper.watch_slip(HELD_WIDTH.slip_turning if opening.bar_turns else HELD_WIDTH.slip),
             hint=leaf.leaf.kind,
-            guide=plan.guide,
-            axis=opening.axis(skills.map_from_base.inverse()),
         )
         motion, failure = yield from followed(following)
         held_after = self._held(plan, motion.tool)

@@ -143,7 +143,7 @@ class PlanGrasp(OnArm, Skill):
         self.feedback_message = f"{len(grasps)} grasps"
 
     def _plan(self, belief: ObjectBelief, count: int) -> list[PlannedGrasp]:
-        from bestman_bt.manipulation.motion_planning import approaches
+        from bestman_bt.manipulation.motion_planning import ApproachPoses, approaches
         from bestman_bt.perception.grasp_pose import GraspRanking
 
         skills = self.skills
@@ -157,9 +157,7 @@ class PlanGrasp(OnArm, Skill):
             candidate = ranked.candidate
             for approach in approaches(
                 skills.kinematics,
-                candidate.pre_grasp,
-                candidate.grasp,
-                candidate.lift,
+                ApproachPoses(candidate.pre_grasp, candidate.grasp, candidate.lift),
                 reference,
                 free,
                 contact,

@@ -154,7 +154,7 @@ class PlaceOn(OnArm, Skill):
             raise SkillFailure("nothing_below", f"the {name} stands on nothing 1 cm below the measured surface")
 
     def _plan(self, held: HeldObject, base_from_object: Pose) -> Approach | None:
-        from bestman_bt.manipulation.motion_planning import approaches
+        from bestman_bt.manipulation.motion_planning import ApproachPoses, approaches
 
         skills = self.skills
         free = skills.arm_world(skills.planning_scene())
@@ -165,9 +165,10 @@ class PlaceOn(OnArm, Skill):
         for above, down in place_tool_poses(held, base_from_object, self._above(held), lift):
             # Back along the hand's axis there must be room, too: that is how it leaves what it has let go.
             back = down @ Pose(np.array([0.0, 0.0, -BACK]))
+            poses = ApproachPoses(above, down, back)
             found += [
                 approach
-                for approach in approaches(kinematics, above, down, back, reference, free, lowering, skills.rng)
+                for approach in approaches(kinematics, poses, reference, free, lowering, skills.rng)
                 if self._has_room_below(approach, down, lift, arm_alone)
             ]
         return min(found, key=lambda approach: approach.cost) if found else None

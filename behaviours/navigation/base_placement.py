@@ -145,10 +145,7 @@ class FindStandPose(OnArm, Skill):
         return search.rank(
             candidates,
             target.tool_poses,
-            skills.kinematics,
-            skills.arm_model,
-            skills.arm_positions(),
-            skills.rng,
+            skills.reaching_arm(),
             is_base_free=lambda pose: costmap.clearance_at(pose) > 0.0,
             world_at=self._world_at,
             current=skills.world.base.pose,

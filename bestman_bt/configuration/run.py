@@ -71,7 +71,7 @@ class RunRequest:
     driver: str = "pybullet"
 
 
-def load_run(
+def load_run(  # noqa: PLR0913 - the arguments of a run, each by its name
     task: str | Path | None = None,
     *,
     tree: str | Path | None = None,

@@ -36,7 +36,7 @@ _RESERVED = frozenset(("ID", "name", "_autoremap"))
 _TRUE = frozenset(("true", "1", "True", "TRUE"))
 
 
-def load_tree(
+def load_tree(  # noqa: PLR0913 - all that may be said of a tree, each by its name
     source: str | Path,
     registry: NodeRegistry | None = None,
     *,
@@ -75,25 +75,28 @@ def load_tree(
                 substitutions=substitutions, tree_id=path.stem, file=str(path), faults=faults,
             )  # fmt: skip
     registry = registry or NodeRegistry()
+    folders = tuple(search_path)
     with _without_garbage_collection():
-        return _load_xml(
-            source, registry, context, clock, main_tree, blackboard, tuple(search_path), substitutions, faults
-        )
+        documents = read_documents(source, folders)
+        compiler = ScriptCompiler(registry.enums)
+        main, left_out = _checked(documents, registry, compiler, main_tree, faults)
+        board = blackboard or Blackboard(main, converters=registry.converters)
+        tree = Tree(registry=registry, compiler=compiler, blackboard=board, tree_id=main, context=context, clock=clock)
+        tree.file = documents.file
+        tree.source = documents.source
+        tree.origin = (source, folders)
+        tree.left_out = left_out
+        return _built(tree, documents, substitutions, faults)
 
 
-def _load_xml(
-    source: str | Path,
+def _checked(
+    documents: Documents,
     registry: NodeRegistry,
-    context: Any,
-    clock: Clock | None,
+    compiler: ScriptCompiler,
     main_tree: str | None,
-    blackboard: Blackboard | None,
-    search_path: tuple[Path, ...],
-    substitutions: SubstitutionRules | None,
     faults: list[Problem] | None,
-) -> Tree:
-    documents = read_documents(source, search_path)
-    compiler = ScriptCompiler(registry.enums)
+) -> tuple[str, set[str]]:
+    """The tree to run, and what is left out of it (``Tree.left_out``); raises as ``load_tree``."""
     main = main_tree_of(documents, main_tree)
     wrong = check_documents(documents, registry, compiler, main)
     left_out: set[str] = set()
@@ -104,15 +107,16 @@ def _load_xml(
         documents.problems.clear()
         left_out = _leave_out(wrong, registry)
     assert main is not None
-    board = blackboard or Blackboard(main, converters=registry.converters)
-    tree = Tree(registry=registry, compiler=compiler, blackboard=board, tree_id=main, context=context, clock=clock)
-    tree.file = documents.file
-    tree.source = documents.source
-    tree.origin = (source, search_path)
-    tree.left_out = left_out
+    return main, left_out
+
+
+def _built(
+    tree: Tree, documents: Documents, substitutions: SubstitutionRules | None, faults: list[Problem] | None
+) -> Tree:
     builder = Builder(tree, documents.problems, documents, substitutions)
+    main = tree.tree_id
     definition = documents.trees[main]
-    root = builder.build(definition.element.children[0], Place(tree, board, "", (main,), definition.file))
+    root = builder.build(definition.element.children[0], Place(tree, tree.blackboard, "", (main,), definition.file))
     if faults:  # what was left out of a node may be missed while it is made
         told = {(problem.file, problem.line) for problem in faults}
         faults += [problem for problem in builder.problems if (problem.file, problem.line) not in told]

@@ -27,7 +27,7 @@ from bestman_bt.runtime.looking import object_marks
 from bestman_bt.scene import Articulation, PlacedFurniture, Walker, World, wall_box
 from bestman_bt.visualization import RecordedBody
 from bestman_bt.visualization.marks import GraspMark
-from bestman_bt.visualization.rerun import RecordedCamera, RerunRecorder
+from bestman_bt.visualization.rerun import RecordedCamera, RecordingSetup, RerunRecorder
 from bestman_bt.world_model import ObjectBelief
 from hal.simulation import SceneRecorder
 
@@ -129,16 +129,18 @@ class Recording:
         plotted = [joint for arm in model.of(ArmModel).values() for joint in arm.joint_names]
         self._recorder = RerunRecorder(
             path,
-            urdf=model.urdf,
-            base_frame=model.base_frame,
-            tree=describe_tree(tree),
-            bodies=recorded_bodies(setup.world),
-            cameras={
-                name: RecordedCamera(camera.intrinsics, camera.optical_frame)
-                for name, camera in model.of(CameraPart).items()
-            },
-            plotted_joints=plotted,
-            grippers={name: gripper.part.joints for name, gripper in model.of(GripperModel).items()},
+            RecordingSetup(
+                urdf=model.urdf,
+                base_frame=model.base_frame,
+                tree=describe_tree(tree),
+                bodies=recorded_bodies(setup.world),
+                cameras={
+                    name: RecordedCamera(camera.intrinsics, camera.optical_frame)
+                    for name, camera in model.of(CameraPart).items()
+                },
+                plotted_joints=plotted,
+                grippers={name: gripper.part.joints for name, gripper in model.of(GripperModel).items()},
+            ),
         )
         self._beliefs = RecordedBeliefs(self._recorder, session, tree)
 

@@ -178,7 +178,7 @@ class PlannedTree:
             return opened.run(self.xml)
 
 
-def plan(
+def plan(  # noqa: PLR0913 - the options of bestman-bt plan, each by its name
     goal: str,
     *,
     scene: str | None = None,

@@ -15,7 +15,7 @@ from bestman_bt.control.joint_state import JointStateSensor
 from bestman_bt.control.lidar import LidarSensor
 from bestman_bt.control.rgbd import RGBDSensor
 from bestman_bt.control.touch import TactileSensor, WristWrench
-from bestman_bt.control.wheeled import BaseController, CollisionMonitor
+from bestman_bt.control.wheeled import BaseController, CollisionMonitor, LocalisationCycle
 from bestman_bt.manipulation.kinematics import ForwardKinematics
 from bestman_bt.robot_model import RobotModel, arm_of
 from bestman_bt.runtime.algorithms import SLOTS, Algorithms
@@ -71,16 +71,15 @@ class RobotParts:
         if imu is not None:
             x, y, z = self.forward.pose(imu.frame, {}).rotation[2].tolist()
             gyro = GyroHeading(imu, self.robot.clock, (x, y, z))
-        return BaseController(
-            base,
+        localisation = LocalisationCycle(
             self.robot.clock,
             LidarSensor(self.first("lidar", Lidar), self.forward),
             self.algorithms.localization,
-            self.algorithms.local_planning,
+            FusedOdometry(base, self.robot.clock, self.algorithms.odometry, gyro),
             self.world,
-            odometry=FusedOdometry(base, self.robot.clock, self.algorithms.odometry, gyro),
-            monitor=CollisionMonitor(base.model, self.all(Bumper)),
         )
+        monitor = CollisionMonitor(base.model, self.all(Bumper))
+        return BaseController(base, localisation, self.algorithms.local_planning, monitor=monitor)
 
     @cached_property
     def head(self) -> HeadController:

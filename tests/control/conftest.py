@@ -8,13 +8,14 @@ import pytest
 from bestman_bt.control.arm import ArmController
 from bestman_bt.control.gripper import GripperController
 from bestman_bt.control.head import HeadController
+from bestman_bt.control.inertial import FusedOdometry
 from bestman_bt.control.joint_state import JointStateSensor
 from bestman_bt.control.lidar import LidarSensor
-from bestman_bt.control.wheeled import BaseController
+from bestman_bt.control.wheeled import BaseController, LocalisationCycle
 from bestman_bt.manipulation.kinematics import ForwardKinematics
 from bestman_bt.messages import Box, PlacedShape, Pose, Pose2D
 from bestman_bt.navigation.local_planning import PurePursuit
-from bestman_bt.navigation.localization import ScanToMap
+from bestman_bt.navigation.localization import ScanToMap, WheelOdometry
 from bestman_bt.robot_model import ArmModel, CameraPart, RobotModel, load_robot_model
 from bestman_bt.scene import FurnitureModel, PlacedFurniture, World, draw_world, load_scene, semantic_map
 from bestman_bt.world_model import BasePose, SemanticMap, WorldModel
@@ -79,14 +80,15 @@ def simulate(model):
         belief = WorldModel(semantic, base=BasePose(believed, 0.02, 0.012, 0.0))
         kinematics = ForwardKinematics(model)
         joints = JointStateSensor(robot.parts, model)
-        base = BaseController(
-            robot.part("base", MobileBase),
+        base_part = robot.part("base", MobileBase)
+        localisation = LocalisationCycle(
             robot.clock,
             LidarSensor(robot.part("lidar", Lidar), kinematics),
             ScanToMap(semantic),
-            PurePursuit(),
+            FusedOdometry(base_part, robot.clock, WheelOdometry()),
             belief,
         )
+        base = BaseController(base_part, localisation, PurePursuit())
         base.start()
         robot.clock.sleep(0.5)
         return Simulated(

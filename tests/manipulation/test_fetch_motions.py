@@ -14,6 +14,7 @@ from bestman_bt.manipulation.collision import (
 )
 from bestman_bt.manipulation.kinematics import (
     DampedLeastSquares,
+    ReachingArm,
     StandSearch,
     cartesian_path,
 )
@@ -44,7 +45,7 @@ def test_a_cup_is_reached_lifted_and_carried_upright(diff_panda, seed):
 
     front = max(x for x, _ in diff_panda.of(BaseModel)["base"].footprint)
     search = StandSearch()
-    stands = search.rank(search.beside(TABLE, cup, front), grasps, kinematics, arm, carry, rng)
+    stands = search.rank(search.beside(TABLE, cup, front), grasps, ReachingArm(kinematics, arm, carry, rng))
     stand = stands[0].pose @ Pose2D(*rng.normal(0, 0.01, 2), rng.normal(0, 0.01))
     belief.base = BasePose(stand, 0.01, 0.01, 0.0)
     base_from_map = stand.to_pose().inverse()

@@ -1,10 +1,11 @@
 """Arm control."""
 
-from bestman_bt.control.arm.arm_controller import ArmController, ContactLimits, ContactMonitor
+from bestman_bt.control.arm.arm_controller import ArmController, ArmMoving, ContactLimits, ContactMonitor
 from bestman_bt.control.arm.arm_ways import ArmWays, Passing
 from bestman_bt.control.arm.constraint_following import (
     FollowedMotion,
     FollowEnd,
+    FollowGoal,
     FollowGuide,
     Following,
 )
@@ -13,11 +14,13 @@ from bestman_bt.control.arm.joint_axis import AxisFitting, JointAxis, JointAxisE
 
 __all__ = [
     "ArmController",
+    "ArmMoving",
     "ArmWays",
     "AxisFitting",
     "ContactLimits",
     "ContactMonitor",
     "FollowEnd",
+    "FollowGoal",
     "FollowGuide",
     "FollowedMotion",
     "Following",

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, Protocol, TypeVar
 
 import numpy as np
@@ -15,11 +14,16 @@ from bestman_bt.control.arm.constraint_following import (
     ConstraintFollowing,
     FollowedMotion,
     FollowGoal,
-    FollowGuide,
     Following,
 )
-from bestman_bt.control.arm.guarded_move import GuardedMove, GuardedOutcome, Guarding, Streaming, ToolStream
-from bestman_bt.control.arm.joint_axis import JointAxis
+from bestman_bt.control.arm.guarded_move import (
+    GuardedMove,
+    GuardedOutcome,
+    Guarding,
+    Streaming,
+    ToolStream,
+    check_positive,
+)
 from bestman_bt.control.joint_state import READING_ERRORS
 from bestman_bt.control.motion import start_motion
 from bestman_bt.control.touch import WristWrench
@@ -107,10 +111,21 @@ class _Streaming(Protocol):
         """One period; False when it is over."""
 
 
+@dataclass(frozen=True)
+class ArmMoving:
+    """How an arm is moved. ``guard_period``: seconds after which a guard is asked again."""
+
+    guard_period: float = 0.05
+    contact: ContactLimits = field(default_factory=ContactLimits)
+    streaming: Streaming = field(default_factory=Streaming)
+    guarded: Guarding = field(default_factory=Guarding)
+    following: Following = field(default_factory=Following)
+
+
 class ArmController:
     """Runs motions of one arm. The arm's driver watches that it tracks; a guard can watch for anything else.
 
-    A guard is asked every ``guard_period`` seconds while the arm moves; when it answers with a text, the arm is
+    A guard is asked again and again while the arm moves; when it answers with a text, the arm is
     brought to rest and the motion fails with that text. ``kinematics`` and ``wrist`` are needed by what feels its way:
     ``move_until`` and ``follow_constraint``. ``ways``: shared by the controllers of a robot's arms; what would
     cross the way of another arm starts when that has passed, or fails as OTHER_ARM_IN_THE_WAY.
@@ -120,21 +135,14 @@ class ArmController:
         self,
         arm: Arm,
         clock: Clock,
-        guard_period: float = 0.05,
         kinematics: InverseKinematics | None = None,
         wrist: WristWrench | None = None,
-        contact: ContactLimits | None = None,
-        streaming: Streaming | None = None,
-        guarded: Guarding | None = None,
-        following: Following | None = None,
         ways: ArmWays | None = None,
+        moving: ArmMoving = ArmMoving(),
     ) -> None:
         self._arm, self.name, self.joint_names = arm, arm.name, arm.joint_names
         self._clock = clock
-        self._guard_period = guard_period
-        self._kinematics, self._wrist = kinematics, wrist
-        self._contact, self._streaming = contact or ContactLimits(), streaming or Streaming()
-        self._guarded, self._following = guarded or Guarding(), following or Following()
+        self._kinematics, self._wrist, self._moving = kinematics, wrist, moving
         self._stream: _Stream | None = None
         self._ways = ways
 
@@ -175,49 +183,31 @@ class ArmController:
         sense.
         """
         axis = _unit(direction)
-        _check_positive(speed=speed, max_distance=max_distance, stop_force=stop_force)
+        check_positive(speed=speed, max_distance=max_distance, stop_force=stop_force)
         kinematics, wrist = self._feeling("move_until")
         motion: Motion[GuardedOutcome] = Motion(self._arm.name, self._cancel_stream)
-        stream = ToolStream(self._arm, kinematics, self._streaming)
-        move = GuardedMove(stream, wrist, axis, speed, max_distance, stop_force, motion, self._guarded)
+        stream = ToolStream(self._arm, kinematics, self._moving.streaming)
+        move = GuardedMove(stream, wrist, axis, speed, max_distance, stop_force, motion, self._moving.guarded)
         return self._run(move, motion)
 
     def follow_constraint(
         self,
         direction: ArrayLike,
-        *,
-        speed: float = 0.06,
-        distance: float = math.inf,
-        angle: float = math.inf,
-        max_pull: float = 45.0,
-        max_side: float = 40.0,
-        turn: float = 1.0,
+        goal: FollowGoal,
         grip: Guard | None = None,
         hint: JointKind | None = None,
-        guide: FollowGuide | None = None,
-        axis: JointAxis | None = None,
-        learns: bool = True,
     ) -> Motion[FollowedMotion]:
         """Go along with a door or drawer whose handle the hand holds, or that it pushes.
 
-        ``direction``: (3,) base frame, in which the handle is thought to start to move. ``speed``: m/s. It ends well
-        after ``distance`` metres along the way or ``angle`` radians about the hinge that it finds, of which at least
-        one is to be given. ``max_pull``, ``max_side``: newtons along and across the motion. ``turn``: share of a door's
-        turn by which the hand turns with it; at 0 the bar turns between the fingers. ``grip``: answers with a text when
-        the handle is lost (``GripperController.watch_slip``). ``hint``: the kind of joint, where it is known.
-        ``guide``: a planned way for hand and arm, which goes before ``turn``. ``axis``: where the joint is believed
-        to be, base frame; the hand's own way tells better later, if it ``learns`` (a hand that pushes is not led).
-        The result, also of a following that failed, is a FollowedMotion. ValueError for values that make no sense.
+        ``direction``: (3,) base frame, in which the handle is thought to start to move. ``grip``: answers with a text
+        when the handle is lost (``GripperController.watch_slip``). ``hint``: the kind of joint, where it is known.
+        The result, also of a following that failed, is a FollowedMotion. ValueError for a direction without length.
         """
         start = _unit(direction)
-        _check_positive(speed=speed, distance=distance, angle=angle, max_pull=max_pull, max_side=max_side)
-        if math.isinf(distance) and math.isinf(angle):
-            raise ValueError("follow_constraint needs a distance or an angle to end at")
         kinematics, wrist = self._feeling("follow_constraint")
         motion: Motion[FollowedMotion] = Motion(self._arm.name, self._cancel_stream)
-        stream = ToolStream(self._arm, kinematics, self._streaming)
-        goal = FollowGoal(speed, distance, angle, max_pull, max_side, turn, guide, axis, learns)
-        following = ConstraintFollowing(stream, wrist, start, goal, motion, grip, hint, self._following)
+        stream = ToolStream(self._arm, kinematics, self._moving.streaming)
+        following = ConstraintFollowing(stream, wrist, start, goal, motion, grip, hint, self._moving.following)
         return self._run(following, motion)
 
     def stop(self) -> None:
@@ -242,7 +232,7 @@ class ArmController:
         def start() -> Motion[Result]:
             self._arm.stop()  # also ends a motion under way
             self._stream = _Stream(action, motion, self._arm)
-            self._stream.start(self._clock, self._streaming.period)
+            self._stream.start(self._clock, self._moving.streaming.period)
             return motion
 
         return self._in_turn(start, None)
@@ -264,11 +254,11 @@ class ArmController:
 
     def _watched(self, motion: Motion[None], guard: Guard | None, free: JointTrajectory | None) -> Motion[None]:
         if free is not None and not motion.done:
-            monitor = ContactMonitor(self._arm, self._clock, self._wrist, free, self._contact)
+            monitor = ContactMonitor(self._arm, self._clock, self._wrist, free, self._moving.contact)
             watch = _Watch(motion, monitor.objection, self._arm, MotionErrorCode.COLLISION)
-            watch.start(self._clock, self._contact.period)
+            watch.start(self._clock, self._moving.contact.period)
         if guard is not None and not motion.done:
-            _Watch(motion, guard, self._arm).start(self._clock, self._guard_period)
+            _Watch(motion, guard, self._arm).start(self._clock, self._moving.guard_period)
         return motion
 
 
@@ -338,9 +328,3 @@ def _unit(direction: ArrayLike) -> NDArray[np.float64]:
         raise ValueError(f"direction should be three finite numbers, not all zero, but is {direction!r}")
     unit: NDArray[np.float64] = vector / np.linalg.norm(vector)
     return unit
-
-
-def _check_positive(**values: float) -> None:
-    for name, value in values.items():
-        if not value > 0.0:
-            raise ValueError(f"{name} should be positive but is {value!r}")

@@ -15,7 +15,7 @@ from enum import Enum
 import numpy as np
 from numpy.typing import NDArray
 
-from bestman_bt.control.arm.guarded_move import StreamStep, ToolStream
+from bestman_bt.control.arm.guarded_move import StreamStep, ToolStream, check_positive
 from bestman_bt.control.arm.joint_axis import AxisFitting, JointAxis, JointAxisEstimator
 from bestman_bt.control.touch import WristWrench
 from bestman_bt.messages import JointKind, MotionErrorCode, Pose
@@ -120,14 +120,17 @@ class Following:
 
 @dataclass(frozen=True)
 class FollowGoal:
-    """Until when to follow: ``distance`` metres along the way or ``angle`` radians, whichever is given and comes first.
+    """Until when and how to follow.
 
-    ``max_pull``, ``max_side``: newtons along and across. ``turn``: share of the door's turn that the hand turns with
-    it; 0 keeps the hand's direction, and the bar turns between the fingers. ``guide``: a plan that says this in more
-    detail. ``axis``: about or along which to go at first, base frame; ``learns``: until the hand's own way tells more.
+    It ends well after ``distance`` metres along the way or ``angle`` radians about the hinge that it finds, whichever
+    is given and comes first. ``speed``: m/s. ``max_pull``, ``max_side``: newtons along and across the motion. ``turn``:
+    share of a door's turn by which the hand turns with it; at 0 the bar turns between the fingers. ``guide``: a planned
+    way for hand and arm, which goes before ``turn``. ``axis``: where the joint is believed to be, base frame; the
+    hand's own way tells better later, if it ``learns`` (a hand that pushes is not led). ValueError for values that make
+    no sense.
     """
 
-    speed: float
+    speed: float = 0.06
     distance: float = math.inf
     angle: float = math.inf
     max_pull: float = 45.0
@@ -136,6 +139,17 @@ class FollowGoal:
     guide: FollowGuide | None = None
     axis: JointAxis | None = None
     learns: bool = True
+
+    def __post_init__(self) -> None:
+        check_positive(
+            speed=self.speed,
+            distance=self.distance,
+            angle=self.angle,
+            max_pull=self.max_pull,
+            max_side=self.max_side,
+        )
+        if math.isinf(self.distance) and math.isinf(self.angle):
+            raise ValueError("a following needs a distance or an angle to end at")
 
 
 class ConstraintFollowing:

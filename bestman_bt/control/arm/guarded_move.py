@@ -156,3 +156,10 @@ class GuardedMove:
         text = f"the arm can go no further than {distance:.3f} m: a joint limit or a singularity is ahead"
         self._motion.fail(MotionErrorCode.UNREACHABLE, text, GuardedOutcome(False, distance, self._force, tool))
         return False
+
+
+def check_positive(**values: float) -> None:
+    """ValueError for a value that is not more than 0."""
+    for name, value in values.items():
+        if not value > 0.0:
+            raise ValueError(f"{name} should be positive but is {value!r}")

@@ -11,11 +11,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from bestman_bt.control.inertial import FusedOdometry
 from bestman_bt.control.joint_state import READING_ERRORS
-from bestman_bt.control.lidar import LidarSensor
 from bestman_bt.control.wheeled.collision_monitor import CollisionMonitor, MonitorAction, MonitoredCommand
-from bestman_bt.control.wheeled.localisation_cycle import LocalisationCycle, Localising, PlacedScan
+from bestman_bt.control.wheeled.localisation_cycle import LocalisationCycle, PlacedScan
 from bestman_bt.errors import WrongResultError
 from bestman_bt.messages import Failure, LaserScan, MotionErrorCode, Path2D, Pose2D, Twist2D, wrap_angle
 from bestman_bt.navigation.global_planning import Costmap, Footprint
@@ -28,9 +26,9 @@ from bestman_bt.navigation.local_planning import (
     RotateToHeading,
     SweptPath,
 )
-from bestman_bt.navigation.localization import Localizer, OdometryScan, WheelOdometry
-from bestman_bt.world_model import BasePose, WorldModel
-from hal.api import Clock, CommandRefusedError, MobileBase, Motion, MotionStatus, Timer
+from bestman_bt.navigation.localization import Localizer, OdometryScan
+from bestman_bt.world_model import BasePose
+from hal.api import CommandRefusedError, MobileBase, Motion, MotionStatus, Timer
 
 # What becomes of a wanted velocity before the wheels turn: limits, giving way to people, the collision monitor.
 
@@ -132,7 +130,7 @@ class Driving:
     stall_time: float = 3.0
     stuck_time: float = 1.5
     patience: float = 15.0
-    localisation: Localising = field(default_factory=Localising)
+    rotation: RotateToHeading = field(default_factory=RotateToHeading)
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,9 +166,10 @@ class _Action:
 class BaseController:
     """Drives one base by odometry and lidar; keeps ``world.base`` up to date from ``start`` to ``close``.
 
-    A new action supersedes the one under way. Every motion's result is the believed pose at the end. ``odometry``: of
-    wheels and gyroscope together; by default that of the wheels. ``monitor``: has the last word on each velocity; by
-    default one without a bumper. ``layer``: what the lidar sees and the map lacks. ``localisation``: where the base is.
+    A new action supersedes the one under way. Every motion's result is the believed pose at the end.
+    ``localisation``: where the base is, by odometry and lidar; it gives the clock and the world model, too.
+    ``monitor``: has the last word on each velocity; by default one without a bumper. ``layer``: what the lidar sees and
+    the map lacks.
     ``model``: limits and footprint.
     ``speed_limit``: m/s, for all actions until it is set to something else; None: as fast as the base may. At 0 it
     stands. ``last_scan``: what the localisation saw last, for whoever shows it.
@@ -179,27 +178,19 @@ class BaseController:
     def __init__(
         self,
         base: MobileBase,
-        clock: Clock,
-        lidar: LidarSensor,
-        localizer: Localizer,
+        localisation: LocalisationCycle,
         follower: PathFollower,
-        world: WorldModel,
         driving: Driving = Driving(),
-        rotation: RotateToHeading | None = None,
-        odometry: FusedOdometry | None = None,
         monitor: CollisionMonitor | None = None,
         layer: ObstacleLayer | None = None,
     ) -> None:
-        self._driving = driving
-        self._base, self._clock, self._follower, self._world = base, clock, follower, world
-        self._rotation = rotation or RotateToHeading()
+        self._driving, self._rotation = driving, driving.rotation
+        self._base, self._follower = base, follower
+        self.localisation, self.lidar = localisation, localisation.lidar
+        self._clock, self._world, self._period = localisation.clock, localisation.world, localisation.period
+        localisation.seen = self._observe
         self._gate = VelocityGate(base, monitor or CollisionMonitor(base.model))
-        self.model, self.lidar, self.layer = base.model, lidar, layer or ObstacleLayer()
-        odometer = odometry or FusedOdometry(base, clock, WheelOdometry())
-        self.localisation = LocalisationCycle(
-            clock, lidar, localizer, odometer, world, driving.localisation, self._observe
-        )
-        self._period = 1.0 / driving.localisation.rate
+        self.model, self.layer = base.model, layer or ObstacleLayer()
         self.speed_limit: float | None = None
         self.last_scan: PlacedScan | None = None
         self._timer: Timer | None = None

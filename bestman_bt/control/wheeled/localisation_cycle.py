@@ -60,12 +60,14 @@ class LocalisationCycle:
         localizer: Localizer,
         odometer: FusedOdometry,
         world: WorldModel,
-        localising: Localising,
-        seen: Callable[[PlacedScan], None],
+        localising: Localising = Localising(),
+        seen: Callable[[PlacedScan], None] = lambda scan: None,
     ) -> None:
-        self._clock, self._lidar, self._odometer = clock, lidar, odometer
+        self.clock, self.lidar, self.world, self.seen = clock, lidar, world, seen
+        self.period = 1.0 / localising.rate  # seconds of a control tick
+        self._odometer = odometer
         self.localizer = localizer  # who puts another one here tells it where to begin, see ``believe``
-        self._world, self._localising, self._seen = world, localising, seen
+        self._localising = localising
         self._ticks = self._scans_at_rest = self._refused_scans = 0
         self.lost = self._confirmed = False
         self.odometry = Pose2D()
@@ -96,7 +98,7 @@ class LocalisationCycle:
 
     def begin(self) -> None:
         """From the believed ``world.base`` on."""
-        believed = self._world.base
+        believed = self.world.base
         self._odometer.begin()
         self._reset(believed)
         self.lost = believed.position_std > self._localising.lost_position_std
@@ -107,7 +109,7 @@ class LocalisationCycle:
 
     def believe(self, believed: BasePose) -> None:
         """Go on from another pose; the base is lost until a scan has fitted there."""
-        self._world.base = believed
+        self.world.base = believed
         self._reset(believed)
         self.lost = True
 
@@ -119,7 +121,7 @@ class LocalisationCycle:
 
     def scan(self) -> OdometryScan:
         """What the lidar sees now; raises as its readings do."""
-        return OdometryScan(self._odometer.pose(), self._lidar.scan())
+        return OdometryScan(self._odometer.pose(), self.lidar.scan())
 
     def step(self) -> None:
         """One control tick; raises as the readings do."""
@@ -133,7 +135,7 @@ class LocalisationCycle:
         self._ticks += 1
         every = p.rest_scan_every if self.settled and not self.lost else p.scan_every
         if self._ticks % every == 0:
-            scan, base_from_lidar = self._lidar.scan(), self._lidar.base_from_lidar
+            scan, base_from_lidar = self.lidar.scan(), self.lidar.base_from_lidar
             estimate = self.localizer.correct(scan, base_from_lidar)
             self._scans_at_rest += 1
             fits = estimate.match is not None and estimate.match.accepted
@@ -141,8 +143,8 @@ class LocalisationCycle:
                 self._refused_scans, self.lost, self._confirmed = 0, False, True
             else:
                 self._refused_scans += 1
-            self._seen(PlacedScan(scan, odometry, estimate.pose @ base_from_lidar, fits))
-        self._world.base = BasePose(estimate.pose, estimate.position_std, estimate.heading_std, self._clock.now())
+            self.seen(PlacedScan(scan, odometry, estimate.pose @ base_from_lidar, fits))
+        self.world.base = BasePose(estimate.pose, estimate.position_std, estimate.heading_std, self.clock.now())
 
     def _reset(self, believed: BasePose) -> None:
         self.odometry = self._odometer.pose()

@@ -167,7 +167,6 @@ def planning_scene_from_world_model(
     positions: Mapping[str, float],
     arm: str = "arm",
     ignore: Iterable[str] = (),
-    allowed_pairs: Iterable[tuple[str, str]] = (),
     margins: SceneMargins = SceneMargins(),
     explained: Iterable[PlacedShape] = (),
     hollow: Iterable[str] = (),
@@ -217,7 +216,6 @@ def planning_scene_from_world_model(
             for other in robot.arm_names
             if other != arm and (held := held_object(world_model, robot, other)) is not None
         ),
-        allowed_pairs=frozenset(frozenset(pair) for pair in allowed_pairs),
         padding=margins.padding,
         voxels=()
         if grid is None

@@ -21,6 +21,7 @@ from bestman_bt.manipulation.kinematics.stand_along import (
     stands_around,
 )
 from bestman_bt.manipulation.kinematics.stand_pose import (
+    ReachingArm,
     StandPose,
     StandSearch,
 )
@@ -38,6 +39,7 @@ __all__ = [
     "IsFreeAt",
     "ReachabilityMap",
     "ReachabilitySampling",
+    "ReachingArm",
     "StandAlong",
     "StandPose",
     "StandSearch",

@@ -9,12 +9,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from bestman_bt.manipulation.joint_values import JointLimits, joint_vector
+from bestman_bt.manipulation.joint_values import joint_vector
 from bestman_bt.manipulation.kinematics.arc_path import (
     ArcPath,
     ArcSearch,
@@ -25,6 +25,7 @@ from bestman_bt.manipulation.kinematics.arc_path import (
 )
 from bestman_bt.manipulation.kinematics.base import InverseKinematics
 from bestman_bt.manipulation.kinematics.reachability_map import ReachabilityMap
+from bestman_bt.manipulation.kinematics.stand_pose import ReachingArm
 from bestman_bt.messages import Pose, Pose2D, wrap_angle
 from bestman_bt.messages.shapes import Count
 
@@ -57,11 +58,7 @@ class ArcStands:
         self,
         candidates: Sequence[Pose2D],
         stations: Stations,
-        kinematics: InverseKinematics,
-        limits: JointLimits,
-        reference: ArrayLike,
-        rng: np.random.Generator,
-        reachability: ReachabilityMap | None = None,
+        arm: ReachingArm,
         is_base_free: Callable[[Pose2D], bool] = lambda pose: True,
         is_free_at: Callable[[Pose2D], IsFreeAt] | None = None,
         current: Pose2D | None = None,
@@ -69,12 +66,12 @@ class ArcStands:
     ) -> tuple[StandAlong, ...]:
         """Stands from which the tool follows all ``stations`` (poses in the map frame), best first; perhaps none.
 
-        ``reachability``: orders the candidates, else their distance does. ``is_free_at``: for a stand, whether the arm
-        is free at a station. ``current``: where the base is now. Raises ManipulationError as ``ArcSearch.path``.
+        ``is_free_at``: for a stand, whether the arm is free at a station. ``current``: where the base is now. Raises
+        ManipulationError as ``ArcSearch.path``.
         """
         check_stations(stations)
-        origin = joint_vector(reference, len(kinematics.joint_names), "reference")
-        promise = self._promises(candidates, stations, kinematics, reachability, current)
+        origin = joint_vector(arm.reference, len(arm.kinematics.joint_names), "reference")
+        promise = self._promises(candidates, stations, arm.kinematics, arm.reachability, current)
         found: list[StandAlong] = []
         tried, complete = 0, 0
         for index in np.argsort(-promise, kind="stable"):
@@ -87,7 +84,7 @@ class ArcStands:
             is_free = None if is_free_at is None else is_free_at(stand)
             base_from_map = stand.to_pose().inverse()
             local = [[base_from_map @ pose for pose in poses] for poses in stations]
-            best = self._best_arc(local, kinematics, limits, origin, rng, is_free, arc)
+            best = self._best_arc(local, replace(arm, reference=origin), is_free, arc or ArcSearch())
             if best is None or best.fraction < self.min_fraction - 1e-9:
                 continue
             complete += best.complete
@@ -150,12 +147,9 @@ class ArcStands:
     def _best_arc(
         self,
         stations: list[list[Pose]],
-        kinematics: InverseKinematics,
-        limits: JointLimits,
-        reference: NDArray[np.float64],
-        rng: np.random.Generator,
+        arm: ReachingArm,
         is_free: IsFreeAt | None,
-        arc: ArcSearch | None,
+        arc: ArcSearch,
     ) -> ArcPath | None:
         """The path through solutions at the middle station: what is farthest from both ends of the arc's demands."""
         middle = len(stations) // 2
@@ -163,12 +157,14 @@ class ArcStands:
         is_valid = None if is_free is None else lambda q: is_free(q, middle)
         starts: list[tuple[float, int, NDArray[np.float64]]] = []
         for option in options:
-            result = kinematics.solve(stations[middle][option], reference, rng, self.starts, is_valid, self.ik_attempts)
-            starts += [(joint_margin(q, limits), option, q) for q in result.solutions]
+            result = arm.kinematics.solve(
+                stations[middle][option], arm.reference, arm.rng, self.starts, is_valid, self.ik_attempts
+            )
+            starts += [(joint_margin(q, arm.limits), option, q) for q in result.solutions]
         starts.sort(key=lambda entry: -entry[0])
         best: ArcPath | None = None
         for _, option, positions in starts[: self.starts]:
-            path = (arc or ArcSearch()).path_through(kinematics, stations, middle, option, positions, limits, is_free)
+            path = arc.path_through(arm.kinematics, stations, middle, option, positions, arm.limits, is_free)
             if best is None or (path.fraction, path.margin) > (best.fraction, best.margin):
                 best = path
             if best.complete and best.margin >= self.good_margin:

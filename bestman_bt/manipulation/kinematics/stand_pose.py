@@ -24,6 +24,21 @@ from bestman_bt.world_model import MapFurniture
 ToolPoses = Sequence[Pose]
 
 
+@dataclass(frozen=True, eq=False)
+class ReachingArm:
+    """The arm that has to reach something from a stand.
+
+    ``reference``: (n,) radians, where inverse kinematics starts. ``reachability``: its map, without which the distance
+    to the target says which stands are tried first.
+    """
+
+    kinematics: InverseKinematics
+    limits: JointLimits
+    reference: ArrayLike
+    rng: np.random.Generator
+    reachability: ReachabilityMap | None = None
+
+
 @dataclass(frozen=True)
 class StandSearch:
     """Finds base poses from which the arm reaches what it has to.
@@ -72,32 +87,26 @@ class StandSearch:
         self,
         candidates: Sequence[Pose2D],
         alternatives: Sequence[ToolPoses],
-        kinematics: InverseKinematics,
-        limits: JointLimits,
-        reference: ArrayLike,
-        rng: np.random.Generator,
+        arm: ReachingArm,
         is_base_free: Callable[[Pose2D], bool] = lambda pose: True,
         world_at: Callable[[Pose2D], CollisionWorld] | None = None,
         current: Pose2D | None = None,
-        reachability: ReachabilityMap | None = None,
     ) -> tuple[StandPose, ...]:
         """Stands from which at least one alternative is reachable, best first; empty if there is none.
 
         ``alternatives``: each a sequence of tool poses in the map frame that must all be reached (pre-grasp, grasp).
-        ``reference``: (n,) radians, where inverse kinematics starts. ``is_base_free``: whether the base may stand
-        there. ``world_at``: the collision world of the arm for a stand; without it collisions are not looked at.
+        ``is_base_free``: whether the base may stand there. ``world_at``: the collision world of the arm for a stand;
+        without it collisions are not looked at.
         ``current``: where the base is now. Stands that the arm's ``reachability`` (without it: their distance to the
         target) favours are tried first, and the search ends after ``enough`` that reach something.
         """
         if not alternatives or any(len(poses) == 0 for poses in alternatives):
             raise ManipulationError("alternatives should hold at least one sequence of tool poses, none of them empty")
         ranked: list[StandPose] = []
-        for stand in sorted(
-            candidates, key=lambda pose: self._effort(pose, alternatives, kinematics, current, reachability)
-        ):
+        for stand in sorted(candidates, key=lambda pose: self._effort(pose, alternatives, arm, current)):
             if not is_base_free(stand):
                 continue
-            rated = self._rate(stand, alternatives, kinematics, limits, reference, rng, world_at, current)
+            rated = self._rate(stand, alternatives, arm, world_at, current)
             if rated is not None:
                 ranked.append(rated)
                 if len(ranked) >= self.enough:
@@ -108,16 +117,15 @@ class StandSearch:
         self,
         stand: Pose2D,
         alternatives: Sequence[ToolPoses],
-        kinematics: InverseKinematics,
+        arm: ReachingArm,
         current: Pose2D | None,
-        reachability: ReachabilityMap | None,
     ) -> float:
         base_from_map = stand.to_pose().inverse()
-        if reachability is not None:
+        if arm.reachability is not None:
             lasts = [base_from_map @ poses[-1] for poses in alternatives]
-            likely = reachability.score([pose.position for pose in lasts], [pose.rotation[:, 2] for pose in lasts])
+            likely = arm.reachability.score([pose.position for pose in lasts], [pose.rotation[:, 2] for pose in lasts])
             return self._travel(stand, current) - float(np.mean(likely))
-        shoulder, reach = kinematics.reach
+        shoulder, reach = arm.kinematics.reach
         distances = [
             float(np.linalg.norm(base_from_map.apply(poses[-1].position) - shoulder)) for poses in alternatives
         ]
@@ -133,10 +141,7 @@ class StandSearch:
         self,
         stand: Pose2D,
         alternatives: Sequence[ToolPoses],
-        kinematics: InverseKinematics,
-        limits: JointLimits,
-        reference: ArrayLike,
-        rng: np.random.Generator,
+        arm: ReachingArm,
         world_at: Callable[[Pose2D], CollisionWorld] | None,
         current: Pose2D | None,
     ) -> StandPose | None:
@@ -146,13 +151,15 @@ class StandSearch:
         for number, poses in enumerate(alternatives):
             solutions: list[NDArray[np.float64]] = []
             for pose in poses:
-                seed = solutions[-1] if solutions else reference
-                result = kinematics.solve(base_from_map @ pose, seed, rng, is_valid=is_valid, attempts=self.ik_attempts)
+                seed = solutions[-1] if solutions else arm.reference
+                result = arm.kinematics.solve(
+                    base_from_map @ pose, seed, arm.rng, is_valid=is_valid, attempts=self.ik_attempts
+                )
                 if not result.found:
                     break
                 solutions.append(result.best)
             if len(solutions) == len(poses):
-                reached.append((min(_comfort(q, limits) for q in solutions), number, solutions[0]))
+                reached.append((min(_comfort(q, arm.limits) for q in solutions), number, solutions[0]))
         if not reached:
             return None
         comfort, number, positions = max(reached, key=lambda entry: entry[0])

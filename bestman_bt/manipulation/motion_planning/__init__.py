@@ -1,6 +1,6 @@
 """Motion planning for arms."""
 
-from bestman_bt.manipulation.motion_planning.approach import Approach, approaches
+from bestman_bt.manipulation.motion_planning.approach import Approach, ApproachPoses, approaches
 from bestman_bt.manipulation.motion_planning.base import (
     MotionPlan,
     MotionPlanner,
@@ -17,6 +17,7 @@ __all__ = [
     "AORRTC",
     "KPIECE",
     "Approach",
+    "ApproachPoses",
     "BITStar",
     "Escape",
     "MotionPlan",

@@ -27,11 +27,18 @@ class Approach:
     cost: float
 
 
+@dataclass(frozen=True, eq=False)
+class ApproachPoses:
+    """Tool poses in the base frame: where free motion ends, where the tool touches, and where it is out again."""
+
+    pre: Pose
+    contact: Pose
+    out: Pose
+
+
 def approaches(
     kinematics: InverseKinematics,
-    base_from_pre: Pose,
-    base_from_contact: Pose,
-    base_from_out: Pose,
+    poses: ApproachPoses,
     reference: ArrayLike,
     free: CollisionWorld,
     contact: CollisionWorld,
@@ -45,12 +52,12 @@ def approaches(
     motions, in which the hand may touch the target. Nothing is yielded where none is possible.
     """
     reference = np.asarray(reference, dtype=float)
-    result = kinematics.solve(base_from_pre, reference, rng, count, is_valid=free.is_free, attempts=attempts)
+    result = kinematics.solve(poses.pre, reference, rng, count, is_valid=free.is_free, attempts=attempts)
     for pre in result.solutions:
-        into = cartesian_path(kinematics, pre, base_from_contact, contact.is_free)
+        into = cartesian_path(kinematics, pre, poses.contact, contact.is_free)
         if not into.complete:
             continue
-        out = cartesian_path(kinematics, into.path[-1], base_from_out, contact.is_free)
+        out = cartesian_path(kinematics, into.path[-1], poses.out, contact.is_free)
         if not out.complete:
             continue
         distance = np.abs(pre - reference)

@@ -16,7 +16,7 @@ from bestman_bt.perception.calibration import CharucoBoard, project
 from bestman_bt.robot_model import ArmModel, CameraPart, JointGroupModel, RobotModel, load_robot_model
 from bestman_bt.runtime.calibration.dataset import Progress
 from bestman_bt.runtime.calibration.robot_chain import RobotChain
-from bestman_bt.runtime.calibration.simulated_recording import Span, in_hand, on_base, record
+from bestman_bt.runtime.calibration.simulated_recording import Span, Views, in_hand, on_base, record
 
 Kind = Literal["intrinsics", "hand-eye", "head"]
 SMALL_BOARD = CharucoBoard(7, 5, 0.04, 0.03)
@@ -56,7 +56,8 @@ def simulate(
     built = load_robot_model(robot, {**settings, **_as_built(kind, chain, np.random.default_rng([seed, 3]))})
     carried = chain.arm is not None
     placement = on_base(SMALL_BOARD, model) if carried else in_hand(LARGE_BOARD, model)
-    record(model, robot, built, chain.camera, placement, _span(kind, carried), views, seed, folder, progress)
+    asked = Views(placement, _span(kind, carried), views, seed)
+    record(model, robot, built, chain.camera, asked, folder, progress)
     return Simulated(robot, settings, chain.camera, built)
 
 

@@ -142,47 +142,54 @@ class Span:
     offset: float
 
 
+@dataclass(frozen=True)
+class Views:
+    """How many views are taken of a board, drawn from ``seed``."""
+
+    placement: BoardPlacement
+    span: Span
+    count: int
+    seed: int
+
+
 def record(
     file_robot: RobotModel,
     file: str,
     built_robot: RobotModel,
     camera: str,
-    placement: BoardPlacement,
-    span: Span,
-    views: int,
-    seed: int,
+    views: Views,
     folder: Path,
     progress: Progress,
 ) -> None:
-    """Write a dataset of ``views`` views into ``folder``; CalibrationError if the arm reaches too few of them.
+    """Write a dataset of ``views`` into ``folder``; CalibrationError if the arm reaches too few of them.
 
     ``file_robot``, read from ``file``, plans; ``built_robot`` moves and sees.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    rng = np.random.default_rng([seed, 7])
+    rng = np.random.default_rng([views.seed, 7])
     with TemporaryDirectory() as name:
         world = World("calibration", 0, (), (), (), Pose2D(), {})
-        drawn = _with_board(built_robot, placement, Path(name))
+        drawn = _with_board(built_robot, views.placement, Path(name))
         # Not folded, as it drives: a board in the hand would touch the arm.
         upright = PhysicsParameters(initial_postures=("home", "carry"))
-        robot = PyBulletRobot(drawn, world, seed=seed, parameters=upright)
+        robot = PyBulletRobot(drawn, world, seed=views.seed, parameters=upright)
         entries: list[dict[str, Any]] = []
         with robot:
-            recorder = _Recorder(robot, file_robot, camera, placement, span, rng)
+            recorder = _Recorder(robot, file_robot, camera, views.placement, views.span, rng)
             joints = JointStateSensor(robot.parts, file_robot)
-            for index, _ in zip(range(views), recorder.visit(), strict=False):
-                progress("recording views", index, views)
+            for index, _ in zip(range(views.count), recorder.visit(), strict=False):
+                progress("recording views", index, views.count)
                 image = robot.part(camera, Camera).capture()
                 entries.append(_save(image, f"view_{index:03d}", folder))
                 entries[-1]["joints"] = {name: round(float(value), 7) for name, value in joints.positions().items()}
-    progress("recording views", views, views)
-    if len(entries) < views:
-        raise CalibrationError(f"the arm reached {len(entries)} of {views} views of the board")
+    progress("recording views", views.count, views.count)
+    if len(entries) < views.count:
+        raise CalibrationError(f"the arm reached {len(entries)} of {views.count} views of the board")
     document = {
         "robot": str(Path(file).resolve()) if Path(file).suffix else file,
         "camera": camera,
-        "board": _written_board(placement.board),
-        "board_on": placement.holder,
+        "board": _written_board(views.placement.board),
+        "board_on": views.placement.holder,
         "views": entries,
     }
     text = yaml.safe_dump(document, sort_keys=False, default_flow_style=None, width=118)

@@ -8,7 +8,7 @@ import numpy as np
 
 from bestman_bt.configuration.quantity import PositiveLength, Torque
 from bestman_bt.scene.furniture_generator.handle_design import HandleOptions, draw_handle
-from bestman_bt.scene.furniture_generator.leaf import GAP, SEAM, Front, door
+from bestman_bt.scene.furniture_generator.leaf import GAP, SEAM, Front, LeafDesign, door
 from bestman_bt.scene.furniture_generator.option_error import FurnitureOptionError
 from bestman_bt.scene.furniture_generator.panel import FinishOptions, carcass, draw_finish, model, surface
 from bestman_bt.scene.furniture_generator.solid import block
@@ -60,13 +60,13 @@ def dishwasher(name: str, options: DishwasherOptions, rng: np.random.Generator) 
         "door",
         Front((face, 0.0, (bottom + top) / 2), width - SEAM, top - bottom),
         "bottom",
-        design,
-        finish,
-        thickness=thickness,
-        density=density,
-        friction=max(_LEAST_FRICTION, 1.2 * weight * (top - bottom) / 2)
-        if options.friction is None
-        else options.friction,
+        LeafDesign(
+            design,
+            finish,
+            thickness,
+            density,
+            max(_LEAST_FRICTION, 1.2 * weight * (top - bottom) / 2) if options.friction is None else options.friction,
+        ),
         upper=1.5,
         latch=options.latch,
     )

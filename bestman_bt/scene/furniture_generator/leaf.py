@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from bestman_bt.messages import Handle, Pose
+from bestman_bt.messages import Handle, JointKind, Pose
 from bestman_bt.messages.handle import HingeSide
 from bestman_bt.scene.furniture_generator.handle_design import HandleDesign
 from bestman_bt.scene.furniture_generator.panel import (
@@ -45,26 +45,36 @@ class Front:
     height: float
 
 
+@dataclass(frozen=True)
+class LeafDesign:
+    """How doors and drawers of a piece are made. ``thickness``: metres of the front. ``density``: kg/m³.
+
+    ``friction``: of the joint, N or N m.
+    """
+
+    handle: HandleDesign
+    finish: Finish
+    thickness: float
+    density: float
+    friction: float
+
+
 def door(
     name: str,
     front: Front,
     hinge_side: HingeSide,
-    design: HandleDesign,
-    finish: Finish,
+    design: LeafDesign,
     *,
-    thickness: float,
-    density: float,
-    friction: float,
     upper: float,
     extra: Sequence[Solid] = (),
     latch: float = 0.0,
 ) -> Articulation:
     """A door that turns about a border of its front, in the middle of its thickness.
 
-    ``extra``: more solids of the leaf, in the panel frame (a window). ``density``: kg/m³.
+    ``extra``: more solids of the leaf, in the panel frame (a window).
     """
-    panel = Panel(front.width, front.height, thickness, _OPPOSITE[hinge_side], closed_behind=True)
-    solids, handle = front_with_handle(panel, design, finish, centred=False)
+    panel = Panel(front.width, front.height, design.thickness, _OPPOSITE[hinge_side], closed_behind=True)
+    solids, handle = front_with_handle(panel, design.handle, design.finish, centred=False)
     half_width, half_height = front.width / 2, front.height / 2
     on_panel = {
         "left": (-half_width, 0.0),
@@ -73,31 +83,28 @@ def door(
         "bottom": (0.0, -half_height),
     }[hinge_side]
     pose = furniture_from_panel(front.centre)
-    hinge = pose.apply(np.array([[*on_panel, -thickness / 2]]))[0]
+    hinge = pose.apply(np.array([[*on_panel, -design.thickness / 2]]))[0]
     axis = np.array(_AXES[hinge_side])
     placed = pose @ handle.pose
     pulled = np.cross(axis, placed.position - hinge)
-    truth = _handle(design, front, pose, handle, pulled / np.linalg.norm(pulled), hinge_side, hinge, axis)
-    leaf = _articulation(name, "revolute", hinge, axis, upper, [*solids, *extra], pose, density, friction, truth)
-    return replace(leaf, latch=latch)
+    truth = _handle(design.handle, front, pose, handle, pulled / np.linalg.norm(pulled), hinge_side, hinge, axis)
+    joint = _LeafJoint("revolute", hinge, axis, upper)
+    return replace(_articulation(name, joint, [*solids, *extra], pose, design, truth), latch=latch)
 
 
 def drawer(
     name: str,
     front: Front,
-    design: HandleDesign,
-    finish: Finish,
+    design: LeafDesign,
     *,
-    thickness: float,
     depth: float,
     box_width: float,
-    density: float,
-    friction: float,
     upper: float,
 ) -> Articulation:
     """A drawer: a front with an open box ``box_width`` × ``depth`` behind it, whose bottom is a surface of its name."""
+    thickness, finish = design.thickness, design.finish
     panel = Panel(front.width, front.height, thickness, "top", closed_behind=False)
-    solids, handle = front_with_handle(panel, design, finish, centred=True)
+    solids, handle = front_with_handle(panel, design.handle, finish, centred=True)
     half, low = box_width / 2, -front.height / 2 + _BOX_FOOT
     high = low + 0.6 * front.height
     back = -thickness - depth
@@ -109,9 +116,9 @@ def drawer(
     ]
     pose = furniture_from_panel(front.centre)
     axis = np.array([-1.0, 0.0, 0.0])
-    truth = _handle(design, front, pose, handle, axis, None, None, None)
-    origin = np.array(front.centre)
-    leaf = _articulation(name, "prismatic", origin, axis, upper, solids, pose, density, friction, truth)
+    truth = _handle(design.handle, front, pose, handle, axis, None, None, None)
+    joint = _LeafJoint("prismatic", np.array(front.centre), axis, upper)
+    leaf = _articulation(name, joint, solids, pose, design, truth)
     inner, floor = half - _BOX_WALL, front.centre[2] + low + _BOX_BOTTOM
     behind = front.centre[0] + thickness
     bottom = surface(name, (behind, behind + depth - _BOX_WALL), (-inner, inner), floor)
@@ -147,29 +154,28 @@ def _handle(
     )
 
 
+@dataclass(frozen=True, eq=False)
+class _LeafJoint:
+    kind: JointKind
+    origin: np.ndarray
+    axis: np.ndarray
+    upper: float
+
+
 def _articulation(
-    name: str,
-    kind: str,
-    origin: np.ndarray,
-    axis: np.ndarray,
-    upper: float,
-    solids: Sequence[Solid],
-    pose: Pose,
-    density: float,
-    friction: float,
-    handle: Handle,
+    name: str, joint: _LeafJoint, solids: Sequence[Solid], pose: Pose, design: LeafDesign, handle: Handle
 ) -> Articulation:
     placed = [solid.seen_from(pose) for solid in solids]
     return Articulation(
         name=name,
-        kind="revolute" if kind == "revolute" else "prismatic",
-        origin=_point(origin),
-        axis=_point(axis),
-        upper=upper,
+        kind=joint.kind,
+        origin=_point(joint.origin),
+        axis=_point(joint.axis),
+        upper=joint.upper,
         parts=tuple(solid.placed for solid in placed),
         colors=tuple(solid.rgba for solid in placed),
-        mass=density * sum(solid.volume for solid in solids),
-        friction=friction,
+        mass=design.density * sum(solid.volume for solid in solids),
+        friction=design.friction,
         handle=handle,
     )
 

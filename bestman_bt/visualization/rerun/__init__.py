@@ -1,7 +1,7 @@
 """Rerun recordings of runs; rerun itself is imported when a recording is opened."""
 
 from bestman_bt.visualization.rerun.blueprint import Eye, eye_on
-from bestman_bt.visualization.rerun.open_recording import RecordedCamera
+from bestman_bt.visualization.rerun.open_recording import RecordedCamera, RecordingSetup
 from bestman_bt.visualization.rerun.recorder import RECORDING_NAME, RerunRecorder
 from bestman_bt.visualization.rerun.sensed import SensorRecording
 from bestman_bt.visualization.rerun.viewer import (
@@ -19,6 +19,7 @@ __all__ = [
     "Eye",
     "LiveFeed",
     "RecordedCamera",
+    "RecordingSetup",
     "RerunRecorder",
     "SensorRecording",
     "Viewer",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import tempfile
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -228,50 +228,56 @@ class RecordedCamera:
 
 
 @dataclass(frozen=True, eq=False)
-class Announced:
-    """All that a recording is told before it is opened; as the arguments of ``RerunRecorder``."""
+class RecordingSetup:
+    """All that a recording is told before it is opened.
+
+    ``urdf``: the robot's URDF text, meshes by absolute path; ``base_frame``: the link whose pose snapshots give.
+    ``tree``: the main tree. ``plotted_joints``: drawn over time, radians or metres.
+    ``grippers``: gripper name → finger joints, whose sum is the opening width. ``eye``: viewpoint, None for one
+    that shows all bodies.
+    """
 
     urdf: str
     base_frame: str
     tree: TreeEvent
-    bodies: Mapping[str, RecordedBody]
-    cameras: Mapping[str, RecordedCamera]
-    plotted_joints: tuple[str, ...]
-    grippers: Mapping[str, tuple[str, ...]]
-    eye: Eye | None
-    sensors: SensorRecording
+    bodies: Sequence[RecordedBody] = ()
+    cameras: Mapping[str, RecordedCamera] = field(default_factory=dict)
+    plotted_joints: Sequence[str] = ()
+    grippers: Mapping[str, Sequence[str]] = field(default_factory=dict)
+    eye: Eye | None = None
+    sensors: SensorRecording = field(default_factory=SensorRecording)
 
     def blueprint(self) -> rrb.Blueprint:
         """How the recording looks when it is opened."""
         plots = [entities.JOINTS] * bool(self.plotted_joints) + [entities.GRIPPERS] * bool(self.grippers)
-        eye = self.eye or eye_on(bounds(self.bodies.values()))
+        eye = self.eye or eye_on(bounds(self.bodies))
         return build_blueprint(_history(self.tree).nodes, eye, list(self.cameras), plots)
 
 
 class OpenRecording:
     """The parts that write to ``stream``, and the time of what is written next."""
 
-    def __init__(self, stream: rr.RecordingStream, announced: Announced) -> None:
+    def __init__(self, stream: rr.RecordingStream, setup: RecordingSetup) -> None:
         self.stream = stream
-        self.robot = RecordedRobot(announced.urdf, announced.base_frame)
+        self.robot = RecordedRobot(setup.urdf, setup.base_frame)
         self.transforms = FrameTransforms(stream)
-        self.history = _history(announced.tree)
+        self.history = _history(setup.tree)
         self.graph = TreeGraph(stream, self.history.nodes)
         self.lanes = StateLanes(stream, self.history.nodes)
-        self.joints = TimeSeries(stream, entities.JOINTS, announced.plotted_joints)
-        self.widths = TimeSeries(stream, entities.GRIPPERS, tuple(f"{name} width" for name in announced.grippers))
+        self.joints = TimeSeries(stream, entities.JOINTS, tuple(setup.plotted_joints))
+        self.widths = TimeSeries(stream, entities.GRIPPERS, tuple(f"{name} width" for name in setup.grippers))
         self.driven = bodies.DrivenPath()
         self.has_belief = False
         self.objects: dict[str, str] = {}
         """Entities of the objects that are believed in."""
         self._tick = 0
-        self._announced = announced
+        self._setup = setup
 
     def write_constants(self) -> None:
         """Write all that does not change; RecordingError for a robot that cannot be shown."""
         import rerun as rr
 
-        stream, announced = self.stream, self._announced
+        stream, setup = self.stream, self._setup
         stream.log(
             entities.WORLD,
             rr.ViewCoordinates.RIGHT_HAND_Z_UP,
@@ -279,10 +285,10 @@ class OpenRecording:
             static=True,
         )
         self.robot.write_model(stream)
-        for name, camera in announced.cameras.items():
-            sensed.write_camera(stream, name, camera.optical_frame, camera.intrinsics, announced.sensors.frustum_length)
-        write_floor(stream, bounds(announced.bodies.values()))
-        for body in announced.bodies.values():
+        for name, camera in setup.cameras.items():
+            sensed.write_camera(stream, name, camera.optical_frame, camera.intrinsics, setup.sensors.frustum_length)
+        write_floor(stream, bounds(setup.bodies))
+        for body in setup.bodies:
             write_body(stream, body)
         self.graph.write_shape()
         self.lanes.write_styles()
@@ -290,7 +296,7 @@ class OpenRecording:
         self.widths.write_styles()
         self.set_time(0.0)
         self.graph.write_colors(self.history.states.now)
-        for body in announced.bodies.values():
+        for body in setup.bodies:
             self.transforms.add_pose(entities.MAP_FRAME, body_frame(body.name), body.pose)
         self.transforms.write(0.0, 0)
 

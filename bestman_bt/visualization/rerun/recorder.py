@@ -12,17 +12,15 @@ from numpy.typing import ArrayLike, NDArray
 from bestman_bt.engine.core.status import FAILURE, IDLE, RUNNING, SUCCESS
 from bestman_bt.extras import require_extra
 from bestman_bt.messages import LaserScan, Path2D, PointCloud, Pose, RGBDImage
-from bestman_bt.records.events import StatesEvent, TreeEvent
+from bestman_bt.records.events import StatesEvent
 from bestman_bt.records.states import NO
 from bestman_bt.visualization.errors import RecordingError
 from bestman_bt.visualization.marks import GraspMark, ObjectMark
 from bestman_bt.visualization.node_labels import node_label
 from bestman_bt.visualization.rerun import beliefs, bodies, entities, sensed
-from bestman_bt.visualization.rerun.blueprint import Eye
 from bestman_bt.visualization.rerun.bodies import body_frame
-from bestman_bt.visualization.rerun.open_recording import Announced, OpenRecording, RecordedCamera
-from bestman_bt.visualization.rerun.sensed import SensorRecording
-from bestman_bt.visualization.snapshot import RecordedBody, RobotSnapshot
+from bestman_bt.visualization.rerun.open_recording import OpenRecording, RecordingSetup
+from bestman_bt.visualization.snapshot import RobotSnapshot
 
 RECORDING_NAME = "recording.rrd"
 """Of a run, in its folder."""
@@ -33,11 +31,6 @@ LEVEL_OF_STATE = {RUNNING: "INFO", SUCCESS: "INFO", NO: "INFO", FAILURE: "WARN"}
 class RerunRecorder:
     """Writes a run to ``path`` (``.rrd``) while it happens; a context manager.
 
-    ``urdf``: the robot's URDF text, meshes by absolute path; ``base_frame``: the link whose pose snapshots give.
-    ``tree``: the main tree. ``plotted_joints``: drawn over time, radians or metres.
-    ``grippers``: gripper name → finger joints, whose sum is the opening width. ``eye``: viewpoint, None for one
-    that shows all bodies.
-
     Nothing is opened before ``open``. Data reaches the disk within half a second, so that an interrupted run
     leaves a recording that opens. Stamps are seconds of the robot's clock and never go back.
     """
@@ -45,30 +38,12 @@ class RerunRecorder:
     def __init__(
         self,
         path: Path | str,
-        *,
-        urdf: str,
-        base_frame: str,
-        tree: TreeEvent,
-        bodies: Sequence[RecordedBody] = (),
-        cameras: Mapping[str, RecordedCamera] | None = None,
-        plotted_joints: Sequence[str] = (),
-        grippers: Mapping[str, Sequence[str]] | None = None,
-        eye: Eye | None = None,
-        sensors: SensorRecording | None = None,
+        setup: RecordingSetup,
         application_id: str = "bestman_bt",
     ) -> None:
         self.file = Path(path)
-        self._announced = Announced(
-            urdf=urdf,
-            base_frame=base_frame,
-            tree=tree,
-            bodies={body.name: body for body in bodies},
-            cameras=dict(cameras or {}),
-            plotted_joints=tuple(plotted_joints),
-            grippers={name: tuple(joints) for name, joints in (grippers or {}).items()},
-            eye=eye,
-            sensors=sensors or SensorRecording(),
-        )
+        self._setup = setup
+        self._bodies = [body.name for body in setup.bodies]
         self._application_id = application_id
         self._open: OpenRecording | None = None
 
@@ -86,10 +61,10 @@ class RerunRecorder:
         # The id tells it from other recordings in one viewer.
         stream = rr.RecordingStream(self._application_id, recording_id=f"{file.parent.name}-{file.stem}")
         try:
-            stream.save(self.file, default_blueprint=self._announced.blueprint())
+            stream.save(self.file, default_blueprint=self._setup.blueprint())
         except (RuntimeError, OSError) as error:
             raise RecordingError(f"the recording {self.file} cannot be written: {error}") from error
-        self._open = OpenRecording(stream, self._announced)
+        self._open = OpenRecording(stream, self._setup)
         try:
             self._open.write_constants()
         except RecordingError:
@@ -117,8 +92,8 @@ class RerunRecorder:
         parts = self._at(snapshot.stamp, snapshot.tick)
         parts.robot.place(parts.transforms, snapshot.map_from_base, snapshot.joint_positions)
         for name, pose in snapshot.body_poses.items():
-            if name not in self._announced.bodies:
-                there = ", ".join(self._announced.bodies) or "none"
+            if name not in self._bodies:
+                there = ", ".join(self._bodies) or "none"
                 raise RecordingError(f"snapshot: body {name!r} was not announced; there are {there}")
             parts.transforms.add_pose(entities.MAP_FRAME, body_frame(name), pose)
         if snapshot.believed_map_from_base is not None:
@@ -128,8 +103,8 @@ class RerunRecorder:
             parts.transforms.add_pose(entities.MAP_FRAME, bodies.BELIEF_FRAME, snapshot.believed_map_from_base)
         parts.transforms.write(snapshot.stamp, snapshot.tick)
         joints = snapshot.joint_positions
-        parts.joints.write([joints.get(name, np.nan) for name in self._announced.plotted_joints])
-        grippers = self._announced.grippers.values()
+        parts.joints.write([joints.get(name, np.nan) for name in self._setup.plotted_joints])
+        grippers = self._setup.grippers.values()
         parts.widths.write([sum(joints.get(name, np.nan) for name in names) for names in grippers])
         if parts.driven.extend(snapshot.map_from_base.position[:2]):
             bodies.write_path(parts.stream, "driven", parts.driven.points, bodies.DRIVEN_COLOR)
@@ -151,15 +126,15 @@ class RerunRecorder:
 
     def image(self, camera: str, image: RGBDImage) -> None:
         """Record a camera image at its stamp; RecordingError for a camera that was not announced."""
-        if camera not in self._announced.cameras:
+        if camera not in self._setup.cameras:
             raise RecordingError(
-                f"image: camera {camera!r} was not announced; there are {', '.join(self._announced.cameras) or 'none'}"
+                f"image: camera {camera!r} was not announced; there are {', '.join(self._setup.cameras) or 'none'}"
             )
-        sensed.write_image(self._at(image.stamp).stream, camera, image, self._announced.sensors)
+        sensed.write_image(self._at(image.stamp).stream, camera, image, self._setup.sensors)
 
     def cloud(self, name: str, cloud: PointCloud, stamp: float) -> None:
         """Record a cloud in the map frame."""
-        sensed.write_cloud(self._at(stamp).stream, name, cloud, self._announced.sensors)
+        sensed.write_cloud(self._at(stamp).stream, name, cloud, self._setup.sensors)
 
     def scan(self, name: str, scan: LaserScan, map_from_lidar: Pose) -> None:
         """Record the hits of a scan at its stamp."""

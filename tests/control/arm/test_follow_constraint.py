@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from bestman_bt.control import MotionStatus
-from bestman_bt.control.arm import FollowEnd
+from bestman_bt.control.arm import FollowEnd, FollowGoal
 from bestman_bt.messages import MotionErrorCode, Pose2D
 
 DRAWER = ("drawer_chest/drawer_3", Pose2D(-0.88, -0.6, -0.4))
@@ -30,7 +30,9 @@ def resting(scene) -> bool:
 def test_a_drawer_opens_25_cm_and_is_found_to_slide(stand_before):
     scene = stand_before(*DRAWER, flip=True)
     scene.grasp()
-    ended = scene.wait(scene.arm.follow_constraint(guess(scene, 1), distance=0.25, grip=scene.gripper.watch_slip()))
+    ended = scene.wait(
+        scene.arm.follow_constraint(guess(scene, 1), FollowGoal(distance=0.25), grip=scene.gripper.watch_slip())
+    )
     assert ended.status is MotionStatus.SUCCEEDED, ended.failure
     assert scene.opened > 0.24
     assert ended.result.axis.kind == "prismatic"
@@ -47,7 +49,7 @@ def test_a_drawer_opens_25_cm_and_is_found_to_slide(stand_before):
 def test_a_door_opens_an_angle_about_the_hinge_that_is_found(stand_before, door, radius):
     scene = stand_before(*door, flip=door is FRIDGE)
     scene.grasp()
-    handle = scene.arm.follow_constraint(guess(scene, 1), angle=1.0, grip=scene.gripper.watch_slip())
+    handle = scene.arm.follow_constraint(guess(scene, 1), FollowGoal(angle=1.0), grip=scene.gripper.watch_slip())
     ended = scene.wait(handle)
     assert ended.status is MotionStatus.SUCCEEDED, ended.failure
     assert scene.opened > math.radians(50.0)
@@ -62,7 +64,9 @@ def test_a_door_opens_an_angle_about_the_hinge_that_is_found(stand_before, door,
 def test_a_locked_door_is_told_within_the_force_limit(stand_before):
     scene = stand_before(*FRIDGE, friction=200.0, flip=True)
     scene.grasp()
-    ended = scene.wait(scene.arm.follow_constraint(scene.handle.opening_direction, angle=1.0, max_pull=35.0))
+    ended = scene.wait(
+        scene.arm.follow_constraint(scene.handle.opening_direction, FollowGoal(angle=1.0, max_pull=35.0))
+    )
     assert (ended.status, ended.failure.code) == (MotionStatus.FAILED, MotionErrorCode.BLOCKED)
     assert "locked" in ended.failure.text
     assert ended.result.end is FollowEnd.LOCKED
@@ -75,7 +79,9 @@ def test_fingers_without_friction_lose_the_handle(stand_before):
     scene = stand_before(*DRAWER, finger_friction=0.001, flip=True)
     scene.grasp()
     ended = scene.wait(
-        scene.arm.follow_constraint(scene.handle.opening_direction, distance=0.25, grip=scene.gripper.watch_slip())
+        scene.arm.follow_constraint(
+            scene.handle.opening_direction, FollowGoal(distance=0.25), grip=scene.gripper.watch_slip()
+        )
     )
     assert ended.status is MotionStatus.FAILED
     assert (ended.failure.code, ended.result.end) == (MotionErrorCode.GUARDED, FollowEnd.GRIP_LOST)
@@ -86,7 +92,7 @@ def test_fingers_without_friction_lose_the_handle(stand_before):
 def test_a_following_that_is_cancelled_leaves_nothing_moving(stand_before):
     scene = stand_before(*DRAWER, flip=True)
     scene.grasp()
-    handle = scene.arm.follow_constraint(scene.handle.opening_direction, distance=0.25)
+    handle = scene.arm.follow_constraint(scene.handle.opening_direction, FollowGoal(distance=0.25))
     scene.robot.clock.sleep(1.5)
     handle.cancel()
     assert handle.status is MotionStatus.CANCELED
@@ -99,7 +105,7 @@ def test_a_following_that_is_cancelled_leaves_nothing_moving(stand_before):
 
 def test_a_newer_command_supersedes_a_following(stand_before):
     scene = stand_before(*DRAWER, flip=True)
-    handle = scene.arm.follow_constraint(scene.handle.opening_direction, distance=0.25)
+    handle = scene.arm.follow_constraint(scene.handle.opening_direction, FollowGoal(distance=0.25))
     scene.robot.clock.sleep(0.2)
     scene.arm.move_to(scene.arm.positions())
     assert (handle.status, handle.failure.code) == (MotionStatus.CANCELED, MotionErrorCode.SUPERSEDED)
@@ -108,6 +114,6 @@ def test_a_newer_command_supersedes_a_following(stand_before):
 def test_a_following_without_an_end_or_direction_is_refused(stand_before):
     scene = stand_before(*DRAWER, flip=True)
     with pytest.raises(ValueError, match="distance or an angle"):
-        scene.arm.follow_constraint((1.0, 0.0, 0.0))
+        scene.arm.follow_constraint((1.0, 0.0, 0.0), FollowGoal())
     with pytest.raises(ValueError, match="direction"):
-        scene.arm.follow_constraint((0.0, 0.0, 0.0), distance=0.1)
+        scene.arm.follow_constraint((0.0, 0.0, 0.0), FollowGoal(distance=0.1))

@@ -6,7 +6,7 @@ import numpy as np
 import pybullet
 import pytest
 
-from bestman_bt.control.arm import ArmController, FollowEnd, Following, JointAxis
+from bestman_bt.control.arm import ArmController, ArmMoving, FollowEnd, FollowGoal, Following, JointAxis
 from bestman_bt.manipulation.kinematics import DampedLeastSquares
 from bestman_bt.messages import MotionErrorCode, Pose2D
 from hal.api import Arm
@@ -18,7 +18,7 @@ def test_a_drawer_that_jams_half_way_is_told_within_the_force_limit_and_how_far_
     scene = stand_before(*DRAWER, flip=True)
     scene.grasp()
     handle = scene.arm.follow_constraint(
-        scene.handle.opening_direction, distance=0.25, max_pull=40.0, grip=scene.gripper.watch_slip()
+        scene.handle.opening_direction, FollowGoal(distance=0.25, max_pull=40.0), grip=scene.gripper.watch_slip()
     )
     while scene.opened < 0.10:
         scene.robot.clock.sleep(0.05)
@@ -40,7 +40,9 @@ def test_a_hand_that_is_led_the_wrong_way_meets_an_obstacle(stand_before):
     across = forward + np.cross([0.0, 0.0, 1.0], forward)
     axis = JointAxis("prismatic", scene.handle.pose.position, across / np.linalg.norm(across), 0.0, 0.0)
     ended = scene.wait(
-        scene.arm.follow_constraint(across, distance=0.25, max_pull=200.0, max_side=12.0, axis=axis, learns=False)
+        scene.arm.follow_constraint(
+            across, FollowGoal(distance=0.25, max_pull=200.0, max_side=12.0, axis=axis, learns=False)
+        )
     )
     assert (ended.failure.code, ended.result.end) == (MotionErrorCode.COLLISION, FollowEnd.OBSTACLE)
 
@@ -48,7 +50,7 @@ def test_a_hand_that_is_led_the_wrong_way_meets_an_obstacle(stand_before):
 @pytest.mark.slow
 def test_the_arm_s_own_limit_is_told(stand_before):
     scene = stand_before(*DRAWER, flip=True)
-    ended = scene.wait(scene.arm.follow_constraint(scene.handle.outward, distance=2.0, speed=0.2))
+    ended = scene.wait(scene.arm.follow_constraint(scene.handle.outward, FollowGoal(distance=2.0, speed=0.2)))
     assert (ended.failure.code, ended.result.end) == (MotionErrorCode.UNREACHABLE, FollowEnd.ARM_LIMIT)
 
 
@@ -58,8 +60,12 @@ def test_a_following_has_a_time_limit(stand_before):
     hasty = Following(time_factor=0.01)
     kinematics = DampedLeastSquares(scene.robot.model)
     arm = ArmController(
-        scene.robot.part("arm", Arm), scene.robot.clock, kinematics=kinematics, wrist=scene.wrist, following=hasty
+        scene.robot.part("arm", Arm),
+        scene.robot.clock,
+        kinematics=kinematics,
+        wrist=scene.wrist,
+        moving=ArmMoving(following=hasty),
     )
-    ended = scene.wait(arm.follow_constraint(scene.handle.outward, distance=0.2, speed=0.02))
+    ended = scene.wait(arm.follow_constraint(scene.handle.outward, FollowGoal(distance=0.2, speed=0.02)))
     assert (ended.failure.code, ended.result.end) == (MotionErrorCode.TIMEOUT, FollowEnd.TIMEOUT)
     assert 0.05 < ended.result.distance < 0.15

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from bestman_bt.control import MotionStatus
-from bestman_bt.control.arm import FollowEnd, FollowGuide, Following, JointAxis
+from bestman_bt.control.arm import ArmMoving, FollowEnd, FollowGoal, FollowGuide, Following, JointAxis
 from bestman_bt.messages import MotionErrorCode, Pose
 from tests.control.arm.gantry import START, AtWork
 
@@ -31,9 +31,9 @@ def drawer(friction: float = 6.0, jam: float = math.inf, side: float = 0.0, stif
     return force
 
 
-def follow(force, direction=OUT, following: Following | None = None, **goal):
-    it = AtWork(force, following=following)
-    handle = it.controller.follow_constraint(direction, **({"distance": 0.2} | goal))
+def follow(force, direction=OUT, following: Following | None = None, grip=None, hint=None, **goal):
+    it = AtWork(force, moving=ArmMoving(following=following or Following()))
+    handle = it.controller.follow_constraint(direction, FollowGoal(**{"distance": 0.2} | goal), grip, hint)
     return it, it.wait(handle, 60.0)
 
 
@@ -76,7 +76,7 @@ def test_a_hand_that_gets_no_further_is_jammed_though_it_feels_nothing(monkeypat
         return START + off - max(0.0, float(off @ way) - 0.05) * way
 
     monkeypatch.setattr(it.arm, "positions", held_up)
-    handle = it.wait(it.controller.follow_constraint(OUT, distance=0.2), 60.0)
+    handle = it.wait(it.controller.follow_constraint(OUT, FollowGoal(distance=0.2)), 60.0)
     assert handle.result.end is FollowEnd.JAMMED
     assert handle.result.distance == pytest.approx(0.05, abs=1e-3)
     assert it.clock.now() < 3.0
@@ -111,7 +111,7 @@ def test_a_grip_that_is_lost_ends_it_at_once_with_its_words():
 def test_where_the_arm_can_go_no_further_it_says_so_and_how_far_it_came():
     it = AtWork(drawer())
     it.kinematics.reachable = lambda place: float((place - START[:3]) @ OUT) < 0.08
-    handle = it.wait(it.controller.follow_constraint(OUT, distance=0.2))
+    handle = it.wait(it.controller.follow_constraint(OUT, FollowGoal(distance=0.2)))
     assert handle.failure.code is MotionErrorCode.UNREACHABLE
     assert handle.result.end is FollowEnd.ARM_LIMIT
     assert handle.result.distance == pytest.approx(0.08, abs=0.003)
@@ -196,7 +196,7 @@ def test_a_guide_tells_hand_and_posture_on_the_way_and_what_is_held_need_not_be_
 
 def test_cancelling_a_following_and_a_second_one_after_it():
     it = AtWork(drawer())
-    handle = it.controller.follow_constraint(OUT, distance=0.3)
+    handle = it.controller.follow_constraint(OUT, FollowGoal(distance=0.3))
     it.clock.sleep(1.0)
     stops = it.arm.stops
     handle.cancel()
@@ -204,7 +204,7 @@ def test_cancelling_a_following_and_a_second_one_after_it():
     it.clock.sleep(0.5)
     assert (it.arm.stops, len(it.arm.sent)) == (stops + 1, sent)
     assert handle.status is MotionStatus.CANCELED
-    second = it.wait(it.controller.follow_constraint(OUT, distance=0.1))
+    second = it.wait(it.controller.follow_constraint(OUT, FollowGoal(distance=0.1)))
     assert second.status is MotionStatus.SUCCEEDED
     assert second.result.distance == pytest.approx(0.1, abs=0.01)
 
@@ -222,7 +222,7 @@ def test_cancelling_a_following_and_a_second_one_after_it():
 )
 def test_a_following_that_makes_no_sense_is_refused(values, named):
     with pytest.raises(ValueError, match=named):
-        AtWork().controller.follow_constraint(OUT, **({"distance": 0.1} | values))
+        FollowGoal(**{"distance": 0.1} | values)
 
 
 def test_a_guide_needs_increasing_ways_each_with_a_turn_and_a_posture():
@@ -258,7 +258,7 @@ def test_it_gathers_speed_and_brakes_before_the_end_of_its_way():
 
 def test_where_a_joint_would_be_too_fast_it_goes_more_slowly():
     it = AtWork(nothing, velocity=0.05)  # half a millimetre a step
-    handle = it.wait(it.controller.follow_constraint(OUT, distance=0.05))
+    handle = it.wait(it.controller.follow_constraint(OUT, FollowGoal(distance=0.05)))
     assert handle.status is MotionStatus.SUCCEEDED, handle.failure
     assert np.abs(np.diff([START, *it.arm.sent], axis=0)).max() <= 0.6 * 0.05 / 60.0 + 1e-9
 

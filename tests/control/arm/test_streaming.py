@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from bestman_bt.control import MotionStatus
-from bestman_bt.control.arm import ArmController, Guarding
+from bestman_bt.control.arm import ArmController, ArmMoving, FollowGoal, Guarding
 from bestman_bt.control.arm.guarded_move import Streaming, StreamStep, ToolStream
 from bestman_bt.messages import Failure, MotionErrorCode, Pose
 from hal.api import CommandRefusedError, NoDataError, NotConnectedError
@@ -134,7 +134,7 @@ def test_on_its_blind_way_a_guarded_move_looks_at_no_force():
         def bump(pose):
             return -30.0 * ALONG if 0.01 < (pose.position - START[:3]) @ ALONG < 0.05 else np.zeros(3)
 
-        it = AtWork(bump, guarded=Guarding(blind_way=blind))
+        it = AtWork(bump, moving=ArmMoving(guarded=Guarding(blind_way=blind)))
         assert it.wait(it.controller.move_until(ALONG, 0.05, 0.1, 8.0)).result.touched == touched
 
 
@@ -313,4 +313,4 @@ def test_an_arm_without_a_wrist_feels_no_way():
     with pytest.raises(ValueError, match="force-torque"):
         arm.move_until(ALONG, 0.05, 0.1, 5.0)
     with pytest.raises(ValueError, match="kinematics"):
-        ArmController(it.arm, it.clock, wrist=it.wrist).follow_constraint(ALONG, distance=0.1)
+        ArmController(it.arm, it.clock, wrist=it.wrist).follow_constraint(ALONG, FollowGoal(distance=0.1))

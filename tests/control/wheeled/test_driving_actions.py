@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 
 from bestman_bt.control import MotionStatus
+from bestman_bt.control.inertial import FusedOdometry
 from bestman_bt.control.lidar import LidarSensor
-from bestman_bt.control.wheeled import BaseController, CollisionMonitor
+from bestman_bt.control.wheeled import BaseController, CollisionMonitor, Driving, LocalisationCycle
 from bestman_bt.errors import WrongResultError
 from bestman_bt.messages import LaserScan, MotionErrorCode, Path2D, Pose, Pose2D, Twist2D, wrap_angle
 from bestman_bt.navigation.global_planning import Costmap, Footprint
@@ -23,7 +24,7 @@ from bestman_bt.navigation.local_planning import (
     PurePursuit,
     RotateToHeading,
 )
-from bestman_bt.navigation.localization import LocalizationEstimate, Localizer, ScanMatch
+from bestman_bt.navigation.localization import LocalizationEstimate, Localizer, ScanMatch, WheelOdometry
 from bestman_bt.world_model import BasePose, SemanticMap, WorldModel
 from hal.api import Bumper, BumperReading, BumperZone, NoDataError, NotConnectedError
 from tests.control.scripted_parts import CORNERS, RoomLidar, ScriptedBase
@@ -97,16 +98,14 @@ def driven(
     lidar = RoomLidar(base, BASE_FROM_LIDAR, segments)
     localizer = Told()
     world = WorldModel(SemanticMap(ROOM, {}), base=BasePose(start, 0.01, 0.01, 0.0))
+    odometer = FusedOdometry(base, base.clock, WheelOdometry())
     controller = BaseController(
         base,
-        base.clock,
-        LidarSensor(lidar, At()),
-        localizer,
+        LocalisationCycle(base.clock, LidarSensor(lidar, At()), localizer, odometer, world),
         follower or PurePursuit(),
-        world,
-        rotation=rotation,
-        monitor=CollisionMonitor(base.model, bumpers),
-        layer=layer,
+        Driving(rotation=rotation or RotateToHeading()),
+        CollisionMonitor(base.model, bumpers),
+        layer,
     )
     controller.start()
     base.clock.sleep(0.2)

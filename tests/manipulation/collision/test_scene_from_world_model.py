@@ -137,7 +137,7 @@ def test_what_is_held_is_where_the_tool_has_it(belief, diff_panda):
 
 def test_names_can_be_left_out_and_pairs_allowed(belief, diff_panda):
     contacts = finger_contacts(diff_panda, "cup")
-    scene = scene_of(belief, diff_panda, ignore=("wall0",), allowed_pairs=contacts)
+    scene = scene_of(belief, diff_panda, ignore=("wall0",)).allowing(*contacts)
     assert "wall0" not in named(scene)
     assert scene.allowed_pairs == {
         frozenset({"panda_leftfinger", "cup"}),

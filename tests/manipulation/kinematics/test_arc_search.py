@@ -10,6 +10,7 @@ import pytest
 from bestman_bt.manipulation.kinematics import (
     ArcSearch,
     ArcStands,
+    ReachingArm,
     StandSearch,
 )
 from bestman_bt.messages import Pose, Pose2D
@@ -105,7 +106,9 @@ HOME = np.zeros(2)
 
 def along(candidates, stations=MARKS, search=None, **options):
     rng = np.random.default_rng(0)
-    return (search or ArcStands()).rank(candidates, stations, SLIDES, LIMITS, HOME, rng, arc=STIFF, **options)
+    return (search or ArcStands()).rank(
+        candidates, stations, ReachingArm(SLIDES, LIMITS, HOME, rng), arc=STIFF, **options
+    )
 
 
 def test_stands_where_the_base_may_not_be_do_not_count_as_tried():
@@ -197,7 +200,7 @@ def test_approaches_are_looked_at_in_the_frame_of_the_base():
     right, left = Pose2D(0.0, 0.0, -np.pi / 2), Pose2D(0.0, 0.0, np.pi / 2)
     assert ArcStands().promising([left, right], [[forward]], SLIDES, Downwind())[0] == right
     ranked = StandSearch(enough=1).rank(
-        [left, right], [[opposite, forward]], SLIDES, LIMITS, HOME, np.random.default_rng(0), reachability=Downwind()
+        [left, right], [[opposite, forward]], ReachingArm(SLIDES, LIMITS, HOME, np.random.default_rng(0), Downwind())
     )
     assert [stand.pose for stand in ranked] == [right]
 
@@ -209,7 +212,7 @@ def test_stands_out_of_reach_of_a_station_promise_nothing():
 
 def rank(candidates, alternatives, search=None, **options):
     search, rng = search or StandSearch(), np.random.default_rng(0)
-    return search.rank(candidates, alternatives, SLIDES, LIMITS, HOME, rng, **options)
+    return search.rank(candidates, alternatives, ReachingArm(SLIDES, LIMITS, HOME, rng), **options)
 
 
 def test_an_alternative_is_as_comfortable_as_its_least_comfortable_pose():
@@ -239,7 +242,10 @@ def test_each_pose_is_sought_from_the_solution_before():
             return super().solve(base_from_tool, reference, *args, **options)
 
     StandSearch().rank(
-        [Pose2D()], [[at(0.2), at(0.6)]], Noting(), LIMITS, HOME, np.random.default_rng(0), world_at=lambda stand: world
+        [Pose2D()],
+        [[at(0.2), at(0.6)]],
+        ReachingArm(Noting(), LIMITS, HOME, np.random.default_rng(0)),
+        world_at=lambda stand: world,
     )
     assert [seed.tolist() for seed in seeds] == [[0.0, 0.0], [0.1, 0.1]]
 

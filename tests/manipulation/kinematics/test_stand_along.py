@@ -10,6 +10,7 @@ from bestman_bt.manipulation.kinematics import (
     ArcStands,
     DampedLeastSquares,
     ReachabilitySampling,
+    ReachingArm,
     stands_around,
 )
 from bestman_bt.messages import Pose, Pose2D
@@ -35,7 +36,7 @@ def test_a_door_is_opened_by_eighty_degrees_from_each_ranked_stand(mobile, radiu
     candidates = [
         stand for stand in stands_around(door[9][5].position) if hinge.inverse().apply([stand.x, stand.y, 0])[0] < -0.35
     ]
-    ranked = ArcStands().rank(candidates, door, kinematics, limits, home, rng, map_)
+    ranked = ArcStands().rank(candidates, door, ReachingArm(kinematics, limits, home, rng, map_))
     assert len(ranked) >= 3
     assert [stand.score for stand in ranked] == sorted((stand.score for stand in ranked), reverse=True)
     for stand in ranked:
@@ -53,7 +54,8 @@ def test_without_a_map_the_distance_orders_the_stands_and_equal_input_gives_equa
     door = door_stations(Pose(np.array([0.0, 0.0, 0.9])), 0.4, 1)
     candidates = [stand for stand in stands_around(door[9][5].position) if stand.x < -0.35]
     first, again = (
-        ArcStands(enough=1).rank(candidates, door, kinematics, limits, home, np.random.default_rng(5)) for _ in range(2)
+        ArcStands(enough=1).rank(candidates, door, ReachingArm(kinematics, limits, home, np.random.default_rng(5)))
+        for _ in range(2)
     )
     assert len(first) == 1
     assert first[0].pose == again[0].pose
@@ -65,15 +67,15 @@ def test_stands_and_arm_positions_that_are_not_free_are_left_out(mobile, rng):
     door = door_stations(Pose(np.array([0.0, 0.0, 0.9])), 0.4, 1)
     candidates = [stand for stand in stands_around(door[9][5].position) if stand.x < -0.35]
     ranked = ArcStands(enough=1).rank(
-        candidates, door, kinematics, limits, home, rng, map_, is_base_free=lambda stand: stand.y > 0.5
+        candidates, door, ReachingArm(kinematics, limits, home, rng, map_), is_base_free=lambda stand: stand.y > 0.5
     )
     assert ranked
     assert all(stand.pose.y > 0.5 for stand in ranked)
     few = ArcStands(most=3)
     refuse = lambda stand: lambda q, station: station < 12  # noqa: E731
-    assert few.rank(candidates, door, kinematics, limits, home, rng, map_, is_free_at=refuse) == ()
+    assert few.rank(candidates, door, ReachingArm(kinematics, limits, home, rng, map_), is_free_at=refuse) == ()
     partial = ArcStands(most=3, min_fraction=0.5).rank(
-        candidates, door, kinematics, limits, home, rng, map_, is_free_at=refuse
+        candidates, door, ReachingArm(kinematics, limits, home, rng, map_), is_free_at=refuse
     )
     assert partial
     assert all(stand.arc.fraction == pytest.approx(12 / 18) for stand in partial)
@@ -83,7 +85,7 @@ def test_stands_and_arm_positions_that_are_not_free_are_left_out(mobile, rng):
 def test_nothing_is_found_out_of_reach(mobile, rng):
     kinematics, limits, home, map_ = mobile
     door = door_stations(Pose(np.array([0.0, 0.0, 2.6])), 0.4, 1)
-    assert ArcStands().rank(stands_around([0, 0]), door, kinematics, limits, home, rng, map_) == ()
+    assert ArcStands().rank(stands_around([0, 0]), door, ReachingArm(kinematics, limits, home, rng, map_)) == ()
 
 
 def test_stands_lie_round_the_target_and_look_at_it():
@@ -98,9 +100,9 @@ def test_stands_lie_round_the_target_and_look_at_it():
 def test_bad_requests_are_refused_by_name(mobile, rng):
     kinematics, limits, home, _ = mobile
     with pytest.raises(ManipulationError, match="at least one station"):
-        ArcStands().rank([], [], kinematics, limits, home, rng)
+        ArcStands().rank([], [], ReachingArm(kinematics, limits, home, rng))
     with pytest.raises(ManipulationError, match="reference should be finite"):
-        ArcStands().rank([], [[Pose()]], kinematics, limits, home * np.nan, rng)
+        ArcStands().rank([], [[Pose()]], ReachingArm(kinematics, limits, home * np.nan, rng))
 
 
 def test_which_stands_are_in_reach_does_not_depend_on_how_many_are_asked_about(mobile):

@@ -10,6 +10,7 @@ from bestman_bt.manipulation.errors import ManipulationError
 from bestman_bt.manipulation.kinematics import (
     DampedLeastSquares,
     ReachabilitySampling,
+    ReachingArm,
     StandSearch,
 )
 from bestman_bt.messages import Pose, Pose2D
@@ -62,7 +63,7 @@ def test_every_ranked_stand_reaches_the_object_without_touching_the_table(diff_p
 
     candidates = StandSearch().beside(TABLE, OBJECT, front_of(diff_panda))
     alternatives = grasps(OBJECT)
-    ranked = StandSearch().rank(candidates, alternatives, kinematics, limits, home, rng, world_at=world_at)
+    ranked = StandSearch().rank(candidates, alternatives, ReachingArm(kinematics, limits, home, rng), world_at=world_at)
     assert ranked
     assert [stand.score for stand in ranked] == sorted((stand.score for stand in ranked), reverse=True)
     for stand in ranked:
@@ -76,7 +77,7 @@ def test_stands_where_the_base_may_not_be_are_left_out(diff_panda, mobile, rng):
     kinematics, limits, home = mobile
     candidates = StandSearch().beside(TABLE, OBJECT, front_of(diff_panda))
     ranked = StandSearch().rank(
-        candidates, grasps(OBJECT), kinematics, limits, home, rng, is_base_free=lambda pose: pose.x > 3.15
+        candidates, grasps(OBJECT), ReachingArm(kinematics, limits, home, rng), is_base_free=lambda pose: pose.x > 3.15
     )
     assert ranked
     assert all(stand.pose.x > 3.15 for stand in ranked)
@@ -85,9 +86,12 @@ def test_stands_where_the_base_may_not_be_are_left_out(diff_panda, mobile, rng):
 def test_nothing_is_ranked_where_nothing_is_reachable(diff_panda, mobile, rng):
     kinematics, limits, home = mobile
     candidates = StandSearch().beside(TABLE, OBJECT, front_of(diff_panda))
-    assert StandSearch().rank(candidates, grasps(np.add(OBJECT, [0, 0, 1.5])), kinematics, limits, home, rng) == ()
+    assert (
+        StandSearch().rank(candidates, grasps(np.add(OBJECT, [0, 0, 1.5])), ReachingArm(kinematics, limits, home, rng))
+        == ()
+    )
     with pytest.raises(ManipulationError, match="alternatives"):
-        StandSearch().rank(candidates, [], kinematics, limits, home, rng)
+        StandSearch().rank(candidates, [], ReachingArm(kinematics, limits, home, rng))
 
 
 def test_of_equal_stands_the_nearer_one_is_preferred(diff_panda, mobile, rng):
@@ -96,7 +100,10 @@ def test_of_equal_stands_the_nearer_one_is_preferred(diff_panda, mobile, rng):
     assert sides[1]
     target = np.array([3.0, 1.0, 0.77])
     ranked = StandSearch().rank(
-        sides[0] + sides[1], grasps(target), kinematics, limits, home, rng, current=Pose2D(3.0, 3.0, -math.pi / 2)
+        sides[0] + sides[1],
+        grasps(target),
+        ReachingArm(kinematics, limits, home, rng),
+        current=Pose2D(3.0, 3.0, -math.pi / 2),
     )
     assert ranked[0].pose in sides[1]
 
@@ -114,7 +121,7 @@ def test_a_reachability_map_puts_the_stands_that_reach_first(diff_panda, mobile,
         return True
 
     ranked = StandSearch().rank(
-        far + near, grasps(OBJECT), kinematics, limits, home, rng, is_base_free, reachability=map_
+        far + near, grasps(OBJECT), ReachingArm(kinematics, limits, home, rng, map_), is_base_free
     )
     assert len(ranked) == StandSearch().enough
     assert all(stand.pose in near for stand in ranked)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from bestman_bt.manipulation.motion_planning import approaches
+from bestman_bt.manipulation.motion_planning import ApproachPoses, approaches
 from tests.manipulation.kinematics.slides import Slides, at
 from tests.manipulation.motion_planning.joint_worlds import JointWorld
 
@@ -14,7 +14,9 @@ FREE = JointWorld(lambda q: True)
 
 def found(free=FREE, contact=FREE, count=2, reference=(0.0, 0.0)):
     rng = np.random.default_rng(0)
-    return list(approaches(Slides(), at(0.4), at(0.6), at(0.5, yaw=0.0), reference, free, contact, rng, count))
+    return list(
+        approaches(Slides(), ApproachPoses(at(0.4), at(0.6), at(0.5, yaw=0.0)), reference, free, contact, rng, count)
+    )
 
 
 def test_an_approach_goes_straight_into_contact_and_straight_out_of_it():

@@ -11,7 +11,7 @@ import pytest
 
 from bestman_bt.messages import Box, CameraIntrinsics, Cylinder, PlacedShape, Pose
 from bestman_bt.visualization import RecordedBody
-from bestman_bt.visualization.rerun import RecordedCamera, RerunRecorder
+from bestman_bt.visualization.rerun import RecordedCamera, RecordingSetup, RerunRecorder
 
 INTRINSICS = CameraIntrinsics(64, 48, 60.0, 60.0, 31.5, 23.5)
 UNREAD = ("rerun.controls.RowId", "log_time", "log_tick")
@@ -61,7 +61,7 @@ def record(tmp_path, robot_urdf, fetch_tree, scene_bodies):
             "grippers": {"hand": ("arm_slide",)},
             **changes,
         }
-        with RerunRecorder(tmp_path / "run.rrd", **arguments) as recorder:
+        with RerunRecorder(tmp_path / "run.rrd", RecordingSetup(**arguments)) as recorder:
             yield recorder
 
     return recording

@@ -10,7 +10,7 @@ import pytest
 from bestman_bt.engine import FAILURE, RUNNING, SUCCESS
 from bestman_bt.messages import LaserScan, Path2D, PointCloud, Pose, Pose2D, RGBDImage
 from bestman_bt.visualization import RecordingError, RobotSnapshot
-from bestman_bt.visualization.rerun import RerunRecorder, SensorRecording
+from bestman_bt.visualization.rerun import RecordingSetup, RerunRecorder, SensorRecording
 from tests.visualization.conftest import changed
 
 
@@ -192,7 +192,7 @@ def test_an_image_of_an_unknown_camera_is_refused(record, intrinsics, picture):
 
 
 def test_nothing_can_be_recorded_before_opening_and_after_closing(tmp_path, robot_urdf, fetch_tree):
-    recorder = RerunRecorder(tmp_path / "run.rrd", urdf=robot_urdf, base_frame="floor_point", tree=fetch_tree)
+    recorder = RerunRecorder(tmp_path / "run.rrd", RecordingSetup(robot_urdf, "floor_point", fetch_tree))
     assert not (tmp_path / "run.rrd").exists()
     with pytest.raises(RecordingError, match="is not open"):
         recorder.snapshot(snapshot(0.0))
@@ -204,6 +204,6 @@ def test_nothing_can_be_recorded_before_opening_and_after_closing(tmp_path, robo
 
 def test_a_path_that_cannot_be_written_is_an_error(tmp_path, robot_urdf, fetch_tree):
     missing = tmp_path / "no" / "folder" / "run.rrd"
-    recorder = RerunRecorder(missing, urdf=robot_urdf, base_frame="floor_point", tree=fetch_tree)
+    recorder = RerunRecorder(missing, RecordingSetup(robot_urdf, "floor_point", fetch_tree))
     with pytest.raises(RecordingError, match="cannot be written"):
         recorder.open()

@@ -21,7 +21,15 @@ from bestman_bt.engine import RUNNING
 from bestman_bt.messages import Pose
 from bestman_bt.records.palette import LOOKS
 from bestman_bt.visualization import RecordingError, RobotSnapshot
-from bestman_bt.visualization.rerun import Display, LiveFeed, RerunRecorder, Viewer, ViewerOptions, check_recording
+from bestman_bt.visualization.rerun import (
+    Display,
+    LiveFeed,
+    RecordingSetup,
+    RerunRecorder,
+    Viewer,
+    ViewerOptions,
+    check_recording,
+)
 from tests.visualization.conftest import changed
 
 if TYPE_CHECKING:
@@ -57,7 +65,7 @@ def test_a_run_is_seen_while_it_is_recorded(tmp_path, robot_urdf, fetch_tree) ->
     from rerun.experimental import ViewerClient
 
     file = tmp_path / "run.rrd"
-    recorder = RerunRecorder(file, urdf=robot_urdf, base_frame="floor_point", tree=fetch_tree)
+    recorder = RerunRecorder(file, RecordingSetup(robot_urdf, "floor_point", fetch_tree))
     with viewer(ViewerOptions(Display.BROWSER, fed=True)) as page, LiveFeed(file, page.pipe), recorder:
         page.wait_until_up(30.0)
         with viewer(ViewerOptions(Display.NONE, source=page.address, size=(1280, 800))) as showing:
