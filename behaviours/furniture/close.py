@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from behaviours.contacts import handle
 from behaviours.context import SkillContext
-from behaviours.furniture.leaf import UNKNOWN_ARTICULATION, Leaf, find_leaf, free_along, world_at_leaf
-from behaviours.furniture.leaf_motion import FOLLOWING_FAILS, error_code, followed, tare_wrist, withdraw, withdraw_after
-from behaviours.manipulation.arm_motion import ARM_PLANNING_FAILS, move_free
+from behaviours.furniture.leaf import Leaf, find_leaf, free_along, world_at_leaf
+from behaviours.furniture.leaf_motion import LEAF_FAILS, error_code, followed, tare_wrist, withdraw, withdraw_after
+from behaviours.manipulation.arm_motion import move_free
 from behaviours.skill import (
     ALGORITHM_ERRORS,
     ArticulationName,
@@ -271,15 +271,11 @@ class Close(OnArm, Skill):
     posture = In[str](PostureName, "of the arm at the end", default="carry")
     left = Out(float, "how far it may still be open, metres or radians")
     FAILS: ClassVar = {
-        **UNKNOWN_ARTICULATION,
-        **ARM_PLANNING_FAILS,
-        **FOLLOWING_FAILS,
-        "hand_not_empty": "put down what is held: FindPlacePose, PlaceOn, Release",
+        **LEAF_FAILS,
         "no_push": "stand elsewhere: FindCloseStand, NavigateTo",
         "not_found": "it is open less, or farther, than believed: FindLookStand, DetectHandle",
         "jammed": "push from elsewhere: FindCloseStand, NavigateTo; or pull what jams out again: Open",
         "lost_contact": "it is not where it is believed to be: FindLookStand, DetectHandle, then Close",
-        "not_withdrawn": "Retreat",
     }
     DECLARATION = Declaration(pre=("not holding(any)",), effects=("not open({articulation})",))
 

@@ -8,9 +8,9 @@ import numpy as np
 
 from behaviours.computation import Until
 from behaviours.context import SkillContext
-from behaviours.furniture.leaf import Leaf, world_at_leaf
+from behaviours.furniture.leaf import UNKNOWN_ARTICULATION, Leaf, world_at_leaf
 from behaviours.furniture.leaf_measurement import grown
-from behaviours.manipulation.arm_motion import follow_path, move_free
+from behaviours.manipulation.arm_motion import ARM_PLANNING_FAILS, follow_path, move_free
 from behaviours.skill import ALGORITHM_ERRORS, Skill, SkillFailure, Steps, StepsTo
 from bestman_bt.messages import Pose
 from bestman_bt.world_model import Obstacle
@@ -107,6 +107,13 @@ FOLLOWING_FAILS = {
     "out_of_reach": "stand elsewhere: FindOpenStand or FindCloseStand, NavigateTo",
 }
 """Failure codes of going along with a door or drawer; ``timeout`` is one of all skills."""
+LEAF_FAILS = {
+    **UNKNOWN_ARTICULATION,
+    **ARM_PLANNING_FAILS,
+    **FOLLOWING_FAILS,
+    "hand_not_empty": "put down what is held: FindPlacePose, PlaceOn, Release",
+    "not_withdrawn": "Retreat",
+}
 
 
 def error_code(end: FollowEnd, reached: str = "") -> str:

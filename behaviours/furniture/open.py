@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from behaviours.contacts import handle
-from behaviours.furniture.leaf import UNKNOWN_ARTICULATION, world_at_leaf
+from behaviours.furniture.leaf import world_at_leaf
 from behaviours.furniture.leaf_measurement import felt_leaf
-from behaviours.furniture.leaf_motion import FOLLOWING_FAILS, error_code, followed, tare_wrist, withdraw, withdraw_after
+from behaviours.furniture.leaf_motion import LEAF_FAILS, error_code, followed, tare_wrist, withdraw, withdraw_after
 from behaviours.furniture.opening import HandlePull, Opening, plan_opening, plan_pull
-from behaviours.manipulation.arm_motion import ARM_PLANNING_FAILS, follow_path, move_free
+from behaviours.manipulation.arm_motion import follow_path, move_free
 from behaviours.skill import (
     ALGORITHM_ERRORS,
     ArticulationName,
@@ -48,17 +48,11 @@ class Open(OnArm, Skill):
     posture = In[str](PostureName, "of the arm at the end", default="carry")
     opened = Out(float, "how far it is open, metres or radians")
     FAILS: ClassVar = {
-        **UNKNOWN_ARTICULATION,
-        **ARM_PLANNING_FAILS,
-        **FOLLOWING_FAILS,
-        "hand_not_empty": "put down what is held: FindPlacePose, PlaceOn, Release",
+        **LEAF_FAILS,
         "handle_not_found": "DetectHandle first",
         "no_grasp": "stand elsewhere: FindOpenStand, NavigateTo",
         "grasp_failed": "look again from near by: LookAt, DetectHandle",
-        "grip_lost": "look where the handle is now: FindLookStand, DetectHandle, then Open",
-        "out_of_reach": "Open again, from another stand: FindOpenStand, NavigateTo",
         "not_open": "Open again, from another stand: FindOpenStand, NavigateTo",
-        "not_withdrawn": "Retreat",
     }
     DECLARATION = Declaration(pre=("handle_known({handle})", "not holding(any)"), effects=("open({articulation})",))
 

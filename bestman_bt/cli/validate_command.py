@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import sys
+from contextlib import suppress
 from typing import Annotated
 
 import typer
 
 from bestman_bt.cli.options import Plugins
 from bestman_bt.configuration import ConfigurationError, find_data, shipped_trees
-from bestman_bt.engine import load_tree
+from bestman_bt.engine import TreeLoadError, load_tree
 from bestman_bt.engine.validation import validate_file
 from bestman_bt.runtime.plugins import node_registry
 from bestman_bt.runtime.tree_checks import ALWAYS_FILLED, TASK_ENTRIES, arm_problems, lacking_parts
@@ -24,12 +25,15 @@ def command(
 ) -> None:
     """Check tree files without running them."""
     registry = node_registry([str(plugin) for plugin in plugins or ()])
-    model = None
+    model, errors = None, 0
     if robot is not None:
         from bestman_bt.robot_model import load_robot_model
 
-        model = load_robot_model(robot)  # after the plug-ins, which may bring kinds of parts
-    errors = 0
+        try:
+            model = load_robot_model(robot)  # after the plug-ins, which may bring kinds of parts
+        except ConfigurationError as error:
+            print(error, file=sys.stderr)
+            errors = len(error.problems)
     for file in files:
         try:
             path = find_data("tree", file)
@@ -38,10 +42,11 @@ def command(
             errors += 1
             continue
         problems = validate_file(path, registry, search_path=shipped_trees(), given=(*TASK_ENTRIES, *ALWAYS_FILLED))
-        if model is not None and not any(problem.severity == "error" for problem in problems):
-            tree = load_tree(path, registry, search_path=shipped_trees())
-            problems = [*problems, *lacking_parts(tree, model, model.parts), *arm_problems(tree, model)]
-        for problem in problems:
+        if model is not None:
+            with suppress(TreeLoadError):  # told already
+                tree = load_tree(path, registry, search_path=shipped_trees(), faults=[])
+                problems = [*problems, *lacking_parts(tree, model, model.parts), *arm_problems(tree, model)]
+        for problem in sorted(problems, key=lambda one: (one.file, one.line)):
             print(problem, file=sys.stderr)
         faulty = sum(problem.severity != "warning" for problem in problems)
         errors += faulty

@@ -91,8 +91,3 @@ class FloorGrid:
         xy = np.stack([np.asarray(columns, dtype=float), np.asarray(rows, dtype=float)], axis=-1)
         points: NDArray[np.float64] = self.origin + (xy + 0.5) * self.resolution
         return points
-
-    def room_at(self, points: ArrayLike) -> NDArray[np.float64]:
-        """Metres to the next obstacle at map points (..., 2)."""
-        room: NDArray[np.float64] = self.room[self.cells(points)]
-        return room

@@ -190,11 +190,6 @@ def what_moves(robot: Robot) -> list[str]:
     return moving
 
 
-def is_at_rest(robot: Robot) -> bool:
-    """Whether nothing moves."""
-    return not what_moves(robot)
-
-
 def require_rest(robot: Robot, after: str) -> None:
     """The robot has to be at rest, its fingers too, and to stay so."""
     robot.clock.sleep(REST_TIME)

@@ -50,13 +50,6 @@ class GroundTruth:
         body, joint = among(self._simulation.built.articulations, name, "door or drawer")
         return float(self._reader.joint_states(body, [joint])[0][0])
 
-    def walker_position(self, name: str) -> tuple[float, float]:
-        """Where the middle of a walker is, x and y in the map frame, metres."""
-        body, slides = self._simulation.built.walkers[name]
-        (x0, y0, _), _ = self._reader.body_pose(body)
-        x, y = self._reader.joint_states(body, slides)[0]
-        return x0 + x, y0 + y
-
     def base_pose(self) -> Pose:
         """True pose of the robot's base frame."""
         return self.frame_pose(self._simulation.model.base_frame)

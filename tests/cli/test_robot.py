@@ -47,6 +47,19 @@ def test_a_tree_is_refused_on_a_robot_that_lacks_what_its_nodes_require(bestman_
     assert [line for line in answer.err.splitlines() if " needs a" in line] == told
     assert bestman_bt("validate", "tree.xml", "--robot", "diff_panda").code == 0
     assert bestman_bt("run", "--task", "navigate_kitchen", "--robot", "a1").code == 2
+    (folder / "wrong.xml").write_text((folder / "tree.xml").read_text().replace("<Fallback>", "<Fallbacks>", 1))
+    (folder / "wrong.yaml").write_text("parts: {base: {part: differential_base, set: {max_wz: 90}}}\n")
+    (folder / "odd.xml").write_text((folder / "tree.xml").read_text().replace('goal="0;0;0"', 'gaol="0;0;0"'))
+    answer = bestman_bt("validate", "wrong.xml", "odd.xml", "--robot", "turtle")
+    assert [line for line in answer.err.splitlines() if " needs a" in line] == [
+        line.replace("tree", "odd") for line in told
+    ]
+    answer = bestman_bt("validate", "odd.xml", "--robot", "wrong.yaml")
+    assert answer.code == 2
+    assert answer.err.startswith(
+        "wrong.yaml:1: parts.base.set.max_wz: a limit needs its unit: '90 rad/s' or '90 deg/s'"
+    )
+    assert "odd.xml:2: <NavigateTo>: unknown port 'gaol'" in answer.err
 
 
 def test_a_node_is_shown_with_the_parts_that_it_requires(bestman_bt) -> None:

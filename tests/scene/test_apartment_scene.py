@@ -44,7 +44,7 @@ def test_the_robot_starts_where_it_gets_everywhere_from(worlds: list[World]) -> 
         outlines += [rectangle(piece.actual, piece.model.footprint) for piece in world.furniture]
         floor = FloorGrid.of(outlines)
         assert floor.largest_area(0.37)[floor.cells(world.robot_start.xy)]
-        assert floor.room_at(world.robot_start.xy) > 0.42
+        assert floor.room[floor.cells(world.robot_start.xy)] > 0.42
 
 
 def test_one_apartment_can_be_kept_while_starts_vary() -> None:

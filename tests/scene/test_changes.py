@@ -56,7 +56,7 @@ def test_chairs_stand_in_nothing_and_cut_nothing_off(worlds: list[World]) -> Non
         before, after = floor_of(world, without=CHAIRS), floor_of(world)
         lost = before.largest_area(0.37) & ~after.largest_area(0.37) & (after.room > 0.37)
         assert not lost.any()
-        assert after.room_at(world.robot_start.xy) > 0.45
+        assert after.room[after.cells(world.robot_start.xy)] > 0.45
 
 
 def test_a_chair_of_an_apartment_may_have_been_moved_while_the_map_has_it_where_it_was() -> None:
@@ -114,7 +114,7 @@ def test_a_coarse_cell_has_the_room_of_the_fine_cell_that_holds_its_middle(count
     rows, columns = np.indices(coarse.room.shape)
     middles = coarse.points(rows, columns)
     np.testing.assert_allclose(middles, fine.points(rows * count + count // 2, columns * count + count // 2))
-    np.testing.assert_array_equal(coarse.room, fine.room_at(middles))
+    np.testing.assert_array_equal(coarse.room, fine.room[fine.cells(middles)])
 
 
 def test_presence_decides_whether_a_piece_came() -> None:
@@ -146,7 +146,7 @@ def test_walkers_have_rounds_on_the_free_floor_away_from_the_robot() -> None:
         assert [walker.name for walker in world.walkers] == [f"walker_{number}" for number in range(1, 6)]
         for walker in world.walkers:
             route = np.array(walker.route)
-            assert floor.room_at(route).min() > walker.radius
+            assert floor.room[floor.cells(route)].min() > walker.radius
             steps = np.linalg.norm(route - np.roll(route, 1, axis=0), axis=1)
             assert steps.max() <= 0.1 * math.sqrt(2.0) + 1e-9
             assert 0.3 <= walker.speed <= 0.8

@@ -79,7 +79,7 @@ def test_the_floor_has_room_where_nothing_stands_and_its_cells_are_found_again()
     floor = FloorGrid.of(walls)
     points = np.array([[-0.7, 0.0], [-1.5, 0.1], [-1.0, 0.6], [1.2, -0.3], [0.5, 0.0], [9.0, 9.0]])
     expected = [0.9, 0.4, 0.3, 0.6, 0.0, 0.0]
-    np.testing.assert_allclose(floor.room_at(points), expected, atol=0.03)
+    np.testing.assert_allclose(floor.room[floor.cells(points)], expected, atol=0.03)
     rows, columns = floor.cells(points[:4])
     np.testing.assert_allclose(floor.points(rows, columns), points[:4], atol=0.013)
     again = floor.cells(floor.points(rows, columns))
@@ -91,9 +91,9 @@ def test_the_floor_has_room_where_nothing_stands_and_its_cells_are_found_again()
     assert not largest[floor.cells(points[3])]
     coarse = floor.every(4)
     assert coarse.resolution == pytest.approx(0.1)
-    np.testing.assert_allclose(coarse.room_at(points[:4]), floor.room_at(points[:4]), atol=0.08)
+    np.testing.assert_allclose(coarse.room[coarse.cells(points[:4])], floor.room[floor.cells(points[:4])], atol=0.08)
     block = rectangle(Pose2D(-1.2, 0.1, 0.4), (0.3, 0.2))
     beside, anew = floor.beside(block, 0.5).room, FloorGrid.of([*walls, block]).room
     near = np.minimum(beside, anew) <= 0.5
     np.testing.assert_allclose(beside[near], anew[near], atol=1e-9)
-    assert floor.room_at(points[:1]) == pytest.approx(0.9, abs=0.03)  # the floor itself has stayed
+    assert floor.room[floor.cells(points[:1])] == pytest.approx(0.9, abs=0.03)  # the floor itself has stayed

@@ -173,12 +173,6 @@ class ReachabilityMap:
             total += weight * (self._cells(low + corner, nearest) * weights).sum(axis=1)
         return total
 
-    def dexterity(self, positions: ArrayLike) -> NDArray[np.float64]:
-        """Share of the approach directions from which each of ``positions`` (N, 3) is reached, (N,)."""
-        points = _vectors(positions, "positions")
-        index, inside = self._voxels(np.floor((points - self.origin) / self.voxel).astype(int))
-        return np.where(inside, (self.counts[tuple(index.T)] > 0).mean(axis=1), 0.0)
-
     def _cells(self, voxels: NDArray[np.intp], directions: NDArray[np.intp]) -> NDArray[np.float64]:
         index, inside = self._voxels(voxels)
         x, y, z = index.T[:, :, None]

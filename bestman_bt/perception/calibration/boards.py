@@ -47,11 +47,6 @@ class Board(ABC):
 
     @property
     @abstractmethod
-    def corner_count(self) -> int:
-        """How many corners a complete sighting has."""
-
-    @property
-    @abstractmethod
     def tells_orientation(self) -> bool:
         """Whether an image tells which way round the board is; calibrations of poses need that."""
 
@@ -92,11 +87,6 @@ class CharucoBoard(Board):
     def size(self) -> tuple[float, float]:
         """Extents (x, y) of the pattern, metres."""
         return self.columns * self.square, self.rows * self.square
-
-    @property
-    def corner_count(self) -> int:
-        """How many corners a complete sighting has."""
-        return (self.columns - 1) * (self.rows - 1)
 
     @property
     def tells_orientation(self) -> bool:
@@ -145,11 +135,6 @@ class Checkerboard(Board):
     def size(self) -> tuple[float, float]:
         """Extents (x, y) of the pattern, metres."""
         return self.columns * self.square, self.rows * self.square
-
-    @property
-    def corner_count(self) -> int:
-        """How many corners a complete sighting has."""
-        return (self.columns - 1) * (self.rows - 1)
 
     @property
     def tells_orientation(self) -> bool:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from bestman_bt.messages import Pose
 from bestman_bt.messages.frozen_array import frozen_array
-from bestman_bt.perception.segmentation.base import Region, SegmentedScene, SupportPlane
+from bestman_bt.perception.segmentation.base import Region, SegmentedScene
 from bestman_bt.perception.view import View
 
 UNSEEN, FREE, OCCUPIED, ABSENT = 0, 1, 2, 3
@@ -37,23 +37,6 @@ class SurfaceCoverage:
     def __post_init__(self) -> None:
         object.__setattr__(self, "cells", frozen_array(self.cells, (None, None), "SurfaceCoverage cells", np.uint8))
         object.__setattr__(self, "origin", frozen_array(self.origin, (2,), "SurfaceCoverage origin"))
-
-    def seen_fraction(self) -> float:
-        """Share of the surface, not counting absent cells, that was seen free or taken."""
-        there = self.cells != ABSENT
-        seen = (self.cells == FREE) | (self.cells == OCCUPIED)
-        return float(seen.sum() / max(1, there.sum()))
-
-    def front_edge_seen(self, plane: SupportPlane) -> float:
-        """Share of the rectangle's front side (-x) beyond which the surface was seen to end, 0 to 1."""
-        front = math.floor((-plane.size[0] / 2 - self.origin[0]) / self.resolution)
-        first, last = ((side * plane.size[1] / 2 - self.origin[1]) / self.resolution for side in (-1, 1))
-        strip = self.cells[max(0, math.ceil(first)) : max(0, math.floor(last)), max(0, front - 3) : max(0, front)]
-        return float((strip == ABSENT).any(axis=1).mean()) if strip.size else 0.0
-
-    def free_area(self) -> float:
-        """Square metres."""
-        return float((self.cells == FREE).sum() * self.resolution**2)
 
     def disc(self, centre: NDArray[np.float64], radius: float) -> dict[int, float]:
         """Shares of UNSEEN, FREE, OCCUPIED and ABSENT in the disc around ``centre`` (x, y[, z]) of the frame."""

@@ -19,6 +19,7 @@ from hal.simulation import GroundTruth
 from hal.simulation.bodies import BodyState
 from hal.simulation.contact_watcher import ContactWatcher
 from hal.simulation.observation import Observation
+from hal.simulation.scene_recorder import SceneRecorder
 
 START = Pose2D(-1.5, 0.0, 0.0)
 THERE = [(x, 0.0) for x in np.arange(0.8, -2.6, -0.1)]
@@ -44,10 +45,20 @@ def world_with(kitchen: World) -> Callable[..., World]:
     return make
 
 
+class Truth(GroundTruth):
+    def __init__(self, robot: PyBulletRobot) -> None:
+        super().__init__(robot)
+        self._recorder = SceneRecorder(robot)
+
+    def walker(self, name: str) -> np.ndarray:
+        """(2,) metres: where its middle is in the map frame."""
+        return self._recorder.scene_snapshot().walker_poses[name].position[:2]
+
+
 @contextmanager
-def running(model: RobotModel, world: World) -> Iterator[tuple[PyBulletRobot, GroundTruth]]:
+def running(model: RobotModel, world: World) -> Iterator[tuple[PyBulletRobot, Truth]]:
     with PyBulletRobot(model, world) as robot:
-        yield robot, GroundTruth(robot)
+        yield robot, Truth(robot)
 
 
 def drive(robot: PyBulletRobot, speed: float, seconds: float) -> None:
@@ -66,7 +77,7 @@ def test_a_walker_goes_its_round_at_its_speed_and_the_audit_stays_clean(
         places = []
         for _ in range(20):
             robot.clock.sleep(0.1)
-            places.append(truth.walker_position("walker_1"))
+            places.append(truth.walker("walker_1"))
         record = robot.audit_record()
     speeds = np.linalg.norm(np.diff(places, axis=0), axis=1) / 0.1
     assert np.median(speeds) == pytest.approx(0.5, rel=0.05)
@@ -83,7 +94,7 @@ def test_the_lidar_sees_a_walker_come(model: RobotModel, world_with: Callable[..
         for _ in range(2):
             robot.clock.sleep(0.8)
             ahead = float(lidar.scan().ranges[180])
-            expected = truth.walker_position("walker_1")[0] - START.x - 0.22
+            expected = truth.walker("walker_1")[0] - START.x - 0.22
             assert ahead == pytest.approx(expected, abs=0.05)
 
 
@@ -92,9 +103,9 @@ def test_a_considerate_walker_stops_before_the_robot_and_goes_back(
 ) -> None:
     with running(model, world_with(True)) as (robot, truth):
         robot.clock.sleep(3.0)
-        waiting = truth.walker_position("walker_1")[0] - START.x
+        waiting = truth.walker("walker_1")[0] - START.x
         robot.clock.sleep(4.5)
-        assert truth.walker_position("walker_1")[0] - START.x > waiting + 0.3
+        assert truth.walker("walker_1")[0] - START.x > waiting + 0.3
         record = robot.audit_record()
     assert 0.7 < waiting <= 1.15
     assert not record.contacts
@@ -130,7 +141,7 @@ def test_people_who_run_into_each_other_are_not_held_against_the_run(
         apart = 10.0
         for _ in range(60):
             robot.clock.sleep(0.05)
-            places = [np.array(truth.walker_position(name)) for name in ("walker_1", "walker_2")]
+            places = [np.array(truth.walker(name)) for name in ("walker_1", "walker_2")]
             apart = min(apart, float(np.linalg.norm(places[0] - places[1])))
         record = robot.audit_record()
     assert apart < 2 * there.radius + 0.01
@@ -149,7 +160,7 @@ def test_a_considerate_walker_stops_behind_a_slower_one_and_does_not_push_it(
         gaps = []
         for _ in range(60):
             robot.clock.sleep(0.05)
-            places = [np.array(truth.walker_position(name)) for name in ("walker_1", "walker_2")]
+            places = [np.array(truth.walker(name)) for name in ("walker_1", "walker_2")]
             gaps.append(float(np.linalg.norm(places[0] - places[1])) - slow.radius - fast.radius)
     assert gaps[0] > 0.2
     assert 0.0 < min(gaps) < 0.16
@@ -246,5 +257,5 @@ def test_equal_seeds_walk_equally(model: RobotModel, world_with: Callable[..., W
     for _ in range(2):
         with running(model, world_with(True)) as (robot, truth):
             robot.clock.sleep(1.0)
-            ends.append(truth.walker_position("walker_1"))
+            ends.append(truth.walker("walker_1"))
     assert ends[0] == ends[1]

@@ -65,8 +65,6 @@ def test_poses_out_of_reach_score_zero(kinematics, full):
     shoulder, reach = kinematics.reach
     far = shoulder + 1.3 * reach * even_directions(50)
     assert np.all(full.score(far, even_directions(50)) == 0.0)
-    assert np.all(full.dexterity(far) == 0.0)
-    assert full.dexterity([[0.45, 0.0, 0.4]])[0] > 0.7
 
 
 def test_the_same_arm_gives_the_same_map(kinematics, arm):

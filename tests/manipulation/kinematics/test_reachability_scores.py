@@ -46,12 +46,6 @@ def test_between_voxels_and_between_directions_scores_are_shared(small) -> None:
     assert small.score([[0.99, 2.15, 3.15], [9.0, 9.0, 9.0]], np.repeat(DOWN, 2, axis=0)) == pytest.approx([0.0, 0.0])
 
 
-def test_dexterity_is_told_voxel_by_voxel(small) -> None:
-    inside, outside = [[1.101, 2.101, 3.101], [1.199, 2.199, 3.199]], [[1.201, 2.15, 3.15], [1.15, 2.15, 3.099]]
-    assert small.dexterity(inside) == pytest.approx([1 / 3, 1 / 3])
-    assert small.dexterity(outside) == pytest.approx([0.0, 0.0])
-
-
 def test_many_samples_of_one_cell_are_counted_up_to_what_fits(kinematics, arm) -> None:
     one_cell = ReachabilitySampling(voxel=5.0, directions=1, samples=70_000)
     assert one_cell.build(kinematics, arm).counts.tolist() == [[[[65535]]]]

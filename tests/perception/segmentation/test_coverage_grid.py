@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from bestman_bt.messages import Pose
-from bestman_bt.perception.segmentation import ABSENT, FREE, OCCUPIED, UNSEEN, SupportPlane, SurfaceCoverage
+from bestman_bt.perception.segmentation import ABSENT, FREE, OCCUPIED, UNSEEN, SurfaceCoverage
 from bestman_bt.perception.segmentation.horizontal_plane import footprint, overlaps
 
 PLANE = Pose.from_xyz_rpy((1.0, 2.0, 0.7), (0.0, 0.0, 1.2)) @ Pose.from_xyz_rpy((0, 0, 0), (0.03, -0.02, 0.0))
@@ -31,13 +31,6 @@ def half_free() -> np.ndarray:
     cells[:, 30:] = OCCUPIED
     cells[30:] = ABSENT
     return cells
-
-
-def test_areas_and_shares_leave_out_what_is_not_there() -> None:
-    cells = half_free()
-    cells[:15, :30] = UNSEEN
-    assert coverage(cells).free_area() == pytest.approx(15 * 30 * 1e-4)
-    assert coverage(cells).seen_fraction() == pytest.approx(0.75)
 
 
 @pytest.mark.parametrize(
@@ -70,16 +63,6 @@ def test_free_discs_lie_on_free_cells_as_a_whole_the_nearest_first() -> None:
     distances = np.linalg.norm(centres[:, :2] - near[:2], axis=1)
     assert np.all(np.diff(distances) >= 0.0)
     assert coverage(half_free()).free_discs(0.2, near).shape == (0, 3)
-
-
-@pytest.mark.parametrize(("seen", "share"), [(20, 1.0), (10, 0.5), (0, 0.0)])
-def test_the_front_edge_is_seen_where_the_surface_ends_before_the_rectangle(seen: int, share: float) -> None:
-    """The rectangle begins at x = -0.2 and goes from y = -0.1 to 0.1."""
-    cells = np.full((40, 60), FREE)
-    cells[10 : 10 + seen, 8] = ABSENT
-    cells[:, 15] = ABSENT
-    plane = SupportPlane(PLANE, (0.4, 0.2), np.zeros((3, 3)), 0.001)
-    assert coverage(cells).front_edge_seen(plane) == pytest.approx(share)
 
 
 def square(x: float, size: float) -> np.ndarray:

@@ -44,7 +44,7 @@ def test_walls_leave_each_doorway_as_wide_as_it_says(apartments: list[Apartment]
     for apartment in apartments:
         floor = FloorGrid.of(wall_outlines(apartment), resolution=0.01)
         for doorway in apartment.doorways:
-            assert floor.room_at(doorway.at) == pytest.approx(doorway.width / 2, abs=0.015)
+            assert floor.room[floor.cells(doorway.at)] == pytest.approx(doorway.width / 2, abs=0.015)
 
 
 def test_furniture_stands_in_rooms_and_in_nothing_else(apartments: list[Apartment]) -> None:
