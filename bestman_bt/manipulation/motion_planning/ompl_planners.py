@@ -6,11 +6,10 @@ Sucan, Moll and Kavraki, "The Open Motion Planning Library", IEEE Robotics & Aut
 from __future__ import annotations
 
 import math
-from abc import abstractmethod
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,14 +28,16 @@ def ompl_search(
     query: PlanningQuery,
     validity: CountedValidity,
     seed: int,
-    make_planner: Callable[[base.SpaceInformation], base.Planner],
+    kind: Callable[[base.SpaceInformation], Any],
+    longest: float | None,
     check_step: float,
     max_checks: int,
     max_iterations: int,
 ) -> NDArray[np.float64] | None:
     """A path (N, n) from the start to one of the goals; None if the search ended without an exact solution.
 
-    ``check_step``: rad between checked points. The search ends at a solution (planners that improve theirs go on),
+    ``kind``: of planner; ``longest``: rad, of a branch, None for the planner's own choice. ``check_step``: rad between
+    checked points. The search ends at a solution (planners that improve theirs go on),
     after ``max_checks`` collision checks or ``max_iterations`` iterations.
     """
     count = len(query.start)
@@ -58,7 +59,10 @@ def ompl_search(
         for goal in query.goals:
             targets.addState(_state(information, goal))
         setup.setGoal(targets)
-        setup.setPlanner(make_planner(information))
+        planner = kind(information)
+        if longest is not None:
+            planner.setRange(min(longest, space.getMaximumExtent()))
+        setup.setPlanner(planner)
         setup.solve(base.PlannerTerminationCondition(_limit(validity, max_checks, max_iterations)))
         # An "approximate" solution is truthy too: only an exact one counts.
         if not setup.haveExactSolutionPath():
@@ -99,23 +103,18 @@ def _state(information: base.SpaceInformation, positions: NDArray[np.float64]) -
     return state
 
 
-Made = Callable[[base.SpaceInformation], base.Planner]
-
-
 @dataclass(frozen=True)
 class OmplPlanner(SamplingPlanner):
-    """A planner of OMPL that searches once per attempt."""
+    """A planner of OMPL, ``kind``, that searches once per attempt; ``longest``: as of ``ompl_search``."""
 
+    kind: ClassVar[Callable[[base.SpaceInformation], Any]]
+    longest: ClassVar[float | None] = None
     max_iterations: Count = 1_000_000
-
-    @abstractmethod
-    def ompl(self, information: base.SpaceInformation, extent: float) -> base.Planner:
-        """OMPL's planner; ``extent``: radians between the farthest corners of the joint limits."""
 
     def search(self, query: PlanningQuery, validity: CountedValidity, seed: int) -> NDArray[np.float64] | None:
         """See the base class."""
-        make = _with_extent(self.ompl, query)
-        return ompl_search(query, validity, seed, make, self.check_step, self.max_checks, self.max_iterations)
+        counts = self.check_step, self.max_checks, self.max_iterations
+        return ompl_search(query, validity, seed, type(self).kind, self.longest, *counts)
 
 
 @dataclass(frozen=True)
@@ -126,12 +125,9 @@ class AORRTC(OmplPlanner):
     always uses ``max_checks``, the more the shorter the path.
     """
 
+    kind = geometric.AORRTC
     max_checks: Count = 6_000
     attempts: Count = 5
-
-    def ompl(self, information: base.SpaceInformation, extent: float) -> base.Planner:
-        """See the base class."""
-        return geometric.AORRTC(information)
 
 
 @dataclass(frozen=True)
@@ -142,12 +138,9 @@ class BITStar(OmplPlanner):
     more the shorter the path.
     """
 
+    kind = geometric.BITstar
     max_checks: Count = 10_000
     attempts: Count = 4
-
-    def ompl(self, information: base.SpaceInformation, extent: float) -> base.Planner:
-        """See the base class."""
-        return geometric.BITstar(information)
 
 
 @dataclass(frozen=True)
@@ -158,12 +151,9 @@ class KPIECE(OmplPlanner):
     bidirectional variant (LBKPIECE), which took a fifth of the checks of the one-tree KPIECE and more.
     """
 
+    kind = geometric.LBKPIECE1
     max_checks: Count = 20_000
     attempts: Count = 3
-
-    def ompl(self, information: base.SpaceInformation, extent: float) -> base.Planner:
-        """See the base class."""
-        return geometric.LBKPIECE1(information)
 
 
 @dataclass(frozen=True)
@@ -174,15 +164,10 @@ class RRTStar(OmplPlanner):
     ``max_checks``, the more the shorter the path.
     """
 
+    kind = geometric.RRTstar
+    longest = math.inf  # with OMPL's own range it did not reach the shelf in 40,000 checks
     max_checks: Count = 20_000
     attempts: Count = 3
-
-    def ompl(self, information: base.SpaceInformation, extent: float) -> base.Planner:
-        """See the base class."""
-        planner = geometric.RRTstar(information)
-        # Branches of any length: with OMPL's own range it did not reach the shelf in 40,000 checks.
-        planner.setRange(extent)
-        return planner
 
 
 @dataclass(frozen=True)
@@ -206,20 +191,9 @@ class RRTConnect(SamplingPlanner):
         before = validity.checks
         for longest, checks in stages:
             left = self.max_checks - (validity.checks - before)
-
-            def ompl(information: base.SpaceInformation, extent: float, longest: float = longest) -> base.Planner:
-                planner = geometric.RRTConnect(information)
-                planner.setRange(min(longest, extent))
-                return planner
-
             if left > 0:
-                make = _with_extent(ompl, query)
-                found = ompl_search(query, validity, seed, make, self.check_step, checks or left, self.max_iterations)
+                counts = self.check_step, checks or left, self.max_iterations
+                found = ompl_search(query, validity, seed, geometric.RRTConnect, longest, *counts)
                 if found is not None:
                     return found
         return None
-
-
-def _with_extent(ompl: Callable[[base.SpaceInformation, float], base.Planner], query: PlanningQuery) -> Made:
-    extent = float(np.linalg.norm(query.upper - query.lower))
-    return lambda information: ompl(information, extent)
