@@ -28,9 +28,10 @@ from bestman_bt.engine import Tree
 from bestman_bt.evaluation.episode import run_episode
 from bestman_bt.evaluation.interval import wilson_interval
 from bestman_bt.evaluation.result import RunResult
-from bestman_bt.manipulation.policy import ActionChunk, ExpertPolicy, Observation, Policy
+from bestman_bt.manipulation.policy import ActionChunk, Observation, Policy
+from bestman_bt.manipulation.policy.training import ExpertPolicy
 from bestman_bt.runtime import Session
-from bestman_bt.runtime.policies import picking_expert
+from bestman_bt.runtime.policy_experts import picking_expert
 from configs.evaluations.controls.altered_policy import Altered, Null, WrongGoal
 
 TASK, OBJECT = "policy_pick", "cup"

@@ -26,11 +26,10 @@ from bestman_bt.manipulation.policy import (
     Observation,
     Policy,
     PolicySpecification,
-    ReachingExpert,
     load_policy,
     pose_error,
-    roll_out,
 )
+from bestman_bt.manipulation.policy.training import ReachingExpert, roll_out
 from bestman_bt.messages import Pose
 from bestman_bt.robot_model import ArmModel, load_robot_model
 from bestman_bt.runtime import Session, session

@@ -20,18 +20,16 @@ from bestman_bt.configuration import load_run
 from bestman_bt.engine import Tree
 from bestman_bt.evaluation.episode import prepare_episode, run_episode
 from bestman_bt.manipulation.policy import (
-    DemonstrationFormat,
-    DemonstrationRecorder,
-    ExpertPolicy,
     Observation,
     Policy,
     PolicyError,
     pose_vector,
 )
+from bestman_bt.manipulation.policy.training import DemonstrationFormat, DemonstrationRecorder, ExpertPolicy
 from bestman_bt.messages import Pose
 from bestman_bt.robot_model import ArmModel
 from bestman_bt.runtime import Session
-from bestman_bt.runtime.policies import picking_expert
+from bestman_bt.runtime.policy_experts import picking_expert
 
 TASK, OBJECT, WORDS = "policy_pick", "cup", "pick the cup from the table"
 FPS = 20

@@ -15,9 +15,9 @@ from pathlib import Path
 import numpy as np
 
 from bestman_bt.configuration import data_root
-from bestman_bt.manipulation.policy import PICKING_FEATURES, REACHING_FEATURES, BehaviourCloning
+from bestman_bt.manipulation.policy.training import PICKING_FEATURES, REACHING_FEATURES, BehaviourCloning
 from bestman_bt.robot_model import load_robot_model
-from bestman_bt.runtime.policies import picking_expert, reaching_expert
+from bestman_bt.runtime.policy_experts import picking_expert, reaching_expert
 
 PICKED = "cup"
 

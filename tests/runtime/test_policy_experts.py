@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from bestman_bt.robot_model import load_robot_model
-from bestman_bt.runtime.policies import picking_expert
+from bestman_bt.runtime.policy_experts import picking_expert
 
 
 def test_the_expert_takes_the_cup_as_the_grasp_planner_ranks_it_first_from_above() -> None:

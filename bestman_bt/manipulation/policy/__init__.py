@@ -1,14 +1,7 @@
-"""Learning-based manipulation: policies that give action chunks, where they come from, what they learn from."""
+"""Learning-based manipulation: policies that give action chunks, and the motion that they make."""
 
 from bestman_bt.manipulation.policy.base import ActionChunk, Observation, Policy
-from bestman_bt.manipulation.policy.behaviour_cloning import BehaviourCloning, ClonedPolicy
 from bestman_bt.manipulation.policy.chunk_stream import ChunkStream, StreamedMotion, chunk_path
-from bestman_bt.manipulation.policy.demonstrations import (
-    DatasetError,
-    Demonstration,
-    DemonstrationFormat,
-    DemonstrationRecorder,
-)
 from bestman_bt.manipulation.policy.errors import (
     PolicyActionError,
     PolicyError,
@@ -18,7 +11,6 @@ from bestman_bt.manipulation.policy.errors import (
     PolicyUnreachableError,
     StaleChunkError,
 )
-from bestman_bt.manipulation.policy.expert_policy import ExpertPolicy
 from bestman_bt.manipulation.policy.features import feature_vector, pose_error, pose_vector
 from bestman_bt.manipulation.policy.onnx_policy import (
     OnnxPolicy,
@@ -26,35 +18,16 @@ from bestman_bt.manipulation.policy.onnx_policy import (
     PolicyNormalization,
 )
 from bestman_bt.manipulation.policy.openpi_client import OpenpiPolicy
-from bestman_bt.manipulation.policy.picking import (
-    PICKING_FEATURES,
-    PickedObject,
-    PickingExpert,
-    PickState,
-)
-from bestman_bt.manipulation.policy.reaching import REACHING_FEATURES, ReachingExpert
-from bestman_bt.manipulation.policy.rollout import Rollout, load_policy, roll_out
+from bestman_bt.manipulation.policy.policy_file import load_policy
 from bestman_bt.manipulation.policy.specification import ActionSpace, PolicySpecification, Workspace
 
 __all__ = [
-    "PICKING_FEATURES",
-    "REACHING_FEATURES",
     "ActionChunk",
     "ActionSpace",
-    "BehaviourCloning",
     "ChunkStream",
-    "ClonedPolicy",
-    "DatasetError",
-    "Demonstration",
-    "DemonstrationFormat",
-    "DemonstrationRecorder",
-    "ExpertPolicy",
     "Observation",
     "OnnxPolicy",
     "OpenpiPolicy",
-    "PickState",
-    "PickedObject",
-    "PickingExpert",
     "Policy",
     "PolicyActionError",
     "PolicyCard",
@@ -65,8 +38,6 @@ __all__ = [
     "PolicyServerError",
     "PolicySpecification",
     "PolicyUnreachableError",
-    "ReachingExpert",
-    "Rollout",
     "StaleChunkError",
     "StreamedMotion",
     "Workspace",
@@ -75,5 +46,4 @@ __all__ = [
     "load_policy",
     "pose_error",
     "pose_vector",
-    "roll_out",
 ]

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from bestman_bt.manipulation.kinematics import DampedLeastSquares
-from bestman_bt.manipulation.policy import (
+from bestman_bt.manipulation.policy.training import (
     BehaviourCloning,
     ClonedPolicy,
     Demonstration,

@@ -16,15 +16,14 @@ from bestman_bt.manipulation.policy import (
     PolicyNormalization,
     PolicyObservationError,
     PolicySpecification,
-    Rollout,
     StaleChunkError,
     Workspace,
     chunk_path,
     feature_vector,
     pose_error,
     pose_vector,
-    roll_out,
 )
+from bestman_bt.manipulation.policy.training import Rollout, roll_out
 from bestman_bt.manipulation.trajectory import SpeedScale
 from bestman_bt.messages import Pose
 from tests.manipulation.kinematics.slides import LIMITS, Slides, at

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from bestman_bt.manipulation.policy import (
     ChunkStream,
     PolicyActionError,
-    ReachingExpert,
     StaleChunkError,
     StreamedMotion,
 )
+from bestman_bt.manipulation.policy.training import ReachingExpert
 from bestman_bt.messages import JointTrajectory
 from tests.rigs.limit_usage import limit_usage
 

@@ -10,10 +10,10 @@ from bestman_bt.manipulation.policy import (
     ActionChunk,
     ActionSpace,
     PolicyActionError,
-    ReachingExpert,
     Workspace,
     chunk_path,
 )
+from bestman_bt.manipulation.policy.training import ReachingExpert
 
 
 def test_deltas_add_up_and_positions_are_taken_as_they_are(expert: ReachingExpert) -> None:

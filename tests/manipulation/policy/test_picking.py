@@ -7,15 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bestman_bt.manipulation.policy import (
+from bestman_bt.manipulation.policy import Observation, PolicyObservationError, load_policy
+from bestman_bt.manipulation.policy.training import (
     ExpertPolicy,
-    Observation,
     PickedObject,
     PickingExpert,
     PickState,
-    PolicyObservationError,
     ReachingExpert,
-    load_policy,
 )
 from bestman_bt.messages import Pose
 

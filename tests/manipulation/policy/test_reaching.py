@@ -12,17 +12,19 @@ import pytest
 
 from bestman_bt.manipulation.policy import (
     ActionChunk,
-    BehaviourCloning,
-    ClonedPolicy,
-    Demonstration,
     Observation,
     OnnxPolicy,
     PolicyActionError,
     PolicyModelError,
     PolicyObservationError,
-    ReachingExpert,
     load_policy,
     pose_vector,
+)
+from bestman_bt.manipulation.policy.training import (
+    BehaviourCloning,
+    ClonedPolicy,
+    Demonstration,
+    ReachingExpert,
     roll_out,
 )
 

@@ -16,12 +16,12 @@ from scipy.special import expit
 
 from bestman_bt.errors import MissingExtraError
 from bestman_bt.extras import install_command
-from bestman_bt.manipulation.policy.demonstrations import Demonstration
 from bestman_bt.manipulation.policy.errors import PolicyError
 from bestman_bt.manipulation.policy.features import feature_vector
 from bestman_bt.manipulation.policy.onnx_policy import PolicyCard, PolicyNormalization
-from bestman_bt.manipulation.policy.reaching import REACHING_FEATURES
 from bestman_bt.manipulation.policy.specification import PolicySpecification
+from bestman_bt.manipulation.policy.training.demonstrations import Demonstration
+from bestman_bt.manipulation.policy.training.reaching import REACHING_FEATURES
 from bestman_bt.messages.shapes import Count, Positive
 
 Array = NDArray[np.float32]

@@ -6,8 +6,8 @@ import numpy as np
 
 from bestman_bt.manipulation.policy.base import ActionChunk, Observation, Policy
 from bestman_bt.manipulation.policy.errors import PolicyObservationError
-from bestman_bt.manipulation.policy.picking import PickingExpert, PickState
 from bestman_bt.manipulation.policy.specification import ActionSpace, PolicySpecification
+from bestman_bt.manipulation.policy.training.picking import PickingExpert, PickState
 from bestman_bt.messages import Pose
 
 
