@@ -17,6 +17,7 @@ from scipy.spatial import cKDTree
 from benchmarks.crowded_table import crowded_table, hidden_shares
 from benchmarks.rendered_table import RenderedTable, TrueObject, known_models
 from bestman_bt.configuration.data import data_names
+from bestman_bt.evaluation.interval import wilson_interval
 from bestman_bt.messages import ObjectModel, Pose
 from bestman_bt.perception.detection import ColorShape, DetectedScene, Detection, Detector
 from bestman_bt.perception.pose_estimation.model_surface import model_surface
@@ -144,14 +145,9 @@ class Tally:
         }
 
 
-def wilson(hits: int, tries: int, z: float = 1.96) -> list[float]:
+def wilson(hits: int, tries: int) -> list[float]:
     """The 95 % interval of a rate."""
-    if tries == 0:
-        return [0.0, 1.0]
-    rate, spread = hits / tries, z * z / tries
-    centre = (rate + spread / 2) / (1 + spread)
-    half = z * math.sqrt(rate * (1 - rate) / tries + spread / (4 * tries)) / (1 + spread)
-    return [round(centre - half, 4), round(centre + half, 4)]
+    return [round(bound, 4) for bound in wilson_interval(hits, tries)]
 
 
 def quantiles(values: Sequence[float]) -> dict[str, object]:

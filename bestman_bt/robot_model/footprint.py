@@ -8,7 +8,7 @@ from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import ConvexHull
+from scipy.spatial import ConvexHull, QhullError
 
 from bestman_bt.messages import Pose
 
@@ -69,23 +69,13 @@ def footprint(links: Iterable[ET.Element], base_from_link: dict[str, Pose]) -> t
 
 
 def convex_hull(points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Corners (M, 2) of the convex hull of points (N, 2), counter-clockwise, none on an edge (A. Andrew, 1979)."""
+    """Corners (M, 2) of the convex hull of points (N, 2), counter-clockwise, none on an edge; of a line, its ends."""
     ordered = np.unique(points, axis=0)
-    if len(ordered) < 3:
-        return ordered
-    chains = []
-    for chain_points in (ordered, ordered[::-1]):
-        chain: list[NDArray[np.float64]] = []
-        for point in chain_points:
-            while len(chain) > 1 and _turn(chain[-2], chain[-1], point) <= 1e-6:
-                chain.pop()
-            chain.append(point)
-        chains += chain[:-1]
-    return np.array(chains)
-
-
-def _turn(a: NDArray[np.float64], b: NDArray[np.float64], c: NDArray[np.float64]) -> float:
-    return float((b[0] - a[0]) * (c[1] - b[1]) - (b[1] - a[1]) * (c[0] - b[0]))
+    try:
+        corners: NDArray[np.float64] = ordered[ConvexHull(ordered).vertices]
+    except (QhullError, ValueError):  # all on one line, or none at all
+        return ordered[:: max(1, len(ordered) - 1)]
+    return corners
 
 
 def origin_pose(element: ET.Element) -> Pose:
