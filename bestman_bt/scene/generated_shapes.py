@@ -14,7 +14,6 @@ from bestman_bt.messages import Mesh
 
 SIDES = 48
 """Sides of a generated body of revolution."""
-TUBE_SIDES = 40
 RING_PARTS = 16
 """Convex parts around an open vessel; divides SIDES. Their flat insides reach 2 % of the radius into its hollow."""
 
@@ -22,25 +21,32 @@ Row = tuple[float, float, float]
 """Height, inner and outer radius of a level of a body of revolution, metres."""
 
 
-def tube_mesh(radius: float, length: float, wall: float, bottom: float) -> Mesh:
+def tube_mesh(radius: float, length: float, wall: float, bottom: float, segments: int = 40) -> Mesh:
     """A vessel open at the top, centred on its bounding box, z up; faces turn outwards, the inside included."""
+    angles = np.linspace(0.0, 2.0 * np.pi, segments, endpoint=False)
+    ring = np.column_stack([np.cos(angles), np.sin(angles)])
     half, inner = length / 2, radius - wall
-    profile = [
-        (0.0, -half),
-        (radius, -half),
-        (radius, half),
-        (inner, half),
-        (inner, bottom - half),
-        (0.0, bottom - half),
-    ]
-    return revolved_mesh(profile, TUBE_SIDES)
+    profile = [(radius, -half), (radius, half), (inner, half), (inner, bottom - half)]
+    rings = [np.column_stack([r * ring, np.full(segments, z)]) for r, z in profile]
+    centres = np.array([[0.0, 0.0, -half], [0.0, 0.0, bottom - half]])
+    faces = []
+    for i in range(segments):
+        j = (i + 1) % segments
+        for lower in range(len(profile) - 1):
+            a, b = lower * segments + i, lower * segments + j
+            c, d = (lower + 1) * segments + j, (lower + 1) * segments + i
+            faces += [(a, b, c), (a, c, d)]
+        outside, inside = len(profile) * segments, len(profile) * segments + 1
+        faces.append((outside, j, i))
+        faces.append((inside, 3 * segments + i, 3 * segments + j))
+    return Mesh(np.concatenate([*rings, centres]), np.array(faces))
 
 
-def revolved_mesh(profile: Sequence[tuple[float, float]], sides: int = SIDES) -> Mesh:
+def revolved_mesh(profile: Sequence[tuple[float, float]]) -> Mesh:
     """The surface of a body turned about z; ``profile``: (radius, z), both ends on the axis, outwards on its right."""
     from trimesh.creation import revolve  # takes a quarter of a second to import
 
-    body = revolve(np.array(profile), sections=sides)
+    body = revolve(np.array(profile), sections=SIDES)
     return Mesh(body.vertices, body.faces)
 
 
