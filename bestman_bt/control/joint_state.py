@@ -2,12 +2,25 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Mapping
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
+from bestman_bt.control.history import History, positions_between
 from bestman_bt.perception.errors import PerceptionError
-from hal.api import Gripper, JointGroup, MotionErrorCode, NoDataError, NotConnectedError, Part, PartError, RobotError
+from hal.api import (
+    Clock,
+    Gripper,
+    JointGroup,
+    MotionErrorCode,
+    NoDataError,
+    NotConnectedError,
+    Part,
+    PartError,
+    RobotError,
+    Timer,
+)
 
 if TYPE_CHECKING:
     from bestman_bt.robot_model import RobotModel
@@ -23,16 +36,54 @@ READING_ERRORS = (NotConnectedError, NoDataError, JointStateError)
 """What reading a robot may raise: a controller is gone, or a sensor is silent; ``code`` tells which."""
 
 
+RECORDING_RATE = 50.0
+"""Hertz at which positions are recorded between ``start`` and ``close``."""
+
+
 class JointStateSensor:
     """Reads the encoders of arms, other joint groups and grippers; wheels are left out, nothing depends on them.
 
-    A gripper tells its width only; the robot model knows how its joints then stand.
+    A gripper tells its width only; the robot model knows how its joints then stand. Between ``start`` and ``close`` it
+    records them, so that it can tell where they were.
     """
 
     def __init__(self, parts: Mapping[str, Part], model: RobotModel) -> None:
         from bestman_bt.robot_model import GripperModel
 
         self._parts, self._grippers = parts, model.of(GripperModel)
+        self._history = History(positions_between)
+        self._clock: Clock | None = None
+        self._timer: Timer | None = None
+
+    def start(self, clock: Clock) -> None:
+        """Record the positions from now on, by the robot's clock."""
+        self.close()
+        self._clock = clock
+        self._record()
+        self._timer = clock.every(1.0 / RECORDING_RATE, self._record)
+
+    def close(self) -> None:
+        """Record no longer; idempotent."""
+        if self._timer is not None:
+            self._timer.cancel()
+        self._clock = self._timer = None
+        self._history.clear()
+
+    def at(self, stamp: float) -> Mapping[str, float]:
+        """The positions at a time of the robot's clock, seconds; those of now while nothing is recorded.
+
+        Raises NotRecordedError before the recording and after it, JointStateError as ``positions``.
+        """
+        positions = self.positions()
+        if self._clock is None:
+            return positions
+        self._history.add(self._clock.now(), positions)
+        return self._history.at(stamp)
+
+    def _record(self) -> None:
+        assert self._clock is not None
+        with contextlib.suppress(JointStateError):  # a gap; whoever moves the joints is told why
+            self._history.add(self._clock.now(), self.positions())
 
     def positions(self) -> Mapping[str, float]:
         """Joint name → measured position, radians or metres; JointStateError where a part tells none."""

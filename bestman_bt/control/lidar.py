@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -10,6 +11,25 @@ from numpy.typing import NDArray
 from bestman_bt.manipulation.kinematics import ForwardKinematics
 from bestman_bt.messages import LaserScan, Pose2D
 from hal.api import Lidar
+
+
+def deskewed(scan: LaserScan, moved: Pose2D) -> LaserScan:
+    """The scan that a lidar at rest would have taken at its stamp.
+
+    ``moved``: the lidar's motion (m, rad) from the first beam to the end of the sweep, taken as even. Where two hits
+    fall onto one beam the nearer stays.
+    """
+    count, hit = len(scan.ranges), np.isfinite(scan.ranges)
+    share, ranges, angles = np.arange(count)[hit] / count, scan.ranges[hit], scan.angles[hit]
+    angles = angles + share * moved.theta
+    x = share * moved.x + ranges * np.cos(angles)
+    y = share * moved.y + ranges * np.sin(angles)
+    turn = (np.arctan2(y, x) - scan.angle_min + scan.angle_increment / 2) % (2.0 * np.pi)
+    beams = np.floor(turn / scan.angle_increment).astype(int)
+    seen = beams < count
+    straight = np.full(count, np.inf)
+    np.minimum.at(straight, beams[seen], np.hypot(x, y)[seen])
+    return replace(scan, ranges=straight, time_increment=0.0)
 
 
 class LidarSensor:

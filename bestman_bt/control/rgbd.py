@@ -11,9 +11,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from bestman_bt.control.history import NotRecordedError
 from bestman_bt.control.joint_state import JointStateSensor
 from bestman_bt.manipulation.kinematics import ForwardKinematics, link_hulls
-from bestman_bt.messages import CameraIntrinsics, Failure, PointCloud, Pose, RGBDImage
+from bestman_bt.messages import CameraIntrinsics, Failure, PointCloud, Pose, Pose2D, RGBDImage
 from bestman_bt.perception import PerceptionError, View
 from bestman_bt.perception.camera_model import DepthCorrection, rectification
 from bestman_bt.robot_model import ArmModel, CameraPart, RobotModel
@@ -80,7 +81,9 @@ class RGBDView:
 class RGBDSensor:
     """Captures views through one camera: rectified, and with the systematic error of the depth taken away.
 
-    ``clock``: tells how old an image is; without one, ages are not checked.
+    Camera and base stand in a view where they stood when the image was taken. ``base_at``: pose of the base in the map
+    frame at a time; without one, the base is where ``world`` says. ``clock``: tells how old an image is; without one,
+    ages are not checked.
 
     When an image counts as none.
 
@@ -94,6 +97,7 @@ class RGBDSensor:
     joints: JointStateSensor
     world: WorldModel
     clock: Clock | None = None
+    base_at: Callable[[float], Pose2D] | None = None
     max_age: float = 0.5
     attempts: int = 5
     black_level: int = 8
@@ -118,12 +122,17 @@ class RGBDSensor:
         self._subscribers.append(subscriber)
 
     def capture(self) -> RGBDView:
-        """Take one image now; CameraError if the camera delivers nothing to work with."""
+        """The latest image; CameraError if the camera delivers nothing to work with."""
         image = self._ideal(self._taken())
-        positions = self.joints.positions()
+        try:
+            positions = self.joints.at(image.stamp)
+            base = self.world.base.pose if self.base_at is None else self.base_at(image.stamp)
+        except NotRecordedError as error:
+            text = f"nothing tells where the robot was when {self.name} took its image: {error}"
+            raise CameraError(CameraErrorCode.STALE, text, self.name) from error
         base_from_camera = self.kinematics.pose(self.camera.optical_frame, positions)
         own_body = self._self_filter.mask(image, base_from_camera, positions, self.world.hands)
-        view = RGBDView(image, base_from_camera, self.world.base.pose.to_pose(), own_body)
+        view = RGBDView(image, base_from_camera, base.to_pose(), own_body)
         for subscriber in self._subscribers:
             subscriber(view)
         return view

@@ -62,7 +62,8 @@ class PointCloud:
 class LaserScan:
     """A planar scan as in ROS: beam i points at ``angle_min + i * angle_increment`` in the lidar frame.
 
-    ``ranges``: (N,) float64 metres, inf where nothing was hit between ``range_min`` and ``range_max``.
+    ``ranges``: (N,) float64 metres, inf where nothing was hit between ``range_min`` and ``range_max``. ``stamp``:
+    seconds, of the first beam; each further one is ``time_increment`` seconds later.
     """
 
     ranges: NDArray[np.float64]
@@ -71,6 +72,7 @@ class LaserScan:
     range_min: float
     range_max: float
     stamp: float
+    time_increment: float = 0.0
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "ranges", frozen_array(self.ranges, (None,), "LaserScan ranges"))

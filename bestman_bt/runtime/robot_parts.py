@@ -116,7 +116,9 @@ class RobotParts:
 
     def sensor(self, camera: Camera) -> RGBDSensor:
         """What takes views through a camera."""
-        return RGBDSensor(camera, self.forward, self.joints, self.world, self.robot.clock)
+        driven = bool(self.kinds.get("base") and self.kinds.get("lidar"))
+        base_at = (lambda stamp: self.base.pose_at(stamp)) if driven else None
+        return RGBDSensor(camera, self.forward, self.joints, self.world, self.robot.clock, base_at)
 
     def all(self, part_type: type[PartType]) -> list[PartType]:
         """All parts of a type."""

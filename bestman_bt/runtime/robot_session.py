@@ -214,6 +214,7 @@ def open_session(
         if prepare_robot is not None:
             prepare_robot(robot)
         skills = _skills(setup, robot if see_through is None else see_through(robot))
+        skills.joints.start(robot.clock)
         localised = skills.has("base") and skills.has("lidar")
         if localised:
             skills.base.start()
@@ -224,6 +225,7 @@ def open_session(
             opened.ended = True
             if localised:
                 skills.base.close()
+            skills.joints.close()
             robot.stop()
 
 

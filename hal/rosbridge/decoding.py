@@ -62,7 +62,8 @@ def laser_scan(message: Message, at: float) -> LaserScan:
     ranges = np.array([math.inf if value is None else value for value in message["ranges"]], dtype=float)
     lower, upper = float(message["range_min"]), float(message["range_max"])
     ranges[~((ranges >= lower) & (ranges <= upper))] = np.inf
-    return LaserScan(ranges, float(message["angle_min"]), float(message["angle_increment"]), lower, upper, at)
+    beams = float(message["angle_min"]), float(message["angle_increment"])
+    return LaserScan(ranges, *beams, lower, upper, at, float(message["time_increment"]))
 
 
 def wrench(message: Message, at: float) -> Wrench:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import cached_property
 
 import cv2
@@ -54,32 +55,53 @@ def smooth(rgb: NDArray[np.uint8], oversampling: int) -> NDArray[np.uint8]:
 EDGE_CURVATURE = 0.03
 
 
-class SimulatedCamera(SimulatedSensor[RGBDImage], Camera):
-    """Renders when asked, with a latency all the time; the true pose of its link is used for that alone."""
+@dataclass(frozen=True, eq=False)
+class Exposure:
+    """When and from where an image was taken; ``map_from_optical`` is the true pose, used for rendering alone."""
+
+    map_from_optical: Pose
+    stamp: float
+
+
+class SimulatedCamera(SimulatedSensor[Exposure], Camera):
+    """Renders when asked. With a latency it takes images at its rate, and shows the latest that has arrived.
+
+    Only images that are asked for are rendered: what moves before the camera is then drawn where it is now, up to a
+    latency and a frame later than the stamp. The camera itself stands where it stood at the stamp.
+    """
 
     def __init__(self, name: str, model: CameraPart, rng: np.random.Generator) -> None:
         super().__init__(name, model.rate, model.latency, on_demand=True)
         self._model, self._rng = model, rng
         self.intrinsics, self.optical_frame = model.intrinsics, model.optical_frame
+        self._reader: Reader | None = None
+        self._rendered: tuple[Exposure, SensorFault | None, RGBDImage] | None = None
 
     def capture(self) -> RGBDImage:
         """Render colour and depth, and spoil the depth as the model says."""
-        return self.read()
+        exposure, fault = self.read(), self.fault
+        if self._rendered is not None and self._rendered[0] is exposure:
+            if fault is SensorFault.FROZEN or fault is self._rendered[1]:
+                return self._rendered[2]
+        self._rendered = exposure, fault, self._render(exposure)
+        return self._rendered[2]
 
-    def begin(self, simulation: Simulation) -> Callable[[], RGBDImage]:
+    def begin(self, simulation: Simulation) -> Callable[[], Exposure]:
         """Look into this simulation."""
-        reader = simulation.reader(ReadPurpose.SENSOR)
-        return lambda: self._film(simulation, reader)
+        reader = self._reader = simulation.reader(ReadPurpose.SENSOR)
+        self._rendered = None
+        return lambda: Exposure(simulation.link_pose(reader, self.optical_frame), simulation.now)
 
-    def _film(self, simulation: Simulation, reader: Reader) -> RGBDImage:
+    def _render(self, exposure: Exposure) -> RGBDImage:
+        assert self._reader is not None
         model = self._model
-        rgb, depth = self._seen(reader, simulation.link_pose(reader, model.optical_frame))
+        rgb, depth = self._seen(self._reader, exposure.map_from_optical)
         noisy = spoil_depth(depth, model, self._rng)
         if self.fault is SensorFault.BLACK:
             rgb = np.zeros_like(rgb)
         if self.fault in (SensorFault.BLACK, SensorFault.NO_DEPTH):
             noisy = np.zeros_like(noisy)
-        return RGBDImage(rgb, noisy, model.intrinsics, simulation.now)
+        return RGBDImage(rgb, noisy, model.intrinsics, exposure.stamp)
 
     @cached_property
     def _lens(self) -> Lens | None:

@@ -33,13 +33,15 @@ class SensorFault(Enum):
 class SensorPipeline(Generic[Reading]):
     """Brings readings: taken when asked for, or ``rate`` times a second and told ``latency`` seconds later.
 
-    ``on_demand``: a reading is taken when it is asked for, unless there is a latency. ``fault``: set it to make the
+    ``on_demand``: a reading is taken when it is asked for, unless there is a latency; then there is a first one of the
+    start, when all is at rest. ``fault``: set it to make the
     sensor fail from now on, None to repair it.
     """
 
     def __init__(self, name: str, rate: float, latency: float = 0.0, on_demand: bool = False) -> None:
         self.name, self._rate, self._latency = name, rate, latency
         self._on_demand = on_demand and latency == 0.0
+        self._has_first = on_demand and latency > 0.0
         self._simulation: Simulation | None = None
         self._take: Callable[[], Reading] | None = None
         self._on_their_way: deque[tuple[float, Reading]] = deque()
@@ -50,7 +52,7 @@ class SensorPipeline(Generic[Reading]):
     def start(self, simulation: Simulation, take: Callable[[], Reading]) -> None:
         """``take`` measures now."""
         self._simulation, self._take = simulation, take
-        self._latest = None
+        self._latest = take() if self._has_first else None
         self._on_their_way.clear()
         self._taken = self._periods(simulation.now)
         if not self._on_demand:

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from multiprocessing.connection import Connection
 
 from bestman_bt.messages import RGBDImage
-from bestman_bt.robot_model import RobotModel
+from bestman_bt.robot_model import CameraPart, RobotModel
 from bestman_bt.scene import World
 from hal.api import Camera
 from hal.pybullet import PyBulletRobot
@@ -110,6 +110,9 @@ class CameraRenderProcess:
 def _work(wire: Connection, model: RobotModel, world: World, seed: int) -> None:
     """The other process: less urgent than the controllers, and ended by the end of the wire alone."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    # This process renders what it is told to at once; the latency is that of the twin that sends the picture.
+    prompt = {name: dataclasses.replace(camera, latency=0.0) for name, camera in model.of(CameraPart).items()}
+    model = dataclasses.replace(model, parts={**model.parts, **prompt})
     with PyBulletRobot(model, world, seed=seed) as robot, contextlib.suppress(EOFError, OSError):
         with contextlib.suppress(PermissionError):
             os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(REAL_TIME_PRIORITY))

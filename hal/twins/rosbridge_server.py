@@ -263,7 +263,8 @@ class RosbridgeTwin:
         frame, rate = getattr(model, "frame", ""), min(model.rate, STATE_RATE)
 
         def make() -> Message:
-            return write(self._header(frame), getattr(part, read)())
+            reading = getattr(part, read)()
+            return write(self._version.header(frame, reading.stamp + self._offset), reading)
 
         topic = self._declare(kind, name, stream, package, message)
         if kind == "lidar":

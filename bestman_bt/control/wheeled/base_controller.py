@@ -218,6 +218,11 @@ class BaseController:
             return self._gave_up
         return action.follower is not None and action.watch.without > self._driving.stuck_time
 
+    def pose_at(self, stamp: float) -> Pose2D:
+        """Where the base was, in the map frame, by what is believed now; NotRecordedError outside the last seconds."""
+        with self._lock:
+            return self.localisation.pose_at(stamp)
+
     def velocity(self) -> Twist2D:
         """Measured, in the base frame; raises as readings do."""
         return self._base.velocity()

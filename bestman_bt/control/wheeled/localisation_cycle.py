@@ -6,12 +6,13 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from bestman_bt.control.history import History, NotRecordedError, pose_between
 from bestman_bt.control.inertial import FusedOdometry
-from bestman_bt.control.lidar import LidarSensor
+from bestman_bt.control.lidar import LidarSensor, deskewed
 from bestman_bt.messages import LaserScan, Pose2D
 from bestman_bt.navigation.localization import Localizer, OdometryScan
 from bestman_bt.world_model import BasePose, WorldModel
-from hal.api import Clock
+from hal.api import Clock, NoDataError
 
 
 @dataclass(frozen=True)
@@ -71,6 +72,8 @@ class LocalisationCycle:
         self._ticks = self._scans_at_rest = self._refused_scans = 0
         self.lost = self._confirmed = False
         self.odometry = Pose2D()
+        self._odometries = History(pose_between)
+        self._latest: OdometryScan | None = None
 
     @property
     def settled(self) -> bool:
@@ -100,6 +103,8 @@ class LocalisationCycle:
         """From the believed ``world.base`` on."""
         believed = self.world.base
         self._odometer.begin()
+        self._odometries.clear()
+        self._latest = None
         self._reset(believed)
         self.lost = believed.position_std > self._localising.lost_position_std
 
@@ -120,8 +125,14 @@ class LocalisationCycle:
             self._refused_scans = 0
 
     def scan(self) -> OdometryScan:
-        """What the lidar sees now; raises as its readings do."""
-        return OdometryScan(self._odometer.pose(), self.lidar.scan())
+        """What the lidar saw last, and where the odometry was then; raises as its readings do."""
+        self._odometries.add(self.clock.now(), self._odometer.pose())
+        return self._taken()
+
+    def pose_at(self, stamp: float) -> Pose2D:
+        """Where the base was, in the map frame, by what is believed now; NotRecordedError outside the last seconds."""
+        believed = self.world.base.pose
+        return believed @ self.odometry.inverse() @ self._odometries.at(stamp) if self._odometries else believed
 
     def step(self) -> None:
         """One control tick; raises as the readings do."""
@@ -129,25 +140,45 @@ class LocalisationCycle:
         odometry = self._odometer.pose()
         moved = self.odometry.inverse() @ odometry
         self.odometry = odometry
+        self._odometries.add(self.clock.now(), odometry)
         if math.hypot(moved.x, moved.y) * p.rate > p.still_speed or abs(moved.theta) * p.rate > p.still_turn_rate:
             self._scans_at_rest = 0
         estimate = self.localizer.predict(odometry)
         self._ticks += 1
         every = p.rest_scan_every if self.settled and not self.lost else p.scan_every
         if self._ticks % every == 0:
-            scan, base_from_lidar = self.lidar.scan(), self.lidar.base_from_lidar
-            estimate = self.localizer.correct(scan, base_from_lidar)
+            taken = self._taken()
+            # From where the base is now to where its lidar was when the scan was taken.
+            base_from_lidar = odometry.inverse() @ taken.odometry @ self.lidar.base_from_lidar
+            estimate = self.localizer.correct(taken.scan, base_from_lidar)
             self._scans_at_rest += 1
             fits = estimate.match is not None and estimate.match.accepted
             if fits:
                 self._refused_scans, self.lost, self._confirmed = 0, False, True
             else:
                 self._refused_scans += 1
-            self.seen(PlacedScan(scan, odometry, estimate.pose @ base_from_lidar, fits))
+            self.seen(PlacedScan(taken.scan, taken.odometry, estimate.pose @ base_from_lidar, fits))
         self.world.base = BasePose(estimate.pose, estimate.position_std, estimate.heading_std, self.clock.now())
+
+    def _taken(self) -> OdometryScan:
+        """The latest scan as it would be if the lidar had stood still, and the odometry of then; NoDataError."""
+        scan, latest = self.lidar.scan(), self._latest
+        if latest is not None and latest.scan.stamp == scan.stamp:
+            return latest
+        try:
+            odometry = self._odometries.at(scan.stamp)
+            if scan.time_increment:
+                end = self._odometries.at(scan.stamp + scan.time_increment * len(scan.ranges))
+                base_from_lidar = self.lidar.base_from_lidar
+                scan = deskewed(scan, base_from_lidar.inverse() @ odometry.inverse() @ end @ base_from_lidar)
+        except NotRecordedError as error:
+            raise NoDataError(f"nothing tells where the lidar was when it took its scan: {error}") from error
+        self._latest = OdometryScan(odometry, scan)
+        return self._latest
 
     def _reset(self, believed: BasePose) -> None:
         self.odometry = self._odometer.pose()
+        self._odometries.add(self.clock.now(), self.odometry)
         self.localizer.reset(believed.pose, self.odometry, believed.position_std, believed.heading_std)
         self._confirmed = False
         self._scans_at_rest = self._refused_scans = 0

@@ -57,7 +57,7 @@ class Playback(Camera):
         (SensorFault.SILENT, CameraErrorCode.NO_IMAGE, "head_camera gave no image: head_camera delivers no readings"),
         (SensorFault.BLACK, CameraErrorCode.BLACK, "head_camera gave a black image"),
         (SensorFault.NO_DEPTH, CameraErrorCode.NO_DEPTH, r"without depth \(0.00% of its pixels"),
-        (SensorFault.FROZEN, CameraErrorCode.STALE, r"is 0.6\d s old, 0.5 s are allowed"),
+        (SensorFault.FROZEN, CameraErrorCode.STALE, r"is 0.[67]\d s old, 0.5 s are allowed"),
     ],
 )
 def test_a_camera_that_stops_delivering_is_told_with_code_and_words(robot, sensor, camera, fault, code, words):
@@ -69,7 +69,8 @@ def test_a_camera_that_stops_delivering_is_told_with_code_and_words(robot, senso
     assert error.value.code is code
     assert isinstance(error.value, PerceptionError)
     camera.fault = None
-    assert sensor.capture().stamp == pytest.approx(robot.clock.now())
+    robot.clock.sleep(0.1)
+    assert 0.0 <= robot.clock.now() - sensor.capture().stamp <= 0.05 + 1 / 30 + 0.01, "a latency and a frame"
 
 
 class Held(Playback):
@@ -88,7 +89,7 @@ class Held(Playback):
 
 @pytest.mark.parametrize("late", [4, 5])
 def test_of_images_that_were_held_up_five_are_asked_for_at_most(robot, camera, kinematics, joints, world, late):
-    held = Held(camera, camera.capture(), late)
+    held = Held(camera, replace(camera.capture(), stamp=robot.clock.now()), late)
     sensor = RGBDSensor(held, kinematics, joints, WorldModel(semantic_map(world)), robot.clock)
     if late < 5:
         assert sensor.capture().stamp == held.image.stamp

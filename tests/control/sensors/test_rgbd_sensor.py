@@ -45,7 +45,7 @@ def test_the_view_in_the_map_goes_through_the_believed_pose_of_the_base(view):
 
 
 def test_a_view_has_the_stamp_of_its_image(view, robot):
-    assert view.stamp == pytest.approx(robot.clock.now(), abs=0.01)
+    assert 0.0 <= robot.clock.now() - view.stamp <= 0.05 + 1 / 30 + 0.01, "a latency and a frame"
 
 
 def test_what_is_held_is_part_of_the_robot_and_left_out_of_views_where_it_is(robot, model, kinematics, joints, world):

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
+from bestman_bt.control.lidar import deskewed
 from bestman_bt.control.wheeled.localisation_cycle import LocalisationCycle, Localising, PlacedScan
 from bestman_bt.messages import LaserScan, Pose2D
 from bestman_bt.navigation.localization import LocalizationEstimate, Localizer, ScanMatch
 from bestman_bt.world_model import BasePose
+from hal.api import NoDataError
 
 STILL = Pose2D()
 BASE_FROM_LIDAR = Pose2D(0.2, 0.1, 0.5)
@@ -57,14 +60,18 @@ class Cycle:
         self.seen: list[PlacedScan] = []
         self.localizer = Scripted()
         odometer: Any = SimpleNamespace(begin=lambda: None, end=lambda: None, pose=lambda: self.odometry)
-        lidar: Any = SimpleNamespace(scan=lambda: SCAN, base_from_lidar=BASE_FROM_LIDAR)
-        clock: Any = SimpleNamespace(now=lambda: 7.5)
+        self.now, self.latency = 7.5, 0.0
+        lidar: Any = SimpleNamespace(
+            scan=lambda: replace(SCAN, stamp=self.now - self.latency), base_from_lidar=BASE_FROM_LIDAR
+        )
+        clock: Any = SimpleNamespace(now=lambda: self.now)
         self.cycle = LocalisationCycle(clock, lidar, self.localizer, odometer, self.world, LOCALISING, self.seen.append)
         self.cycle.begin()
 
     def steps(self, count: int, by: Pose2D = STILL) -> None:
         for _ in range(count):
             self.odometry = self.odometry @ by
+            self.now += 1.0 / LOCALISING.rate
             self.cycle.step()
 
 
@@ -77,11 +84,11 @@ def test_the_belief_begins_where_it_was_and_goes_with_the_odometry_and_scans_are
         where = where @ Pose2D(0.1, 0.0, 0.1)
     believed = base.world.base
     assert [*believed.pose.xy, believed.pose.theta] == pytest.approx([*where.xy, where.theta])
-    assert (believed.position_std, believed.heading_std, believed.stamp) == pytest.approx((0.05, 0.04, 7.5))
+    assert (believed.position_std, believed.heading_std, believed.stamp) == pytest.approx((0.05, 0.04, 7.6))
     (seen,) = base.seen
     lidar = where @ BASE_FROM_LIDAR
     assert [*seen.map_from_lidar.xy, seen.map_from_lidar.theta] == pytest.approx([*lidar.xy, lidar.theta])
-    assert (seen.scan, seen.odometry, seen.fits) == (SCAN, base.odometry, True)
+    assert (seen.scan.stamp, seen.odometry, seen.fits) == (base.now, base.odometry, True)
 
 
 def test_a_base_that_rests_has_settled_after_its_scans_and_then_looks_less_often() -> None:
@@ -181,3 +188,46 @@ def test_told_another_place_it_begins_anew_and_is_lost_until_a_scan_fits_there()
     base.localizer.fits = True
     base.steps(4)
     assert not base.cycle.lost
+
+
+@pytest.mark.parametrize("by", [Pose2D(0.02, 0.005, 0.03), Pose2D(-0.01, 0.0, -0.04)])
+def test_a_late_scan_is_placed_where_the_lidar_was_when_it_was_taken(by: Pose2D) -> None:
+    base = Cycle()
+    base.latency = 0.0625  # two and a half control ticks
+    base.steps(8, by)
+    then = base.odometry
+    for _ in range(3):
+        then = then @ by.inverse()
+    middle = then @ Pose2D(by.x / 2, by.y / 2, by.theta / 2)
+    seen = base.seen[-1]
+    assert [*seen.odometry.xy, seen.odometry.theta] == pytest.approx([*middle.xy, middle.theta], abs=3e-4)
+    where = base.world.base.pose @ base.odometry.inverse() @ seen.odometry
+    lidar = where @ BASE_FROM_LIDAR
+    assert [*seen.map_from_lidar.xy, seen.map_from_lidar.theta] == pytest.approx([*lidar.xy, lidar.theta])
+    at = base.cycle.pose_at(base.now - base.latency)
+    assert [*at.xy, at.theta] == pytest.approx([*where.xy, where.theta])
+
+
+@pytest.mark.parametrize(("latency", "words"), [(2.6, "before the oldest"), (-0.3, "0.30 s after the newest")])
+def test_a_scan_of_a_time_that_no_odometry_tells_of_is_refused(latency: float, words: str) -> None:
+    base = Cycle()
+    base.steps(120)
+    base.latency = latency
+    with pytest.raises(NoDataError, match=words):
+        base.steps(40)
+
+
+def test_the_sweep_of_a_lidar_that_moves_is_straightened() -> None:
+    """A wall 2 m ahead, seen by a lidar that drives towards it and turns while it sweeps."""
+    count, sweep = 181, 0.1
+    moved = Pose2D(0.08, 0.0, 0.1)
+    angles = np.linspace(-0.5, 0.5, count)
+    share = np.arange(count) / count
+    ranges = (2.0 - share * moved.x) / np.cos(angles + share * moved.theta)
+    skewed = LaserScan(ranges, -0.5, 1.0 / (count - 1), 0.1, 8.0, 3.0, sweep / count)
+    assert np.ptp(skewed.points()[:, 0]) > 0.05
+    straight = deskewed(skewed, moved)
+    points = straight.points()
+    assert len(points) > 150
+    assert points[:, 0] == pytest.approx(2.0, abs=0.008)  # a hit moves to the middle of a beam, 3 mrad wide
+    assert (straight.stamp, straight.time_increment) == (3.0, 0.0)
