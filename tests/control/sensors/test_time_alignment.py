@@ -62,9 +62,7 @@ def test_what_a_turning_robot_sees_lies_where_it_is(turning) -> None:
     for seen in scans:
         if seen.scan.stamp > truth[0][0]:
             _, base = _at(truth, seen.scan.stamp)
-            assert seen.map_from_lidar.theta == pytest.approx(
-                (base.to_pose2d() @ lidar).theta, abs=math.radians(1.0)
-            )
+            assert seen.map_from_lidar.theta == pytest.approx((base.to_pose2d() @ lidar).theta, abs=math.radians(1.0))
 
 
 def test_an_image_of_a_time_that_nothing_tells_of_is_none(simulate) -> None:
