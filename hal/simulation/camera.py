@@ -80,11 +80,13 @@ class SimulatedCamera(SimulatedSensor[Exposure], Camera):
     def capture(self) -> RGBDImage:
         """Render colour and depth, and spoil the depth as the model says."""
         exposure, fault = self.read(), self.fault
-        if self._rendered is not None and self._rendered[0] is exposure:
-            if fault is SensorFault.FROZEN or fault is self._rendered[1]:
-                return self._rendered[2]
-        self._rendered = exposure, fault, self._render(exposure)
-        return self._rendered[2]
+        if self._rendered is not None:
+            shown, shown_fault, image = self._rendered
+            if shown is exposure and fault in (shown_fault, SensorFault.FROZEN):
+                return image
+        image = self._render(exposure)
+        self._rendered = exposure, fault, image
+        return image
 
     def begin(self, simulation: Simulation) -> Callable[[], Exposure]:
         """Look into this simulation."""

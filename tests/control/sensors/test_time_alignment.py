@@ -27,7 +27,7 @@ def turning(simulate):
 
     motion = it.base.turn(1.2)
     head = it.robot.parts["head"]
-    head.move_to(np.array(head.positions()) + [0.8, 0.0])
+    head.move_to(head.positions() + np.array([0.8, 0.0]))
     while not motion.done:
         it.robot.clock.sleep(1.0 / 240.0)
         note()
