@@ -6,6 +6,7 @@ from bisect import bisect_left
 from collections.abc import Callable, Mapping
 from typing import Generic, TypeVar
 
+from bestman_bt.errors import RobotError
 from bestman_bt.messages import Pose2D, wrap_angle
 
 Value = TypeVar("Value")
@@ -14,7 +15,7 @@ BEFORE = 0.5
 """Seconds before its first value for which that one counts, too: a robot is at rest when it is first read."""
 
 
-class NotRecordedError(LookupError):
+class NotRecordedError(RobotError, LookupError):
     """A value was asked for a time that the history does not cover."""
 
 
