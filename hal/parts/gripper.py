@@ -31,8 +31,8 @@ class Gripping:
 
     Without ``force`` or ``speed``, a command means ``usual_force`` and ``usual_speed``. ``at_target``: how near the
     width has to come. Fingers that have stayed within ``still_band`` for ``still_time`` while they close are blocked by
-    an object, if they are more than ``blocked_margin`` from their target. ``spare_time``: what a motion may take
-    beyond its way at its speed.
+    an object, if they are more than ``blocked_margin`` from their target; those of a gripper that feels objects and
+    feels none are stuck, after ``unfelt_time``. ``spare_time``: what a motion may take beyond its way at its speed.
     """
 
     usual_force: float = 40.0
@@ -41,6 +41,7 @@ class Gripping:
     blocked_margin: float = 0.002
     still_band: float = 0.0005
     still_time: float = 0.2
+    unfelt_time: float = 1.0
     spare_time: float = 3.0
 
 
@@ -165,8 +166,11 @@ class CommandedGripper(StoppablePart, Gripper):
         if abs(reading.width - self._target) < gripping.at_target and self._still_for > SETTLED:
             motion.succeed()
         elif reading.object_held or (self._still_for >= gripping.still_time and not reacting):
-            self._blocked = self._closing
-            if self._closing:
+            unfelt = self._closing and reading.object_held is False
+            if unfelt and self._still_for < gripping.unfelt_time:
+                return
+            self._blocked = self._closing and not unfelt
+            if self._blocked:
                 motion.succeed()
             else:
                 self._give_up(reading, MotionErrorCode.FAULT, "is stuck")

@@ -34,6 +34,7 @@ class RobotiqOptions:
     ``least_force``, ``least_speed``: what its numbers 0 mean; 255 are the part's ``max_force`` and ``max_speed``.
     ``device``, ``command_register``, ``status_register``: of Modbus; a gateway to the serial gripper has 9, 1000, 2000.
     ``rate``: hertz of its readings. ``timeout``: seconds that it may take to answer once; ``longest_delay``: for long.
+    ``activate_holding``: whether a hand that may hold something is activated anew all the same, which drops it.
     """
 
     protocol: Literal["urcap", "modbus"] = "urcap"
@@ -47,6 +48,7 @@ class RobotiqOptions:
     rate: Frequency = 50.0
     timeout: PositiveTime = 0.5
     longest_delay: PositiveTime = 0.1
+    activate_holding: bool = False
 
 
 # A Robotiq 2F gripper as a channel: metres and newtons on one side, its own numbers on the other.
@@ -68,19 +70,25 @@ HARMLESS = frozenset({0, 5, 9})
 """None; an order that came during the activation; and a pause of ours, which the next round trip ends."""
 
 
-def fault_of(number: int) -> Failure | None:
-    """The fault for number ``gFLT``, None where the gripper is well."""
-    if number in HARMLESS:
+def fault_of(status: RobotiqStatus) -> Failure | None:
+    """What ``gFLT`` and ``gSTA`` say, None where the gripper is well and active."""
+    if status.fault not in HARMLESS:
+        words, number = WORDS.get(status.fault, "unknown fault"), f"gFLT {status.fault}"
+    elif status.activation != ACTIVE:
+        words, number = "it is not activated any more: it had no power or was reset", f"gSTA {status.activation}"
+    else:
         return None
-    return Failure(
-        MotionErrorCode.FAULT, f"gripper: {WORDS.get(number, 'unknown fault')}", vendor_code=f"gFLT {number}"
-    )
+    return Failure(MotionErrorCode.FAULT, f"gripper: {words}", vendor_code=number)
 
 
 Answer = TypeVar("Answer")
-ACTIVE = 3
+RESET, ACTIVE = 0, 3
 STOPPED_BY_OBJECT = frozenset({1, 2})
 ACTIVATION_TIME = 10.0
+RESET_TIME = 0.5
+"""Seconds between the reset and the activation, as ``rq_reset`` of Robotiq's URCap waits."""
+LEAST_MOVE = 2
+"""Of its own numbers: how far fingers go that move."""
 
 
 class RobotiqChannel(GripperChannel):
@@ -92,12 +100,14 @@ class RobotiqChannel(GripperChannel):
         self._wire: RobotiqWire | None = None
         self._status: RobotiqStatus | None = None
         self._asked: int | None = None
+        self._from, self._moved = 0, False
+        self._may_hold = False  # when it was last active and well
         self._lateness = LatencyMonitor()
         self.heard = 0.0
 
     def open(self, wire: RobotiqWire) -> None:
         """Connect and activate; ConnectionFailedError, without the address."""
-        self._wire, self._status = wire, None
+        self._wire, self._status = wire, None  # what it may hold it holds still
         self._lateness.forget()
         try:
             wire.open()
@@ -113,27 +123,36 @@ class RobotiqChannel(GripperChannel):
             wire.close()
 
     def activate(self) -> None:
-        """Activate the gripper unless it is active and well."""
+        """Activate the gripper unless it is active and well; ConnectionFailedError, too, where that would drop a thing.
+
+        During an activation the fingers open and close. They hold by themselves without power.
+        """
         self._asked = None
         deadline = time.monotonic() + ACTIVATION_TIME
-        if not self._ready():
-            self._exchange(lambda wire: wire.reset())
+        if fault_of(self._told()) is not None:
+            if self._may_hold and not self._options.activate_holding:
+                raise ConnectionFailedError(
+                    f"{self._name}: the Robotiq gripper has to be activated anew, and would drop what it may hold: take "
+                    "that out of the hand, then allow it by options.activate_holding: true"
+                )
+            self._await(lambda: self._told().activation == RESET, deadline, lambda wire: wire.reset())
+            time.sleep(RESET_TIME)
             self._exchange(lambda wire: wire.activate())
-        while not self._ready():
-            if time.monotonic() > deadline:
-                raise ConnectionFailedError(f"{self._name}: the Robotiq gripper does not become active")
-            time.sleep(0.05)
+        self._await(lambda: fault_of(self._told()) is None, deadline)
 
     def refresh(self) -> None:
         """One round trip for the status; what is not answered leaves the last one."""
         status = self._exchange(lambda wire: wire.status())
         if status is not None:
+            self._moved = self._moved or abs(status.position - self._from) >= LEAST_MOVE
             self._status = status
+            if fault_of(status) is None:
+                self._may_hold = status.object in STOPPED_BY_OBJECT and status.goes
 
     @property
     def fault(self) -> Failure | None:
         """What the gripper reports."""
-        return fault_of(self._status.fault) if self._status is not None else None
+        return fault_of(self._status) if self._status is not None else None
 
     @property
     def slowness(self) -> Failure | None:
@@ -149,7 +168,8 @@ class RobotiqChannel(GripperChannel):
         options, model = self._options, self._model
         share = (status.position - options.open_position) / (options.closed_position - options.open_position)
         width = model.max_width - share * (model.max_width - model.part.min_width)
-        held = status.object in STOPPED_BY_OBJECT and status.echo == self._asked
+        felt = status.object in STOPPED_BY_OBJECT and status.goes and status.echo == self._asked
+        held = felt and self._moved and self.fault is None
         return GripperReading(float(np.clip(width, model.part.min_width, model.max_width)), held)
 
     def send(self, width: float, force: float, speed: float) -> None:
@@ -159,6 +179,10 @@ class RobotiqChannel(GripperChannel):
         position = round(options.open_position + share * (options.closed_position - options.open_position))
         speed_byte = _byte(speed, options.least_speed, model.part.max_speed)
         force_byte = _byte(force, options.least_force, model.part.max_force)
+        status = self._status
+        if status is not None:
+            presses_on = self.read().object_held and position > status.position
+            self._from, self._moved = status.position, bool(presses_on)
         self._asked = position
         self._exchange(lambda wire: wire.go(position, speed_byte, force_byte))
         self.refresh()
@@ -167,11 +191,22 @@ class RobotiqChannel(GripperChannel):
         """Stay where the fingers are."""
         self._exchange(lambda wire: wire.halt())
 
-    def _ready(self) -> bool:
+    def _told(self) -> RobotiqStatus:
         self.refresh()
         if self._status is None:
             raise ConnectionFailedError(f"{self._name}: the Robotiq gripper does not answer")
-        return self._status.activation == ACTIVE and self.fault is None
+        return self._status
+
+    def _await(
+        self, come: Callable[[], bool], deadline: float, ask: Callable[[RobotiqWire], None] = lambda wire: None
+    ) -> None:
+        """``ask`` again and again until it has ``come``."""
+        self._exchange(ask)
+        while not come():
+            if time.monotonic() > deadline:
+                raise ConnectionFailedError(f"{self._name}: the Robotiq gripper does not become active")
+            time.sleep(0.05)
+            self._exchange(ask)
 
     def _exchange(self, exchange: Callable[[RobotiqWire], Answer]) -> Answer | None:
         with self._speaking:

@@ -20,7 +20,8 @@ class RobotiqStatus:
     """What the gripper tells, in its own numbers.
 
     ``activation``: 3 once it is active. ``object``: 0 moving, 1 and 2 stopped by an object while opening and closing,
-    3 at its target. ``echo``: the position that it was last asked for; ``position``: 0 open, 255 closed.
+    3 at its target; it means something only while it ``goes`` to where it was asked. ``echo``: the position that it was
+    last asked for; ``position``: 0 open, 255 closed.
     """
 
     activation: int
@@ -28,6 +29,7 @@ class RobotiqStatus:
     fault: int
     echo: int
     position: int
+    goes: bool
 
 
 class RobotiqWire(ABC):
@@ -83,10 +85,11 @@ class URCapWire(RobotiqWire):
             wire.close()
 
     def status(self) -> RobotiqStatus:
-        """Five questions, sent together."""
-        names = ("STA", "OBJ", "FLT", "PRE", "POS")
+        """Six questions, sent together."""
+        names = ("STA", "OBJ", "FLT", "PRE", "POS", "GTO")
         self._send("".join(f"GET {name}\n" for name in names))
-        return RobotiqStatus(*(self._value(name) for name in names))
+        *numbers, goes = (self._value(name) for name in names)
+        return RobotiqStatus(*numbers, bool(goes))
 
     def reset(self) -> None:
         """Take its activation away."""
@@ -183,7 +186,8 @@ class ModbusWire(RobotiqWire):
             lambda client: client.read_input_registers(self._status_register, count=3, device_id=self._device)
         )
         state, (fault, echo) = answer.registers[0] >> 8, divmod(answer.registers[1], 256)
-        return RobotiqStatus(state >> 4 & 3, state >> 6 & 3, fault & 15, echo, answer.registers[2] >> 8)
+        position = answer.registers[2] >> 8
+        return RobotiqStatus(state >> 4 & 3, state >> 6 & 3, fault & 15, echo, position, bool(state & GO))
 
     def reset(self) -> None:
         """Take its activation away."""

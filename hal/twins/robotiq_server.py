@@ -9,7 +9,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from bestman_bt.robot_model import GripperModel, RobotModel
+from bestman_bt.robot_model import ArmModel, GripperModel, RobotModel
 from bestman_bt.robot_model.connection_config import ConnectionConfig
 from hal.api import Gripper, Motion, MotionStatus
 from hal.twins.faults import Faults
@@ -22,7 +22,7 @@ from hal.twins.world import TwinWorld
 OPEN, CLOSED = 3, 230
 """Its own numbers where the fingers are fully open and closed."""
 LEAST_SPEED, LEAST_FORCE = 0.02, 20.0
-ACTIVATION_TIME = 0.3
+ACTIVATION_TIME, RESET_TIME = 0.3, 0.4
 RESET, ACTIVATING, ACTIVE = 0, 1, 3
 MOVING, HELD, ARRIVED = 0, 2, 3
 NOT_ACTIVATED_FAULT, OVERCURRENT_FAULT = 7, 14
@@ -31,10 +31,14 @@ NOT_ACTIVATED_FAULT, OVERCURRENT_FAULT = 7, 14
 class RobotiqGripper:
     """Called by the protocol servers from their threads; touches the robot only in the world's thread (``tick``).
 
-    ``variables``: what it tells, by the names of its URCap.
+    ``variables``: what it tells, by the names of its URCap. ``arm``: whose flange powers it; "": it has power always.
+    Sources: Robotiq's instruction manual of the 2F-85 (gACT, gGTO, gSTA, gOBJ, gFLT; a gripper that was without power
+    has gSTA 0, and its fingers, whose gear locks itself, stay where they are), and ``rq_reset`` of its URCap, which
+    waits for ACT and STA to be 0 and then 500 ms: an activation that comes earlier is not taken here.
     """
 
-    def __init__(self, world: TwinWorld, gripper: Gripper) -> None:
+    def __init__(self, world: TwinWorld, gripper: Gripper, arm: str = "") -> None:
+        self._arm, self._powered, self._reset_since = arm, True, 0.0
         self._world, self._gripper = world, gripper
         self._target, self._speed, self._force = OPEN, 255, 255
         self._wanted = {"ACT": 0, "GTO": 0}
@@ -43,6 +47,7 @@ class RobotiqGripper:
         self._jammed = False
         self._motion: Motion[None] | None = None
         self._position = OPEN
+        self._unpowered_by_arm = False
         world.ticks.append(self.tick)
 
     @property
@@ -61,6 +66,8 @@ class RobotiqGripper:
 
     def command(self, values: dict[str, int]) -> None:
         """New values of some of ACT, GTO, POS, SPE, FOR, taken together."""
+        if not self.powered or (values.get("ACT") and self._activation == RESET and self._reset_since < RESET_TIME):
+            return
         self._target = values.get("POS", self._target)
         self._speed, self._force = values.get("SPE", self._speed), values.get("FOR", self._force)
         before = dict(self._wanted)
@@ -82,12 +89,33 @@ class RobotiqGripper:
             self._fault = OVERCURRENT_FAULT
         self._world.post(self._gripper.stop)
 
+    @property
+    def powered(self) -> bool:
+        """Whether its electronics live."""
+        return self._powered
+
+    def lose_power(self) -> None:
+        """As by a cable that is out, until ``regain_power``; the fingers stay where they are."""
+        self._powered = False
+        self._wanted = {"ACT": 0, "GTO": 0}
+        self._activation, self._fault, self._object, self._reset_since = RESET, 0, MOVING, 0.0
+        self._motion = None
+        self._world.post(self._gripper.stop)
+
+    def regain_power(self) -> None:
+        """It wants to be activated."""
+        self._powered = True
+
     def unjam(self) -> None:
         """The fingers are free again; a fault stays until the next activation."""
         self._jammed = False
 
     def tick(self, dt: float) -> None:
         """One physics step of the world is about to come."""
+        self._reset_since += dt
+        if (without := self._arm in self._world.without_power) != self._unpowered_by_arm:
+            self._unpowered_by_arm = without
+            (self.lose_power if without else self.regain_power)()
         closed, opened = self._gripper.model.part.min_width, self._gripper.model.max_width
         share = (opened - self._gripper.width()) / (opened - closed)
         self._position = round(OPEN + float(np.clip(share, 0.0, 1.0)) * (CLOSED - OPEN))
@@ -105,6 +133,7 @@ class RobotiqGripper:
         self._activation, self._active_in = (ACTIVATING, ACTIVATION_TIME) if on else (RESET, 0.0)
         if not on:
             self._wanted["GTO"] = 0
+            self._reset_since = 0.0
             self._world.post(self._gripper.stop)
 
     def _go(self) -> None:
@@ -138,12 +167,17 @@ class RobotiqTwin:
         modbus = self._options.protocol == "modbus"
         port = connection.port or (MODBUS_PORT if modbus else URCAP_PORT)
         self._server = TcpServer(address, port, self._attend_modbus if modbus else self._attend_urcap)
-        self.gripper = RobotiqGripper(
-            world,
-            world.robot.part(name, Gripper),
-        )
+        carries = (arm for arm, of in model.of(ArmModel).items() if of.tool_frame.startswith(f"{name}_"))
+        self.gripper = RobotiqGripper(world, world.robot.part(name, Gripper), next(carries, ""))
         self.faults = Faults()
-        self.faults.offer({"gripper_jam": self.gripper.jam, "gripper_free": self.gripper.unjam})
+        self.faults.offer(
+            {
+                "gripper_jam": self.gripper.jam,
+                "gripper_free": self.gripper.unjam,
+                "power_off": self.gripper.lose_power,
+                "power_on": self.gripper.regain_power,
+            }
+        )
 
     def start(self) -> None:
         """Accept clients."""
@@ -187,7 +221,7 @@ class RobotiqTwin:
                 transaction, unit, function = frame[:2], frame[6], frame[7]
                 answer = self._answer_frame(function, frame[8:])
                 head = transaction + struct.pack(">HHB", 0, len(answer) + 1, unit)
-                if not self.faults.wire.silent and unit == self._options.device:
+                if self.gripper.powered and not self.faults.wire.silent and unit == self._options.device:
                     client.sendall(head + answer)
 
     def _answer_frame(self, function: int, data: bytes) -> bytes:

@@ -146,7 +146,13 @@ class URController:
     # The world's thread
 
     def tick(self, dt: float) -> None:
-        """One physics step of the world is about to come."""
+        """One physics step of the world is about to come.
+
+        The tool is powered through the arm, which an emergency stop leaves without power (UR's user manual, "Tool I/O"
+        and "Emergency stop").
+        """
+        powered = self.robot_mode != RobotMode.POWER_OFF and self.safety_mode != SafetyMode.ROBOT_EMERGENCY_STOP
+        (self._world.without_power.discard if powered else self._world.without_power.add)(self._arm.name)
         fresh = self._take_inputs(dt)
         program = self._program
         if program is not None:

@@ -42,6 +42,7 @@ class TwinWorld:
         self.robot = PyBulletRobot(model, world, seed=seed, parameters=parameters or PhysicsParameters(control_every=1))
         self.ticks: list[Callable[[float], None]] = []
         self.given_up = 0.0
+        self.without_power: set[str] = set()  # arms whose flange powers no tool
         self._drawing = model, world, seed
         self._cameras = cameras
         self._truth: GroundTruth | None = None

@@ -31,10 +31,11 @@ class Wire(RobotiqWire):
 
     def reset(self) -> None:
         self._say("reset")
+        self.told = replace(self.told, activation=0)
 
     def activate(self) -> None:
         self._say("activate")
-        self.told = replace(self.told, activation=3, fault=0)
+        self.told = replace(self.told, activation=3, fault=0, object=3)
 
     def go(self, position: int, speed: int, force: int) -> None:
         self._say((position, speed, force))
@@ -54,7 +55,12 @@ class Wire(RobotiqWire):
 
 
 def status(**values: int) -> RobotiqStatus:
-    return replace(RobotiqStatus(activation=3, object=3, fault=0, echo=0, position=3), **values)
+    return replace(RobotiqStatus(activation=3, object=3, fault=0, echo=0, position=3, goes=True), **values)
+
+
+@pytest.fixture(autouse=True)
+def _no_waiting(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("hal.robotiq.connection.RESET_TIME", 0.0)
 
 
 @pytest.fixture
@@ -71,21 +77,67 @@ def channel(robot_model: RobotModel, wire: Wire) -> RobotiqChannel:
 
 def test_an_object_counts_only_in_answer_to_the_last_order(channel: RobotiqChannel, wire: Wire) -> None:
     options = RobotiqOptions()
-    for width in (0.0, 0.02):
+    for position, width in ((100, 0.0), (60, 0.02)):
         channel.send(width, 30.0, 0.1)
         sent = wire.calls[-1]
         assert isinstance(sent, tuple)
         for felt in (0, 1, 2, 3):
-            wire.told = status(object=felt, echo=sent[0], position=100)
+            wire.told = status(object=felt, echo=sent[0], position=position)
             channel.refresh()
             assert channel.read().object_held is (felt in (1, 2))
-            wire.told = status(object=felt, echo=sent[0] - 1, position=100)  # of before the order
+            wire.told = status(object=felt, echo=sent[0] - 1, position=position)  # of before the order
             channel.refresh()
             assert channel.read().object_held is False
     wire.told = status(object=2, echo=sent[0])
     channel.activate()
     assert channel.read().object_held is False  # nothing was asked since
     assert options.open_position < options.closed_position
+
+
+@pytest.mark.parametrize("told", [{"activation": 0}, {"goes": False}, {"position": 4}], ids=str)
+def test_a_gripper_without_power_one_that_goes_nowhere_and_fingers_that_have_not_moved_hold_nothing(
+    channel: RobotiqChannel, wire: Wire, told: dict[str, int]
+) -> None:
+    channel.send(0.0, 30.0, 0.1)
+    (asked, _, _) = wire.calls[-1]  # type: ignore[misc]
+    wire.told = status(object=2, echo=asked, position=100)
+    channel.refresh()
+    assert channel.read().object_held
+    channel.send(0.04, 30.0, 0.1)
+    channel.send(0.0, 30.0, 0.1)
+    wire.told = status(object=2, echo=asked, **{"position": 150, **told})
+    if "position" in told:
+        channel._from, channel._moved = 3, False
+    channel.refresh()
+    assert channel.read().object_held is False
+
+
+def test_a_gripper_that_is_not_active_any_more_is_a_fault(channel: RobotiqChannel, wire: Wire) -> None:
+    assert channel.fault is None
+    wire.told = status(activation=0)
+    channel.refresh()
+    assert channel.fault is not None
+    assert channel.fault.vendor_code == "gSTA 0"
+
+
+def test_a_hand_that_may_hold_something_is_activated_only_where_that_is_allowed(
+    robot_model: RobotModel, wire: Wire
+) -> None:
+    for allowed in (False, True):
+        options = RobotiqOptions(activate_holding=allowed)
+        channel = RobotiqChannel("hand", robot_model.of(GripperModel)["gripper"], options, RealTimeClock())
+        wire.told = status(object=2, position=100)
+        channel.open(wire)
+        wire.told = status(activation=0, object=0, position=100)
+        channel.refresh()
+        wire.calls.clear()
+        if allowed:
+            channel.activate()
+            assert wire.calls == ["reset", "activate"]
+        else:
+            with pytest.raises(ConnectionFailedError, match="activate_holding: true"):
+                channel.activate()
+            assert wire.calls == []
 
 
 def test_widths_forces_and_speeds_become_its_numbers_and_widths_come_back(

@@ -89,6 +89,7 @@ class World:
     def __init__(self, gripper: BlockedGripper) -> None:
         self.robot = SimpleNamespace(part=lambda name, kind: gripper)
         self.ticks: list[Callable[[float], None]] = [gripper.tick]
+        self.without_power: set[str] = set()
         self._work: list[Callable[[], None]] = []
         self._closing = threading.Event()
         self._thread = threading.Thread(target=self._run, daemon=True)
@@ -222,6 +223,19 @@ def test_an_overcurrent_fails_the_motion_with_its_number_and_an_activation_clear
     bench.twin.faults.happen("gripper_free")
     bench.robot.clear_stop()
     assert bench.end(bench.gripper.move(0.02)).status is MotionStatus.SUCCEEDED
+
+
+def test_a_gripper_without_power_is_a_fault_and_what_it_may_hold_is_not_dropped_by_clearing_it(bench: Bench) -> None:
+    bench.fingers.obstacle = 0.03
+    bench.end(bench.gripper.close(force=30.0))
+    assert bench.gripper.state().object_held
+    bench.twin.faults.happen("power_off")
+    bench.wait_for(lambda: bench.robot.stopped)
+    bench.twin.faults.happen("power_on")
+    assert bench.robot.faults[HAND].vendor_code in ("gSTA 0", "")  # over Modbus it is silent
+    with pytest.raises(ConnectionFailedError, match="would drop what it may hold"):
+        bench.robot.clear_stop()
+    assert bench.robot.stopped
 
 
 def test_a_silent_gripper_is_lost_until_it_is_back(bench: Bench) -> None:

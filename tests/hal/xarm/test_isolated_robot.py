@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import json
 import os
 import signal
+import subprocess
+import sys
 import threading
 import time
 from pathlib import Path
@@ -132,6 +135,37 @@ def test_while_the_program_that_plans_is_stopped_the_arm_brakes_and_it_hears_so_
         assert program.stdout.readline().startswith("stopped stopped because the program that plans gave no sign")
         assert program.stdout.readline() == "accepted\n"
         assert program.wait(PATIENCE) == 0
+
+
+SWING = """
+<root BTCPP_format="4" main_tree_to_execute="Swing">
+  <BehaviorTree ID="Swing">
+    <Repeat num_cycles="-1"><MoveArm posture="home"/></Repeat>
+  </BehaviorTree>
+</root>
+"""
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+def test_a_signal_to_the_process_group_ends_a_run_with_a_result_and_without_a_traceback(
+    twin: TwinProcess, isolated_robot: IsolatedRobot, tmp_path: Path, number: signal.Signals
+) -> None:
+    (tmp_path / "swing.xml").write_text(SWING)
+    command = [sys.executable, "-m", "bestman_bt.cli.main", "run", str(tmp_path / "swing.xml"), "--robot", str(ROBOT)]
+    command += ["--driver", "hardware", "--scene", "pick_place_table", "--runs", str(tmp_path / "runs")]
+    command += [word for name, value in twin_settings(twin).items() for word in ("--set", f"robot.{name}={value}")]
+    pipe = subprocess.PIPE
+    with disconnected(isolated_robot):
+        with subprocess.Popen(command, stdout=pipe, stderr=pipe, text=True, start_new_session=True) as run:
+            assert run.stderr is not None
+            assert "MoveArm running" in run.stderr.readline()
+            os.killpg(run.pid, number)
+            output, errors = run.communicate(timeout=PATIENCE)
+        arm_comes_to_rest(twin)
+    assert run.returncode == 130, errors
+    assert "Traceback" not in output + errors
+    (result,) = (tmp_path / "runs").rglob("result.json")
+    assert json.loads(result.read_text())["outcome"] == "cancelled"
 
 
 def its_process_dies(twin_model: RobotModel) -> None:
