@@ -132,8 +132,8 @@ class RobotiqChannel(GripperChannel):
         if fault_of(self._told()) is not None:
             if self._may_hold and not self._options.activate_holding:
                 raise ConnectionFailedError(
-                    f"{self._name}: the Robotiq gripper has to be activated anew, and would drop what it may hold: take "
-                    "that out of the hand, then allow it by options.activate_holding: true"
+                    f"{self._name}: the Robotiq gripper has to be activated anew, and would drop what it may hold: "
+                    "take that out of the hand, then allow it by options.activate_holding: true"
                 )
             self._await(lambda: self._told().activation == RESET, deadline, lambda wire: wire.reset())
             time.sleep(RESET_TIME)
