@@ -88,8 +88,8 @@ class URCapWire(RobotiqWire):
         """Six questions, sent together."""
         names = ("STA", "OBJ", "FLT", "PRE", "POS", "GTO")
         self._send("".join(f"GET {name}\n" for name in names))
-        *numbers, goes = (self._value(name) for name in names)
-        return RobotiqStatus(*numbers, bool(goes))
+        state, felt, fault, echo, position, goes = (self._value(name) for name in names)
+        return RobotiqStatus(state, felt, fault, echo, position, bool(goes))
 
     def reset(self) -> None:
         """Take its activation away."""

@@ -139,6 +139,9 @@ def fault_of(report: Report) -> Failure | None:
         return Failure(
             MotionErrorCode.FAULT, ROBOT_MODES.get(mode, "unknown robot mode"), vendor_code=f"robot mode {mode}"
         )
+    if report.lapsed:
+        text = "the arm was braked because the process that holds the robot's connections was silent"
+        return Failure(MotionErrorCode.STOPPED, text)
     if report.runtime_state != PLAYING and not report.busy:
         text = "the program on the controller has ended"
         return Failure(MotionErrorCode.FAULT, text, vendor_code=f"runtime state {report.runtime_state}")
@@ -223,6 +226,7 @@ class URConnection(Connection):
         self._link.abandon()
 
     def _cycle(self, elapsed: float) -> None:
+        self._link.beat()
         report = self._link.pump()
         silence = self.clock.now() - self._link.heard
         if report is not None and fault_of(report) is None and silence < self.limits.watchdog:
@@ -238,6 +242,7 @@ class URConnection(Connection):
             "watchdog": 1.0 / options.controller_watchdog,
             "connect_timeout": options.connect_timeout,
             "deceleration": 5.0,
+            "heartbeat": self.limits.heartbeat,
         }
         if options.payload is not None:
             settings["payload"] = options.payload

@@ -19,6 +19,7 @@ from hal.ur import sdk_process
 from hal.ur.sdk_process import Report
 
 LEAVE_TIME = 1.0
+BEAT_PERIOD = 0.02
 
 
 class URLink:
@@ -33,6 +34,7 @@ class URLink:
         self._arrived = select.poll()
         self._calling, self._reading = threading.Lock(), threading.Lock()
         self._report: Report | None = None
+        self._sent = 0.0
         self._controller_time = RemoteTime()
         self._lateness = LatencyMonitor()
 
@@ -81,11 +83,17 @@ class URLink:
             raise ConnectionFailedError(f"{self._name}: the UR controller cannot be used: {result}")
         return result
 
-    def send(self, positions: list[float]) -> None:
-        """One set-point; where the process is gone, the watchdog notices."""
+    def beat(self) -> None:
+        """A sign of life, where set-points have not been one."""
+        if time.monotonic() - self._sent > BEAT_PERIOD:
+            self.send(None)
+
+    def send(self, positions: list[float] | None) -> None:
+        """One set-point, or a sign of life; where the process is gone, the watchdog notices."""
         stream = self._stream
         if stream is not None:
             try:
+                self._sent = time.monotonic()
                 stream.send(positions)
             except OSError:
                 self._stream = None

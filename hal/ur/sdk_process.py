@@ -5,7 +5,8 @@ the controller anew, wait without a limit, and write to the standard output. In 
 none of that matters: it ends with its parent, and the controller's own watchdog stops what it has left behind.
 
 Two pipes lead to the parent. Over ``calls`` come ``(name, arguments)``, answered by ``(True, result)`` or
-``(False, words)``. Over ``stream`` come set-points, of which only the latest counts, and go ``Report``s.
+``(False, words)``. Over ``stream`` come set-points, of which only the latest counts, and signs of life (None), and go
+``Report``s. A parent that was silent for ``heartbeat`` seconds hangs: the arm brakes, until ``recover``.
 """
 
 from __future__ import annotations
@@ -56,7 +57,8 @@ class Report(NamedTuple):
 
     Positions, velocities and the torques that the controller's model wants: (6,) each; rad, rad/s, N m. ``tool_pose``:
     metres and rotation vector in the controller's base frame. ``wrench``: (6,) of the flange's sensor, N and N m.
-    ``busy``: its program is being exchanged. ``moving``: it moves along a path of its own.
+    ``busy``: its program is being exchanged. ``moving``: it moves along a path of its own. ``lapsed``: the arm was
+    braked because the parent was silent.
     """
 
     time: float
@@ -73,6 +75,7 @@ class Report(NamedTuple):
     runtime_state: int
     busy: bool
     moving: bool
+    lapsed: bool = False
 
 
 class RefusedError(Error):
@@ -93,6 +96,8 @@ class SDKProcess:
         self._busy = False
         self._kicked = 0.0
         self._speed_until: float | None = None  # None: no speed is commanded
+        self._heard: float | None = None  # of the parent; None: it has not begun to give signs of life
+        self._lapsed = False
         self._answers: dict[str, Callable[..., Any]] = {
             "open": self.open,
             "recover": self.recover,
@@ -121,6 +126,8 @@ class SDKProcess:
                 if self._control is not None and time.monotonic() - self._kicked > KICK_PERIOD:
                     self._control.kickWatchdog()
                     self._kicked = time.monotonic()
+                if self._heard is not None and time.monotonic() - self._heard > self._settings["heartbeat"]:
+                    self._lapse()
                 if self._speed_until is not None and time.monotonic() > self._speed_until:
                     self.stop_speed()
         except (EOFError, OSError):
@@ -154,6 +161,7 @@ class SDKProcess:
             self._control.reuploadScript()
             self._await(self._control.isProgramRunning, PROGRAM_TIME, "its program does not start")
         self._set_up()
+        self._lapsed = False
 
     def leave(self) -> None:
         """End set-points and the program."""
@@ -228,10 +236,25 @@ class SDKProcess:
             if max(map(abs, self._receive.getActualQd())) < AT_REST and not self._moves():
                 return
 
+    def _lapse(self) -> None:
+        """The parent hangs: brake, and follow nothing of what it still sends."""
+        self._heard, self._lapsed = None, True
+        if self._control is None or not self._control.isProgramRunning():
+            return
+        if self._speed_until is not None:
+            self.stop_speed()
+        elif self._moves():
+            self.stop_path()
+        else:
+            self._control.servoStop(self._settings["deceleration"])
+
     def _follow(self) -> None:
-        target = self._stream.recv()
+        target = None
         while self._stream.poll():
-            target = self._stream.recv()
+            target = self._stream.recv() or target
+        self._heard = time.monotonic()
+        if target is None or self._lapsed or self._control is None:
+            return
         settings = self._settings
         self._control.servoJ(target, 0.0, 0.0, 1.0 / settings["rate"], settings["lookahead"], settings["gain"])
         self._kicked = time.monotonic()
@@ -244,6 +267,8 @@ class SDKProcess:
             self._calls.send((False, words))
         else:
             self._calls.send((True, result))
+        if self._heard is not None:
+            self._heard = time.monotonic()  # what has come meanwhile was not looked at
 
     def _make_ready(self) -> None:
         dashboard = self._dashboard
@@ -321,6 +346,7 @@ class SDKProcess:
                         receive.getRuntimeState(),
                         self._busy,
                         self._moves(),
+                        self._lapsed,
                     )
                     self._stream.send(tuple(report))
         except OSError:
