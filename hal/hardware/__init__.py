@@ -1,6 +1,6 @@
 """Real robots: one clock, one stop, one watchdog and one set of limits over the controllers of several vendors."""
 
-from hal.hardware.clock import LatencyMonitor, RealTimeClock, RemoteTime
+from hal.hardware.clock import LatencyMonitor, RealTimeClock, RemoteTime, StampOrder
 from hal.hardware.connection import Connection
 from hal.hardware.control_loop import ControlLoop
 from hal.hardware.isolated_robot import IsolatedRobot
@@ -28,4 +28,5 @@ __all__ = [
     "LatencyMonitor",
     "RealTimeClock",
     "RemoteTime",
+    "StampOrder",
 ]

@@ -20,7 +20,8 @@ class RemoteTime:
     """Brings stamps of another clock to ours. The message that came the fastest counts as if it took no time.
 
     The least difference between arrival and stamp is the offset of the clocks (the minimum filter of Cristian,
-    "Probabilistic clock synchronization", 1989); it may grow again as clocks drift, no faster. Safe from any thread.
+    "Probabilistic clock synchronization", 1989); it may grow again as clocks drift, no faster. Each source of messages
+    has one of its own: some stamp what they tell ahead, as AMCL does. Safe from any thread.
     """
 
     def __init__(self) -> None:
@@ -36,13 +37,42 @@ class RemoteTime:
     def here(self, stamp: float, received: float) -> float:
         """Time on our clock of what the other one stamped ``stamp`` and we received at ``received``, at most that."""
         with self._lock:
-            if self._offset is None:
-                self._offset = received - stamp
-            else:
-                drifted = self._offset + LONGEST_DRIFT * max(0.0, received - self._updated)
-                self._offset = min(received - stamp, drifted)
+            self._offset = self._offset_with(stamp, received)
             self._updated = max(self._updated, received)
             return stamp + self._offset
+
+    def tried(self, stamp: float, received: float) -> float:
+        """As ``here``, without counting the message, of which it is not known yet whether it means anything."""
+        with self._lock:
+            return stamp + self._offset_with(stamp, received)
+
+    def _offset_with(self, stamp: float, received: float) -> float:
+        if self._offset is None:
+            return received - stamp
+        return min(received - stamp, self._offset + LONGEST_DRIFT * max(0.0, received - self._updated))
+
+
+LONGEST_REORDERING = 0.05
+"""Seconds by which one source may stamp a message before the one that it sent earlier."""
+
+
+class StampOrder:
+    """Tells when a source's clock was set back: its stamps go back, which no delay makes them do."""
+
+    def __init__(self) -> None:
+        self._last: float | None = None
+
+    def forget(self) -> None:
+        """The next stamp is the first one."""
+        self._last = None
+
+    def set_back(self, stamp: float) -> bool:
+        """Whether the clock was set back between the last stamp that was noted and this one."""
+        return self._last is not None and stamp < self._last - LONGEST_REORDERING
+
+    def note(self, stamp: float) -> None:
+        """This is the last stamp."""
+        self._last = stamp
 
 
 LATE_TIME = 0.15

@@ -17,7 +17,7 @@ from bestman_bt.extras import install_command
 from bestman_bt.robot_model import RobotModel
 from bestman_bt.robot_model.connection_config import ConnectionConfig, SafetyConfig
 from bestman_bt.runtime_folder import runtime_folder
-from hal.api import Clock, Failure, MotionErrorCode, Part
+from hal.api import Battery, Camera, Clock, Failure, Imu, Lidar, MotionErrorCode, Part
 from hal.hardware.control_loop import ControlLoop
 from hal.parts import ConnectionFailedError, ControlledPart, StopLatch
 
@@ -123,9 +123,20 @@ class Connection(ABC):
         self.clock, self.latch, self.options = clock, latch, settings.options
         self._loops: list[ControlLoop] = []
         self._crash: Failure | None = None
+        self.remarks: tuple[str, ...] = ()  # what people should know of it, though it works
         self.connected = False
         self._only = ControllerLock(name, self.driver, settings.address) if self.one_client else None
         self.parts = self.make_parts()
+
+    @property
+    def stops_robot(self) -> bool:
+        """Whether a fault of it stops the robot: not where it only looks, what needs its images or scans fails then."""
+        return not all(isinstance(part, Camera | Lidar | Imu | Battery) for part in self.parts.values())
+
+    @property
+    def longest_silence(self) -> float:
+        """Seconds without a sign of life after which the controller counts as lost."""
+        return self.limits.watchdog
 
     @property
     def loops(self) -> tuple[ControlLoop, ...]:
@@ -210,7 +221,7 @@ class Connection(ABC):
         if reported is not None:
             return reported
         silence = self.clock.now() - self.heard()
-        if silence > self.limits.watchdog:
+        if silence > self.longest_silence:
             text = f"nothing was heard of {self.name} for {silence:.2f} s"
             return Failure(MotionErrorCode.DISCONNECTED, text)
         return None

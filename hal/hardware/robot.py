@@ -31,8 +31,9 @@ FOUND_AGAIN_TIME = 1.0
 class HardwareRobot(Robot):
     """The robot of a model's ``connections``; it has the parts that are behind one of them.
 
-    Any fault of any controller stops all parts and latches: the motions behind the faulty one fail with its code and
-    the vendor's, all others are cancelled as stopped. ``clear_stop()`` clears faults, and connects again what was lost.
+    Any fault of any controller, but of one that only looks, stops all parts and latches: the motions behind the faulty
+    one fail with its code and the vendor's, all others are cancelled as stopped. ``clear_stop()`` clears faults,
+    and connects again what was lost.
 
     ``world``, ``seed`` and ``gui`` are those of simulated drivers, which this one has no use for. ``connections``: the
     controllers by name. ``stopped_at``: when all parts were last told to stop, seconds of the clock; kept by
@@ -154,6 +155,8 @@ class HardwareRobot(Robot):
             fault = self._faults.get(name)
             state = str(fault) if fault is not None else "well" if connection.connected else "not connected"
             texts[name] = f"{connection.driver}: {state}"
+            if connection.remarks:
+                texts[f"{name} remarks"] = "; ".join(connection.remarks)
             texts |= {loop.name: str(loop.lateness()) for loop in connection.loops}
         return texts
 
@@ -194,7 +197,10 @@ class HardwareRobot(Robot):
                 fault = connection.fault()
                 if fault is not None and name not in self._faults:
                     self._faults[name] = fault
-                    self._stop(replace(fault, part=fault.part or name), partial(connection.fail, fault))
+                    if connection.stops_robot:
+                        self._stop(replace(fault, part=fault.part or name), partial(connection.fail, fault))
+                    else:
+                        connection.fail(fault)
             finally:
                 self._lock.release()
 

@@ -5,12 +5,43 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Generic, TypeVar
 
-from bestman_bt.messages import LaserScan, RGBDImage, Wrench
+from bestman_bt.messages import CameraIntrinsics, LaserScan, RGBDImage, Wrench
 from bestman_bt.robot_model import CameraPart, ForceTorquePart, ImuPart, LidarPart, PartConfig
 from hal.api import Battery, BatteryReading, Camera, Failure, ForceTorque, Imu, ImuReading, Lidar
 from hal.parts import ControlledPart, PartConnection, StopLatch
 
 Reading = TypeVar("Reading")
+
+
+SAME_LENS = 0.01
+"""Share by which a camera's own lens may differ from the robot file's before that is told."""
+OTHER_LENS = 0.1
+"""Share of the focal length from which on it is another camera."""
+
+
+def lens_differences(told: CameraIntrinsics, file: CameraIntrinsics) -> tuple[str, ...]:
+    """In which numbers (pixels) the lens that a camera tells differs from the robot file's by more than 1 %."""
+    pairs = {
+        "fx": (told.fx, file.fx, file.fx),
+        "fy": (told.fy, file.fy, file.fy),
+        "cx": (told.cx, file.cx, file.width),
+        "cy": (told.cy, file.cy, file.height),
+    }
+    return tuple(
+        f"{name} {its:.1f} ({written:.1f} in the robot file)"
+        for name, (its, written, whole) in pairs.items()
+        if abs(its - written) > SAME_LENS * whole
+    )
+
+
+def is_another_camera(told: CameraIntrinsics, file: CameraIntrinsics) -> str:
+    """Why the camera is not the one of the robot file; empty where it is."""
+    if (told.width, told.height) != (file.width, file.height):
+        return f"tells images of {told.width} x {told.height}, the robot model says {file.width} x {file.height}"
+    for name, its, written in (("", told.fx, file.fx), ("vertical ", told.fy, file.fy)):
+        if abs(its - written) > OTHER_LENS * written:
+            return f"tells a {name}focal length of {its:.1f} pixels, the robot model says {written:.1f}"
+    return ""
 
 
 class HardwareSensor(ControlledPart, Generic[Reading]):

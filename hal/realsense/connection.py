@@ -15,10 +15,11 @@ import numpy as np
 from pydantic import Field
 
 from bestman_bt.configuration.quantity import PositiveTime
-from bestman_bt.messages import RGBDImage
+from bestman_bt.messages import CameraIntrinsics, RGBDImage
 from bestman_bt.robot_model import CameraPart
 from hal.api import Failure, NoDataError, Part
-from hal.hardware import Connection, HardwareCamera, RemoteTime
+from hal.hardware import Connection, HardwareCamera, RemoteTime, StampOrder
+from hal.hardware.sensors import is_another_camera, lens_differences
 from hal.parts import ConnectionFailedError
 
 # What a robot's YAML may say about a RealSense camera.
@@ -31,6 +32,7 @@ FrameRate = Annotated[int, Field(ge=1, le=90)]
 class RealSenseOptions:
     """Options of ``driver: realsense``; images have the size of the robot model's camera.
 
+    Without images for ``image_time`` the camera counts as lost, which stops nothing but what waits for one.
     ``serial``: which camera, where there are several. ``recording``: a file that the RealSense viewer or SDK has
     recorded, played again and again in place of a camera. ``frame_rate``: images per second. ``image_time``: seconds to
     wait for one.
@@ -45,14 +47,16 @@ class RealSenseOptions:
 POLLS = 3.0
 """How many times per frame the SDK is asked for one."""
 FIRST_FRAME_TIME = 5.0
-INTRINSICS_TOLERANCE = 0.05
-"""Share by which the camera's own focal length may differ from the robot model's, which may come of a calibration."""
+LEAST_DISTORTION = 0.01
+"""Coefficients that are smaller move no point of an image by a pixel or so."""
 
 
 class RealSenseConnection(Connection):
     """Streams all the time; depth is registered when somebody asks for an image.
 
-    Frames are stamped by the camera, in the machine's time or its own; a recording's, by when they are played.
+    Frames are stamped by the camera, in the machine's time or its own, and may change from one to the other while they
+    come (``rs2_timestamp_domain``); a recording's count by when they are played. Images carry the lens that the device
+    tells; where that differs from the robot file's, ``remarks`` says so.
     """
 
     driver: ClassVar[str] = "realsense"
@@ -71,7 +75,8 @@ class RealSenseConnection(Connection):
         self._arrived = threading.Condition()
         self._newest: tuple[Any, float] | None = None
         self._heard = -1e9
-        self._camera_time = RemoteTime()
+        self._camera_times: dict[Any, tuple[RemoteTime, StampOrder]] = {}  # by domain
+        self._lens = self._model.intrinsics
         return {self._camera: HardwareCamera(self._camera, self._model, self.latch, self._take)}
 
     def open(self) -> None:
@@ -91,11 +96,15 @@ class RealSenseConnection(Connection):
             raise ConnectionFailedError(f"{self.name}: the camera does not start: {error}") from error
         self._pipeline, self._align = pipeline, rs.align(rs.stream.color)
         told = profile.get_stream(rs.stream.color).as_video_stream_profile().get_intrinsics()
-        if abs(told.fx - k.fx) > INTRINSICS_TOLERANCE * k.fx:
-            text = f"tells a focal length of {told.fx:.1f} pixels, the robot model says {k.fx:.1f}"
-            raise ConnectionFailedError(f"{self.name}: {self._camera} {text}")
+        self._lens = CameraIntrinsics(told.width, told.height, told.fx, told.fy, told.ppx, told.ppy, k.distortion)
+        if other := is_another_camera(self._lens, k):
+            raise ConnectionFailedError(f"{self.name}: {self._camera} {other}")
+        remarks = [f"{self._camera} tells {number}, which is used" for number in lens_differences(self._lens, k)]
+        if max(map(abs, told.coeffs), default=0.0) > LEAST_DISTORTION:
+            remarks.append(f"{self._camera} tells a distortion of {told.coeffs}, which is not removed")
+        self.remarks = tuple(remarks)
         self._newest = None
-        self._camera_time.forget()
+        self._camera_times.clear()
         deadline = time.monotonic() + FIRST_FRAME_TIME
         while self._newest is None:
             self._poll(0.0)
@@ -115,6 +124,12 @@ class RealSenseConnection(Connection):
         """When the last frame came."""
         return self._heard
 
+    @property
+    def longest_silence(self) -> float:
+        """A frame that is left out is no fault."""
+        longest: float = max(self.limits.watchdog, self.options.image_time)
+        return longest
+
     def reported_fault(self) -> Failure | None:
         """Nothing: what the SDK raises ends the loop, which is a fault by itself."""
         return None
@@ -130,11 +145,20 @@ class RealSenseConnection(Connection):
         if not color or not frames.get_depth_frame():
             return
         now = self.clock.now()
-        stamp = now if self.options.recording else self._camera_time.here(1e-3 * color.get_timestamp(), now)
+        stamp = now if self.options.recording else self._here(color, now)
         with self._arrived:
             frames.keep()
             self._newest, self._heard = (frames, stamp), now
             self._arrived.notify_all()
+
+    def _here(self, color: Any, now: float) -> float:
+        """Each domain is a clock of its own."""
+        told, domain = 1e-3 * color.get_timestamp(), color.get_frame_timestamp_domain()
+        remote, order = self._camera_times.setdefault(domain, (RemoteTime(), StampOrder()))
+        if order.set_back(told):
+            remote.forget()
+        order.note(told)
+        return remote.here(told, now)
 
     def _take(self) -> RGBDImage:
         asked, deadline = self.clock.now(), time.monotonic() + self.options.image_time
@@ -149,7 +173,7 @@ class RealSenseConnection(Connection):
         rgb = np.asanyarray(registered.get_color_frame().get_data())
         metres = np.asanyarray(depth.get_data()) * np.float32(depth.get_units())
         try:
-            return RGBDImage(rgb, metres.astype(np.float32), self._model.intrinsics, stamp)
+            return RGBDImage(rgb, metres.astype(np.float32), self._lens, stamp)
         except ValueError as error:
             raise NoDataError(f"{self._camera}: an image cannot be used: {error}") from error
 

@@ -60,14 +60,13 @@ class TransformOdometry:
         self._last: tuple[float, Pose2D] | None = None
         self._velocity = Twist2D(0.0, 0.0, 0.0)
 
-    def header(self, message: Message) -> Message:
-        """The header of the transform, or of any other where it is not in the message."""
+    def header(self, message: Message) -> Message | None:
+        """The header of the transform; None where it is not in the message: others are stamped by others."""
         for entry in message["transforms"]:
-            if entry["child_frame_id"].lstrip("/") == self._frames[1]:
-                found: Message = entry["header"]
-                return found
-        first: Message = message["transforms"][0]["header"]
-        return first
+            header: Message = entry["header"]
+            if (header["frame_id"].lstrip("/"), entry["child_frame_id"].lstrip("/")) == self._frames:
+                return header
+        return None
 
     def decode(self, message: Message, at: float) -> BaseReading | None:
         """A reading; None where the message is about other frames."""

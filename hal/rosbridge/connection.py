@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from functools import partial
 from typing import Any, ClassVar
 
@@ -28,6 +29,7 @@ from hal.hardware import (
     HardwareLidar,
     RemoteTime,
 )
+from hal.hardware.sensors import is_another_camera, lens_differences
 from hal.parts import ConnectionFailedError, DrivenBase, JointReading, StreamedJointGroup
 from hal.rosbridge import decoding
 from hal.rosbridge.channels import RosBase, RosJoints, TransformOdometry, joint_reading
@@ -35,10 +37,6 @@ from hal.rosbridge.link import RosLink, Stream
 from hal.rosbridge.options import TOPICS, RosbridgeOptions
 
 # An RGB-D camera behind ROS: compressed colour and depth, subscribed to only while somebody waits for an image.
-
-
-INTRINSICS_TOLERANCE = 0.05
-"""Share by which the camera's own focal length may differ from the robot model's, which may come of a calibration."""
 
 
 class RosCamera:
@@ -53,11 +51,11 @@ class RosCamera:
         model: CameraPart,
         link: RosLink,
         clock: Clock,
-        ros_time: RemoteTime,
         options: RosbridgeOptions,
     ) -> None:
         self._name, self._model, self._link, self._clock, self._options = name, model, link, clock, options
         self._lock = threading.Lock()
+        ros_time = RemoteTime()
 
         def stream(what: str, decode: Any) -> Stream[Any]:
             return Stream(name, options.topic("camera", name, what), decode, clock, ros_time, longest_age=2.0)
@@ -66,15 +64,12 @@ class RosCamera:
         self._color: Stream[Mapping[str, Any]] = stream("color", lambda message, at: message)
         self._depth: Stream[Mapping[str, Any]] = stream("depth", lambda message, at: message)
 
-    def mismatch(self) -> str:
-        """In which way the camera is not the one of the robot model; empty where it is."""
-        told, believed = self.info.latest(), self._model.intrinsics
-        if (told.width, told.height) != (believed.width, believed.height):
-            size = f"{believed.width} x {believed.height}"
-            return f"{self._name} tells images of {told.width} x {told.height}, the robot model says {size}"
-        if abs(told.fx - believed.fx) > INTRINSICS_TOLERANCE * believed.fx:
-            return f"{self._name} tells a focal length of {told.fx:.1f} pixels, the robot model says {believed.fx:.1f}"
-        return ""
+    def check(self) -> tuple[str, ...]:
+        """In what its lens differs from the robot file's; ConnectionFailedError where it is another camera."""
+        told, file = self.info.latest(), self._model.intrinsics
+        if other := is_another_camera(told, file):
+            raise ConnectionFailedError(f"{self._name} {other}")
+        return tuple(f"{self._name} tells {number}, which is used" for number in lens_differences(told, file))
 
     def take(self) -> RGBDImage:
         """An image whose colour and depth were both taken after this was called; NoDataError says what is missing."""
@@ -88,7 +83,8 @@ class RosCamera:
                 for end in ends:
                     end()
         try:
-            return RGBDImage(decoding.color_image(color), decoding.depth_image(depth), self._model.intrinsics, at)
+            lens = replace(self.info.latest(), distortion=self._model.intrinsics.distortion)
+            return RGBDImage(decoding.color_image(color), decoding.depth_image(depth), lens, at)
         except (KeyError, TypeError, ValueError) as error:
             raise NoDataError(f"{self._name}: an image cannot be used: {error}") from error
 
@@ -147,7 +143,8 @@ class RosbridgeConnection(Connection):
         """The parts of ``settings.parts``; ConnectionFailedError for streams that it does not know."""
         options: RosbridgeOptions = self.options
         self._stale_after = self.limits.watchdog + STALE_TIME
-        self._link, self._ros_time = RosLink(self.name, self.clock), RemoteTime()
+        self._link = RosLink(self.name, self.clock)
+        self._frames: list[tuple[Stream[Any], str]] = []  # and the frames that they are to be in
         self._streams: list[tuple[Stream[Any], str, float]] = []  # with message types and periods
         self._watched: list[Stream[Any]] = []
         self._cameras: list[RosCamera] = []
@@ -179,7 +176,6 @@ class RosbridgeConnection(Connection):
         settings = self.settings
         for stream, _, _ in self._streams:
             stream.forget()
-        self._ros_time.forget()
         port = settings.port or PORT
         self._link.open(self.sdk, settings.address, port, options.secure, settings.token, options.connect_timeout)
         deadline = time.monotonic() + options.connect_timeout  # importing the SDK may have taken longer
@@ -188,9 +184,11 @@ class RosbridgeConnection(Connection):
         for stream, message_type, period in self._streams:
             self._link.subscribe(stream.topic, message_type, stream.take, period)
         self._await(deadline)
-        for camera in self._cameras:
-            if mismatch := camera.mismatch():
-                raise ConnectionFailedError(f"{self.name}: {mismatch}")
+        self._check_frames()
+        try:
+            self.remarks = tuple(remark for camera in self._cameras for remark in camera.check())
+        except ConnectionFailedError as error:
+            raise ConnectionFailedError(f"{self.name}: {error}") from error
         if self._driven:
             self.add_loop("velocities and set-points", options.rate, self._cycle)
 
@@ -221,6 +219,8 @@ class RosbridgeConnection(Connection):
     def recover(self) -> None:
         """Go on if what was wrong is over; ConnectionFailedError if it is not."""
         self._link.complaint = ""
+        for stream, _, _ in self._streams:
+            stream.forget_time()
         deadline = time.monotonic() + self.options.connect_timeout
         while (fault := self.reported_fault()) is not None:
             if time.monotonic() > deadline:
@@ -242,6 +242,7 @@ class RosbridgeConnection(Connection):
         else:
             package, kind, topic = "nav_msgs", "Odometry", options.topic("base", name, "odometry")
             odometry = self._stream(name, topic, lambda message, at: decoding.odometry(message), self._stale_after)
+        self._frames.append((odometry, options.odom_frame))
         self._listen(odometry, package, kind, watched=True)
         channel = RosBase(self._link, options.topic("base", name, "velocity"), options, odometry)
         self._outputs[options.topic("base", name, "velocity")] = channel.message_type
@@ -267,7 +268,8 @@ class RosbridgeConnection(Connection):
 
     def _make_camera(self, name: str) -> HardwareCamera:
         model = self.model.of(CameraPart)[name]
-        camera = RosCamera(name, model, self._link, self.clock, self._ros_time, self.options)
+        camera = RosCamera(name, model, self._link, self.clock, self.options)
+        self._expect_frame(camera.info, name, model.optical_frame)
         self._cameras.append(camera)
         self._listen(camera.info, "sensor_msgs", "CameraInfo", period=INFO_PERIOD)
         return HardwareCamera(name, model, self.latch, camera.take)
@@ -276,13 +278,27 @@ class RosbridgeConnection(Connection):
         make, stream_name, decode, package, message = SENSORS[kind]
         longest_age = max(SENSOR_PERIODS / models[name].rate, self._stale_after)
         stream = self._stream(name, self.options.topic(kind, name, stream_name), decode, longest_age)
+        if frame := getattr(models[name], "frame", ""):
+            self._expect_frame(stream, name, frame)
         self._listen(stream, package, message)
         part: Part = make(name, models[name], self.latch, stream.read)
         return part
 
     def _stream(self, part: str, topic: str, decode: Any, longest_age: float, header: Any = None) -> Stream[Any]:
         keywords = {} if header is None else {"header": header}
-        return Stream(part, topic, decode, self.clock, self._ros_time, longest_age, **keywords)
+        return Stream(part, topic, decode, self.clock, RemoteTime(), longest_age, **keywords)
+
+    def _expect_frame(self, stream: Stream[Any], part: str, frame: str) -> None:
+        self._frames.append((stream, self.options.frames.get(part, frame)))
+
+    def _check_frames(self) -> None:
+        for stream, frame in self._frames:
+            if stream.frame.lstrip("/") != frame.lstrip("/"):
+                what = "options.odom_frame" if frame == self.options.odom_frame else f"options.frames.{stream.part}"
+                raise ConnectionFailedError(
+                    f"{self.name}: {stream.topic} is in the frame {stream.frame!r}, but should be in {frame!r}; "
+                    f"if both are the same place, write {what}: {stream.frame!r}"
+                )
 
     def _listen(self, stream: Stream[Any], package: str, kind: str, watched: bool = False, period: float = 0.0) -> None:
         self._streams.append((stream, self.options.message_type(package, kind), period))

@@ -11,7 +11,7 @@ from types import ModuleType
 from typing import Any, Generic, TypeVar
 
 from hal.api import Clock, NoDataError
-from hal.hardware import LatencyMonitor, RemoteTime
+from hal.hardware import LatencyMonitor, RemoteTime, StampOrder
 from hal.hardware.control_loop import take_real_time_priority
 from hal.parts import ConnectionFailedError
 from hal.rosbridge.decoding import Message, stamp
@@ -25,8 +25,9 @@ Value = TypeVar("Value")
 class Stream(Generic[Value]):
     """One topic. ``decode(message, stamp)`` gives its value, None where the message is about something else.
 
-    ``ros_time``: shared by all streams of a connection. ``longest_age``: seconds after which the newest value counts as
-    none. Written by the link's thread, read by any.
+    ``ros_time``: shared by the streams of a part, whose stamps are compared. ``longest_age``: seconds after which the
+    newest value counts as none. ``header``: of a message; None: it is about something else. ``frame``: the ``frame_id``
+    of the newest value. Written by the link's thread, read by any.
     """
 
     def __init__(
@@ -37,8 +38,10 @@ class Stream(Generic[Value]):
         clock: Clock,
         ros_time: RemoteTime,
         longest_age: float,
-        header: Callable[[Message], Mapping[str, Any]] = lambda message: message["header"],
+        header: Callable[[Message], Mapping[str, Any] | None] = lambda message: message["header"],
     ) -> None:
+        self.frame = ""
+        self._order = StampOrder()
         self.part, self.topic, self.longest_age = part, topic, longest_age
         self._decode, self._clock, self._ros_time, self._header = decode, clock, ros_time, header
         self._arrived = threading.Condition()
@@ -47,11 +50,21 @@ class Stream(Generic[Value]):
 
     def take(self, message: Message, received: float) -> None:
         """A message has come; raises what ``decode`` raises."""
-        told = stamp(self._header(message))
-        at = self._ros_time.here(told, received) if told > 0.0 else received
+        header = self._header(message)
+        if header is None:
+            return
+        told = stamp(header)
+        set_back = self._order.set_back(told)
+        at = self._ros_time.tried(told, received) if told > 0.0 and not set_back else received
         value = self._decode(message, at)
         if value is None:
             return
+        if told > 0.0:
+            if set_back:
+                self._ros_time.forget()
+            self._order.note(told)
+            at = self._ros_time.here(told, received)
+        self.frame = str(header.get("frame_id", ""))
         with self._arrived:
             self._lateness.lag = received - at
             self._newest = value, at
@@ -60,7 +73,13 @@ class Stream(Generic[Value]):
     def forget(self) -> None:
         """Of a connection that has ended nothing is read."""
         self._newest = None
+        self.forget_time()
+
+    def forget_time(self) -> None:
+        """ROS's clock may be another one from now on."""
         self._lateness.forget()
+        self._order.forget()
+        self._ros_time.forget()
 
     def read(self) -> Value:
         """The newest value; NoDataError where there is none or it is too old."""

@@ -35,7 +35,9 @@ class RosbridgeOptions:
     ``topics``: part → stream → topic, where it is not the usual one (``TOPICS``). ``joints``: joint of the robot model
     → its name in ROS, where that differs. ``ros``: version of ROS; it decides how message types are called.
     ``odometry``: whether poses come as ``nav_msgs/Odometry`` or as the transform from ``odom_frame`` to ``base_frame``,
-    ROS's names of frames. ``stamped_velocity``: the base takes ``TwistStamped``. ``rate``: hertz of velocities and of
+    ROS's names of frames. ``frames``: part → ROS's name of the frame that its messages are in, where that is not the
+    robot model's; they are compared at connecting.
+    ``stamped_velocity``: the base takes ``TwistStamped``. ``rate``: hertz of velocities and of
     set-points. ``longest_delay``: seconds that readings may come late for a while. ``image_time``: seconds to wait for
     an image. ``pairing``: seconds between the stamps of a colour and of a depth image that belong together.
     ``secure``: TLS. ``connect_timeout``: seconds.
@@ -47,6 +49,7 @@ class RosbridgeOptions:
     odometry: Literal["odom", "tf"] = "odom"
     odom_frame: str = "odom"
     base_frame: str = "base_link"
+    frames: Mapping[str, str] = field(default_factory=dict)
     stamped_velocity: bool = False
     rate: Rate = 50.0
     longest_delay: PositiveTime = 0.15

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bestman_bt.messages import Twist2D
+from bestman_bt.messages import Pose2D, Twist2D
 from bestman_bt.robot_model import (
     BaseModel,
     BatteryPart,
@@ -119,6 +119,7 @@ class TwinJoints:
 PORT = 9090
 STATE_RATE, INFO_RATE = 50.0, 30.0
 IDLE = 0.5
+LOCALISATION_RATE, POST_DATED, CLOCK_STEP = 10.0, 1.0, 0.5
 SENSORS: Mapping[str, tuple[str, str, str, str, Callable[[Message, Any], Message]]] = {
     "lidar": ("scan", "scan", "sensor_msgs", "LaserScan", ros_messages.laser_scan),
     "force_torque": ("wrench", "wrench", "geometry_msgs", "WrenchStamped", ros_messages.wrench),
@@ -143,13 +144,17 @@ class RosbridgeTwin:
     Its clock is the machine's wall clock, which is not the client's. A camera takes pictures while somebody subscribes
     to them. Faults beside those of the wire: ``stale_odometry`` (the same odometry again and again),
     ``silent_odometry`` (none), ``fresh_odometry``; ``silent_scan``, ``fresh_scan``; ``stuck`` (the base does not move),
-    ``free``; ``blind`` (no pictures), ``sighted``; ``restart`` (all clients are cut off).
+    ``free``; ``blind`` (no pictures), ``sighted``; ``restart`` (all clients are cut off); ``clock_back`` (its clock is
+    set back by half a second, as by a step of NTP). Beside the base's transforms come those of a localisation that
+    dates them ahead: AMCL adds ``transform_tolerance``, 1.0 s by default ("time with which to post-date the transform
+    that is published", Nav2's configuration guide).
     """
 
     def __init__(self, connection: ConnectionConfig, model: RobotModel, world: TwinWorld, address: str) -> None:
         self._options, self._model, self._world = connection.options, model, world
         self._version = RosVersion(self._options.ros)
         self._offset = time.time()  # of ROS time from the simulation's
+        self._set_back = 0.0
         self._outputs: list[Output] = []
         self._types: dict[str, str] = {}
         self._takers: dict[str, Taker] = {}
@@ -182,7 +187,7 @@ class RosbridgeTwin:
             connection.port or PORT,
             self._types,
             self._takers,
-            lambda: self._version.time(time.time()),
+            lambda: self._version.time(time.time() - self._set_back),
             self.faults,
         )
         self.faults.offer(
@@ -197,6 +202,7 @@ class RosbridgeTwin:
                 "blind": functools.partial(self._set_blind, True),
                 "sighted": functools.partial(self._set_blind, False),
                 "restart": self._server.close_clients,
+                "clock_back": self._set_clock_back,
             }
         )
         world.ticks.append(self._tick)
@@ -237,6 +243,17 @@ class RosbridgeTwin:
             self._declare("base", name, "transforms", "tf2_msgs", "TFMessage"): lambda: fresh("transform", transform),
         }
         self._outputs.append(Output(STATE_RATE, outputs))
+        map_from_odom = Pose2D(0.0, 0.0, 0.0)
+        self._outputs.append(
+            Output(
+                LOCALISATION_RATE,
+                {
+                    list(outputs)[1]: lambda: ros_messages.transform(
+                        self._header("map", POST_DATED), options.odom_frame, map_from_odom
+                    )
+                },
+            )
+        )
         self._odometry_topics |= set(outputs)
         stamped = "TwistStamped" if options.stamped_velocity else "Twist"
         self._takers[self._declare("base", name, "velocity", "geometry_msgs", stamped)] = base.drive
@@ -287,8 +304,8 @@ class RosbridgeTwin:
         self._types[topic] = self._options.message_type(package, message)
         return topic
 
-    def _header(self, frame: str) -> Message:
-        return self._version.header(frame, self._world.now() + self._offset)
+    def _header(self, frame: str, ahead: float = 0.0) -> Message:
+        return self._version.header(frame, self._world.now() + self._offset - self._set_back + ahead)
 
     # Time
 
@@ -319,7 +336,8 @@ class RosbridgeTwin:
                     image, exposed = self._world.photograph(name)
                 except (TwinError, TimeoutError):
                     return  # the world ends
-                header = self._version.header(self._model.of(CameraPart)[name].optical_frame, exposed)
+                frame = self._model.of(CameraPart)[name].optical_frame
+                header = self._version.header(frame, exposed - self._set_back)
                 topics = [self._options.topic("camera", name, stream) for stream in ("color", "depth")]
                 for topic, make in zip(topics, (ros_messages.color_image, ros_messages.depth_image), strict=True):
                     self._server.publish(topic, functools.partial(make, header, image))
@@ -335,6 +353,9 @@ class RosbridgeTwin:
         self._stale_odometry = stale
         self._silent.difference_update(self._odometry_topics)
         self._silent.update(silent)
+
+    def _set_clock_back(self) -> None:
+        self._set_back += CLOCK_STEP
 
     def _set_stuck(self, stuck: bool) -> None:
         for base in self._bases:

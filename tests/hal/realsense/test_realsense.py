@@ -101,6 +101,7 @@ def test_colour_and_registered_depth_come_in_metres_and_newly_taken(model: Robot
         image = camera.capture()
         assert asked < image.stamp <= robot.clock.now()
         assert image.rgb[100, 100].tolist() == list(COLOR)
+        assert image.intrinsics.fx == pytest.approx(432.97)  # the device's
         assert np.median(image.depth[300:470]) == pytest.approx(1.2)
         assert np.median(image.depth[10:200]) == 0.0
         assert camera.capture().stamp > image.stamp

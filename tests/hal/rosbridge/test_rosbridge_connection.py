@@ -14,7 +14,7 @@ from bestman_bt.messages import LaserScan, Pose2D, Twist2D
 from bestman_bt.robot_model import LidarPart, load_robot_model
 from bestman_bt.robot_model.connection_config import SafetyConfig
 from hal.api import Lidar, MobileBase, MotionErrorCode, NoDataError
-from hal.parts import SimulatedClock, StopLatch
+from hal.parts import ConnectionFailedError, SimulatedClock, StopLatch
 from hal.rosbridge.connection import RosbridgeConnection
 from hal.twins import ros_messages
 from hal.twins.ros_messages import RosVersion
@@ -78,7 +78,7 @@ class Ros:
     def __init__(self) -> None:
         self.clock = SimulatedClock(PERIOD)
         self.clock.step = lambda: None
-        self.ahead = 1000.0
+        self.ahead, self.scan_frame = 1000.0, "lidar_link"
         model = load_robot_model(ROBOT)
         settings = replace(model.connections["platform"], parts=("base", "lidar"))
         limits = SafetyConfig(watchdog=0.25)
@@ -94,7 +94,7 @@ class Ros:
         header = RosVersion(2).header("odom", self.clock.now() + self.ahead)
         scan = LaserScan(np.full(8, 2.0), 0.0, 0.1, 0.1, 8.0, 0.0)
         still = ros_messages.odometry(header, "base_link", Pose2D(0.0, 0.0, 0.0), Twist2D(0.0, 0.0, 0.0))
-        return {"/odom": still, "/scan": ros_messages.laser_scan(header, scan)}
+        return {"/odom": still, "/scan": ros_messages.laser_scan({**header, "frame_id": self.scan_frame}, scan)}
 
     def cycles(self, count: int, *topics: str) -> None:
         """Time goes on; ``topics`` come meanwhile."""
@@ -125,6 +125,13 @@ def test_no_velocity_is_sent_any_more_once_nothing_is_heard(ros: Ros) -> None:
     fault = ros.connection.fault()
     assert fault is not None
     assert fault.code is MotionErrorCode.DISCONNECTED
+
+
+def test_a_topic_in_another_frame_than_the_models_is_refused_with_the_option_that_allows_it(ros: Ros) -> None:
+    ros.connection.disconnect()
+    ros.scan_frame = "base_scan"
+    with pytest.raises(ConnectionFailedError, match="/scan is in the frame 'base_scan'.*options.frames.lidar"):
+        ros.connection.connect()
 
 
 def test_a_lidar_that_falls_silent_has_no_scan_after_a_moment_and_the_base_drives_on(ros: Ros) -> None:

@@ -73,9 +73,8 @@ def test_a_message_that_was_long_under_way_is_as_old_as_its_stamp_says(stream: S
 def test_messages_that_come_late_for_a_while_are_late(stream: Stream[int], clock: Clock) -> None:
     stream.take(message(7.0), 100.0)
     for step in range(1, 60):
-        clock.time = 100.0 + 0.01 * step
-        lag = 0.2 if step > 20 else 0.0
-        stream.take(message(7.0 + 0.01 * step - lag), clock.time)
+        clock.time = 100.0 + 0.01 * step + (0.2 if step > 20 else 0.0)
+        stream.take(message(7.0 + 0.01 * step), clock.time)
         late = stream.late(0.1)
         if step not in (36, 37):  # a rounding away from the limit
             assert (late is not None) is (step > 36)
@@ -92,6 +91,27 @@ def test_a_new_connection_is_not_late_for_what_the_one_before_it_was(stream: Str
     assert stream.late(0.1) is None
     stream.take(message(7.5), 100.8)
     assert stream.late(0.1) is None  # late, but not for a while
+
+
+def test_a_clock_that_is_set_back_is_followed_at_once(stream: Stream[int], clock: Clock) -> None:
+    for step in range(100):
+        clock.time = 100.0 + 0.02 * step
+        stream.take(message(7.0 + 0.02 * step - (0.5 if step > 20 else 0.0), step), clock.time)
+        assert stream.late(0.1) is None
+        assert stream.age == pytest.approx(0.0, abs=1e-3)
+        assert stream.read() == step
+
+
+def test_what_says_nothing_of_a_part_and_what_is_malformed_does_not_set_its_clock(
+    stream: Stream[int], clock: Clock
+) -> None:
+    stream.take(message(7.0), 100.0)
+    stream.take(message(8.0, None), 100.0)  # dated ahead by a second, about something else
+    with pytest.raises(KeyError):
+        stream.take({"header": message(9.0)["header"]}, 100.0)
+    stream.take(message(7.1), 100.1)
+    clock.time = 100.1
+    assert stream.age == pytest.approx(0.0, abs=1e-3)
 
 
 def test_a_single_late_message_is_none_and_counting_begins_anew() -> None:
