@@ -20,7 +20,7 @@ from typing import Any
 
 from bestman_bt.robot_model import RobotModel
 from bestman_bt.scene import World
-from hal.api import Failure, Motion, MotionErrorCode, MotionStatus, NotConnectedError, Part, Robot, RobotError
+from hal.api import Camera, Failure, Motion, MotionErrorCode, MotionStatus, NotConnectedError, Part, Robot, RobotError
 from hal.hardware.clock import RealTimeClock
 from hal.hardware.heartbeat import Heartbeat
 from hal.hardware.robot import HardwareRobot
@@ -73,6 +73,9 @@ class IsolatedRobot(Robot):
             self._client.call(Call(ROBOT, "connect"))
             if self._description.stopped:
                 self._client.stop(Call(ROBOT, "stop"))
+            for name, part in self.parts.items():
+                if isinstance(part, Camera):  # which tells its lens when it is connected
+                    part.intrinsics = self._client.call(Call(name, "intrinsics"))
         except BaseException:
             self._client.close()
             self._client.lost = lost

@@ -83,7 +83,7 @@ class HardwareSensor(ControlledPart, Generic[Reading]):
 
 
 class HardwareCamera(HardwareSensor[RGBDImage], Camera):
-    """A camera."""
+    """A camera; its connection replaces the robot model's ``intrinsics`` by those that the device tells."""
 
     def __init__(self, name: str, model: CameraPart, latch: StopLatch, read: Callable[[], RGBDImage]) -> None:
         super().__init__(name, model, latch, read)

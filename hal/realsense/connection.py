@@ -77,7 +77,8 @@ class RealSenseConnection(Connection):
         self._heard = -1e9
         self._camera_times: dict[Any, tuple[RemoteTime, StampOrder]] = {}  # by domain
         self._lens = self._model.intrinsics
-        return {self._camera: HardwareCamera(self._camera, self._model, self.latch, self._take)}
+        self._part = HardwareCamera(self._camera, self._model, self.latch, self._take)
+        return {self._camera: self._part}
 
     def open(self) -> None:
         """Start both streams, and wait for the first images."""
@@ -99,6 +100,7 @@ class RealSenseConnection(Connection):
         self._lens = CameraIntrinsics(told.width, told.height, told.fx, told.fy, told.ppx, told.ppy, k.distortion)
         if other := is_another_camera(self._lens, k):
             raise ConnectionFailedError(f"{self.name}: {self._camera} {other}")
+        self._part.intrinsics = self._lens
         remarks = [f"{self._camera} tells {number}, which is used" for number in lens_differences(self._lens, k)]
         if max(map(abs, told.coeffs), default=0.0) > LEAST_DISTORTION:
             remarks.append(f"{self._camera} tells a distortion of {told.coeffs}, which is not removed")

@@ -30,7 +30,7 @@ from hal.hardware import (
     RemoteTime,
 )
 from hal.hardware.sensors import is_another_camera, lens_differences
-from hal.parts import ConnectionFailedError, DrivenBase, JointReading, StreamedJointGroup
+from hal.parts import ConnectionFailedError, DrivenBase, JointReading, StopLatch, StreamedJointGroup
 from hal.rosbridge import decoding
 from hal.rosbridge.channels import RosBase, RosJoints, TransformOdometry, joint_reading
 from hal.rosbridge.link import RosLink, Stream
@@ -52,7 +52,9 @@ class RosCamera:
         link: RosLink,
         clock: Clock,
         options: RosbridgeOptions,
+        latch: StopLatch,
     ) -> None:
+        self.lens, self.part = model.intrinsics, HardwareCamera(name, model, latch, self.take)
         self._name, self._model, self._link, self._clock, self._options = name, model, link, clock, options
         self._lock = threading.Lock()
         ros_time = RemoteTime()
@@ -66,7 +68,8 @@ class RosCamera:
 
     def check(self) -> tuple[str, ...]:
         """In what its lens differs from the robot file's; ConnectionFailedError where it is another camera."""
-        told, file = self.info.latest(), self._model.intrinsics
+        file = self._model.intrinsics
+        told = self.lens = replace(self.info.latest(), distortion=file.distortion)
         if other := is_another_camera(told, file):
             raise ConnectionFailedError(f"{self._name} {other}")
         return tuple(f"{self._name} tells {number}, which is used" for number in lens_differences(told, file))
@@ -83,8 +86,7 @@ class RosCamera:
                 for end in ends:
                     end()
         try:
-            lens = replace(self.info.latest(), distortion=self._model.intrinsics.distortion)
-            return RGBDImage(decoding.color_image(color), decoding.depth_image(depth), lens, at)
+            return RGBDImage(decoding.color_image(color), decoding.depth_image(depth), self.lens, at)
         except (KeyError, TypeError, ValueError) as error:
             raise NoDataError(f"{self._name}: an image cannot be used: {error}") from error
 
@@ -187,6 +189,8 @@ class RosbridgeConnection(Connection):
         self._check_frames()
         try:
             self.remarks = tuple(remark for camera in self._cameras for remark in camera.check())
+            for camera in self._cameras:
+                camera.part.intrinsics = camera.lens
         except ConnectionFailedError as error:
             raise ConnectionFailedError(f"{self.name}: {error}") from error
         if self._driven:
@@ -268,11 +272,11 @@ class RosbridgeConnection(Connection):
 
     def _make_camera(self, name: str) -> HardwareCamera:
         model = self.model.of(CameraPart)[name]
-        camera = RosCamera(name, model, self._link, self.clock, self.options)
+        camera = RosCamera(name, model, self._link, self.clock, self.options, self.latch)
         self._expect_frame(camera.info, name, model.optical_frame)
         self._cameras.append(camera)
         self._listen(camera.info, "sensor_msgs", "CameraInfo", period=INFO_PERIOD)
-        return HardwareCamera(name, model, self.latch, camera.take)
+        return camera.part
 
     def _make_sensor(self, kind: str, models: Mapping[str, Any], name: str) -> Part:
         make, stream_name, decode, package, message = SENSORS[kind]
