@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from typing import ClassVar
 
 from behaviours.skill import Skill, SkillFailure, Steps
 from bestman_bt.engine import In
+from bestman_bt.messages.shapes import Count, NonNegative
 
 
 class ClearStop(Skill):
@@ -16,18 +16,14 @@ class ClearStop(Skill):
     a stop ends the run: it cannot be cleared from here. A button that was pressed has to be released at the robot.
     """
 
-    attempts = In(int, "how often it is tried", default=3)
-    wait = In(float, "seconds between attempts: controllers want time", default=5.0)
+    attempts = In[int](Count, "how often it is tried", default=3)
+    wait = In[float](NonNegative, "seconds between attempts: controllers want time", default=5.0)
     FAILS: ClassVar = {"still_stopped": "somebody has to look: the message says what stops the robot"}
 
     def execute(self) -> Steps:
         """Try, wait, try again; at once done where the robot is not stopped."""
         stop = self.skills.stop
         attempts, wait = self.attempts, self.wait
-        if attempts < 1:
-            raise SkillFailure("bad_input", f"attempts is {attempts}; at least 1 is accepted")
-        if not (math.isfinite(wait) and wait >= 0.0):
-            raise SkillFailure("bad_input", f"wait is {wait} s; 0 or more is accepted")
         if not stop.latched:
             self.feedback_message = "the robot was not stopped"
             return

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Generator, Iterator, Mapping
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import Annotated, Any, ClassVar, TypeAlias, TypeVar
@@ -17,12 +17,13 @@ from behaviours.parts import WORDS, PartKind
 from bestman_bt.control import READING_ERRORS, Motion, MotionStatus
 from bestman_bt.engine import FAILURE, RUNNING, SUCCESS, Condition, In, Node, NodeError, Out, StatefulAction, SyncAction
 from bestman_bt.engine.bounds import Named
+from bestman_bt.engine.core.ports import declared_ports
 from bestman_bt.engine.own_files import defined_at
 from bestman_bt.errors import Error, MissingExtraError, WrongResultError
 from bestman_bt.manipulation.errors import ManipulationError
 from bestman_bt.messages import Failure, Goals, Pose, Pose2D
 from bestman_bt.perception.errors import PerceptionError
-from bestman_bt.registry import PREDICATES
+from bestman_bt.registry import PREDICATES, suggestion
 
 # Ports that name things: a literal is compared with scene, map and robot before anything moves.
 
@@ -147,11 +148,19 @@ class Explained(OnRobot):
     FAILS: ClassVar[Mapping[str, str]] = {"bad_input": "a port has a value that is not accepted: correct the tree"}
 
     def __init_subclass__(cls, **options: Any) -> None:
-        """Raises TypeError where ``FAILS`` is no mapping or ``DECLARATION`` no Declaration."""
+        """Raises TypeError where ``FAILS`` is no mapping, or ``DECLARATION`` no Declaration or one of other ports."""
         super().__init_subclass__(**options)
         declared = getattr(cls, "DECLARATION", Declaration())
         if not isinstance(declared, Declaration):
             raise TypeError(f"{cls.__name__}.DECLARATION should be a Declaration, got {declared!r}")
+        ports = declared_ports(cls)
+        for field in ("pre", "hold", "effects", "parameters"):
+            said: Iterable[str] = getattr(declared, field) or ()
+            named = said if field == "parameters" else re.findall(r"{(\w+)}", " ".join(said))
+            for port in named:
+                if port not in ports:
+                    what = f"{cls.__name__}.DECLARATION: {field} name the port {port!r}, which the skill does not have"
+                    raise TypeError(f"{what}; {suggestion(port, list(ports))}")
         if not isinstance(cls.FAILS, Mapping):
             raise TypeError(f"{cls.__name__}.FAILS should map codes to what a tree may try then, got {cls.FAILS!r}")
 

@@ -56,21 +56,25 @@ def evaluate(  # noqa: PLR0913 - the options of bestman-bt eval, each by its nam
     ``jobs``: processes. ``folder``: keeps every episode, and an evaluation of the same goes on where it stopped.
     Raises ConfigurationError with everything that is wrong, before anything is started.
     """
-    from bestman_bt.configuration import ConfigurationError, Problem, RunRequest, told_to_programs
+    from bestman_bt.configuration import Problem, ProblemCollector, RunRequest, told_to_programs
     from bestman_bt.evaluation.evaluation import Evaluation
     from bestman_bt.evaluation.suite import make_suite
 
     low = [("episodes", episodes, 1), ("seed", seed, 0), ("jobs", jobs, 1)]
-    if wrong := [
-        Problem(name, None, "", f"should be at least {least}, got {value}")
-        for name, value, least in low
-        if value is not None and value < least
-    ]:
-        raise ConfigurationError(wrong)
+    wrong = ProblemCollector(
+        [
+            Problem(name, None, "", f"should be at least {least}, got {value}")
+            for name, value, least in low
+            if value is not None and value < least
+        ]
+    )
+    if wrong.problems:
+        episodes = seed = None
     named = [str(tasks)] if isinstance(tasks, (str, Path)) else [str(task) for task in tasks]
-    with told_to_programs():
+    with wrong.step(), told_to_programs():
         asked = RunRequest(scene=scene, robot=robot, settings=list(settings), plugins=list(plugins))
         suite = make_suite(named, episodes, seed, asked)
+    wrong.raise_if_any()
     with Evaluation(suite, None if folder is None else Path(folder)) as evaluation:
         return evaluation.run(jobs)
 

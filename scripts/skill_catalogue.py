@@ -138,7 +138,7 @@ def _with_code(advice: str) -> str:
 def _row(port: Port) -> str:
     default = "required" if port.required else "" if port.default is None else f"`{port.default}`"
     description = port.description.replace("|", "\\|")
-    return f"| `{port.name}` | {port.direction}, {port.type_name} | {default} | {description} |\n"
+    return f"| `{port.name}` | {port.direction}, {port.accepts} | {default} | {description} |\n"
 
 
 if __name__ == "__main__":

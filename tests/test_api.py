@@ -101,11 +101,13 @@ def test_a_shipped_tree_is_judged_by_the_goal_of_its_task_and_the_audit_is_of_th
 
 def test_numbers_that_an_evaluation_cannot_have_are_refused_at_once() -> None:
     with pytest.raises(bt.Error) as error:
-        bt.evaluate("fetch_cup", episodes=0, seed=-1, jobs=0)
+        bt.evaluate("fetch_cop", episodes=0, seed=-1, jobs=0, scene="kichen")
     told = [
         "episodes: should be at least 1, got 0",
         "seed: should be at least 0, got -1",
         "jobs: should be at least 1, got 0",
+        "fetch_cop: unknown task 'fetch_cop'; did you mean 'fetch_cup'?",
+        "scene='kichen': unknown scene 'kichen'; did you mean 'kitchen'?",
     ]
     assert str(error.value).splitlines() == told
     assert {"Session", "evaluate", "load_tree", "nodes", "plan"} <= set(dir(bt))

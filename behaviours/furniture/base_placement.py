@@ -23,6 +23,7 @@ from behaviours.furniture.opening import Opening, before, plan_opening, pull_gra
 from behaviours.skill import ArticulationName, Declaration, OnArm, Skill, SkillFailure, Steps
 from bestman_bt.engine import In, Out
 from bestman_bt.messages import Pose, Pose2D
+from bestman_bt.messages.shapes import NonNegative
 from bestman_bt.world_model import MOVED, HandleBelief
 
 if TYPE_CHECKING:
@@ -157,7 +158,7 @@ class FindOpenStand(OnArm, Skill):
     REQUIRES = ("base", "lidar", "arm", "gripper")
     articulation = In[str](ArticulationName, "furniture/leaf of the map")
     handle = In(str, "a believed handle")
-    opening = In(float, "how far to open: metres of a drawer, radians of a door")
+    opening = In[float](NonNegative, "how far to open: metres of a drawer, radians of a door")
     stand = Out(Pose2D, "where to stand, in the map frame", required=True)
     FAILS: ClassVar = {
         **UNKNOWN_ARTICULATION,

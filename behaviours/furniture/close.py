@@ -30,6 +30,7 @@ from behaviours.skill import (
 )
 from bestman_bt.engine import In, Out
 from bestman_bt.messages import Box, PlacedShape, Pose
+from bestman_bt.messages.shapes import NonNegative, Positive
 from bestman_bt.world_model import handle_shape
 
 if TYPE_CHECKING:
@@ -266,8 +267,8 @@ class Close(OnArm, Skill):
     REQUIRES = ("arm", "gripper")
     USES = ("force_torque",)
     articulation = In[str](ArticulationName, "furniture/leaf of the map")
-    opening = In(float, "how far it may stay open: metres or radians", default=0.02)
-    max_push = In(float, "newtons", default=40.0)
+    opening = In[float](NonNegative, "how far it may stay open: metres or radians", default=0.02)
+    max_push = In[float](Positive, "newtons", default=40.0)
     posture = In[str](PostureName, "of the arm at the end", default="carry")
     left = Out(float, "how far it may still be open, metres or radians")
     FAILS: ClassVar = {

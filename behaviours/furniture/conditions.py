@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from typing import ClassVar
 
 from behaviours.furniture.leaf import UNKNOWN_ARTICULATION, find_leaf
 from behaviours.skill import ArticulationName, InstantSkill, SkillCondition
 from bestman_bt.engine import In, Out
 from bestman_bt.engine.bounds import BoundedPort
+from bestman_bt.messages.shapes import NonNegative
 from bestman_bt.world_model import openness_of
 
 # Doors and drawers as abilities name them: how far to open one, and that one did not open.
@@ -65,8 +65,8 @@ class IsOpen(SkillCondition):
     """Whether a door or drawer is believed to be open by at least, or by at most, so much."""
 
     articulation = In[str](ArticulationName, "furniture/leaf of the map")
-    at_least = In(float, "metres or radians", default=0.0)
-    at_most = In(float, "metres or radians", default=math.inf)
+    at_least = In[float](NonNegative, "metres or radians", default=0.0)
+    at_most = In[float | None](NonNegative, "metres or radians; any without it", required=False)
     FAILS: ClassVar = {
         **UNKNOWN_ARTICULATION,
         "not_open": "Open",
@@ -82,6 +82,6 @@ class IsOpen(SkillCondition):
         unit = "rad" if leaf.kind == "revolute" else "m"
         if not position >= at_least:  # nor where the belief is no number
             return "not_open", f"{name} is open by {position:.2f} {unit} only"
-        if not position <= at_most:
+        if at_most is not None and not position <= at_most:
             return "not_closed", f"{name} is open by {position:.2f} {unit}"
         return None

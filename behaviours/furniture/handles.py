@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Annotated, ClassVar
 
 import numpy as np
 
@@ -16,8 +16,9 @@ from behaviours.furniture.leaf_measurement import (
     opening_since,
 )
 from behaviours.skill import ArticulationName, Declaration, FurnitureName, Skill, SkillFailure, Steps
-from bestman_bt.engine import In, Out
+from bestman_bt.engine import In, OneOf, Out
 from bestman_bt.messages import Handle, Pose
+from bestman_bt.messages.shapes import Share
 from bestman_bt.world_model import HandleBelief, MapFurniture
 
 if TYPE_CHECKING:
@@ -29,6 +30,7 @@ MAP_MARGIN = 0.10
 """Metres around a piece of furniture on the map in which its handles may be: the map is off, handles stick out."""
 SAME_HANDLE = 0.05
 """Metres beside its axis within which a seen handle is one that was seen before."""
+JointKind = Annotated[str, OneOf(lambda: ("revolute", "prismatic"))]
 
 
 class DetectHandle(Skill):
@@ -42,8 +44,8 @@ class DetectHandle(Skill):
     furniture = In[str | None](FurnitureName, "furniture of the map, such as fridge", required=False)
     articulation = In[str | None](ArticulationName, "only on this door or drawer, furniture/leaf", required=False)
     near = In(Pose, "choose the handle nearest to this, map frame", required=False)
-    joint = In(str, "only handles of a revolute or a prismatic joint", required=False)
-    min_confidence = In(float, "0 to 1", default=0.5)
+    joint = In[str | None](JointKind, "only handles of a revolute or a prismatic joint", required=False)
+    min_confidence = In[float](Share, "of the handle", default=0.5)
     handle = Out(str, "the name under which the handle is believed")
     pose = Out(Pose, "of the handle, in the map frame")
     count = Out(int, "how many were seen")

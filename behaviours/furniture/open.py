@@ -28,6 +28,7 @@ from behaviours.skill import (
 from bestman_bt.control.gripper import HELD_WIDTH
 from bestman_bt.engine import In, Out
 from bestman_bt.messages import Pose
+from bestman_bt.messages.shapes import NonNegative, Positive
 from bestman_bt.world_model import Obstacle
 
 
@@ -42,9 +43,9 @@ class Open(OnArm, Skill):
     USES = ("force_torque",)
     articulation = In[str](ArticulationName, "furniture/leaf of the map")
     handle = In(str, "a believed handle")
-    opening = In(float, "how far it shall be open: metres of a drawer, radians of a door")
-    force = In(float, "closing force, newtons", default=40.0)
-    max_pull = In(float, "newtons", default=45.0)
+    opening = In[float](NonNegative, "how far it shall be open: metres of a drawer, radians of a door")
+    force = In[float](Positive, "closing force, newtons", default=40.0)
+    max_pull = In[float](Positive, "newtons", default=45.0)
     posture = In[str](PostureName, "of the arm at the end", default="carry")
     opened = Out(float, "how far it is open, metres or radians")
     FAILS: ClassVar = {

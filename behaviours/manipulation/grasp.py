@@ -25,6 +25,7 @@ from behaviours.skill import (
 from bestman_bt.control.gripper import HELD_WIDTH
 from bestman_bt.engine import In, InOut, Out
 from bestman_bt.messages import Pose
+from bestman_bt.messages.shapes import Count, Positive
 from bestman_bt.perception import View
 from bestman_bt.world_model import HeldObject, ObjectBelief
 
@@ -122,7 +123,7 @@ class PlanGrasp(OnArm, Skill):
     REQUIRES = ("arm", "gripper")
     USES = ("wrist_camera",)
     object = In[str](ObjectName, "a located object")
-    count = In(int, "how many to keep", default=4)
+    count = In[int](Count, "how many to keep", default=4)
     grasps = Out(list, "planned grasps, best first", required=True)
     FAILS: ClassVar = {
         "not_found": "DetectObject first",
@@ -188,7 +189,7 @@ class Grasp(OnArm, Skill):
     REQUIRES = ("arm", "gripper")
     object = In[str](ObjectName, "the object")
     grasps = InOut(list, "planned grasps, best first; used up one by one")
-    force = In(float, "closing force, newtons; by default by the weight", required=False)
+    force = In[float | None](Positive, "closing force, newtons; by default by the weight", required=False)
     FAILS: ClassVar = {
         **ARM_PLANNING_FAILS,
         "no_path": "Grasp again: the next planned grasp",

@@ -16,6 +16,7 @@ from behaviours.manipulation.arm_motion import ARM_PLANNING_FAILS, MAX_HELD_TILT
 from behaviours.skill import Declaration, OnArm, PostureName, Skill, SkillFailure, Steps
 from bestman_bt.engine import In
 from bestman_bt.messages import Box, Cylinder, PlacedShape, Pose
+from bestman_bt.messages.shapes import NonNegative
 from bestman_bt.world_model import HeldObject
 
 if TYPE_CHECKING:
@@ -178,7 +179,7 @@ class Retreat(OnArm, Skill):
     REQUIRES = ("arm",)
     USES = ("camera",)
     posture = In[str](PostureName, "where to end", default="carry")
-    distance = In(float, "straight back, metres", default=0.1)
+    distance = In[float](NonNegative, "straight back, metres", default=0.1)
     FAILS: ClassVar = {
         **ARM_PLANNING_FAILS,
         **UNKNOWN_POSTURE,

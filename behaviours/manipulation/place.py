@@ -17,6 +17,7 @@ from behaviours.skill import Declaration, ObjectName, OnArm, Skill, SkillFailure
 from bestman_bt.control.gripper import HELD_WIDTH
 from bestman_bt.engine import In, Out
 from bestman_bt.messages import Pose
+from bestman_bt.messages.shapes import NonNegative
 from bestman_bt.world_model import HeldObject, ObjectBelief
 
 if TYPE_CHECKING:
@@ -59,7 +60,7 @@ class FindPlacePose(Skill):
     object = In[str](ObjectName, "the object to place")
     surface = In[str](SurfaceName, "the surface, such as counter")
     goal = In(Pose, "x;y;z or x;y;z;roll;pitch;yaw in the map frame; z is measured")
-    radius = In(float, "of the free disc, metres", default=0.06)
+    radius = In[float](NonNegative, "of the free disc, metres", default=0.06)
     camera = In(str, "head, wrist, or its name", default="head")
     pose = Out(Pose, "of the placed object, in the map frame", required=True)
     FAILS: ClassVar = {
@@ -209,9 +210,7 @@ class Release(OnArm, Skill):
         "not_holding": "there is nothing to let go of",
         "not_released": "it sticks to the fingers: Release again",
     }
-    DECLARATION = Declaration(
-        pre=("lowered({object}, {pose})",), effects=("not holding({object})", "at({object}, {pose})")
-    )
+    DECLARATION = Declaration(pre=("holding({object})",), effects=("not holding({object})",))
 
     def execute(self) -> Steps:
         """Open a little, so that neighbours stay where they are."""

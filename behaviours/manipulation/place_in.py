@@ -12,6 +12,7 @@ from behaviours.perception.surfaces import UNKNOWN_SURFACE, find_surface
 from behaviours.skill import Declaration, Explained, InstantSkill, ObjectName, SkillFailure, SurfaceName
 from bestman_bt.engine import In, Out, SyncAction
 from bestman_bt.messages import Box, ObjectModel, PlacedShape, Pose
+from bestman_bt.messages.shapes import NonNegative
 from bestman_bt.world_model import HeldObject, MapFurniture, MapSurface, leaf_shapes
 
 # Where in an open drawer there is room, as far as is believed: the hand is full, so that its camera cannot look.
@@ -34,7 +35,7 @@ class FindRoomIn(InstantSkill):
 
     object = In[str](ObjectName, "the held object")
     surface = In[str](SurfaceName, "the surface of the drawer, such as drawer_chest/drawer_3")
-    margin = In(float, "metres to the drawer's walls and to other things", default=0.03)
+    margin = In[float](NonNegative, "metres to the drawer's walls and to other things", default=0.03)
     pose = Out(Pose, "where it shall stand, in the map frame", required=True)
     FAILS: ClassVar = {
         **UNKNOWN_SURFACE,

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Annotated, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,10 +15,11 @@ from behaviours.manipulation.arm_motion import hand_contacts
 from behaviours.perception.perceive import NO_CAMERA
 from behaviours.skill import Declaration, ObjectName, OnArm, Skill, SkillFailure, Steps, StepsTo
 from bestman_bt.control import MotionStatus
-from bestman_bt.engine import In, Out
+from bestman_bt.engine import In, OneOf, Out
 from bestman_bt.manipulation.errors import ManipulationError
 from bestman_bt.manipulation.trajectory import SpeedScale
 from bestman_bt.messages import Pose
+from bestman_bt.messages.shapes import Positive
 from bestman_bt.world_model import HeldObject
 
 if TYPE_CHECKING:
@@ -177,11 +177,11 @@ class RunPolicy(OnArm, Skill):
     policy = In(str, "a shipped name, an .onnx file, the .yaml of a policy server or file.py:Class")
     goal = In(Pose, "where the tool shall be, or what it shall pick, in the map frame", required=False)
     object = In[str | None](ObjectName, "a seen object that the policy picks", required=False)
-    success = In(str, "goal, holding or lifted", default="goal")
-    lift = In(float, "metres, for lifted", default=0.1)
-    timeout = In(float, "seconds", default=20.0)
-    position_tolerance = In(float, "metres", default=0.01)
-    rotation_tolerance = In(float, "radians", default=0.1)
+    success = In[str](Annotated[str, OneOf(lambda: SUCCESSES)], "goal, holding or lifted", default="goal")
+    lift = In[float](Positive, "metres, for lifted", default=0.1)
+    timeout = In[float](Positive, "seconds", default=20.0)
+    position_tolerance = In[float](Positive, "metres", default=0.01)
+    rotation_tolerance = In[float](Positive, "radians", default=0.1)
     workspace = In(str, "x;y;z;x;y;z in the base frame; the policy's by default", default="")
     chunks = Out(int, "how many were carried out")
 
@@ -215,7 +215,7 @@ class RunPolicy(OnArm, Skill):
         """Ask, check, move, look again while it moves."""
         policy = self.skills.policies(self.policy, self.folders)
         try:
-            timeout, goal = self._timeout(), self._goal()
+            timeout, goal = self.timeout, self._goal()
             box = self._check(policy.specification, goal)
             yield from self._open_hand(policy.specification)
             deadline = self.skills.clock.now() + timeout
@@ -271,12 +271,6 @@ class RunPolicy(OnArm, Skill):
         self._believe_held(motion, goal)
         self.feedback_message = f"{done} chunks"
 
-    def _timeout(self) -> float:
-        timeout: float = self.timeout
-        if not 0.0 < timeout < math.inf:
-            raise SkillFailure("bad_input", f"timeout is {timeout}; a finite number of seconds above 0 is accepted")
-        return timeout
-
     def _goal(self) -> Pose | None:
         map_from_goal: Pose | None = self.goal
         return None if map_from_goal is None else self.skills.map_from_base.inverse() @ map_from_goal
@@ -289,8 +283,6 @@ class RunPolicy(OnArm, Skill):
         if spec.joint_names != skills.arm_model.joint_names or spec.robot not in ("", skills.robot.name):
             raise SkillFailure("other_robot", f"the policy moves {spec.robot} {spec.joint_names}, not this arm")
         success, name = self.success, self.object
-        if success not in SUCCESSES:
-            raise SkillFailure("bad_input", f"success should be one of {', '.join(SUCCESSES)} but is {success!r}")
         if name and name not in skills.world.objects:
             raise SkillFailure("not_found", f"the {name} has not been seen; detect it first")
         if goal is None and (spec.goal_size or success == "goal"):

@@ -21,6 +21,7 @@ from behaviours.perception.surfaces import UNKNOWN_SURFACE, find_surface
 from behaviours.skill import Declaration, ObjectName, OnArm, Skill, SkillFailure, Steps
 from bestman_bt.engine import In, Out
 from bestman_bt.messages import ObjectModel, Pose
+from bestman_bt.messages.shapes import Positive
 from bestman_bt.world_model import ObjectBelief
 
 if TYPE_CHECKING:
@@ -74,8 +75,8 @@ class Push(OnArm, Skill):
     REQUIRES = ("arm", "gripper")
     object = In[str](ObjectName, "a located object")
     goal = In(Pose, "where its middle shall be, in the map frame; height and turn are free")
-    speed = In(float, "m/s", default=0.05)
-    max_force = In(float, "newtons against the hand", default=15.0)
+    speed = In[float](Positive, "m/s", default=0.05)
+    max_force = In[float](Positive, "newtons against the hand", default=15.0)
     pushed = Out(float, "metres that the hand went on with the object")
     FAILS: ClassVar = {
         **UNKNOWN_SURFACE,

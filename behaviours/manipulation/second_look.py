@@ -17,6 +17,7 @@ from behaviours.perception.surfaces import SURFACE_NOT_SEEN
 from behaviours.skill import ALGORITHM_ERRORS, Declaration, ObjectName, OnArm, Skill, SkillFailure, Steps, StepsTo
 from bestman_bt.engine import In, Out
 from bestman_bt.messages import PlacedShape, Pose
+from bestman_bt.messages.shapes import NonNegative, Share
 from bestman_bt.world_model import ObjectBelief
 
 if TYPE_CHECKING:
@@ -39,8 +40,8 @@ class SecondLook(OnArm, Skill):
 
     REQUIRES = ("arm", "wrist_camera")
     object = In[str](ObjectName, "an object that was located")
-    max_yaw_width = In(float, "radians of yaw that may stay open", default=0.35)
-    min_confidence = In(float, "0 to 1", default=0.5)
+    max_yaw_width = In[float](NonNegative, "radians of yaw that may stay open", default=0.35)
+    min_confidence = In[float](Share, "of the pose", default=0.5)
     pose = Out(Pose, "where the object is, in the map frame")
     yaw_width = Out(float, "radians of yaw that are still open")
     FAILS: ClassVar = {

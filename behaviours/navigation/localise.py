@@ -36,7 +36,7 @@ class Relocalise(Skill):
         "radians between two scans, within a half turn",
         default=math.pi / 2,
     )
-    certainty = In[float](Positive, "probability that the place must have, below 1", default=0.95)
+    certainty = In[float](Annotated[float, Gt(0), Lt(1)], "probability that the place must have", default=0.95)
     pose = Out(Pose2D, "where the base was found, in the map frame")
     FAILS: ClassVar = {
         "ambiguous": "drive on and look again: DriveOnHeading, then Relocalise",

@@ -117,6 +117,11 @@ class LookAt(Skill):
     }
     DECLARATION = Declaration(effects=("looking_at({object})",))
 
+    def on_load(self) -> None:
+        """ValueError where there is nothing to look at."""
+        if not any(self.attributes.get(port) for port in ("point", "object", "surface")):
+            raise ValueError("it has nothing to look at: give a point, an object or a surface")
+
     def execute(self) -> Steps:
         """Turn and settle."""
         point = self._target()

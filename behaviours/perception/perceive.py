@@ -23,6 +23,7 @@ from behaviours.skill import (
 )
 from bestman_bt.engine import In, Out, SyncAction
 from bestman_bt.messages import Pose, wrap_angle
+from bestman_bt.messages.shapes import NonNegative, Positive, Share
 from bestman_bt.world_model import ObjectBelief
 
 if TYPE_CHECKING:
@@ -53,7 +54,7 @@ class ObjectVisible(SkillCondition):
     """Whether an object was seen lately."""
 
     object = In[str](ObjectName, "the object")
-    max_age = In(float, "seconds", default=5.0)
+    max_age = In[float](NonNegative, "seconds", default=5.0)
     FAILS: ClassVar = {"not_visible": "DetectObject, or ScanScene"}
 
     def check(self) -> tuple[str, str] | None:
@@ -73,8 +74,8 @@ class ObjectAt(SkillCondition):
 
     object = In[str](ObjectName, "the object")
     goal = In(Pose, "where it should be, in the map frame")
-    tolerance = In(float, "metres, horizontally", default=0.02)
-    yaw_tolerance = In(float, "radians; any yaw without it", required=False)
+    tolerance = In[float](Positive, "metres, horizontally", default=0.02)
+    yaw_tolerance = In[float | None](Positive, "radians; any yaw without it", required=False)
     FAILS: ClassVar = {"not_at_goal": "DetectObject, PlanGrasp, Grasp, then PlaceOn"}
 
     def check(self) -> tuple[str, str] | None:
@@ -139,7 +140,7 @@ class DetectObject(Skill):
     USES = ("wrist_camera",)
     object = In[str](ObjectName, "the object to find")
     surface = In[str](SurfaceName, "the surface to search, such as table")
-    min_confidence = In(float, "0 to 1", default=0.5)
+    min_confidence = In[float](Share, "of the pose", default=0.5)
     camera = In(str, "head, wrist, or its name", default="head")
     pose = Out(Pose, "where the object is, in the map frame")
     yaw_width = Out(float, "radians of yaw that the view leaves open")
@@ -194,7 +195,7 @@ class EstimatePose(Skill):
     REQUIRES = ("camera",)
     USES = ("wrist_camera",)
     object = In[str](ObjectName, "an object that was detected")
-    min_confidence = In(float, "0 to 1", default=0.5)
+    min_confidence = In[float](Share, "of the pose", default=0.5)
     camera = In(str, "head, wrist, or its name", default="head")
     pose = Out(Pose, "where the object is, in the map frame")
     yaw_width = Out(float, "radians of yaw that the view leaves open")

@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 
 from behaviours.perception.beliefs import believe_objects, believe_surface
 from behaviours.perception.surfaces import SURFACE_NOT_SEEN, UNKNOWN_SURFACE, find_surface, surface_region
-from behaviours.skill import ALGORITHM_ERRORS, Declaration, Skill, SkillFailure, Steps, StepsTo, SurfaceName
+from behaviours.skill import ALGORITHM_ERRORS, Declaration, Skill, Steps, StepsTo, SurfaceName
 from bestman_bt.engine import In, Out
 from bestman_bt.messages import Pose, VoxelGrid
+from bestman_bt.messages.shapes import Count
 
 if TYPE_CHECKING:
     from bestman_bt.control.rgbd import RGBDView
@@ -48,7 +49,7 @@ class ScanScene(Skill):
     REQUIRES = ("camera",)
     USES = ("head",)
     surface = In[str | None](SurfaceName, "a surface, such as table; else all in view", required=False)
-    views = In(int, "how many pictures to take", default=3)
+    views = In[int](Count, "how many pictures to take", default=3)
     further = In(bool, "add to the space that the last scan of this surface has mapped", default=False)
     objects = Out(list, "names of what was seen")
     changes = Out(list, "what was noticed: cup moved, can_2 added")
@@ -59,8 +60,6 @@ class ScanScene(Skill):
         """Look, detect and map, view by view; then join the views of each object."""
         skills = self.skills
         count: int = self.views
-        if count < 1:
-            raise SkillFailure("bad_input", f"views should be 1 or more, got {count}")
         noticed = len(skills.world.changes)
         views: list[RGBDView] = []
         seen: list[str] = []

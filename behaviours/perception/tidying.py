@@ -16,6 +16,7 @@ from behaviours.skill import Declaration, Explained, ObjectName, Skill, SkillCon
 from bestman_bt.engine import In, InOut, Out, SyncAction
 from bestman_bt.engine.bounds import BoundedPort
 from bestman_bt.messages import ObjectModel, Pose
+from bestman_bt.messages.shapes import NonNegative
 from bestman_bt.world_model import ObjectBelief
 
 if TYPE_CHECKING:
@@ -61,7 +62,7 @@ class FindUntidy(Explained, SyncAction):
     """List the things, of those that were seen, that are not believed to stand upright within a region of a surface."""
 
     INPUT_PORTS: ClassVar = {"seen": _WHICH["seen"], **_WHERE}
-    margin = In(float, "metres inside the region", default=0.035)
+    margin = In[float](NonNegative, "metres inside the region", default=0.035)
     untidy = Out(list, "their names", required=True)
     FAILS: ClassVar = UNKNOWN_SURFACE
 
@@ -104,8 +105,8 @@ class FindFreePlace(Skill):
     surface = In[str](SurfaceName, "the surface, such as counter/top")
     region_x = In(list, "from, to: metres in its frame; all of it by default", required=False)
     region_y = In(list, "from, to: metres in its frame; all of it by default", required=False)
-    margin = In(float, "metres inside the region", default=0.05)
-    clearance = In(float, "metres around the object", default=0.04)
+    margin = In[float](NonNegative, "metres inside the region", default=0.05)
+    clearance = In[float](NonNegative, "metres around the object", default=0.04)
     goal = Out(Pose, "the place, in the map frame, z of the surface", required=True)
     FAILS: ClassVar = {
         **UNKNOWN_SURFACE,

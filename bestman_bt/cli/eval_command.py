@@ -177,7 +177,7 @@ def command(
         document = _evaluate(suite, out or Path("runs/evaluations") / suite.name, jobs, keep_old, compare)
         tell(document)
     if not as_json:
-        _tell(document)
+        tell_in_words(document)
     sys.exit(130 if document["interrupted"] else 0 if document["met"] else 1)
 
 
@@ -216,13 +216,18 @@ def _refuse_other_suite(summary: Path, suite: Suite) -> None:
         raise ConfigurationError([Problem(str(summary.parent), None, "", message)])
 
 
-def _tell(document: dict[str, Any]) -> None:
+def tell_in_words(document: dict[str, Any]) -> None:
+    """Print what an evaluation has come to."""
+    episodes = "" if document["interrupted"] else f"{document['episodes']} episodes, "
     print(
-        f"{document['evaluation']}: {verdict(document)}; {document['episodes']} episodes, "
+        f"{document['evaluation']}: {verdict(document)}; {episodes}"
         f"{document['false_successes']} false successes, {document['unearned']} unearned successes, "
         f"audit {'clean' if document['audit_clean'] else 'NOT CLEAN'}"
     )
     for entry in document["entries"]:
+        if not entry["episodes"]:
+            print(f"{entry['name']}: none of {entry['asked_episodes']} episodes was completed")
+            continue
         low, high = entry["interval"]
         print(
             f"{entry['name']}: {entry['succeeded']} of {entry['episodes']} succeeded "

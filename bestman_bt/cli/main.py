@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import sys
 from importlib import import_module
+from pathlib import Path
 from typing import Any
 
 import typer
@@ -78,12 +79,21 @@ class Verbs(TyperGroup):
 
 
 def _in_plain_words(command: Any) -> Any:
-    """The command, whose numbers are not called ``int range`` in help and faults."""
+    """The command, whose numbers are not called ``int range`` in help and faults; a missing RUN names the latest."""
     for inner in getattr(command, "commands", {}).values():
         _in_plain_words(inner)
     for parameter in command.params:
         parameter.type.name = NUMBERS.get(parameter.type.name, parameter.type.name)
+        if str(parameter.metavar).startswith("RUN"):
+            parameter.type.get_missing_message = _latest_runs
     return command
+
+
+def _latest_runs(*_: Any, **__: Any) -> str:
+    """Which run folders could be given, the newest first."""
+    found = sorted(Path("runs").glob("*/config.yaml"), key=lambda file: file.stat().st_mtime, reverse=True)
+    latest = ", ".join(str(file.parent) for file in found[:3])
+    return f"The latest {'run is' if len(found) == 1 else 'runs are'} {latest}" if found else "There is none below runs"
 
 
 app = typer.Typer(

@@ -87,7 +87,7 @@ def _tell(info: NodeInfo) -> None:
     if parts := parts_in_words(info.cls):
         print(f"      {parts}")
     for port in info.ports.values():
-        facts = [port.direction, port.type_name]
+        facts = [port.direction, port.accepts]
         if port.required:
             facts.append("required")
         elif port.default is not None:

@@ -26,17 +26,14 @@ from bestman_bt.cli.options import (
     refuse_unwritable_folder,
     writable_file,
 )
-from bestman_bt.configuration import ConfigurationError, ProblemCollector, RunConfig
+from bestman_bt.configuration import RunConfig
 from bestman_bt.configuration.secret import shown_setting
 from bestman_bt.engine import render_svg
 from bestman_bt.errors import InputError
-from bestman_bt.registry import BUILDERS
-from bestman_bt.runtime.planning import PlanQuestion, Transcript, assumed, planning_state, refusals
+from bestman_bt.runtime.planning import PlanQuestion, Transcript, Wanted, asked_question, assumed, refusals
 from bestman_bt.task_planning.language.errors import quoted
-from bestman_bt.task_planning.limits import PlanLimits
-from bestman_bt.task_planning.planners import planner_class
 from bestman_bt.task_planning.simulation import folded
-from bestman_bt.task_planning.symbolic import PlanningError, Problem, TaskPlan, goal_as_facts
+from bestman_bt.task_planning.symbolic import PlanningError, Problem, TaskPlan
 
 # The log of one package on standard error, while something is done with it.
 
@@ -193,28 +190,8 @@ def command(
 
 def _question(wanted: GoalOptions, where: PlanningOptions) -> tuple[PlanQuestion, str | None]:
     """What is asked of the planner, and the goal as facts, for a text None; ConfigurationError with all faults."""
-    wrong, state, limits = ProblemCollector(), None, PlanLimits()
-    goal = wanted.goal
-    with _noted(wrong, "--goal"):
-        goal = None if goal is None else goal_as_facts(goal)
-    sound = not wrong.problems
-    with _noted(wrong, "--limits"):
-        limits = _limits(wanted.limits)
-    with _noted(wrong, "bestman-bt plan"):
-        state = planning_state(where.request, where.world)
-    if state is not None or not where.plugins:  # plug-ins may bring them
-        with _noted(wrong, "--planner"):
-            planner_class(wanted.planner)
-        with _noted(wrong, "--builder"):
-            BUILDERS.resolve(wanted.builder)
-    if state is not None:
-        question = PlanQuestion(*state, wanted.builder, limits)
-        with _noted(wrong, "--given"):
-            question.give(wanted.given or ())
-        with _noted(wrong, "--goal"):
-            if goal is not None and sound:
-                question.understood(goal)
-    wrong.raise_if_any()
+    asked = Wanted(wanted.goal, wanted.given or (), wanted.planner, wanted.builder, wanted.limits)
+    question, goal = asked_question(asked, where.request, where.world)
     if wanted.text is None and goal is None:
         facts = question.setup.config.task.asked("facts")
         if facts is None:
@@ -227,25 +204,6 @@ def _judged_by(question: PlanQuestion, problem: Problem) -> tuple[str, str]:
     """Settings by which a run of the tree is judged by the goal, and told where things are."""
     facts = {"goal": " and ".join(map(str, problem.goal)), "told": question.told(problem)}
     return f"goals={json.dumps([{'facts': facts}])}", "predicate=facts"
-
-
-@contextmanager
-def _noted(wrong: ProblemCollector, option: str) -> Iterator[None]:
-    """Note what is wrong with an option, to be told with all else that is."""
-    with wrong.step():
-        try:
-            yield
-        except ConfigurationError:
-            raise
-        except (InputError, PlanningError) as error:
-            raise wrong_input(option, str(error)) from error
-
-
-def _limits(text: str) -> PlanLimits:
-    try:
-        return PlanLimits.from_string(text)
-    except ValueError as error:
-        raise wrong_input("--limits", str(error)) from error
 
 
 def _said_where(config: RunConfig, xml: str) -> str:

@@ -325,7 +325,7 @@ def _request(tree: str | None, asked: RunOptions) -> RunRequest:
     if tree is None and asked.task is None:
         raise ConfigurationError([Problem("bestman-bt run", None, "", "give a tree, or --task, or both")])
     if tree is None or asked.task is not None:
-        return request
+        return request if tree is None else dataclasses.replace(request, name=Path(tree).stem)
     task = task_of_tree(tree)
     if task is not None:
         return dataclasses.replace(request, task=task)

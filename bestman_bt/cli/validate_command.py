@@ -13,7 +13,7 @@ from bestman_bt.configuration import ConfigurationError, find_data, shipped_tree
 from bestman_bt.engine import TreeLoadError, load_tree
 from bestman_bt.engine.validation import validate_file
 from bestman_bt.runtime.plugins import node_registry
-from bestman_bt.runtime.tree_checks import ALWAYS_FILLED, TASK_ENTRIES, arm_problems, lacking_parts
+from bestman_bt.runtime.tree_checks import ALWAYS_FILLED, TASK_ENTRIES, arm_problems, lacking_parts, unknown_names
 
 
 def command(
@@ -45,7 +45,9 @@ def command(
         if model is not None:
             with suppress(TreeLoadError):  # told already
                 tree = load_tree(path, registry, search_path=shipped_trees(), faults=[])
-                problems = [*problems, *lacking_parts(tree, model, model.parts), *arm_problems(tree, model)]
+                postures = {"posture": list(model.postures)} if model.arm_names else {}
+                problems += [*lacking_parts(tree, model, model.parts), *arm_problems(tree, model)]
+                problems += unknown_names(tree, postures)
         for problem in sorted(problems, key=lambda one: (one.file, one.line)):
             print(problem, file=sys.stderr)
         faulty = sum(problem.severity != "warning" for problem in problems)

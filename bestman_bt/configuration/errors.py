@@ -44,7 +44,7 @@ class ConfigurationError(InputError, ValueError):
 
 
 _PARAMETERS = {"set": "settings", "plugin": "plugins"}
-_OPTION = r"--(robot|scene|seed|task|world|set|plugin|driver)\b"
+_OPTION = r"--(robot|scene|seed|task|world|set|plugin|driver|goal|given|planner|builder|limits)\b"
 _GIVEN = re.compile(rf"{_OPTION} (.*)", re.DOTALL)
 _NAMED = re.compile(rf"{_OPTION}(?: ([^\s;,)]*[^\s:;,)]))?")
 

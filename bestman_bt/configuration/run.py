@@ -29,7 +29,8 @@ _NAMED_FILE = re.compile(r"(.+\.\w+)((?<=\.py):\w+)?")
 class RunConfig:
     """Everything that decides a run.
 
-    ``name``: of the task, in results and folders. ``scene_settings``, ``robot_settings``: dotted keys → values for
+    ``name``: in results and folders, of the task, or of the tree that is run in place of the task's.
+    ``scene_settings``, ``robot_settings``: dotted keys → values for
     ``load_scene`` and ``load_robot_model``. ``driver``: which implementation of the Robotics API; ``recording``: the
     run folder that the driver ``replay`` plays. ``entry``: of the suite that the run belongs to; changes nothing in it.
     ``written``: the task as it was written and where, for messages; not part of the run.
@@ -57,7 +58,7 @@ class RunRequest:
     """What is asked of a run, by its task's name or without one, by options or arguments; nothing is checked yet.
 
     ``settings``: ``key=value``, where ``scene.…`` and ``robot.…`` reach into those and anything else into the task.
-    ``driver``: which implementation of the Robotics API.
+    ``driver``: which implementation of the Robotics API. ``name``: of the run, another than the task's.
     """
 
     task: str | Path | None = None
@@ -69,6 +70,7 @@ class RunRequest:
     plugins: Iterable[str | Path] | None = ()
     record: bool = False
     driver: str = "pybullet"
+    name: str = ""
 
 
 def load_run(  # noqa: PLR0913 - the arguments of a run, each by its name
@@ -129,11 +131,11 @@ def run_of_options(asked: RunRequest, faults: list[Problem] | None = None) -> Ru
     absent: dict[str, Any] = {}
     for kind in choices:
         with found.step():
-            name = document.data.get(kind)
-            if isinstance(name, str) and name:
+            named = document.data.get(kind)
+            if isinstance(named, str) and named:
                 asked_by = document.problem((kind,), "")
                 absent[kind] = ""
-                find_data(kind, name, dataclasses.replace(asked_by, field="") if kind in source else asked_by)
+                find_data(kind, named, dataclasses.replace(asked_by, field="") if kind in source else asked_by)
                 del absent[kind]
     given_seed, seed = Document({"seed": asked.seed}, {("seed",): (f"--seed {asked.seed}", None)}), 0
     with found.step():
@@ -145,7 +147,7 @@ def run_of_options(asked: RunRequest, faults: list[Problem] | None = None) -> Ru
         found.raise_if_any()
     assert merged is not None
     merged = dataclasses.replace(merged, plugins=(*merged.plugins, *given), **absent)
-    name = Path(str(merged.tree if task is None else task)).stem or "session"
+    name = asked.name or Path(str(merged.tree if task is None else task)).stem or "session"
     run = RunConfig(name, merged, seed, asked.driver, asked.record, "", inner["scene"], inner["robot"])
     run = check(Document(_plain(run), {(): ("the run", None)}), RunConfig)
     return _remembering(run, document)

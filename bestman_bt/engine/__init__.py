@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from py_trees.ports import PortInformation
 
 from bestman_bt.engine.authoring import build_tree, load_python_tree
@@ -93,6 +95,7 @@ from bestman_bt.engine.leaves.function import Context, FunctionLeafError, Output
 from bestman_bt.engine.leaves.native import PyTreesBehaviour
 from bestman_bt.engine.leaves.script import Script, ScriptCondition, TestNode, TestNodeConfig
 from bestman_bt.engine.loading import NoMainTree, load_tree
+from bestman_bt.engine.own_files import import_elsewhere
 from bestman_bt.engine.registry import NodeInfo, NodeRegistry, RegistryError
 from bestman_bt.engine.simulation import SimulatedRun, simulate
 from bestman_bt.engine.snapshot import BlackboardBackup, backup, from_json, restore, to_json
@@ -234,3 +237,11 @@ __all__ = [
     "tree_warnings",
     "validate_file",
 ]
+
+
+if not TYPE_CHECKING:
+
+    def __getattr__(name):
+        """Tell where a skill is that is looked for among the engine's nodes."""
+        import_elsewhere(__name__, name)
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -59,18 +59,23 @@ class BoundedPort(PortInformation):
 
 def refusal(value: Any, bounds: Iterable[Any]) -> str:
     """Return why ``value`` is not accepted, in words, or an empty text."""
-    wanted = []
     wrong = isinstance(value, float) and not math.isfinite(value)
     for bound in bounds:
         if isinstance(bound, OneOf):
             return bound.refusal(value)
-        if isinstance(bound, Named):
-            continue
-        holds, words = _condition(value, bound)
-        wanted.append(words)
-        wrong = wrong or not holds
+        if not isinstance(bound, Named):
+            wrong = wrong or not _condition(bound)[0](value)
     number = "a whole number" if isinstance(value, int) else "a finite number"
-    return f"{value!r} is not accepted, but {' '.join([number, ' and '.join(wanted)]).strip()}" if wrong else ""
+    return f"{value!r} is not accepted, but {number} {range_in_words(bounds)}".rstrip() if wrong else ""
+
+
+def range_in_words(bounds: Iterable[Any]) -> str:
+    """Return what numbers keep to, such as ``above 0``; an empty text for names, and where all are accepted."""
+    limits = [bound for bound in bounds if not isinstance(bound, (OneOf, Named))]
+    match limits:
+        case [Ge(ge=low), Le(le=high)]:
+            return f"from {low:.6g} to {high:.6g}"
+    return " and ".join(_condition(bound)[1] for bound in limits)
 
 
 def _flat(bounds: Iterable[Any]) -> Iterator[Any]:
@@ -81,19 +86,19 @@ def _flat(bounds: Iterable[Any]) -> Iterator[Any]:
             yield bound
 
 
-def _condition(value: Any, bound: Any) -> tuple[bool, str]:
+def _condition(bound: Any) -> tuple[Callable[[Any], bool], str]:
     """Whether a number keeps to a bound, and what that asks for."""
     match bound:
         case Gt(gt=limit):
-            return value > limit, f"above {limit:.6g}"
+            return lambda value: bool(value > limit), f"above {limit:.6g}"
         case Ge(ge=limit):
-            return value >= limit, f"of {limit:.6g} or more"
+            return lambda value: bool(value >= limit), f"of {limit:.6g} or more"
         case Lt(lt=limit):
-            return value < limit, f"below {limit:.6g}"
+            return lambda value: bool(value < limit), f"below {limit:.6g}"
         case Le(le=limit):
-            return value <= limit, f"of {limit:.6g} or less"
+            return lambda value: bool(value <= limit), f"of {limit:.6g} or less"
         case NotZero():
-            return value != 0, "other than 0"
+            return lambda value: bool(value != 0), "other than 0"
     raise TypeError(f"{bound!r} is no bound of a port; Gt, Ge, Lt, Le, Interval, NotZero, OneOf and Named are")
 
 

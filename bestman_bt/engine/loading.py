@@ -59,8 +59,8 @@ def load_tree(  # noqa: PLR0913 - all that may be said of a tree, each by its na
         blackboard: the root blackboard; a new one by default. Give it a parent to add entries above, for ``@key``.
         search_path: folders that ``<include>`` may reach beside the file's own.
         substitutions: nodes to be replaced by others, for tests.
-        faults: errors of the tree are added here, and what is wrong is left out of it, so that the rest can be checked
-            further. A tree that has some is not to be ticked.
+        faults: errors of the tree are added here, those too that only a tick would meet; what is wrong is left out of
+            it, so that the rest can be checked further. A tree that has some is not to be ticked.
 
     Raises:
         TreeLoadError: with everything that is wrong in ``problems``; with ``faults``, only where no tree is left.
@@ -100,12 +100,17 @@ def _checked(
     main = main_tree_of(documents, main_tree)
     wrong = check_documents(documents, registry, compiler, main)
     left_out: set[str] = set()
-    if faults is None or main is None or any(len(t.element.children) != 1 for t in documents.trees.values()):
+    if faults is None:
         raise_if_any(documents.problems)
     else:
-        faults += [problem for problem in documents.problems if problem.severity == "error"]
+        faults += [problem for problem in documents.problems if problem.severity != "warning"]
         documents.problems.clear()
+        if main is None:
+            raise TreeLoadError(_in_order(faults))
         left_out = _leave_out(wrong, registry)
+        for one in documents.trees.values():
+            if len(one.element.children) != 1:
+                one.element.children = [_instead(one.element, registry)]
     assert main is not None
     return main, left_out
 
@@ -116,8 +121,11 @@ def _built(
     builder = Builder(tree, documents.problems, documents, substitutions)
     main = tree.tree_id
     definition = documents.trees[main]
-    root = builder.build(definition.element.children[0], Place(tree, tree.blackboard, "", (main,), definition.file))
-    if faults:  # what was left out of a node may be missed while it is made
+    try:
+        root = builder.build(definition.element.children[0], Place(tree, tree.blackboard, "", (main,), definition.file))
+    except TreeLoadError as error:
+        raise TreeLoadError(_in_order([*(faults or ()), *error.problems])) from None
+    if faults is not None:  # what was left out of a node may be missed while it is made
         told = {(problem.file, problem.line) for problem in faults}
         faults += [problem for problem in builder.problems if (problem.file, problem.line) not in told]
         builder.problems.clear()
@@ -141,6 +149,13 @@ def _leave_out(wrong: list[tuple[Element, str]], registry: NodeRegistry) -> set[
             element.tag = "Sequence" if element.children else "AlwaysSuccess"
             element.info, element.attributes, element.entries = registry.info(element.tag), {}, None
     return named
+
+
+def _instead(element: Element, registry: NodeRegistry) -> Element:
+    """What stands for the nodes below an element that may have one alone."""
+    made = Element("Sequence" if element.children else "AlwaysSuccess", {}, element.line)
+    made.info, made.children = registry.info(made.tag), element.children
+    return made
 
 
 def words_of(attributes: Mapping[str, Any]) -> set[str]:
@@ -201,7 +216,11 @@ def raise_if_any(problems: list[Problem]) -> None:
     """Raise TreeLoadError with the problems that are errors, if there are any."""
     errors = [problem for problem in problems if problem.severity == "error"]
     if errors:
-        raise TreeLoadError(sorted(errors, key=lambda p: (p.file, p.line)))
+        raise TreeLoadError(_in_order(errors))
+
+
+def _in_order(problems: Iterable[Problem]) -> list[Problem]:
+    return sorted(problems, key=lambda problem: (problem.file, problem.line))
 
 
 @contextmanager

@@ -116,7 +116,7 @@ def described(error: BaseException, path: Path) -> tuple[str, int, str]:
         top = (error.name or "").partition(".")[0]
         if top in PACKAGES and (path.parent / f"{top}.py").is_file():
             words += f"; {path.parent / top}.py has the name of a package of bestman-bt: rename it"
-        elif hints := _places_of_skills(error):
+        elif hints := _right_places(error):
             words += f"; {' and '.join(hints)}"
     folder = path.resolve().parent
     places = [(frame.filename, frame.lineno or 0) for frame in _frames(error)]
@@ -130,24 +130,52 @@ def described(error: BaseException, path: Path) -> tuple[str, int, str]:
     return str(path), 0, words
 
 
-def _places_of_skills(error: ImportError) -> list[str]:
-    """Which modules of ``behaviours`` have what a file imports from another; else those of the name that is missing."""
-    wanted, skills = error.name or "", Path(__file__).parents[2] / "behaviours"
-    frames = _frames(error)
-    if wanted.partition(".")[0] != skills.name or not frames:
+def _right_places(error: ImportError) -> list[str]:
+    """Which modules of ours have what a file imports from another; else those of the name that is missing."""
+    wanted, frames = error.name or "", _frames(error)
+    if wanted.partition(".")[0] not in PACKAGES or not frames:
         return []
-    modules = {".".join(path.relative_to(skills.parent).with_suffix("").parts): path for path in skills.rglob("*.py")}
     imports = ast.walk(ast.parse("".join(linecache.getlines(frames[-1].filename))))
     froms = [one for one in imports if isinstance(one, ast.ImportFrom) and one.module == wanted]
     names = [alias.name for one in froms for alias in one.names]
-    called = names if wanted == skills.name else [wanted.rpartition(".")[2]]
-    other = sorted(modules.keys() - {wanted})
-    has = []
-    for module in other if wanted != skills.name else ():
-        defined = re.findall(r"^(?:class |def )?(\w+)", modules[module].read_text(encoding="utf-8"), re.MULTILINE)
-        if held := [name for name in names if name in defined]:
-            has.append(f"{module} has {', '.join(held)}")
-    return has or [f"there is {module}" for module in other if module.rpartition(".")[2] in called]
+    has: dict[str, list[str]] = {}
+    for name in names if wanted != "behaviours" else ():
+        for module in homes_of(name):
+            if module != wanted:
+                has.setdefault(module, []).append(name)
+    if has:
+        return [f"{module} has {', '.join(held)}" for module, held in has.items()]
+    called = names if wanted == "behaviours" else [wanted.rpartition(".")[2]]
+    modules = [module for module in _modules() if module.startswith("behaviours.") and module != wanted]
+    return [f"there is {module}" for module in modules if module.rpartition(".")[2] in called]
+
+
+def homes_of(name: str) -> list[str]:
+    """The modules of ours from which a class, function or constant is imported, skills first."""
+    defined = re.compile(rf"^(?:class |def |){name}\b", re.MULTILINE)
+    found = []
+    for module, path in _modules().items():
+        if not name.isidentifier() or name.startswith("_") or not defined.search(path.read_text(encoding="utf-8")):
+            continue
+        folder = path.parent
+        while f'"{name}"' in (folder / "__init__.py").read_text(encoding="utf-8"):
+            module, folder = module.rpartition(".")[0], folder.parent
+        found.append(module)
+    return list(dict.fromkeys(found))
+
+
+def import_elsewhere(module: str, name: str) -> None:
+    """ImportError for a skill that ``module`` is asked for and another one has."""
+    homes = [home for home in (homes_of(name) if name[:1].isupper() else ()) if home.startswith("behaviours.")]
+    if homes:
+        raise ImportError(f"{module} has no {name!r}: from {homes[0]} import {name}", name=module)
+
+
+def _modules() -> dict[str, Path]:
+    """Our modules by name, those of skills first."""
+    root = Path(__file__).parents[2]
+    paths = [path for package in ("behaviours", "bestman_bt") for path in sorted((root / package).rglob("*.py"))]
+    return {".".join(path.relative_to(root).with_suffix("").parts): path for path in paths if path.stem != "__init__"}
 
 
 def _frames(error: BaseException) -> list[traceback.FrameSummary]:
@@ -167,6 +195,27 @@ def defined_at(function: Callable[..., object]) -> str:
     """``file:line`` of a function or method."""
     code = inspect.unwrap(getattr(function, "__func__", function)).__code__
     return f"{code.co_filename}:{code.co_firstlineno}"
+
+
+def signature_fault(cls: type, base: type) -> str:
+    """Which method of ``cls`` cannot be called as its interface ``base`` is, with file and line; else empty."""
+    for name in dir(base):
+        wanted, own = inspect.getattr_static(base, name), inspect.getattr_static(cls, name)
+        if name.startswith("_") or own is wanted or not (inspect.isfunction(wanted) and inspect.isfunction(own)):
+            continue
+        asked = inspect.signature(wanted).parameters.values()
+        given = {one.name: one for one in asked if one.kind is one.KEYWORD_ONLY}
+        try:
+            inspect.signature(own).bind(*(one for one in asked if one.kind is one.POSITIONAL_OR_KEYWORD), **given)
+        except TypeError:
+            words = f"{cls.__name__}.{name} should take {_arguments(wanted)}, but takes {_arguments(own)}"
+            return f"{words} (at {defined_at(own)})"
+    return ""
+
+
+def _arguments(function: Callable[..., object]) -> str:
+    parameters = inspect.signature(function).parameters.values()
+    return f"({', '.join(str(one.replace(annotation=one.empty)) for one in parameters)})"
 
 
 def in_words(error: BaseException) -> str:

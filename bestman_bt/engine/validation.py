@@ -145,9 +145,9 @@ def validate_file(
         return _sorted([*found, *error.problems])
     found.extend(wrong)
     if any(problem.severity != "warning" for problem in found):
-        told = {(problem.file, problem.line) for problem in found}
+        told = {(problem.file, problem.line, problem.field) for problem in found}
         reads = [read.problem("warning") for read in unwritten_reads(tree, given) if read.key not in tree.left_out]
-        found += [problem for problem in reads if (problem.file, problem.line) not in told]
+        found += [problem for problem in reads if (problem.file, problem.line, problem.field) not in told]
     else:
         found.extend(tree_warnings(tree, given))
     return _sorted(found)
@@ -164,6 +164,9 @@ def ineffective_parts(tree: Tree) -> list[Problem]:
     written = {id(use.slot) for use in uses if use.writes}
     found = [*_shadowing(tree, written), *_misspelt(tree), *_unread(tree)]
     found.extend(_lost_writes(tree, uses))
+    never = [node for node in tree.nodes if isinstance(node, decorators.Timeout)]
+    never = [node for node in never if str(node.attributes.get("msec")) == "0"]
+    found += [_warning(node, "msec", "0 means that it never times out") for node in never]
     for child, sibling in unreachable_children(tree):
         message = f"it can never be ticked: '{sibling.name}' before it ends or blocks its parent"
         found.append(_warning(child, "", message))
@@ -171,7 +174,7 @@ def ineffective_parts(tree: Tree) -> list[Problem]:
 
 
 def _sorted(problems: list[Problem]) -> list[Problem]:
-    return sorted(set(problems), key=lambda problem: (problem.file, problem.line, problem.message))
+    return sorted(dict.fromkeys(problems), key=lambda problem: (problem.file, problem.line))
 
 
 def _warning(node: Node, field: str, message: str, suggestion: str = "") -> Problem:

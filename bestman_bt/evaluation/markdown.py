@@ -49,12 +49,16 @@ def _lines(document: dict[str, Any]) -> Iterator[str]:
 def verdict(document: dict[str, Any]) -> str:
     """Whether all targets were met; of tasks without a suite, whether all episodes succeeded."""
     if document["interrupted"]:
-        return "interrupted"
+        return f"interrupted, {document['episodes']} of {_asked(document)} episodes completed"
     if not any(entry["targets"] for entry in document["entries"]):
         return "all episodes succeeded" if document["met"] else "not all episodes succeeded"
     if document["met"] and not any(own_targets(entry) for entry in document["entries"]):
         return "no targets"
     return "all targets met" if document["met"] else "not all targets met"
+
+
+def _asked(document: dict[str, Any]) -> int:
+    return sum(entry["asked_episodes"] for entry in document["entries"])
 
 
 def own_targets(entry: dict[str, Any]) -> list[dict[str, Any]]:

@@ -23,7 +23,7 @@ from bestman_bt.configuration import (
 )
 from bestman_bt.engine import Tree
 from bestman_bt.engine.errors import Problem as TreeProblem
-from bestman_bt.engine.own_files import described, importable, load_file, module_of, plugin_module
+from bestman_bt.engine.own_files import described, importable, load_file, module_of, plugin_module, signature_fault
 from bestman_bt.engine.unwritten import problem_at
 from bestman_bt.manipulation.collision import CollisionModel
 from bestman_bt.manipulation.kinematics import InverseKinematics
@@ -313,8 +313,11 @@ def _in_slot(slot: str) -> dict[str, type[Any]]:
 def class_at(name: str, folders: tuple[Path, ...], problem: Callable[[str], Problem]) -> type[Any]:
     """The class that ``file.py:Class`` or ``module:Class`` names; ConfigurationError where there is none.
 
-    ``folders``: where it is looked for first. ``problem``: the fault of what names it, with a message.
+    ``folders``: where it is looked for first. ``problem``: the fault of what names it, with a message; a module beside
+    that file, or in the working directory, is found, too.
     """
+    written = Path(problem("").source)
+    folders = (*folders, written.parent if written.is_file() else Path.cwd())
     place, _, attribute = name.rpartition(":")
     path = Path(in_folders(place, folders))
     is_file = path.suffix == ".py"
@@ -347,14 +350,15 @@ def _module_at(name: str, folders: tuple[Path, ...]) -> ModuleType:
 
 
 def refuse_unfinished(algorithm: type[Any], base: type[Any], field: str) -> None:
-    """ConfigurationError for a class that is no ``base``, as the slot holds, or lacks methods of it."""
+    """ConfigurationError for a class that is no ``base``, as the slot holds, lacks methods of it, or has others."""
     missing = sorted(getattr(algorithm, "__abstractmethods__", ()))
-    if issubclass(algorithm, base) and not missing:
+    fault = "" if missing or not issubclass(algorithm, base) else signature_fault(algorithm, base)
+    if issubclass(algorithm, base) and not missing and not fault:
         return
     source, line = inspect.getsourcefile(algorithm), inspect.getsourcelines(algorithm)[1]
     message = f"{algorithm.__name__} should be a subclass of {base.__module__}.{base.__name__}"
     if issubclass(algorithm, base):
-        message = f"{algorithm.__name__} does not define {', '.join(missing)}, as a {base.__name__} has to"
+        message = fault or f"{algorithm.__name__} does not define {', '.join(missing)}, as a {base.__name__} has to"
     raise ConfigurationError([Problem(str(source), line, field, message)])
 
 

@@ -195,7 +195,8 @@ class ControlChannel:
 
         def write() -> None:
             if not board.is_registered(key) and key not in board:
-                meant = closest(key, [*board.keys(), *board.remapping, *board.root.keys(), *board.registered()])
+                known = {*board.keys(), *board.remapping, *board.root.keys(), *board.registered()} - {key}
+                meant = closest(key, sorted(known))
                 hint = f"; did you mean {meant!r}?" if meant else ""
                 notes["note"] = f"{key!r} is a new entry, which no node of the tree names{hint}"
             board.set(key, value)

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from bestman_bt.configuration import ConfigurationError, RunRequest, run_of_options, told_to_programs
+from bestman_bt.configuration import ConfigurationError, ProblemCollector, RunRequest, run_of_options, told_to_programs
 from bestman_bt.configuration import Problem as WrongInput
 from bestman_bt.engine import Problem as Fault
+from bestman_bt.errors import InputError
 from bestman_bt.facts.located import UNSEEN
 from bestman_bt.facts.predicate import Beliefs
+from bestman_bt.registry import BUILDERS
 from bestman_bt.runtime.executor import Execution
 from bestman_bt.runtime.setup import Setup, prepare
 from bestman_bt.task_planning.base import TaskPlanner
@@ -18,8 +21,16 @@ from bestman_bt.task_planning.builders import PlanTree
 from bestman_bt.task_planning.builders.replanning import with_replanning
 from bestman_bt.task_planning.domain import Domain
 from bestman_bt.task_planning.limits import PlanLimits, plan_within
-from bestman_bt.task_planning.planners import made_builder, made_planner
-from bestman_bt.task_planning.symbolic import Action, GoalError, PlanningError, Problem, TaskPlan, goal_as_facts
+from bestman_bt.task_planning.planners import made_builder, made_planner, planner_class
+from bestman_bt.task_planning.symbolic import (
+    Action,
+    GoalError,
+    GoalFaults,
+    PlanningError,
+    Problem,
+    TaskPlan,
+    goal_as_facts,
+)
 from bestman_bt.task_planning.verification import verify
 from bestman_bt.world_model import WorldModel
 
@@ -77,9 +88,12 @@ class PlanQuestion:
     def give(self, facts: Iterable[str]) -> None:
         """Take what somebody says of where things are, ``on(cup, table)``; GoalError for anything else."""
         places = self.domain.places_told(self.domain.problem(Beliefs(self.beliefs)), facts)
-        for name in places.keys() & self.beliefs.objects.keys():
-            seen = self.beliefs.objects[name].surface
-            raise GoalError(f"on({name}, {places[name]}): the robot has seen the {name}, on {seen or 'no furniture'}")
+        wrong = GoalFaults()
+        for name in sorted(places.keys() & self.beliefs.objects.keys()):
+            seen = self.beliefs.objects[name].surface or "no furniture"
+            with wrong.step():
+                raise GoalError(f"on({name}, {places[name]}): the robot has seen the {name}, on {seen}")
+        wrong.raise_if_any()
         self.beliefs.told.update(places)
         self.setup.world_model.told.update(places)
 
@@ -144,6 +158,65 @@ class PlanQuestion:
         return refusals(self.faults(problem, self.tree(problem, plan)))
 
 
+@dataclass(frozen=True)
+class Wanted:
+    """A goal (None: a text or the task says it), facts that are given, and who plans and builds in which limits."""
+
+    goal: str | None
+    given: Iterable[str]
+    planner: str | TaskPlanner
+    builder: str
+    limits: str
+
+
+def asked_question(wanted: Wanted, where: RunRequest, world: Path | None) -> tuple[PlanQuestion, str | None]:
+    """The question, and its goal as facts; ConfigurationError with all that is wrong with any of it.
+
+    ``where``, ``world``: as of ``planning_state``.
+    """
+    wrong, made, allowed, goal = ProblemCollector(), None, PlanLimits(), wanted.goal
+    with _noted(wrong, "--goal"):
+        goal = None if goal is None else goal_as_facts(goal)
+    sound = not wrong.problems
+    with _noted(wrong, "--limits"):
+        allowed = PlanLimits.from_string(wanted.limits)
+    with _noted(wrong, "bestman-bt plan"):
+        made = planning_state(where, world)
+    if made is not None or not where.plugins:  # plug-ins may bring them
+        with _noted(wrong, "--planner"):
+            if isinstance(wanted.planner, str):
+                planner_class(wanted.planner)
+        with _noted(wrong, "--builder"):
+            BUILDERS.resolve(wanted.builder)
+    if made is None:
+        wrong.raise_if_any()
+    assert made is not None
+    question = PlanQuestion(*made, wanted.builder, allowed)
+    with _noted(wrong, "--given"):
+        question.give(wanted.given)
+    with _noted(wrong, "--limits"):
+        allowed.resolved(question.understood(None))
+    with _noted(wrong, "--goal"):
+        if goal is not None and sound:
+            question.understood(goal)
+    wrong.raise_if_any()
+    return question, goal
+
+
+@contextmanager
+def _noted(wrong: ProblemCollector, option: str) -> Iterator[None]:
+    """Note what is wrong with an option, to be told with all else that is."""
+    with wrong.step():
+        try:
+            yield
+        except ConfigurationError:
+            raise
+        except GoalError as error:
+            raise ConfigurationError(WrongInput(option, None, "", fault) for fault in error.faults) from error
+        except (InputError, PlanningError, ValueError) as error:
+            raise ConfigurationError([WrongInput(option, None, "", str(error))]) from error
+
+
 def assumed(plan: TaskPlan) -> tuple[Action, ...]:
     """The actions of a plan that only hope that a thing is where they look for it."""
     return tuple(
@@ -161,7 +234,7 @@ def refusals(faults: Iterable[Fault]) -> list[str]:
     return [str(fault) for fault in faults if fault.severity != "warning"]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class PlannedTree:
     """``xml``: the verified tree of the plan; where the plan rests on an assumption, with replanning."""
 
@@ -169,6 +242,12 @@ class PlannedTree:
     problem: Problem
     plan: TaskPlan
     xml: str
+
+    def __repr__(self) -> str:
+        """Goal, scene and actions, in a line."""
+        goal, task = " and ".join(map(str, self.problem.goal)), self.setup.config.task
+        actions = "; ".join(map(str, self.plan.actions)) or "nothing to do"
+        return f"PlannedTree({goal}, in {Path(str(task.scene)).stem} by {Path(str(task.robot)).stem}: {actions})"
 
     def run(self) -> Execution:
         """Run the tree in the scene that was planned for."""
@@ -199,17 +278,14 @@ def plan(  # noqa: PLR0913 - the options of bestman-bt plan, each by its name
     file. ``planner``: a name, or an object; a tree that plans anew needs a name, so after an object it is ``symbolic``.
 
     Raises:
-        PlanningError: there is no plan, or its tree was refused; GoalError, where the goal makes no sense.
-        ConfigurationError: scene, robot or task cannot be used.
-        ValueError: limits that are none.
+        PlanningError: there is no plan, or its tree was refused.
+        ConfigurationError: with everything that is wrong with the arguments.
     """
-    facts = goal_as_facts(goal)
     file = None if world is None else Path(world)
+    asked = RunRequest(task, None, scene, robot, seed, tuple(settings), tuple(plugins))
+    wanted = Wanted(goal, tuple(given), planner, builder, limits)
     with told_to_programs():
-        asked = RunRequest(task, None, scene, robot, seed, settings, plugins)
-        setup, beliefs = planning_state(asked, file)
-    question = PlanQuestion(setup, beliefs, builder, PlanLimits.from_string(limits))
-    question.give(given)
+        question, facts = asked_question(wanted, asked, file)
     problem, found = question.answer(None, facts, planner, Transcript())
     made = question.tree(problem, found)
     refused = refusals(question.faults(problem, made))
@@ -217,4 +293,4 @@ def plan(  # noqa: PLR0913 - the options of bestman-bt plan, each by its name
         who = planner if isinstance(planner, str) else type(planner).__name__
         raise PlanningError(f"the plan of {who} is refused: {'; '.join(refused)}")
     name = planner if isinstance(planner, str) else "symbolic"
-    return PlannedTree(setup, problem, found, question.xml(made, problem, found, name))
+    return PlannedTree(question.setup, problem, found, question.xml(made, problem, found, name))

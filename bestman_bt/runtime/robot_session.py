@@ -161,7 +161,7 @@ class Session:
         wrong = [*known, *self.setup.missing_in(tree)]
         if wrong:
             raise TreeLoadError(sorted(wrong, key=lambda one: (one.file, one.line)))
-        for problem in unfilled_entries(tree, entries, self.setup.config.name if self.entries else None):
+        for problem in unfilled_entries(tree, entries, bool(self.entries)):
             _LOG.warning("%s", dataclasses.replace(problem, severity="warning"))
 
     def setup_for(self, tree: str | Path | Behaviour | Tree | None) -> Setup:

@@ -231,7 +231,7 @@ def _faults_of_tree(tree: str, registry: NodeRegistry, all_entries: bool) -> lis
     except TreeLoadError as error:
         return tree_problems(error)
     if all_entries:
-        wrong += _unfilled(loaded, TASK_ENTRIES, None, wrong)
+        wrong += _unfilled(loaded, TASK_ENTRIES, False, wrong)
     return tree_problems(TreeLoadError(wrong))
 
 
@@ -241,18 +241,17 @@ def _check_tree(setup: Setup, all_entries: bool, certain: bool) -> None:
     tree = load_for(setup, faults=wrong)
     wrong += setup.missing_in(tree)
     if all_entries and certain:
-        task = setup.config.name if setup.entries or setup.config.task.predicates else None
-        wrong += _unfilled(tree, setup.entries, task, wrong)
+        wrong += _unfilled(tree, setup.entries, bool(setup.entries or setup.config.task.predicates), wrong)
     elif all_entries:
-        wrong += _unfilled(tree, TASK_ENTRIES, None, wrong)
+        wrong += _unfilled(tree, TASK_ENTRIES, False, wrong)
     if wrong:
         raise TreeLoadError(sorted(wrong, key=lambda one: (one.file, one.line)))
 
 
-def _unfilled(tree: Tree, given: Collection[str], task: str | None, known: Iterable[TreeProblem]) -> list[TreeProblem]:
+def _unfilled(tree: Tree, given: Collection[str], has_task: bool, known: Iterable[TreeProblem]) -> list[TreeProblem]:
     """Errors alone, of ports that have no error yet."""
     told = {(one.file, one.line, one.field) for one in known}
-    found = (one for one in unfilled_entries(tree, given, task) if one.severity == "error")
+    found = (one for one in unfilled_entries(tree, given, has_task) if one.severity == "error")
     return [one for one in found if (one.file, one.line, one.field) not in told]
 
 

@@ -158,10 +158,10 @@ def _literals_written(tree: Tree) -> dict[int, list[tuple[Node, str]]]:
     return written
 
 
-def unfilled_entries(tree: Tree, given: Collection[str], task: str | None) -> list[Problem]:
+def unfilled_entries(tree: Tree, given: Collection[str], has_task: bool) -> list[Problem]:
     """Entries that are read and that nobody has filled by then; errors where reading them fails, else warnings.
 
-    ``given``: root entries that are set before the first tick, by ``task`` (None: there is none). Where code may write
+    ``given``: root entries that are set before the first tick, by a task where there is one. Where code may write
     entries without saying so in its ports, all are warnings.
     """
     unseen = any(may_write_unseen(node) for node in tree.nodes)
@@ -171,6 +171,6 @@ def unfilled_entries(tree: Tree, given: Collection[str], task: str | None) -> li
             continue
         why = ""
         if read.key in TASK_ENTRIES and read.later is None and not (read.suggestion or read.not_given):
-            why = "which tasks fill, but no task is given" if task is None else f"which the task {task} does not fill"
+            why = "which the task does not fill" if has_task else "which tasks fill, but no task is given"
         problems.append(read.problem("error" if read.fails and not unseen else "warning", why))
     return problems

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+
+from bestman_bt.engine.own_files import signature_fault
 
 if TYPE_CHECKING:  # the planners in symbolic import this module
     from bestman_bt.task_planning.symbolic.problem import Problem, TaskPlan
@@ -11,6 +13,12 @@ if TYPE_CHECKING:  # the planners in symbolic import this module
 
 class TaskPlanner(ABC):
     """From a problem to a plan; equal problems give equal plans."""
+
+    def __init_subclass__(cls, **options: Any) -> None:
+        """Raises TypeError for a method that takes other arguments."""
+        super().__init_subclass__(**options)
+        if fault := signature_fault(cls, TaskPlanner):
+            raise TypeError(fault)
 
     @abstractmethod
     def plan(self, problem: Problem) -> TaskPlan:

@@ -21,6 +21,7 @@ from bestman_bt.task_planning.symbolic.problem import (
     Fact,
     Forall,
     GoalError,
+    GoalFaults,
     Literal,
     Operator,
     Problem,
@@ -86,28 +87,37 @@ class Domain:
         return problem if goal is None else self.with_goal(problem, goal)
 
     def with_goal(self, problem: Problem, goal: str) -> Problem:
-        """The problem with a goal, checked against what there is; GoalError names the closest."""
+        """The problem with a goal, checked against what there is; GoalError has all that is wrong, with the closest."""
         literals: list[Literal] = []
+        wrong = GoalFaults()
         for condition in parse_goal(goal):
-            resolved = Literal(self._resolved(problem, condition.fact), condition.negated)
-            meant = written_out(problem, [self._meaning(resolved)], {})
-            if not meant:
-                raise GoalError(f"{resolved} always holds; leave it out")
-            literals += meant
-            literals += self._presumed(resolved)
+            with wrong.step():
+                resolved = Literal(self._resolved(problem, condition.fact), condition.negated)
+                meant = written_out(problem, [self._meaning(resolved)], {})
+                if not meant:
+                    raise GoalError(f"{resolved} always holds; leave it out")
+                literals += meant
+                literals += self._presumed(resolved)
+        wrong.raise_if_any()
         self.refuse_contradictions(literals)
         return replace(problem, goal=tuple(dict.fromkeys(literals)))
 
     def places_told(self, problem: Problem, facts: Iterable[str]) -> dict[str, str]:
         """Object → place, of facts that somebody states of what was not seen. GoalError for anything but ``on``."""
         told: dict[str, str] = {}
-        for literal in parse_literals(" and ".join(facts)):
-            fact = self._resolved(problem, literal.fact)
-            if literal.negated or fact.predicate != ON.name:
-                raise GoalError(f"{literal} cannot be given; on(OBJECT, PLACE) can")
-            name, place = fact.arguments
-            if told.setdefault(name, place) != place:
-                raise GoalError(f"on({name}, {told[name]}) and on({name}, {place}) cannot both be given")
+        wrong, literals = GoalFaults(), list[Literal]()
+        for text in facts:
+            with wrong.step():
+                literals += parse_literals(text)
+        for literal in literals:
+            with wrong.step():
+                fact = self._resolved(problem, literal.fact)
+                if literal.negated or fact.predicate != ON.name:
+                    raise GoalError(f"{literal} cannot be given; on(OBJECT, PLACE) can")
+                name, place = fact.arguments
+                if told.setdefault(name, place) != place:
+                    raise GoalError(f"on({name}, {told[name]}) and on({name}, {place}) cannot both be given")
+        wrong.raise_if_any()
         return told
 
     def _presumed(self, literal: Literal) -> list[Literal]:
@@ -150,7 +160,11 @@ class Domain:
             raise GoalError(f"unknown predicate {fact.predicate!r}; {suggestion(fact.predicate, list(signatures))}")
         if len(types) != len(fact.arguments):
             raise GoalError(f"{fact}: {fact.predicate} takes {len(types)} of these: {', '.join(types) or 'nothing'}")
-        names = (full_name(problem, name, kind) for name, kind in zip(fact.arguments, types, strict=True))
+        wrong, names = GoalFaults(), list[str]()
+        for name, kind in zip(fact.arguments, types, strict=True):
+            with wrong.step():
+                names.append(full_name(problem, name, kind))
+        wrong.raise_if_any()
         return Fact(fact.predicate, tuple(names))
 
     def _is_short(self, predicate: str) -> bool:

@@ -104,12 +104,6 @@ def test_a_robot_that_is_not_stopped_needs_no_clearing(at_table: Session, monkey
     assert not asked
 
 
-@pytest.mark.parametrize("ports", ['attempts="0"', 'wait="-1"'])
-def test_impossible_numbers_are_refused(at_table: Session, ports: str) -> None:
-    assert at_table.load(tree_of(f"<ClearStop {ports}/>")).tick_once() == FAILURE
-    assert failures_of(at_table)[0][0] == "bad_input"
-
-
 def test_clearing_moves_nothing(at_table: Session) -> None:
     tree = at_table.load(tree_of(MOVE))
     while fastest(at_table) < 0.1:

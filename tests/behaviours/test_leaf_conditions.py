@@ -43,8 +43,8 @@ def test_the_limits_themselves_hold(furnished: Session) -> None:
 @pytest.mark.parametrize(
     ("port", "message"),
     [
-        ("at_least", "port 'at_least': nan is not accepted, but a finite number"),
-        ("at_most", "at_most is nan; finite numbers are accepted"),
+        ("at_least", "port 'at_least': nan is not accepted, but a finite number of 0 or more"),
+        ("at_most", "port 'at_most': nan is not accepted, but a finite number of 0 or more"),
     ],
 )
 def test_a_limit_that_is_no_number_is_refused_whatever_is_believed(furnished: Session, port: str, message: str) -> None:

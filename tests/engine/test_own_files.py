@@ -72,6 +72,14 @@ def test_a_tree_does_not_find_the_helpers_of_another_folder(two: list[Path], tmp
         ),
         ("import behaviours.leaf", "No module named 'behaviours.leaf'; there is behaviours.furniture.leaf"),
         ("from behaviours import push", "; there is behaviours.manipulation.push"),
+        (
+            "from bestman_bt.engine import Sequence, Log",
+            "ImportError: bestman_bt.engine has no 'Log': from behaviours.log import Log",
+        ),
+        ("from behaviours import Grasp", "behaviours has no 'Grasp': from behaviours.manipulation.grasp import Grasp"),
+        ("from bestman_bt import Grasp", "bestman_bt has no 'Grasp': from behaviours.manipulation.grasp import Grasp"),
+        ("from behaviours.log import Log, Sequence", "; bestman_bt.engine has Sequence"),
+        ("from bestman_bt.task_planning import TaskPlanner", "; bestman_bt.task_planning.base has TaskPlanner"),
         ("import behaviours.graspp", "No module named 'behaviours.graspp'"),
     ],
 )

@@ -321,9 +321,19 @@ def test_what_fails_only_once_it_is_ticked_loads_and_is_told(tmp_path: Path, reg
         ('<Sleep msec="2 s"/>', "<Sleep> port 'msec': '2 s' is not accepted, but a whole number alone, without a unit"),
         ('<Delay delay_msec="0.5"><AlwaysSuccess/></Delay>', "'0.5' is not accepted, but a whole number alone"),
         ('<Timeout msec="1e3"><AlwaysSuccess/></Timeout>', "'1e3' is not accepted, but a whole number alone"),
+        ('<Sleep msec="-100"/>', "<Sleep> port 'msec': -100 is not accepted, but a whole number of 0 or more"),
+        ('<Delay delay_msec="-5"><AlwaysSuccess/></Delay>', "-5 is not accepted, but a whole number of 0 or more"),
+        ('<Timeout msec="-1"><AlwaysSuccess/></Timeout>', "-1 is not accepted, but a whole number of 0 or more"),
+        ('<Repeat num_cycles="-3"><AlwaysSuccess/></Repeat>', "num_cycles is -3; 0 or more is accepted, or -1"),
+        ('<RetryUntilSuccessful num_attempts="-2"><AlwaysSuccess/></RetryUntilSuccessful>', "num_attempts is -2; 0 or"),
+        ('<Parallel success_count="7"><AlwaysSuccess/></Parallel>', "success_count is 7 but there is 1 child"),
+        ('<Parallel failure_count="2"><AlwaysSuccess/></Parallel>', "failure_count is 2 but there is 1 child"),
+        ('<ParallelAll max_failures="2"><AlwaysSuccess/></ParallelAll>', "max_failures is 2 but there is 1 child"),
     ],
 )
-def test_a_time_with_a_unit_is_refused(node: str, told: str, tmp_path: Path, registry: NodeRegistry) -> None:
+def test_a_number_with_a_unit_or_out_of_range_is_refused(
+    node: str, told: str, tmp_path: Path, registry: NodeRegistry
+) -> None:
     path = file(tmp_path, node)
     assert told in "\n".join(found(path, registry))
     with pytest.raises(TreeLoadError, match=re.escape(told)):
@@ -331,6 +341,26 @@ def test_a_time_with_a_unit_is_refused(node: str, told: str, tmp_path: Path, reg
     if "Sleep" in node:
         with pytest.raises(TreeLoadError, match="'2 s' is not accepted"):
             build_tree(Sleep(msec="2 s"))
+
+
+@pytest.mark.parametrize(
+    "node",
+    [
+        '<Repeat num_cycles="-1"><AlwaysSuccess/></Repeat>',
+        '<Repeat num_cycles="0"><AlwaysSuccess/></Repeat>',
+        '<RetryUntilSuccessful num_attempts="-1"><AlwaysSuccess/></RetryUntilSuccessful>',
+        '<Parallel success_count="-7" failure_count="1"><AlwaysSuccess/></Parallel>',
+        '<Parallel success_count="{n}"><AlwaysSuccess/></Parallel>',
+        '<Sleep msec="0"/>',
+    ],
+)
+def test_numbers_that_behaviortree_cpp_takes_load(node: str, tmp_path: Path, registry: NodeRegistry) -> None:
+    assert load_tree(file(tmp_path, node), registry).nodes
+
+
+def test_a_timeout_of_zero_is_warned_of(tmp_path: Path, registry: NodeRegistry) -> None:
+    path = file(tmp_path, '<Timeout msec="0"><AlwaysSuccess/></Timeout>')
+    assert found(path, registry) == ["tree.xml:3: warning: <Timeout> port 'msec': 0 means that it never times out"]
 
 
 def test_two_trees_of_one_id_are_an_error_with_both_lines_and_hide_nothing(

@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 
+from bestman_bt.cli import eval_command
 from bestman_bt.configuration import RunConfig, load_run
 from bestman_bt.evaluation import evaluation as evaluation_module
 from bestman_bt.evaluation.episode_measures import DrivenPath, MotionLog
@@ -156,11 +157,16 @@ def test_one_entry_that_is_not_clean_makes_the_whole_evaluation_unclean(episodes
 
 
 def test_a_stopped_episode_ends_it_counts_for_nothing_and_is_the_next_one_to_be_run(
-    episodes: Callable[..., Episodes], tmp_path: Path
+    episodes: Callable[..., Episodes], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     episodes(succeed, cancel)
     document = evaluated(suite(ALL, NONE), tmp_path)
     assert (document["interrupted"], document["episodes"], document["met"]) == (True, 1, False)
+    eval_command.tell_in_words({**document, "comparisons": []})
+    told = capsys.readouterr().out
+    assert ": interrupted, 1 of 6 episodes completed; " in told
+    assert ": 1 of 1 succeeded" in told
+    assert ": none of 3 episodes was completed" in told
     again = episodes(succeed)
     document = evaluated(suite(ALL, NONE), tmp_path)
     assert [seed for _, seed in again.ran] == [6, 7, 5, 6, 7]

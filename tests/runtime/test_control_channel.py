@@ -255,17 +255,19 @@ def test_what_is_set_reaches_native_behaviours_or_is_refused_with_the_reason() -
     ok = channel.answer({"do": "set", "key": "/steps", "value": 1_000_000})
     limit = channel.answer({"do": "set", "key": "limit", "value": 9})
     refused = channel.answer({"do": "set", "key": "odometer", "value": 3})
+    misspelt = channel.answer({"do": "set", "key": "stepz", "value": 3})
     executor.resume()
     while executor.ticks < 2:
         time.sleep(0.001)
     executor.cancel()
     running.join(5.0)
     assert ok["ok"]
+    assert misspelt["note"].endswith("; did you mean 'steps'?")
     assert "note" not in {*ok, *limit}  # both are entries that a node of the tree names
     assert executor.tree.blackboard["steps"] > 1_000_000
     assert not refused["ok"]
     assert "the py_trees client 'counts' has exclusive write access" in refused["error"]
-    assert [entry.key for entry in BlackboardChanges(executor.tree).collect()] == ["steps", "limit"]
+    assert [entry.key for entry in BlackboardChanges(executor.tree).collect()] == ["steps", "limit", "stepz"]
 
 
 def test_serving_leaves_the_rights_of_new_files_as_they_were(served: Served, tmp_path: Path) -> None:

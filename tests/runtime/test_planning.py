@@ -9,11 +9,12 @@ from pathlib import Path
 import pytest
 
 import bestman_bt as bt
+from bestman_bt.configuration import ConfigurationError
 from bestman_bt.engine import load_tree
 from bestman_bt.runtime.planning import PlannedTree
 from bestman_bt.runtime.plugins import node_registry
 from bestman_bt.task_planning.base import TaskPlanner
-from bestman_bt.task_planning.symbolic import GoalError, PlanningError, Problem, TaskPlan
+from bestman_bt.task_planning.symbolic import PlanningError, Problem, TaskPlan
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "task_planning.md"
 
@@ -42,8 +43,34 @@ def test_facts_that_cannot_be_given_or_contradict_each_other_are_refused() -> No
         (["on(cupp, table)"], "did you mean 'cup'"),
         (["on(cup, table)", "on(cup, counter)"], "cannot both be given"),
     ):
-        with pytest.raises(GoalError, match=words):
+        with pytest.raises(ConfigurationError, match=words):
             bt.plan("on(cup, counter)", scene="kitchen", given=given)
+
+
+def test_all_that_is_wrong_with_what_is_asked_is_told_at_once() -> None:
+    with pytest.raises(ConfigurationError) as refused:
+        bt.plan(
+            "on(cupp, countr) and foo(x)", scene="kitchen", planner="symbolix", builder="reactiv",
+            limits="only=Pik", given=["on(cup, tabel)", "on(cup", "holding(cup)"],
+        )  # fmt: skip
+    told = [(problem.source, problem.message.partition(";")[0]) for problem in refused.value.problems]
+    assert told == [
+        ("planner", "unknown task planner 'symbolix'"),
+        ("builder", "unknown tree builder 'reactiv'"),
+        ("given", "column 7 of 'on(cup': ',' is expected, not the end"),
+        ("given", "unknown place 'tabel'"),
+        ("given", "holding(cup) cannot be given"),
+        ("limits", "the limits name an unknown ability 'Pik'"),
+        ("goal", "unknown object 'cupp'"),
+        ("goal", "unknown place 'countr'"),
+        ("goal", "unknown predicate 'foo'"),
+    ]
+
+
+def test_a_plan_is_printed_in_a_line() -> None:
+    planned = bt.plan("on(cup, counter)", scene="kitchen", given=["on(cup, table)"])
+    actions = "Search(cup, table/top); PickUp(cup, table/top); PutAt(cup, counter/top)"
+    assert str(planned) == f"PlannedTree(on(cup, counter/top), in kitchen by diff_panda: {actions})"
 
 
 def test_the_documented_planner_plans_from_python(

@@ -133,6 +133,14 @@ def test_the_configuration_of_a_run_names_its_plug_ins(plugin: str, tmp_path: Pa
         ("import sys\nsys.exit(7)\n", "p.py:2: the plug-in raised SystemExit: 7"),
         ("import no_such_module\n", "p.py:1: the plug-in raised ModuleNotFoundError"),
         ("import json\n\n\ndef register(registry):\n    json.loads('{')\n", "p.py:5: the plug-in raised JSONDecode"),
+        (
+            "from bestman_bt.task_planning.base import TaskPlanner as T\nclass Mine(T):\n    def plan(self): ...\n",
+            "p.py:2: the plug-in raised TypeError: Mine.plan should take (self, problem), but takes (self) (at ",
+        ),
+        (
+            "from bestman_bt.task_planning.builders import TreeBuilder\nclass B(TreeBuilder):\n root = lambda s: 1\n",
+            "p.py:2: the plug-in raised TypeError: B.root should take (self, plan, goal, writer), but takes (s) (at ",
+        ),
     ],
 )
 @pytest.mark.parametrize("relative", [False, True])
@@ -311,6 +319,12 @@ def test_a_tasks_algorithm_file_is_counted_from_the_tasks_folder(decorated: Path
             "from bestman_bt.navigation.global_planning import GlobalPlanner\n\nclass A(GlobalPlanner): ...\n",
             "p.py:A",
             "p.py:3: algorithms.global_planning: A does not define plan, as a GlobalPlanner has to",
+        ),
+        (
+            "from bestman_bt.navigation.global_planning import GlobalPlanner\n\nclass A(GlobalPlanner):\n"
+            "    def plan(self, start, goal): ...\n",
+            "p.py:A",
+            "p.py:3: algorithms.global_planning: A.plan should take (self, start, goal, costmap), but takes (self",
         ),
         (
             "class AParameters: ...\nfrom bestman_bt.navigation.global_planning import GlobalPlanner\n"

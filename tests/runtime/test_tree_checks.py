@@ -157,7 +157,7 @@ def test_where_code_may_write_unseen_an_empty_entry_is_a_warning(tmp_path: Path)
         '    return Sequence([native, CheckHeld(object="{thing}")])\n'
     )
     setup = prepare_episode(load_run(None, tree=tree, scene="kitchen", robot="diff_panda"))
-    assert {problem.severity for problem in unfilled_entries(load_for(setup), (), None)} <= {"warning"}
+    assert {problem.severity for problem in unfilled_entries(load_for(setup), (), False)} <= {"warning"}
 
 
 def test_a_session_without_a_task_warns_of_keys_that_only_tasks_fill(

@@ -8,7 +8,7 @@ import pytest
 
 from behaviours.skill import Declaration, Skill
 from bestman_bt.configuration.data import data_root
-from bestman_bt.engine import NodeRegistry, load_tree
+from bestman_bt.engine import In, NodeRegistry, load_tree
 from bestman_bt.facts.predicate import Beliefs, Predicate
 from bestman_bt.messages import ObjectModel, Pose, Pose2D
 from bestman_bt.registry import PREDICATES, UnknownNameError
@@ -314,6 +314,7 @@ def test_the_shipped_abilities_load_as_subtrees_with_their_ports():
 class Wipe(Skill):
     """Wipe a place."""
 
+    place_ = In(str, port="place")
     DECLARATION = Declaration(
         parameters={"place": "place"}, pre=("hand_empty",), effects=("clean({place})",), cost=2.0, parts=("arm",)
     )
@@ -343,6 +344,7 @@ def test_a_predicate_with_other_arguments_than_declared_is_told():
     class Odd(Skill):
         """Odd."""
 
+        place_ = In(str, port="place")
         DECLARATION = Declaration(parameters={"place": "place"}, effects=("on({place}, {place})",))
 
     registry = NodeRegistry()

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from typing import Annotated
+
+from annotated_types import Ge
 from py_trees import composites
 from py_trees.ports import PortInformation
 
+from bestman_bt.engine.bounds import BoundedPort
 from bestman_bt.engine.controls.base import Control
 from bestman_bt.engine.core.status import FAILURE, RUNNING, SKIPPED, SUCCESS
 
@@ -99,7 +103,7 @@ class RecoveryNode(Control, composites.Selector):
 
     MIN_CHILDREN = 2
     MAX_CHILDREN = 2
-    INPUT_PORTS = {"number_of_retries": PortInformation(int, False, "Number of retries", 1)}
+    INPUT_PORTS = {"number_of_retries": BoundedPort(Annotated[int, Ge(0)], False, "Number of retries", 1)}
 
     def on_load(self) -> None:
         """Begin with the first child."""

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Mapping
+from typing import Any, ClassVar
 
 from py_trees import composites
 from py_trees.ports import PortInformation
 
 from bestman_bt.engine.controls.base import NATIVE_POLICY, Control
+from bestman_bt.engine.core.ports import key_of
 from bestman_bt.engine.core.status import FAILURE, RUNNING, SKIPPED, SUCCESS
 
 
@@ -16,17 +18,40 @@ def _threshold(count: int, children: int) -> int:
     return max(children + count + 1, 0) if count < 0 else count
 
 
-class Parallel(Control, composites.Parallel):
+class _Counting(Control):
+    """A node whose ports count children: how many are ``NEEDED``, and for what."""
+
+    NEEDED: ClassVar[Mapping[str, str]]
+
+    def on_load(self) -> None:
+        """Refuse literals that count more children than there are."""
+        for port in self.NEEDED:
+            if key_of(self.attributes.get(port), port) is None:
+                self.counted(port)
+
+    def counted(self, port: str) -> int:
+        """How many children a port means; NodeError where there are fewer."""
+        children = len(self.children)
+        count = _threshold(self.get_input(port), children)
+        if children < count:
+            there = "is 1 child" if children == 1 else f"are {children} children"
+            raise self.error(f"{port} is {count} but there {there}; it cannot {self.NEEDED[port]}")
+        return count
+
+
+class Parallel(_Counting, composites.Parallel):
     """Ticks all children that are not done; decides by how many succeeded and failed, and halts the rest."""
 
     INPUT_PORTS = {
         "success_count": PortInformation(int, True, "number of children that need to succeed to trigger a SUCCESS", -1),
         "failure_count": PortInformation(int, True, "number of children that need to fail to trigger a FAILURE", 1),
     }
+    NEEDED = {"success_count": "succeed", "failure_count": "fail"}
     policy: Any = NATIVE_POLICY
 
     def on_load(self) -> None:
         """Begin with no child done."""
+        super().on_load()
         self._clear()
 
     def _clear(self) -> None:
@@ -43,12 +68,7 @@ class Parallel(Control, composites.Parallel):
         """Tick every child that is not done, in order."""
         children = self.nodes_below()
         success_count = self.get_input("success_count")
-        needed = _threshold(success_count, len(children))
-        tolerated = _threshold(self.get_input("failure_count"), len(children))
-        if len(children) < needed:
-            raise self.error(f"success_count is {needed} but there are {len(children)} children; it cannot succeed")
-        if len(children) < tolerated:
-            raise self.error(f"failure_count is {tolerated} but there are {len(children)} children; it cannot fail")
+        needed, tolerated = self.counted("success_count"), self.counted("failure_count")
         self.set_state(RUNNING)
         skipped = 0
         for index, child in enumerate(children):
@@ -74,7 +94,7 @@ class Parallel(Control, composites.Parallel):
         return status
 
 
-class ParallelAll(Control, composites.Parallel):
+class ParallelAll(_Counting, composites.Parallel):
     """Ticks all children until each is done; FAILURE where at least ``max_failures`` failed."""
 
     INPUT_PORTS = {
@@ -85,10 +105,12 @@ class ParallelAll(Control, composites.Parallel):
             1,
         )
     }
+    NEEDED = {"max_failures": "fail"}
     policy: Any = NATIVE_POLICY
 
     def on_load(self) -> None:
         """Begin with no child done."""
+        super().on_load()
         self.done: set[int] = set()
         self.failed = 0
 
@@ -101,9 +123,7 @@ class ParallelAll(Control, composites.Parallel):
     def on_tick(self) -> int:
         """Tick every child that is not done, in order."""
         children = self.nodes_below()
-        tolerated = _threshold(self.get_input("max_failures"), len(children))
-        if len(children) < tolerated:
-            raise self.error(f"max_failures is {tolerated} but there are {len(children)} children; it cannot fail")
+        tolerated = self.counted("max_failures")
         self.set_state(RUNNING)
         skipped = 0
         for index, child in enumerate(children):

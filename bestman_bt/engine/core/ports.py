@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Generic, Literal, TypeVar, get
 
 from py_trees.ports import PortInformation
 
-from bestman_bt.engine.bounds import BoundedPort, refusal
+from bestman_bt.engine.bounds import BoundedPort, range_in_words, refusal
 from bestman_bt.engine.conversion import UNTYPED, cast, type_name
 from bestman_bt.engine.errors import BlackboardError, ConversionError, EngineError
 
@@ -43,6 +43,11 @@ class Port:
     def type_name(self) -> str:
         """A readable name of the port's type."""
         return type_name(self.data_type)
+
+    @property
+    def accepts(self) -> str:
+        """The same with what its numbers keep to, such as ``float from 0 to 1``."""
+        return f"{self.type_name} {range_in_words(self.bounds or ())}".rstrip()
 
 
 def declared_ports(cls: type[Node]) -> dict[str, Port]:

@@ -6,6 +6,7 @@ from typing import ClassVar
 
 from py_trees.ports import PortInformation
 
+from bestman_bt.engine.core.ports import key_of
 from bestman_bt.engine.core.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS
 from bestman_bt.engine.decorators.base import Decorator
 
@@ -48,6 +49,12 @@ class _Counting(Decorator):
     RESETS_CHILD = True
     CHECKED_AT_TICK = True
     count: int = 0
+
+    def on_load(self) -> None:
+        """ValueError for a literal that counts less than -1, which would be none at all."""
+        value = self.attributes.get(self.PORT)
+        if value is not None and key_of(value, self.PORT) is None and self.get_input(self.PORT) < -1:
+            raise ValueError(f"{self.PORT} is {value}; 0 or more is accepted, or -1: for ever")
 
     def halt(self) -> None:
         """Forget the count."""

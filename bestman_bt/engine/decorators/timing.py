@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from annotated_types import Gt
+from annotated_types import Ge, Gt
 
 from bestman_bt.engine.bounds import BoundedPort
 from bestman_bt.engine.core.status import FAILURE, IDLE, RUNNING, SUCCESS
@@ -43,7 +43,9 @@ class Timeout(Decorator):
     """Halts its child and fails when the child still runs ``msec`` after the node started (0: never)."""
 
     INPUT_PORTS = {
-        "msec": BoundedPort(int, True, "After a certain amount of time, halt() the child if it is still running.")
+        "msec": BoundedPort(
+            Annotated[int, Ge(0)], True, "After a certain amount of time, halt() the child if it is still running."
+        )
     }
     RESETS_CHILD = True
     CHECKED_AT_TICK = True
@@ -79,7 +81,7 @@ class Timeout(Decorator):
 class Delay(Decorator):
     """Ticks its child ``delay_msec`` after the node started, in a later tick; RUNNING until then."""
 
-    INPUT_PORTS = {"delay_msec": BoundedPort(int, True, "Tick the child after a few milliseconds")}
+    INPUT_PORTS = {"delay_msec": BoundedPort(Annotated[int, Ge(0)], True, "Tick the child after a few milliseconds")}
     RESETS_CHILD = True
     CHECKED_AT_TICK = True
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
+from annotated_types import Ge
 from py_trees.behaviour import Behaviour
 
 from bestman_bt.engine.bounds import BoundedPort
@@ -75,7 +76,7 @@ class Sleep(StatefulAction):
     """RUNNING for ``msec`` milliseconds of the tree's clock, then SUCCESS."""
 
     CHECKED_AT_TICK = True
-    INPUT_PORTS = {"msec": BoundedPort(int, True, "how long, in milliseconds")}
+    INPUT_PORTS = {"msec": BoundedPort(Annotated[int, Ge(0)], True, "how long, in milliseconds")}
 
     def on_start(self) -> int:
         """Remember the time."""

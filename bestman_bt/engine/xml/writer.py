@@ -223,9 +223,10 @@ def _write_model(info: NodeInfo, lines: _Lines, depth: int) -> None:
         if port.default is not None:
             attributes.append(("default", text_of(port.default)))
         tag = f"{port.direction}_port"
-        if port.description:
+        accepts = f"{port.description} ({port.accepts})" if port.accepts != port.type_name else port.description
+        if accepts:
             text = "".join(f' {name}="{escape(value)}"' for name, value in attributes)
-            lines.lines.append(f"{'    ' * (depth + 1)}<{tag}{text}>{escape(port.description)}</{tag}>")
+            lines.lines.append(f"{'    ' * (depth + 1)}<{tag}{text}>{escape(accepts)}</{tag}>")
         else:
             lines.element(depth + 1, tag, attributes, closed=True)
     if described:

@@ -4,15 +4,22 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Iterable
+from typing import Any
 
 from bestman_bt.engine import XmlElement
-from bestman_bt.engine.own_files import defined_at, in_words
+from bestman_bt.engine.own_files import defined_at, in_words, signature_fault
 from bestman_bt.task_planning.builders.plan_tree import PlanTree, Writer
 from bestman_bt.task_planning.symbolic import Literal, PlanningError, TaskPlan
 
 
 class TreeBuilder(ABC):
     """Makes a tree of a plan; where the goal holds already, one that succeeds at once."""
+
+    def __init_subclass__(cls, **options: Any) -> None:
+        """Raises TypeError for a method that takes other arguments."""
+        super().__init_subclass__(**options)
+        if fault := signature_fault(cls, TreeBuilder):
+            raise TypeError(fault)
 
     def build(self, plan: TaskPlan, goal: Iterable[Literal], leaves: Collection[str] = ()) -> PlanTree:
         """``goal``: all that the plan is for. ``leaves``: abilities that are leaves, not subtrees.

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import NamedTuple
@@ -23,7 +24,34 @@ class PlanningError(AlgorithmError):
 
 
 class GoalError(PlanningError, InputError):
-    """A goal that does not make sense: a name that nothing has, a contradiction, text that is no formula."""
+    """A goal that does not make sense: a name that nothing has, a contradiction, text that is no formula.
+
+    ``faults``: each that was found.
+    """
+
+    def __init__(self, *faults: str) -> None:
+        super().__init__("; ".join(faults))
+        self.faults = faults
+
+
+@dataclass
+class GoalFaults:
+    """Gathers what is wrong with several facts."""
+
+    faults: list[str] = field(default_factory=list)
+
+    @contextmanager
+    def step(self) -> Iterator[None]:
+        """Note the faults of a GoalError that the body raises, and go on behind it."""
+        try:
+            yield
+        except GoalError as error:
+            self.faults += error.faults
+
+    def raise_if_any(self) -> None:
+        """GoalError with all of them, each once."""
+        if self.faults:
+            raise GoalError(*dict.fromkeys(self.faults))
 
 
 class Unsolvable(PlanningError):

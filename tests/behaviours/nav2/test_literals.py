@@ -42,6 +42,36 @@ from tests.behaviours.at_the_table import failures_of, tick, tree_of
         ("NavigateTo", "goal", "0;-100001;0", "y -100001 m"),
         ("NavigateThroughPoses", "goals", "0;0;0;1;0;90", "theta is 90 rad"),
         ('GoalReached goal="0;0;0"', "tolerance", "-1", "above 0"),
+        ("Relocalise", "certainty", "1", "above 0 and below 1"),
+        ('DetectObject object="cup" surface="table"', "min_confidence", "1.5", "from 0 to 1"),
+        ('EstimatePose object="cup"', "min_confidence", "-0.1", "from 0 to 1"),
+        ('SecondLook object="cup"', "max_yaw_width", "-1", "of 0 or more"),
+        ('DetectHandle furniture="fridge"', "joint", "hinge", "known: 'prismatic', 'revolute'"),
+        ('DetectHandle furniture="fridge"', "min_confidence", "2", "from 0 to 1"),
+        ('ObjectVisible object="cup"', "max_age", "-1", "of 0 or more"),
+        ('ObjectAt object="cup" goal="1;2;0.8"', "tolerance", "0", "above 0"),
+        ('ObjectAt object="cup" goal="1;2;0.8"', "yaw_tolerance", "-0.1", "above 0"),
+        ("ScanScene", "views", "0", "of 1 or more"),
+        ('PlanGrasp object="cup" grasps="{g}"', "count", "0", "of 1 or more"),
+        ('Grasp object="cup" grasps="{g}"', "force", "-3", "above 0"),
+        ("Retreat", "distance", "-0.1", "of 0 or more"),
+        ('FindPlacePose object="cup" surface="table" goal="1;2;0.8" pose="{p}"', "radius", "-1", "of 0 or more"),
+        ('FindRoomIn object="cup" surface="d/1" pose="{p}"', "margin", "-1", "of 0 or more"),
+        ('Open articulation="a/b" handle="h"', "opening", "-0.1", "of 0 or more"),
+        ('Open articulation="a/b" handle="h" opening="0.3"', "force", "0", "above 0"),
+        ('Open articulation="a/b" handle="h" opening="0.3"', "max_pull", "-1", "above 0"),
+        ('Close articulation="a/b"', "max_push", "0", "above 0"),
+        ('FindOpenStand articulation="a/b" handle="h" stand="{s}"', "opening", "-1", "of 0 or more"),
+        ('IsOpen articulation="a/b"', "at_least", "-1", "of 0 or more"),
+        ('IsOpen articulation="a/b"', "at_most", "inf", "a finite number"),
+        ('Push object="cup" goal="1;2;0.8"', "speed", "0", "above 0"),
+        ('Push object="cup" goal="1;2;0.8"', "max_force", "-15", "above 0"),
+        ('RunPolicy policy="p"', "success", "luck", "known: 'goal', 'holding', 'lifted'"),
+        ('RunPolicy policy="p"', "timeout", "0", "above 0"),
+        ('RunPolicy policy="p"', "lift", "-1", "above 0"),
+        ("ClearStop", "attempts", "0", "of 1 or more"),
+        ("ClearStop", "wait", "-1", "of 0 or more"),
+        ('FindUntidy seen="{s}" surface="t" region_x="0;1" region_y="0;1" untidy="{u}"', "margin", "-1", "0 or more"),
     ],
 )
 def test_a_wrong_literal_is_told_with_its_line_its_port_and_what_is_right(node, port, value, told) -> None:
@@ -73,6 +103,11 @@ def test_a_drive_to_one_side_at_a_speed_to_the_other_does_not_load_unless_one_is
         load_tree(tree_of('<DriveOnHeading dist_to_travel="0.5" speed="-0.1"/>'), node_registry())
     tree = load_tree(tree_of('<DriveOnHeading name="drive" dist_to_travel="{d}" speed="-0.1"/>'), node_registry())
     assert tree.node("drive").get_input("speed") == -0.1
+
+
+def test_looking_at_nothing_does_not_load() -> None:
+    with pytest.raises(TreeLoadError, match="give a point, an object or a surface"):
+        load_tree(tree_of("<LookAt/>"), node_registry())
 
 
 def test_several_poses_need_no_goal_beside_them() -> None:
