@@ -128,7 +128,7 @@ class GlobalNearestNeighbour(Tracker):
         """See Tracker."""
         stamp = view.image.stamp
         objects = {name: belief for name, belief in beliefs.items() if name not in taken}
-        matches = self._matches(objects, sightings)
+        matches = self._matches(objects, sightings, drift)
         unseen = [name for name in objects if name not in matches.values()]
         changes: list[ObjectChange] = []
         identities = []
@@ -151,10 +151,16 @@ class GlobalNearestNeighbour(Tracker):
                 changes.append(ObjectChange(kind, name, stamp, before=objects.pop(name).pose))
         return Tracked(objects, tuple(changes), tuple(identities))
 
-    def _matches(self, objects: Mapping[str, ObjectBelief], sightings: Sequence[ObjectBelief]) -> dict[int, str]:
-        """Index of a sighting → identity. Known objects are recognised at any distance, things only nearby."""
+    def _matches(
+        self, objects: Mapping[str, ObjectBelief], sightings: Sequence[ObjectBelief], drift: float
+    ) -> dict[int, str]:
+        """Index of a sighting → identity. Known objects are recognised at any distance, things only nearby.
+
+        As many as possible stay where they were: of two cans in line, one that was carried past the other has moved,
+        and not both.
+        """
         names = list(objects)
-        impossible = 1e6
+        impossible, stays = 1e6, -1e3
         costs = np.full((len(sightings), len(names)), impossible)
         for i, sighting in enumerate(sightings):
             for j, name in enumerate(names):
@@ -164,7 +170,7 @@ class GlobalNearestNeighbour(Tracker):
                 distance = float(np.linalg.norm(belief.pose.position - sighting.pose.position))
                 same = belief.model.name == sighting.model.name if belief.recognised else self._alike(belief, sighting)
                 if same and (belief.recognised or distance < self.thing_distance):
-                    costs[i, j] = distance
+                    costs[i, j] = distance + (stays if distance <= self._gate(belief, sighting, drift) else 0.0)
         rows, columns = linear_sum_assignment(costs)
         return {int(i): names[j] for i, j in zip(rows, columns, strict=True) if costs[i, j] < impossible}
 
@@ -175,10 +181,14 @@ class GlobalNearestNeighbour(Tracker):
         sizes = [np.sort(thing.model.size) for thing in (belief, sighting)]
         return bool(np.abs(sizes[0] - sizes[1]).max() < self.thing_distance)
 
+    def _gate(self, before: ObjectBelief, sighting: ObjectBelief, drift: float) -> float:
+        """Metres up to which an object counts as where it was."""
+        deviation = math.sqrt(before.position_std**2 + sighting.position_std**2 + 2 * drift**2)
+        return max(self.moved_distance, self.deviations * deviation)
+
     def _moved(self, before: ObjectBelief, sighting: ObjectBelief, drift: float) -> bool:
         distance = float(np.linalg.norm(before.pose.position - sighting.pose.position))
-        deviation = math.sqrt(before.position_std**2 + sighting.position_std**2 + 2 * drift**2)
-        if distance > max(self.moved_distance, self.deviations * deviation):
+        if distance > self._gate(before, sighting, drift):
             return True
         if not before.recognised or not before.model.symmetry_order:
             return False

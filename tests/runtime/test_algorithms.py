@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from bestman_bt.configuration import ConfigurationError, algorithm_parameters, load_run
-from bestman_bt.navigation.global_planning.grid_search import GridAStar
+from bestman_bt.navigation.global_planning.polyline_planner import GridAStar
 from bestman_bt.navigation.global_planning.theta_star import ThetaStar
 from bestman_bt.registry import ALGORITHMS, UnknownNameError
 from bestman_bt.robot_model import load_robot_model

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,8 +18,6 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import dijkstra
 
 from bestman_bt.navigation.global_planning.costmap import Costmap
-from bestman_bt.navigation.global_planning.polyline_planner import PolylinePlanner
-from bestman_bt.navigation.global_planning.room import Room
 
 LARGE = 30_000
 """Cells from which on a corridor is sought first."""
@@ -176,12 +174,3 @@ def _nearest_free(point: NDArray[np.float64], padded: NDArray[np.float64], costm
 
 
 # A* on the grid (Hart, Nilsson and Raphael 1968), 8-connected, with cost, then any-angle smoothing.
-
-
-@dataclass(frozen=True)
-class GridAStar(PolylinePlanner):
-    """The cheapest way over the cells; deterministic."""
-
-    def way(self, start: NDArray[np.float64], goal: NDArray[np.float64], room: Room) -> NDArray[np.float64] | None:
-        """See the base class."""
-        return cheapest_way(start, goal, room.field, room.lethal_distance, room.lethal_slack)

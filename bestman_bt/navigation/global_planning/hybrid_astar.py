@@ -66,6 +66,8 @@ def _set(state: base.State, pose: NDArray[np.float64]) -> None:
 
 
 _SPACING = 0.025  # metres between poses that are checked and told
+CURVE_EVERY = 4
+"""Expansions between two tries of a curve to the goal, which is the only test of having arrived."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,13 +143,12 @@ class _Search:
             if not math.isfinite(total) or state in closed:
                 continue
             closed.add(state)
-            if until_curve == 0:
+            until_curve -= 1
+            if until_curve <= 0:
                 end = self._curve(node)
                 if end is not None:
                     return end
-                # The nearer the goal, the oftener a curve to it is tried.
-                until_curve = math.ceil((total - node.cost) / p.branch)
-            until_curve = max(0, until_curve - 1)
+                until_curve = CURVE_EVERY
             for branch in self._grown(node):
                 if self._state(branch.poses[-1]) not in closed:
                     pushed += 1

@@ -1,7 +1,8 @@
 """Planners of polylines, at whose corners a base turns where it stands: what they share.
 
 Both ends are treated by footprint: the start is left by backing out straight (or straight ahead) to a place where the
-base can turn, and the goal is entered straight along its heading from such a place. In between, places where the base
+base can turn, and the goal is entered straight along its heading from such a place; where there is none, as in a
+narrow hallway, hybrid A* looks for a way by curves. In between, places where the base
 can turn freely are tried first, and narrower ones, which it passes straight, only when there is no other way.
 """
 
@@ -18,14 +19,23 @@ from numpy.typing import NDArray
 
 from bestman_bt.messages import Path2D, Pose2D
 from bestman_bt.messages.shapes import NonNegative, Several
-from bestman_bt.navigation.global_planning.base import GlobalPlanner, PlanningFailure, told_of_overhang
+from bestman_bt.navigation.global_planning.base import (
+    GlobalPlanner,
+    PlanningFailure,
+    PlanningFailureReason,
+    told_of_overhang,
+)
 from bestman_bt.navigation.global_planning.costmap import Costmap
+from bestman_bt.navigation.global_planning.grid_search import cheapest_way
+from bestman_bt.navigation.global_planning.hybrid_astar import HybridAStar
 from bestman_bt.navigation.global_planning.room import Room
 from bestman_bt.navigation.global_planning.straight_ends import StraightEnds, StraightPieces
 
 _ASIDE = (0.0, 1.0, 0.5, 1.5)
 """How far beside a way the base is driven through narrow places, the first that passes: as shares of how far the middle
 of what stands out above it is beside its own. Ways over cells are rarely in the middle of a gap themselves."""
+NO_ROOM_TO_TURN = frozenset((PlanningFailureReason.START_BLOCKED, PlanningFailureReason.GOAL_BLOCKED))
+"""What an end is said to be that has no place to turn near it, or where the base touches something."""
 _AHEAD = 4
 """Points of a way over which its direction is measured."""
 
@@ -60,7 +70,7 @@ class PolylinePlanner(StraightPieces, GlobalPlanner):
         turning_distance = costmap.footprint.turning_radius + self.turning_clearance
         ends = StraightEnds(costmap, self, turning_distance, self.slack).between(start, goal)
         if isinstance(ends, PlanningFailure):
-            return ends
+            return self._without_turning(start, goal, costmap) if ends.reason in NO_ROOM_TO_TURN else ends
         exit_point, backwards, approach = ends
         for turns_everywhere in self.TURNS_EVERYWHERE:
             room = Room(costmap, turning_distance, self.slack, turns_everywhere)
@@ -74,6 +84,13 @@ class PolylinePlanner(StraightPieces, GlobalPlanner):
                     points, reverse = _joined(start.xy, middle, goal.xy, backwards)
                     return Path2D(points, goal, reverse)
         return PlanningFailure.no_path(start, goal)
+
+    def _without_turning(self, start: Pose2D, goal: Pose2D, costmap: Costmap) -> Path2D | PlanningFailure:
+        """A way by curves, where there is no place to turn on the spot near an end: a hallway that is too narrow."""
+        curves = HybridAStar(
+            straight=self.straight, max_straight=self.max_straight, step=self.step, max_overlap=self.max_overlap
+        )
+        return curves.plan(start, goal, costmap)
 
     def _polyline(self, points: NDArray[np.float64], room: Room) -> NDArray[np.float64] | None:
         """The cheapest polyline through some of ``points`` (N, 2) that keeps the first and the last."""
@@ -117,6 +134,15 @@ class PolylinePlanner(StraightPieces, GlobalPlanner):
             pieces.append(points[kept[i] : kept[j]] if as_found[j] and i == j - 1 else points[kept[i]][None])
             j = i
         return np.vstack(pieces[::-1])
+
+
+@dataclass(frozen=True)
+class GridAStar(PolylinePlanner):
+    """The cheapest way over the cells; deterministic."""
+
+    def way(self, start: NDArray[np.float64], goal: NDArray[np.float64], room: Room) -> NDArray[np.float64] | None:
+        """See the base class."""
+        return cheapest_way(start, goal, room.field, room.lethal_distance, room.lethal_slack)
 
 
 def _middle_above(costmap: Costmap) -> float:

@@ -187,3 +187,28 @@ def test_hybrid_astar_keeps_to_its_turning_radius(radius: float) -> None:
     curvature = turns[same_direction] / ((steps[1:] + steps[:-1]) / 2)[same_direction]
     assert curvature.max() < 1.1 / radius
     assert curvature.max() > 0.8 / radius
+
+
+@pytest.mark.parametrize("heading", [0.0, math.pi])
+def test_a_hallway_in_which_the_base_cannot_turn_is_driven_straight_on(planner: GlobalPlanner, heading: float) -> None:
+    costmap = Costmap.from_map(walls(*room(9.0, 0.62)), LONG)
+    path = planner.plan(Pose2D(1.0, 0.31, heading), Pose2D(8.0, 0.31, heading), costmap)
+    assert isinstance(path, Path2D), path
+    assert costmap.footprint_clearance(swept(path)).min() > 0.0
+    assert path.length < 7.1
+
+
+def test_who_would_have_to_turn_in_such_a_hallway_is_told_that_there_is_no_path(planner: GlobalPlanner) -> None:
+    costmap = Costmap.from_map(walls(*room(4.0, 0.62)), LONG)
+    failure = planner.plan(Pose2D(1.0, 0.31, 0.0), Pose2D(3.0, 0.31, math.pi), costmap)
+    assert isinstance(failure, PlanningFailure)
+    assert failure.reason is PlanningFailureReason.NO_PATH
+
+
+def test_curves_change_direction_no_oftener_than_they_must() -> None:
+    for seed in (0, 3, 29, 33):
+        costmap, problems = cluttered(seed)
+        for start, goal in problems:
+            path = PLANNERS["hybrid_astar"].plan(start, goal, costmap)
+            assert isinstance(path, Path2D)
+            assert np.count_nonzero(np.diff(path.reverse.astype(int))) <= 4

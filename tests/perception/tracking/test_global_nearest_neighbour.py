@@ -70,6 +70,18 @@ def test_two_of_a_kind_get_two_names_and_keep_them_in_any_order(empty_table) -> 
     assert again.changes == ()
 
 
+@pytest.mark.parametrize("order", [1, -1])
+def test_of_two_of_a_kind_in_line_the_one_that_was_carried_past_the_other_has_moved(empty_table, order: int) -> None:
+    rng = np.random.default_rng(11)
+    for _ in range(40):
+        start, along = rng.uniform(0.4, 0.5, 2), rng.uniform(-0.1, 0.1, 2) + np.array([0.0, 0.25])
+        noise = rng.normal(0.0, 0.002, (2, 2))
+        before = [sighted(CAN, *start), sighted(CAN, *(start + along), name="can_2")]
+        seen = [(start + along + noise[0]), (start + 2.2 * along + noise[1])][::order]
+        tracked = update(before, [sighted(CAN, *place) for place in seen], empty_table)
+        assert [(change.kind, change.name) for change in tracked.changes] == [("moved", "can")]
+
+
 def test_an_object_that_stands_elsewhere_was_moved(empty_table) -> None:
     tracked = update([sighted(CAN, 0.5, 0.1)], [sighted(CAN, 0.6, -0.2, stamp=3.0)], empty_table)
     (change,) = tracked.changes
@@ -197,7 +209,7 @@ def test_a_turn_counts_beyond_both_errors_modulo_the_symmetry(empty_table, degre
 def test_sightings_are_assigned_all_at_once_at_the_least_total_distance(empty_table) -> None:
     """The nearest pair of all would leave the other two far from each other."""
     beliefs = [sighted(CAN, 0.50, 0.0, name="can"), sighted(CAN, 0.60, 0.0, name="can_2")]
-    tracked = update(beliefs, [sighted(CAN, 0.58, 0.0), sighted(CAN, 0.68, 0.0)], empty_table)
+    tracked = update(beliefs, [sighted(CAN, 0.555, 0.0), sighted(CAN, 0.655, 0.0)], empty_table)
     assert tracked.identities == ("can", "can_2")
 
 
