@@ -242,7 +242,7 @@ class URConnection(Connection):
             "watchdog": 1.0 / options.controller_watchdog,
             "connect_timeout": options.connect_timeout,
             "deceleration": 5.0,
-            "heartbeat": self.limits.heartbeat,
+            "heartbeat": max(self.limits.heartbeat, self.limits.watchdog),  # which comes from the control loop
         }
         if options.payload is not None:
             settings["payload"] = options.payload

@@ -76,7 +76,7 @@ def test_set_points_go_out_while_the_controller_is_heard_and_well(
 ) -> None:
     cycles: list[float] = []
     connection: Any = SimpleNamespace(
-        _link=SimpleNamespace(pump=lambda: report(**values), heard=5.0 - silence),
+        _link=SimpleNamespace(pump=lambda: report(**values), heard=5.0 - silence, beat=lambda: None),
         clock=SimpleNamespace(now=lambda: 5.0),
         limits=SafetyConfig(watchdog=0.1),
         _arm=SimpleNamespace(cycle=cycles.append),
