@@ -91,6 +91,19 @@ def test_odometry_that_stays_behind_stops_the_robot(
 
 
 @pytest.mark.slow
+def test_a_clock_of_ros_that_is_set_back_and_transforms_that_are_dated_ahead_stop_nothing(
+    robot: HardwareRobot, twin: TwinProcess
+) -> None:
+    base = robot.part("base", MobileBase)
+    twin.fault(PLATFORM, "clock_back")
+    for _ in range(20):
+        robot.clock.sleep(0.05)
+        base.odometry()
+        robot.part("lidar", Lidar).scan()
+    assert not robot.stopped, robot.faults
+
+
+@pytest.mark.slow
 def test_readings_that_come_200_ms_late_stop_the_robot(robot: HardwareRobot, twin: TwinProcess) -> None:
     motion = turn(robot)
     since = strike(robot, twin, PLATFORM, "delay", 0.2)
