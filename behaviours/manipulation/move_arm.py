@@ -145,8 +145,9 @@ LEVEL = 0.5
 """Cosine between the hand's axis and the vertical below which the hand counts as level."""
 ARRIVED = 0.02
 """Radians within which a posture counts as reached."""
-ROOM = 0.012
-"""Metres that what is held keeps from the robot itself and all else in a posture, where one has that room."""
+ROOM, SAG = 0.012, 0.1
+"""Metres, and share of how far it reaches from the hand: the larger of both is what a held thing keeps from the robot
+itself and all else in a posture, where one has that room."""
 TURN = np.radians(15.0)
 """Radians between the turns of the hand that are tried so that what it holds has room."""
 
@@ -245,7 +246,7 @@ def _postures(skill: Skill, name: str, sight: NDArray[np.float64] | None = None)
     if held is None:
         return [[posture]]
     scene = skills.planning_scene()
-    world, roomy = skills.arm_world(scene), skills.arm_world(_with_room(scene))
+    world, roomy = skills.arm_world(scene), skills.arm_world(_with_room(scene, held))
     upright = Upright(skills.kinematics, held.tool_from_object, MAX_HELD_TILT)
     past = None if sight is None else out_of_sight(skills, sight)
     tilted = not upright.satisfied(skills.arm_positions())
@@ -272,10 +273,11 @@ def _posture(skill: Skill, name: str) -> NDArray[np.float64]:
         raise SkillFailure("unknown_posture", str(error.args[0])) from error
 
 
-def _with_room(scene: PlanningScene) -> PlanningScene:
+def _with_room(scene: PlanningScene, held: HeldObject) -> PlanningScene:
     """The scene with what is held taken to be larger: it may sag and sway on the way."""
     assert scene.attached is not None
-    return scene.holding(replace(scene.attached, padding=ROOM))
+    reach = float(np.linalg.norm(held.tool_from_object.position)) + max(held.model.size) / 2
+    return scene.holding(replace(scene.attached, padding=max(ROOM, SAG * reach)))
 
 
 def _turned(skill: Skill, posture: NDArray[np.float64]) -> list[NDArray[np.float64]]:

@@ -37,6 +37,10 @@ SEARCH = 0.01
 SET_DOWN_SPEED = 0.02
 SET_DOWN_FORCE = 4.0
 """Newtons; enough to stand, too little to push the object up in the hand."""
+ASKEW = 0.004
+"""Metres above where it was to stand from which on what touches hangs askew in the hand."""
+LOOSER = (28.0, 20.0, 14.0, 10.0, 7.0, 5.0, 3.5)
+"""Newtons with which the hand holds such a thing, one after the other, so that it sinks and does not fall."""
 BACK = 0.1
 """Metres that the hand can go straight back from where it lets go."""
 PRE_PLACE = 0.12
@@ -117,7 +121,7 @@ class FindPlacePose(Skill):
 class PlaceOn(OnArm, Skill):
     """Bring the held object above its place and lower it straight until it is felt to stand there."""
 
-    REQUIRES = ("arm",)
+    REQUIRES = ("arm", "gripper")
     USES = ("force_torque",)
     object = In[str](ObjectName, "the held object")
     pose = In(Pose, "where it shall stand, in the map frame")
@@ -153,6 +157,23 @@ class PlaceOn(OnArm, Skill):
         )
         if not outcome.touched:
             raise SkillFailure("nothing_below", f"the {name} stands on nothing 1 cm below the measured surface")
+        if HOVER - outcome.distance > ASKEW:
+            yield from self._level(HOVER - outcome.distance)
+
+    def _level(self, left: float) -> Steps:
+        """Let what touches with an edge turn in an ever looser hand, which follows it down, ``left`` metres at most."""
+        skills = self.skills
+        try:
+            for force in (force for force in LOOSER if force <= skills.gripper.model.part.max_force):
+                yield skills.gripper.close(force)
+                if left > NUDGE:
+                    outcome: GuardedOutcome = yield skills.arm.move_until(
+                        (0.0, 0.0, -1.0), SET_DOWN_SPEED, left, SET_DOWN_FORCE
+                    )
+                    left -= outcome.distance
+        except SkillFailure:
+            yield skills.gripper.close()  # the arm must not go on with it in a loose hand
+            raise
 
     def _plan(self, held: HeldObject, base_from_object: Pose) -> Approach | None:
         from bestman_bt.manipulation.motion_planning import ApproachPoses, approaches

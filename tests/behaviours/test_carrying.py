@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from behaviours.manipulation.move_arm import IN_VIEW, ROOM_TO_TURN, postures_beside
+from behaviours.manipulation.move_arm import IN_VIEW, ROOM_TO_TURN, _with_room, postures_beside
 from bestman_bt.manipulation.collision import PlanningScene, SceneObstacle
 from bestman_bt.manipulation.kinematics import ForwardKinematics
 from bestman_bt.messages import PlacedShape, Pose, Sphere
@@ -42,6 +42,21 @@ def test_a_cup_in_a_level_hand_is_carried_upright_out_of_view_and_over_the_base(
             x, y, _ = forward.pose(link, joints).position
             assert back < x < front
             assert abs(y) < side
+
+
+@pytest.mark.parametrize(("beside", "room"), [(0.02, 0.012), (0.15, 0.02)])
+def test_what_reaches_far_from_the_hand_keeps_more_room(bystander: Session, beside: float, room: float) -> None:
+    skills = bystander.skills
+    cup = skills.world.models["cup"]
+    held = HeldObject("cup", cup, Pose.from_xyz_rpy((0.0, beside, 0.0), (0.0, 0.0, 0.0)), 0.01)
+    skills.held = held
+    try:
+        attached = _with_room(skills.planning_scene(), held).attached
+    finally:
+        skills.held = None
+    assert max(cup.size) == pytest.approx(0.1), "it reaches 7 or 20 cm"
+    assert attached is not None
+    assert attached.padding == pytest.approx(room)
 
 
 def beads(session: Session) -> tuple[SceneObstacle, ...]:

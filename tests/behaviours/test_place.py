@@ -174,10 +174,30 @@ class Lower(PlaceOn):
 def test_an_object_is_lowered_by_feel_until_it_stands_and_no_farther(skills: Any) -> None:
     register(skills, Lower)
     for touched, status in ((True, SUCCESS), (False, FAILURE)):
-        skills.arm.ends["move_until"] = [SimpleNamespace(touched=touched)]
+        skills.arm.ends["move_until"] = [SimpleNamespace(touched=touched, distance=0.0041)]
         assert run(skills, load(skills, '<Lower object="cup" pose="0;0;0"/>')) == status
     assert codes(skills) == ["nothing_below"]
     assert skills.arm.asked == [("move_until", (0.0, 0.0, -1.0), 0.02, pytest.approx(0.018), 4.0)] * 2
+    assert skills.gripper.asked == []
+
+
+def test_what_touches_too_early_turns_in_an_ever_looser_hand_that_goes_on_down_with_it(skills: Any) -> None:
+    register(skills, Lower)
+    skills.gripper.model = SimpleNamespace(part=SimpleNamespace(max_force=10.0))
+    ways = [0.0039, 0.001, 0.0, 0.0022]
+    skills.arm.ends["move_until"] = [SimpleNamespace(touched=True, distance=way) for way in ways]
+    assert run(skills, load(skills, '<Lower object="cup" pose="0;0;0"/>')) == SUCCESS
+    assert skills.gripper.asked == [("close", force) for force in (10.0, 7.0, 5.0, 3.5)]
+    down = [distance for _, _, _, distance, _ in skills.arm.asked]
+    assert down == pytest.approx([0.018, 0.0041, 0.0031, 0.0031]), "0.9 mm that are left are not worth a motion"
+
+
+def test_a_hand_that_cannot_follow_what_turns_in_it_holds_it_fast_again(skills: Any) -> None:
+    register(skills, Lower)
+    skills.arm.ends["move_until"] = [SimpleNamespace(touched=True, distance=0.0), MotionErrorCode.UNREACHABLE]
+    assert run(skills, load(skills, '<Lower object="cup" pose="0;0;0"/>')) == FAILURE
+    assert codes(skills) == ["unreachable"]
+    assert skills.gripper.asked == [("close", 28.0), ("close",)]
 
 
 class Down(PlaceOn):
