@@ -14,9 +14,9 @@ from typing import Any
 import pytest
 from rich.console import Console
 
-from bestman_bt.cli.run_command import no_faster_than_real_time
+from bestman_bt.cli.run_command import RunOptions, _request, no_faster_than_real_time
 from bestman_bt.cli.run_view import RunView
-from bestman_bt.configuration import load_run
+from bestman_bt.configuration import RunRequest, load_run, run_of_options
 from bestman_bt.engine import RUNNING, ManualClock, NodeRegistry, StatefulAction, Tree, load_tree
 from bestman_bt.evaluation.audit import audit
 from bestman_bt.evaluation.episode import run_episode
@@ -66,6 +66,12 @@ def test_nothing_odd_is_said_of_a_tree_that_includes_shipped_subtrees(bestman_bt
     )
     answer = bestman_bt("run", "mine.xml", "--seed", "3", "--json")
     assert (answer.code, "include" in answer.err, "SubTree" in answer.err) == (0, False, False), answer.err
+
+
+def test_a_tree_in_place_of_a_tasks_own_names_the_run() -> None:
+    named = [_request(tree, RunOptions(task=task)).name for tree, task in (("a/mine.xml", "fetch_cup"), (None, "x"))]
+    assert named == ["mine", ""]
+    assert run_of_options(RunRequest(task="fetch_cup", tree="bring_two", name="mine")).name == "mine"
 
 
 def test_what_is_odd_about_a_tree_is_printed_before_it_runs_and_does_not_stop_it(

@@ -286,7 +286,7 @@ def test_decorators_of_a_plug_in_name_its_algorithms_planners_and_builders(decor
     assert known_predicates()["stale"].words == "{object} is old"
 
 
-@pytest.mark.parametrize("named", ["mine.py:Mine", "{folder}/mine.py:Mine"])
+@pytest.mark.parametrize("named", ["mine.py:Mine", "{folder}/mine.py:Mine", "mine:Mine"])
 def test_an_algorithm_may_be_named_by_its_file_and_class(
     named: str, decorated: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
