@@ -31,6 +31,7 @@ from hal.conformance.subject import (
     each,
     finish,
     first,
+    keep_velocity,
     nearby,
     parts_of,
     require_rest,
@@ -229,8 +230,7 @@ def set_points_are_held(robot: Robot, group: JointGroup) -> None:
     speed[0] = min(0.1, group.model.velocity[0] / 2)
     speed[0] *= 1 if target[0] < (group.model.lower[0] + group.model.upper[0]) / 2 else -1
     begin = robot.clock.now()
-    group.command(velocities=speed)
-    robot.clock.sleep(1.0)
+    keep_velocity(robot, group, speed, 1.0)
     moved, passed = float(group.positions()[0] - target[0]), robot.clock.now() - begin
     difference = abs(moved - speed[0] * passed)
     require(difference < 0.03, f"{group.name} moved {moved:.3f} in {passed:.2f} s at {speed[0]} per second")
@@ -248,11 +248,10 @@ def velocities_are_the_rate_of_positions(robot: Robot, group: JointGroup) -> Non
     wrong = ""
     for _ in range(3):
         speed = np.where(group.positions() < middle, 1, -1) * np.minimum(0.1, group.model.velocity / 2)
-        group.command(velocities=speed)
-        robot.clock.sleep(0.4)
+        keep_velocity(robot, group, speed, 0.4)
         start, begin, said = group.positions(), robot.clock.now(), []
         for _ in range(22):
-            robot.clock.sleep(UNEVEN)
+            keep_velocity(robot, group, speed, UNEVEN)
             said.append(group.velocities())
         rate = (group.positions() - start) / (robot.clock.now() - begin)
         group.command(velocities=np.zeros(len(speed)))
@@ -263,6 +262,36 @@ def velocities_are_the_rate_of_positions(robot: Robot, group: JointGroup) -> Non
         words = f"said {np.mean(said, axis=0)[worst]:.4f} and moved {rate[worst]:.4f} per second"
         wrong = f"{group.joint_names[worst]} {words}"
     raise ConformanceError(wrong)
+
+
+@each(JointGroup)
+def velocities_of_joints_lapse(robot: Robot, group: JointGroup) -> None:
+    """A quarter of a second after the last command, and the joints brake: nobody may be there any more."""
+    middle = (group.model.lower + group.model.upper) / 2
+    speed = np.where(group.positions() < middle, 1, -1) * np.minimum(0.1, group.model.velocity / 2)
+    group.command(velocities=speed)
+    robot.clock.sleep(0.25)
+    require_rest(robot, "the last commanded velocity")
+
+
+@each(Arm)
+def trajectories_keep_the_limits_between_their_samples(robot: Robot, arm: Arm) -> None:
+    """Two samples, at rest at both: the mean speed is allowed, the speed half way between would be half as much more.
+
+    It arrives, more slowly, and is never faster than the limits by more than 5 %.
+    """
+    apart = READINGS_APART if waits_for_sleeps(robot.clock) else READINGS_APART_IN_REAL_TIME
+    ends = np.stack([arm.positions(), nearby(robot, arm, 0.6)])
+    least = float(np.max(np.abs(ends[1] - ends[0]) / arm.model.velocity))
+    motion = arm.follow(JointTrajectory(arm.joint_names, np.array([0.0, 1.05 * least]), ends, 0.0 * ends))
+    places = []
+    while not motion.done:
+        robot.clock.sleep(UNEVEN)
+        places.append((robot.clock.now(), arm.positions(), robot.clock.now()))
+    require(motion.status is MotionStatus.SUCCEEDED, f"a quick trajectory ended {motion.status}: {motion.failure}")
+    fastest = _fastest(places, apart)
+    words = f"{arm.name} moved at {fastest}, its limits are {arm.model.velocity}"
+    require(bool(np.all(fastest <= 1.05 * arm.model.velocity)), words)
 
 
 @each(Arm)
@@ -348,6 +377,13 @@ MOTION_CHECKS = (
     ),
     Check("velocities are the rate of positions", velocities_are_the_rate_of_positions, GROUPS, commands=True),
     Check("set-points are held", set_points_are_held, GROUPS, commands=True),
+    Check("velocities of joints lapse", velocities_of_joints_lapse, GROUPS, commands=True),
+    Check(
+        "trajectories keep the limits between their samples",
+        trajectories_keep_the_limits_between_their_samples,
+        ARMS,
+        commands=True,
+    ),
     Check("trajectories are followed", trajectories_are_followed, ARMS, commands=True),
     Check("set-points are streamed", set_points_are_streamed, ARMS, commands=True),
 )

@@ -97,7 +97,7 @@ def _turn_all_joints(robot: Robot) -> None:
     for group in parts_of(robot, JointGroup):
         way = nearby(robot, group) - group.positions()
         group.command(velocities=np.sign(way) * np.minimum(0.2, group.model.velocity / 2))
-    robot.clock.sleep(0.3)
+    robot.clock.sleep(0.2)
 
 
 def _stream(robot: Robot) -> None:

@@ -48,6 +48,8 @@ from hal.conformance.requirement import require
 
 PartType = TypeVar("PartType", bound=Part)
 POLL = 0.05
+AGAIN = 0.05
+"""Seconds after which a velocity of joints is commanded again."""
 IDLE = 0.02
 """Seconds of the machine's time in which a clock of real time goes on, and a simulated one does not."""
 REST_TIME = 0.5
@@ -174,6 +176,14 @@ def set_moving(robot: Robot) -> list[Motion[None]]:
     motions.extend(base.rotate(1.0) for base in parts_of(robot, MobileBase))
     robot.clock.sleep(0.2)
     return motions
+
+
+def keep_velocity(robot: Robot, group: JointGroup, velocities: NDArray[np.float64], duration: float) -> None:
+    """Command a velocity, again and again before it lapses, for ``duration`` seconds."""
+    end = robot.clock.now() + duration
+    while (left := end - robot.clock.now()) > 1e-6:
+        group.command(velocities=velocities)
+        robot.clock.sleep(min(left, AGAIN))
 
 
 def what_moves(robot: Robot) -> list[str]:

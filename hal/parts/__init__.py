@@ -16,12 +16,13 @@ from hal.parts.driven_base import (
     DrivenBase,
     MotionProfile,
 )
+from hal.parts.gate import SetpointGate, ToolLimits
 from hal.parts.gripper import CommandedGripper
 from hal.parts.part_connection import ConnectionFailedError, PartConnection
 from hal.parts.setpoints import Hold, Setpoints, Trapezoid
 from hal.parts.simulated_clock import SimulatedClock
 from hal.parts.stop_latch import StopLatch
-from hal.parts.streamed_arm import StreamedArm, ToolLimits
+from hal.parts.streamed_arm import StreamedArm
 from hal.parts.streamed_joints import StreamedJointGroup, Tracking
 
 __all__ = [
@@ -40,6 +41,7 @@ __all__ = [
     "JointReading",
     "MotionProfile",
     "PartConnection",
+    "SetpointGate",
     "Setpoints",
     "SimulatedClock",
     "StopLatch",

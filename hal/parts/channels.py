@@ -6,6 +6,7 @@ The laws of ``hal.parts`` decide; they are the same for every vendor and for the
 from __future__ import annotations
 
 import inspect
+import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 
@@ -132,11 +133,13 @@ class JointChannel(ABC):
     """Joints behind a controller that takes streamed position set-points.
 
     ``stream_at_rest``: whether the controller wants a set-point every period, also where nothing moves.
-    ``takes_efforts``: whether it takes efforts, too.
+    ``takes_efforts``: whether it takes efforts, too. ``longest_tool_step``: metres that the controller allows an
+    arm's tool between two set-points.
     """
 
     stream_at_rest = False
     takes_efforts = False
+    longest_tool_step = math.inf
 
     @property
     def age(self) -> float:

@@ -14,13 +14,35 @@ AT_REST = 1e-6
 
 
 class Setpoints(ABC):
-    """A sequence of set-points; positions and velocities are (n,)."""
+    """A sequence of set-points; positions and velocities are (n,).
+
+    ``waits``: whether it is a way, which goes on only as fast as the joints come along. ``brakes``: whether joints
+    slow down for a stop.
+    """
 
     finished = False
+    waits = False
+    brakes = False
 
     @abstractmethod
     def advance(self, dt: float) -> tuple[Array, Array]:
         """Position and velocity ``dt`` seconds later."""
+
+    def go_on_from(self, position: Array, velocity: Array) -> bool:
+        """The joints were sent elsewhere than asked: there, at that velocity. Whether it goes on from there."""
+        return False
+
+
+class _FromState(Setpoints):
+    """What is decided anew in each step, from where the joints are."""
+
+    def __init__(self, position: Array, velocity: Array) -> None:
+        self._position, self._velocity = position, velocity
+
+    def go_on_from(self, position: Array, velocity: Array) -> bool:
+        """Decide from there."""
+        self._position, self._velocity, self.finished = position, velocity, False
+        return True
 
 
 class Hold(Setpoints):
@@ -36,12 +58,18 @@ class Hold(Setpoints):
         return self._position, np.zeros_like(self._position)
 
 
-class Brake(Setpoints):
-    """From ``position`` and ``velocity`` to rest, each joint at its ``deceleration``, within [lower, upper]."""
+class Brake(_FromState):
+    """From ``position`` and ``velocity`` to rest, each joint at its ``deceleration``.
+
+    It stays within [lower, upper], or goes no farther out.
+    """
+
+    brakes = True
 
     def __init__(self, position: Array, velocity: Array, deceleration: Array, lower: Array, upper: Array) -> None:
-        self._position, self._velocity, self._deceleration = position, velocity, deceleration
-        self._lower, self._upper = lower, upper
+        super().__init__(position, velocity)
+        self._deceleration = deceleration
+        self._lower, self._upper = np.minimum(lower, position), np.maximum(upper, position)
         self.finished = bool(np.all(np.abs(velocity) < AT_REST))
 
     def advance(self, dt: float) -> tuple[Array, Array]:
@@ -54,12 +82,12 @@ class Brake(Setpoints):
         return self._position, self._velocity
 
 
-class Reach(Setpoints):
+class Reach(_FromState):
     """Each joint to ``target`` by itself as fast as its limits allow; may start in motion."""
 
     def __init__(self, position: Array, velocity: Array, target: Array, speed: Array, acceleration: Array) -> None:
-        self._position, self._velocity, self._target = position, velocity, target
-        self._speed, self._acceleration = speed, acceleration
+        super().__init__(position, velocity)
+        self._target, self._speed, self._acceleration = target, speed, acceleration
 
     def advance(self, dt: float) -> tuple[Array, Array]:
         """Go on; the speed from which the joint can still stop at the target, in discrete time, bounds it."""
@@ -78,6 +106,8 @@ class Reach(Setpoints):
 
 class Trapezoid(Setpoints):
     """A straight line in joint space with a trapezoid of speed: all joints start and end together, at rest."""
+
+    waits = True
 
     def __init__(self, start: Array, target: Array, speed: Array, acceleration: Array) -> None:
         self._start, self._delta = start, target - start
@@ -105,6 +135,8 @@ class Trapezoid(Setpoints):
 class Follow(Setpoints):
     """A trajectory, Hermite between its samples; an ``offset`` at the start fades out within ``fade`` seconds."""
 
+    waits = True
+
     def __init__(self, trajectory: JointTrajectory, offset: Array, fade: float) -> None:
         self._trajectory, self._offset, self._fade = trajectory, offset, min(fade, trajectory.duration)
         self._time = 0.0
@@ -126,14 +158,15 @@ class Follow(Setpoints):
         return position, velocity
 
 
-class Drift(Setpoints):
+class Drift(_FromState):
     """A velocity, reached within the acceleration limits and held until a joint comes to its limit."""
 
     def __init__(
         self, position: Array, velocity: Array, target: Array, acceleration: Array, lower: Array, upper: Array
     ) -> None:
-        self._position, self._velocity, self._target = position, velocity, target
-        self._acceleration, self._lower, self._upper = acceleration, lower, upper
+        super().__init__(position, velocity)
+        self._target, self._acceleration = target, acceleration
+        self._lower, self._upper = np.minimum(lower, position), np.maximum(upper, position)
 
     def advance(self, dt: float) -> tuple[Array, Array]:
         """Go on, slowing down in time for the limits."""
@@ -171,6 +204,11 @@ class BrakeThenMove(Setpoints):
     def __init__(self, brake: Brake, target: Array, speed: Array, acceleration: Array) -> None:
         self._brake, self._target, self._limits = brake, target, (speed, acceleration)
         self._move: Trapezoid | None = None
+        self.brakes = True
+
+    def go_on_from(self, position: Array, velocity: Array) -> bool:
+        """As the brake; the straight line is kept."""
+        return self._move is None and self._brake.go_on_from(position, velocity)
 
     def advance(self, dt: float) -> tuple[Array, Array]:
         """Go on."""
@@ -179,6 +217,7 @@ class BrakeThenMove(Setpoints):
                 return self._brake.advance(dt)
             start, _ = self._brake.advance(0.0)
             self._move = Trapezoid(start, self._target, *self._limits)
+            self.waits, self.brakes = True, False
         result = self._move.advance(dt)
         self.finished = self._move.finished
         return result

@@ -11,6 +11,8 @@ from bestman_bt.messages import JointTrajectory
 from bestman_bt.robot_model import JointedModel
 from hal.api import CommandRefusedError, Failure, JointGroup, Motion, MotionErrorCode, MotionStatus
 from hal.parts.channels import JointChannel, StoppablePart
+from hal.parts.gate import SetpointGate, ToolLimits
+from hal.parts.part_connection import ConnectionFailedError
 from hal.parts.setpoints import Brake, BrakeThenMove, Drift, Hold, Reach, Setpoints, Trapezoid
 from hal.parts.stop_latch import StopLatch
 
@@ -18,6 +20,12 @@ from hal.parts.stop_latch import StopLatch
 
 
 Array = NDArray[np.float64]
+OUTSIDE = 0.01
+"""Radians or metres by which a joint at the end of its range may be beyond it when it is connected."""
+SHORTEST = 1e-5
+"""Seconds that a cycle counts at least."""
+AT_REST = 1e-3
+"""Share of their top speed below which joints count as held at rest by the gate."""
 START_TOLERANCE = 0.05
 """How far from the arm's place a trajectory may start, radians."""
 SPEED_TOLERANCE = 1.02
@@ -118,6 +126,9 @@ class JointCommandChecks:
 class Tracking:
     """How set-points are streamed, and when they are not followed. SI units, radians.
 
+    A way waits while its set-points are ``held_back`` or more from where the gate lets them; joints that it has
+    held at rest for ``tracking_time`` are given up.
+
     A motion fails as TRACKING when a joint is more than ``tracking_tolerance`` off its set-point for ``tracking_time``,
     and as TIMEOUT when it has not settled (``settle_tolerance``, ``settle_speed``) ``settle_time`` after its last
     set-point. ``stop_time``: a stop brakes within it, if need be harder than the acceleration limits say.
@@ -125,10 +136,12 @@ class Tracking:
     Set-points never jump: a late one goes on by ``longest_step`` periods at most, so that a slow link slows the motion
     down; one that has slowed it by more than ``slip_limit`` seconds, of which half is forgotten every
     ``slip_half_life``, fails it as TIMEOUT. ``latency``: from a set-point to the reading that shows it.
+    ``velocity_timeout``: seconds after which a commanded velocity lapses, and the joints brake, unless it comes again.
     """
 
     tracking_tolerance: float = 0.15
     tracking_time: float = 0.15
+    held_back: float = 0.01
     settle_tolerance: float = 0.005
     settle_speed: float = 0.03
     settle_time: float = 2.0
@@ -139,10 +152,14 @@ class Tracking:
     latency: float = 0.1
     slip_limit: float = 0.5
     slip_half_life: float = 1.0
+    velocity_timeout: float = 0.25
 
 
 class StreamedJointGroup(StoppablePart, JointGroup):
     """Joints over a channel. A loop of the connection calls ``cycle`` once per ``period`` seconds.
+
+    ``comes_into_limits``: set before connecting; joints that are outside of their range are taken all the same, so
+    that they can be moved into it.
 
     What a command asks for is decided under the part's lock; set-points are sent outside of it, so that a controller
     that does not answer never keeps anybody from stopping.
@@ -156,17 +173,22 @@ class StreamedJointGroup(StoppablePart, JointGroup):
         latch: StopLatch,
         period: float,
         tracking: Tracking = Tracking(),
+        tool: ToolLimits | None = None,
     ) -> None:
         super().__init__(name, latch)
         self.model, self._channel, self._period = model, channel, period
         self._tracking = tracking
         self._checks = JointCommandChecks(name, model)
+        self._gate = SetpointGate(model, period, tool, tracking.stop_time, channel.longest_tool_step)
         rest = np.zeros(len(model.joint_names))
+        self._wanted: Array = rest  # where the set-points would be without the gate
         self._position: Array = rest
         self._velocity: Array = rest
         self._setpoints: Setpoints = Hold(rest)
-        self._astray = self._waiting = self._slip = 0.0
+        self._astray = self._waiting = self._slip = self._held = 0.0
+        self._lapses_in = 0.0
         self._efforts: Array | None = None
+        self.comes_into_limits = False
 
     # Measurements
 
@@ -193,7 +215,10 @@ class StreamedJointGroup(StoppablePart, JointGroup):
         velocities: ArrayLike | None = None,
         efforts: ArrayLike | None = None,
     ) -> None:
-        """Set one kind of set-point; positions and velocities are approached within the limits, efforts act at once."""
+        """Set one kind of set-point; positions and velocities are approached within the limits, efforts act at once.
+
+        Velocities lapse after a quarter of a second unless they are commanded again.
+        """
         checks, model = self._checks, self.model
         with self._connection.lock:
             self._connection.check_command("command")
@@ -218,6 +243,7 @@ class StreamedJointGroup(StoppablePart, JointGroup):
                 wanted = checks.velocities("command", velocities if velocities is not None else ())
                 drift = Drift(self._position, self._velocity, wanted, model.acceleration, model.lower, model.upper)
                 self._take_over(drift, None)
+                self._lapses_in = self._tracking.velocity_timeout
 
     def move_to(self, positions: ArrayLike, speed_scale: float = 1.0) -> Motion[None]:
         """Move on a straight line in joint space with a trapezoid of speed; brakes first if it is moving."""
@@ -241,15 +267,18 @@ class StreamedJointGroup(StoppablePart, JointGroup):
         """Come to rest within half a second."""
         with self._connection.lock:
             self._leave_effort_mode()
-            if not isinstance(self._setpoints, (Hold, Brake)):
+            if not self._settled and not isinstance(self._setpoints, Brake):
                 self._setpoints = self._braking()
 
     # The connection's side
 
     def attach(self) -> None:
-        """Hold where the joints are."""
+        """Hold where the joints are; ConnectionFailedError where one is outside of its range."""
         with self._connection.lock:
-            self._hold_measured()
+            measured = self._channel.read().positions
+            if not self.comes_into_limits:
+                self._check_range(measured)
+            self._rest_at(measured)
             self._astray = self._slip = 0.0
             self._efforts = None
             self._connection.open()
@@ -257,22 +286,34 @@ class StreamedJointGroup(StoppablePart, JointGroup):
     @property
     def resting(self) -> bool:
         """Whether the set-points have come to rest."""
-        return isinstance(self._setpoints, Hold) and self._efforts is None
+        return self._settled and self._efforts is None
 
     def fail(self, fault: Failure) -> None:
-        """The motion has failed; the controller has stopped the joints or cannot be reached: no more set-points."""
+        """The motion has failed: brake, as far as the controller hears and follows."""
         with self._connection.lock:
             self._connection.fail_motion(fault)
-            self._velocity = np.zeros_like(self._velocity)
-            self._setpoints = Hold(self._position)
+            if fault.code is MotionErrorCode.DISCONNECTED:
+                self.give_way()
+            else:
+                self.brake()
+
+    def give_way(self) -> None:
+        """The controller has stopped the joints itself, or cannot be reached: no more set-points."""
+        with self._connection.lock:
+            self._efforts = None
+            if not self.resting:
+                self._rest_at(self._position)
 
     def cycle(self, elapsed: float) -> None:
         """One control period, begun ``elapsed`` seconds after the last one: the next set-point, if one is due."""
         with self._connection.lock:
             if self._efforts is not None:
                 return
-            at_rest = isinstance(self._setpoints, Hold) and self._connection.motion is None
-            if not at_rest:
+            at_rest = self._settled and self._connection.motion is None
+            elapsed = max(elapsed, SHORTEST)
+            if at_rest:
+                self._gate.rest(elapsed)
+            else:
                 self._advance(elapsed)
             if at_rest and not self._channel.stream_at_rest:
                 return
@@ -281,18 +322,65 @@ class StreamedJointGroup(StoppablePart, JointGroup):
 
     # Private
 
+    @property
+    def _settled(self) -> bool:
+        """Whether nothing is asked for, and the set-points are where that is."""
+        there = isinstance(self._setpoints, Hold) and not self._gate.moving
+        return there and np.array_equal(self._wanted, self._position)
+
+    def _check_range(self, measured: Array) -> None:
+        model = self.model
+        outside = np.maximum(model.lower - measured, measured - model.upper)
+        worst = int(np.argmax(outside))
+        if outside[worst] > OUTSIDE:
+            raise ConnectionFailedError(
+                f"{self.name}: {self.joint_names[worst]} is at {measured[worst]:.4f}, outside of its range "
+                f"[{model.lower[worst]:.4f}, {model.upper[worst]:.4f}]; "
+                "bestman-bt robot move-into-limits brings it back"
+            )
+
     def _advance(self, elapsed: float) -> None:
-        dt = min(elapsed, self._tracking.longest_step * self._period)
+        dt = min(elapsed, self._tracking.longest_step * self._period, self._gate.longest_time)
         self._watch_slip(elapsed, dt)
         self._watch_tracking(elapsed)
+        self._watch_lapse(elapsed)
         motion, was_finished = self._connection.motion, self._setpoints.finished
-        self._position, self._velocity = self._setpoints.advance(dt)
+        self._step(dt, elapsed)
+        self._watch_gate(elapsed)
         if not was_finished:
             return
         if motion is not None:
             self._watch_settling(motion, elapsed)
-        else:
-            self._setpoints = Hold(self._position)
+        elif self._setpoints.finished:
+            self._setpoints = Hold(self._wanted)
+
+    def _step(self, dt: float, elapsed: float) -> None:
+        """The next set-point, through the gate."""
+        setpoints, pace = self._setpoints, 1.0
+        if setpoints.waits:
+            behind = float(np.max(np.abs(self._wanted - self._position)))
+            pace = max(0.0, 1.0 - behind / self._tracking.held_back)
+        self._wanted, velocity = setpoints.advance(pace * dt)
+        self._velocity = pace * velocity
+        self._position = self._gate.admit(self._wanted, self._velocity, dt, elapsed, setpoints.brakes)
+        if self._gate.reason:
+            self._velocity = self._gate.rate
+            if setpoints.go_on_from(self._position, self._velocity):
+                self._wanted = self._position
+
+    def _watch_lapse(self, elapsed: float) -> None:
+        if isinstance(self._setpoints, Drift):
+            self._lapses_in -= elapsed
+            if self._lapses_in < 0.0:
+                self._setpoints = self._braking()
+
+    def _watch_gate(self, elapsed: float) -> None:
+        """What the gate has brought to rest goes no farther."""
+        held = self._gate.reason and np.all(np.abs(self._gate.rate) < AT_REST * self.model.velocity)
+        self._held = self._held + elapsed if held else 0.0
+        if self._held > self._tracking.tracking_time:
+            self._give_up(MotionErrorCode.FAULT, self._gate.reason)
+            self._rest_at(self._position)
 
     def _watch_slip(self, elapsed: float, dt: float) -> None:
         tracking = self._tracking
@@ -311,28 +399,33 @@ class StreamedJointGroup(StoppablePart, JointGroup):
             self._give_up(
                 MotionErrorCode.TRACKING, f"{self.joint_names[worst]} is {error[worst]:.3f} off its set-point"
             )
-            self._hold_measured()
+            # Where they are, so that they press no longer on what holds them up; that is no jump of the set-points.
+            model = self.model
+            here = np.clip(self._channel.read().positions, model.lower, model.upper)
+            self._setpoints = Reach(self._position, self._velocity, here, model.velocity, model.acceleration)
 
-    def _hold_measured(self) -> None:
-        self._position = np.clip(self._channel.read().positions, self.model.lower, self.model.upper)
-        self._velocity, self._setpoints = np.zeros_like(self._position), Hold(self._position)
+    def _rest_at(self, position: Array, velocity: Array | None = None) -> None:
+        """Set-points go on from ``position``, at rest or at a ``velocity``."""
+        self._gate.start(position, velocity)
+        self._position = self._wanted = position
+        self._velocity, self._setpoints = np.zeros_like(position), Hold(position)
 
     def _give_up(self, code: MotionErrorCode, text: str) -> None:
-        self._astray = self._slip = 0.0
+        self._astray = self._slip = self._held = 0.0
         self._setpoints = self._braking()
         self._connection.end_motion(MotionStatus.FAILED, code, text)
 
     def _watch_settling(self, motion: Motion[None], elapsed: float) -> None:
         """The set-points have arrived: the motion succeeds when the joints have, too."""
         reading, tracking = self._channel.read(), self._tracking
-        error = float(np.max(np.abs(self._position - reading.positions)))
+        error = float(np.max(np.abs(self._wanted - reading.positions)))
         speed = float(np.max(np.abs(reading.velocities)))
         self._waiting += elapsed
         settled = error < tracking.settle_tolerance and speed < tracking.settle_speed
         if not settled and self._waiting <= tracking.settle_time:
             return
         # Before the motion ends: joints at rest take the next command at once.
-        self._velocity, self._setpoints = np.zeros_like(self._velocity), Hold(self._position)
+        self._velocity, self._setpoints = np.zeros_like(self._velocity), Hold(self._wanted)
         if settled:
             motion.succeed()
         else:
@@ -341,22 +434,24 @@ class StreamedJointGroup(StoppablePart, JointGroup):
 
     def _take_over(self, setpoints: Setpoints, motion: Motion[None] | None) -> None:
         self._connection.begin(motion)
-        self._setpoints, self._waiting, self._astray, self._slip = setpoints, 0.0, 0.0, 0.0
+        self._setpoints, self._wanted = setpoints, self._position
+        self._waiting = self._astray = self._slip = self._held = 0.0
 
     def _leave_effort_mode(self) -> None:
         if self._efforts is not None:
             reading, model = self._channel.read(), self.model
             self._efforts = None
-            self._position = np.clip(reading.positions, model.lower, model.upper)
-            self._velocity = np.clip(reading.velocities, -model.velocity, model.velocity)
+            velocity = np.clip(reading.velocities, -model.velocity, model.velocity)
+            self._rest_at(reading.positions, velocity)
+            self._velocity = velocity
             self._setpoints = self._braking()
 
     def _start_from_rest(self) -> None:
         """Somebody may have moved the joints by hand while they rested: go on from where they are."""
-        if isinstance(self._setpoints, Hold):
+        if self._settled:
             measured = self._channel.read().positions
             if np.any(np.abs(measured - self._position) > self._tracking.moved_by_hand):
-                self._position = np.clip(measured, self.model.lower, self.model.upper)
+                self._rest_at(measured)
 
     def _braking(self) -> Brake:
         model = self.model

@@ -232,7 +232,7 @@ class URArm(StreamedArm):
             else:
                 own.motion.fail(MotionErrorCode.FAULT, "the path ended elsewhere")
             self._own = None
-            self._hold_measured()
+            self._rest_at(measured)
 
     def _take_over(self, setpoints: Setpoints, motion: Motion[None] | None) -> None:
         if self._own is not None:

@@ -231,6 +231,8 @@ class URConnection(Connection):
         silence = self.clock.now() - self._link.heard
         if report is not None and fault_of(report) is None and silence < self.limits.watchdog:
             self._arm.cycle(elapsed)
+        else:
+            self._arm.give_way()
 
     def _settings(self) -> dict[str, float]:
         """For the SDK's process."""

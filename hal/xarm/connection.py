@@ -29,6 +29,8 @@ from hal.xarm.wire import XArmWire
 
 
 Array = NDArray[np.float64]
+LONGEST_STEP = 0.01
+"""Metres of the tool between two set-points of the servo mode, by UFACTORY's guide."""
 FASTEST, SLOWEST = 5000, 350
 """Speeds of the gripper's motor, revolutions per minute; the fastest is taken for the part's ``max_speed``."""
 
@@ -37,6 +39,7 @@ class XArmJoints(JointChannel):
     """Set-points in the controller's servo mode; readings come with the connection's cycle."""
 
     def __init__(self, wire: XArmWire, joints: int) -> None:
+        self.longest_tool_step = LONGEST_STEP
         self._wire, self._count = wire, joints
         self._reading: JointReading | None = None
 
@@ -187,7 +190,9 @@ class XArmConnection(Connection):
 
     def _cycle(self, elapsed: float) -> None:
         self._joints.refresh()
-        if self._wire.fault is None:
+        if self._wire.stopped:
+            self._arm.give_way()
+        else:
             self._arm.cycle(elapsed)
 
     def _set_limits(self, options: XArmOptions) -> None:

@@ -183,6 +183,12 @@ class XArmWire:
         return self._fault
 
     @property
+    def stopped(self) -> bool:
+        """Whether the controller has stopped the arm itself: an error of its own, not one of the gripper."""
+        fault = self._fault
+        return fault is not None and not fault.vendor_code.startswith("G")
+
+    @property
     def identity(self) -> ArmIdentity:
         """Which arm the controller has told that it moves."""
         return ArmIdentity.of(self._arm, self._load)

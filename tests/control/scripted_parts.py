@@ -151,7 +151,7 @@ class ScriptedArm(Arm):
         super().__init__(name)
         self.at: NDArray[np.float64] = np.array(positions, dtype=float)
         names = [f"joint_{number}" for number in range(1, len(self.at) + 1)]
-        self.model = arm_model(names, lower=-3.0, upper=3.0, velocity=velocity, acceleration=5.0, effort=50.0)
+        self.model = arm_model(names, lower=-3.0, upper=3.0, velocity=velocity, acceleration=100.0, effort=50.0)
         self.motions: list[ScriptedMotion] = []
         self.sent: list[NDArray[np.float64]] = []
         self.stops = 0

@@ -49,6 +49,8 @@ class ToolStream:
         self._manipulability = kinematics.manipulability(self._positions)
         speed = arm.model.velocity
         self._largest_step = self.streaming.speed_share * self.streaming.period * speed
+        self._largest_change = self.streaming.period**2 * arm.model.acceleration
+        self._step: NDArray[np.float64] = np.zeros_like(speed)
 
     def measured(self) -> Pose:
         """Where the tool is, by encoders."""
@@ -63,13 +65,16 @@ class ToolStream:
         positions = self._kinematics.track(base_from_tool, start)
         if positions is None:
             return StreamStep.UNREACHABLE
-        if np.any(np.abs(positions - self._positions) > self._largest_step):
+        step = positions - self._positions
+        quicker = np.abs(step) - np.abs(self._step)
+        if np.any(np.abs(step) > self._largest_step) or np.any(quicker > self._largest_change):
             return StreamStep.TOO_FAST
         manipulability = self._kinematics.manipulability(positions)
         if manipulability < min(self.streaming.min_manipulability, self._manipulability):
             return StreamStep.UNREACHABLE
         self._arm.servo(positions)
-        self._positions, self.pose, self._manipulability = positions, base_from_tool, manipulability
+        self._positions, self._step = positions, step
+        self.pose, self._manipulability = base_from_tool, manipulability
         return StreamStep.SENT
 
     def _towards(self, posture: NDArray[np.float64]) -> NDArray[np.float64]:

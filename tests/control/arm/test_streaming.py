@@ -14,6 +14,7 @@ from bestman_bt.messages import Failure, MotionErrorCode, Pose
 from hal.api import CommandRefusedError, NoDataError, NotConnectedError
 from tests.control.arm.gantry import START, AtWork, Gantry, spring
 from tests.control.scripted_parts import ScriptedArm
+from tests.robot_models import arm_model
 
 ALONG = np.array([0.6, -0.64, 0.48])
 
@@ -37,6 +38,16 @@ def test_a_step_that_any_joint_would_take_too_fast_is_not_sent(axis):
         kinematics.track = lambda pose, start, target=target: target
         assert sent.send(sent.pose) is step
         assert len(arm.sent) == (step is StreamStep.SENT)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_step_that_a_joint_would_have_to_accelerate_too_much_for_is_not_sent(sign):
+    sent, arm, _ = stream()
+    arm.model = arm_model(arm.joint_names, velocity=2.0, acceleration=5.0)  # 1.389 mm more than the step before
+    sent = ToolStream(arm, Gantry())
+    for way, step in ((1.3, "sent"), (4.1, "too fast"), (3.9, "sent"), (4.2, "sent")):  # the last one: slower again
+        assert sent.send(moved(Pose(START[:3], sent.pose.quaternion), sign * way / 1000)).value == step
+    assert len(arm.sent) == 3
 
 
 def test_a_refused_pose_leaves_the_stream_where_it_was_and_a_sent_one_takes_it_on():

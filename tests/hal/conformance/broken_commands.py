@@ -176,6 +176,18 @@ def never_lapsing(robot: Any) -> None:
     wrapped(base, "set_velocity", set_velocity)
 
 
+def joints_never_lapsing(robot: Any) -> None:
+    arm = robot.parts["arm"]
+    arm._tracking = replace(arm._tracking, velocity_timeout=np.inf)
+
+
+def without_a_gate(robot: Any) -> None:
+    """Set-points go out as they come, and trajectories at their own pace."""
+    arm = robot.parts["arm"]
+    wrapped(arm, "_joint_pace", lambda do, *a: 1.0)
+    wrapped(arm._gate, "_objection", lambda do, *a: "")
+
+
 def velocity_in_the_odometry_frame(robot: Any) -> None:
     base = robot.parts["base"]
 
@@ -214,6 +226,8 @@ BROKEN: list[tuple[str, Break]] = [
     ("trajectories are followed", of("arm", "follow", slow_follow)),
     ("set-points are streamed", of("arm", "servo", lambda do, positions: do(np.asarray(positions) + 0.02))),
     ("a gripper opens and closes", of("gripper", "state", lambda do: replace(do(), empty=False))),
+    ("velocities of joints lapse", joints_never_lapsing),
+    ("trajectories keep the limits between their samples", without_a_gate),
     ("velocities of a base lapse", never_lapsing),
     ("a base moves in its own frame", velocity_in_the_odometry_frame),
     ("a base drives and turns by odometry", of("base", "move_forward", lambda do, distance: do(1.05 * distance))),

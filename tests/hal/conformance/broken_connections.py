@@ -5,8 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
-import numpy as np
-
 from tests.hal.conformance.changed_robot import Break, changed, telling, wrapped
 from tests.robot_models import with_limits, with_part
 
@@ -77,7 +75,7 @@ def restless(robot: Any) -> None:
         again = not robot.connected
         do()
         if again and connected and not robot.stopped:
-            robot.parts["arm"].command(velocities=np.full(7, 0.05))
+            robot.parts["arm"].move_to(robot.parts["arm"].positions() + 0.2, 0.05)
         connected.append(None)
 
     wrapped(robot, "connect", connect)

@@ -214,7 +214,7 @@ def test_a_way_out_of_the_workspace_is_refused_also_in_the_middle_of_a_path(
     make_arm: Callable[..., URArm], ur5: RobotModel
 ) -> None:
     place = ToolLimits(ur5, "arm", SafetyConfig()).tool(HOME)
-    box = WorkspaceConfig(tuple(place - 0.05), tuple(place + 0.05))
+    box = WorkspaceConfig((-1.0, -1.0, 0.0), (1.0, place[1] + 0.05, 2.0))
     arm = make_arm(workspace=box)
     with pytest.raises(CommandRefusedError, match="workspace"):
         arm.move_path([HOME + NUDGE, HOME + 800 * NUDGE, HOME])
@@ -317,7 +317,7 @@ def test_a_controller_that_is_faster_than_allowed_or_leaves_the_workspace_is_sto
     make_arm: Callable[..., URArm], controller: Controller, ur5: RobotModel, now: list[float]
 ) -> None:
     place = ToolLimits(ur5, "arm", SafetyConfig()).tool(HOME)
-    arm = make_arm(workspace=WorkspaceConfig(tuple(place - 0.05), tuple(place + 0.05)))
+    arm = make_arm(workspace=WorkspaceConfig((-1.0, -1.0, 0.0), (1.0, place[1] + 0.05, 2.0)))
     limit = arm.model.velocity[0]
     for speed, at, words in (
         (1.05 * limit, HOME, ""),

@@ -79,7 +79,7 @@ def test_set_points_go_out_while_the_controller_is_heard_and_well(
         _link=SimpleNamespace(pump=lambda: report(**values), heard=5.0 - silence, beat=lambda: None),
         clock=SimpleNamespace(now=lambda: 5.0),
         limits=SafetyConfig(watchdog=0.1),
-        _arm=SimpleNamespace(cycle=cycles.append),
+        _arm=SimpleNamespace(cycle=cycles.append, give_way=lambda: None),
     )
     URConnection._cycle(connection, 0.01)
     assert bool(cycles) is sent

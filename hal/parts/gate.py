@@ -1,0 +1,297 @@
+"""The gate that every set-point of joints passes: position, speed, acceleration, and where an arm's tool and elbow go.
+
+From each set-point that it lets through, the joints can still brake to rest within all limits (the fail-safe braking
+of Althoff et al., 2019): what asks for more is held between that and braking, and in the end brought to rest.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bestman_bt.robot_model import ArmModel, JointedModel, RobotModel
+from bestman_bt.robot_model.connection_config import SafetyConfig
+
+if TYPE_CHECKING:
+    import pinocchio
+
+
+Array = NDArray[np.float64]
+SLACK = 1.001
+"""Share of a limit up to which a set-point passes as it is: rounding is no fault."""
+ROUNDING = 1e-6
+BISECTIONS = 8
+"""How finely the most that is allowed is found between what was asked for and braking."""
+SPACING, MOST_SAMPLES = 0.05, 8
+"""Radians between the places on the way to rest that are looked at, and how many these are at most."""
+
+
+class ToolLimits:
+    """Where the tool and the elbow of one arm are, and how fast the tool is. Joint positions are (n,).
+
+    Held to the ``workspace`` and the ``tool_speed`` of ``safety``. The pose of other joints between base and arm is
+    taken as ``home``. The elbow is the axis of the middle joint, the third of six and the fourth of seven.
+    ``top_speed``: m/s; None where nothing is said. Kinematics by pinocchio on the robot's URDF; both
+    are loaded when first needed.
+    """
+
+    def __init__(self, model: RobotModel, arm: str, safety: SafetyConfig) -> None:
+        self._robot, self._arm, self.box = model, model.of(ArmModel)[arm], safety.workspace
+        self.top_speed = safety.tool_speed
+        self._model: pinocchio.Model | None = None
+
+    @property
+    def needed(self) -> bool:
+        """Whether there is anything to hold the tool to."""
+        return self.box is not None or self.top_speed is not None
+
+    def outside(self, positions: Array) -> str | None:
+        """Where the tool or the elbow would leave the workspace, in words, else None."""
+        box = self.box
+        if box is None:
+            return None
+        for what, place in zip(("tool", "elbow"), self.places(positions), strict=True):
+            for axis, value, lower, upper in zip("xyz", place, box.lower, box.upper, strict=True):
+                if not lower <= value <= upper:
+                    room = f"its workspace is [{lower:.3f}, {upper:.3f}] m"
+                    return f"the {what} would be at {axis} = {value:.3f} m, {room}"
+        return None
+
+    def outside_on_the_way(self, start: Array, end: Array) -> str | None:
+        """As ``outside``, on the straight line in joint space; sampled every 0.05 rad."""
+        if self.box is None:
+            return None
+        count = 1 + int(np.ceil(np.max(np.abs(end - start)) / SPACING))
+        faults = (self.outside(start + share * (end - start)) for share in np.linspace(1.0, 0.0, count, endpoint=False))
+        return next((fault for fault in faults if fault is not None), None)
+
+    def slow_down(self, positions: Array, velocities: Array) -> float:
+        """The share, within (0, 1], of its speed at which a motion through these samples, (N, n) each, may run."""
+        if self.top_speed is None:
+            return 1.0
+        fastest = max(self.tool_speed(q, v) for q, v in zip(positions, velocities, strict=True))
+        return min(1.0, self.top_speed / max(fastest, 1e-9))
+
+    def tool(self, positions: Array) -> Array:
+        """The tool in the robot's base frame, (3,) metres."""
+        place: Array = self.places(positions)[0]
+        return place
+
+    def places(self, positions: Array) -> Array:
+        """The tool and the elbow in the robot's base frame, (2, 3) metres."""
+        import pinocchio
+
+        model, data, q = self._at(positions)
+        pinocchio.forwardKinematics(model, data, q)
+        places = [data.oMi[self._last].act(self._tip), data.oMi[self._elbow].translation]
+        return np.array([self._base.actInv(place) for place in places])
+
+    def tool_speed(self, positions: Array, velocities: Array) -> float:
+        """Speed of the tool relative to the base, m/s, when only this arm moves."""
+        import pinocchio
+
+        model, data, q = self._at(positions)
+        jacobian = pinocchio.computeFrameJacobian(model, data, q, self._tool, pinocchio.LOCAL_WORLD_ALIGNED)
+        return float(np.linalg.norm(jacobian[:3, self._columns] @ velocities))
+
+    def _at(self, positions: Array) -> tuple[pinocchio.Model, pinocchio.Data, Array]:
+        if self._model is None:
+            self._load()
+        q = self._neutral.copy()
+        q[self._slots] = positions
+        return self._model, self._data, q
+
+    def _load(self) -> None:
+        import pinocchio
+
+        whole = pinocchio.buildModelFromXML(self._robot.urdf)
+        home = pinocchio.neutral(whole)
+        for name, value in self._robot.postures.get("home", {}).items():
+            if whole.existJointName(name):
+                home[whole.joints[whole.getJointId(name)].idx_q] = value
+        names = self._arm.joint_names
+        others = [number for number in range(1, whole.njoints) if whole.names[number] not in names]
+        model = pinocchio.buildReducedModel(whole, others, home)
+        joints = [model.joints[model.getJointId(name)] for name in names]
+        self._slots = [joint.idx_q for joint in joints]
+        self._columns = [joint.idx_v for joint in joints]
+        self._neutral: Array = pinocchio.neutral(model)
+        self._tool = model.getFrameId(self._arm.tool_frame)
+        self._last, self._tip = model.frames[self._tool].parentJoint, model.frames[self._tool].placement.translation
+        self._elbow = model.getJointId(names[(len(names) - 1) // 2])
+        data = model.createData()
+        pinocchio.framesForwardKinematics(model, data, self._neutral)
+        self._base = data.oMf[model.getFrameId(self._robot.base_frame)].copy()
+        self._model, self._data = model, data
+
+
+class SetpointGate:
+    """Lets set-points (n,) through as they are, or the nearest that keeps all limits.
+
+    Limits: of ``model``, and of the ``tool`` where there is one. Joints that slow down for a stop may do so at
+    ``deceleration`` (n,), within ``stop_time`` seconds of their top speed, which is more than their acceleration
+    where that is low. ``period``: of the set-points, seconds. ``longest_tool_step``: metres that the tool may go
+    between two of them.
+
+    Speeds are means between two set-points, as a controller sees them. Where joints, tool or elbow are outside of
+    their limits they may come back, and go no farther. ``position``: the last set-point. ``reason``: why it is not the
+    one that was asked for, empty where it is. ``longest_time``: seconds of motion that the next one may be for.
+    """
+
+    def __init__(
+        self,
+        model: JointedModel,
+        period: float,
+        tool: ToolLimits | None = None,
+        stop_time: float = 0.3,
+        longest_tool_step: float = np.inf,
+    ) -> None:
+        self._model, self._period, self._tool, self._longest_tool_step = model, period, tool, longest_tool_step
+        self._watches_tool = tool is not None and (tool.needed or np.isfinite(longest_tool_step))
+        self.deceleration: Array = np.maximum(model.acceleration, model.velocity / stop_time)
+        self.reason = ""
+        self.start(np.zeros(len(model.joint_names)))
+
+    def start(self, position: Array, velocity: Array | None = None) -> None:
+        """Joints are at ``position``, at rest if no ``velocity`` is given: set-points go on from there."""
+        self.position: Array = position
+        self.rate: Array = np.zeros_like(position) if velocity is None else velocity
+        self._before = self._period  # seconds that the last step took
+        self._places: Array | None = None
+        self.longest_time = np.inf
+
+    @property
+    def moving(self) -> bool:
+        """Whether the last set-point was another than the one before it."""
+        return bool(np.any(self.rate != 0.0))
+
+    def rest(self, elapsed: float) -> None:
+        """Nothing was sent for ``elapsed`` seconds: the joints rest."""
+        self._before = elapsed
+
+    def admit(self, wanted: Array, velocity: Array, dt: float, elapsed: float, braking: bool = False) -> Array:
+        """The set-point, ``elapsed`` seconds after the last one, for one that is ``wanted``, where ``velocity`` holds.
+
+        ``dt``: seconds of motion that it is for, at most ``elapsed``. ``braking``: joints may slow down as for a stop.
+        """
+        rate = (wanted - self.position) / dt
+        self.reason = self._objection(wanted, rate, dt, self.deceleration if braking else self._model.acceleration)
+        if self.reason:
+            wanted = self._nearest(wanted, velocity, dt)
+            rate = (wanted - self.position) / dt
+        self.position, self.rate, self._before = wanted, rate * (dt / elapsed), elapsed
+        if self._tool is not None and self._watches_tool:
+            here, self._places = self._places, self._tool.places(wanted)
+            step = 0.0 if here is None else float(np.linalg.norm(self._places[0] - here[0]))
+            self.longest_time = self._longest_tool_step * dt / max(step, 1e-9)
+        return wanted
+
+    def _nearest(self, wanted: Array, velocity: Array, dt: float) -> Array:
+        """The most that is allowed between a step towards ``wanted`` within the joints' limits and braking."""
+        asked, braked = self._chased(wanted, velocity, dt), self._braked(dt)
+        if not (reason := self._objection(asked, (asked - self.position) / dt, dt, self.deceleration)):
+            return asked
+        self.reason, lower, upper = reason, 0.0, 1.0
+        for _ in range(BISECTIONS):
+            share = (lower + upper) / 2
+            between = braked + share * (asked - braked)
+            if self._objection(between, (between - self.position) / dt, dt, self.deceleration):
+                upper = share
+            else:
+                lower = share
+        nearest: Array = braked + lower * (asked - braked)
+        return nearest
+
+    def _chased(self, wanted: Array, velocity: Array, dt: float) -> Array:
+        """Towards a set-point that moves at ``velocity``, so that it is met without going beyond."""
+        limits, time = self._model, (self._before + dt) / 2
+        step = limits.acceleration * dt
+        error = wanted - velocity * dt - self.position
+        stopping = step * (np.sqrt(0.25 + 2.0 * np.abs(error) / (step * dt)) - 0.5)
+        rate = velocity + np.sign(error) * np.minimum(np.abs(error) / dt, stopping)
+        change = limits.acceleration * time
+        rate = np.clip(np.clip(rate, -limits.velocity, limits.velocity), self.rate - change, self.rate + change)
+        chased: Array = self.position + rate * dt
+        return chased
+
+    def _braked(self, dt: float) -> Array:
+        """The next set-point on the way to rest."""
+        middle = self._before / 2
+        times = self._braking_times(self.position, self.rate, middle)
+        way = _way(middle + dt, times) - _way(middle, times)
+        braked: Array = self.position + self.rate * way
+        return braked
+
+    def _braking_times(self, position: Array, rate: Array, middle: float) -> Array:
+        """Seconds (n,) from full speed to rest: all joints together, or sooner where one has less room.
+
+        ``rate``: mean speeds ``middle`` seconds ago.
+        """
+        fastest = np.abs(rate) / self.deceleration
+        room = np.where(rate > 0.0, self._model.upper - position, position - self._model.lower)
+        length = middle + np.maximum(room, 0.0) / np.maximum(np.abs(rate), 1e-12)
+        times: Array = np.maximum(fastest, np.minimum(np.max(fastest), length + np.sqrt(length**2 - middle**2)))
+        return times
+
+    def _objection(self, wanted: Array, rate: Array, dt: float, acceleration: Array) -> str:
+        """Which limit a set-point would break, or the way on to rest from it, in words; empty: none."""
+        limits, names = self._model, self._model.joint_names
+        speed = np.abs(rate)
+        if np.any(fast := speed > limits.velocity * SLACK + ROUNDING):
+            return f"{names[int(np.argmax(fast))]} would be faster than its limit"
+        allowed = np.where(speed < np.abs(self.rate), acceleration, limits.acceleration) * (self._before + dt) / 2
+        if np.any(sudden := np.abs(rate - self.rate) > allowed * SLACK + ROUNDING):
+            return f"{names[int(np.argmax(sudden))]} would accelerate more than its limit"
+        fastest = speed / self.deceleration
+        end = wanted + rate * (_way(np.inf, fastest) - _way(dt / 2, fastest))
+        lower = np.minimum(limits.lower - ROUNDING, self.position)  # which creeps no farther out by rounding
+        upper = np.maximum(limits.upper + ROUNDING, self.position)
+        beyond = (np.minimum(wanted, end) < lower) | (np.maximum(wanted, end) > upper)
+        if np.any(beyond):
+            return f"{names[int(np.argmax(beyond))]} would leave its range"
+        return self._objection_of_tool(wanted, rate, dt) if self._watches_tool else ""
+
+    def _objection_of_tool(self, wanted: Array, rate: Array, dt: float) -> str:
+        tool = self._tool
+        assert tool is not None
+        if self._places is None:
+            self._places = tool.places(self.position)
+        here, there = self._places, tool.places(wanted)
+        step, speed = float(np.linalg.norm(there[0] - here[0])), tool.top_speed
+        if step > self._longest_tool_step:
+            return f"the tool would go {1e3 * step:.1f} mm at once, its limit is {1e3 * self._longest_tool_step:.0f} mm"
+        if speed is not None and step > speed * dt * SLACK:
+            return "the tool would be faster than its limit"
+        if _leaves(tool, there, here):
+            return tool.outside(wanted) or "the tool would leave its workspace"
+        middle = dt / 2
+        times = self._braking_times(wanted, rate, middle)
+        ways = _way(np.inf, times) - _way(middle, times)
+        count = min(MOST_SAMPLES, 1 + int(np.max(np.abs(rate * ways)) / SPACING))
+        last = float(np.max(times))
+        for time in np.linspace(middle, last, count + 1)[1:] if last > middle else ():
+            place = wanted + rate * (_way(time, times) - _way(middle, times))
+            left = rate * np.maximum(0.0, 1.0 - time / np.maximum(times, 1e-12))
+            if speed is not None and tool.tool_speed(place, left) > speed * SLACK:
+                return "the tool would be faster than its limit"
+            if tool.box is not None and _leaves(tool, tool.places(place), here):
+                return tool.outside(place) or "the tool would leave its workspace"
+        return ""
+
+
+def _way(time: float, braking: Array) -> Array:
+    """Seconds of full speed that a joint goes within ``time`` after it has begun to brake to rest in ``braking``."""
+    passed = np.minimum(time, braking)
+    way: Array = passed - passed**2 / (2.0 * np.maximum(braking, 1e-12))
+    return way
+
+
+def _leaves(tool: ToolLimits, there: Array, here: Array) -> bool:
+    """Whether a place, (2, 3), is outside of the box, and farther than ``here``."""
+    if tool.box is None:
+        return False
+    lower = np.minimum(np.array(tool.box.lower) - ROUNDING, here)
+    upper = np.maximum(np.array(tool.box.upper) + ROUNDING, here)
+    return bool(np.any((there < lower) | (there > upper)))
