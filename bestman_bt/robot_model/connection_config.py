@@ -36,7 +36,7 @@ class ConnectionConfig:
 
 @dataclass(frozen=True)
 class WorkspaceConfig:
-    """A box, metres in the robot's base frame, that the tools of all arms stay in."""
+    """A box, metres in the robot's base frame, that the tools and elbows of all arms stay in."""
 
     lower: tuple[LengthLimit, LengthLimit, LengthLimit]
     upper: tuple[LengthLimit, LengthLimit, LengthLimit]

@@ -50,7 +50,7 @@ class JointGroup(Part):
         velocities: ArrayLike | None = None,
         efforts: ArrayLike | None = None,
     ) -> None:
-        """Set one kind of set-point, held until the next command.
+        """Set one kind of set-point, held until the next command; velocities lapse after 0.25 s without one.
 
         Raises CommandRefusedError unless exactly one is given, of shape (n,), finite and within the limits.
         """
