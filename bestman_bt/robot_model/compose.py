@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -23,7 +23,7 @@ from bestman_bt.configuration import (
 from bestman_bt.registry import suggestion
 from bestman_bt.robot_model.describe import describe
 from bestman_bt.robot_model.finger_linkage import all_positions
-from bestman_bt.robot_model.hardware_config import read_connections, with_hardware
+from bestman_bt.robot_model.hardware_config import read_connections, wider_limits, with_hardware
 from bestman_bt.robot_model.model import RobotModel
 from bestman_bt.robot_model.mounting import mount_place, mount_problems
 from bestman_bt.robot_model.part_config import (
@@ -138,6 +138,7 @@ def compose_robot(name: str, document: Document) -> RobotModel:
     parts = {part: placed[part].config if part in placed else None for part in names}
     connections, problems = read_connections(config, document, parts)
     faults.problems += problems
+    faults.problems += _wider_limits(config, document, placed)
     postures = _postures(config, document, placed, names, faults)
     base_frame = _base_frame(config, document, placed, names, faults)
     faults.problems += _default_arm_problems(config, document, placed, whole)
@@ -227,6 +228,17 @@ def _place_parts(
         placed[part_name] = part
         taken |= {element.get("name", "") for element in part.elements}
     return placed, bool(placed) and not unread and not mislaid
+
+
+def _wider_limits(config: RobotConfig, document: Document, placed: Mapping[str, PlacedPart]) -> Iterable[Problem]:
+    """Limits of real arms that the robot's file sets beyond those of their parts."""
+    for name in (part for connection in config.connections.values() for part in connection.parts):
+        part = placed[name].config if name in placed else None
+        if isinstance(part, ArmPart) and "limits" in config.parts[name].set:
+            asked_by = document.problem(("parts", name, "part"), "")
+            described = read_part(name, config.parts[name].part, Document({}), asked_by, set()).config
+            if isinstance(described, ArmPart):
+                yield from wider_limits(name, part, described, document)
 
 
 def _seen_from_the_robot(error: ConfigurationError, part: str, changes: Document) -> list[Problem]:

@@ -46,14 +46,15 @@ class WorkspaceConfig:
 class SafetyConfig:
     """What the robot may do at most, enforced above the vendors' own limits.
 
-    ``joint_speed``: share of the arms' speed limits; ``base_speed``, ``base_turn``, ``gripper_force``: at most, in
-    place of the parts' own where those are higher. These are written into the robot model, so planners and the
-    simulation keep them, too. ``tool_speed`` and ``workspace`` bound the arms' tools on hardware. ``watchdog``:
-    seconds without a sign of life after which a controller counts as lost and everything else is stopped;
-    ``heartbeat``: of the process that plans, or of the one that holds the connections, after which the robot brakes.
+    ``joint_speed``: share of the arms' speed limits, 1 if nothing is said; real arms of which neither this nor
+    ``tool_speed`` is said begin slowly. ``base_speed``, ``base_turn``, ``gripper_force``: at most, in place of the
+    parts' own where those are higher. These are written into the robot model, so planners and the simulation keep them,
+    too. ``tool_speed`` bounds the arms' tools, ``workspace`` their elbows, too. ``watchdog``: seconds without a sign of
+    life after which a controller counts as lost and everything else is stopped; ``heartbeat``: of the process that
+    plans, or of the one that holds the connections, after which the robot brakes.
     """
 
-    joint_speed: Share = 1.0
+    joint_speed: Share | None = None
     tool_speed: SpeedLimit | None = None
     gripper_force: ForceLimit | None = None
     base_speed: SpeedLimit | None = None

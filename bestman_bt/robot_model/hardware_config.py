@@ -18,6 +18,7 @@ from bestman_bt.robot_model.part_fields import PartConfig
 from bestman_bt.robot_model.robot_config import RobotConfig
 
 _VARIABLE = re.compile(r"\$\{(\w+)\}")
+ROUNDING = 1e-6
 _AS_A_GRIPPER = ("suction",)
 """Kinds that are driven as a gripper is."""
 
@@ -30,6 +31,23 @@ def with_hardware(model: RobotModel, connections: Mapping[str, ConnectionConfig]
         connections=dict(connections),
         safety=safety,
     )
+
+
+FIRST_JOINT_SPEED, FIRST_TOOL_SPEED = 0.1, 0.25
+"""Share of the joints' limits, and m/s: of real arms of which nobody has said how fast they may be."""
+
+
+def unlimited(model: RobotModel) -> bool:
+    """Whether the robot's ``safety`` says nothing of how fast its arms may be."""
+    return bool(model.of(ArmModel)) and model.safety.joint_speed is None and model.safety.tool_speed is None
+
+
+def with_first_limits(model: RobotModel) -> RobotModel:
+    """As ``model``, with arms as slow as a real robot's first motions should be, if its ``safety`` limits no speed."""
+    if not unlimited(model):
+        return model
+    safety = dataclasses.replace(model.safety, joint_speed=FIRST_JOINT_SPEED, tool_speed=FIRST_TOOL_SPEED)
+    return with_hardware(model, model.connections, safety)
 
 
 def read_connections(
@@ -126,6 +144,16 @@ def _payload_problems(
             yield document.problem(("connections", name, "options", "payload"), message)
 
 
+def wider_limits(name: str, part: ArmPart, described: ArmPart, document: Document) -> Iterator[Problem]:
+    """Where the robot's file lets an arm do more than its ``described`` part, which has the vendor's limits."""
+    for field in ("lower", "upper", "velocity", "acceleration", "effort"):
+        of_file, of_part = getattr(part.limits, field), getattr(described.limits, field)
+        for joint, asked, most in zip(part.joints, of_file, of_part, strict=False):
+            if asked < most - ROUNDING if field == "lower" else asked > most + ROUNDING:
+                message = f"{joint} = {asked:.4g} is beyond the limit of the part {name!r}, {most:.4g} (SI units)"
+                yield document.problem(("parts", name, "set", "limits", field), message)
+
+
 def _safety_problems(safety: SafetyConfig, document: Document) -> Iterator[Problem]:
     if safety.joint_speed == 0.0:
         yield document.problem(("safety", "joint_speed"), "should be above 0, a share of the arms' speed limits")
@@ -142,7 +170,8 @@ def _within(safety: SafetyConfig, part: Part) -> Part:
     config: Any = getattr(part, "part", None)
     match part:
         case ArmModel():
-            speeds = tuple(speed * safety.joint_speed for speed in config.limits.velocity)
+            share = 1.0 if safety.joint_speed is None else safety.joint_speed
+            speeds = tuple(speed * share for speed in config.limits.velocity)
             slower: dict[str, Any] = {"limits": dataclasses.replace(config.limits, velocity=speeds)}
         case BaseModel():
             speed = math.inf if safety.base_speed is None else safety.base_speed

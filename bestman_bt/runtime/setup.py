@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Collection, Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from importlib.util import find_spec
 from pathlib import Path
@@ -31,6 +31,7 @@ from bestman_bt.messages import Pose2D
 from bestman_bt.perception import PerceptionError
 from bestman_bt.registry import CONNECTIONS, DRIVERS, UnknownNameError
 from bestman_bt.robot_model import ArmModel, BaseModel, CameraPart, RobotModel, load_robot_model
+from bestman_bt.robot_model.hardware_config import unlimited, with_first_limits
 from bestman_bt.runtime.algorithms import (
     Algorithms,
     algorithm_problems,
@@ -67,6 +68,8 @@ class Setup(DrawnTask):
     """A configuration with everything that it names."""
 
     registry: NodeRegistry
+    slow_arms: bool = field(default=False, kw_only=True)
+    """Whether real arms go as slowly as first motions should, because the robot's file limits no speed of them."""
 
     @cached_property
     def asked(self) -> tuple[Goal[Any], ...]:
@@ -155,6 +158,7 @@ def prepare(
     registry: NodeRegistry | None = None
     robot_model: RobotModel | None = None
     scene: SceneConfig | None = None
+    slow_arms = False
     # A plug-in may bring the driver, but one that is there is imported first: it can then guard what plug-ins import.
     if config.driver in DRIVERS.names():
         DRIVERS.resolve(config.driver)
@@ -175,6 +179,8 @@ def prepare(
     if robot_model is not None:
         if config.driver == "hardware":
             faults.problems += _connection_problems(config, robot_model)
+            slow_arms = unlimited(robot_model)
+            robot_model = with_first_limits(robot_model)
         with faults.step():
             _prepare_algorithms(config, robot_model)
     if robot_model is None or scene is None:
@@ -199,7 +205,7 @@ def prepare(
         faults.problems += task_problems(task)
         faults.raise_if_any()
     assert registry is not None
-    setup = Setup(config, robot_model, world, world_model, registry, absent=scene.absent)
+    setup = Setup(config, robot_model, world, world_model, registry, absent=scene.absent, slow_arms=slow_arms)
     faults.problems += task_problems(setup)
     if not faults.problems:
         world_model.told.update(setup.told)

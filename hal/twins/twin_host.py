@@ -15,6 +15,7 @@ from bestman_bt.messages import Pose
 from bestman_bt.registry import Registry
 from bestman_bt.robot_model import CameraPart, RobotModel
 from bestman_bt.robot_model.connection_config import ConnectionConfig
+from bestman_bt.robot_model.hardware_config import unlimited
 from bestman_bt.scene import World
 from hal.api import Gripper, JointGroup
 from hal.twins.errors import TwinError
@@ -108,18 +109,22 @@ class Twin(Protocol):
 class Hosted:
     """Where things are: connection → address; the sockets of the judge and of the faults.
 
-    ``drivers``: connection → what its clients use in place of its own driver.
+    ``drivers``: connection → what its clients use in place of its own driver. ``full_speed``: whether the robot's file
+    says nothing of how fast its arms may be; those of a twin may be as fast as they can.
     """
 
     addresses: Mapping[str, str]
     drivers: Mapping[str, str]
     judge: Path | None
     faults: Path
+    full_speed: bool = False
 
     def document(self) -> dict[str, Any]:
         """As JSON; ``settings``: for ``--set``, so that the robot's own YAML reaches the twins."""
         settings = [f"robot.connections.{name}.address={at}" for name, at in self.addresses.items()]
         settings += [f"robot.connections.{name}.driver={driver}" for name, driver in self.drivers.items()]
+        if self.full_speed:
+            settings.append("robot.safety.joint_speed=1.0")
         return {
             "addresses": dict(self.addresses),
             "judge": str(self.judge) if self.judge is not None else None,
@@ -169,7 +174,7 @@ class TwinHost:
                     server.start()
                 reached_by = {name: getattr(twin, "reached_by", "") for name, twin in self.twins.items()}
                 drivers = {name: driver for name, driver in reached_by.items() if driver}
-                ready(Hosted(addresses, drivers, judge, faults))
+                ready(Hosted(addresses, drivers, judge, faults, unlimited(self._model)))
 
             try:
                 self.world.run(open_all)

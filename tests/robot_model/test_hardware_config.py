@@ -10,6 +10,7 @@ import pytest
 
 from bestman_bt.configuration import ConfigurationError, Document
 from bestman_bt.robot_model import ArmModel, BaseModel, GripperModel, RobotModel, compose_robot
+from bestman_bt.robot_model.hardware_config import with_first_limits
 
 PARTS = {
     "base": {"part": "differential_base"},
@@ -150,3 +151,44 @@ def test_all_faults_are_told_at_once() -> None:
 
 def test_the_shipped_robots_need_no_connection(tmp_path: Path) -> None:
     assert robot().connections == {}
+
+
+@pytest.mark.parametrize(
+    ("safety", "share", "tool_speed"),
+    [
+        ({}, 0.1, 0.25),
+        ({"watchdog": 0.5, "base_speed": 0.2}, 0.1, 0.25),
+        ({"joint_speed": 1.0}, 1.0, None),
+        ({"tool_speed": 0.5}, 1.0, 0.5),
+    ],
+)
+def test_real_arms_begin_slowly_where_nobody_says_how_fast_they_may_be(
+    safety: dict[str, Any], share: float, tool_speed: float | None
+) -> None:
+    plain, model = robot(), with_first_limits(robot(safety=safety))
+    assert model.of(ArmModel)["arm"].velocity == pytest.approx(share * plain.of(ArmModel)["arm"].velocity)
+    assert model.safety.tool_speed == tool_speed
+    assert model.safety.watchdog == safety.get("watchdog", 0.25)
+    assert model.of(BaseModel)["base"].part.max_vx == safety.get("base_speed", plain.of(BaseModel)["base"].part.max_vx)
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "joint"),
+    [
+        ("velocity", [3.2, 3, 3, 3, 3, 3], "joint1"),
+        ("upper", [1, 1, 1, 1, 1, 7], "joint6"),
+        ("lower", [-7, -1, -1, -1, -1, -1], "joint1"),
+        ("acceleration", [1, 1, 21, 1, 1, 1], "joint3"),
+    ],
+)
+def test_limits_of_a_real_arm_beyond_those_of_its_part_are_told(field: str, value: list[float], joint: str) -> None:
+    arm = {**PARTS["arm"], "set": {"limits": {field: value}}}
+    robot(parts={**PARTS, "arm": arm})  # in simulation anything goes
+    with pytest.raises(ConfigurationError) as error:
+        robot(parts={**PARTS, "arm": arm}, connections={"controller": XARM})
+    (problem,) = error.value.problems
+    assert problem.field == f"parts.arm.set.limits.{field}"
+    assert f"{joint} = " in problem.message
+    narrower = [0.5 * abs(v) * (-1 if field == "lower" else 1) / 7 for v in (1, 1, 1, 1, 1, 1)]
+    arm["set"]["limits"][field] = narrower
+    assert robot(parts={**PARTS, "arm": arm}, connections={"controller": XARM}).connections
