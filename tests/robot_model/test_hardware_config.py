@@ -157,9 +157,9 @@ def test_the_shipped_robots_need_no_connection(tmp_path: Path) -> None:
     ("safety", "share", "tool_speed"),
     [
         ({}, 0.1, 0.25),
-        ({"watchdog": 0.5, "base_speed": 0.2}, 0.1, 0.25),
+        ({"watchdog": "0.5 s", "base_speed": "0.2 m/s"}, 0.1, 0.25),
         ({"joint_speed": 1.0}, 1.0, None),
-        ({"tool_speed": 0.5}, 1.0, 0.5),
+        ({"tool_speed": "0.5 m/s"}, 1.0, 0.5),
     ],
 )
 def test_real_arms_begin_slowly_where_nobody_says_how_fast_they_may_be(
@@ -168,27 +168,29 @@ def test_real_arms_begin_slowly_where_nobody_says_how_fast_they_may_be(
     plain, model = robot(), with_first_limits(robot(safety=safety))
     assert model.of(ArmModel)["arm"].velocity == pytest.approx(share * plain.of(ArmModel)["arm"].velocity)
     assert model.safety.tool_speed == tool_speed
-    assert model.safety.watchdog == safety.get("watchdog", 0.25)
-    assert model.of(BaseModel)["base"].part.max_vx == safety.get("base_speed", plain.of(BaseModel)["base"].part.max_vx)
+    assert model.safety.watchdog == (0.5 if "watchdog" in safety else 0.25)
+    usual = plain.of(BaseModel)["base"].part.max_vx
+    assert model.of(BaseModel)["base"].part.max_vx == (0.2 if "base_speed" in safety else usual)
 
 
 @pytest.mark.parametrize(
-    ("field", "value", "joint"),
+    ("field", "value", "unit", "joint"),
     [
-        ("velocity", [3.2, 3, 3, 3, 3, 3], "joint1"),
-        ("upper", [1, 1, 1, 1, 1, 7], "joint6"),
-        ("lower", [-7, -1, -1, -1, -1, -1], "joint1"),
-        ("acceleration", [1, 1, 21, 1, 1, 1], "joint3"),
+        ("velocity", [3.2, 3, 3, 3, 3, 3], "rad/s", "joint1"),
+        ("upper", [1, 1, -0.2, 1, 1, 7], "rad", "joint6"),
+        ("lower", [-7, -1, -1, -1, -1, -1], "rad", "joint1"),
+        ("acceleration", [1, 1, 21, 1, 1, 1], "rad/s²", "joint3"),
     ],
 )
-def test_limits_of_a_real_arm_beyond_those_of_its_part_are_told(field: str, value: list[float], joint: str) -> None:
-    arm = {**PARTS["arm"], "set": {"limits": {field: value}}}
+def test_limits_of_a_real_arm_beyond_those_of_its_part_are_told(
+    field: str, value: list[float], unit: str, joint: str
+) -> None:
+    arm = {**PARTS["arm"], "set": {"limits": {field: [f"{one} {unit}" for one in value]}}}
     robot(parts={**PARTS, "arm": arm})  # in simulation anything goes
     with pytest.raises(ConfigurationError) as error:
         robot(parts={**PARTS, "arm": arm}, connections={"controller": XARM})
     (problem,) = error.value.problems
     assert problem.field == f"parts.arm.set.limits.{field}"
     assert f"{joint} = " in problem.message
-    narrower = [0.5 * abs(v) * (-1 if field == "lower" else 1) / 7 for v in (1, 1, 1, 1, 1, 1)]
-    arm["set"]["limits"][field] = narrower
+    arm["set"]["limits"][field] = [f"{min(max(one, -1), 3) if unit == 'rad' else 0.9} {unit}" for one in value]
     assert robot(parts={**PARTS, "arm": arm}, connections={"controller": XARM}).connections
