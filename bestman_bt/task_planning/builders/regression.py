@@ -6,6 +6,9 @@ R. E. Fikes, P. E. Hart, N. J. Nilsson, "Learning and Executing Generalized Robo
 
 from __future__ import annotations
 
+import functools
+import heapq
+import operator
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import NamedTuple
 
@@ -59,50 +62,96 @@ def staircase(steps: Sequence[Step], goal: Iterable[Literal], most_ways: int) ->
     ``most_ways``: of a step, those first that leave out the fewest. Raises PlanningError as ``kernels`` does.
     """
     kernels(steps, goal)  # what does not fit together is told
-    table: list[dict[Kernel, int]] = [{frozenset(goal): 0}]  # way → how many steps it leaves out
+    alone = [part for whole in steps for part in (*whole.alone, whole)]
+    bits = _Bits(goal, *(step.pre | step.effects for step in alone))
+    follower = {bits.of(goal): 0}  # way → how many steps it leaves out
+    followers = [follower]  # of each later step, and of the goal
+    later = set(follower)
     found: list[Ready] = []
-    for step in reversed([part for whole in steps for part in (*whole.alone, whole)]):
-        later = [way for follower in table for way in follower]
-        ways: dict[Kernel, int] = {}
-        for skipped, follower in enumerate(table):
-            for after, left_out in follower.items():
-                before = _before(step, after)
-                if before is not None and not _covered(before, later):  # else a later one is ready, too
+    for step in reversed(alone):
+        pre, effects = bits.of(step.pre), bits.of(step.effects)
+        ways: dict[int, int] = {}
+        for skipped, after_step in enumerate(followers):
+            for after, left_out in after_step.items():
+                before = bits.before(pre, effects, after)
+                if before is not None:
                     ways[before] = min(ways.get(before, skipped + left_out), skipped + left_out)
-        ways = dict(sorted(_simplified(ways).items(), key=lambda way: (way[1], sorted(way[0])))[:most_ways])
-        table.insert(0, ways)
-        found.insert(0, Ready(step, tuple(ways)))
+        # Where a later one is ready anyhow, this one is not asked for.
+        asked = bits.simplified({way: left_out for way, left_out in ways.items() if not bits.covered(way, later)})
+        enough = max(heapq.nsmallest(most_ways, asked.values()), default=0)
+        fewest = [way for way in asked.items() if way[1] <= enough]
+        best = sorted(fewest, key=lambda way: (way[1], sorted(bits.kernel(way[0]))))[:most_ways]
+        followers.insert(0, dict(best))
+        later.update(dict(best))
+        found.insert(0, Ready(step, tuple(bits.kernel(way) for way, _ in best)))
     return tuple(found)
 
 
-def _before(step: Step, after: Kernel) -> Kernel | None:
-    try:
-        return kernel(step, after)
-    except PlanningError:  # ``after`` cannot come next
-        return None
+class _Bits:
+    """Kernels as whole numbers: bit 2i says that fact i must hold, bit 2i + 1 that it must not."""
 
+    def __init__(self, *kernels: Iterable[Literal]) -> None:
+        self._facts = sorted({literal.fact for kernel in kernels for literal in kernel})
+        self._index = {fact: 2 * i for i, fact in enumerate(self._facts)}
+        self._positive = sum(1 << index for index in self._index.values())
 
-def _covered(way: Kernel, others: Sequence[Kernel]) -> bool:
-    """Whether one of the others holds wherever a way does: at once, or however a literal is (Shannon expansion)."""
-    if any(other <= way for other in others):
-        return True
-    possible = [other for other in others if not any(~literal in way for literal in other)]
-    asked = frozenset().union(*possible) - way
-    undecided = min((literal for literal in asked if ~literal in asked), default=None)
-    return undecided is not None and all(_covered(way | {one}, possible) for one in (undecided, ~undecided))
+    def of(self, kernel: Iterable[Literal]) -> int:
+        """A kernel as a number."""
+        return sum(1 << (self._index[literal.fact] + literal.negated) for literal in kernel)
 
+    def kernel(self, bits: int) -> Kernel:
+        """The kernel of a number."""
+        return frozenset(
+            Literal(fact, negated=bool(negated))
+            for fact, index in self._index.items()
+            for negated in (0, 1)
+            if bits >> (index + negated) & 1
+        )
 
-def _simplified(ways: Mapping[Kernel, int]) -> dict[Kernel, int]:
-    """Two that differ in whether one literal holds are one without it; those that ask for more than others go."""
-    found = dict(ways)
-    while True:
-        found = {way: left_out for way, left_out in found.items() if not any(other < way for other in found)}
-        merged = {
-            way - {literal}: min(left_out, found[way ^ {literal, ~literal}])
-            for way, left_out in found.items()
-            for literal in way
-            if way ^ {literal, ~literal} in found
-        }
-        if not merged:
-            return found
-        found |= merged
+    def contrary(self, bits: int) -> int:
+        """What must hold where this must not, and the other way round."""
+        return (bits & self._positive) << 1 | (bits >> 1) & self._positive
+
+    def before(self, pre: int, effects: int, after: int) -> int | None:
+        """What must hold before a step for ``after`` to hold after it; None where nothing can."""
+        if self.contrary(after) & effects:
+            return None
+        before = after & ~effects | pre
+        return None if before & before >> 1 & self._positive else before
+
+    def covered(self, way: int, others: Iterable[int]) -> bool:
+        """Whether one of the others holds wherever a way does: at once, or however a fact is (Shannon expansion)."""
+        missing = ~way
+        if not all(other & missing for other in others):
+            return True
+        contrary = self.contrary(way)
+        possible = [other for other in others if not other & contrary]
+        asked = functools.reduce(operator.or_, possible, 0) & missing
+        undecided = asked & self.contrary(asked)  # facts that some want to hold, and others not to
+        if not undecided:
+            return False
+        one = undecided & -undecided
+        return all(self.covered(way | literal, possible) for literal in (one, self.contrary(one)))
+
+    def simplified(self, ways: Mapping[int, int]) -> dict[int, int]:
+        """Two that differ in whether one fact holds are one without it; those that ask for more than others go."""
+        found = dict(ways)
+        while True:
+            least: list[int] = []  # those that none of the others is a part of
+            for way in sorted(found, key=int.bit_count):
+                missing = ~way
+                if all(other & missing for other in least):
+                    least.append(way)
+            found = {way: found[way] for way in least}
+            merged: dict[int, int] = {}
+            for way, left_out in found.items():
+                rest = way
+                while rest:
+                    literal = rest & -rest
+                    rest ^= literal
+                    other = way ^ literal ^ self.contrary(literal)
+                    if other in found:
+                        merged[way ^ literal] = min(left_out, found[other])
+            if not merged:
+                return found
+            found |= merged

@@ -411,3 +411,34 @@ def test_a_tree_that_plans_anew_keeps_to_the_limits_and_counts_that_it_was_given
     for entry in ('limits="steps=7"', 'replans="5"', 'builder="backchain"', 'planner="symbolic"', 'goal="tucked"'):
         assert entry in anew
     assert 'limits=""' in with_replanning(made, goal, "symbolic", "backchain", node_registry())
+
+
+def test_the_staircase_of_a_long_plan_is_made_at_once() -> None:
+    """44 steps, in which any of 20 objects may be carried next: ways grow with the plan, not with its subsets."""
+    objects = {f"o{number}": "object" for number in range(20)}
+    base = kitchen("hand_empty")
+    shut = [
+        operator("OpenContainer", DOOR, "hand_empty and closed({container})",
+                 "not closed({container}) and open({container})"),
+        operator("CloseContainer", DOOR, "hand_empty and open({container})",
+                 "closed({container}) and not open({container})"),
+    ]  # fmt: skip
+    problem = replace(
+        base,
+        objects={**base.objects, **objects},
+        state=facts(*(f"on(o{n}, chest/drawer_{n % 2 + 1})" for n in range(20)), "hand_empty", "closed(drawer_1)",
+                    "closed(drawer_2)", "behind(chest/drawer_1, drawer_1)", "behind(chest/drawer_2, drawer_2)"),
+        goal=parse_literals(" and ".join([*(f"on({name}, table)" for name in objects), "closed(drawer_1)"])),
+        operators=(*base.operators[:2], *shut),
+    )  # fmt: skip
+    plan = []
+    for drawer in (1, 2):
+        plan.append(f"OpenContainer(drawer_{drawer})")
+        for number in range(drawer - 1, 20, 2):
+            plan += [f"PickUp(o{number}, chest/drawer_{drawer})", f"PutAt(o{number}, table)"]
+        plan.append(f"CloseContainer(drawer_{drawer})")
+    stairs = staircase(steps_one_by_one(plan_of(problem, *plan)), problem.goal, 8)
+    assert len(stairs) == 44
+    assert stairs[0].holds_in(problem.state)
+    assert not any(stair.holds_in(problem.state) for stair in stairs[1:])
+    assert all(len(stair.ways) <= 8 for stair in stairs)
