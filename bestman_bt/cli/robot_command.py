@@ -11,8 +11,8 @@ import typer
 
 from bestman_bt.cli.json_output import json_output
 from bestman_bt.cli.option_values import wrong_input
-from bestman_bt.cli.options import Json, Png, grouped_options
-from bestman_bt.configuration import ConfigurationError, Problem, own_parts, pybullet_data
+from bestman_bt.cli.options import Json, Png, Settings, grouped_options
+from bestman_bt.configuration import ConfigurationError, Problem, own_parts, parse_settings, pybullet_data
 from bestman_bt.robot_model import ArmModel, JointGroupModel
 
 verbs = typer.Typer(
@@ -137,6 +137,40 @@ class PartOptions:
         list[Path] | None, typer.Option("--package-path", metavar="DIR", help="Where packages of meshes are.")
     ] = None
     cut: Annotated[list[str] | None, typer.Option(metavar="LINK", help="Leave this link out, and what follows.")] = None
+
+
+@verbs.command(name="move-into-limits")
+def move_into_limits(
+    name: Name,
+    settings: Settings = None,
+    yes: Annotated[bool, typer.Option("--yes", help="Move without asking: somebody looks at the robot.")] = False,
+) -> None:
+    """Bring joints of a real robot that stand outside of their configured range back into it, slowly."""
+    from bestman_bt.robot_model import load_robot_model
+    from hal.hardware import HardwareRobot
+    from hal.hardware.into_limits import admit_outside, go_back, ways_back
+    from hal.parts import ConnectionFailedError
+
+    with json_output(False):
+        keys = parse_settings(settings or [])
+        model = load_robot_model(name, {key.removeprefix("robot."): value for key, value in keys.items()})
+        robot = HardwareRobot(model)
+    admit_outside(robot)
+    try:
+        with robot:
+            ways = list(ways_back(robot))
+            if not ways:
+                print("all joints are within their ranges")
+            for way in ways:
+                print(f"{way.part}: {way}, at 5 % of the speed limits")
+                if not yes:
+                    typer.confirm("Is the way free, and somebody at the emergency stop?", abort=True)
+                if fault := go_back(robot, way):
+                    print(f"bestman-bt: {way.part} is not back: {fault}", file=sys.stderr)
+                    raise typer.Exit(1)
+    except ConnectionFailedError as error:
+        print(f"bestman-bt: {error}", file=sys.stderr)
+        raise typer.Exit(2) from error
 
 
 @verbs.command(name="import")

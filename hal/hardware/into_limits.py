@@ -1,0 +1,63 @@
+"""Joints that stand outside of their configured range are brought back into it, slowly, while somebody looks."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hal.api import MotionStatus, Robot
+from hal.parts import StreamedJointGroup
+
+SPEED = 0.05
+"""Share of the joints' speed limits."""
+MARGIN = 0.02
+"""Radians or metres within the range, where the joints end."""
+POLL = 0.05
+
+
+@dataclass(frozen=True, eq=False)
+class WayBack:
+    """What brings the joints of one part back: ``joints`` that are outside, from ``here`` to ``there``, (n,) each."""
+
+    part: str
+    joints: tuple[str, ...]
+    here: NDArray[np.float64]
+    there: NDArray[np.float64]
+
+    def __str__(self) -> str:
+        """For people."""
+        moved = zip(self.joints, self.here, self.there, strict=True)
+        return ", ".join(f"{joint} from {here:.4f} to {there:.4f}" for joint, here, there in moved if here != there)
+
+
+def admit_outside(robot: Robot) -> None:
+    """Joints outside of their range are taken when ``robot`` connects; before it does."""
+    for part in robot.parts.values():
+        if isinstance(part, StreamedJointGroup):
+            part.comes_into_limits = True
+
+
+def ways_back(robot: Robot) -> Iterator[WayBack]:
+    """For each part of a connected robot that has joints outside of their range."""
+    for name, part in robot.parts.items():
+        if not isinstance(part, StreamedJointGroup):
+            continue
+        here, lower, upper = part.positions(), part.model.lower, part.model.upper
+        outside = (here < lower) | (here > upper)
+        if np.any(outside):
+            margin = np.minimum(MARGIN, (upper - lower) / 2)
+            yield WayBack(
+                name, part.joint_names, here, np.where(outside, np.clip(here, lower + margin, upper - margin), here)
+            )
+
+
+def go_back(robot: Robot, way: WayBack) -> str:
+    """Move slowly; why it did not arrive, or nothing."""
+    part = robot.part(way.part, StreamedJointGroup)
+    motion = part.move_to(way.there, SPEED)
+    while not motion.done:
+        robot.clock.sleep(POLL)
+    return "" if motion.status is MotionStatus.SUCCEEDED else str(motion.failure)
