@@ -30,7 +30,7 @@ class XArmOptions:
     """
 
     arm: ArmKind = "xarm"
-    rate: Rate = 100.0
+    rate: Rate = 200.0
     collision_sensitivity: Sensitivity | None = None
     reduced_mode: bool = False
     payload: Mass | None = None
