@@ -20,10 +20,18 @@ from bestman_bt.configuration.data import (
     shipped_trees,
     user_folders,
 )
-from bestman_bt.configuration.errors import ConfigurationError, Problem, ProblemCollector, told_to_programs
+from bestman_bt.configuration.errors import (
+    UNREAD,
+    ConfigurationError,
+    Problem,
+    ProblemCollector,
+    UnreadError,
+    as_far_as_read,
+    told_to_programs,
+)
 
 if TYPE_CHECKING:
-    from bestman_bt.configuration.checked import check, override, salvage
+    from bestman_bt.configuration.checked import check, is_whole, numbered, override, salvage
     from bestman_bt.configuration.disturbance import DisturbanceConfig
     from bestman_bt.configuration.document import Document, dotted, parse_document, parse_value, read_document
     from bestman_bt.configuration.run import (
@@ -38,7 +46,6 @@ if TYPE_CHECKING:
     from bestman_bt.configuration.task import (
         TaskConfig,
         TolerancesConfig,
-        algorithm_parameters,
         load_task,
         task_of_tree,
     )
@@ -50,12 +57,13 @@ _HOMES = {
     "RunRequest": "run",
     "TaskConfig": "task",
     "TolerancesConfig": "task",
-    "algorithm_parameters": "task",
     "check": "checked",
     "dotted": "document",
     "dump_run": "run",
+    "is_whole": "checked",
     "load_run": "run",
     "load_task": "task",
+    "numbered": "checked",
     "override": "checked",
     "parse_document": "document",
     "parse_settings": "run",
@@ -68,6 +76,7 @@ _HOMES = {
 }
 
 __all__ = [
+    "UNREAD",
     "ConfigurationError",
     "DisturbanceConfig",
     "Document",
@@ -77,7 +86,8 @@ __all__ = [
     "RunRequest",
     "TaskConfig",
     "TolerancesConfig",
-    "algorithm_parameters",
+    "UnreadError",
+    "as_far_as_read",
     "beside",
     "check",
     "data_names",
@@ -86,9 +96,11 @@ __all__ = [
     "dump_run",
     "find_data",
     "in_folders",
+    "is_whole",
     "load_run",
     "load_task",
     "no_pybullet_data",
+    "numbered",
     "override",
     "own_objects",
     "own_parts",

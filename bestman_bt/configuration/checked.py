@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-import copy
 import dataclasses
 import functools
+import re
 import types
 import typing
-from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, TypeVar
 
 from pydantic import ConfigDict, TypeAdapter, ValidationError
 
-from bestman_bt.configuration.document import Document, FieldPath
-from bestman_bt.configuration.errors import ConfigurationError, Problem
+from bestman_bt.configuration.document import Document, FieldPath, dotted
+from bestman_bt.configuration.errors import ConfigurationError, Problem, UnreadError
+from bestman_bt.configuration.quantity import LIMITS
 from bestman_bt.configuration.secret import SecretMark, shown_setting
 from bestman_bt.messages.shapes import OrderError
 from bestman_bt.registry import suggestion
@@ -37,37 +37,47 @@ _PLAIN_WORDS = {
     "dataclass_type": "should hold fields (name: value)",
 }
 """Pydantic's types of faults → what is owed, in the words of YAML."""
+_OF_PYDANTIC = re.compile(r"^(Value error,|Input|String|Tuple|Dictionary) ")
+"""Before the words that say what is owed."""
 
 
 def check(document: Document, dataclass_type: type[T]) -> T:
     """Build a frozen dataclass from a document; ConfigurationError lists all unknown, missing and wrong fields."""
     value, problems = salvage(document, dataclass_type)
-    if problems or value is None:
+    if problems:
         raise ConfigurationError(problems)
     return value
 
 
-def salvage(document: Document, dataclass_type: type[T]) -> tuple[T | None, list[Problem]]:
+def salvage(document: Document, dataclass_type: type[T]) -> tuple[T, list[Problem]]:
     """As ``check``, but what is wrong is left out of the value, so that the rest of it can be checked further.
 
-    Also returns all problems; the value is None where what is wrong cannot be left out.
+    Also returns all problems. A wrong field has its default; one without a default raises UnreadError when it is asked
+    for. Wrong entries of mappings and lists are missing; ``numbered`` tells which entries of a list those are that are
+    left.
     """
-    problems = [document.problem(*fault) for fault in _unknown_fields(document.data, dataclass_type, ())]
     kind: Any = dataclass_type  # mypy takes the types of dataclasses for unhashable
-    data: Any = document.data
-    first = True
-    while True:  # leaving a value out may leave what holds it without something that it needs
-        try:
-            value: T = _adapter(kind).validate_python(data)
-        except ValidationError as error:
-            faults: list[dict[str, Any]] = [dict(fault) for fault in error.errors(include_url=False)]
-        else:
-            return value, problems
-        if first:
-            problems += _problems(document, kind, faults)
-            data, first = copy.deepcopy(data), False
-        if not _leave_out(data, kind, [tuple(fault["loc"]) for fault in faults]):
-            return None, problems
+    try:
+        value: T = _adapter(kind).validate_python(document.data)
+    except ValidationError:
+        salvaging = _Salvaging(document)
+        value = salvaging.fields(document.data, kind, ())
+        return (_partial_of(kind, {}) if value is _UNREAD else value), salvaging.problems
+    return value, []
+
+
+def numbered(entries: Sequence[T]) -> Iterator[tuple[int, T]]:
+    """The entries of a list with their numbers in the file, some of which salvage may have left out."""
+    return zip(entries.numbers if isinstance(entries, _Left) else range(len(entries)), entries, strict=True)
+
+
+def is_whole(value: Any) -> bool:
+    """Whether nothing that is owed was left out of a salvaged value, nor of what it holds."""
+    if dataclasses.is_dataclass(value):
+        return not hasattr(type(value), "UNREAD") and all(map(is_whole, vars(value).values()))
+    if isinstance(value, Mapping):
+        return all(map(is_whole, value.values()))
+    return not isinstance(value, tuple) or all(map(is_whole, value))
 
 
 def override(document: Document, dataclass_type: type, values: Mapping[str, Any], prefix: str = "") -> Document:
@@ -114,100 +124,173 @@ def _paths(value: Any, path: FieldPath) -> Iterator[FieldPath]:
 
 
 @functools.cache
-def _adapter(dataclass_type: type) -> TypeAdapter[Any]:
+def _adapter(annotation: Any) -> TypeAdapter[Any]:
     """Made once: that takes milliseconds, and a batch of episodes asks for the same few types.
 
     No number anywhere may be infinite or not a number. Pydantic takes this setting for unions, not for dataclasses.
     """
-    union: Any = dataclass_type | None
-    return TypeAdapter(union, config=ConfigDict(allow_inf_nan=False))
+    kind: Any = annotation  # mypy takes the types of dataclasses for no types
+    if dataclasses.is_dataclass(annotation):
+        kind = kind | None
+    return TypeAdapter(kind, config=ConfigDict(allow_inf_nan=False, extra="forbid"))
 
 
-def _problems(document: Document, dataclass_type: Any, faults: list[dict[str, Any]]) -> list[Problem]:
-    """One of each fault, and one of a list whose entries lack their units."""
-    problems = []
-    lists = Counter(tuple(fault["loc"])[:-1] for fault in faults if fault["type"] == "unit")
-    for fault in faults:
-        *holder, last = fault["loc"] or ("",)
-        problem = _problem(document, dataclass_type, fault)
-        if fault["type"] == "unit" and isinstance(last, int):
-            others = lists.pop(tuple(holder), 0) - 1
-            if others < 0:
+_UNREAD: Any = object()
+"""In the place of a value that could not be read."""
+
+
+class _Left(tuple[Any, ...]):
+    """The entries of a list that could be read, with their ``numbers`` in the file."""
+
+    numbers: tuple[int, ...]
+
+
+@dataclasses.dataclass(frozen=True)
+class _Salvaging:
+    """Reads a document value by value, by the annotations of dataclasses; what is wrong is added to ``problems``."""
+
+    document: Document
+    problems: list[Problem] = dataclasses.field(default_factory=list)
+    without_unit: list[FieldPath] = dataclasses.field(default_factory=list)
+
+    def fields(self, data: Mapping[Any, Any], kind: Any, path: FieldPath) -> Any:
+        """A dataclass, which raises UnreadError for what is missing, where something is; none of fields that are wrong
+        together, or one of them with the default of another.
+        """
+        known, read, lacking, count = _field_types(kind), dict[str, Any](), False, len(self.problems)
+        for name, written in data.items():
+            if name not in known:
+                self._add((*path, str(name)), f"unknown field; {suggestion(str(name), list(known))}")
+            elif (value := self._value(written, known[name], (*path, name))) is not _UNREAD:
+                read[name] = value
+        for field in dataclasses.fields(kind):
+            if field.name in read or not field.init:
                 continue
-            if others:
-                problem = dataclasses.replace(
-                    problem, message=f"{problem.message}; the same goes for {others} more of this list"
-                )
-        problems.append(problem)
-    return problems
+            if field.default_factory is not dataclasses.MISSING:
+                read[field.name] = field.default_factory()
+            elif field.default is not dataclasses.MISSING:
+                read[field.name] = field.default
+            else:
+                lacking = True
+                if field.name not in data:
+                    self._add((*path, field.name), "is missing")
+        if lacking:
+            return _partial_of(kind, read)
+        try:
+            return kind(**read)
+        except ValueError as error:
+            if len(self.problems) == count:
+                self._add_wrong_together(error, data, kind, path)
+            return _UNREAD
 
+    def _value(self, data: Any, annotation: Any, path: FieldPath) -> Any:
+        kind = _arm_for(annotation, data)
+        parted = isinstance(data, (list, Mapping)) and kind is not annotation
+        if typing.get_origin(annotation) is typing.Annotated and parted:
+            count = len(self.problems)
+            read = self._value(data, typing.get_args(annotation)[0], path)
+            return read if len(self.problems) > count else self._checked(data, annotation, path)
+        if isinstance(data, Mapping) and dataclasses.is_dataclass(kind):
+            return self.fields(data, kind, path)
+        if isinstance(data, Mapping) and (inner := _value_type(kind)) is not None:
+            return self._entries(data, inner, path)
+        if isinstance(data, list) and typing.get_origin(kind) is tuple:
+            return self._items(data, typing.get_args(kind), path)
+        if isinstance(data, Mapping) and typing.get_origin(kind) is tuple:  # what was meant as its only entry
+            self._add(path, f"should be a list, got {data!r}")
+            return self._items([data], typing.get_args(kind), path)
+        return self._checked(data, annotation, path)
 
-def _problem(document: Document, dataclass_type: Any, fault: dict[str, Any]) -> Problem:
-    path: FieldPath = tuple(fault["loc"])
-    if path and path[-1] == "[key]":
-        name = path[-2]
-        return document.problem((*path[:-2], str(name)), f"a name should be text: write '{name}' in quotes")
-    message = str(fault["msg"]).removeprefix("Value error, ").removeprefix("Input ")
-    message = _PLAIN_WORDS.get(fault["type"], message)
-    match fault["type"]:
-        case "missing" | "missing_argument":
-            return document.problem(path, "is missing")
-        case "quantity" | "unit":
-            return document.problem(path, message)
-        case "literal_error":
-            message = f"should be {fault['ctx']['expected']}"
-    if _holds_secret(_annotation_at(dataclass_type, path)):
-        return document.problem(path, f"{message}; its value is not shown")
-    value = _written(document, path, fault["input"])
-    error = fault.get("ctx", {}).get("error")
-    if isinstance(error, OrderError):
-        given = next((name for name in error.fields if name in value), None)
-        return document.problem(path if given is None else (*path, given), message)
-    return document.problem(path, f"{message}, got {'nothing' if value is None else repr(value)}")
+    def _entries(self, data: Mapping[Any, Any], inner: Any, path: FieldPath) -> Any:
+        read = {}
+        for name, written in data.items():
+            if not isinstance(name, str):
+                self._add((*path, str(name)), f"a name should be text: write '{name}' in quotes")
+            elif (value := self._value(written, inner, (*path, name))) is not _UNREAD:
+                read[name] = value
+        return read
 
+    def _items(self, data: list[Any], kinds: tuple[Any, ...], path: FieldPath) -> Any:
+        repeated = kinds[1:] == (Ellipsis,)
+        if not repeated and len(data) != len(kinds):
+            self._add(path, f"should have {len(kinds)} {'entry' if len(kinds) == 1 else 'entries'}, got {data!r}")
+        inner = [kinds[0]] * len(data) if repeated else kinds
+        read = [self._value(one, kind, (*path, index)) for index, (one, kind) in enumerate(zip(data, inner))]  # noqa: B905
+        self._tell_units_once(path)
+        if not repeated:
+            return tuple(read) if len(data) == len(kinds) and _UNREAD not in read else _UNREAD
+        left = _Left(value for value in read if value is not _UNREAD)
+        left.numbers = tuple(index for index, value in enumerate(read) if value is not _UNREAD)
+        return left
 
-def _leave_out(data: Any, annotation: Any, paths: Iterable[FieldPath]) -> bool:
-    """Take out of ``data`` what is at the paths, or what holds it; False where something there cannot be left out."""
-    for path in paths:
-        end = _optional_part(annotation, path)
-        if end == 0:
-            return False
-        holder = data
-        for key in path[: end - 1]:
-            holder = holder.get(key, {})
-        holder.pop(path[end - 1], None)
-    return True
+    def _checked(self, data: Any, annotation: Any, path: FieldPath) -> Any:
+        """What has no parts of its own."""
+        try:
+            return _adapter(annotation).validate_python(data)
+        except ValidationError as error:
+            faults = error.errors(include_url=False)
+        words = dict.fromkeys(_words(fault, data) for fault in faults)
+        message = " or ".join(one.removeprefix("should be ") if index else one for index, one in enumerate(words))
+        if _holds_secret(annotation):
+            message += "; its value is not shown"
+        elif faults[0]["type"] not in ("quantity", "unit", LIMITS):
+            message += f", got {'nothing' if data is None else repr(data)}"
+        if faults[0]["type"] == "unit":
+            self.without_unit.append(path)
+        self._add(path, message)
+        return _UNREAD
 
+    def _tell_units_once(self, path: FieldPath) -> None:
+        """One fault of a list whose entries lack their units."""
+        fields = [dotted(entry) for entry in self.without_unit if entry[:-1] == path]
+        if len(fields) < 2:
+            return
+        at = next(index for index, problem in enumerate(self.problems) if problem.field == fields[0])
+        message = f"{self.problems[at].message}; the same goes for {len(fields) - 1} more of this list"
+        self.problems[at] = dataclasses.replace(self.problems[at], message=message)
+        self.problems[:] = [problem for problem in self.problems if problem.field not in fields[1:]]
 
-def _optional_part(annotation: Any, path: FieldPath) -> int:
-    """How much of a path leads to what can be left out: an entry of a mapping, or a field with a default; 0: none."""
-    end = 0
-    for depth, key in enumerate(path, start=1):
-        annotation = _bare(annotation)
-        if dataclasses.is_dataclass(annotation):
-            field = next((f for f in dataclasses.fields(annotation) if f.name == key), None)
-            if field is None:
-                break
-            if field.default is not dataclasses.MISSING or field.default_factory is not dataclasses.MISSING:
-                end = depth
-            annotation = _field_types(annotation)[field.name]
+    def _add_wrong_together(self, error: ValueError, data: Mapping[Any, Any], kind: Any, path: FieldPath) -> None:
+        if _holds_secret(kind):
+            self._add(path, f"{error}; its value is not shown")
+        elif isinstance(error, OrderError):
+            given = next((name for name in error.fields if name in data), None)
+            self._add(path if given is None else (*path, given), str(error))
         else:
-            annotation = _value_type(annotation)
-            if annotation is None:
-                break
-            end = depth
-    return end
+            self._add(path, f"{error}, got {data!r}")
+
+    def _add(self, path: FieldPath, message: str) -> None:
+        self.problems.append(self.document.problem(path, message))
 
 
-def _annotation_at(annotation: Any, path: FieldPath) -> Any:
-    """The type of the value at ``path``, or, where that is not known, of the nearest value around it."""
-    for key in path:
-        bare = _bare(annotation)
-        inner = _field_types(bare).get(str(key)) if dataclasses.is_dataclass(bare) else _value_type(bare)
-        if inner is None:
-            break
-        annotation = inner
-    return annotation
+def _partial_of(kind: Any, read: Mapping[str, Any]) -> Any:
+    partial = object.__new__(_partial_type(kind))
+    for name, value in read.items():
+        object.__setattr__(partial, name, value)
+    return partial
+
+
+@functools.cache
+def _partial_type(kind: Any) -> Any:
+    def unread(self: Any, name: str) -> Any:
+        if name in _field_types(kind):
+            raise UnreadError(name)
+        raise AttributeError(name)
+
+    def shown(self: Any) -> str:
+        return f"{kind.__name__}({', '.join(f'{name}={value!r}' for name, value in vars(self).items())}, …)"
+
+    return type(kind.__name__, (kind,), {"__getattr__": unread, "__repr__": shown, "UNREAD": True})
+
+
+def _words(fault: Any, data: Any) -> str:
+    """What is owed, in the words of YAML."""
+    kind, message = fault["type"], str(fault["msg"])
+    if kind == "literal_error":
+        return f"should be {fault['ctx']['expected']}"
+    if kind == LIMITS:
+        return f"{message}: [{data[1]}, {data[0]}], got [{data[0]}, {data[1]}]"
+    return _PLAIN_WORDS.get(kind, _OF_PYDANTIC.sub("", message))
 
 
 def _holds_secret(annotation: Any) -> bool:
@@ -218,41 +301,6 @@ def _holds_secret(annotation: Any) -> bool:
     if typing.get_origin(annotation) is typing.Annotated:
         return _holds_secret(typing.get_args(annotation)[0])
     return any(map(_holds_secret, typing.get_args(annotation)))
-
-
-def _written(document: Document, path: FieldPath, converted: Any) -> Any:
-    """The value at ``path`` as it was written: ``-2 mm`` where a check has been given -0.002."""
-    value: Any = document.data
-    for key in path:
-        try:
-            value = value[key]
-        except (KeyError, IndexError, TypeError):
-            return converted
-    return value
-
-
-def _unknown_fields(data: Any, annotation: Any, path: FieldPath) -> list[tuple[FieldPath, str]]:
-    if not isinstance(data, (Mapping, list, tuple)):
-        return []
-    annotation = _bare(annotation)
-    if dataclasses.is_dataclass(annotation) and isinstance(data, Mapping):
-        known = _field_types(annotation)
-        faults: list[tuple[FieldPath, str]] = []
-        for key, value in data.items():
-            if key in known:
-                faults += _unknown_fields(value, known[key], (*path, key))
-            else:
-                faults.append(((*path, str(key)), f"unknown field; {suggestion(str(key), list(known))}"))
-        return faults
-    if isinstance(data, Mapping):
-        item = _value_type(annotation)
-        return [fault for key, value in data.items() for fault in _unknown_fields(value, item, (*path, key))]
-    items = _item_types(annotation, len(data))
-    return [
-        fault
-        for index, (value, item) in enumerate(zip(data, items, strict=True))
-        for fault in _unknown_fields(value, item, (*path, index))
-    ]
 
 
 def _unknown_key(data: Any, annotation: Any, keys: FieldPath) -> str | None:
@@ -295,17 +343,30 @@ def _cached_field_types(dataclass_type: Any) -> dict[str, Any]:
 
 def _bare(annotation: Any) -> Any:
     """The annotation without ``Annotated`` and ``| None``."""
-    while True:
-        origin = typing.get_origin(annotation)
-        if origin is typing.Annotated:
-            annotation = typing.get_args(annotation)[0]
-        elif origin in (typing.Union, types.UnionType):
-            inner = [a for a in typing.get_args(annotation) if a is not type(None)]
-            if len(inner) != 1:
-                return annotation
-            annotation = inner[0]
-        else:
-            return annotation
+    while typing.get_origin(annotation) in (typing.Annotated, typing.Union, types.UnionType):
+        arms = _arms(annotation)
+        if len(arms) != 1:
+            break
+        annotation = arms[0]
+    return annotation
+
+
+def _arms(annotation: Any) -> list[Any]:
+    """What a value may be beside None."""
+    if typing.get_origin(annotation) is typing.Annotated:
+        return [typing.get_args(annotation)[0]]
+    if typing.get_origin(annotation) in (typing.Union, types.UnionType):
+        return [arm for arm in typing.get_args(annotation) if arm is not type(None)]
+    return [annotation]
+
+
+def _arm_for(annotation: Any, data: Any) -> Any:
+    """Of what a value may be, the one that has parts as ``data`` has; ``annotation`` where none has."""
+    arms = list(map(_bare, _arms(annotation)))
+    lists = [arm for arm in arms if typing.get_origin(arm) is tuple]
+    named = [arm for arm in arms if dataclasses.is_dataclass(arm) or _value_type(arm) is not None]
+    fitting = lists if isinstance(data, list) else named or lists if isinstance(data, Mapping) else arms
+    return fitting[0] if len(fitting) == 1 else annotation
 
 
 def _value_type(annotation: Any) -> Any:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any, Literal
+from dataclasses import dataclass, fields
+from typing import Annotated, Literal
 
-from bestman_bt.configuration.document import Document
-from bestman_bt.configuration.errors import Problem
-from bestman_bt.configuration.quantity import PositiveLength, Time
+from bestman_bt.configuration.checked import numbered
+from bestman_bt.configuration.document import Document, FieldPath
+from bestman_bt.configuration.errors import Problem, as_far_as_read
+from bestman_bt.configuration.quantity import PositiveLength, SmallerFirst, Time
 
 DisturbanceKind = Literal["moved", "elsewhere", "slips", "shut"]
 
@@ -42,25 +43,23 @@ class DisturbanceConfig:
     object: str | None = None
     articulation: str | None = None
     surface: str | None = None
-    distance: tuple[PositiveLength, PositiveLength] = (0.10, 0.30)
-    after: tuple[Time, Time] = (0.0, 0.3)
+    distance: Annotated[tuple[PositiveLength, PositiveLength], SmallerFirst] = (0.10, 0.30)
+    after: Annotated[tuple[Time, Time], SmallerFirst] = (0.0, 0.3)
 
 
 def disturbance_faults(asked: Sequence[DisturbanceConfig], document: Document) -> Iterator[Problem]:
     """What types cannot tell of a task's ``disturbances``: fields that a kind needs or does not have."""
-    for index, disturbance in enumerate(asked):
-        path, kind = ("disturbances", index), disturbance.kind
-        written: Mapping[str, Any] = document.data["disturbances"][index]
-        needed = _NEEDED[kind]
-        if getattr(disturbance, needed) is None:
-            yield document.problem(path, f"{needed!r} is missing: what kind {kind!r} is done to")
-        known = (*_OF_ALL, needed, *_POSSIBLE[kind])
-        for name in written:
-            unset = DisturbanceConfig.__dataclass_fields__[name].default  # the file of a run has all fields
-            if name not in known and getattr(disturbance, name) != unset:
-                yield document.problem((*path, name), f"kind {kind!r} has no {name!r}; it has {', '.join(known)}")
-        for name in ("distance", "after"):
-            lower, upper = getattr(disturbance, name)
-            if lower > upper:
-                message = f"the smaller limit comes first, got [{lower:g}, {upper:g}]"
-                yield document.problem((*path, name), message)
+    for index, disturbance in numbered(asked):
+        yield from _faults_of_one(disturbance, document, ("disturbances", index))
+
+
+@as_far_as_read
+def _faults_of_one(disturbance: DisturbanceConfig, document: Document, path: FieldPath) -> Iterator[Problem]:
+    kind, written = disturbance.kind, document.data["disturbances"][path[-1]]
+    needed = _NEEDED[kind]
+    if written.get(needed) is None:
+        yield document.problem(path, f"{needed!r} is missing: what kind {kind!r} is done to")
+    known = (*_OF_ALL, needed, *_POSSIBLE[kind])
+    for name, unset in ((one.name, one.default) for one in fields(disturbance)):  # the file of a run has all fields
+        if name not in known and getattr(disturbance, name) != unset:
+            yield document.problem((*path, name), f"kind {kind!r} has no {name!r}; it has {', '.join(known)}")

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
-from typing import Any
+from functools import wraps
+from typing import Any, ParamSpec, TypeVar
 
 from bestman_bt.errors import InputError
+
+P = ParamSpec("P")
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -41,6 +45,34 @@ class ConfigurationError(InputError, ValueError):
         return ConfigurationError(
             replace(problem, field=f"{outer}.{problem.field}" if problem.field else outer) for problem in self.problems
         )
+
+
+class UnreadError(ConfigurationError):
+    """A field is asked for that could not be read; it has no problems of its own, as what is wrong is told already."""
+
+    def __init__(self, field: str) -> None:
+        super().__init__(())
+        self.args = (f"{field!r} could not be read",)
+
+
+class _Unread:
+    def __getattr__(self, name: str) -> Any:
+        raise UnreadError(name)
+
+
+UNREAD: Any = _Unread()
+"""In the place of something that could not be read at all: it raises UnreadError whatever is asked of it."""
+
+
+def as_far_as_read(check: Callable[P, Iterable[T]]) -> Callable[P, Iterator[T]]:
+    """A check of something salvaged: it ends where it asks for what could not be read."""
+
+    @wraps(check)
+    def checked(*args: P.args, **kwargs: P.kwargs) -> Iterator[T]:
+        with suppress(UnreadError):
+            yield from check(*args, **kwargs)
+
+    return checked
 
 
 _PARAMETERS = {"set": "settings", "plugin": "plugins"}

@@ -100,6 +100,20 @@ def _limit(*dimensions: str) -> Callable[[Any], float]:
     return _reader(*dimensions, needs_unit=True)
 
 
+LIMITS = "limits"
+"""Pydantic's type of the fault of two limits the wrong way round."""
+
+
+def _smaller_first(limits: tuple[float, float]) -> tuple[float, float]:
+    if limits[0] > limits[1]:
+        raise PydanticCustomError(LIMITS, "the smaller limit comes first")
+    return limits
+
+
+SmallerFirst = AfterValidator(_smaller_first)
+"""Of two limits: ``Annotated[tuple[Length, Length], SmallerFirst]``."""
+
+
 def _four_or_five(values: tuple[float, ...]) -> tuple[float, ...]:
     if len(values) not in (0, 4, 5):
         raise _error(f"should hold k1, k2, p1, p2 and maybe k3, or nothing, got {len(values)} numbers")

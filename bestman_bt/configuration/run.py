@@ -149,7 +149,8 @@ def run_of_options(asked: RunRequest, faults: list[Problem] | None = None) -> Ru
     merged = dataclasses.replace(merged, plugins=(*merged.plugins, *given), **absent)
     name = asked.name or Path(str(merged.tree if task is None else task)).stem or "session"
     run = RunConfig(name, merged, seed, asked.driver, asked.record, "", inner["scene"], inner["robot"])
-    run = check(Document(_plain(run), {(): ("the run", None)}), RunConfig)
+    if not found.problems:  # otherwise it knows which entries of lists were left out
+        run = check(Document(_plain(run), {(): ("the run", None)}), RunConfig)
     return _remembering(run, document)
 
 

@@ -6,13 +6,13 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any
 
 import yaml
 from pydantic import AfterValidator, Field
 from pydantic_core import PydanticCustomError
 
-from bestman_bt.configuration.checked import check, salvage
+from bestman_bt.configuration.checked import salvage
 from bestman_bt.configuration.data import beside, data_names, find_data
 from bestman_bt.configuration.disturbance import DisturbanceConfig, disturbance_faults
 from bestman_bt.configuration.document import Document, read_document
@@ -26,7 +26,6 @@ from bestman_bt.configuration.quantity import (
 )
 from bestman_bt.registry import suggestion
 
-T = TypeVar("T")
 _TEN_DEGREES = math.radians(10.0)
 
 
@@ -47,6 +46,9 @@ _NOW_IN_GOALS = {
     "tidy": "tidied",
 }
 """Fields of tasks before goals were a list → the kind of goal."""
+FIELDS_OF_GOALS = ("goals", *_NOW_IN_GOALS)
+
+_NAMED = ("tree", "scene", "robot")
 
 TickRate = Annotated[Frequency, Field(le=1000)]  # physics takes steps of about a millisecond
 
@@ -117,7 +119,7 @@ def task_document(name_or_path: str | Path, faults: list[Problem] | None = None)
     """
     path = find_data("task", name_or_path)
     document = read_document(path, faults)
-    for kind in ("tree", "scene", "robot"):
+    for kind in _NAMED:
         if isinstance(document.data.get(kind), str):
             document.data[kind] = beside(path, kind, document.data[kind])
     plugins = document.data.get("plugins")
@@ -154,14 +156,12 @@ def check_task(document: Document, faults: list[Problem] | None = None) -> TaskC
     """A task from its document; raises ConfigurationError.
 
     With ``faults`` what is wrong is added there instead and left out of the task, so that the rest can be checked, too;
-    an algorithm that is wrong is then the default.
+    an algorithm that is wrong is then the default, and a tree, scene or robot that is not named is empty.
     """
     problems: list[Problem] = []
     document = _in_goals(document, problems)
     task, wrong = salvage(document, TaskConfig)
     problems += wrong
-    if task is None:
-        raise ConfigurationError(problems)
     default = read_document(find_data("algorithms", "default")).data
     slots, sound = list(default), {**default, **task.algorithms}
     problems += disturbance_faults(task.disturbances, document)
@@ -181,7 +181,8 @@ def check_task(document: Document, faults: list[Problem] | None = None) -> TaskC
         raise ConfigurationError(problems)
     if faults is not None and problems:
         faults += problems
-        task = replace(task, algorithms=sound)
+        lacking: dict[str, Any] = {kind: "" for kind in _NAMED if not isinstance(document.data.get(kind), str)}
+        task = replace(task, algorithms=sound, **lacking)
     return task
 
 
@@ -194,6 +195,7 @@ def _in_goals(document: Document, faults: list[Problem]) -> Document:
             fields["at"] = fields.pop("name")
         if value is not None:
             form = yaml.safe_dump([{kind: fields}], default_flow_style=True, sort_keys=False, width=1000).strip()
+            form = form if isinstance(value, Mapping) else f"[{{{kind}: …}}] with the fields of {kind!r}"
             faults.append(document.problem((old,), f"is an entry of 'goals' now: write goals: {form}"))
     return replace(document, data={name: value for name, value in document.data.items() if name not in _NOW_IN_GOALS})
 
@@ -211,8 +213,3 @@ def task_of_tree(tree: str) -> str | None:
         if Path(str(read_document(find_data("task", name)).data.get("tree", ""))).stem == wanted:
             return name
     return None
-
-
-def algorithm_parameters(slot: str, parameters: Mapping[str, Any], dataclass_type: type[T]) -> T:
-    """Check an algorithm's parameters against its dataclass; ConfigurationError names ``algorithms.<slot>``."""
-    return check(Document(dict(parameters), {(): (f"algorithms.{slot}", None)}), dataclass_type)

@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable, Collection, Iterable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 from py_trees.behaviour import Behaviour
@@ -161,7 +162,8 @@ def prepare_episode(config: RunConfig, known_faults: Iterable[Problem] = ()) -> 
     ``known_faults``: as of ``prepare``. Raises as ``prepare``, and TreeLoadError where the tree reads what neither it
     nor the task fills.
     """
-    return prepare(config, all_entries=True, known_faults=[*known_faults, *_missing_extras(config)], check=find_judge)
+    known = [*known_faults, *_missing_extras(config)]
+    return prepare(config, all_entries=True, known_faults=known, check=partial(find_judge, known=known))
 
 
 def _missing_extras(config: RunConfig) -> Iterable[Problem]:

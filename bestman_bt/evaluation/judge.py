@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from typing import Any
 
 from bestman_bt.configuration import ConfigurationError, Problem, RunConfig
+from bestman_bt.configuration.task import FIELDS_OF_GOALS
 from bestman_bt.facts.evidence import Evidence, Truth, Verdict, joined
 from bestman_bt.facts.goals.goal import Goal, judged
 from bestman_bt.registry import GOALS, suggestion
@@ -17,12 +18,13 @@ Judge = Callable[[Session, Truth, Clock | None, float], Verdict]
 """Arguments: session, what is true, the clock by which the world rests first (None: judged as it is), metres driven."""
 
 
-def find_judge(config: RunConfig) -> Judge | None:
+def find_judge(config: RunConfig, known: Collection[Problem] = ()) -> Judge | None:
     """What judges a run of the task; None where it names no predicate.
 
+    ``known``: what is wrong with the task already: of goals that could not be read none is missed.
     ConfigurationError for unknown names and for what the predicates need and the task does not give.
     """
-    problems = list(_problems(config))
+    problems = list(_problems(config, any(one.field.partition("[")[0] in FIELDS_OF_GOALS for one in known)))
     if problems:
         raise ConfigurationError(problems)
     return _judge if config.task.predicates else None
@@ -38,12 +40,13 @@ def _judge(session: Session, truth: Truth, clock: Clock | None, driven: float) -
     return joined(judged(setup.asked, predicate, evidence) for predicate in setup.config.task.predicates)
 
 
-def _problems(config: RunConfig) -> Iterator[Problem]:
+def _problems(config: RunConfig, goals_wrong: bool) -> Iterator[Problem]:
     kinds: dict[str, type[Goal[Any]]] = {name: GOALS.resolve(name) for name in GOALS}
     judges = {predicate: name for name, kind in kinds.items() for predicate in kind.measures}
+    goals_wrong = goals_wrong or any(len(goal) != 1 or not kinds.keys() >= goal.keys() for goal in config.task.goals)
     for index, predicate in enumerate(config.task.predicates):
         path = ("predicate",) if isinstance(config.task.predicate, str) else ("predicate", index)
         if predicate not in judges:
             yield config.problem(path, f"unknown predicate {predicate!r}; {suggestion(predicate, judges)}")
-        elif config.task.asked(judges[predicate]) is None:
+        elif config.task.asked(judges[predicate]) is None and not goals_wrong:
             yield config.problem(("goals",), f"the predicate {predicate!r} needs an entry {{{judges[predicate]}: …}}")

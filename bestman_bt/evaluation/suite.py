@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from pydantic import Field
 
+from behaviours.failure import declared_failures
 from bestman_bt.configuration import (
     ConfigurationError,
     Document,
@@ -17,21 +18,25 @@ from bestman_bt.configuration import (
     ProblemCollector,
     RunConfig,
     RunRequest,
+    UnreadError,
+    as_far_as_read,
     beside,
     data_names,
     find_data,
+    numbered,
     read_document,
     run_of_options,
+    salvage,
 )
-from bestman_bt.configuration.checked import salvage
 from bestman_bt.configuration.quantity import Factor, WholeNumber
 from bestman_bt.configuration.secret import may_tell_secret
 from bestman_bt.engine import TreeLoadError
 from bestman_bt.evaluation.episode import prepare_episode
-from bestman_bt.facts.goals.goal import metric_names
+from bestman_bt.facts.goals.goal import metric_names, read_goals
 from bestman_bt.registry import suggestion
 from bestman_bt.runtime.failure_lines import RENAMED_CODES
-from bestman_bt.runtime.setup import tree_problems
+from bestman_bt.runtime.plugins import node_registry
+from bestman_bt.runtime.setup import Setup, tree_problems
 from bestman_bt.scene import SceneError
 
 Count = Annotated[int, Field(strict=True, ge=1)]
@@ -183,28 +188,31 @@ def load_suite(
     document = read_document(path)
     faults = ProblemCollector()
     asked, faults.problems = salvage(document, SuiteConfig)
-    if asked is not None:  # without what is wrong in it, which may now be missed
-        wrong = [problem.field for problem in faults.problems]
-        missed = _contradictions(document, asked)
-        faults.problems += [one for one in missed if not any(field.startswith(one.field) for field in wrong)]
-    seed = first_seed if first_seed is not None else asked.first_seed if asked is not None else 0
+    wrong = [problem.field for problem in faults.problems]  # left out in what is asked, and then missed there
+    faults.problems += [
+        one for one in _contradictions(document, asked) if not any(field.startswith(one.field) for field in wrong)
+    ]
+    seed = first_seed if first_seed is not None else asked.first_seed
     entries = []
     for kind in ("tasks", "controls"):
-        written = document.data.get(kind)
-        for key in written if isinstance(written, dict) else ():
-            try:  # where the suite has faults elsewhere, this entry's are told all the same
-                entry, left_out = salvage(document.below(kind, key), EntryConfig)
-            except TypeError:
-                continue
-            if entry is None or any(one.field.startswith(("task", "tree", "settings", "plugins")) for one in left_out):
-                continue
+        for key, entry in _read_entries(asked, kind).items():
+            if {f"{kind}.{key}.task", f"{kind}.{key}.plugins"} & {field.partition("[")[0] for field in wrong}:
+                continue  # nobody knows what is to be run
             with faults.step():
                 config = _prepared(path, Entered(document, kind, key, entry), seed, tuple(settings))
-                number = entry.episodes or episodes or (asked.episodes if asked is not None else 1)
+                number = entry.episodes or episodes or asked.episodes
                 entries.append(Entry(key, config, number, entry, kind == "controls"))
     faults.raise_if_any()
     own = "" if str(name) in data_names("evaluation") else str(path.resolve())
-    return Suite(Path(name).stem, tuple(entries), asked.description if asked is not None else "", own)
+    return Suite(Path(name).stem, tuple(entries), asked.description, own)
+
+
+def _read_entries(asked: SuiteConfig, kind: str) -> Mapping[str, EntryConfig]:
+    try:
+        entries: Mapping[str, EntryConfig] = getattr(asked, kind)
+    except UnreadError:
+        return {}
+    return entries
 
 
 @dataclass(frozen=True)
@@ -229,22 +237,34 @@ class Entered:
         if self.entry.tree is not None and Path(problem.source).name == Path(self.entry.tree).name:
             option = "--tree"
         if option == "--set":
-            keys = [setting.partition("=")[0].strip() for setting in self.entry.settings]
+            keys = {setting.partition("=")[0].strip(): index for index, setting in numbered(self.entry.settings)}
             key = value.partition("=")[0].strip()
             if key not in keys:  # it was given on the command line
                 return problem
-            fields["--set"] = ("settings", keys.index(key))
+            fields["--set"] = ("settings", keys[key])
         elif option == "--plugin":
             names = [Path(plugin).name for plugin in self.entry.plugins]
             fields["--plugin"] = ("plugins", names.index(Path(value).name)) if Path(value).name in names else ()
+        field = fields.get(option, ("task",) if self.entry.task else ())
         told = problem.message if not problem.field or option in fields else f"{problem.field}: {problem.message}"
-        return self.problem(fields.get(option, ("task",) if self.entry.task else ()), told)
+        written = self._written(field) if field else None
+        if isinstance(written, str) and written.partition("=")[0] not in told:
+            told += f", got {written!r}"
+        return self.problem(field, told)
+
+    def _written(self, field: tuple[str | int, ...]) -> Any:
+        value: Any = self.document.data[self.kind][self.key]
+        for key in field:
+            value = value[key]
+        return value
 
 
 def _prepared(path: Path, entered: Entered, seed: int, settings: tuple[str, ...]) -> RunConfig:
     """The configuration of an entry's runs with everything checked; ConfigurationError names the suite's lines."""
     entry = entered.entry
     faults, wrong = ProblemCollector(), list[Problem]()
+    config: RunConfig | None = None
+    setup: Setup | None = None
     try:
         asked = RunRequest(
             beside(path, "task", entry.task or entered.key),
@@ -255,42 +275,70 @@ def _prepared(path: Path, entered: Entered, seed: int, settings: tuple[str, ...]
         )
         config = run_of_options(asked, wrong)
         setup = prepare_episode(config, wrong)
-        known = metric_names(setup.asked, config.task.predicates)
-        faults.problems += [
-            entered.problem(("accuracy", name), f"the task's judge measures no such thing; {suggestion(name, known)}")
-            for name in entry.accuracy
-            if name not in known
-        ]
+    except SceneError as error:
+        faults.problems += [one if one.line else entered.problem((), str(one)) for one in error.problems]
     except ConfigurationError as error:
         faults.problems += [entered.placed(problem) for problem in error.problems]
     except TreeLoadError as error:
         faults.problems += tree_problems(error)
-    except SceneError as error:
-        faults.problems.append(entered.problem((), str(error)))
+    if config is not None:
+        faults.problems += _unmeasured(entered, config, setup)
+        faults.problems += _unknown_causes(entered, config)
     faults.raise_if_any()
+    assert config is not None
     return config
+
+
+def _unmeasured(entered: Entered, config: RunConfig, setup: Setup | None) -> Iterator[Problem]:
+    """Metrics that the task's judge does not measure."""
+    if setup is not None:
+        known = metric_names(setup.asked, config.task.predicates)
+    else:  # it is not known how many things the goals are about
+        kinds = [kind for kind, _, _ in read_goals(config, [])]
+        known = [name for kind in kinds for one in config.task.predicates for name in kind.measures.get(one, ())]
+    for name in entered.entry.accuracy if known or setup is not None else ():
+        if name not in known and (setup is not None or not name.startswith(tuple(known))):
+            message = f"the task's judge measures no such thing; {suggestion(name, known)}"
+            yield entered.problem(("accuracy", name), message)
+
+
+def _unknown_causes(entered: Entered, config: RunConfig) -> Iterator[Problem]:
+    """Codes that no node fails with."""
+    if not entered.entry.causes:
+        return
+    try:
+        registry = node_registry(config.task.plugins)
+    except ConfigurationError:
+        return
+    known = {code for info in registry for code in declared_failures(info.cls)}
+    for index, code in numbered(entered.entry.causes):
+        if code not in known and code not in RENAMED_CODES:
+            message = f"nothing fails as {code!r}; {suggestion(code, list(known))}"
+            yield entered.problem(("causes", index), message)
 
 
 def _contradictions(document: Document, asked: SuiteConfig) -> Iterable[Problem]:
     """What types cannot tell."""
-    if not asked.tasks:
+    if document.data.get("tasks") == {}:
         yield document.problem(("tasks",), "should name at least one task")
-    for kind, entries in (("tasks", asked.tasks), ("controls", asked.controls)):
-        for key, entry in entries.items():
-            path = (kind, key, "successes")
-            if entry.successes is None:
-                if kind == "controls":
-                    yield document.problem(
-                        path, "is missing: a control says how often it may succeed, {at_most: 0, of: 10}"
-                    )
-            elif (entry.successes.at_least is None) == (entry.successes.at_most is None):
-                yield document.problem(path, "one of 'at_least' and 'at_most' should be given")
-            elif max(entry.successes.at_least or 0, entry.successes.at_most or 0) > entry.successes.of:
-                yield document.problem(path, f"more than all {entry.successes.of} are asked")
+    for kind in ("tasks", "controls"):
+        for key, entry in _read_entries(asked, kind).items():
+            yield from _successes_faults(document, kind, key, entry)
             if entry.causes and kind == "tasks":
                 yield document.problem((kind, key, "causes"), "is for controls: a task shall not fail")
             for code in set(entry.causes) & set(RENAMED_CODES):
                 message = f"nothing fails as {code!r}; it is called {RENAMED_CODES[code]!r} now"
                 yield document.problem((kind, key, "causes"), message)
-        for key in set(asked.tasks) & set(asked.controls) if kind == "controls" else ():
-            yield document.problem((kind, key), "is the name of a task of this suite, too")
+    for key in _read_entries(asked, "controls").keys() & _read_entries(asked, "tasks").keys():
+        yield document.problem(("controls", key), "is the name of a task of this suite, too")
+
+
+@as_far_as_read
+def _successes_faults(document: Document, kind: str, key: str, entry: EntryConfig) -> Iterator[Problem]:
+    path, asked = (kind, key, "successes"), entry.successes
+    if asked is None and kind == "controls":
+        yield document.problem(path, "is missing: a control says how often it may succeed, {at_most: 0, of: 10}")
+    elif asked is not None and (asked.at_least is None) == (asked.at_most is None):
+        yield document.problem(path, "one of 'at_least' and 'at_most' should be given")
+    elif asked is not None and max(asked.at_least or 0, asked.at_most or 0) > asked.of:
+        yield document.problem(path, f"more than all {asked.of} are asked")

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from PIL import Image, UnidentifiedImageError
 from pydantic import AfterValidator, Field
 
-from bestman_bt.configuration import ConfigurationError, Document, check, read_document
+from bestman_bt.configuration import ConfigurationError, Document, UnreadError, read_document, salvage
 from bestman_bt.configuration.quantity import Number, Share
 from bestman_bt.errors import InputError
 from bestman_bt.messages import OccupancyGrid
@@ -68,15 +68,25 @@ def read_map(path: str | Path) -> OccupancyGrid:
         raise MapFileError(f"{path}: there is no such file; expected a map's YAML")
     try:
         document = read_document(path)
-        file = check(document, _MapFile)
+        file, problems = salvage(document, _MapFile)
     except ConfigurationError as error:
         raise MapFileError(str(error)) from error
+    told = [str(problem) for problem in problems]
     if file.free_thresh >= file.occupied_thresh:
         free, occupied = f"{file.free_thresh:g}", f"{file.occupied_thresh:g}"
         if "free_thresh" in document.data:
-            raise _wrong(document, "free_thresh", f"should be less than occupied_thresh, {occupied}, got {free}")
-        raise _wrong(document, "occupied_thresh", f"should be more than free_thresh, {free}, got {occupied}")
-    grey, opaque = _pixels(document, path.parent / file.image)
+            wrong = _wrong(document, "free_thresh", f"should be less than occupied_thresh, {occupied}, got {free}")
+        else:
+            wrong = _wrong(document, "occupied_thresh", f"should be more than free_thresh, {free}, got {occupied}")
+        told.append(str(wrong))
+    try:
+        grey, opaque = _pixels(document, path.parent / file.image)
+    except MapFileError as error:
+        told.append(str(error))
+    except UnreadError:
+        pass  # its fault is told
+    if told:
+        raise MapFileError("\n".join(told))
     values = _values_of_shades(file)[grey]
     if file.mode == "scale":
         values[~opaque] = UNKNOWN

@@ -5,6 +5,7 @@ from __future__ import annotations
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ from bestman_bt.configuration import (
     Problem,
     ProblemCollector,
     find_data,
+    numbered,
     override,
     read_document,
     salvage,
@@ -118,7 +120,7 @@ def load_robot_model(name_or_path: str | Path, overrides: Mapping[str, Any] | No
     given = {"calibration": settings.pop("calibration")} if "calibration" in settings else {}
     with faults.step():
         document = override(document, RobotConfig, given, prefix="robot.")
-        document = with_calibration(document, Path() if given else path.parent)
+    document = with_calibration(document, Path() if given else path.parent, faults)
     with faults.step():
         document = override(document, RobotConfig, settings, prefix="robot.")
     with faults.step():
@@ -131,19 +133,21 @@ def compose_robot(name: str, document: Document) -> RobotModel:
     """Compose a robot from the document of a ``RobotConfig``; ConfigurationError tells all faults that can be found."""
     faults = ProblemCollector()
     config, faults.problems = salvage(document, RobotConfig)
-    if config is None:
+    written = document.data.get("parts")
+    if not isinstance(written, dict):  # which is told
         raise ConfigurationError(faults.problems)
-    names = [part for part in document.data["parts"] if isinstance(part, str)]
+    names = [part for part in written if isinstance(part, str)]
     placed, whole = _place_parts(config, document, faults)
     parts = {part: placed[part].config if part in placed else None for part in names}
     connections, problems = read_connections(config, document, parts)
     faults.problems += problems
-    faults.problems += _wider_limits(config, document, placed)
+    with faults.step():
+        faults.problems += _wider_limits(config, document, placed)
     postures = _postures(config, document, placed, names, faults)
     base_frame = _base_frame(config, document, placed, names, faults)
-    faults.problems += _default_arm_problems(config, document, placed, whole)
+    faults.problems += _default_arm_problems(config, document, placed, names)
+    ignored = _declared_pairs(config, document, placed, names, faults)
     if base_frame is not None and whole:
-        ignored = _declared_pairs(config, document, placed, faults)
         urdf = _joined(name, config, placed)
         model = describe(name, urdf, base_frame, placed, postures, ignored)
         faults.problems += load_problems(model, placed, document)
@@ -172,10 +176,10 @@ def _base_frame(
 
 
 def _default_arm_problems(
-    config: RobotConfig, document: Document, placed: Mapping[str, PlacedPart], whole: bool
+    config: RobotConfig, document: Document, placed: Mapping[str, PlacedPart], names: list[str]
 ) -> list[Problem]:
-    arms = [name for name, part in placed.items() if isinstance(part.config, ArmPart)]
-    if config.default_arm is None or config.default_arm in arms or not whole:
+    arms = [name for name in names if name not in placed or isinstance(placed[name].config, ArmPart)]
+    if config.default_arm is None or config.default_arm in arms:
         return []
     message = f"the robot has no arm {config.default_arm!r}; {suggestion(config.default_arm, arms)}"
     return [document.problem(("default_arm",), message)]
@@ -201,7 +205,9 @@ def _place_parts(
     """The parts that can be read, and whether that is all of them, each mounted on another."""
     placed: dict[str, PlacedPart] = {}
     taken: set[str] = set()
-    unread = mislaid = False  # a part that could not be read takes its frames away: no word on mounts that are missed
+    unread = mislaid = flawed = (
+        False  # a part that could not be read takes its frames away: no word on mounts that are missed
+    )
     if not document.data["parts"]:
         faults.problems.append(document.problem(("parts",), "a robot needs at least one part"))
     for part_name in document.data["parts"]:
@@ -215,10 +221,11 @@ def _place_parts(
         changes = document.below("parts", part_name, "set") if mounted.set else Document({})
         asked_by = document.problem(("parts", part_name, "part"), "")
         part: PlacedPart | None = None
-        try:
-            part = read_part(part_name, mounted.part, changes, asked_by, taken)
-        except ConfigurationError as error:
-            faults.problems += _seen_from_the_robot(error, part_name, changes)
+        found = ProblemCollector()
+        with found.step():
+            part = read_part(part_name, mounted.part, changes, asked_by, taken, found.problems)
+        faults.problems += _seen_from_the_robot(found.problems, part_name, changes)
+        flawed = flawed or bool(found.problems)
         wrong = mount_problems(document, part_name, mounted, part, placed, unread)
         faults.problems += wrong
         mislaid = mislaid or bool(wrong)
@@ -227,7 +234,7 @@ def _place_parts(
             continue
         placed[part_name] = part
         taken |= {element.get("name", "") for element in part.elements}
-    return placed, bool(placed) and not unread and not mislaid
+    return placed, bool(placed) and not unread and not mislaid and not flawed
 
 
 def _wider_limits(config: RobotConfig, document: Document, placed: Mapping[str, PlacedPart]) -> Iterable[Problem]:
@@ -236,17 +243,17 @@ def _wider_limits(config: RobotConfig, document: Document, placed: Mapping[str, 
         part = placed[name].config if name in placed else None
         if isinstance(part, ArmPart) and "limits" in config.parts[name].set:
             asked_by = document.problem(("parts", name, "part"), "")
-            described = read_part(name, config.parts[name].part, Document({}), asked_by, set()).config
+            described = read_part(name, config.parts[name].part, Document({}), asked_by, set(), []).config
             if isinstance(described, ArmPart):
                 yield from wider_limits(name, part, described, document)
 
 
-def _seen_from_the_robot(error: ConfigurationError, part: str, changes: Document) -> list[Problem]:
+def _seen_from_the_robot(faults: list[Problem], part: str, changes: Document) -> list[Problem]:
     """Faults of a part's description; those of fields that the robot has set are named as the robot's."""
     own = {source for source, _ in changes.origins.values()}
     return [
         replace(fault, field=f"parts.{part}.set.{fault.field}") if fault.source in own and fault.field else fault
-        for fault in error.problems
+        for fault in faults
     ]
 
 
@@ -301,23 +308,30 @@ def _declared_pairs(
     config: RobotConfig,
     document: Document,
     placed: Mapping[str, PlacedPart],
+    names: list[str],
     faults: ProblemCollector,
 ) -> list[tuple[str, str]]:
     links = [link for part in placed.values() for link in part.links]
     pairs = [pair for part in placed.values() for pair in part.config.may_touch]
-    for index, names in enumerate(config.never_touch):
+    unread = [name for name in names if name not in placed]  # a link that is not there may be of one of them
+    for index, pair in numbered(config.never_touch):
         groups: list[list[str]] = []
-        for name in names:
+        for name in pair:
             if name in placed:
                 groups.append(placed[name].links)
             elif name in links:
                 groups.append([name])
-            else:
-                message = f"no part or link {name!r}; {suggestion(name, [*placed, *links])}"
+            elif name not in unread and (not unread or _is_misspelt(name, names, links)):
+                message = f"no part or link {name!r}; {suggestion(name, [*names, *links])}"
                 faults.problems.append(document.problem(("never_touch", index), message))
         if len(groups) == 2:
             pairs += [(a, b) for a in groups[0] for b in groups[1]]
     return pairs
+
+
+def _is_misspelt(name: str, parts: list[str], links: list[str]) -> bool:
+    """Whether it can be said that a name is wrong while links of parts are unknown: it is nearly one that is known."""
+    return bool(get_close_matches(name, [*parts, *links], n=1, cutoff=0.7))
 
 
 def load_problems(model: RobotModel, placed: Mapping[str, PlacedPart], document: Document) -> list[Problem]:
@@ -338,38 +352,34 @@ def load_problems(model: RobotModel, placed: Mapping[str, PlacedPart], document:
     return problems
 
 
-def with_calibration(document: Document, folder: Path) -> Document:
+def with_calibration(document: Document, folder: Path, faults: ProblemCollector) -> Document:
     """A robot's document with the ``parts`` of its ``calibration`` files laid over its own, one file after the other.
 
-    ``folder``: where relative names begin. Raises ConfigurationError for files that cannot be read or that are of
-    another robot.
+    ``folder``: where relative names begin. Files that cannot be read and parts of another robot are left out, and added
+    to ``faults``.
     """
     names = document.data.get("calibration", [])
     if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
         message = f"should be a list of files that bestman-bt calibrate wrote, got {names!r}"
-        raise ConfigurationError([document.problem(("calibration",), message)])
-    problems: list[Problem] = []
+        faults.problems.append(document.problem(("calibration",), message))
+        return replace(document, data={key: value for key, value in document.data.items() if key != "calibration"})
     for index, name in enumerate(names):
-        path = folder / name
-        if not path.is_file():
-            problems.append(document.problem(("calibration", index), f"no such calibration file: {path}"))
-            continue
-        found = read_document(path)
-        parts, known = found.data.get("parts"), document.data.get("parts") or {}
-        if not isinstance(parts, dict):
-            problems.append(found.problem(("parts",), "is missing: this is no file that bestman-bt calibrate wrote"))
-            continue
-        problems += [
-            found.problem(
-                ("parts", part), f"the robot has no such part; {suggestion(str(part), [str(k) for k in known])}"
-            )
-            for part in parts
-            if part not in known
-        ]
-        origins = {path: origin for path, origin in found.origins.items() if path[:1] == ("parts",)}
-        document = document.merged(Document({"parts": parts}, origins))
-    if problems:
-        raise ConfigurationError(problems)
+        with faults.step():
+            path = folder / name
+            if not path.is_file():
+                message = f"no such calibration file: {path}"
+                raise ConfigurationError([document.problem(("calibration", index), message)])
+            found = read_document(path, faults.problems)
+            parts, known = found.data.get("parts"), document.data.get("parts") or {}
+            if not isinstance(parts, dict):
+                message = "is missing: this is no file that bestman-bt calibrate wrote"
+                raise ConfigurationError([found.problem(("parts",), message)])
+            for part in [part for part in parts if part not in known]:
+                message = f"the robot has no such part; {suggestion(str(part), [str(k) for k in known])}"
+                faults.problems.append(found.problem(("parts", part), message))
+            origins = {path: origin for path, origin in found.origins.items() if path[:1] == ("parts",)}
+            own = {part: value for part, value in parts.items() if part in known}
+            document = document.merged(Document({"parts": own}, origins))
     return document
 
 

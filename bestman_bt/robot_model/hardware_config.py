@@ -7,9 +7,19 @@ import math
 import os
 import re
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from typing import Any
 
-from bestman_bt.configuration import ConfigurationError, Document, Problem, check
+from bestman_bt.configuration import (
+    ConfigurationError,
+    Document,
+    Problem,
+    ProblemCollector,
+    UnreadError,
+    as_far_as_read,
+    numbered,
+    salvage,
+)
 from bestman_bt.registry import CONNECTIONS, UnknownNameError, suggestion
 from bestman_bt.robot_model.connection_config import ConnectionConfig, SafetyConfig
 from bestman_bt.robot_model.model import ArmModel, BaseModel, GripperModel, Part, RobotModel
@@ -57,29 +67,35 @@ def read_connections(
 
     ``parts``: those of the robot; None where one could not be read.
     """
-    problems = [*_part_problems(config, document, list(parts)), *_safety_problems(config.safety, document)]
+    faults = ProblemCollector(
+        [*_part_problems(config, document, list(parts)), *_safety_problems(config.safety, document)]
+    )
     connections: dict[str, ConnectionConfig] = {}
     for name, connection in config.connections.items():
-        try:
-            driver: Any = CONNECTIONS.resolve(connection.driver)
-        except UnknownNameError as error:
-            problems.append(document.problem(("connections", name, "driver"), str(error)))
-            continue
-        problems += _kind_problems(name, connection, driver.serves, document, parts)
-        given = document.below("connections", name, "options") if connection.options else Document({})
-        try:
-            options = check(given, driver.options_type)
-        except ConfigurationError as error:
-            problems += error.within("connections", name, "options").problems
-            continue
-        problems += _payload_problems(name, connection, options, document, parts)
-        connections[name] = dataclasses.replace(
-            connection,
-            options=options,
-            address=_from_environment(connection.address),
-            token=_from_environment(connection.token),
-        )
-    return connections, problems
+        with faults.step():
+            connections[name] = _read_connection(name, connection, document, parts)
+    return connections, faults.problems
+
+
+def _read_connection(
+    name: str, connection: ConnectionConfig, document: Document, parts: Mapping[str, PartConfig | None]
+) -> ConnectionConfig:
+    try:
+        driver: Any = CONNECTIONS.resolve(connection.driver)
+    except UnknownNameError as error:
+        raise ConfigurationError([document.problem(("connections", name, "driver"), str(error))]) from error
+    given = document.below("connections", name, "options") if connection.options else Document({})
+    options, problems = salvage(given, driver.options_type)
+    faults = ProblemCollector([*_kind_problems(name, connection, driver.serves, document, parts)])
+    faults.problems += ConfigurationError(problems).within("connections", name, "options").problems
+    faults.problems += _payload_problems(name, connection, options, document, parts)
+    faults.raise_if_any()
+    return dataclasses.replace(
+        connection,
+        options=options,
+        address=_from_environment(connection.address),
+        token=_from_environment(connection.token),
+    )
 
 
 def _from_environment(text: str) -> str:
@@ -92,16 +108,20 @@ def _part_problems(config: RobotConfig, document: Document, known: list[str]) ->
     spoken_for: dict[str, str] = {}
     for name, connection in config.connections.items():
         field = ("connections", name, "parts")
-        if not connection.parts:
-            yield document.problem(field, "should name at least one part")
-        for index, part in enumerate(connection.parts):
-            if part not in known:
-                yield document.problem((*field, index), f"unknown part; {suggestion(part, known)}")
-            elif part in spoken_for:
-                yield document.problem((*field, index), f"{part!r} is behind connection {spoken_for[part]!r} already")
-            spoken_for[part] = name
+        with suppress(UnreadError):
+            if not connection.parts and not document.data["connections"][name]["parts"]:
+                yield document.problem(field, "should name at least one part")
+            for index, part in numbered(connection.parts):
+                if part not in known:
+                    yield document.problem((*field, index), f"unknown part {part!r}; {suggestion(part, known)}")
+                elif part in spoken_for:
+                    yield document.problem(
+                        (*field, index), f"{part!r} is behind connection {spoken_for[part]!r} already"
+                    )
+                spoken_for[part] = name
 
 
+@as_far_as_read
 def _kind_problems(
     name: str,
     connection: ConnectionConfig,
@@ -133,6 +153,7 @@ def _kind(part: PartConfig | None) -> str | None:
     return "gripper" if part.kind in _AS_A_GRIPPER else part.kind
 
 
+@as_far_as_read
 def _payload_problems(
     name: str, connection: ConnectionConfig, options: Any, document: Document, parts: Mapping[str, PartConfig | None]
 ) -> Iterator[Problem]:
@@ -154,6 +175,7 @@ def wider_limits(name: str, part: ArmPart, described: ArmPart, document: Documen
                 yield document.problem(("parts", name, "set", "limits", field), message)
 
 
+@as_far_as_read
 def _safety_problems(safety: SafetyConfig, document: Document) -> Iterator[Problem]:
     if safety.joint_speed == 0.0:
         yield document.problem(("safety", "joint_speed"), "should be above 0, a share of the arms' speed limits")

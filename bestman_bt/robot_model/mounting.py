@@ -102,17 +102,20 @@ def mount_problems(
     """
     field = ("parts", name, "mount")
     links = [link for earlier in placed.values() for link in earlier.links]
+    first = next(iter(document.data["parts"]), None)
+    if part is not None and isinstance(part.config, BasePart | LeggedBasePart) and name != first:
+        return [document.problem(("parts", name), "a base stands on the floor: it has to be the first part")]
     if not links and unread:
         return _misspelt_part(document, field, mounted.mount or "")
     if not links:
         if mounted.mount is None:
             return []
         return [document.problem(field, "the first part is the root and is mounted on nothing")]
-    if part is not None and isinstance(part.config, BasePart | LeggedBasePart):
-        return [document.problem(("parts", name), "a base stands on the floor: it has to be the first part")]
     if mounted.mount is None:
         message = f"'mount' is missing: the link that carries the part; there are {', '.join(links)}"
         return [document.problem(("parts", name), message)]
+    if mounted.mount == name:
+        return [document.problem(field, f"{name!r} cannot be mounted on itself: name a part above it")]
     place = mount_place(mounted, part, placed)
     if place is None and unread:
         return _misspelt_part(document, field, mounted.mount)
@@ -154,7 +157,9 @@ def _no_frame(mount: str, placed: Mapping[str, PlacedPart], links: list[str]) ->
             f"the {placed[mount].config.kind} {mount!r} does not say where it carries something: name a link of it "
             f"({', '.join(placed[mount].links)})"
         )
-    return f"no frame {mount!r} to mount on; {suggestion(mount, [*placed, *links])} (frames: {', '.join(links)})"
+    hint = suggestion(mount, [*placed, *links])
+    frames = "" if hint.startswith("known: ") else f" (frames: {', '.join(links)})"
+    return f"no frame {mount!r} to mount on; {hint}{frames}"
 
 
 def _wheel_that_turns(link: str, placed: Mapping[str, PlacedPart]) -> str | None:

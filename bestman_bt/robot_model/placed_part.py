@@ -13,7 +13,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bestman_bt.configuration import ConfigurationError, Document, Problem, check, find_data, read_document
+from bestman_bt.configuration import (
+    ConfigurationError,
+    Document,
+    Problem,
+    UnreadError,
+    check,
+    find_data,
+    is_whole,
+    read_document,
+    salvage,
+)
 from bestman_bt.messages import Box
 from bestman_bt.registry import PARTS, UnknownNameError, suggestion
 from bestman_bt.robot_model.finger_linkage import MimicJoint, opening_table
@@ -179,20 +189,26 @@ class PlacedPart:
         return sum(float(mass.get("value", "0")) for mass in masses if mass is not None)
 
 
-def read_part(name: str, description: str, changes: Document, asked_by: Problem, taken: set[str]) -> PlacedPart:
+def read_part(
+    name: str, description: str, changes: Document, asked_by: Problem, taken: set[str], faults: list[Problem]
+) -> PlacedPart:
     """Read the part called ``name`` in its robot.
 
     ``description``: name or path of its YAML, ``changes`` is laid over it. ``taken``: link and joint names that
-    other parts have: if one of this part's is among them, all of this part's get the prefix ``<name>_``.
+    other parts have: if one of this part's is among them, all of this part's get the prefix ``<name>_``. What is wrong
+    is added to ``faults`` where the part can be read without it, and else raised as ConfigurationError.
     """
     path = find_data("part", description, asked_by)
-    document = _with_name(read_document(path), name).merged(changes)
+    document = _with_name(read_document(path, faults), name).merged(changes)
     kind = document.data.get("kind")
     try:
         part_type: type[PartConfig] = PARTS.resolve(str(kind or ""))
     except UnknownNameError as error:
         raise ConfigurationError([document.problem(("kind",), str(error) if kind else "is missing")]) from error
-    config = check(document, part_type)
+    config, problems = salvage(document, part_type)
+    faults += problems
+    if not is_whole(config):
+        raise UnreadError(description)
     subtree = _elements(name, config, document, path.parent)
     elements, root, mimics = subtree.elements, subtree.root, subtree.mimics
     if isinstance(config, LeggedBasePart):

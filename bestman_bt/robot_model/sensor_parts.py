@@ -40,7 +40,6 @@ from bestman_bt.configuration.quantity import (
     Torque,
     TorqueLimit,
     Voltage,
-    WholeNumber,
 )
 from bestman_bt.messages import CameraIntrinsics
 from bestman_bt.robot_model.part_fields import PartConfig
@@ -62,8 +61,8 @@ class CameraPart(PartConfig):
 
     kind: Literal["camera"]
     frame: str
-    width: WholeNumber
-    height: WholeNumber
+    width: PositiveWholeNumber
+    height: PositiveWholeNumber
     vertical_fov: AngleLimit
     near: PositiveLengthLimit
     far: PositiveLengthLimit
@@ -100,7 +99,7 @@ class LidarPart(PartConfig):
 
     kind: Literal["lidar"]
     frame: str
-    beams: WholeNumber
+    beams: PositiveWholeNumber
     angle_min: AngleLimit
     angle_max: AngleLimit
     range_min: LengthLimit

@@ -15,16 +15,18 @@ from typing import Any
 from behaviours.nav2.ports import AlgorithmName
 from bestman_bt.configuration import (
     ConfigurationError,
+    Document,
     Problem,
     ProblemCollector,
     RunConfig,
-    algorithm_parameters,
     in_folders,
+    salvage,
 )
 from bestman_bt.engine import Tree
 from bestman_bt.engine.errors import Problem as TreeProblem
 from bestman_bt.engine.own_files import described, importable, load_file, module_of, plugin_module, signature_fault
 from bestman_bt.engine.unwritten import problem_at
+from bestman_bt.errors import MissingExtraError
 from bestman_bt.manipulation.collision import CollisionModel
 from bestman_bt.manipulation.kinematics import InverseKinematics
 from bestman_bt.manipulation.motion_planning import MotionPlanner, TimedMotionPlanner
@@ -34,6 +36,7 @@ from bestman_bt.navigation.global_planning import GlobalPlanner, LayeredCostmap
 from bestman_bt.navigation.local_planning import PathFollower
 from bestman_bt.navigation.localization import GlobalLocalizer, Localizer, OdometryFilter
 from bestman_bt.navigation.slam import FrontierExplorer, Slam
+from bestman_bt.perception import PerceptionError
 from bestman_bt.perception.affordance import HandleDetector
 from bestman_bt.perception.detection import Detector
 from bestman_bt.perception.grasp_pose import GraspPlanner
@@ -90,6 +93,9 @@ SLOTS: dict[str, Slot] = {
 }
 
 
+_OF_ARMS = ("kinematics", "collision")
+
+
 class Algorithms:
     """The algorithms that a configuration chose, one per slot, each made when it is first asked for: ``detection``.
 
@@ -106,13 +112,9 @@ class Algorithms:
                 algorithm, _ = _choose(config, slot)
                 if not algorithm.__module__.startswith("bestman_bt."):
                     own.append(slot)
-        lacking = {
-            *(() if model.of(ArmModel) else ("kinematics", "collision")),
-            *(() if semantic_map else ("localization",)),
-        }
         for slot in own:
             with faults.step():
-                if slot not in lacking:
+                if semantic_map if slot == "localization" else model.of(ArmModel) or slot not in _OF_ARMS:
                     self.of_arm(slot, "")
         faults.raise_if_any()
 
@@ -154,6 +156,16 @@ def check_odometry(config: RunConfig, model: RobotModel) -> None:
         raise ConfigurationError([config.problem(("algorithms", "odometry", "algorithm"), message)])
 
 
+def prepare_detection(config: RunConfig) -> None:
+    """Have the detector read its files; ConfigurationError where it cannot. Wrong parameters beside are not used."""
+    make = partial(make_algorithm, config, faults=[])
+    detector: Detector = make("detection", segmentation=make("segmentation"), pose_estimator=make("pose_estimation"))
+    try:
+        detector.prepare()
+    except (PerceptionError, MissingExtraError) as error:
+        raise ConfigurationError([config.problem(("algorithms", "detection"), str(error))]) from error
+
+
 def algorithm_by_name(config: RunConfig, slot: str, name: str, folders: tuple[Path, ...] = ()) -> Any:
     """The algorithm that a tree names, as it is configured where that is the same one, else with its own defaults.
 
@@ -192,15 +204,22 @@ def algorithm_problems(tree: Tree, config: RunConfig) -> Iterator[TreeProblem]:
 
 
 def make_algorithm(
-    config: RunConfig, slot: str, *needs: Any, name: str = "", folders: tuple[Path, ...] = (), **parts: Any
+    config: RunConfig,
+    slot: str,
+    *needs: Any,
+    name: str = "",
+    folders: tuple[Path, ...] = (),
+    faults: list[Problem] | None = None,
+    **parts: Any,
 ) -> Any:
     """The algorithm in ``slot``, made as ``Class(*needs, **parameters, **parts)``.
 
     ``name``: another one than the configured, which then has its own default parameters. ``folders``: where files and
-    modules that it names are looked for first. ``parts``: other algorithms that it stands on.
+    modules that it names are looked for first. ``parts``: other algorithms that it stands on. With ``faults`` wrong
+    parameters are added there and left out.
     Raises ConfigurationError that names the slot, the field and what would be right.
     """
-    algorithm, parameters = _choose(config, slot, name, folders)
+    algorithm, parameters = _choose(config, slot, name, folders, faults)
     if algorithm.__module__.startswith("bestman_bt."):
         return algorithm(*needs, **parameters, **parts)
     return made_of_own(algorithm, SLOTS[slot].base, f"algorithms.{slot}", *needs, **parameters, **parts)
@@ -240,7 +259,11 @@ def _default(field: dataclasses.Field[Any]) -> Any:
 
 
 def _choose(
-    config: RunConfig, slot: str, name: str = "", folders: tuple[Path, ...] = ()
+    config: RunConfig,
+    slot: str,
+    name: str = "",
+    folders: tuple[Path, ...] = (),
+    faults: list[Problem] | None = None,
 ) -> tuple[type[Any], dict[str, Any]]:
     """The class in a slot and the parameters that are set for it; raises as ``make_algorithm``."""
     configured, values = config.task.algorithm(slot)
@@ -273,11 +296,11 @@ def _choose(
                 message = f"{name} takes no parameters, got {', '.join(values)}"
                 raise ConfigurationError([config.problem(("algorithms", slot), message)])
             return algorithm, {}
-        try:
-            checked = algorithm_parameters(slot, values, parameters_type)
-        except ConfigurationError as error:
-            raise ConfigurationError([_placed(config, slot, problem) for problem in error.problems]) from error
-    return algorithm, {field: getattr(checked, field) for field in values}
+        checked, problems = salvage(Document(values, {(): (f"algorithms.{slot}", None)}), parameters_type)
+    if problems and faults is None:
+        raise ConfigurationError([_placed(config, slot, problem) for problem in problems])
+    known = [field.name for field in dataclasses.fields(parameters_type)]
+    return algorithm, {field: getattr(checked, field) for field in values if field in known}
 
 
 def _parameters_of_none(

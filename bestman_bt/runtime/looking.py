@@ -13,7 +13,7 @@ from behaviours.context import SkillContext
 from behaviours.failure import NodeFailure
 from behaviours.manipulation.grasp_candidates import grasp_candidates, handle_grasp_candidates
 from behaviours.perception.surfaces import SLAB_GROWTH
-from bestman_bt.configuration import RunConfig, RunRequest, run_of_options
+from bestman_bt.configuration import Problem, RunConfig, RunRequest, run_of_options
 from bestman_bt.control.rgbd import RGBDView
 from bestman_bt.messages import Box, Pose, Pose2D
 from bestman_bt.runtime.robot_session import open_session
@@ -97,10 +97,11 @@ def standing_before(furniture: MapFurniture, asked: RunRequest) -> RunConfig:
             placed = [f"scene.robot_start.{axis}=[{value}, {value}]" for axis, value in start.items()]
             placed.append(f"scene.start_clearance={ROOM}")
             return run_of_options(replace(asked, settings=[*placed, *(asked.settings or ())]))
-    raise SceneError(
+    message = (
         f"no room for the robot before the {furniture.name}: nowhere from {min(distances)} m to {max(distances)} m "
         f"before it are {ROOM} m free on all sides"
     )
+    raise SceneError([Problem(str(asked.scene), None, "", message)])
 
 
 def _apart(wall: Wall, one: Pose2D, other: Pose2D) -> bool:

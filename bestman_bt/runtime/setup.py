@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Collection, Iterable
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from importlib.util import find_spec
@@ -14,21 +15,22 @@ import numpy as np
 from py_trees.behaviour import Behaviour
 
 from bestman_bt.configuration import (
+    UNREAD,
     ConfigurationError,
     Problem,
     ProblemCollector,
     RunConfig,
+    UnreadError,
+    as_far_as_read,
     load_run,
 )
 from bestman_bt.engine import NodeRegistry, Tree, TreeLoadError
 from bestman_bt.engine.errors import Problem as TreeProblem
-from bestman_bt.errors import MissingExtraError
 from bestman_bt.extras import install_command
 from bestman_bt.facts.evidence import DrawnTask
-from bestman_bt.facts.goals.goal import Goal, entries_of, goals_of, read_goals
+from bestman_bt.facts.goals.goal import Goal, entries_of, goals_of
 from bestman_bt.facts.goals.placed import Placed, PlaceGoal
 from bestman_bt.messages import Pose2D
-from bestman_bt.perception import PerceptionError
 from bestman_bt.registry import CONNECTIONS, DRIVERS, UnknownNameError
 from bestman_bt.robot_model import ArmModel, BaseModel, CameraPart, RobotModel, load_robot_model
 from bestman_bt.robot_model.hardware_config import unlimited, with_first_limits
@@ -36,6 +38,7 @@ from bestman_bt.runtime.algorithms import (
     Algorithms,
     algorithm_problems,
     check_odometry,
+    prepare_detection,
 )
 from bestman_bt.runtime.failure_lines import renamed_codes
 from bestman_bt.runtime.plugins import node_registry, read_tree
@@ -101,11 +104,14 @@ class Setup(DrawnTask):
     @cached_property
     def names(self) -> dict[str, list[str]]:
         """What the ports of a tree may name here, by kind; no objects where the detector may know words of its own."""
-        names = known_names(self.world_model, self.robot_model, self.absent)
-        if self.config.task.algorithm("detection")[0] not in NAMES_MODELS_ALONE:
-            del names["object"]
-        if not self.robot_model.of(ArmModel):
-            del names["posture"]  # who asks for one needs an arm
+        names: dict[str, list[str]] = {}
+        with suppress(UnreadError):
+            names |= known_names(self.world_model, self.absent)
+            if self.config.task.algorithm("detection")[0] not in NAMES_MODELS_ALONE:
+                del names["object"]
+        with suppress(UnreadError):
+            if self.robot_model.of(ArmModel):  # who asks for a posture needs one
+                names["posture"] = list(self.robot_model.postures)
         return names
 
     @cached_property
@@ -121,8 +127,8 @@ class Setup(DrawnTask):
         Its entries are not filled yet.
         """
         found = [
-            *lacking_parts(tree, self.robot_model, self.usable_parts),
-            *arm_problems(tree, self.robot_model),
+            *as_far_as_read(lambda: lacking_parts(tree, self.robot_model, self.usable_parts))(),
+            *as_far_as_read(arm_problems)(tree, self.robot_model),
             *unknown_names(tree, self.names),
             *renamed_codes(tree),
             *policy_problems(tree),
@@ -176,48 +182,46 @@ def prepare(
         with faults.step():
             scene = load_scene(config.task.scene, config.scene_settings)
     faults.problems += _driver_problems(config)
-    if robot_model is not None:
-        if config.driver == "hardware":
-            faults.problems += _connection_problems(config, robot_model)
-            slow_arms = unlimited(robot_model)
-            robot_model = with_first_limits(robot_model)
+    if robot_model is not None and config.driver == "hardware":
+        faults.problems += _connection_problems(config, robot_model)
+        slow_arms = unlimited(robot_model)
+        robot_model = with_first_limits(robot_model)
+    world: World | None = None
+    if scene is not None:
         with faults.step():
-            _prepare_algorithms(config, robot_model)
-    if robot_model is None or scene is None:
-        list(read_goals(config, faults.problems))
-        if registry is not None and config.task.tree:
-            faults.problems += _faults_of_tree(config.task.tree, registry, all_entries)
-        faults.raise_if_any()
-    assert robot_model is not None
-    assert scene is not None
-    world = draw_world(scene, config.seed)
-    world_model = WorldModel(
-        map=semantic_map(world),
-        models=dict(scene.models),
-        base=_told_start(config, world, robot_model),
-    )
-    task = DrawnTask(config, robot_model, world, world_model, absent=scene.absent)
-    with faults.step():
-        Algorithms(config, robot_model, world_model.map)  # the localizer, too
-    with faults.step():
-        check_odometry(config, robot_model)
-    if registry is None:
-        faults.problems += task_problems(task)
-        faults.raise_if_any()
-    assert registry is not None
-    setup = Setup(config, robot_model, world, world_model, registry, absent=scene.absent, slow_arms=slow_arms)
+            world = draw_world(scene, config.seed)
+    setup = replace(_setup(config, robot_model, scene, world, registry), slow_arms=slow_arms)
+    _prepare_algorithms(setup, faults)
     faults.problems += task_problems(setup)
     if not faults.problems:
-        world_model.told.update(setup.told)
-    try:
-        if config.task.tree:
+        setup.world_model.told.update(setup.told)
+    if registry is not None and config.task.tree:
+        try:
             _check_tree(setup, all_entries, certain=not faults.problems)
-    except TreeLoadError as error:
-        if not faults.problems:
-            raise
-        faults.problems += tree_problems(error)
+        except TreeLoadError as error:
+            if not faults.problems:
+                raise
+            faults.problems += tree_problems(error)
     faults.raise_if_any()
     return setup
+
+
+def _setup(
+    config: RunConfig,
+    robot: RobotModel | None,
+    scene: SceneConfig | None,
+    world: World | None,
+    registry: NodeRegistry | None,
+) -> Setup:
+    """Of what there is; the rest raises UnreadError where it is asked for, its faults are told already."""
+    there, known = robot or UNREAD, UNREAD
+    if scene is not None and world is not None:
+        start = UNKNOWN_START if robot is None else _told_start(config, world, robot)
+        known = WorldModel(map=semantic_map(world), models=dict(scene.models), base=start)
+    absent = scene.absent if scene is not None else ()
+    # Without nodes a setup has no tree to check: kinds of goals that need them are left out.
+    nodes: Any = registry
+    return Setup(config, there, world or UNREAD, known, nodes, absent=absent)
 
 
 def _at_its_entry(config: RunConfig, problem: Problem) -> Problem:
@@ -227,18 +231,6 @@ def _at_its_entry(config: RunConfig, problem: Problem) -> Problem:
         if problem.source == f"--plugin {plugin}":
             return config.problem(("plugins", index), f"{plugin}: {problem.message}")
     return problem
-
-
-def _faults_of_tree(tree: str, registry: NodeRegistry, all_entries: bool) -> list[Problem]:
-    """Of a tree alone, where there is no robot or no scene to check it against."""
-    wrong: list[TreeProblem] = []
-    try:
-        loaded = read_tree(tree, registry, faults=wrong)
-    except TreeLoadError as error:
-        return tree_problems(error)
-    if all_entries:
-        wrong += _unfilled(loaded, TASK_ENTRIES, False, wrong)
-    return tree_problems(TreeLoadError(wrong))
 
 
 def _check_tree(setup: Setup, all_entries: bool, certain: bool) -> None:
@@ -261,14 +253,17 @@ def _unfilled(tree: Tree, given: Collection[str], has_task: bool, known: Iterabl
     return [one for one in found if (one.file, one.line, one.field) not in told]
 
 
-def _prepare_algorithms(config: RunConfig, robot_model: RobotModel) -> None:
-    algorithms = Algorithms(config, robot_model)
-    if not robot_model.of(CameraPart):
-        return
-    try:
-        algorithms.detection.prepare()
-    except (PerceptionError, MissingExtraError) as error:
-        raise ConfigurationError([config.problem(("algorithms", "detection"), str(error))]) from error
+def _prepare_algorithms(setup: Setup, faults: ProblemCollector) -> None:
+    config, robot = setup.config, setup.robot_model
+    with faults.step():
+        Algorithms(config, robot)
+    with faults.step():
+        if robot.of(CameraPart):
+            prepare_detection(config)
+    with faults.step():
+        Algorithms(config, robot, setup.world_model.map)  # the localizer, too
+    with faults.step():
+        check_odometry(config, robot)
 
 
 def tree_problems(error: TreeLoadError) -> list[Problem]:

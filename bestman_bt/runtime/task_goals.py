@@ -9,7 +9,7 @@ from typing import Annotated, Any, ClassVar
 
 from pydantic import Field
 
-from bestman_bt.configuration import Problem
+from bestman_bt.configuration import Problem, as_far_as_read
 from bestman_bt.facts.evidence import Evidence, Verdict, joined
 from bestman_bt.facts.goals.goal import Goal, surface_names, unknown
 from bestman_bt.facts.predicate import Beliefs
@@ -52,17 +52,8 @@ class Facts(Goal[FactsFields]):
 
     def problems(self) -> Iterator[Problem]:
         """Invalid goals, goals that cannot be judged, and unknown names."""
+        yield from self._goal_faults()
         asked, config = self.asked, self.config
-        try:
-            literals = self.literals
-        except GoalError as error:
-            yield self.fault(str(error), "goal")
-        else:
-            judged = "facts" in config.task.predicates
-            for literal in literals if judged and not any(map(can_be_judged, literals)) else ():
-                known = [name for name, one in known_predicates().items() if one.why_not is not None]
-                message = f"{literal} cannot be judged; {suggestion(literal.fact.predicate, known)}"
-                yield self.fault(message, "goal")
         for name, registered in (("planner", PLANNERS), ("builder", BUILDERS)):
             names = registered.names()
             yield from unknown(config, (*self.path, name), getattr(asked, name), names, f"unknown {name}")
@@ -74,6 +65,19 @@ class Facts(Goal[FactsFields]):
             path = (*self.path, "told", name)
             yield from unknown(config, path, name, self.world_model.models, "the robot knows no object")
             yield from unknown(config, path, place, surface_names(self.world_model), "the map has no surface")
+
+    @as_far_as_read
+    def _goal_faults(self) -> Iterator[Problem]:
+        try:
+            literals = self.literals
+        except GoalError as error:
+            yield self.fault(str(error), "goal")
+        else:
+            judged = "facts" in self.config.task.predicates
+            for literal in literals if judged and not any(map(can_be_judged, literals)) else ():
+                known = [name for name, one in known_predicates().items() if one.why_not is not None]
+                message = f"{literal} cannot be judged; {suggestion(literal.fact.predicate, known)}"
+                yield self.fault(message, "goal")
 
     def entries(self) -> dict[str, Any]:
         """``goal``, ``planner``, ``builder``, ``limits``, ``replans``."""

@@ -9,11 +9,10 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from bestman_bt.configuration import DisturbanceConfig, Problem, RunConfig
+from bestman_bt.configuration import DisturbanceConfig, Problem, RunConfig, as_far_as_read, numbered
 from bestman_bt.configuration.document import FieldPath
 from bestman_bt.facts.evidence import DrawnTask
 from bestman_bt.facts.goals.goal import goals_of, surface_names, unknown
-from bestman_bt.robot_model import RobotModel
 from bestman_bt.scene import World
 from bestman_bt.world_model import WorldModel
 
@@ -28,14 +27,14 @@ def task_problems(task: DrawnTask) -> Iterator[Problem]:
     goals = goals_of(task, faults)
     yield from faults
     for goal in goals:
-        yield from goal.problems()
+        yield from as_far_as_read(goal.problems)()
     yield from _tolerance_problems(config, task.world)
-    for index, disturbance in enumerate(config.task.disturbances):
+    for index, disturbance in numbered(config.task.disturbances):
         yield from _disturbance_problems(config, ("disturbances", index), disturbance, known, task.absent)
-    things = [*known.models, *known.map.furniture, *task.absent]
-    yield from _contact_problems(config, task.world, things, task.robot_model)
+    yield from _contact_problems(task)
 
 
+@as_far_as_read
 def _tolerance_problems(config: RunConfig, world: World) -> Iterator[Problem]:
     """A tolerance of position that no place in the scene is outside of."""
     places = [wall.start for wall in world.walls] + [wall.end for wall in world.walls]
@@ -50,6 +49,7 @@ def _tolerance_problems(config: RunConfig, world: World) -> Iterator[Problem]:
         yield config.problem(("tolerances", "position"), message)
 
 
+@as_far_as_read
 def _disturbance_problems(
     config: RunConfig, path: FieldPath, asked: DisturbanceConfig, known: WorldModel, absent: Collection[str]
 ) -> Iterator[Problem]:
@@ -65,16 +65,17 @@ def _disturbance_problems(
         yield from unknown(config, (*path, "surface"), asked.surface, surface_names(known, inside=False), what)
 
 
-def _contact_problems(config: RunConfig, world: World, things: list[str], model: RobotModel) -> Iterator[Problem]:
+@as_far_as_read
+def _contact_problems(task: DrawnTask) -> Iterator[Problem]:
     """``allowed_contacts`` name bodies of the world, parts of the robot, or what the robot may be asked to fetch."""
-    robot = ElementTree.fromstring(model.urdf)
-    walls = [f"wall_{index}" for index in range(len(world.walls))]
-    names = [*things, "floor", *walls, "fingers", "robot"]
+    config, known = task.config, task.world_model
+    robot = ElementTree.fromstring(task.robot_model.urdf)
+    walls = [f"wall_{index}" for index in range(len(task.world.walls))]
+    names = [*known.models, *known.map.furniture, *task.absent, "floor", *walls, "fingers", "robot"]
     links = [link.get("name", "") for link in robot.iter("link")]
-    pairs = config.written.data.get("allowed_contacts", config.task.allowed_contacts)  # one of a wrong type drops all
-    for index, pair in enumerate(pairs if isinstance(pairs, (list, tuple)) else ()):
-        for side, name in enumerate(pair if isinstance(pair, (list, tuple)) else ()):
-            if isinstance(name, str) and name not in names and name not in links:
+    for index, pair in numbered(config.task.allowed_contacts or ()):
+        for side, name in enumerate(pair):
+            if name not in names and name not in links:
                 close = get_close_matches(name, [*names, *links], n=1)
                 remedy = f"did you mean {close[0]!r}?" if close else f"known: {', '.join(names)} and the robot's links"
                 message = f"there is no object, piece of furniture or link {name!r}; {remedy}"

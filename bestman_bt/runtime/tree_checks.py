@@ -35,15 +35,17 @@ _IDENTITY = re.compile(r"(.+)_\d+")
 """What the robot calls one of several objects of a name, and things that it has no model of: ``can_2``, ``thing_1``."""
 
 
-def known_names(world: WorldModel, robot: RobotModel, absent: Iterable[str] = ()) -> dict[str, list[str]]:
-    """What ports may name, by kind. ``absent``: objects that the scene leaves out, which may be sought all the same."""
+def known_names(world: WorldModel, absent: Iterable[str] = ()) -> dict[str, list[str]]:
+    """What of the world ports may name, by kind.
+
+    ``absent``: objects that the scene leaves out, which may be sought all the same.
+    """
     pieces = world.map.furniture
     return {
         "object": [*world.models, *absent],
         "furniture": list(pieces),
         "surface": [*pieces, *(f"{name}/{one.name}" for name, piece in pieces.items() for one in piece.surfaces)],
         "articulation": [f"{name}/{leaf.name}" for name, piece in pieces.items() for leaf in piece.leaves],
-        "posture": list(robot.postures),
     }
 
 

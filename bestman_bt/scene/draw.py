@@ -9,7 +9,8 @@ from functools import partial
 
 import numpy as np
 
-from bestman_bt.errors import Error, InputError
+from bestman_bt.configuration import ConfigurationError
+from bestman_bt.errors import Error
 from bestman_bt.messages import Pose, Pose2D
 from bestman_bt.scene.apartment_generator import ApartmentError, generate_apartment
 from bestman_bt.scene.changes import draw_changes, exactly_placed
@@ -94,7 +95,7 @@ _NEAR = 0.3
 """Metres within which things are named that stand where there was no room for another."""
 
 
-class SceneError(InputError, RuntimeError):
+class SceneError(ConfigurationError):
     """No world could be drawn: the scene's regions leave too little room."""
 
 
@@ -107,7 +108,7 @@ def draw_world(scene: SceneConfig, seed: int) -> World:
     try:
         scene = with_apartment(scene, seed)
     except ApartmentError as error:
-        raise SceneError(f"scene {scene.name!r}: {error}") from error
+        raise SceneError([scene.document.problem(("generator", "apartment"), str(error))]) from error
     layout = scene.file.walls
     assert layout is not None
     walls = tuple(Wall(start, end, layout.height, layout.thickness) for start, end in layout.lines)
@@ -133,12 +134,13 @@ def draw_world(scene: SceneConfig, seed: int) -> World:
             goals=goals,
             finger_friction=scene.file.finger_friction,
             goal_heights={name: float(model.size[2]) for name, model in scene.goal_models.items()},
+            goal_surfaces={name: goal.surface for name, goal in scene.file.goals.items()},
             walkers=walkers,
             moving_doors=_moving_doors(scene, standing),
         )
     assert why is not None
     message = f"{why} in any of {_ATTEMPTS} draws (scene {scene.name!r}, seed {seed}); {why.remedy}"
-    raise SceneError(str(scene.document.problem(why.field, message))) from why
+    raise SceneError([scene.document.problem(why.field, message)]) from why
 
 
 class _NoRoomError(Error):

@@ -2,14 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 
-from bestman_bt.configuration import ConfigurationError, Document, Problem, check, find_data, read_document
+from bestman_bt.configuration import (
+    ConfigurationError,
+    Document,
+    Problem,
+    ProblemCollector,
+    UnreadError,
+    as_far_as_read,
+    find_data,
+    read_document,
+    salvage,
+)
 from bestman_bt.configuration.quantity import (
     Friction,
     JointEffort,
@@ -22,7 +33,7 @@ from bestman_bt.configuration.quantity import (
     Size2,
     WholeNumber,
 )
-from bestman_bt.messages import Handle, HandleKind, JointKind, Pose
+from bestman_bt.messages import Handle, HandleKind, JointKind, PlacedShape, Pose
 from bestman_bt.messages.handle import HingeSide
 from bestman_bt.scene.furniture_generator import FurnitureOptionError, generate_furniture, options_of
 from bestman_bt.scene.scene import Articulation, FurnitureModel, Surface
@@ -78,34 +89,69 @@ class ArticulationConfig:
 
 
 def read_articulations(configs: Mapping[str, ArticulationConfig], document: Document) -> tuple[Articulation, ...]:
-    """The articulations of a furniture file; raises ConfigurationError."""
-    return tuple(_articulation(name, config, document) for name, config in configs.items())
+    """The articulations of a furniture file; ConfigurationError tells all that is wrong with them."""
+    faults, read = ProblemCollector(), []
+    for name, config in configs.items():
+        problems = [*_joint_faults(name, config, document), *_handle_faults(name, config, document)]
+        faults.problems += problems
+        with faults.step():
+            parts = _shapes_of(name, config, document)
+            if not problems:
+                read.append(_articulation(name, config, parts))
+    faults.raise_if_any()
+    return tuple(read)
 
 
-def _articulation(name: str, config: ArticulationConfig, document: Document) -> Articulation:
-    def refuse(field: str, message: str) -> ConfigurationError:
-        return ConfigurationError([document.problem(("articulations", name, field), message)])
+def _joint_faults(name: str, config: ArticulationConfig, document: Document) -> Iterator[Problem]:
+    within = document.below("articulations", name).data
+    path = ("articulations", name)
+    if within.get("parts") == []:
+        yield document.problem((*path, "parts"), "a door or drawer needs at least one shape")
+    with suppress(UnreadError):
+        if config.upper <= 0.0:
+            message = f"should be more than 0, got {config.upper:g}; the joint opens from 0 to here"
+            yield document.problem((*path, "upper"), message)
+    with suppress(UnreadError):
+        if not np.linalg.norm(config.axis) > 0.0:
+            yield document.problem((*path, "axis"), f"should not be zero, got {list(config.axis)}")
 
-    if not config.parts:
-        raise refuse("parts", "a door or drawer needs at least one shape")
-    if config.upper <= 0.0:
-        raise refuse("upper", f"should be more than 0, got {config.upper:g}; the joint opens from 0 to here")
-    written = np.array(config.axis)
-    if not np.linalg.norm(written) > 0.0:
-        raise refuse("axis", f"should not be zero, got {list(config.axis)}")
-    axis, origin = written / np.linalg.norm(written), np.array(config.origin)
-    pulled = axis if config.joint == "prismatic" else np.cross(axis, np.array(config.handle.xyz) - origin)
+
+@as_far_as_read
+def _handle_faults(name: str, config: ArticulationConfig, document: Document) -> Iterator[Problem]:
+    path, pulled = ("articulations", name), _pulled(config)
+    if not np.linalg.norm(config.axis) > 0.0:
+        return
     if not np.linalg.norm(pulled) > 1e-6:
-        raise refuse("origin", f"the handle lies on the axis, which goes through {list(config.origin)}")
-    pulled = pulled / np.linalg.norm(pulled)
-    if pulled @ _OUTWARD <= 0.0:
-        message = f"the joint opens inwards, the front faces -x; turn the axis round: {[float(-a) for a in written]}"
-        raise refuse("axis", message)
-    within = document.below("articulations", name)
+        message = f"the handle lies on the axis, which goes through {list(config.origin)}"
+        yield document.problem((*path, "origin"), message)
+    elif pulled @ _OUTWARD <= 0.0:
+        turned = [float(-a) for a in config.axis]
+        yield document.problem(
+            (*path, "axis"), f"the joint opens inwards, the front faces -x; turn the axis round: {turned}"
+        )
+
+
+def _pulled(config: ArticulationConfig) -> np.ndarray:
+    """Which way the handle goes when the joint opens, not of unit length."""
+    axis = np.array(config.axis) / (np.linalg.norm(config.axis) or 1.0)
+    if config.joint == "prismatic":
+        return axis
+    moved: np.ndarray = np.cross(axis, np.array(config.handle.xyz) - np.array(config.origin))
+    return moved
+
+
+def _shapes_of(name: str, config: ArticulationConfig, document: Document) -> tuple[PlacedShape, ...]:
     try:
-        parts = placed_shapes(config.parts, within, "parts")
+        return placed_shapes(config.parts, document.below("articulations", name), "parts")
+    except UnreadError:
+        return ()
     except ConfigurationError as error:
         raise error.within("articulations", name) from error
+
+
+def _articulation(name: str, config: ArticulationConfig, parts: tuple[PlacedShape, ...]) -> Articulation:
+    axis, origin, pulled = np.array(config.axis) / np.linalg.norm(config.axis), np.array(config.origin), _pulled(config)
+    pulled = pulled / np.linalg.norm(pulled)
     return Articulation(
         name=name,
         kind=config.joint,
@@ -201,31 +247,48 @@ def read_furniture(name: str | Path, asked_by: Problem | None = None) -> Furnitu
 
 
 def _written(name: str, document: Document) -> FurnitureModel:
-    file = check(document, FurnitureFile)
+    file, problems = salvage(document, FurnitureFile)
+    faults = ProblemCollector(problems)
+    parts: tuple[PlacedShape, ...] = ()
+    articulations: tuple[Articulation, ...] = ()
+    with faults.step():
+        parts = placed_shapes(file.parts, document, "parts")
+    with faults.step():
+        articulations = read_articulations(file.articulations, document)
+    faults.raise_if_any()
     return FurnitureModel(
         name=name,
         footprint=file.footprint,
-        parts=placed_shapes(file.parts, document, "parts"),
+        parts=parts,
         colors=tuple((*(part.color or PART_COLOR), 1.0) for part in file.parts),
         surfaces=tuple(Surface(key, Pose.from_xyz_rpy(s.xyz), s.size) for key, s in file.surfaces.items()),
         friction=file.friction,
-        articulations=read_articulations(file.articulations, document),
+        articulations=articulations,
     )
 
 
 def _generated(name: str, document: Document) -> FurnitureModel:
-    file = check(document, GeneratedFurnitureFile)
+    file, problems = salvage(document, GeneratedFurnitureFile)
+    faults = ProblemCollector(problems)
+    with faults.step():
+        model = _from_options(name, file, document, faults)
+    faults.raise_if_any()
+    return model
+
+
+def _from_options(
+    name: str, file: GeneratedFurnitureFile, document: Document, faults: ProblemCollector
+) -> FurnitureModel:
     kind = file.generate.get("kind")
     try:
         if not isinstance(kind, str):
             raise FurnitureOptionError(("kind",), "is missing" if kind is None else f"should be a name, got {kind!r}")
         below = document.below("generate")
-        options_type = options_of(kind)
+        options_type: Any = options_of(kind)
         wanted = {key: value for key, value in below.data.items() if key != "kind"}
-        options: Any = check(Document(wanted, below.origins), options_type)
+        options, problems = salvage(Document(wanted, below.origins), options_type)
+        faults.problems += ConfigurationError(problems).within("generate").problems
         given = {option.name: getattr(options, option.name) for option in fields(options_type)}
         return generate_furniture(kind, np.random.default_rng(file.seed), name, **given)
     except FurnitureOptionError as error:
         raise ConfigurationError([document.problem(("generate", *error.path), error.reason)]) from error
-    except ConfigurationError as error:
-        raise error.within("generate") from error

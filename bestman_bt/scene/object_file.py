@@ -8,9 +8,17 @@ from pathlib import Path
 from typing import Literal
 from xml.etree import ElementTree
 
-from bestman_bt.configuration import ConfigurationError, Document, Problem, check, find_data, read_document
+from bestman_bt.configuration import (
+    ConfigurationError,
+    Document,
+    Problem,
+    ProblemCollector,
+    find_data,
+    read_document,
+    salvage,
+)
 from bestman_bt.configuration.quantity import Color, Friction, Mass
-from bestman_bt.messages import Mesh, ObjectModel, PlacedShape, Pose
+from bestman_bt.messages import Mesh, ObjectGrasp, ObjectModel, PlacedShape, Pose
 from bestman_bt.scene.grasps_file import read_grasps
 from bestman_bt.scene.mesh_file import locate_mesh
 from bestman_bt.scene.shape_file import ShapeConfig, convex_shapes, placed_shapes
@@ -87,32 +95,44 @@ def read_object(name: str | Path, asked_by: Problem | None = None) -> ObjectMode
 
 def object_of(name: str, document: Document, folder: Path) -> ObjectModel:
     """The object that a document describes; meshes are relative to ``folder``. Raises ConfigurationError."""
-    file = check(document, ObjectFile)
-    if not file.collision:
-        raise ConfigurationError([document.problem(("collision",), "an object needs at least one shape")])
-    collision = convex_shapes(file.collision, document, "collision", folder)
+    file, problems = salvage(document, ObjectFile)
+    faults = ProblemCollector(problems)
+    collision: tuple[PlacedShape, ...] = ()
+    visual: tuple[PlacedShape, ...] = ()
+    grasps: tuple[ObjectGrasp, ...] = ()
+    with faults.step():
+        collision = convex_shapes(file.collision, document, "collision", folder)
+        if document.data["collision"] == []:
+            raise ConfigurationError([document.problem(("collision",), "an object needs at least one shape")])
+        whole = collision and not any(problem.field.startswith("collision") for problem in problems)
+        longest = float(ObjectModel(name, (0.0, 0.0, 0.0), 1.0, 0.0, collision).size.max()) if whole else SMALLEST
+        if not SMALLEST <= longest <= LARGEST:
+            message = f"the longest side should be {SMALLEST * 1e3:g} mm to {LARGEST:g} m, got {longest:.4g} m"
+            raise ConfigurationError([document.problem(("collision",), f"{message}; check units and scale")])
+    with faults.step():
+        seen, field = (file.visual, "visual") if document.data.get("visual") else (file.collision, "collision")
+        visual = placed_shapes(seen, document, field, folder)
+    with faults.step():
+        if file.grasps:
+            grasps = read_grasps(folder / file.grasps, document.problem(("grasps",), ""))
+    faults.raise_if_any()
     seen = file.visual or file.collision
-    visual = placed_shapes(seen, document, "visual" if file.visual else "collision", folder)
     colors = tuple(shape.color or file.color for shape in seen) if any(shape.color for shape in seen) else ()
     if not file.visual and not colors and not any(isinstance(placed.shape, Mesh) for placed in visual):
         visual = ()
-    model = ObjectModel(
-        name=name,
-        color=file.color,
-        mass=file.mass,
-        friction=file.friction,
-        collision=collision,
-        visual=visual,
-        symmetry_order=SYMMETRY_ORDERS[file.symmetry],
-        visual_colors=colors,
+    return _centred(
+        ObjectModel(
+            name=name,
+            color=file.color,
+            mass=file.mass,
+            friction=file.friction,
+            collision=collision,
+            visual=visual,
+            symmetry_order=SYMMETRY_ORDERS[file.symmetry],
+            visual_colors=colors,
+            grasps=grasps,
+        )
     )
-    if file.grasps:
-        model = replace(model, grasps=read_grasps(folder / file.grasps, document.problem(("grasps",), "")))
-    longest = float(model.size.max())
-    if not SMALLEST <= longest <= LARGEST:
-        message = f"the longest side should be {SMALLEST * 1e3:g} mm to {LARGEST:g} m, got {longest:.4g} m"
-        raise ConfigurationError([document.problem(("collision",), f"{message}; check units and scale")])
-    return _centred(model)
 
 
 def _centred(model: ObjectModel) -> ObjectModel:

@@ -5,25 +5,28 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from itertools import product
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
-from bestman_bt.configuration import Document, Problem
+from bestman_bt.configuration import Document, Problem, UnreadError, as_far_as_read
 from bestman_bt.messages import Box, Cylinder, Mesh, Pose, Shape, Sphere
 from bestman_bt.registry import suggestion
 from bestman_bt.scene.placing import standing_furniture
 from bestman_bt.scene.plane_geometry import Points, overlap_depth
 from bestman_bt.scene.scene import FurnitureModel, PlacedFurniture, Surface
-from bestman_bt.scene.scene_config import GoalPlacement, ObjectPlacement
-
-if TYPE_CHECKING:
-    from bestman_bt.scene.scene_config import SceneConfig
-
+from bestman_bt.scene.scene_config import (
+    FurniturePlacement,
+    GoalPlacement,
+    ObjectPlacement,
+    SceneConfig,
+    SceneFile,
+)
 
 # Furniture that stands in other furniture: its solids compared as upright prisms, part by part.
 
@@ -101,22 +104,29 @@ def placement_faults(scene: SceneConfig, document: Document, found: Sequence[Pro
     faults = list(_surface_faults(scene, document))
     yield from faults
     yield from _object_overlaps(scene, document)
-    read = all(name in scene.furniture for name in scene.file.furniture)
-    if read and not any(problem.field.startswith("furniture") for problem in (*found, *faults)):
-        for earlier, later, depth in furniture_overlaps(standing_furniture(scene)):
-            message = (
-                f"stands {100.0 * depth:.1f} cm deep in {earlier!r}; furniture may touch or stand on other furniture"
-            )
-            yield document.problem(("furniture", later, "at"), message)
+    for earlier, later, depth in furniture_overlaps(standing_furniture(_rightly_placed(scene, (*found, *faults)))):
+        message = f"stands {100.0 * depth:.1f} cm deep in {earlier!r}; furniture may touch or stand on other furniture"
+        yield document.problem(("furniture", later, "at"), message)
 
 
-def written_texts(document: Document, kind: str, field: str) -> Iterator[tuple[str, str]]:
-    """Name and text in ``field`` of all that a scene's file places, also of what other faults leave out."""
-    placed = document.data.get(kind)
-    for name, placement in placed.items() if isinstance(placed, dict) else ():
-        text = placement.get(field) if isinstance(placement, dict) else None
-        if isinstance(text, str):
-            yield name, text
+def given(entries: Mapping[str, Any], field: str) -> dict[str, Any]:
+    """Name and field of all entries of a mapping in a scene's file whose field could be read."""
+    read = {}
+    for name, entry in entries.items():
+        with suppress(UnreadError):
+            read[name] = getattr(entry, field)
+    return read
+
+
+def _rightly_placed(scene: SceneConfig, found: Sequence[Problem]) -> SceneConfig:
+    """The scene with the furniture alone that nothing is wrong with, and that stands on none with faults."""
+    right: dict[str, FurniturePlacement] = {}
+    for name, placement in scene.file.furniture.items():
+        fields = ("furniture", f"furniture.{name}")
+        wrong = any(one.field in fields or one.field.startswith(f"{fields[1]}.") for one in found)
+        if not wrong and name in scene.furniture and (placement.on or name).partition("/")[0] in {*right, name}:
+            right[name] = placement
+    return replace(scene, file=SceneFile(furniture=right))
 
 
 def _choice_faults(scene: SceneConfig, document: Document) -> Iterator[Problem]:
@@ -139,51 +149,65 @@ def _opening_faults(scene: SceneConfig, document: Document) -> Iterator[Problem]
     every = {**scene.furniture, **scene.unmapped}
     doors = [f"{piece}/{leaf.name}" for piece, model in every.items() for leaf in model.articulations]
     for name in scene.file.moving_doors if scene.file.generator is None else ():
-        if name not in doors and _is_known(name, scene, document):
+        if name not in doors and _can_be_judged(name, scene, document):
             yield document.problem(("moving_doors", name), f"is no door here; {suggestion(name, doors)}")
 
 
 def _surface_faults(scene: SceneConfig, document: Document) -> Iterator[Problem]:
-    checked: dict[str, Mapping[str, ObjectPlacement | GoalPlacement]] = {
-        "objects": scene.file.objects,
-        "goals": scene.file.goals,
-    }
-    surfaces = [(kind, *named) for kind in checked for named in written_texts(document, kind, "surface")]
-    for kind, name, asked in surfaces:
-        try:
-            _, surface = scene.surface(asked)
-        except KeyError as error:
-            if _is_known(asked, scene, document):
-                yield document.problem((kind, name, "surface"), str(error.args[0]))
+    asked: list[tuple[str, str, ObjectPlacement | GoalPlacement]] = []
+    asked += [("objects", name, placement) for name, placement in scene.file.objects.items()]
+    asked += [("goals", name, placement) for name, placement in scene.file.goals.items()]
+    for kind, name, placement in asked:
+        yield from _faults_on_surface(scene, document, (kind, name), placement)
+    names = list(scene.file.furniture)
+    for name, on in given(scene.file.furniture, "on").items():
+        below = (on or "").partition("/")[0]
+        if on is None:
             continue
-        item = checked[kind].get(name)
-        if item is None:
-            continue
-        at = item.at if isinstance(item, ObjectPlacement) else None
-        if at is not None and _is_beside([(at[0], at[0]), (at[1], at[1])], surface):
-            yield document.problem((kind, name, "at"), _beside(asked, surface))
-        if item.region is not None and _is_beside([item.region.x, item.region.y], surface):
-            yield document.problem((kind, name, "region"), _beside(asked, surface))
-    names = [name for name, _ in written_texts(document, "furniture", "model")]
-    for name, asked in written_texts(document, "furniture", "on"):
-        try:
-            below, _ = scene.surface(asked)
-        except KeyError as error:
-            if _is_known(asked, scene, document):
-                yield document.problem(("furniture", name, "on"), str(error.args[0]))
-            continue
-        if {below, name} <= {*names} and names.index(below) >= names.index(name):
-            message = f"{below!r} should be named above what stands on it, got {asked!r}"
+        yield from _unknown_surface(scene, document, ("furniture", name, "on"), on)
+        if below in names and names.index(below) >= names.index(name):
+            message = f"{below!r} should be named above what stands on it, got {on!r}"
             yield document.problem(("furniture", name, "on"), message)
 
 
-def _is_known(name: str, scene: SceneConfig, document: Document) -> bool:
-    """Whether what is said of ``piece/part`` can be judged: not where the piece itself could not be read."""
-    piece = name.partition("/")[0]
-    return all(
-        piece in models or piece not in (document.data.get(kind) or {})
-        for kind, models in (("furniture", scene.furniture), ("unmapped", scene.unmapped))
-    )
+@as_far_as_read
+def _faults_on_surface(
+    scene: SceneConfig, document: Document, path: tuple[str, str], placement: ObjectPlacement | GoalPlacement
+) -> Iterator[Problem]:
+    """Of what stands on a surface: one that there is not, and places beside it."""
+    name = placement.surface
+    unknown = list(_unknown_surface(scene, document, (*path, "surface"), name))
+    yield from unknown
+    if unknown or name.partition("/")[0] not in scene.furniture:
+        return
+    _, surface = scene.surface(name)
+    at = placement.at if isinstance(placement, ObjectPlacement) else None
+    if at is not None and _is_beside([(at[0], at[0]), (at[1], at[1])], surface):
+        yield document.problem((*path, "at"), _beside(name, surface))
+    if placement.region is not None and _is_beside([placement.region.x, placement.region.y], surface):
+        yield document.problem((*path, "region"), _beside(name, surface))
+
+
+def _unknown_surface(
+    scene: SceneConfig, document: Document, path: tuple[str, str, str], name: str
+) -> Iterator[Problem]:
+    try:
+        scene.surface(name)
+    except KeyError as error:
+        if name == "floor":
+            remedy = "leave 'on' out" if path[0] == "furniture" else "name a surface of furniture, such as table/top"
+            what = "furniture without 'on' stands there" if path[0] == "furniture" else "nothing lies there"
+            yield document.problem(path, f"the floor is no surface: {what}; {remedy}")
+        elif _can_be_judged(name, scene, document):
+            yield document.problem(path, str(error.args[0]))
+
+
+def _can_be_judged(name: str, scene: SceneConfig, document: Document) -> bool:
+    """Whether it can be said that there is no ``piece/part``: not where the piece itself could not be read."""
+    written = [document.data.get(kind) for kind in ("furniture", "unmapped")]
+    piece, read = name.partition("/")[0], {*scene.furniture, *scene.unmapped}
+    unread = [pieces is not None and (not isinstance(pieces, dict) or piece in {*pieces} - read) for pieces in written]
+    return not scene.unread_base and not any(unread)
 
 
 def _is_beside(ranges: Sequence[tuple[float, float]], surface: Surface) -> bool:
@@ -200,10 +224,11 @@ def _beside(name: str, surface: Surface) -> str:
 
 def _object_overlaps(scene: SceneConfig, document: Document) -> Iterator[Problem]:
     """Of objects that stand exactly somewhere: circles that lie within both of their outlines overlap."""
+    surfaces, places = given(scene.file.objects, "surface"), given(scene.file.objects, "at")
     placed = {
-        name: (placement.surface, placement.at)
-        for name, placement in scene.file.objects.items()
-        if placement.at is not None and name in scene.models
+        name: (surface, places[name])
+        for name, surface in surfaces.items()
+        if places[name] is not None and name in scene.models
     }
     for (earlier, (surface, here)), (later, (other, there)) in itertools.combinations(placed.items(), 2):
         radii = sum(float(scene.models[name].size[:2].min()) / 2 for name in (earlier, later))

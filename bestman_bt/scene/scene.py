@@ -135,7 +135,7 @@ class World:
     """One drawn scene: everything the simulator builds, and what evaluation may judge by.
 
     ``goals``: name → pose in the map frame, for example the asked place pose of the task; ``goal_heights``: of the
-    model that each is for, metres.
+    model that each is for, metres; ``goal_surfaces``: what each is on.
     ``finger_friction``: overrides the gripper's own where not None (for control experiments).
     """
 
@@ -148,6 +148,7 @@ class World:
     goals: Mapping[str, Pose]
     finger_friction: float | None = None
     goal_heights: Mapping[str, float] = field(default_factory=dict)
+    goal_surfaces: Mapping[str, str] = field(default_factory=dict)
     walkers: tuple[Walker, ...] = ()
     moving_doors: tuple[MovingDoor, ...] = ()
 

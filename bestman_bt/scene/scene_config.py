@@ -7,7 +7,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Annotated
 
-from pydantic import Field
+from pydantic import AfterValidator, Field
+from pydantic_core import PydanticCustomError
 
 from bestman_bt.configuration import Document
 from bestman_bt.configuration.quantity import (
@@ -21,6 +22,7 @@ from bestman_bt.configuration.quantity import (
     PositiveLength,
     PositiveWholeNumber,
     Share,
+    SmallerFirst,
     Speed,
     Torque,
 )
@@ -31,7 +33,13 @@ from bestman_bt.scene.scene import FurnitureModel, Surface
 
 _TWO_DEGREES = math.radians(2.0)
 Point2 = tuple[Length, Length]
-Range = tuple[Length, Length]
+Range = Annotated[tuple[Length, Length], SmallerFirst]
+
+
+def _two_ends(line: tuple[Point2, Point2]) -> tuple[Point2, Point2]:
+    if line[0] == line[1]:
+        raise PydanticCustomError("line", "a wall needs two different ends")
+    return line
 
 
 @dataclass(frozen=True)
@@ -40,7 +48,7 @@ class RegionConfig:
 
     x: Range
     y: Range
-    yaw: tuple[Angle, Angle] = (-math.pi, math.pi)
+    yaw: Annotated[tuple[Angle, Angle], SmallerFirst] = (-math.pi, math.pi)
 
 
 @dataclass(frozen=True)
@@ -49,7 +57,7 @@ class WallsConfig:
 
     height: PositiveLength
     thickness: PositiveLength
-    lines: tuple[tuple[Point2, Point2], ...]
+    lines: tuple[Annotated[tuple[Point2, Point2], AfterValidator(_two_ends)], ...]
 
 
 @dataclass(frozen=True)
@@ -125,8 +133,8 @@ class WalkersConfig:
     """
 
     count: PositiveWholeNumber
-    speed: tuple[Speed, Speed] = (0.3, 0.8)
-    radius: tuple[PositiveLength, PositiveLength] = (0.2, 0.25)
+    speed: Annotated[tuple[Speed, Speed], SmallerFirst] = (0.3, 0.8)
+    radius: Annotated[tuple[PositiveLength, PositiveLength], SmallerFirst] = (0.2, 0.25)
     height: PositiveLength = 1.7
     mass: Mass = 70.0
     stops: Annotated[int, Field(strict=True, ge=2)] = 4
@@ -191,6 +199,7 @@ class SceneConfig:
     model of each object by its name, and of each goal's object by the model's. ``goal_models``: by the goal's name.
     ``unmapped``: models of the furniture that the map does not have.
     ``absent``: names of furniture and objects that the scene or its settings leave out of what it extends.
+    ``unread_base``: whether a scene that it extends could not be read, and what it names may be there.
     ``document``: where each value was written.
     """
 
@@ -201,6 +210,7 @@ class SceneConfig:
     goal_models: Mapping[str, ObjectModel]
     unmapped: Mapping[str, FurnitureModel] = field(default_factory=dict)
     absent: tuple[str, ...] = ()
+    unread_base: bool = False
     document: Document = field(default_factory=lambda: Document({}), compare=False, repr=False)
 
     def surface(self, name: str) -> tuple[str, Surface]:

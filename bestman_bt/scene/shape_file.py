@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
+from typing import Any
 
-from bestman_bt.configuration import ConfigurationError, Document
+from bestman_bt.configuration import ConfigurationError, Document, ProblemCollector, numbered
 from bestman_bt.configuration.quantity import (
     Angle,
     Angles3,
@@ -78,7 +79,7 @@ _KINDS = ("box", "cylinder", "sphere", "tube", "revolve", "arc", "mesh")
 def placed_shapes(
     configs: tuple[ShapeConfig, ...], document: Document, field: str, folder: Path | None = None
 ) -> tuple[PlacedShape, ...]:
-    """The shapes of a list in a file as they are seen, one for each entry; raises ConfigurationError.
+    """The shapes of a list in a file as they are seen, one for each entry; ConfigurationError tells all faults.
 
     ``folder``: that meshes are given relative to.
     """
@@ -100,23 +101,35 @@ def _each(
     folder: Path | None,
     shapes_of: Callable[[ShapeConfig, Path], tuple[Shape, ...]],
 ) -> list[tuple[PlacedShape, ...]]:
-    made = []
-    for index, config in enumerate(configs):
-        given = [kind for kind in _KINDS if getattr(config, kind) is not None]
-        if len(given) != 1:
-            message = (
-                f"one of {', '.join(_KINDS[:-1])} and {_KINDS[-1]} should be given, got {', '.join(given) or 'none'}"
-            )
-            raise ConfigurationError([document.problem((field, index), message)])
-        fault = _fault(config)
-        if fault is not None:
-            raise ConfigurationError([document.problem((field, index, given[0]), fault)])
-        pose = Pose.from_xyz_rpy(config.xyz, config.rpy)
-        try:
-            made.append(tuple(PlacedShape(shape, pose) for shape in shapes_of(config, folder or Path())))
-        except MeshError as error:
-            raise ConfigurationError([document.problem((field, index, "mesh", "file"), str(error))]) from error
+    made, faults = [], ProblemCollector()
+    for index, config in numbered(configs):
+        with faults.step():
+            written = _written(document, field, index)
+            given = [kind for kind in _KINDS if written.get(kind) is not None]
+            if not given and not written.keys() <= {one.name for one in fields(ShapeConfig)}:
+                continue  # a kind that there is not, which is told
+            if len(given) != 1:
+                message = f"one of {', '.join(_KINDS[:-1])} and {_KINDS[-1]} should be given, got "
+                raise ConfigurationError([document.problem((field, index), message + (", ".join(given) or "none"))])
+            if getattr(config, given[0]) is None:
+                continue  # it could not be read
+            fault = _fault(config)
+            if fault is not None:
+                raise ConfigurationError([document.problem((field, index, given[0]), fault)])
+            pose = Pose.from_xyz_rpy(config.xyz, config.rpy)
+            try:
+                made.append(tuple(PlacedShape(shape, pose) for shape in shapes_of(config, folder or Path())))
+            except MeshError as error:
+                raise ConfigurationError([document.problem((field, index, "mesh", "file"), str(error))]) from error
+    faults.raise_if_any()
     return made
+
+
+def _written(document: Document, field: str, index: int) -> dict[str, Any]:
+    """The entry of a list in a file, or what is written there instead of a list of one entry."""
+    written = document.data[field]
+    entry: dict[str, Any] = written[index] if isinstance(written, list) else written
+    return entry
 
 
 def _fault(config: ShapeConfig) -> str | None:

@@ -3,14 +3,25 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import FrozenInstanceError, dataclass, field
 from typing import Annotated, Any, Literal
 
 import pytest
 
-from bestman_bt.configuration import ConfigurationError, Document, check, override, parse_document
-from bestman_bt.configuration.checked import salvage
+from bestman_bt.configuration import (
+    ConfigurationError,
+    Document,
+    ProblemCollector,
+    UnreadError,
+    as_far_as_read,
+    check,
+    is_whole,
+    numbered,
+    override,
+    parse_document,
+    salvage,
+)
 from bestman_bt.configuration.quantity import Length, Mass, WholeNumber
 from bestman_bt.messages.shapes import NotBelow, check_bounds
 
@@ -68,7 +79,7 @@ def test_a_good_document_becomes_a_frozen_value() -> None:
         (GOOD + "ratio: .inf\n", "cart.yaml:5: ratio: should be a finite number, got inf"),
         (GOOD + "axles: [{radius: 1}, {radus: 1}]\n", "cart.yaml:5: axles[1].radus: unknown field; did you mean"),
         (GOOD + "pair: [{radius: 1}, {radus: 1}]\n", "cart.yaml:5: pair[1].radus: unknown field; did you mean"),
-        (GOOD + "pair: [{radius: 1}]\n", "cart.yaml:5: pair[1]: is missing"),
+        (GOOD + "pair: [{radius: 1}]\n", "cart.yaml:5: pair: should have 2 entries, got [{'radius': 1}]"),
     ],
 )
 def test_a_fault_is_named_with_file_line_and_field(text: str, fault: str) -> None:
@@ -86,8 +97,8 @@ def test_a_name_that_is_a_number_is_refused_where_text_is_owed() -> None:
 @pytest.mark.parametrize(
     ("text", "wheels", "spare", "count"),
     [
-        ("wheels: {left: {radius: 5 s}, right: {radius: 1}}\n", {"right": Wheel(1.0)}, None, 1),
-        ("wheels: {left: {radius: 1, mass: 5 s}}\nspare: {radius: x}\n", {"left": Wheel(1.0)}, None, 2),
+        ("wheels: {left: 5 s, right: {radius: 1}}\n", {"right": Wheel(1.0)}, None, 1),
+        ("wheels: {left: {radius: 1, mass: 5 s}}\nspare: x\n", {"left": Wheel(1.0)}, None, 2),
         ("wheels: {left: {radius: 1}}\nspare: {radius: 2, mass: x}\n", {"left": Wheel(1.0)}, Wheel(2.0), 1),
         ("wheels: {left: 3}\nspare: {radius: 2, mass: x}\nseats: -1\n", {}, Wheel(2.0), 3),
     ],
@@ -104,15 +115,50 @@ def test_what_is_wrong_is_left_out_of_a_salvaged_value(
     assert document.data == before
 
 
-def test_nothing_is_salvaged_where_what_is_wrong_is_owed() -> None:
-    value, problems = salvage(parse_document("wheels: 3\nseats: x\n", "cart.yaml"), Cart)
-    assert value is None
-    assert [problem.field for problem in problems] == ["wheels", "seats"]
+def test_what_is_owed_and_wrong_is_asked_for_in_vain_and_everything_else_can_be_read() -> None:
+    text = "wheels: 3\nspare: {radius: x, mass: 2 kg}\nratio: 2\n"
+    value, problems = salvage(parse_document(text, "cart.yaml"), Cart)
+    assert [problem.field for problem in problems] == ["wheels", "spare.radius"]
+    assert isinstance(value, Cart)
+    assert isinstance(value.spare, Wheel)
+    assert (value.ratio, value.spare.mass) == (2.0, 2.0)
+    assert not is_whole(value)
+    assert not is_whole({"a": (value.spare,)})
+    assert is_whole(salvage(parse_document("wheels: {a: {radius: 1}}\nseats: x\n", "cart.yaml"), Cart)[0])
+    for asked in (lambda: value.wheels, lambda: value.spare.radius):
+        with pytest.raises(UnreadError, match="could not be read") as error:
+            asked()
+        assert error.value.problems == ()
+
+
+def test_a_check_of_something_salvaged_ends_where_it_asks_for_what_could_not_be_read() -> None:
+    value, problems = salvage(parse_document("wheels: 3\nratio: 2\n", "cart.yaml"), Cart)
+
+    @as_far_as_read
+    def ratios(cart: Cart) -> Iterator[float]:
+        yield cart.ratio
+        yield len(cart.wheels)
+
+    assert list(ratios(value)) == [2.0]
+    faults = ProblemCollector(problems)
+    with faults.step():
+        _ = value.wheels
+    assert len(faults.problems) == 1
+
+
+def test_entries_of_a_list_keep_their_numbers_where_others_are_left_out() -> None:
+    value, problems = salvage(
+        parse_document("axles: [3, {radius: 1}, x, {radius: 2}]\nwheels: {}\n", "cart.yaml"), Cart
+    )
+    assert list(numbered(value.axles)) == [(1, Wheel(1.0)), (3, Wheel(2.0))]
+    assert [problem.field for problem in problems] == ["axles[0]", "axles[2]"]
+    whole, _ = salvage(parse_document("axles: {radius: 1}\nwheels: {}\n", "cart.yaml"), Cart)
+    assert list(numbered(whole.axles)) == [(0, Wheel(1.0))], "what was meant as its only entry"
 
 
 def test_all_faults_are_reported_at_once() -> None:
     found = faults("wheels: {left: {radius: 5 s, mas: 1}}\nseats: x\nfoo: 1\n")
-    assert [entry.split(": ")[1] for entry in found] == ["wheels.left.mas", "foo", "wheels.left.radius", "seats"]
+    assert [entry.split(": ")[1] for entry in found] == ["wheels.left.radius", "wheels.left.mas", "seats", "foo"]
 
 
 def test_an_override_sets_a_nested_field() -> None:

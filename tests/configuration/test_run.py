@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -11,7 +11,6 @@ import pytest
 from bestman_bt.configuration import (
     ConfigurationError,
     RunConfig,
-    algorithm_parameters,
     dump_run,
     find_data,
     load_run,
@@ -198,18 +197,3 @@ def test_a_limit_that_nothing_could_keep_is_refused(line: str, message: str, tmp
     path = tmp_path / "mine.yaml"
     path.write_text(f"{TASK}{line}\n")
     assert problems(task=path) == [f"{path}:4: {message}"]
-
-
-def test_parameters_of_an_algorithm_are_checked_against_its_dataclass() -> None:
-    @dataclass(frozen=True)
-    class Parameters:
-        iterations: int = 100
-        step: float = 0.1
-
-    assert algorithm_parameters("motion_planning", {"step": 0.2}, Parameters) == Parameters(step=0.2)
-    with pytest.raises(ConfigurationError) as error:
-        algorithm_parameters("motion_planning", {"stepp": 0.2, "iterations": "many"}, Parameters)
-    assert [str(problem) for problem in error.value.problems] == [
-        "algorithms.motion_planning: stepp: unknown field; did you mean 'step'?",
-        "algorithms.motion_planning: iterations: should be a whole number, got 'many'",
-    ]

@@ -32,11 +32,11 @@ def written(tmp_path: Path, text: str) -> Path:
         ),
         (
             "disturbances: [{kind: moved, object: cup, distance: [0.3, 0.1]}]",
-            "4: disturbances[0].distance: the smaller limit comes first, got [0.3, 0.1]",
+            "4: disturbances[0].distance: the smaller limit comes first: [0.1, 0.3], got [0.3, 0.1]",
         ),
         (
             "disturbances: [{kind: moved, object: cup, after: [0.3, 0.1]}]",
-            "4: disturbances[0].after: the smaller limit comes first, got [0.3, 0.1]",
+            "4: disturbances[0].after: the smaller limit comes first: [0.1, 0.3], got [0.3, 0.1]",
         ),
         ("algorithms: {collision: 3}", "4: algorithms.collision: should hold names (name: value), got 3"),
     ],

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from bestman_bt.configuration import ConfigurationError, algorithm_parameters, load_run
+from bestman_bt.configuration import ConfigurationError, Document, check, load_run
 from bestman_bt.navigation.global_planning.polyline_planner import GridAStar
 from bestman_bt.navigation.global_planning.theta_star import ThetaStar
 from bestman_bt.registry import ALGORITHMS, UnknownNameError
@@ -105,7 +105,7 @@ def test_the_defaults_lie_within_their_own_bounds(name: str) -> None:
     assert parameters is not None
     defaults = {k: v for k, v in vars(parameters()).items() if _is_plain(v)}
     assert defaults
-    checked = vars(algorithm_parameters(name, defaults, parameters))
+    checked = vars(check(Document(defaults), parameters))
     assert {k: checked[k] for k in defaults} == defaults
 
 

@@ -100,7 +100,7 @@ def test_every_unknown_name_is_told_with_its_line_and_what_was_meant(tmp_path: P
             TIDY,
             "x: [-25 cm, 0]",
             "x: [0, -25 cm]",
-            "6: goals[0].tidied.x: the smaller limit comes first, got [0, -0.25]",
+            "6: goals[0].tidied.x: the smaller limit comes first: [-25 cm, 0], got [0, -25 cm]",
         ),
         (
             SET_TABLE,

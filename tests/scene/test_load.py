@@ -192,7 +192,7 @@ colour: red
     found = problems(path)
     lines = [int(problem.split("yaml:")[1].split(":")[0]) for problem in found]
     assert lines == [4, 5, 5, 5, 6, 9, 10, 10, 11, 12, 15, 16]  # nobody knows the surfaces of the rack
-    assert "furniture.rack.at[2]: is missing" in found[1]
+    assert "furniture.rack.at: should have 3 entries, got [1, 0]" in found[1]
     assert "furniture.rack.model: unknown furniture 'tabel'; did you mean 'table'?" in found[2]
     assert "furniture.rack.on: unknown surface 'dseks/top'; did you mean 'desk/top'?" in found[3]
     assert "objects.can.at: stands 4.9 cm deep in 'cup'; each object needs a place of its own" in found[5]

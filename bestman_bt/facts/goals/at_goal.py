@@ -121,8 +121,7 @@ def drive_goal(asked: AtGoalFields, world: World, known: SemanticMap, robot: Rob
     no_way = "no way from the start" if home else "no room to turn at the start"
     before_furniture = bool(rng.random() < asked.at_furniture)
     if before_furniture and not _pieces_to_face(known):
-        where = f"scene {world.scene!r}, seed {seed}"
-        raise SceneError(f"{where}: there is no furniture but passages to drive to; ask for at_furniture: 0")
+        raise _no_room(world, seed, "there is no furniture but passages to drive to; ask for at_furniture: 0")
     refused: Counter[str] = Counter()
     for _ in range(_TRIES):
         goal = _before_furniture(known, truth.footprint, rng) if before_furniture else _anywhere(truth, rng)
@@ -147,11 +146,13 @@ def drive_goal(asked: AtGoalFields, world: World, known: SemanticMap, robot: Rob
             return goal
         reason = f"no room to turn within {_STRAIGHT:g} m straight behind" if before_furniture else "no room to turn"
         refused[no_way if np.any(free) else reason] += 1
-    raise SceneError(
-        f"scene {world.scene!r}, seed {seed}: {_none_drawn(known, before_furniture, refused)}; place furniture and "
-        f"start with more room, ask for a shorter distance or {'less' if before_furniture else 'more'} "
-        "at_furniture"
-    )
+    share = "less" if before_furniture else "more"
+    remedy = f"place furniture and start with more room, ask for a shorter distance or {share} at_furniture"
+    raise _no_room(world, seed, f"{_none_drawn(known, before_furniture, refused)}; {remedy}")
+
+
+def _no_room(world: World, seed: int, message: str) -> SceneError:
+    return SceneError([Problem(f"scene {world.scene!r}, seed {seed}", None, "", message)])
 
 
 def _none_drawn(known: SemanticMap, before_furniture: bool, refused: Counter[str]) -> str:

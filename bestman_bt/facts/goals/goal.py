@@ -13,8 +13,8 @@ from importlib import import_module
 from pkgutil import iter_modules
 from typing import Any, ClassVar, Generic, Self, TypeVar
 
-from bestman_bt.configuration import Problem, RunConfig
-from bestman_bt.configuration.checked import salvage
+from bestman_bt.configuration import Problem, RunConfig, as_far_as_read
+from bestman_bt.configuration.checked import numbered, salvage
 from bestman_bt.configuration.document import Document, FieldPath, dotted
 from bestman_bt.facts import goals
 from bestman_bt.facts.evidence import DrawnTask, Evidence, Verdict, joined
@@ -50,8 +50,7 @@ class Goal(ABC, Generic[Asked]):
     def written(self) -> Mapping[str, Any]:
         """Its fields as they were written, with their units."""
         _, index, kind = self.path
-        fields: Mapping[str, Any] = self.config.task.goals[int(index)][str(kind)]
-        return fields
+        return dict(numbered(self.config.task.goals))[int(index)][str(kind)]
 
     def fault(self, message: str, *field: str | int) -> Problem:
         """What is wrong with it, or with one of its fields."""
@@ -59,7 +58,10 @@ class Goal(ABC, Generic[Asked]):
 
     @abstractmethod
     def problems(self) -> Iterator[Problem]:
-        """What is wrong in this world or with this robot, such as names that nothing bears."""
+        """What is wrong in this world or with this robot, such as names that nothing bears.
+
+        Of a goal with wrong fields it is told as far as it asks for no such field.
+        """
 
     @abstractmethod
     def entries(self) -> dict[str, Any]:
@@ -86,10 +88,13 @@ class Goal(ABC, Generic[Asked]):
         """The entries of all goals of the kind that a task has."""
         return {name: value for goal in goals for name, value in goal.entries().items()}
 
-    def unknown_object(self, field: FieldPath, name: str, absent: Collection[str] = ()) -> Iterator[Problem]:
-        """An object that the robot does not know, or not by this name: of several things of one model it gets to see,
-        the first bears the model's name.
+    @as_far_as_read
+    def unknown_object(self, *field: str | int, absent: Collection[str] = ()) -> Iterator[Problem]:
+        """An object that a field names, or an entry of it, which the robot does not know, or not by this name: of
+        several things of one model it gets to see, the first bears the model's name.
         """
+        name = getattr(self.asked, str(field[0]))
+        name = dict(numbered(name))[int(field[1])] if len(field) > 1 else name
         models, path = self.world_model.models, (*self.path, *field)
         yield from unknown(self.config, path, name, [*models, *absent], "the robot knows no object")
         model = models[name].name if name in models else name
@@ -100,16 +105,19 @@ class Goal(ABC, Generic[Asked]):
                 f"write {model!r}, not {name!r}, or give the thing a model of its own",
             )
 
-    def unknown_surface(self, field: str, name: str) -> Iterator[Problem]:
-        """A surface that the map does not have."""
-        yield from unknown(
-            self.config, (*self.path, field), name, surface_names(self.world_model), "the map has no surface"
-        )
+    @as_far_as_read
+    def unknown_surface(self, field: str) -> Iterator[Problem]:
+        """A surface that a field names and the map does not have."""
+        name, there = getattr(self.asked, field), surface_names(self.world_model)
+        yield from unknown(self.config, (*self.path, field), name, there, "the map has no surface")
 
-    def unknown_place(self, field: str, name: str) -> Iterator[Problem]:
-        """A goal that the scene does not have."""
+    @as_far_as_read
+    def unknown_place(self, field: str) -> Iterator[Problem]:
+        """A goal that a field names and the scene does not have."""
+        name = getattr(self.asked, field)
         yield from unknown(self.config, (*self.path, field), name, self.world.goals, "the scene has no goal")
 
+    @as_far_as_read
     def missing_part(self, part: type, what: str) -> Iterator[Problem]:
         """A part that the robot does not have."""
         if not self.robot_model.of(part):
@@ -129,7 +137,7 @@ def shipped_goals() -> dict[str, type[Goal[Any]]]:
 
 def read_goals(config: RunConfig, faults: list[Problem]) -> Iterator[tuple[type[Goal[Any]], FieldPath, Any]]:
     """Kind, place and fields of what a task asks for, in its order; what cannot be read is added to ``faults``."""
-    for index, one in enumerate(config.task.goals):
+    for index, one in numbered(config.task.goals):
         if len(one) != 1:
             form = "{placed: {object: cup, at: place, source: table, surface: counter}}"
             message = f"should be one kind of goal with its fields, such as {form}"
@@ -144,8 +152,7 @@ def read_goals(config: RunConfig, faults: list[Problem]) -> Iterator[tuple[type[
             continue
         asked, problems = salvage(_document(config, path, fields), kind.parameters)
         faults += [replace(one, field=".".join(filter(None, (dotted(path), one.field)))) for one in problems]
-        if asked is not None:
-            yield kind, path, asked
+        yield kind, path, asked
 
 
 def goals_of(task: DrawnTask, faults: list[Problem] | None = None) -> tuple[Goal[Any], ...]:

@@ -33,8 +33,8 @@ class Lifted(Goal[LiftedFields]):
     def problems(self) -> Iterator[Problem]:
         """No arm; unknown names."""
         yield from self.missing_part(ArmModel, "an arm")
-        yield from self.unknown_object(("object",), self.asked.object)
-        yield from self.unknown_surface("source", self.asked.source)
+        yield from self.unknown_object("object")
+        yield from self.unknown_surface("source")
 
     def entries(self) -> dict[str, Any]:
         """``object``, ``source``."""

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from bestman_bt.configuration import Problem
+from bestman_bt.configuration import Problem, as_far_as_read
 from bestman_bt.configuration.quantity import JointPosition, parse_quantity
 from bestman_bt.facts.evidence import Evidence, Verdict
 from bestman_bt.facts.goals.goal import Goal, unknown
@@ -39,11 +39,18 @@ class Opened(Goal[OpenedFields]):
 
     def problems(self) -> Iterator[Problem]:
         """An unknown door or drawer, and how far it shall be open: in a unit of its joint, and where that can be."""
+        yield from self._limit_faults()
+        yield from self._faults_of_the_joint()
+
+    def _limit_faults(self) -> Iterator[Problem]:
         least, most = self.asked.at_least, self.asked.at_most
-        if least is None and most is None:
+        if not {"at_least", "at_most"} & {*self.written}:
             yield self.fault("one of 'at_least' and 'at_most' should be given")
         elif least is not None and most is not None and least > most:
             yield self.fault(f"should not be less than at_least, {least:g}, got {most:g}", "at_most")
+
+    @as_far_as_read
+    def _faults_of_the_joint(self) -> Iterator[Problem]:
         name = self.asked.articulation
         leaves = {
             f"{piece.name}/{leaf.name}": leaf for piece in self.world.furniture for leaf in piece.model.articulations

@@ -10,10 +10,10 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from bestman_bt.configuration import Problem
+from bestman_bt.configuration import Problem, as_far_as_read, numbered
 from bestman_bt.configuration.quantity import PositiveLength
 from bestman_bt.facts.evidence import Evidence, Verdict
-from bestman_bt.facts.goals.goal import Goal
+from bestman_bt.facts.goals.goal import Goal, surface_names
 from bestman_bt.facts.standing import is_over, moved_by_drawer, rest_faults, tilt_fault
 from bestman_bt.messages import Pose, wrap_angle
 
@@ -77,20 +77,37 @@ class Placed(Goal[PlacedFields]):
         return PlaceGoal(asked.at, chosen, asked.source, asked.surface, higher)
 
     def problems(self) -> Iterator[Problem]:
-        """Unknown names."""
-        asked = self.asked
-        yield from self.unknown_place("at", asked.at)
-        if isinstance(asked.object, str):
-            yield from self.unknown_object(("object",), asked.object)
-        else:
-            if not asked.object:
-                yield self.fault("should name at least one object", "object")
-            elif set(asked.object) <= set(self.task.absent):
-                yield self.fault("the scene leaves out all of these objects", "object")
-            for index, name in enumerate(asked.object):
-                yield from self.unknown_object(("object", index), name, self.task.absent)
-        yield from self.unknown_surface("source", asked.source)
-        yield from self.unknown_surface("surface", asked.surface)
+        """Unknown names, and a surface that the scene's goal is not on."""
+        yield from self.unknown_place("at")
+        yield from self._object_faults()
+        yield from self.unknown_surface("source")
+        yield from self.unknown_surface("surface")
+        yield from self._elsewhere()
+
+    @as_far_as_read
+    def _object_faults(self) -> Iterator[Problem]:
+        if isinstance(self.asked.object, str):
+            yield from self.unknown_object("object")
+            return
+        if not self.asked.object:
+            yield self.fault("should name at least one object", "object")
+        elif set(self.asked.object) <= set(self.task.absent):
+            yield self.fault("the scene leaves out all of these objects", "object")
+        for index, _ in numbered(self.asked.object):
+            yield from self.unknown_object("object", index, absent=self.task.absent)
+
+    @as_far_as_read
+    def _elsewhere(self) -> Iterator[Problem]:
+        at, surface, known = self.asked.at, self.asked.surface, self.world_model.map
+        there = self.world.goal_surfaces.get(at)
+        if (
+            there is not None
+            and surface in surface_names(self.world_model)
+            and there in surface_names(self.world_model)
+        ):
+            pieces = [(piece.name, found.name) for piece, found in map(known.surface, (surface, there))]
+            if pieces[0] != pieces[1]:
+                yield self.fault(f"the scene's goal {at!r} is on {there!r}, not on {surface!r}", "surface")
 
     def entries(self) -> dict[str, Any]:
         """``object``, ``source``, ``target``, ``goal``."""

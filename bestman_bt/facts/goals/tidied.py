@@ -4,15 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 
-from bestman_bt.configuration import Problem
-from bestman_bt.configuration.quantity import Length
+from bestman_bt.configuration import Problem, as_far_as_read, numbered
+from bestman_bt.configuration.quantity import Length, SmallerFirst
 from bestman_bt.facts.evidence import Evidence, Verdict, joined
 from bestman_bt.facts.goals.goal import Goal
 from bestman_bt.facts.standing import rest_faults, surface_pose, tilt_fault
+
+Range = Annotated[tuple[Length, Length], SmallerFirst]
 
 
 @dataclass(frozen=True)
@@ -25,8 +27,8 @@ class TidiedFields:
     objects: tuple[str, ...]
     source: str
     surface: str
-    x: tuple[Length, Length]
-    y: tuple[Length, Length]
+    x: Range
+    y: Range
 
 
 class Tidied(Goal[TidiedFields]):
@@ -38,15 +40,20 @@ class Tidied(Goal[TidiedFields]):
 
     def problems(self) -> Iterator[Problem]:
         """No objects, empty ranges, unknown names."""
+        yield from self.unknown_surface("source")
+        yield from self.unknown_surface("surface")
+        for axis in ("x", "y"):
+            yield from self._empty(axis)
         if not self.asked.objects:
             yield self.fault("should name at least one object", "objects")
-        for axis, (lower, upper) in (("x", self.asked.x), ("y", self.asked.y)):
-            if lower >= upper:
-                yield self.fault(f"the smaller limit comes first, got [{lower:g}, {upper:g}]", axis)
-        for index, name in enumerate(self.asked.objects):
-            yield from self.unknown_object(("objects", index), name)
-        yield from self.unknown_surface("source", self.asked.source)
-        yield from self.unknown_surface("surface", self.asked.surface)
+        for index, _ in numbered(self.asked.objects):
+            yield from self.unknown_object("objects", index)
+
+    @as_far_as_read
+    def _empty(self, axis: str) -> Iterator[Problem]:
+        lower, upper = getattr(self.asked, axis)
+        if lower == upper:
+            yield self.fault(f"leaves no room: the limits should differ, got [{lower:g}, {upper:g}]", axis)
 
     def entries(self) -> dict[str, Any]:
         """``objects``, ``source``, ``target``, ``region_x``, ``region_y``."""

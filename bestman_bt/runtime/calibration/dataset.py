@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
@@ -12,7 +13,17 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from bestman_bt.configuration import ConfigurationError, Document, Problem, check, read_document
+from bestman_bt.configuration import (
+    ConfigurationError,
+    Document,
+    Problem,
+    ProblemCollector,
+    UnreadError,
+    as_far_as_read,
+    numbered,
+    read_document,
+    salvage,
+)
 from bestman_bt.configuration.quantity import (
     Angles3,
     Factor,
@@ -164,22 +175,29 @@ class Dataset:
 def load_dataset(folder: Path) -> Dataset:
     """Read and check ``folder/dataset.yaml``; ConfigurationError lists everything that is wrong, with lines."""
     document = read_document(folder / FILE)
-    config = check(document, DatasetConfig)
-    problems: list[Problem] = []
-    if not config.views:
+    config, problems = salvage(document, DatasetConfig)
+    if document.data.get("views") == []:
         problems.append(document.problem(("views",), "holds no views"))
-    for index, view in enumerate(config.views):
-        for what, name in (("image", view.image), ("depth", view.depth)):
-            if name is not None and not (folder / name).is_file():
-                problems.append(document.problem(("views", index, what), f"no such file: {folder / name}"))
-        if view.hand is not None and (view.hand.rpy is None) == (view.hand.quaternion is None):
-            problems.append(document.problem(("views", index, "hand"), "either 'rpy' or 'quaternion' should be given"))
-    if config.board_on is not None and config.robot is None:
+    with suppress(UnreadError):
+        for index, view in numbered(config.views):
+            problems += _view_faults(view, index, document, folder)
+    if config.board_on is not None and config.robot is None and "robot" not in document.data:
         problems.append(document.problem(("board_on",), "names a link, and 'robot' is missing"))
-    board = _board(config.board, document, problems)
-    if problems or board is None:
-        raise ConfigurationError(problems)
+    faults = ProblemCollector(problems)
+    with faults.step():
+        board = _board(config.board, document)
+    faults.raise_if_any()
     return Dataset(folder, config, document, board)
+
+
+@as_far_as_read
+def _view_faults(view: ViewConfig, index: int, document: Document, folder: Path) -> Iterator[Problem]:
+    if view.hand is not None and (view.hand.rpy is None) == (view.hand.quaternion is None):
+        yield document.problem(("views", index, "hand"), "either 'rpy' or 'quaternion' should be given")
+    for what in ("depth", "image"):
+        name = getattr(view, what)
+        if name is not None and not (folder / name).is_file():
+            yield document.problem(("views", index, what), f"no such file: {folder / name}")
 
 
 def pose_of(config: PoseConfig) -> Pose:
@@ -189,14 +207,13 @@ def pose_of(config: PoseConfig) -> Pose:
     return Pose.from_xyz_rpy(config.xyz, config.rpy or (0.0, 0.0, 0.0))
 
 
-def _board(config: BoardConfig, document: Document, problems: list[Problem]) -> Board | None:
+def _board(config: BoardConfig, document: Document) -> Board:
     try:
         if config.kind == "checkerboard":
             return Checkerboard(config.columns, config.rows, config.square)
         if config.marker is None:
-            problems.append(document.problem(("board",), "'marker' is missing: the edge of a marker"))
-            return None
+            message = "'marker' is missing: the edge of a marker"
+            raise ConfigurationError([document.problem(("board",), message)])
         return CharucoBoard(config.columns, config.rows, config.square, config.marker, config.dictionary)
     except CalibrationError as error:
-        problems.append(document.problem(("board",), str(error)))
-        return None
+        raise ConfigurationError([document.problem(("board",), str(error))]) from error

@@ -127,7 +127,12 @@ def generate_apartment(options: ApartmentOptions, seed: int, passage: float = 0.
         now = moved_doors(doors, options, door_rng)
         if all(_is_connected(plan, furniture, hung, options, passage) for hung in (doors, now)):
             return Apartment(plan.rooms, plan.doorways, plan.walls, tuple(furniture), tuple(doors), tuple(now))
-    raise ApartmentError(f"no apartment in {_ATTEMPTS} draws with {options}, seed {seed}")
+    (fewest, most), (least, largest), (narrow, wide) = options.rooms, options.area, options.doorway
+    raise ApartmentError(
+        f"no apartment in {_ATTEMPTS} draws (seed {seed}) of {fewest} to {most} rooms on {least:g} to {largest:g} m² "
+        f"with doorways of {narrow:g} to {wide:g} m and a way of {2.0 * passage:g} m; give each room 14 to 24 m², "
+        "wider doorways, or a smaller 'passage'"
+    )
 
 
 def _is_connected(

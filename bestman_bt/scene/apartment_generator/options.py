@@ -4,8 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Annotated
 
-from bestman_bt.configuration.quantity import Area, PositiveLength, PositiveWholeNumber, Share, WholeNumber
+from bestman_bt.configuration.quantity import (
+    Area,
+    PositiveLength,
+    PositiveWholeNumber,
+    Share,
+    SmallerFirst,
+    WholeNumber,
+)
 from bestman_bt.messages import Pose2D
 from bestman_bt.scene.plane_geometry import Points, rectangle
 from bestman_bt.scene.scene import FurnitureModel
@@ -40,9 +48,9 @@ class ApartmentOptions:
     ``seed``: always this apartment; None: the seed of the world draws one.
     """
 
-    rooms: tuple[PositiveWholeNumber, PositiveWholeNumber] = (3, 6)
-    area: tuple[Area, Area] = (60.0, 110.0)
-    doorway: tuple[PositiveLength, PositiveLength] = (0.8, 0.9)
+    rooms: Annotated[tuple[PositiveWholeNumber, PositiveWholeNumber], SmallerFirst] = (3, 6)
+    area: Annotated[tuple[Area, Area], SmallerFirst] = (60.0, 110.0)
+    doorway: Annotated[tuple[PositiveLength, PositiveLength], SmallerFirst] = (0.8, 0.9)
     loops: Share = 0.3
     moved_chairs: Share = 0.0
     doors: Share = 0.0
