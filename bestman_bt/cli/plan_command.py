@@ -28,6 +28,7 @@ from bestman_bt.cli.options import (
 )
 from bestman_bt.configuration import RunConfig
 from bestman_bt.configuration.secret import shown_setting
+from bestman_bt.engine import Problem as Fault
 from bestman_bt.engine import render_svg
 from bestman_bt.errors import InputError
 from bestman_bt.runtime.planning import PlanQuestion, Transcript, Wanted, asked_question, assumed, refusals
@@ -130,6 +131,10 @@ class ExecutionOptions:
             )
         refuse_unwritable_folder(self.runs, "--runs")
 
+    def is_wanted(self, text: str | None) -> bool:
+        """Whether it is to be run; what a model made of ``text`` only if somebody agrees."""
+        return self.run and (text is None or self.yes or typer.confirm("Run it?", err=True))
+
 
 @grouped_options
 def command(
@@ -158,10 +163,8 @@ def command(
         if wanted.text is not None:
             print(f"understood as: {' and '.join(quoted(str(literal)) for literal in problem.goal)}", file=sys.stderr)
         faults = question.faults(problem, made)
-        for fault in faults:
-            print(fault, file=sys.stderr)
         document = _document(problem, plan, wanted, [str(fault) for fault in faults])
-        _show(plan)
+        _show(plan, faults)
         if refusals(faults):
             tell(document)
             sys.exit(1)
@@ -174,12 +177,9 @@ def command(
                 print(f"{files.output} plans anew (ReachGoal) where the plan fails", file=sys.stderr)
         if files.svg is not None:
             files.svg.write_text(render_svg(folded(made, problem)), encoding="utf-8")
-        if not execution.run:
+        if not execution.is_wanted(wanted.text):
             tell(document)
-            return
-        if wanted.text is not None and not execution.yes and not typer.confirm("Run it?", err=True):
-            tell(document)
-            sys.exit(130)
+            sys.exit(130 if execution.run else 0)
         from bestman_bt.cli.plan_run import run_plan
         from bestman_bt.cli.run_command import exit_code
 
@@ -229,7 +229,9 @@ def _to_run(tree: Path, planned: PlanningOptions, config: RunConfig, settings: S
     return shlex.join(words)
 
 
-def _show(plan: TaskPlan) -> None:
+def _show(plan: TaskPlan, faults: Sequence[Fault]) -> None:
+    for fault in faults:
+        print(fault, file=sys.stderr)
     if not plan.actions:
         print("the goal is believed already: nothing to do")
     for number, action in enumerate(plan.actions, 1):

@@ -90,9 +90,7 @@ class RunView:
             shown.set_time(clock.now() - start, now - wall_start)
             if self._live is not None and now - drawn > 0.15:
                 drawn = now
-                for node in tree.nodes:
-                    if node.feedback_message:
-                        shown.tell(node.uid, node.feedback_message)
+                _tell_messages(tree, shown)
                 self._live.refresh()
 
         follow(tree, MAIN_TREE)
@@ -144,3 +142,9 @@ def _metric_words(metrics: Mapping[str, float]) -> str:
             else:
                 told.append(f"{name.replace('_', ' ')} {value:.3g}")
     return ", ".join(told)
+
+
+def _tell_messages(tree: Tree, shown: LiveTree) -> None:
+    for node in tree.nodes:
+        if node.feedback_message:
+            shown.tell(node.uid, node.feedback_message)

@@ -153,7 +153,7 @@ class _Salvaging:
     problems: list[Problem] = dataclasses.field(default_factory=list)
     without_unit: list[FieldPath] = dataclasses.field(default_factory=list)
 
-    def fields(self, data: Mapping[Any, Any], kind: Any, path: FieldPath) -> Any:
+    def fields(self, data: Mapping[Any, Any], kind: Any, path: FieldPath) -> Any:  # noqa: C901 - one check after the other
         """A dataclass, which raises UnreadError for what is missing, where something is; none of fields that are wrong
         together, or one of them with the default of another.
         """

@@ -27,7 +27,6 @@ _INT64 = range(-(2**63), 2**63)
 _TRUE = frozenset(("1", "true", "TRUE", "True"))
 _FALSE = frozenset(("0", "false", "FALSE", "False"))
 UNTYPED = (Any, object)
-_SCALARS = (bool, int, float, str)
 
 
 def type_name(data_type: Any) -> str:
@@ -250,6 +249,30 @@ def text_of(value: Any) -> str:
     )
 
 
+def _as_bool(value: Any) -> bool | None:
+    return bool(value) if isinstance(value, numbers.Number) or type(value).__name__ == "bool" else None
+
+
+def _as_int(value: Any) -> int | None:
+    if isinstance(value, float) and value.is_integer():
+        return int(value)
+    return operator.index(value) if hasattr(value, "__index__") else None
+
+
+def _as_float(value: Any) -> float | None:
+    return float(value) if isinstance(value, numbers.Real) else None
+
+
+def _as_text(value: Any) -> str | None:
+    if isinstance(value, str):
+        return value
+    return text_of_number(value) if isinstance(value, (int, float)) else None
+
+
+_SCALARS: dict[Any, Callable[[Any], Any]] = {bool: _as_bool, int: _as_int, float: _as_float, str: _as_text}
+"""Each gives the value as that type, None where something would be lost."""
+
+
 def cast(value: Any, data_type: Any, registry: ConverterRegistry) -> Any:
     """Return ``value`` as ``data_type``: text is converted, numbers are cast where nothing is lost.
 
@@ -263,22 +286,10 @@ def cast(value: Any, data_type: Any, registry: ConverterRegistry) -> Any:
         return _cast_union(value, data_type, registry)
     plain = origin or data_type
     if isinstance(plain, type):
-        if data_type is bool:
-            if isinstance(value, numbers.Number) or type(value).__name__ == "bool":
-                return bool(value)
-        elif data_type is int:
-            if isinstance(value, float) and value.is_integer():
-                return int(value)
-            if hasattr(value, "__index__"):
-                return operator.index(value)
-        elif data_type is float:
-            if isinstance(value, numbers.Real):
-                return float(value)
-        elif data_type is str:
-            if isinstance(value, str):
-                return value
-            if isinstance(value, (int, float)):
-                return text_of_number(value)
+        if data_type in _SCALARS:
+            scalar = _SCALARS[data_type](value)
+            if scalar is not None:
+                return scalar
         elif isinstance(value, plain):
             return value
         elif plain in (list, tuple) and isinstance(value, (list, tuple)):

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 from bestman_bt.engine.blackboard import Slot, key_fault
 from bestman_bt.engine.core.node import Node
@@ -55,21 +56,7 @@ def _uses_of(tree: Tree, node: Node) -> Iterator[EntryUse]:
     board = node.board
     ports = tree.info_of(node).ports
     for name, value in node.attributes.items():
-        if name in SCRIPT_ATTRIBUTES:
-            yield from _script_uses(tree, node, name, str(value))
-            continue
-        key = key_of(value, name)
-        port = ports.get(name)
-        if key is None and names_entry(type(node), name):
-            if not key_fault(str(value)):
-                yield EntryUse(board.slot(str(value)), node, name, str(value), True)
-        elif key is not None and port is not None and not isinstance(node, SubTree):
-            if port.direction != "output":
-                yield EntryUse(board.slot(key), node, name, key, False)
-            if port.direction != "input":
-                yield EntryUse(board.slot(key), node, name, key, True)
-        elif key is None and port is not None and name in ("code", "if") and tree.info_of(node).builtin:
-            yield from _script_uses(tree, node, name, str(value))
+        yield from _uses_of_attribute(tree, node, name, value)
     for name, port in ports.items():
         key = key_of(port.default, name) if port.direction != "input" and name not in node.attributes else None
         if key is not None:
@@ -87,6 +74,23 @@ def _script_uses(tree: Tree, node: Node, attribute: str, source: str) -> Iterato
                 yield EntryUse(node.board.slot(key), node, attribute, key, writes)
 
 
+def _uses_of_attribute(tree: Tree, node: Node, name: str, value: Any) -> Iterator[EntryUse]:
+    board, info = node.board, tree.info_of(node)
+    key, port = key_of(value, name), info.ports.get(name)
+    if name in SCRIPT_ATTRIBUTES:
+        yield from _script_uses(tree, node, name, str(value))
+    elif key is None and names_entry(type(node), name):
+        if not key_fault(str(value)):
+            yield EntryUse(board.slot(str(value)), node, name, str(value), True)
+    elif key is not None and port is not None and not isinstance(node, SubTree):
+        if port.direction != "output":
+            yield EntryUse(board.slot(key), node, name, key, False)
+        if port.direction != "input":
+            yield EntryUse(board.slot(key), node, name, key, True)
+    elif key is None and port is not None and name in ("code", "if") and info.builtin:
+        yield from _script_uses(tree, node, name, str(value))
+
+
 def _names(expression: Expression) -> Iterator[tuple[str, bool]]:
     """Yield each key in an expression, and whether it is written there."""
     if isinstance(expression, Name):
@@ -97,17 +101,22 @@ def _names(expression: Expression) -> Iterator[tuple[str, bool]]:
         yield from _names(expression.value)
         if expression.name:
             yield expression.name, True
-    elif isinstance(expression, Unary):
-        yield from _names(expression.operand)
-    elif isinstance(expression, Binary):
-        yield from _names(expression.left)
-        yield from _names(expression.right)
-    elif isinstance(expression, Comparison):
-        for operand in expression.operands:
+    else:
+        for operand in _operands(expression):
             yield from _names(operand)
-    elif isinstance(expression, Ternary):
-        for part in (expression.condition, expression.then, expression.otherwise):
-            yield from _names(part)
+
+
+def _operands(expression: Expression) -> Sequence[Expression]:
+    match expression:
+        case Unary():
+            return (expression.operand,)
+        case Binary():
+            return expression.left, expression.right
+        case Comparison():
+            return expression.operands
+        case Ternary():
+            return expression.condition, expression.then, expression.otherwise
+    return ()
 
 
 def render_ports(tree: Tree) -> str:

@@ -300,18 +300,11 @@ class Builder:
             node = self.substitutions.replace(node, self.tree)
             attributes = node.attributes
         nodes.append(node)
-        if depth > self.depth:
-            self.depth = depth
+        self.depth = max(self.depth, depth)
         if node.uid > MAX_NODES or depth > MAX_DEPTH:
             self._refuse_size(node)
-        entries = element.entries
-        if entries is not None:
-            board = place.board
-            for port, key, data_type in entries:
-                try:
-                    declare(board, key, data_type)
-                except BlackboardError as error:
-                    self._report(node, str(error), port)
+        if element.entries is not None:
+            self._declare(node, place.board, element.entries)
         if element.scripts:
             self._compile_conditions(node)
         if element.children:
@@ -324,6 +317,13 @@ class Builder:
         if info.custom_load or node.info is not info:
             self._load(node)
         return node
+
+    def _declare(self, node: Node, board: Blackboard, entries: Iterable[tuple[str, str, Any]]) -> None:
+        for port, key, data_type in entries:
+            try:
+                declare(board, key, data_type)
+            except BlackboardError as error:
+                self._report(node, str(error), port)
 
     def install(self, node: Node, info: NodeInfo, place: Place) -> Node:
         """Give a node that exists already its number, place, entries and scripts; a substitution may replace it."""

@@ -250,6 +250,17 @@ class JudgedSession:
                 write_world(folder / WORLD_NAME, setup, session.skills.world)
         return result
 
+    def _recorders(self, tree: Tree, folder: Path | None, recording: Path | None) -> Iterator[MotionLog | Recording]:
+        session, scene = self.session, self._observers.scene
+        if scene is None:
+            return
+        if folder is not None:
+            yield MotionLog(folder, scene)
+            if recording is None and session.setup.config.record:
+                recording = folder / RECORDING_NAME
+        if recording is not None:
+            yield Recording(recording, session, tree, scene)
+
     def _after_tick(
         self,
         stack: ExitStack,
@@ -261,18 +272,10 @@ class JudgedSession:
     ) -> Callable[[], None]:
         session, observers = self.session, self._observers
         calls: list[Callable[[], None]] = [durations.after_tick]
-        if folder is not None and observers.scene is not None:
-            motion = MotionLog(folder, observers.scene)
-            motion.open()
-            stack.callback(motion.close)
-            calls.append(motion.after_tick)
-        if recording is None and folder is not None and session.setup.config.record:
-            recording = folder / RECORDING_NAME
-        if observers.scene is not None and recording is not None:
-            recorded = Recording(recording, session, tree, observers.scene)
-            recorded.open()
-            stack.callback(recorded.close)
-            calls.append(recorded.after_tick)
+        for recorder in self._recorders(tree, folder, recording):
+            recorder.open()
+            stack.callback(recorder.close)
+            calls.append(recorder.after_tick)
         if self._watch_contacts is not None:
             calls.append(self._watch_contacts)
         if observers.driven is not None and session.setup.config.task.asked("at_goal") is not None:

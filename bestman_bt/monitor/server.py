@@ -51,30 +51,36 @@ class ServerConfig:
     end_when_idle: float | None = None
 
 
-def make_app(config: ServerConfig, runs: RunList) -> ASGIApp:
-    """The application; ``runs`` is started and stopped with it."""
+class _Site:
+    """What is answered, and to how many pages."""
+
+    def __init__(self, config: ServerConfig, runs: RunList) -> None:
+        self.config, self.runs = config, runs
+        self.viewers = 0
 
     @contextlib.asynccontextmanager
-    async def lifespan(_: Starlette) -> AsyncIterator[None]:
-        await runs.start()
+    async def lifespan(self, _: Starlette) -> AsyncIterator[None]:
+        """The runs are started and stopped with the application."""
+        await self.runs.start()
         try:
             yield
         finally:
-            await runs.stop()
+            await self.runs.stop()
 
-    viewers = 0
+    async def health(self, _: Request) -> Response:
+        """Who answers here."""
+        return JSONResponse({"service": SERVICE, "sockets": str(socket_folder()), "read_only": self.config.read_only})
 
-    async def health(_: Request) -> Response:
-        return JSONResponse({"service": SERVICE, "sockets": str(socket_folder()), "read_only": config.read_only})
-
-    async def page(_: Request) -> Response:
+    async def page(self, _: Request) -> Response:
+        """The page itself."""
         index = STATIC / "index.html"
         if not index.is_file():
             return _error("this installation has no built page: bestman_bt/monitor/static is empty", 404)
         return FileResponse(index, headers={"Cache-Control": "no-cache"})
 
-    async def image(request: Request) -> Response:
-        run = runs.get(request.path_params["identity"])
+    async def image(self, request: Request) -> Response:
+        """A picture of a run."""
+        run = self.runs.get(request.path_params["identity"])
         if run is None:
             return _error("there is no such run; GET /api/runs lists them", 404)
         try:
@@ -84,16 +90,18 @@ def make_app(config: ServerConfig, runs: RunList) -> ASGIApp:
         kind = "image/png" if content.startswith(b"\x89PNG") else "image/jpeg"
         return Response(content, media_type=kind, headers={"Cache-Control": "private, max-age=3600"})
 
-    async def list_runs(_: Request) -> Response:
-        return JSONResponse({"runs": runs.summaries()})
+    async def list_runs(self, _: Request) -> Response:
+        """All runs, newest first."""
+        return JSONResponse({"runs": self.runs.summaries()})
 
-    async def control_run(request: Request) -> Response:
-        run, what = runs.get(request.path_params["identity"]), request.path_params.get("control", "status")
+    async def control_run(self, request: Request) -> Response:
+        """What is asked of a run that goes on."""
+        run, what = self.runs.get(request.path_params["identity"]), request.path_params.get("control", "status")
         if run is None:
             return _error("there is no such run; GET /api/runs lists them", 404)
         if request.method == "GET" and what in CONTROLS and "control" in request.path_params:
             return _error(f"{what} is asked by POST", 405, {"Allow": "POST"})
-        if config.read_only and what != "status":
+        if self.config.read_only and what != "status":
             return _error("this monitor only shows", 403)
         try:
             asked = await _asked(request)
@@ -105,37 +113,42 @@ def make_app(config: ServerConfig, runs: RunList) -> ASGIApp:
         except RunError as error:
             return _error(str(error), 409)
 
-    async def refused(_: Request, error: Exception) -> Response:
+    async def refused(self, _: Request, error: Exception) -> Response:
+        """An error as JSON."""
         assert isinstance(error, HTTPException)
         return _error(error.detail, error.status_code, error.headers)
 
-    async def viewer(websocket: WebSocket) -> None:
-        nonlocal viewers
+    async def viewer(self, websocket: WebSocket) -> None:
+        """A page that is open."""
         await websocket.accept()
-        if viewers >= MOST_VIEWERS:
+        if self.viewers >= MOST_VIEWERS:
             await websocket.close(1013, f"{MOST_VIEWERS} pages are open already")
             return
-        viewers += 1
+        self.viewers += 1
         try:
-            await Viewer(runs, websocket.send_text, websocket.receive_text, config.read_only).run()
+            await Viewer(self.runs, websocket.send_text, websocket.receive_text, self.config.read_only).run()
         except WebSocketDisconnect:
             _LOG.debug("a page has gone")
         except KeyError:  # a binary message, which no page sends
             await websocket.close(1003, "texts only")
         finally:
-            viewers -= 1
+            self.viewers -= 1
 
+
+def make_app(config: ServerConfig, runs: RunList) -> ASGIApp:
+    """The application; ``runs`` is started and stopped with it."""
+    site = _Site(config, runs)
     routes = [
-        Route("/health", health),
-        Route("/", page),
-        Route("/runs/{identity}/images/{number:int}.jpg", image),
-        Route("/api/runs", list_runs),
-        Route("/api/runs/{identity}", control_run),
-        Route("/api/runs/{identity}/{control}", control_run, methods=["GET", "POST"]),
-        WebSocketRoute("/ws", viewer),
+        Route("/health", site.health),
+        Route("/", site.page),
+        Route("/runs/{identity}/images/{number:int}.jpg", site.image),
+        Route("/api/runs", site.list_runs),
+        Route("/api/runs/{identity}", site.control_run),
+        Route("/api/runs/{identity}/{control}", site.control_run, methods=["GET", "POST"]),
+        WebSocketRoute("/ws", site.viewer),
         Mount("/", StaticFiles(directory=STATIC, check_dir=False)),
     ]
-    app = Starlette(routes=routes, lifespan=lifespan, exception_handlers={HTTPException: refused})
+    app = Starlette(routes=routes, lifespan=site.lifespan, exception_handlers={HTTPException: site.refused})
     return Guard(app, AccessRules.of(config.host, config.port, config.token))
 
 

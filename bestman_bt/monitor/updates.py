@@ -7,7 +7,7 @@ from typing import Any
 
 from bestman_bt.monitor.run import MonitoredRun
 from bestman_bt.records.events import MAIN_TREE
-from bestman_bt.records.history import Picture
+from bestman_bt.records.history import Picture, RunHistory
 
 STATISTICS_PERIOD = 0.5
 EXTENT_PERIOD = 1.0
@@ -109,6 +109,13 @@ class Updates:
         }
         return [state, *(self._image(picture) for picture in history.pictures_at(time))]
 
+    def _statistics(self, now: float) -> Any:
+        """Of the nodes that changed since they were told last, and of those that run."""
+        history = self.run.history
+        uids = {*history.changed_nodes.since(self._statistics_version), *self._running}
+        self._statistics_version, self._statistics_due = history.version, now + STATISTICS_PERIOD
+        return history.states.now.statistics(sorted(uids), history.last) if uids else None
+
     def _delta(self, now: float) -> Message:
         history, since = self.run.history, self._version
         nodes, time = history.states.now, history.last
@@ -125,28 +132,15 @@ class Updates:
             delta["messages"] = {str(uid): history.message_at(uid, time) for uid in said}
         if changed and (running := nodes.running()) != self._running:
             self._running = delta["running"] = running
-        if now >= self._statistics_due:
-            uids = {*history.changed_nodes.since(self._statistics_version), *self._running}
-            self._statistics_version, self._statistics_due = history.version, now + STATISTICS_PERIOD
-            if uids:
-                delta["statistics"] = nodes.statistics(sorted(uids), time)
+        if now >= self._statistics_due and (statistics := self._statistics(now)):
+            delta["statistics"] = statistics
         boards: dict[str, dict[str, Any]] = {}
         for scope, key in history.changed_entries.since(since):
             boards.setdefault(scope, {})[key] = history.entry_at(scope, key, time)
         if boards:
             delta["blackboard"] = boards
-        if history.robot.version > since:
-            delta["robot"] = history.robot.at(time)
-        if history.robot.scan_version > since:
-            delta["scan"] = history.robot.scan_at(time)
-        if history.path_version > since and history.paths.last is not None:
-            delta["path"] = history.paths.last[1]
-        if history.paused_version > since:
-            delta["paused"] = history.paused
-        if history.breakpoints_version > since:
-            delta["breakpoints"] = history.breakpoints
         self._version = history.version
-        return delta
+        return delta | _changed_robot(history, since)
 
     def _log(self) -> list[Message]:
         history, is_first = self.run.history, self._log_version < 0
@@ -162,3 +156,19 @@ class Updates:
     def _image(self, picture: Picture) -> Message:
         url = f"/runs/{self.run.id}/images/{picture.number}.jpg"
         return {"type": "image", "id": self.run.id, "camera": picture.camera, "time": picture.time, "url": url}
+
+
+def _changed_robot(history: RunHistory, since: int) -> Message:
+    """What is not of the tree, as far as it changed after the version ``since``."""
+    told: Message = {}
+    if history.robot.version > since:
+        told["robot"] = history.robot.at(history.last)
+    if history.robot.scan_version > since:
+        told["scan"] = history.robot.scan_at(history.last)
+    if history.path_version > since and history.paths.last is not None:
+        told["path"] = history.paths.last[1]
+    if history.paused_version > since:
+        told["paused"] = history.paused
+    if history.breakpoints_version > since:
+        told["breakpoints"] = history.breakpoints
+    return told

@@ -215,6 +215,11 @@ class Viewer:
             return {"type": "problem", "message": why}
         return {"type": "answer", "for": number, "ok": False, "error": why}
 
+    async def _control(self, run: MonitoredRun, asked: Message) -> None:
+        if self._read_only:
+            raise RunError("this monitor was started with --read-only: it only shows")
+        await control(run, asked)
+
     async def _carried_out(self, asked: Message) -> Message | None:
         what = asked.get("do")
         if what is None:
@@ -236,9 +241,7 @@ class Viewer:
             case "series":
                 return {"type": "series", "id": run.id, "joints": run.history.robot.series(_names(run, asked))}
             case str() if what in CONTROLS:
-                if self._read_only:
-                    raise RunError("this monitor was started with --read-only: it only shows")
-                await control(run, asked)
+                await self._control(run, asked)
             case _:
                 raise RunError(f"unknown request {str(what)[:40]!r}")
         return None

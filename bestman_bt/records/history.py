@@ -152,21 +152,48 @@ class RunHistory:
     def take(self, event: Event) -> None:
         """Add an event; raises EventError for one that does not fit what was told before, and keeps all of that."""
         self.version += 1
-        time = getattr(event, "time", None)
-        if time is not None:
-            if not abs(time) < LONGEST_RUN:
-                raise EventError(f"{event.event}: the time {time} is none")
-            self._time = max(self._time, time)
+        self._take_time(event)
         self.tick = max(self.tick, getattr(event, "tick", 0))
         match event:
-            case RunEvent():
-                self.about = asdict(event)
+            case RunEvent() | EndEvent() | DroppedEvent():
+                self._take_run(event)
             case TreeEvent():
                 self._take_tree(event)
             case StatesEvent():
                 self._take_states(event)
             case BlackboardEvent():
                 self._take_blackboard(event)
+            case RobotEvent() | ScanEvent() | MapEvent() | PathEvent():
+                self._take_robot(event)
+            case ImageEvent():
+                self._take_image(event)
+            case LogEvent():
+                self._take_log(event)
+            case PausedEvent() | ResumedEvent():
+                self._take_pause(event)
+            case BreakpointsEvent():
+                self.breakpoints, self.breakpoints_version = event.breakpoints, self.version
+
+    def _take_time(self, event: Event) -> None:
+        time = getattr(event, "time", None)
+        if time is not None:
+            if not abs(time) < LONGEST_RUN:
+                raise EventError(f"{event.event}: the time {time} is none")
+            self._time = max(self._time, time)
+
+    def _take_run(self, event: RunEvent | EndEvent | DroppedEvent) -> None:
+        match event:
+            case RunEvent():
+                self.about = asdict(event)
+            case EndEvent():
+                self.end = asdict(event)
+                self.paused, self.paused_version = None, self.version
+                self.timeline.mark(event.time, "end", event.outcome)
+            case DroppedEvent():
+                self.dropped += event.count
+
+    def _take_robot(self, event: RobotEvent | ScanEvent | MapEvent | PathEvent) -> None:
+        match event:
             case RobotEvent():
                 self.robot.take(event, self.version)
             case ScanEvent():
@@ -177,20 +204,6 @@ class RunHistory:
             case PathEvent():
                 self.paths.add(event.time, event.planned)
                 self.path_version = self.version
-            case ImageEvent():
-                self._take_image(event)
-            case LogEvent():
-                self._take_log(event)
-            case PausedEvent() | ResumedEvent():
-                self._take_pause(event)
-            case BreakpointsEvent():
-                self.breakpoints, self.breakpoints_version = event.breakpoints, self.version
-            case EndEvent():
-                self.end = asdict(event)
-                self.paused, self.paused_version = None, self.version
-                self.timeline.mark(event.time, "end", event.outcome)
-            case DroppedEvent():
-                self.dropped += event.count
 
     def _take_tree(self, event: TreeEvent) -> None:
         for node in self.nodes.add(event):

@@ -103,9 +103,7 @@ class NodeList(Sequence[DescribedNode]):
             if not 0 < event.under <= count:
                 raise EventError(f"the tree {event.tree} is under the node {event.under}, which is not there")
             under = main_offset + event.under
-        for number, node in enumerate(event.nodes, 1):
-            if node.uid != number or (node.parent is not None and not 0 < node.parent < number):
-                raise EventError(f"node {number} of the tree {event.tree} is out of order")
+        _check_order(event)
         added = [
             replace(node, uid=offset + node.uid, parent=under if node.parent is None else offset + node.parent)
             for node in event.nodes
@@ -117,3 +115,9 @@ class NodeList(Sequence[DescribedNode]):
                 self._children[node.parent].append(node.uid)
         self._ranges[event.tree] = (offset, len(added))
         return added
+
+
+def _check_order(event: TreeEvent) -> None:
+    for number, node in enumerate(event.nodes, 1):
+        if node.uid != number or (node.parent is not None and not 0 < node.parent < number):
+            raise EventError(f"node {number} of the tree {event.tree} is out of order")

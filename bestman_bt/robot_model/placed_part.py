@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import xml.etree.ElementTree as ET
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -322,26 +322,32 @@ def _elements(name: str, config: PartConfig, document: Document, folder: Path) -
 
 
 def _check_names(config: PartConfig, document: Document, names: set[str]) -> None:
-    problems = []
+    problems = [*_unknown_names(config, document, names), *_wrong_counts(config, document)]
+    if problems:
+        raise ConfigurationError(problems)
+
+
+def _unknown_names(config: PartConfig, document: Document, names: set[str]) -> Iterator[Problem]:
     for field in (*_NAME_FIELDS, "collision", "contact", "mass"):
         for named in _flat(getattr(config, field, None)):
             if named not in names:
                 message = f"the part has no link or joint {named!r}; {suggestion(named, list(names))}"
-                problems.append(document.problem((field,), message))
+                yield document.problem((field,), message)
+
+
+def _wrong_counts(config: PartConfig, document: Document) -> Iterator[Problem]:
     limits = getattr(config, "limits", None)
     if limits is not None:
         for each in dataclasses.fields(limits):
             count, expected = len(getattr(limits, each.name)), len(getattr(config, "joints", ()))
             if count != expected:
                 message = f"should have {expected} entries, one per joint, got {count}"
-                problems.append(document.problem(("limits", each.name), message))
+                yield document.problem(("limits", each.name), message)
     if isinstance(config, JointedPart):
         for state, positions in config.states.items():
             if len(positions) != len(config.joints):
                 message = f"should have {len(config.joints)} positions, one per joint, got {len(positions)}"
-                problems.append(document.problem(("states", state), message))
-    if problems:
-        raise ConfigurationError(problems)
+                yield document.problem(("states", state), message)
 
 
 def _flat(value: Any) -> list[str]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 import os
 import xml.etree.ElementTree as ET
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
@@ -106,16 +106,7 @@ def read_subtree(path: Path, root: str | None, cut: tuple[str, ...], packages: S
     materials = {
         material.get("name", ""): material for material in tree.iter("material") if material.find("color") is not None
     }
-    kept: list[ET.Element] = []
-    waiting = [root]
-    while waiting:
-        name = waiting.pop()
-        kept.append(links[name])
-        for joint in below.get(name, ()):
-            child = child_of(joint)
-            if child not in cut:
-                kept.append(joint)
-                waiting.append(child)
+    kept = _kept(links, below, root, cut)
     faults = [*(f"{path.name}: {fault}" for fault in value_faults(kept)), *mesh_faults(kept, path, packages)]
     if faults:
         raise UrdfError(*faults)
@@ -217,3 +208,20 @@ def _ros_folders() -> list[Path]:
     paths = [Path(path) for path in os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep) if path]
     prefixes = [Path(path) for path in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if path]
     return paths + [prefix / "share" for prefix in prefixes]
+
+
+def _kept(
+    links: Mapping[str, ET.Element], below: Mapping[str, Sequence[ET.Element]], root: str, cut: tuple[str, ...]
+) -> list[ET.Element]:
+    """Links and joints from ``root`` on, without the subtrees ``cut``; ``below``: link → the joints that it carries."""
+    kept: list[ET.Element] = []
+    waiting = [root]
+    while waiting:
+        name = waiting.pop()
+        kept.append(links[name])
+        for joint in below.get(name, ()):
+            child = child_of(joint)
+            if child not in cut:
+                kept.append(joint)
+                waiting.append(child)
+    return kept

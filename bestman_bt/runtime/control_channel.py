@@ -143,14 +143,10 @@ class ControlChannel:
         """Tell somebody nothing more."""
         self._telemetry.forget(outbox)
 
-    def _do(self, message: Any) -> dict[str, Any]:
-        """Carry out a request; returns what its answer tells beside what each tells."""
-        what = message.get("do") if isinstance(message, dict) else None
+    def _drive(self, what: str) -> None:
+        """Let the tree go on, or not."""
         executor = self._executor
         match what:
-            case "stop":
-                executor.cancel("stopped through the control channel")
-                self._stop_robot()
             case "halt":
                 executor.cancel("halted through the control channel")
             case "pause":
@@ -161,17 +157,31 @@ class ControlChannel:
                 executor.step()
                 if not executor.wait_for_step(TASK_WAIT):
                     raise RefusedError(f"the tick is still under way after {TASK_WAIT:g} s; it pauses at its end")
+
+    def _change_breakpoints(self, what: str, message: Any) -> None:
+        node, when = message.get("node"), message.get("when")
+        if what == "breakpoint":
+            self._breakpoints.add(node, when, message.get("condition"), bool(message.get("once")))
+        elif what == "clear_breakpoint":
+            self._breakpoints.clear(node, when)
+        else:
+            self._breakpoints.force(node, message.get("result"))
+
+    def _do(self, message: Any) -> dict[str, Any]:
+        """Carry out a request; returns what its answer tells beside what each tells."""
+        what = message.get("do") if isinstance(message, dict) else None
+        match what:
+            case "stop":
+                self._executor.cancel("stopped through the control channel")
+                self._stop_robot()
+            case "halt" | "pause" | "resume" | "step":
+                self._drive(what)
             case "set":
                 if "value" not in message:
                     raise RefusedError("set wants a key (text) and a value")
                 return self._set(message.get("key"), message.get("value"), message.get("scope") or "")
-            case "breakpoint":
-                asked = [message.get(name) for name in ("node", "when", "condition", "once")]
-                self._between_ticks(lambda: self._breakpoints.add(asked[0], asked[1], asked[2], bool(asked[3])))
-            case "clear_breakpoint":
-                self._between_ticks(lambda: self._breakpoints.clear(message.get("node"), message.get("when")))
-            case "force":
-                self._between_ticks(lambda: self._breakpoints.force(message.get("node"), message.get("result")))
+            case "breakpoint" | "clear_breakpoint" | "force":
+                self._between_ticks(lambda: self._change_breakpoints(what, message))
             case "subscribe":
                 _topics(message)
             case "status":

@@ -56,16 +56,19 @@ class Standing:
         """Of the latest event."""
         self._tick = 0
 
+    def _take_tree(self, event: TreeEvent) -> None:
+        ended = [number for number, tree in self._trees.items() if number and tree.told.under == event.under]
+        for number in ended:
+            del self._trees[number]
+        self._trees[event.tree] = _TreeStanding(event, {node.uid: IDLE for node in event.nodes})
+
     def take(self, event: Event) -> None:
         """Keep what an event tells."""
         match event:
             case RunEvent():
                 self._run = event
             case TreeEvent():
-                ended = [number for number, tree in self._trees.items() if number and tree.told.under == event.under]
-                for number in ended:
-                    del self._trees[number]
-                self._trees[event.tree] = _TreeStanding(event, {node.uid: IDLE for node in event.nodes})
+                self._take_tree(event)
             case StatesEvent():
                 self.time, self._tick = event.time, event.tick
                 if event.tree in self._trees:

@@ -147,7 +147,7 @@ class Setup(DrawnTask):
         return setup
 
 
-def prepare(
+def prepare(  # noqa: C901 - one check after the other
     config: RunConfig,
     all_entries: bool = False,
     known_faults: Iterable[Problem] = (),

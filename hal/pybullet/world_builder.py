@@ -210,6 +210,23 @@ def _set_up_robot(
     links: dict[str, int],
 ) -> None:
     """Frictions, the start posture and the finger gears."""
+    _set_up_feet(client, model, parameters, robot, joints, links)
+    posture = next((model.postures[name] for name in parameters.initial_postures if name in model.postures), {})
+    for joint, position in posture.items():
+        client.resetJointState(robot, joints[joint], position)
+    for gripper in model.of(GripperModel).values():
+        friction = gripper.part.friction if world.finger_friction is None else world.finger_friction
+        _set_up_gripper(client, gripper, friction, parameters, robot, joints, links)
+
+
+def _set_up_feet(
+    client: PhysicsClient,
+    model: RobotModel,
+    parameters: PhysicsParameters,
+    robot: int,
+    joints: dict[str, int],
+    links: dict[str, int],
+) -> None:
     for wheeled in model.of(WheeledBaseModel).values():
         base = wheeled.part
         for link in base.caster_links:
@@ -222,31 +239,37 @@ def _set_up_robot(
     for legged in model.of(LeggedBaseModel).values():
         for foot in legged.part.feet:
             client.changeDynamics(robot, links[foot], lateralFriction=legged.part.foot_friction)
-    posture = next((model.postures[name] for name in parameters.initial_postures if name in model.postures), {})
-    for joint, position in posture.items():
+
+
+def _set_up_gripper(
+    client: PhysicsClient,
+    gripper: GripperModel,
+    friction: float,
+    parameters: PhysicsParameters,
+    robot: int,
+    joints: dict[str, int],
+    links: dict[str, int],
+) -> None:
+    for link in gripper.part.finger_links:
+        client.changeDynamics(
+            robot,
+            links[link],
+            lateralFriction=friction,
+            contactStiffness=parameters.finger_stiffness,
+            contactDamping=parameters.finger_damping,
+            # Soft pads resist twisting: without it a round object slowly pivots about the axis between the fingers.
+            spinningFriction=parameters.finger_spinning_friction,
+        )
+        # Without the anchor a held object creeps and pivots by degrees while the base turns. The anchor's force is
+        # bounded by friction like any other; the monitor tells if an object ever follows an open hand.
+        client.changeDynamics(robot, links[link], frictionAnchor=1)
+    for joint, position in gripper.joint_positions(gripper.max_width).items():
         client.resetJointState(robot, joints[joint], position)
-    for gripper in model.of(GripperModel).values():
-        friction = gripper.part.friction if world.finger_friction is None else world.finger_friction
-        for link in gripper.part.finger_links:
-            client.changeDynamics(
-                robot,
-                links[link],
-                lateralFriction=friction,
-                contactStiffness=parameters.finger_stiffness,
-                contactDamping=parameters.finger_damping,
-                # Soft pads resist twisting: without it a round object slowly pivots about the axis between the fingers.
-                spinningFriction=parameters.finger_spinning_friction,
-            )
-            # Without the anchor a held object creeps and pivots by degrees while the base turns. The anchor's force is
-            # bounded by friction like any other; the monitor tells if an object ever follows an open hand.
-            client.changeDynamics(robot, links[link], frictionAnchor=1)
-        for joint, position in gripper.joint_positions(gripper.max_width).items():
-            client.resetJointState(robot, joints[joint], position)
-        if len(gripper.part.joints) == 2:
-            first, second = gripper.part.joints
-            gear = MimicJoint(first, second)
-            _gear(client, robot, joints, gear, parameters.finger_gear_erp, parameters.finger_gear_force)
-        for follower in gripper.followers:
-            # PyBullet ignores <mimic>; its own motor at a follower would work against the gear.
-            client.setJointMotorControl2(robot, joints[follower.joint], pybullet.VELOCITY_CONTROL, force=0.0)
-            _gear(client, robot, joints, follower, parameters.linkage_erp, parameters.linkage_force)
+    if len(gripper.part.joints) == 2:
+        first, second = gripper.part.joints
+        gear = MimicJoint(first, second)
+        _gear(client, robot, joints, gear, parameters.finger_gear_erp, parameters.finger_gear_force)
+    for follower in gripper.followers:
+        # PyBullet ignores <mimic>; its own motor at a follower would work against the gear.
+        client.setJointMotorControl2(robot, joints[follower.joint], pybullet.VELOCITY_CONTROL, force=0.0)
+        _gear(client, robot, joints, follower, parameters.linkage_erp, parameters.linkage_force)

@@ -18,10 +18,10 @@ from bestman_bt.engine.core.status import FAILURE, RUNNING, SKIPPED, SUCCESS
 from bestman_bt.engine.errors import NodeError
 
 
-def _reactive_tick_bare(go: int, stop: int) -> Callable[[Any], int]:
+def _reactive_tick_bare(go: int, stop: int) -> Callable[[Any], int]:  # noqa: C901 - see its tick
     idle_after_go, idle_after_stop = -go, -stop
 
-    def tick(self: Any) -> int:
+    def tick(self: Any) -> int:  # noqa: C901 - a tick is one function: each call in it costs
         self._s = RUNNING
         skipped: list[Node] | None = None
         child = self
@@ -70,10 +70,10 @@ def _reactive_tick_bare(go: int, stop: int) -> Callable[[Any], int]:
     return tick
 
 
-def _reactive_tick_traced(go: int, stop: int) -> Callable[[Any], int]:
+def _reactive_tick_traced(go: int, stop: int) -> Callable[[Any], int]:  # noqa: C901 - see its tick
     idle_after_go, idle_after_stop = -go, -stop
 
-    def tick(self: Any) -> int:
+    def tick(self: Any) -> int:  # noqa: C901 - a tick is one function: each call in it costs
         log = self.log
         append = log.append
         if self._s != RUNNING:

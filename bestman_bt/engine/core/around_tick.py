@@ -104,35 +104,37 @@ def with_conditions(node: Node, core: Tick, conditions: Conditions) -> Tick:
         return run_unless_skipped
 
     def run() -> int:
-        status = -1
-        if pre:
-            code = node._s
-            if code <= 0:
-                status = _before_start(pre)
-            elif code == RUNNING:
-                kind, holds = pre[-1]
-                if kind == "_while" and not holds():
-                    node.halt_node()
-                    status = SKIPPED
+        status = _instead(node, pre) if pre else -1
         if status < 0:
             status = core()
         if status == SUCCESS:
-            if conditions.on_success is not None:
-                conditions.on_success()
-            if conditions.post is not None:
-                conditions.post()
+            _run_scripts(conditions.on_success, conditions.post)
         elif status == FAILURE:
-            if conditions.on_failure is not None:
-                conditions.on_failure()
-            if conditions.post is not None:
-                conditions.post()
+            _run_scripts(conditions.on_failure, conditions.post)
         return status
 
     return run
 
 
-def _before_start(pre: list[tuple[str, Callable[[], bool]]]) -> int:
+def _run_scripts(*scripts: Callable[[], Any] | None) -> None:
+    for script in scripts:
+        if script is not None:
+            script()
+
+
+def _instead(node: Node, pre: list[tuple[str, Callable[[], bool]]]) -> int:
     """The status that a script gives in the tick's place, or -1."""
+    code = node._s
+    if code <= 0:
+        return _before_start(pre)
+    kind, holds = pre[-1]
+    if code == RUNNING and kind == "_while" and not holds():
+        node.halt_node()
+        return SKIPPED
+    return -1
+
+
+def _before_start(pre: list[tuple[str, Callable[[], bool]]]) -> int:
     for kind, holds in pre:
         if holds():
             if kind != "_while":

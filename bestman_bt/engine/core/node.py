@@ -396,6 +396,12 @@ class Node(PyTreesFace):
         self.set_state(RUNNING)
         raise self.error("it must not return RUNNING; derive it from StatefulAction")
 
+    def begin_running(self) -> None:
+        """RUNNING from now on, while nobody listens, or before it is logged; refused for a synchronous leaf."""
+        if self.SYNCHRONOUS:
+            self.refuse_running()
+        self._s = RUNNING
+
     def halt_node(self) -> None:
         """Interrupt the node, then run its ``_onHalted`` script."""
         self.halt()

@@ -41,16 +41,11 @@ def mapping_tick_bare(on_success: int, on_failure: int, *, keeps: bool = False) 
             raise wrapped(error, child) from error
         if status == RUNNING:
             if child._s != RUNNING:
-                if child.SYNCHRONOUS:
-                    child.refuse_running()
-                child._s = RUNNING
+                child.begin_running()
             return RUNNING
-        if status == SUCCESS:
-            child._s = -SUCCESS
-            return on_success
-        if status == FAILURE:
-            child._s = -FAILURE
-            return on_failure
+        if status == SUCCESS or status == FAILURE:
+            child._s = -status
+            return on_success if status == SUCCESS else on_failure
         if status == SKIPPED:
             if keeps and code > RUNNING:
                 self._s = code
@@ -77,9 +72,7 @@ def mapping_tick_traced(on_success: int, on_failure: int) -> Callable[[Any], int
             raise wrapped(error, child) from error
         if status == RUNNING:
             if child._s != RUNNING:
-                if child.SYNCHRONOUS:
-                    child.refuse_running()
-                child._s = RUNNING
+                child.begin_running()
                 log.append(child.ev[1])
             return RUNNING
         if status == SUCCESS or status == FAILURE:

@@ -83,30 +83,33 @@ class Checker:
             if not name:
                 self._report(element, "ID", "the attribute is missing; it names the node")
         info = self._infos.get(name)
-        children = element.children
         if info is None:
             if name:
                 self._report(element, "", f"unknown node '{name}'", self._remedy(name))
         else:
-            element.info = info
-            if tag in EXPLICIT and info.kind != tag:
-                message, suggestion = f"'{name}' is no {tag}", f'write <{info.kind} ID="{name}">'
-                self._report(element, "", message, suggestion, "error" if info.kind == "SubTree" else "warning")
-            count = len(children)
-            if count < info.min_children or (info.max_children is not None and count > info.max_children):
-                severity = "latent" if info.checked_at_tick and count else "error"
-                self._report(element, "", _children_message(info, count), "", severity)
-            if name == "ReactiveSequence" and sum(child.tag == "AsyncSequence" for child in children) > 1:
-                self._report(element, "", "it cannot have more than one AsyncSequence among its children")
-            if attributes:
-                self._check_attributes(element, info)
-            for key in info.required:
-                if key not in attributes:
-                    severity = "latent" if info.checked_at_tick else self._wrong
-                    kind = f"of type {info.ports[key].type_name}"
-                    self._report(element, key, "it is required but not given", kind, severity)
-        for child in children:
+            self._check_known(element, name, info)
+        for child in element.children:
             self._check(child)
+
+    def _check_known(self, element: Element, name: str, info: NodeInfo) -> None:
+        tag, attributes, children = element.tag, element.attributes, element.children
+        element.info = info
+        if tag in EXPLICIT and info.kind != tag:
+            message, suggestion = f"'{name}' is no {tag}", f'write <{info.kind} ID="{name}">'
+            self._report(element, "", message, suggestion, "error" if info.kind == "SubTree" else "warning")
+        count = len(children)
+        if count < info.min_children or (info.max_children is not None and count > info.max_children):
+            severity = "latent" if info.checked_at_tick and count else "error"
+            self._report(element, "", _children_message(info, count), "", severity)
+        if name == "ReactiveSequence" and sum(child.tag == "AsyncSequence" for child in children) > 1:
+            self._report(element, "", "it cannot have more than one AsyncSequence among its children")
+        if attributes:
+            self._check_attributes(element, info)
+        for key in info.required:
+            if key not in attributes:
+                severity = "latent" if info.checked_at_tick else self._wrong
+                kind = f"of type {info.ports[key].type_name}"
+                self._report(element, key, "it is required but not given", kind, severity)
 
     def _remedy(self, name: str) -> str:
         """What may help against an unknown node: the file beside the tree that defines it, or the closest name."""
@@ -261,24 +264,27 @@ def check_values(
 ) -> None:
     """Check the attributes of a node that was made in Python."""
     for key, value in attributes.items():
-        port = info.ports.get(key)
         if key in SCRIPTS or (key == "code" and info.builtin and isinstance(value, str)):
             if key in SCRIPTS or key_of(value, key) is None:
                 try:
                     compiler.parse(value)
                 except (ScriptError, TypeError) as error:
                     report(key, str(error), "")
-        elif port is None:
-            if not key.startswith("_"):
-                message, suggestion = unknown_port(info, key)
-                report("", message, suggestion)
-        elif key_of(value, key) is None:
-            if port.direction == "output":
-                report(key, _output_message(info, key, value), "")
-            else:
-                message = literal_message(info, key, value, registry)
-                if message:
-                    report(key, message, "")
+        else:
+            _check_port_value(info, key, value, registry, report)
     for key in info.required:
         if key not in attributes:
             report(key, "it is required but not given", f"of type {info.ports[key].type_name}")
+
+
+def _check_port_value(info: NodeInfo, key: str, value: Any, registry: NodeRegistry, report: Report) -> None:
+    port = info.ports.get(key)
+    if port is None:
+        if not key.startswith("_"):
+            message, suggestion = unknown_port(info, key)
+            report("", message, suggestion)
+    elif key_of(value, key) is None:
+        if port.direction == "output":
+            report(key, _output_message(info, key, value), "")
+        elif message := literal_message(info, key, value, registry):
+            report(key, message, "")

@@ -144,10 +144,9 @@ class _Reader:
         trees = [element for element in root.children if element.tag == "BehaviorTree"]
         for element in trees:
             _read_tree(element, file, documents, alone=len(trees) == 1)
-        for element in root.children:
-            if element.tag not in ("include", "TreeNodesModel", "BehaviorTree"):
-                what = "it is ignored: <BehaviorTree>, <TreeNodesModel> and <include> may stand under <root>"
-                report(Problem(file, element.line, element.tag, "", what, severity="warning"))
+        what = "it is ignored: <BehaviorTree>, <TreeNodesModel> and <include> may stand under <root>"
+        others = [e for e in root.children if e.tag not in ("include", "TreeNodesModel", "BehaviorTree")]
+        documents.problems += [Problem(file, e.line, e.tag, "", what, severity="warning") for e in others]
 
     def _include(self, element: Element, file: str, path: Path | None, documents: Documents) -> None:
         def report(message: str, field_name: str = "path") -> None:

@@ -144,6 +144,13 @@ class DampedLeastSquares(InverseKinematics):
         jacobian = self.jacobian(positions)
         return float(np.sqrt(max(0.0, np.linalg.det(jacobian @ jacobian.T))))
 
+    def _start(self, attempt: int, origin: NDArray[np.float64], rng: np.random.Generator) -> NDArray[np.float64]:
+        if attempt == 0:
+            return origin
+        if attempt <= self.near_attempts:
+            return origin + rng.normal(0.0, self.near_std, len(origin))
+        return rng.uniform(*self._bounds)
+
     def solve(
         self,
         base_from_tool: Pose,
@@ -163,12 +170,7 @@ class DampedLeastSquares(InverseKinematics):
             return IKResult((), *self._errors(target, origin), 0)
         for attempt in range(attempts or self.attempts):
             tried = attempt + 1
-            if attempt == 0:
-                start = origin
-            elif attempt <= self.near_attempts:
-                start = origin + rng.normal(0.0, self.near_std, len(origin))
-            else:
-                start = rng.uniform(lower, upper)
+            start = self._start(attempt, origin, rng)
             q, reached = self._descend(target, np.clip(start, lower, upper), lower, upper)
             if not reached:
                 if not solutions:

@@ -16,7 +16,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
 from bestman_bt.engine import FAILURE, SUCCESS, Node, Tree
-from bestman_bt.monitor.groot2.protocol import RequestError
+from bestman_bt.monitor.groot2.protocol import Request, RequestError, RequestKind
 
 POLL = 0.05
 """Seconds after which a tick that is held up looks whether the execution was cancelled."""
@@ -94,6 +94,25 @@ class Hooks:
         self._reached = reached
         self._changed = threading.Condition()
         self._hooks: dict[tuple[Position, int], _Hook] = {}
+
+    def answer(self, request: Request) -> bytes | None:
+        """Do what is asked of hooks; the second part of the answer. RequestError for a request of no kind."""
+        match request.kind:
+            case RequestKind.INSERT_HOOK:
+                self.insert(request.needed())
+            case RequestKind.REMOVE_HOOK:
+                self.remove(request.needed())
+            case RequestKind.REMOVE_ALL_HOOKS:
+                self.remove_all()
+            case RequestKind.DISABLE_ALL_HOOKS:
+                self.enable_all(False)
+            case RequestKind.DUMP_HOOKS:
+                return self.dump()
+            case RequestKind.UNLOCK_BREAKPOINT:
+                self.unlock(request.needed())
+            case _:
+                raise RequestError("Request not recognized")
+        return None
 
     def insert(self, content: bytes) -> None:
         """Put or change one hook, or a list of them; those on unknown nodes are left out, as BehaviorTree.CPP does."""

@@ -211,18 +211,6 @@ class Groot2Publisher:
                 return self._states.status_bytes()
             case RequestKind.BLACKBOARD:
                 return dump_blackboards(self.tree, request.needed().decode(errors="replace"))
-            case RequestKind.INSERT_HOOK:
-                self._hooks.insert(request.needed())
-            case RequestKind.REMOVE_HOOK:
-                self._hooks.remove(request.needed())
-            case RequestKind.REMOVE_ALL_HOOKS:
-                self._hooks.remove_all()
-            case RequestKind.DISABLE_ALL_HOOKS:
-                self._hooks.enable_all(False)
-            case RequestKind.DUMP_HOOKS:
-                return self._hooks.dump()
-            case RequestKind.UNLOCK_BREAKPOINT:
-                self._hooks.unlock(request.needed())
             case RequestKind.TOGGLE_RECORDING:
                 if request.needed() == b"start":
                     return self._states.start_recording()
@@ -231,7 +219,7 @@ class Groot2Publisher:
             case RequestKind.TRANSITIONS:
                 return self._states.take_transitions()
             case _:
-                raise RequestError("Request not recognized")
+                return self._hooks.answer(request)
         return None
 
     def _tell_of_breakpoint(self, uid: int) -> None:

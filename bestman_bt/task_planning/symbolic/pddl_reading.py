@@ -135,7 +135,7 @@ class _File:
         self._predicates = predicates
         objects: dict[str, str] = {}
         state: set[Fact] = set()
-        goal: list[Literal] = []
+        goal: tuple[Literal, ...] = ()
         for section in self._sections("problem"):
             match section.head:
                 case ":objects":
@@ -144,13 +144,7 @@ class _File:
                     facts = (self._as_list(part) for part in section.parts[1:])
                     state = {self._fact(fact, {}) for fact in facts if fact.head != EQUAL}
                 case ":goal":
-                    for condition in self._conditions(self._only(section, ":goal"), {}):
-                        if isinstance(condition, Forall):
-                            self._fail(section, "forall is not supported in a goal")
-                        else:
-                            goal.append(condition)
-                    if not goal:
-                        self._fail(section, "the goal is empty; name at least one fact")
+                    goal += self._goal(section)
                 case ":requirements":
                     self._check_requirements(section)
                 case ":domain" | ":metric":
@@ -159,7 +153,17 @@ class _File:
                     self._fail(section, f"{other or 'this'} is not supported")
         if not goal:
             self._fail(self._root, "there is no (:goal …)")
-        return objects, frozenset(state), tuple(goal)
+        return objects, frozenset(state), goal
+
+    def _goal(self, section: _List) -> tuple[Literal, ...]:
+        goal = []
+        for condition in self._conditions(self._only(section, ":goal"), {}):
+            if isinstance(condition, Forall):
+                self._fail(section, "forall is not supported in a goal")
+            goal.append(condition)
+        if not goal:
+            self._fail(section, "the goal is empty; name at least one fact")
+        return tuple(goal)
 
     def _check_requirements(self, section: _List) -> None:
         for word in map(self._as_word, section.parts[1:]):

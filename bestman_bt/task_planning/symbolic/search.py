@@ -58,20 +58,12 @@ class RelaxedPlan:
         reached = [math.inf] * len(problem.literals)
         supporter: list[int | None] = [None] * len(problem.literals)
         queue: list[tuple[float, int]] = []
-
-        def offer(action: int) -> None:
-            cost = costs[action]
-            for literal in problem.gives[action]:
-                if cost < reached[literal]:
-                    reached[literal], supporter[literal] = cost, action
-                    heapq.heappush(queue, (cost, literal))
-
         for literal in problem.numbers(state):
             reached[literal] = 0.0
             queue.append((0.0, literal))
         applicable = [action for action, count in enumerate(counts) if count == 0]
         for action in applicable:
-            offer(action)
+            _offer(action, costs[action], problem.gives[action], queue, reached, supporter)
         missing = set(problem.numbers(problem.goal))
         while queue and missing:
             cost, literal = heapq.heappop(queue)
@@ -82,7 +74,7 @@ class RelaxedPlan:
                 costs[action] += cost
                 counts[action] -= 1
                 if counts[action] == 0:
-                    offer(action)
+                    _offer(action, costs[action], problem.gives[action], queue, reached, supporter)
                     if cost == 0.0:
                         applicable.append(action)
         return supporter, frozenset(applicable)
@@ -208,3 +200,18 @@ class SymbolicPlanner(TaskPlanner):
             if found.actions is not None:
                 best = without_needless(grounded, found.actions)
         return TaskPlan(tuple(grounded.actions[number] for number in best))
+
+
+def _offer(
+    action: int,
+    cost: float,
+    gives: Sequence[int],
+    queue: list[tuple[float, int]],
+    reached: list[float],
+    supporter: list[int | None],
+) -> None:
+    """Note the action for those of the literals that it ``gives`` which nothing reaches at less cost."""
+    for literal in gives:
+        if cost < reached[literal]:
+            reached[literal], supporter[literal] = cost, action
+            heapq.heappush(queue, (cost, literal))
