@@ -164,15 +164,30 @@ class CellLayer(CostmapLayer):
     def distance(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """See the base class; that of the cells in which the points lie, and infinite beyond the grid."""
         blocked = self.blocked
-        outside = ndimage.distance_transform_edt(~blocked) if blocked.any() else np.full(blocked.shape, np.inf)
-        inside = ndimage.distance_transform_edt(blocked) if not blocked.all() else np.full(blocked.shape, np.inf)
-        cells = np.where(blocked, 0.5 - inside, outside - 0.5) * self.grid.resolution
+        cells = np.where(blocked, -_to_squares(~blocked), _to_squares(blocked)) * self.grid.resolution
         column, row = np.floor((points - self.grid.origin[:, None]) / self.grid.resolution).astype(np.intp)
         rows, columns = blocked.shape
         on_grid = (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
         distance = np.full(points.shape[1], np.inf)
         distance[on_grid] = cells[row[on_grid], column[on_grid]]
         return distance
+
+
+def _to_squares(cells: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """From the centre of each cell to the nearest square of ``cells`` (rows, columns), in cells; exact.
+
+    The point of a square that is nearest to the centre of another cell is a corner, or the middle of an edge: a node of
+    the grid of half the spacing.
+    """
+    if not cells.any():
+        return np.full(cells.shape, np.inf)
+    rows, columns = cells.shape
+    nodes = np.zeros((2 * rows + 1, 2 * columns + 1), dtype=bool)
+    for row in range(3):
+        for column in range(3):
+            nodes[row : row + 2 * rows : 2, column : column + 2 * columns : 2] |= cells
+    distance: NDArray[np.float64] = ndimage.distance_transform_edt(~nodes)[1::2, 1::2] / 2
+    return distance
 
 
 # The walls of the map, which are exact.

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from bestman_bt.messages import Box, Cylinder, Mesh, OccupancyGrid, PlacedShape, Pose, Pose2D, Sphere
+from bestman_bt.messages.grids import FREE, OCCUPIED
 from bestman_bt.navigation.global_planning import (
     Costmap,
     Footprint,
@@ -162,3 +163,16 @@ def test_cells_nearer_than_is_lethal_cost_the_most_within_the_slack(costmap):
     highest = 1.0 + costmap.rasterization.cost_weight
     assert costmap.cost([0.4, 0.395, 0.391, 0.389], 0.4, 0.01) == pytest.approx([highest, highest, highest, np.inf])
     assert costmap.cost([0.4 + 0.15], 0.4)[0] == pytest.approx(1.0 + 3.0 / math.e)
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_distances_to_cells_are_those_to_their_squares(seed: int, footprint: Footprint) -> None:
+    rng = np.random.default_rng(seed)
+    data = np.where(rng.random((17, 23)) < 0.06, OCCUPIED, FREE).astype(np.int8)
+    costmap = Costmap.from_grid(OccupancyGrid(data, 0.1, np.array([-1.0, 2.0])), footprint)
+    blocked = costmap.grid_points(np.argwhere(data == OCCUPIED))
+    free = costmap.grid_points(np.argwhere(data == FREE))
+    for cells, others, sign in ((free, blocked, 1.0), (blocked, free, -1.0)):
+        aside = np.maximum(np.abs(cells[:, None] - others[None]) - 0.05, 0.0)
+        exact = sign * np.linalg.norm(aside, axis=-1).min(axis=1) - costmap.rasterization.clearance
+        np.testing.assert_allclose(costmap.distance_at(cells), exact, atol=1e-9)
