@@ -8,6 +8,7 @@ from contextlib import contextmanager
 import numpy as np
 import pytest
 
+from bestman_bt.configuration import RunRequest
 from bestman_bt.messages import Handle
 from bestman_bt.runtime import Session
 from bestman_bt.runtime.looking import furniture_to_look_at, standing_before
@@ -22,8 +23,9 @@ SCENE, SEED = "kitchen_furnished", 3
 @contextmanager
 def standing_at(name: str) -> Iterator[tuple[Session, dict[str, Handle]]]:
     """A robot before furniture, its arm out of the picture, and the true handles in the map frame, by articulation."""
-    furniture = furniture_to_look_at(SCENE, SEED)[name]
-    with known_world(standing_before(furniture, SCENE, seed=SEED)) as (session, truth):
+    asked = RunRequest(scene=SCENE, robot="diff_panda", seed=SEED)
+    furniture = furniture_to_look_at(asked)[name]
+    with known_world(standing_before(furniture, asked)) as (session, truth):
         placed = next(piece for piece in session.setup.world.furniture if piece.name == name)
         true = {a.name: a.handle.seen_from(truth.furniture_pose(name)) for a in placed.model.articulations}
         middle = furniture.pose.to_pose().apply(np.array([[-furniture.footprint[0] / 2, 0.0, 0.0]]))[0]

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
+from bestman_bt.configuration import RunRequest
 from bestman_bt.engine import SUCCESS
 from bestman_bt.messages import VOXEL_FREE, VOXEL_OCCUPIED
 from bestman_bt.runtime import Session
@@ -28,8 +29,9 @@ DETECT_CUP = '<Sequence><LookAt surface="table"/><DetectObject object="cup" surf
 @pytest.fixture(scope="module")
 def at_shelf() -> Iterator[tuple[Session, GroundTruth]]:
     """A robot before a shelf with things on two of its boards, which it has scanned."""
-    shelf = furniture_to_look_at("kitchen_furnished", 5, ALL_THERE)["shelf"]
-    with known_world(standing_before(shelf, "kitchen_furnished", seed=5, settings=ALL_THERE)) as (session, truth):
+    asked = RunRequest(scene="kitchen_furnished", robot="diff_panda", seed=5, settings=ALL_THERE)
+    shelf = furniture_to_look_at(asked)["shelf"]
+    with known_world(standing_before(shelf, asked)) as (session, truth):
         boards = [
             f'<LookAt surface="shelf/{b}"/><ScanScene surface="shelf/{b}" views="1"/>' for b in ("board_2", "board_3")
         ]
