@@ -186,11 +186,13 @@ class Connection(ABC):
             self._only.take()
         try:
             self.open()
+            for part in self._moving():
+                part.attach()
         except BaseException:
+            for part in self._moving():
+                part.detach()
             self._shut()
             raise
-        for part in self._moving():
-            part.attach()
         for loop in self._loops:
             loop.start()
         self.connected = True

@@ -324,3 +324,27 @@ def test_disconnecting_waits_until_all_parts_rest(
     robot.disconnect()
     assert controller(robot, "platform").calls[-1] == "close"
     assert not controller(robot, "platform").connected
+
+
+def test_parts_that_cannot_be_attached_leave_nothing_open(
+    unconnected: HardwareRobot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    platform = controller(unconnected, "platform")
+
+    def out_of_range() -> None:
+        raise ConnectionFailedError("base: outside of its range")
+
+    def opened() -> None:
+        platform.add_loop("base", 10.0, lambda elapsed: None)
+
+    monkeypatch.setattr(platform, "open", opened)
+    with monkeypatch.context() as failing:
+        failing.setattr(platform.parts["base"], "attach", out_of_range)
+        for _ in range(2):
+            with pytest.raises(ConnectionFailedError, match="range"):
+                platform.connect()
+            assert platform.loops == ()
+            assert platform.calls[-1] == "close"
+    platform.connect()
+    assert len(platform.loops) == 1
+    platform.disconnect()
