@@ -190,7 +190,10 @@ class SetpointGate:
 
     def _nearest(self, wanted: Array, velocity: Array, dt: float) -> Array:
         """The most that is allowed between a step towards ``wanted`` within the joints' limits and braking."""
-        asked, braked = self._chased(wanted, velocity, dt), self._braked(dt)
+        braked = self._braked(dt)
+        if not np.all(np.isfinite([wanted, velocity])):
+            return braked
+        asked = self._chased(wanted, velocity, dt)
         if not (reason := self._objection(asked, (asked - self.position) / dt, dt, self.deceleration)):
             return asked
         self.reason, lower, upper = reason, 0.0, 1.0
@@ -238,6 +241,8 @@ class SetpointGate:
     def _objection(self, wanted: Array, rate: Array, dt: float, acceleration: Array) -> str:
         """Which limit a set-point would break, or the way on to rest from it, in words; empty: none."""
         limits, names = self._model, self._model.joint_names
+        if not np.all(np.isfinite(wanted)):
+            return "a set-point is no finite number"
         speed = np.abs(rate)
         if np.any(fast := speed > limits.velocity * SLACK + ROUNDING):
             return f"{names[int(np.argmax(fast))]} would be faster than its limit"

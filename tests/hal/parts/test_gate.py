@@ -193,3 +193,13 @@ def test_hundreds_of_hostile_commands_break_no_limit_on_a_vendors_wire(vendor: s
     found = [trials.faults(vendor, seed) for seed in range(80)]
     assert [fault for broken, _ in found for fault in broken] == []
     assert sum(trial.accepted for _, trial in found) > 400
+
+
+def test_a_set_point_that_is_no_finite_number_brakes() -> None:
+    rig = Rig()
+    gate = rig.arm._gate
+    gate.start(rig.home, 0.1 * TURN)
+    for value in (np.nan, np.inf):
+        admitted = gate.admit(value * np.ones(6), 0.0 * TURN, PERIOD, PERIOD)
+        assert np.all(np.isfinite(admitted))
+        assert "finite" in gate.reason
