@@ -188,8 +188,9 @@ class HardwareRobot(Robot):
         """A controller with a fault stops the robot, once; so does a program that plans no more."""
         if self._planner is not None and self._planner.silence > 0.0 and PLANNER not in self._faults:
             text = f"{PLANNER} gave no sign of life for {self._planner.longest_silence:g} s"
-            self._faults[PLANNER] = Failure(MotionErrorCode.STOPPED, text)
-            self._stop(self._faults[PLANNER])
+            silent = Failure(MotionErrorCode.STOPPED, text)
+            self._faults[PLANNER] = silent
+            self._stop(silent)
         for name, connection in self.connections.items():
             if name in self._faults or not self._lock.acquire(blocking=False):
                 continue
