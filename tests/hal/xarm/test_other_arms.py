@@ -6,6 +6,7 @@ The whole suite over them is a command: docs/hardware.md.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -97,10 +98,11 @@ def test_a_controller_of_another_arm_is_refused_before_anything_moves(
     other = load_robot_model(file, {**twin_settings(twin), "connections.arm_controller.options": arm})
     with disconnected(robot), pytest.raises(ConnectionFailedError, match="the option 'arm' says"):
         HardwareRobot(other).connect()
-    limits = robot.model.of(ArmModel)["arm"]
-    units = {"velocity": "rad/s", "acceleration": "rad/s²", "effort": "N m"}
-    wide = {name: [f"{value} {unit}" for value in getattr(limits, name)] for name, unit in units.items()}
-    wide |= {"lower": ["-6.28 rad"] * len(limits.lower), "upper": ["6.28 rad"] * len(limits.upper)}
-    wider = load_robot_model(file, {**twin_settings(twin), "parts.arm.set.limits": wide})
+    model = robot.model.parts["arm"]
+    assert isinstance(model, ArmModel)
+    count = len(model.joint_names)
+    limits = replace(model.part.limits, lower=(-6.28,) * count, upper=(6.28,) * count)
+    parts = {**robot.model.parts, "arm": replace(model, part=replace(model.part, limits=limits))}
+    wider = replace(robot.model, parts=parts)
     with disconnected(robot), pytest.raises(ConnectionFailedError, match=r"joint2 goes from .* 'set' its limits"):
         HardwareRobot(wider).connect()
