@@ -69,7 +69,7 @@ def test_an_interrupted_evaluation_goes_on_where_it_stopped(suite_file: Path, tm
         signal.signal(signal.SIGINT, before)
     assert ran == ["fail 3", "fail 4"]
     assert (document["interrupted"], document["met"], document["episodes"]) == (True, False, 2)
-    assert "**Interrupted.**" in markdown(document)
+    assert "**Interrupted, 2 of 4 episodes completed.**" in markdown(document)
     ran, document = evaluate(suite_file, tmp_path / "out")
     assert ran == ["fail 5", "control 3"]
     assert (document["interrupted"], document["episodes"], document["notes"]) == (False, 4, [])

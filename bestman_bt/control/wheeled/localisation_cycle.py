@@ -15,6 +15,10 @@ from bestman_bt.world_model import BasePose, WorldModel
 from hal.api import Clock, NoDataError
 
 
+LONGER = 2
+"""Control ticks that a scan that is due may be waited for: so its age is that of the lidar's latency and one tick."""
+
+
 @dataclass(frozen=True)
 class Localising:
     """How a base localises itself. ``rate``: control hertz, 20 to 50. ``scan_every``: control ticks per lidar scan.
@@ -146,8 +150,9 @@ class LocalisationCycle:
         estimate = self.localizer.predict(odometry)
         self._ticks += 1
         every = p.rest_scan_every if self.settled and not self.lost else p.scan_every
-        if self._ticks % every == 0:
-            taken = self._taken()
+        before = self._latest
+        if self._ticks >= every and ((taken := self._taken()) is not before or self._ticks >= every + LONGER):
+            self._ticks = 0
             # From where the base is now to where its lidar was when the scan was taken.
             base_from_lidar = odometry.inverse() @ taken.odometry @ self.lidar.base_from_lidar
             estimate = self.localizer.correct(taken.scan, base_from_lidar)
