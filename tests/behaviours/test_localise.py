@@ -109,7 +109,7 @@ def test_it_does_not_turn_where_something_is_too_near(anywhere, monkeypatch) -> 
     session, truth = anywhere()
     look_out(session, monkeypatch, lambda ranges: np.where(np.arange(len(ranges)) < 30, 0.38, ranges))
     before = truth.base_pose().to_pose2d()
-    assert why_not(session, '<Relocalise certainty="0.9999999"/>')[0] == "no_room"
+    assert why_not(session, '<Relocalise certainty="0.9999999999999999"/>')[0] == "no_room"
     assert abs(wrap_angle(truth.base_pose().to_pose2d().theta - before.theta)) < 0.01
 
 

@@ -59,7 +59,8 @@ class Simulated:
 
 @pytest.fixture(scope="session")
 def model() -> RobotModel:
-    return load_robot_model("diff_panda")
+    late = {"head_camera": "50 ms", "lidar": "40 ms"}
+    return load_robot_model("diff_panda", {f"parts.{name}.set.latency": late[name] for name in late})
 
 
 @pytest.fixture

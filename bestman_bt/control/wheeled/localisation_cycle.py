@@ -14,7 +14,6 @@ from bestman_bt.navigation.localization import Localizer, OdometryScan
 from bestman_bt.world_model import BasePose, WorldModel
 from hal.api import Clock, NoDataError
 
-
 LONGER = 2
 """Control ticks that a scan that is due may be waited for: so its age is that of the lidar's latency and one tick."""
 

@@ -15,7 +15,8 @@ from hal.simulation import GroundTruth
 
 @pytest.fixture(scope="session")
 def model() -> RobotModel:
-    return load_robot_model("diff_panda")
+    late = {"parts.head_camera.set.latency": "50 ms", "parts.lidar.set.latency": "40 ms"}
+    return load_robot_model("diff_panda", late)
 
 
 @pytest.fixture(scope="session")
