@@ -208,12 +208,17 @@ class SetpointGate:
         return nearest
 
     def _chased(self, wanted: Array, velocity: Array, dt: float) -> Array:
-        """Towards a set-point that moves at ``velocity``, so that it is met without going beyond."""
+        """Towards a set-point that moves at ``velocity``, so that it is met without going beyond.
+
+        It may brake as hard as the joints themselves can. So no joint is faster than it can be to come to rest where
+        the set-point would.
+        """
         limits, time = self._model, (self._before + dt) / 2
         step = limits.acceleration * dt
         error = wanted - velocity * dt - self.position
-        stopping = step * (np.sqrt(0.25 + 2.0 * np.abs(error) / (step * dt)) - 0.5)
-        rate = velocity + np.sign(error) * np.minimum(np.abs(error) / dt, stopping)
+        to_rest = error + velocity * (np.abs(velocity) / (2.0 * limits.acceleration) + dt / 2)
+        stopping = np.sign(to_rest) * step * (np.sqrt(0.25 + 2.0 * np.abs(to_rest) / (step * dt)) - 0.5)
+        rate = velocity + np.clip(stopping - velocity, -np.abs(error) / dt, np.abs(error) / dt)
         change = limits.acceleration * time
         rate = np.clip(np.clip(rate, -limits.velocity, limits.velocity), self.rate - change, self.rate + change)
         chased: Array = self.position + rate * dt

@@ -325,8 +325,12 @@ class StreamedJointGroup(StoppablePart, JointGroup):
     @property
     def _settled(self) -> bool:
         """Whether nothing is asked for, and the set-points are where that is."""
-        there = isinstance(self._setpoints, Hold) and not self._gate.moving
-        return there and np.array_equal(self._wanted, self._position)
+        return isinstance(self._setpoints, Hold) and self._arrived
+
+    @property
+    def _arrived(self) -> bool:
+        """Whether the set-points rest where they were to come to."""
+        return not self._gate.moving and np.array_equal(self._wanted, self._position)
 
     def _check_range(self, measured: Array) -> None:
         model = self.model
@@ -421,7 +425,7 @@ class StreamedJointGroup(StoppablePart, JointGroup):
         error = float(np.max(np.abs(self._wanted - reading.positions)))
         speed = float(np.max(np.abs(reading.velocities)))
         self._waiting += elapsed
-        settled = error < tracking.settle_tolerance and speed < tracking.settle_speed
+        settled = self._arrived and error < tracking.settle_tolerance and speed < tracking.settle_speed
         if not settled and self._waiting <= tracking.settle_time:
             return
         # Before the motion ends: joints at rest take the next command at once.

@@ -16,6 +16,7 @@ from bestman_bt.robot_model.connection_config import SafetyConfig, WorkspaceConf
 from bestman_bt.robot_model.hardware_config import with_hardware
 from hal.api import CommandRefusedError, MotionErrorCode
 from hal.parts import JointChannel, JointReading, StopLatch, StreamedArm, ToolLimits
+from hal.parts.gate import SetpointGate
 
 PERIOD = 1.0 / 500.0
 TURN = np.array([1.0, 0.0, 0.0, 0.0, 0.0, 0.0])
@@ -217,3 +218,32 @@ def test_a_set_point_that_is_no_finite_number_brakes() -> None:
         admitted = gate.admit(value * np.ones(6), 0.0 * TURN, PERIOD, PERIOD)
         assert np.all(np.isfinite(admitted))
         assert "finite" in gate.reason
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_stream_that_is_caught_up_with_is_not_overshot(sign: float) -> None:
+    """A stream that sets out too hard and then moves at the limits: the joints follow, and end where it ends."""
+    rig = Rig()
+    speed, acceleration = float(rig.joints.velocity[0]), float(rig.joints.acceleration[0])
+    ahead, length = 0.03, 1.2  # radians that the stream is ahead at the start, and its way
+    ramp = speed / acceleration
+    gate, places = SetpointGate(rig.joints, PERIOD), []
+    gate.start(rig.home)
+    end = 2.0 * ramp + (length - speed * ramp) / speed
+    for cycle in range(round((end + 0.5) / PERIOD)):
+        passed = min(cycle * PERIOD, end)
+        left = end - passed
+        along = np.select(
+            [passed < ramp, left < ramp],
+            [acceleration * passed**2 / 2, length - acceleration * left**2 / 2],
+            speed * (passed - ramp / 2),
+        )
+        moves = speed * min(1.0, passed / ramp, left / ramp)
+        wanted = rig.home + sign * (ahead + along) * TURN
+        places.append(gate.admit(wanted, sign * moves * TURN, PERIOD, PERIOD)[0])
+    gone = sign * (np.array(places) - rig.home[0])
+    assert gone[-1] == pytest.approx(length + ahead, abs=1e-4)
+    assert gone.max() < length + ahead + 1e-3
+    rates = np.diff(gone) / PERIOD
+    assert np.abs(rates).max() < 1.001 * speed
+    assert np.abs(np.diff(rates)).max() / PERIOD < 1.01 * acceleration
