@@ -151,6 +151,7 @@ class SetpointGate:
         self._model, self._period, self._tool, self._longest_tool_step = model, period, tool, longest_tool_step
         self._watches_tool = tool is not None and (tool.needed or np.isfinite(longest_tool_step))
         self.deceleration: Array = np.maximum(model.acceleration, model.velocity / stop_time)
+        self._acceleration: Array = model.acceleration
         self.reason = ""
         self.start(np.zeros(len(model.joint_names)))
 
@@ -171,13 +172,17 @@ class SetpointGate:
         """Nothing was sent for ``elapsed`` seconds: the joints rest."""
         self._before = elapsed
 
-    def admit(self, wanted: Array, velocity: Array, dt: float, elapsed: float, braking: bool = False) -> Array:
+    def admit(
+        self, wanted: Array, velocity: Array, dt: float, elapsed: float, braking: bool = False, reserve: float = 1.0
+    ) -> Array:
         """The set-point, ``elapsed`` seconds after the last one, for one that is ``wanted``, where ``velocity`` holds.
 
         ``dt``: seconds of motion that it is for, at most ``elapsed``. ``braking``: joints may slow down as for a stop.
+        ``reserve``: how many times the limits of acceleration hold for it.
         """
+        self._acceleration = reserve * self._model.acceleration
         rate = (wanted - self.position) / dt
-        self.reason = self._objection(wanted, rate, dt, self.deceleration if braking else self._model.acceleration)
+        self.reason = self._objection(wanted, rate, dt, self.deceleration if braking else self._acceleration)
         if self.reason:
             wanted = self._nearest(wanted, velocity, dt)
             rate = (wanted - self.position) / dt
@@ -190,17 +195,17 @@ class SetpointGate:
 
     def _nearest(self, wanted: Array, velocity: Array, dt: float) -> Array:
         """The most that is allowed between a step towards ``wanted`` within the joints' limits and braking."""
-        braked = self._braked(dt)
+        braked, slowing = self._braked(dt), np.maximum(self.deceleration, self._acceleration)
         if not np.all(np.isfinite([wanted, velocity])):
             return braked
         asked = self._chased(wanted, velocity, dt)
-        if not (reason := self._objection(asked, (asked - self.position) / dt, dt, self.deceleration)):
+        if not (reason := self._objection(asked, (asked - self.position) / dt, dt, slowing)):
             return asked
         self.reason, lower, upper = reason, 0.0, 1.0
         for _ in range(BISECTIONS):
             share = (lower + upper) / 2
             between = braked + share * (asked - braked)
-            if self._objection(between, (between - self.position) / dt, dt, self.deceleration):
+            if self._objection(between, (between - self.position) / dt, dt, slowing):
                 upper = share
             else:
                 lower = share
@@ -213,13 +218,13 @@ class SetpointGate:
         It may brake as hard as the joints themselves can. So no joint is faster than it can be to come to rest where
         the set-point would.
         """
-        limits, time = self._model, (self._before + dt) / 2
-        step = limits.acceleration * dt
+        limits, acceleration, time = self._model, self._acceleration, (self._before + dt) / 2
+        step = acceleration * dt
         error = wanted - velocity * dt - self.position
-        to_rest = error + velocity * (np.abs(velocity) / (2.0 * limits.acceleration) + dt / 2)
+        to_rest = error + velocity * (np.abs(velocity) / (2.0 * acceleration) + dt / 2)
         stopping = np.sign(to_rest) * step * (np.sqrt(0.25 + 2.0 * np.abs(to_rest) / (step * dt)) - 0.5)
         rate = velocity + np.clip(stopping - velocity, -np.abs(error) / dt, np.abs(error) / dt)
-        change = limits.acceleration * time
+        change = acceleration * time
         rate = np.clip(np.clip(rate, -limits.velocity, limits.velocity), self.rate - change, self.rate + change)
         chased: Array = self.position + rate * dt
         return chased
@@ -251,7 +256,7 @@ class SetpointGate:
         speed = np.abs(rate)
         if np.any(fast := speed > limits.velocity * SLACK + ROUNDING):
             return f"{names[int(np.argmax(fast))]} would be faster than its limit"
-        allowed = np.where(speed < np.abs(self.rate), acceleration, limits.acceleration) * (self._before + dt) / 2
+        allowed = np.where(speed < np.abs(self.rate), acceleration, self._acceleration) * (self._before + dt) / 2
         if np.any(sudden := np.abs(rate - self.rate) > allowed * SLACK + ROUNDING):
             return f"{names[int(np.argmax(sudden))]} would accelerate more than its limit"
         fastest = speed / self.deceleration

@@ -13,7 +13,7 @@ from hal.api import CommandRefusedError, Failure, JointGroup, Motion, MotionErro
 from hal.parts.channels import JointChannel, StoppablePart
 from hal.parts.gate import SetpointGate, ToolLimits
 from hal.parts.part_connection import ConnectionFailedError
-from hal.parts.setpoints import Brake, BrakeThenMove, Drift, Hold, Reach, Setpoints, Trapezoid
+from hal.parts.setpoints import Brake, BrakeThenMove, Drift, Hold, Reach, Setpoints, Stream, Trapezoid
 from hal.parts.stop_latch import StopLatch
 
 # What joints refuse: commands that are malformed, not finite or beyond a limit.
@@ -136,7 +136,9 @@ class Tracking:
     Set-points never jump: a late one goes on by ``longest_step`` periods at most, so that a slow link slows the motion
     down; one that has slowed it by more than ``slip_limit`` seconds, of which half is forgotten every
     ``slip_half_life``, fails it as TIMEOUT. ``latency``: from a set-point to the reading that shows it.
-    ``velocity_timeout``: seconds after which a commanded velocity lapses, and the joints brake, unless it comes again.
+    ``stream_reserve``: how many times the limits of acceleration hold for streamed set-points; above 1 for drives below
+    a controller of their own, whose set-points jitter. ``velocity_timeout``: seconds after which a commanded velocity
+    lapses, and the joints brake, unless it comes again.
     """
 
     tracking_tolerance: float = 0.15
@@ -153,6 +155,7 @@ class Tracking:
     slip_limit: float = 0.5
     slip_half_life: float = 1.0
     velocity_timeout: float = 0.25
+    stream_reserve: float = 1.0
 
 
 class StreamedJointGroup(StoppablePart, JointGroup):
@@ -366,7 +369,8 @@ class StreamedJointGroup(StoppablePart, JointGroup):
             pace = max(0.0, 1.0 - behind / self._tracking.held_back)
         self._wanted, velocity = setpoints.advance(pace * dt)
         self._velocity = pace * velocity
-        self._position = self._gate.admit(self._wanted, self._velocity, dt, elapsed, setpoints.brakes)
+        reserve = self._tracking.stream_reserve if isinstance(setpoints, Stream) else 1.0
+        self._position = self._gate.admit(self._wanted, self._velocity, dt, elapsed, setpoints.brakes, reserve)
         if self._gate.reason:
             self._velocity = self._gate.rate
             if setpoints.go_on_from(self._position, self._velocity):

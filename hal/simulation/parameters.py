@@ -11,6 +11,7 @@ class SimulationParameters:
     """SI units. Rates are whole fractions of ``step_rate``: a control period is ``control_every`` physics steps.
 
     ``joint_gain``, ``wheel_hold_gain``, ``steering_gain``: see ``Engine.track``.
+    ``stream_reserve``: see ``Tracking``.
     ``gripper_holding_force``: newtons at most with which fingers hold their width while nothing is asked of them.
     ``odometry_calibration``: standard deviation of the relative errors of the wheel radii and the track that odometry
     believes, drawn once from the robot's seed. ``contact_turn``: radians that a hand and what it holds turn until the
@@ -25,6 +26,7 @@ class SimulationParameters:
     wheel_hold_gain: float = 0.1
     steering_gain: float = 0.3
     gripper_holding_force: float = 40.0
+    stream_reserve: float = 1.0
     contact_turn: float = math.radians(20.0)
     odometry_calibration: float = 0.005
     initial_postures: tuple[str, ...] = ("carry", "home")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 from abc import abstractmethod
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from functools import partial
 from types import MappingProxyType
 from typing import Any, ClassVar
@@ -272,7 +273,8 @@ class SimulatedRobot(Robot):
                 motors = JointMotors(name, part, parameters, rng)
                 tool = ToolLimits(self.model, name, self.model.safety)
                 period, now = parameters.control_period, self.clock.now
-                return motors, StreamedArm(name, part, motors, latch, period, tool, JOINTS, now)
+                tracking = replace(JOINTS, stream_reserve=parameters.stream_reserve)
+                return motors, StreamedArm(name, part, motors, latch, period, tool, tracking, now)
             case GripperModel(part=SuctionPart() as cup):
                 pump = SuctionPump(cup, parameters)
                 return pump, CommandedGripper(name, part, pump, latch)

@@ -18,6 +18,8 @@ from hal.twins.camera_render_process import CameraRenderProcess, StateCapture
 from hal.twins.errors import TwinError
 
 Result = TypeVar("Result")
+DRIVE_RESERVE = 5.0
+"""How many times the acceleration that a robot file allows its drives have, to follow a controller without lag."""
 LONGEST_DELAY = 0.25
 """Seconds that the simulation may be behind real time; what it is behind beyond that is given up, and counted."""
 
@@ -39,7 +41,8 @@ class TwinWorld:
         cameras: bool = False,
         parameters: PhysicsParameters | None = None,
     ) -> None:
-        self.robot = PyBulletRobot(model, world, seed=seed, parameters=parameters or PhysicsParameters(control_every=1))
+        parameters = parameters or PhysicsParameters(control_every=1, stream_reserve=DRIVE_RESERVE)
+        self.robot = PyBulletRobot(model, world, seed=seed, parameters=parameters)
         self.ticks: list[Callable[[float], None]] = []
         self.given_up = 0.0
         self.without_power: set[str] = set()  # arms whose flange powers no tool
