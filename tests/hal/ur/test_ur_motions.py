@@ -13,7 +13,7 @@ from hal.twins import TwinProcess
 from hal.ur import URArm, URConnection
 from tests.hal.twinned import ended, wait_for, wait_in_twin
 
-pytestmark = [pytest.mark.real_time, pytest.mark.alone]  # late set-points of a busy machine stop the twin
+pytestmark = pytest.mark.real_time
 
 CONTROLLER = "arm_controller"
 STEP = np.array([0.3, 0, 0, 0, 0, 0])
