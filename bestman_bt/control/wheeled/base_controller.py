@@ -385,7 +385,7 @@ class BaseController:
                 if self._action is not None:
                     self._advance(self._action)
             except CommandRefusedError as error:
-                self._end(MotionStatus.CANCELED, replace(error.failure, code=MotionErrorCode.STOPPED))
+                self._end_stopped(error)
             except WrongResultError as error:
                 if self._action is None:
                     raise
@@ -396,6 +396,15 @@ class BaseController:
                     with contextlib.suppress(*READING_ERRORS):  # the base itself may be what is gone
                         self._base.stop()
                 self._end(MotionStatus.FAILED, replace(error.failure, code=MotionErrorCode.DISCONNECTED))
+
+    def _end_stopped(self, refused: CommandRefusedError) -> None:
+        """The robot was stopped; where that is because the base's controller is lost, this is the reason."""
+        try:
+            self._base.odometry()
+        except READING_ERRORS as error:
+            self._end(MotionStatus.FAILED, replace(error.failure, code=MotionErrorCode.DISCONNECTED))
+        else:
+            self._end(MotionStatus.CANCELED, replace(refused.failure, code=MotionErrorCode.STOPPED))
 
     def _advance(self, action: _Action) -> None:
         if action.follower is None:

@@ -16,6 +16,8 @@ from hal.api import Clock, NoDataError
 
 LONGER = 2
 """Control ticks that a scan that is due may be waited for: so its age is that of the lidar's latency and one tick."""
+MOST_LEFT_OUT = 5
+"""Scans in a row that may be left out because their time is not known."""
 
 
 @dataclass(frozen=True)
@@ -72,7 +74,7 @@ class LocalisationCycle:
         self._odometer = odometer
         self.localizer = localizer  # who puts another one here tells it where to begin, see ``believe``
         self._localising = localising
-        self._ticks = self._scans_at_rest = self._refused_scans = 0
+        self._ticks = self._scans_at_rest = self._refused_scans = self._left_out = 0
         self.lost = self._confirmed = False
         self.odometry = Pose2D()
         self._odometries = History(pose_between)
@@ -130,7 +132,10 @@ class LocalisationCycle:
     def scan(self) -> OdometryScan:
         """What the lidar saw last, and where the odometry was then; raises as its readings do."""
         self._odometries.add(self.clock.now(), self._odometer.pose())
-        return self._taken()
+        try:
+            return self._taken()
+        except NotRecordedError as error:
+            raise _unplaced(error) from error
 
     def pose_at(self, stamp: float) -> Pose2D:
         """Where the base was, in the map frame, by what is believed now; NotRecordedError outside the last seconds."""
@@ -149,9 +154,8 @@ class LocalisationCycle:
         estimate = self.localizer.predict(odometry)
         self._ticks += 1
         every = p.rest_scan_every if self.settled and not self.lost else p.scan_every
-        before = self._latest
-        if self._ticks >= every and ((taken := self._taken()) is not before or self._ticks >= every + LONGER):
-            self._ticks = 0
+        taken = self._due(every)
+        if taken is not None:
             # From where the base is now to where its lidar was when the scan was taken.
             base_from_lidar = odometry.inverse() @ taken.odometry @ self.lidar.base_from_lidar
             estimate = self.localizer.correct(taken.scan, base_from_lidar)
@@ -164,19 +168,37 @@ class LocalisationCycle:
             self.seen(PlacedScan(taken.scan, taken.odometry, estimate.pose @ base_from_lidar, fits))
         self.world.base = BasePose(estimate.pose, estimate.position_std, estimate.heading_std, self.clock.now())
 
+    def _due(self, every: int) -> OdometryScan | None:
+        """The scan that is due this tick, if one is.
+
+        Where nothing tells where the lidar was when it took it, as after its clock was set, it is left out; NoDataError
+        after so many in a row.
+        """
+        if self._ticks < every:
+            return None
+        before = self._latest
+        try:
+            taken = self._taken()
+        except NotRecordedError as error:
+            self._ticks, self._left_out = 0, self._left_out + 1
+            if self._left_out > MOST_LEFT_OUT:
+                raise _unplaced(error) from error
+            return None
+        if taken is before and self._ticks < every + LONGER:
+            return None
+        self._ticks = self._left_out = 0
+        return taken
+
     def _taken(self) -> OdometryScan:
-        """The latest scan as it would be if the lidar had stood still, and the odometry of then; NoDataError."""
+        """The latest scan as it would be if the lidar had stood still, and the odometry of then; NotRecordedError."""
         scan, latest = self.lidar.scan(), self._latest
         if latest is not None and latest.scan.stamp == scan.stamp:
             return latest
-        try:
-            odometry = self._odometries.at(scan.stamp)
-            if scan.time_increment:
-                end = self._odometries.at(scan.stamp + scan.time_increment * len(scan.ranges))
-                base_from_lidar = self.lidar.base_from_lidar
-                scan = deskewed(scan, base_from_lidar.inverse() @ odometry.inverse() @ end @ base_from_lidar)
-        except NotRecordedError as error:
-            raise NoDataError(f"nothing tells where the lidar was when it took its scan: {error}") from error
+        odometry = self._odometries.at(scan.stamp)
+        if scan.time_increment:
+            end = self._odometries.at(scan.stamp + scan.time_increment * len(scan.ranges))
+            base_from_lidar = self.lidar.base_from_lidar
+            scan = deskewed(scan, base_from_lidar.inverse() @ odometry.inverse() @ end @ base_from_lidar)
         self._latest = OdometryScan(odometry, scan)
         return self._latest
 
@@ -186,3 +208,7 @@ class LocalisationCycle:
         self.localizer.reset(believed.pose, self.odometry, believed.position_std, believed.heading_std)
         self._confirmed = False
         self._scans_at_rest = self._refused_scans = 0
+
+
+def _unplaced(error: NotRecordedError) -> NoDataError:
+    return NoDataError(f"nothing tells where the lidar was when it took its scan: {error}")

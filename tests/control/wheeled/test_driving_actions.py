@@ -250,6 +250,21 @@ def test_an_action_whose_commands_are_refused_counts_as_stopped_and_not_as_stuck
     assert not it.controller.stuck
 
 
+def test_a_stop_because_the_base_is_lost_is_told_as_its_loss(monkeypatch):
+    it = driven()
+    handle = it.controller.drive(2.0)
+    it.sleep(0.5)
+
+    def lost(vx: float, vy: float, wz: float) -> None:
+        it.base.error = NotConnectedError("closed the connection")  # between the tick's readings and its command
+        raise CommandRefusedError("the robot is stopped")
+
+    monkeypatch.setattr(it.base, "set_velocity", lost)
+    it.sleep(0.1)
+    assert (handle.status, handle.failure.code) == (MotionStatus.FAILED, MotionErrorCode.DISCONNECTED)
+    assert handle.failure.text == "closed the connection"
+
+
 def test_a_base_that_does_not_get_on_is_stuck_after_a_while_then_blocked_and_may_try_again():
     it = driven()
     it.base.held = True

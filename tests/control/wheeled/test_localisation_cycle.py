@@ -212,9 +212,17 @@ def test_a_late_scan_is_placed_where_the_lidar_was_when_it_was_taken(by: Pose2D)
 def test_a_scan_of_a_time_that_no_odometry_tells_of_is_refused(latency: float, words: str) -> None:
     base = Cycle()
     base.steps(120)
+    scans = len(base.seen)
     base.latency = latency
+    base.steps(5 * 12)
+    assert len(base.seen) == scans, "left out"
     with pytest.raises(NoDataError, match=words):
-        base.steps(40)
+        base.steps(12)
+    with pytest.raises(NoDataError, match=words):
+        base.cycle.scan()
+    base.latency = 0.0
+    base.steps(12)
+    assert len(base.seen) == scans + 1
 
 
 def test_the_sweep_of_a_lidar_that_moves_is_straightened() -> None:
