@@ -26,7 +26,7 @@ from bestman_bt.navigation.local_planning import (
 )
 from bestman_bt.navigation.localization import LocalizationEstimate, Localizer, ScanMatch, WheelOdometry
 from bestman_bt.world_model import BasePose, SemanticMap, WorldModel
-from hal.api import Bumper, BumperReading, BumperZone, NoDataError, NotConnectedError
+from hal.api import Bumper, BumperReading, BumperZone, CommandRefusedError, NoDataError, NotConnectedError
 from tests.control.scripted_parts import CORNERS, RoomLidar, ScriptedBase
 
 ROOM = np.array([(-4, -4, 4, -4), (4, -4, 4, 4), (4, 4, -4, 4), (-4, 4, -4, -4)], dtype=float)
