@@ -222,7 +222,7 @@ class Trial:
             self._pass(0.2)
 
     def _brake(self) -> None:
-        self._rng.choice([self._group.stop, self._group.brake])()  # type: ignore[arg-type]
+        (self._group.stop if self._rng.random() < 0.5 else self._group.brake)()
 
     def _fail(self) -> None:
         code = self._rng.choice([MotionErrorCode.TIMEOUT, MotionErrorCode.FAULT])

@@ -50,6 +50,8 @@ class Open(OnArm, Skill):
     opened = Out(float, "how far it is open, metres or radians")
     FAILS: ClassVar = {
         **LEAF_FAILS,
+        "grip_lost": "look where the handle is now: FindLookStand, DetectHandle, then Open",
+        "out_of_reach": "Open again, from another stand: FindOpenStand, NavigateTo",
         "handle_not_found": "DetectHandle first",
         "no_grasp": "stand elsewhere: FindOpenStand, NavigateTo",
         "grasp_failed": "look again from near by: LookAt, DetectHandle",

@@ -43,6 +43,9 @@ def command(
 
     goal = None if goal is None else goal_as_facts(goal)
     setup, beliefs = planning_state(where.request, where.world)
+    asked = None if setup.config.task is None else setup.config.task.asked("facts")
+    if goal is None and asked is not None:
+        goal = str(asked["goal"])
     domain = Domain.of(setup.registry)
     try:
         problem = domain.problem(Beliefs(beliefs), goal)

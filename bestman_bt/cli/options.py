@@ -36,7 +36,7 @@ def grouped_options(command: Callable[..., None]) -> Callable[..., None]:
         command(**values, **grouped)
 
     parameters = [option.replace(kind=inspect.Parameter.KEYWORD_ONLY) for option in options]
-    with_groups.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
+    with_groups.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]  # typer reads it
     with_groups.__annotations__ = {option.name: option.annotation for option in options}
     return with_groups
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from contextlib import suppress
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -35,6 +36,10 @@ def command(
             print(error, file=sys.stderr)
             errors = len(error.problems)
     for file in files:
+        if Path(file).suffix in (".yaml", ".yml"):
+            print(f"{file}: is no tree (.xml or .py); --robot checks a robot, and run a task", file=sys.stderr)
+            errors += 1
+            continue
         try:
             path = find_data("tree", file)
         except ConfigurationError as error:

@@ -215,7 +215,9 @@ class _Salvaging:
         if not repeated and len(data) != len(kinds):
             self._add(path, f"should have {len(kinds)} {'entry' if len(kinds) == 1 else 'entries'}, got {data!r}")
         inner = [kinds[0]] * len(data) if repeated else kinds
-        read = [self._value(one, kind, (*path, index)) for index, (one, kind) in enumerate(zip(data, inner))]  # noqa: B905
+        read = [
+            self._value(one, kind, (*path, index)) for index, (one, kind) in enumerate(zip(data, inner, strict=False))
+        ]
         self._tell_units_once(path)
         if not repeated:
             return tuple(read) if len(data) == len(kinds) and _UNREAD not in read else _UNREAD

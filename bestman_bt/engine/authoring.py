@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 _SUBTREE_RESERVED = frozenset(("name", "ID"))
 
 
-def build_tree(  # noqa: PLR0913 - as load_tree
+def build_tree(  # noqa: PLR0913 - all that may be said of a tree, each by its name
     root: Behaviour,
     *,
     registry: NodeRegistry | None = None,

@@ -158,7 +158,7 @@ def homes_of(name: str) -> list[str]:
         if not name.isidentifier() or name.startswith("_") or not defined.search(path.read_text(encoding="utf-8")):
             continue
         folder = path.parent
-        while f'"{name}"' in (folder / "__init__.py").read_text(encoding="utf-8"):
+        while (face := folder / "__init__.py").is_file() and f'"{name}"' in face.read_text(encoding="utf-8"):
             module, folder = module.rpartition(".")[0], folder.parent
         found.append(module)
     return list(dict.fromkeys(found))

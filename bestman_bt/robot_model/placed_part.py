@@ -340,7 +340,9 @@ def _wrong_counts(config: PartConfig, document: Document) -> Iterator[Problem]:
     if limits is not None:
         for each in dataclasses.fields(limits):
             count, expected = len(getattr(limits, each.name)), len(getattr(config, "joints", ()))
-            if count != expected:
+            written = document.data.get("limits", {}).get(each.name)
+            misread = isinstance(written, list) and len(written) != count  # which is told
+            if count != expected and not misread:
                 message = f"should have {expected} entries, one per joint, got {count}"
                 yield document.problem(("limits", each.name), message)
     if isinstance(config, JointedPart):

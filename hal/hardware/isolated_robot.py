@@ -25,7 +25,7 @@ from hal.hardware.clock import RealTimeClock
 from hal.hardware.heartbeat import Heartbeat
 from hal.hardware.robot import HardwareRobot
 from hal.hardware.robot_process import ROBOT, STOPS, Call, MotionNumber, MotionReport, Setup, plug_ins
-from hal.parts import interface_of
+from hal.parts import ConnectionFailedError, interface_of
 
 END_TIME = 5.0
 STOP_TIME = 0.5
@@ -105,11 +105,17 @@ class IsolatedRobot(Robot):
 
     def clear_stop(self) -> None:
         """Accept commands again; raises as ``HardwareRobot.clear_stop``. Connects again where the process was lost."""
+        stops = self._description.stops
         if self._client.lost is not None:
             self.connect()
-        if self._client.open:
+        if self._client.open and self._description.stops == stops:
             self._client.call(Call(ROBOT, "clear_stop"))
-        self._description.clear_stop()
+        try:
+            self._description.clear_stop(stops)
+        except ConnectionFailedError:  # stopped meanwhile; what has cleared the other process may have come after it
+            with suppress(NotConnectedError):
+                self._client.stop(Call(ROBOT, "stop"))
+            raise
 
     @property
     def stopped(self) -> bool:
@@ -156,6 +162,7 @@ class RpcClient:
         self._process: subprocess.Popen[bytes] | None = None
         self._heartbeat: Heartbeat | None = None
         self._losing = threading.Lock()
+        self._counting = threading.Lock()
         self._motions: weakref.WeakSet[RemoteMotion] = weakref.WeakSet()
         self.lost: Failure | None = None
 
@@ -195,15 +202,16 @@ class RpcClient:
             if self.lost is not None and process is not None:
                 process.kill()
             self.lost = None
+        killer = threading.Timer(END_TIME, process.kill) if process is not None else None
+        if killer is not None:  # closing a wire waits for what is being asked by it
+            killer.daemon = True
+            killer.start()
         for name in (ROBOT, *wires):  # the one after whose end it ends comes first
             if name in wires:
                 wires[name].close()
-        if process is not None:
-            try:
-                process.wait(END_TIME)
-            except subprocess.TimeoutExpired:
-                process.kill()
-                process.wait()
+        if process is not None and killer is not None:
+            process.wait()
+            killer.cancel()
         if heartbeat is not None:
             heartbeat.close()
         self._fail_motions("the robot was disconnected")
@@ -227,7 +235,8 @@ class RpcClient:
             raise answer
         if isinstance(answer, MotionNumber):
             motion = RemoteMotion(answer.number, str(call.target), self)
-            self._motions.add(motion)
+            with self._counting:
+                self._motions.add(motion)
             return motion
         return answer
 
@@ -264,7 +273,9 @@ class RpcClient:
         self._fail_motions(why)
 
     def _fail_motions(self, why: str) -> None:
-        for motion in tuple(self._motions):
+        with self._counting:
+            motions = tuple(self._motions)
+        for motion in motions:
             motion.fail(MotionErrorCode.DISCONNECTED, why)
 
 

@@ -110,24 +110,35 @@ class HardwareRobot(Robot):
         """Bring all parts to rest and latch, because of ``fault``; safe from any thread, at once in effect."""
         self._stop(fault)
 
-    def clear_stop(self) -> None:
+    @property
+    def stops(self) -> int:
+        """How many times it was stopped."""
+        return self._latch.stops
+
+    def clear_stop(self, since: int | None = None) -> None:
         """Accept commands again; clears what controllers report and connects again what was lost.
 
-        ConnectionFailedError, and the robot stays stopped, where that is not possible. That takes seconds: a stop that
-        comes meanwhile stays.
+        ConnectionFailedError, and the robot stays stopped, where that is not possible, and where it was stopped again
+        meanwhile, which may take seconds; ``since``: or since it had been stopped so many times. What only looks and
+        cannot be connected again stays among ``faults``.
         """
         with self._lock:
-            stops = self._latch.stops
+            stops = self._latch.stops if since is None else since
+            lost = {}
             if self._watchdog is not None:
                 self._await_planner()
-                for name, connection in self.connections.items():
-                    connection.clear(self._faults.get(name))
+                lost = {
+                    name: fault for name, connection in self.connections.items() if (fault := self._clear(connection))
+                }
                 if self._watchdog_ended:  # nothing may move without it
                     self._watchdog_ended = False
                     self._watchdog.close()
                     self._watchdog.start()
             self._faults.clear()
+            self._faults.update(lost)
             self._latch.clear(stops)
+            if self._latch:
+                raise ConnectionFailedError("the robot was stopped again while its stop was cleared")
 
     @property
     def stopped(self) -> bool:
@@ -166,6 +177,17 @@ class HardwareRobot(Robot):
         settings = self.model.connections[name]
         make = cast(Callable[..., Connection], CONNECTIONS.resolve(settings.driver))
         return make(name, settings, self.model, self.model.safety, self.clock, self._latch)
+
+    def _clear(self, connection: Connection) -> Failure | None:
+        """Why a connection that stops nothing is still lost."""
+        fault = self._faults.get(connection.name)
+        try:
+            connection.clear(fault)
+        except ConnectionFailedError as error:
+            if connection.stops_robot:
+                raise
+            return fault or Failure(MotionErrorCode.DISCONNECTED, str(error), connection.name)
+        return None
 
     def _stop(self, fault: Failure | None, fail: Callable[[], None] = lambda: None) -> None:
         """``fail``: what fails motions. No command is accepted any more when somebody sees that one has ended."""

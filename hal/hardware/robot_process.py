@@ -28,7 +28,7 @@ from hal.hardware.robot import HardwareRobot
 
 ROBOT = ""
 """The name of the robot itself among its parts."""
-STOPS = "stops"
+STOPS = "/stops"
 """The name of the wire for stops."""
 OURS = ("bestman_bt", "hal")
 """Packages that each process has."""

@@ -146,8 +146,8 @@ class RobotiqChannel(GripperChannel):
         if status is not None:
             self._moved = self._moved or abs(status.position - self._from) >= LEAST_MOVE
             self._status = status
-            if fault_of(status) is None:
-                self._may_hold = status.object in STOPPED_BY_OBJECT and status.goes
+            if fault_of(status) is None and status.goes:  # a halt lets go of nothing
+                self._may_hold = status.object in STOPPED_BY_OBJECT
 
     @property
     def fault(self) -> Failure | None:

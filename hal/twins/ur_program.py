@@ -151,8 +151,8 @@ class URProgram:
             if self.follower is not None or self._motion is not None:
                 self.ended = True
             elif command == Command.SPEED_TOOL:
-                joints = lambda: self._kinematics.joint_speeds(self._arm.positions(), target)  # noqa: E731
-                self._next_drift = Speed(joints, numbers[7])
+                kinematics, arm = self._kinematics, self._arm
+                self._next_drift = Speed(lambda: kinematics.joint_speeds(arm.positions(), target), numbers[7])
             else:
                 self._next_drift = Speed(lambda: target, numbers[7])
 

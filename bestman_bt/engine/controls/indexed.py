@@ -76,7 +76,7 @@ class Indexed(Control):
                 self.halt_child(child)
 
 
-def indexed_tick_bare(go: int, stop: int) -> Callable[[Any], int]:  # noqa: C901 - see its tick
+def indexed_tick_bare(go: int, stop: int) -> Callable[[Any], int]:  # noqa: C901 - it holds a tick, which is one function: each call in it costs
     """Return the tick of an ``Indexed`` node that nobody listens to."""
 
     def tick(self: Any) -> int:
@@ -120,7 +120,7 @@ def indexed_tick_bare(go: int, stop: int) -> Callable[[Any], int]:  # noqa: C901
     return tick
 
 
-def indexed_tick_traced(go: int, stop: int) -> Callable[[Any], int]:  # noqa: C901 - see its tick
+def indexed_tick_traced(go: int, stop: int) -> Callable[[Any], int]:  # noqa: C901 - it holds a tick, which is one function: each call in it costs
     """Return the tick of an ``Indexed`` node that logs every state change."""
 
     def tick(self: Any) -> int:  # noqa: C901 - a tick is one function: each call in it costs

@@ -18,7 +18,7 @@ from bestman_bt.engine.core.status import FAILURE, RUNNING, SKIPPED, SUCCESS
 from bestman_bt.engine.errors import NodeError
 
 
-def _reactive_tick_bare(go: int, stop: int) -> Callable[[Any], int]:  # noqa: C901 - see its tick
+def _reactive_tick_bare(go: int, stop: int) -> Callable[[Any], int]:  # noqa: C901 - it holds a tick, which is one function: each call in it costs
     idle_after_go, idle_after_stop = -go, -stop
 
     def tick(self: Any) -> int:  # noqa: C901 - a tick is one function: each call in it costs
@@ -70,7 +70,7 @@ def _reactive_tick_bare(go: int, stop: int) -> Callable[[Any], int]:  # noqa: C9
     return tick
 
 
-def _reactive_tick_traced(go: int, stop: int) -> Callable[[Any], int]:  # noqa: C901 - see its tick
+def _reactive_tick_traced(go: int, stop: int) -> Callable[[Any], int]:  # noqa: C901 - it holds a tick, which is one function: each call in it costs
     idle_after_go, idle_after_stop = -go, -stop
 
     def tick(self: Any) -> int:  # noqa: C901 - a tick is one function: each call in it costs

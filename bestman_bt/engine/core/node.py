@@ -419,7 +419,7 @@ class Node(PyTreesFace):
     def reset_children(self) -> None:
         """Halt the children that run and make all of them idle, in order."""
         for child in self.children:
-            self.halt_child(child)  # type: ignore[arg-type]
+            self.halt_child(child)  # type: ignore[arg-type]  # native ones have what it uses
 
     def nodes_below(self) -> list[Node]:
         """Return the children as engine nodes."""

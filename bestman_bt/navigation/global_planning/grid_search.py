@@ -171,6 +171,3 @@ def _nearest_free(point: NDArray[np.float64], padded: NDArray[np.float64], costm
                 if best is None or away < best[0]:
                     best = away, (r, c)
     return None if best is None else best[1]
-
-
-# A* on the grid (Hart, Nilsson and Raphael 1968), 8-connected, with cost, then any-angle smoothing.

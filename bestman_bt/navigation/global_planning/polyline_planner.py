@@ -138,7 +138,7 @@ class PolylinePlanner(StraightPieces, GlobalPlanner):
 
 @dataclass(frozen=True)
 class GridAStar(PolylinePlanner):
-    """The cheapest way over the cells; deterministic."""
+    """The cheapest way over the cells, 8-connected (Hart, Nilsson and Raphael 1968); deterministic."""
 
     def way(self, start: NDArray[np.float64], goal: NDArray[np.float64], room: Room) -> NDArray[np.float64] | None:
         """See the base class."""

@@ -16,6 +16,7 @@ from bestman_bt.robot_model import load_robot_model
 from hal.api import Arm, Failure, MotionErrorCode, MotionStatus, NotConnectedError
 from hal.hardware.isolated_robot import PROCESS, STOP_TIME, IsolatedRobot, RpcClient, RpcConnection, WireEndedError
 from hal.hardware.robot_process import ROBOT, STOPS, Call, MotionNumber, Setup
+from hal.parts import ConnectionFailedError
 
 
 @pytest.fixture
@@ -225,4 +226,29 @@ def test_a_robot_whose_process_is_lost_is_stopped_says_why_and_is_connected_agai
     process.refuses = False
     robot.clear_stop()
     assert process.open
+    assert not robot.stopped
+
+
+def test_a_stop_while_a_lost_process_is_begun_anew_is_not_cleared(
+    robot: IsolatedRobot, process: ScriptedProcess, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    robot.connect()
+    process.lost, process.open = Failure(MotionErrorCode.DISCONNECTED, "it was killed"), False
+    robot._description.stop(process.lost)
+    starts = process.start
+
+    def start(setup: Setup) -> None:
+        starts(setup)
+        robot.stop()
+        process.stopped = True
+
+    monkeypatch.setattr(process, "start", start)
+    with pytest.raises(ConnectionFailedError, match="stopped again"):
+        robot.clear_stop()
+    assert robot.stopped
+    assert ("calls", ROBOT, "clear_stop") not in process.asked
+    assert ("stops", ROBOT, "stop") in process.asked
+    process.stopped = False  # the other process has cleared it, when it is asked to
+    robot.clear_stop()
+    assert ("calls", ROBOT, "clear_stop") in process.asked
     assert not robot.stopped

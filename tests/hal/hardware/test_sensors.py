@@ -14,7 +14,7 @@ from bestman_bt.robot_model.connection_config import ConnectionConfig, SafetyCon
 from hal.api import Camera, Failure, MotionErrorCode, NotConnectedError, Part
 from hal.hardware import Connection, HardwareCamera, HardwareRobot
 from hal.hardware.sensors import is_another_camera, lens_differences
-from hal.parts import SimulatedClock, StopLatch
+from hal.parts import ConnectionFailedError, SimulatedClock, StopLatch
 from hal.realsense.connection import RealSenseConnection, RealSenseOptions
 from tests.hal.twinned import wait_for
 
@@ -34,7 +34,7 @@ def test_each_number_of_a_lens_that_is_another_one_by_more_than_one_per_cent_is_
 
 @pytest.mark.parametrize("changed", [{"width": 320}, {"fx": 480.0}, {"fy": 380.0}], ids=str)
 def test_another_size_or_focal_length_is_another_camera(changed: dict[str, float]) -> None:
-    assert "the robot model says" in is_another_camera(replace(FILE, **changed), FILE)  # type: ignore[arg-type]
+    assert "the robot model says" in is_another_camera(replace(FILE, **changed), FILE)  # type: ignore[arg-type]  # of the fields' kinds
 
 
 def test_each_clock_that_stamps_a_realsenses_frames_is_followed_and_one_that_is_set_back_too(
@@ -106,3 +106,25 @@ def _raises(camera: Camera) -> bool:
     except NotConnectedError:
         return True
     return False
+
+
+def test_a_camera_that_cannot_be_connected_again_keeps_nobody_from_clearing_a_stop(
+    robot_model: RobotModel, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(CONNECTIONS, "resolve", lambda driver: Eye)
+    (name, *_) = robot_model.of(CameraPart)
+    with HardwareRobot(replace(robot_model, connections={"eye": ConnectionConfig("any", (name,))})) as robot:
+        eye = robot.connections["eye"]
+        assert isinstance(eye, Eye)
+        eye.silent = True
+        wait_for(lambda: bool(robot.faults), "the camera is missed")
+
+        def unplugged() -> None:
+            raise ConnectionFailedError("eye: no such device")
+
+        monkeypatch.setattr(eye, "open", unplugged)
+        robot.stop()
+        robot.clear_stop()
+        assert not robot.stopped
+        assert "nothing was heard of eye" in robot.faults["eye"].text
+        monkeypatch.undo()

@@ -194,12 +194,20 @@ def test_a_stop_during_a_recovery_stays(robot: HardwareRobot) -> None:
         assert go_on.wait(PATIENCE)
 
     hand.during_recovery = recovery
-    clearing = threading.Thread(target=robot.clear_stop)
+    refused: list[str] = []
+
+    def clear() -> None:
+        with pytest.raises(ConnectionFailedError) as error:
+            robot.clear_stop()
+        refused.append(str(error.value))
+
+    clearing = threading.Thread(target=clear)
     clearing.start()
     assert during.wait(PATIENCE)
     robot.stop()
     go_on.set()
     clearing.join(PATIENCE)
+    assert refused == ["the robot was stopped again while its stop was cleared"]
     assert robot.stopped
     with pytest.raises(CommandRefusedError):
         robot.part("base", MobileBase).rotate(1.0)
