@@ -77,6 +77,8 @@ class JointTrajectory:
         for name in ("positions", "velocities"):
             array = frozen_array(getattr(self, name), (len(times), n), f"JointTrajectory {name}")
             object.__setattr__(self, name, array)
+        if not all(np.isfinite(array).all() for array in (times, self.positions, self.velocities)):
+            raise ValueError("JointTrajectory times, positions and velocities should be finite")
 
     @property
     def duration(self) -> float:

@@ -6,6 +6,7 @@ of Althoff et al., 2019): what asks for more is held between that and braking, a
 
 from __future__ import annotations
 
+import threading
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -34,13 +35,14 @@ class ToolLimits:
     Held to the ``workspace`` and the ``tool_speed`` of ``safety``. The pose of other joints between base and arm is
     taken as ``home``. The elbow is the axis of the middle joint, the third of six and the fourth of seven.
     ``top_speed``: m/s; None where nothing is said. Kinematics by pinocchio on the robot's URDF; both
-    are loaded when first needed.
+    are loaded when first needed. Safe from any thread: each computes in memory of its own.
     """
 
     def __init__(self, model: RobotModel, arm: str, safety: SafetyConfig) -> None:
         self._robot, self._arm, self.box = model, model.of(ArmModel)[arm], safety.workspace
         self.top_speed = safety.tool_speed
         self._model: pinocchio.Model | None = None
+        self._of_thread = threading.local()
 
     @property
     def needed(self) -> bool:
@@ -99,9 +101,13 @@ class ToolLimits:
     def _at(self, positions: Array) -> tuple[pinocchio.Model, pinocchio.Data, Array]:
         if self._model is None:
             self._load()
+        assert self._model is not None
+        data = getattr(self._of_thread, "data", None)
+        if data is None:
+            data = self._of_thread.data = self._model.createData()
         q = self._neutral.copy()
         q[self._slots] = positions
-        return self._model, self._data, q
+        return self._model, data, q
 
     def _load(self) -> None:
         import pinocchio
@@ -124,7 +130,7 @@ class ToolLimits:
         data = model.createData()
         pinocchio.framesForwardKinematics(model, data, self._neutral)
         self._base = data.oMf[model.getFrameId(self._robot.base_frame)].copy()
-        self._model, self._data = model, data
+        self._model = model
 
 
 class SetpointGate:

@@ -51,27 +51,30 @@ class StreamedArm(StreamedJointGroup, Arm):
 
     def follow(self, trajectory: JointTrajectory) -> Motion[None]:
         """Follow a trajectory, slower where it would break a limit; a start that is a little off fades out."""
+        self._check_trajectory(trajectory)
+        # Of a long one this takes a while, for which set-points and stops must not wait.
+        places, speeds, accelerations = _between(trajectory)
+        if self._tool.box is not None:
+            fault = next(filter(None, map(self._tool.outside, places)), None)
+            if fault is not None:
+                raise self._connection.refuse("follow", fault)
+        pace = min(self._joint_pace(speeds, accelerations), self._tool.slow_down(places, speeds))
         with self._connection.lock:
-            self._connection.check_command("follow")
-            self._checks.trajectory(trajectory, self.positions())
-            places, speeds, accelerations = _between(trajectory)
-            if self._tool.box is not None:
-                fault = next(filter(None, map(self._tool.outside, places)), None)
-                if fault is not None:
-                    raise self._connection.refuse("follow", fault)
+            self._check_trajectory(trajectory)
             self._leave_effort_mode()
             self._start_from_rest()
-            self._pace = min(self._joint_pace(speeds, accelerations), self._tool.slow_down(places, speeds))
-            if self._pace < 1.0:
+            self._pace = pace
+            if pace < 1.0:
                 trajectory = JointTrajectory(
-                    trajectory.joint_names,
-                    trajectory.times / self._pace,
-                    trajectory.positions,
-                    trajectory.velocities * self._pace,
+                    trajectory.joint_names, trajectory.times / pace, trajectory.positions, trajectory.velocities * pace
                 )
             motion: Motion[None] = Motion(self.name, self.brake)
             self._take_over(Follow(trajectory, self._position - trajectory.positions[0], 0.25), motion)
             return motion
+
+    def _check_trajectory(self, trajectory: JointTrajectory) -> None:
+        self._connection.check_command("follow")
+        self._checks.trajectory(trajectory, self.positions())
 
     def trajectory_time(self) -> float | None:
         """What the set-points had come to when the joints were last read."""

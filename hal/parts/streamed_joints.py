@@ -191,6 +191,7 @@ class StreamedJointGroup(StoppablePart, JointGroup):
         self._astray = self._waiting = self._slip = self._held = 0.0
         self._lapses_in = 0.0
         self._efforts: Array | None = None
+        self._gave_way = False  # with a motion under way, which has not been told
         self.comes_into_limits = False
 
     # Measurements
@@ -283,6 +284,7 @@ class StreamedJointGroup(StoppablePart, JointGroup):
                 self._check_range(measured)
             self._rest_at(measured)
             self._astray = self._slip = 0.0
+            self._gave_way = False
             self._efforts = None
             self._connection.open()
 
@@ -305,6 +307,7 @@ class StreamedJointGroup(StoppablePart, JointGroup):
         with self._connection.lock:
             self._efforts = None
             if not self.resting:
+                self._gave_way = self._connection.motion is not None
                 self._rest_at(self._position)
 
     def cycle(self, elapsed: float) -> None:
@@ -312,6 +315,10 @@ class StreamedJointGroup(StoppablePart, JointGroup):
         with self._connection.lock:
             if self._efforts is not None:
                 return
+            if self._gave_way:
+                self._gave_way = False
+                why = "the controller has stopped the joints on their way"
+                self._connection.end_motion(MotionStatus.FAILED, MotionErrorCode.FAULT, why)
             at_rest = self._settled and self._connection.motion is None
             elapsed = max(elapsed, SHORTEST)
             if at_rest:
@@ -339,7 +346,7 @@ class StreamedJointGroup(StoppablePart, JointGroup):
         model = self.model
         outside = np.maximum(model.lower - measured, measured - model.upper)
         worst = int(np.argmax(outside))
-        if outside[worst] > OUTSIDE:
+        if not outside[worst] <= OUTSIDE:  # nor where it is not known
             raise ConnectionFailedError(
                 f"{self.name}: {self.joint_names[worst]} is at {measured[worst]:.4f}, outside of its range "
                 f"[{model.lower[worst]:.4f}, {model.upper[worst]:.4f}]; "
@@ -442,6 +449,7 @@ class StreamedJointGroup(StoppablePart, JointGroup):
 
     def _take_over(self, setpoints: Setpoints, motion: Motion[None] | None) -> None:
         self._connection.begin(motion)
+        self._gave_way = False
         self._setpoints, self._wanted = setpoints, self._position
         self._waiting = self._astray = self._slip = self._held = 0.0
 

@@ -5,9 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Annotated
 
+import numpy as np
 import pytest
 
 from bestman_bt.configuration import ConfigurationError, check, parse_document
+from bestman_bt.messages import JointTrajectory
 from bestman_bt.messages.shapes import (
     Count,
     NonNegative,
@@ -85,3 +87,12 @@ def test_all_faults_are_told_at_once() -> None:
 def test_two_fields_that_do_not_fit_are_no_parameters_in_python_either() -> None:
     with pytest.raises(OrderError, match="should not be larger than fast"):
         Turning(slow=2.0)
+
+
+@pytest.mark.parametrize("field", ["times", "positions", "velocities"])
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_a_trajectory_of_what_is_no_finite_number_is_none(field: str, value: float) -> None:
+    samples = {"times": np.array([0.0, 1.0]), "positions": np.zeros((2, 1)), "velocities": np.zeros((2, 1))}
+    samples[field][-1] = value
+    with pytest.raises(ValueError, match=r"finite|rise strictly"):
+        JointTrajectory(("a",), **samples)

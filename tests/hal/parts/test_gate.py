@@ -180,15 +180,7 @@ def test_a_way_goes_on_only_as_fast_as_the_gate_lets_the_joints_come_along() -> 
     assert np.max(rig.acceleration) <= 1.01 * rig.joints.acceleration[0]
 
 
-LATE_XARM = pytest.mark.xfail(
-    reason="after a late cycle at the cap of 10 mm a set-point takes up to 2.4 times the acceleration limit"
-)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    "vendor", [pytest.param(name, marks=LATE_XARM) if name == "xarm" else name for name in trials.ROBOTS]
-)
+@pytest.mark.parametrize("vendor", list(trials.ROBOTS))
 def test_hostile_commands_break_no_limit_on_a_vendors_wire(vendor: str) -> None:
     for seed in range(100, 104):
         broken, trial = trials.faults(vendor, seed, commands=4)
@@ -196,14 +188,8 @@ def test_hostile_commands_break_no_limit_on_a_vendors_wire(vendor: str) -> None:
         assert trial.accepted + trial.refused == 4
 
 
-LATE_XARM = pytest.mark.xfail(
-    reason="after a late cycle at the cap of 10 mm a set-point takes up to 2.4 times the acceleration limit"
-)
-
-
-@pytest.mark.parametrize(
-    "vendor", [pytest.param(name, marks=LATE_XARM) if name == "xarm" else name for name in trials.ROBOTS]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("vendor", list(trials.ROBOTS))
 def test_hundreds_of_hostile_commands_break_no_limit_on_a_vendors_wire(vendor: str) -> None:
     found = [trials.faults(vendor, seed) for seed in range(80)]
     assert [fault for broken, _ in found for fault in broken] == []

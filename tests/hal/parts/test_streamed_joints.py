@@ -618,3 +618,18 @@ def test_programs_read_the_sensors_and_the_law_the_drives(latch: StopLatch) -> N
     assert motion.status is MotionStatus.SUCCEEDED
     assert group.positions() == pytest.approx([0.3, 0.1], abs=0.005)
     assert channel.sent[-1][0] == pytest.approx([0.2, 0.0])
+
+
+def test_a_motion_that_the_controller_stopped_on_its_way_has_failed_also_where_nobody_saw_why(
+    group: StreamedJointGroup, channel: Joints
+) -> None:
+    motion = group.move_to([1.0, 0.0])
+    run(group, 0.3)
+    group.give_way()  # for a moment, in which nobody has looked
+    run(group, 3.0)
+    assert motion.status is MotionStatus.FAILED
+    assert motion.failure is not None
+    assert (motion.failure.code, "on their way" in motion.failure.text) == (MotionErrorCode.FAULT, True)
+    again = group.move_to([1.0, 0.0])
+    run(group, 3.0)
+    assert again.status is MotionStatus.SUCCEEDED
