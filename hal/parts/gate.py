@@ -25,6 +25,8 @@ SLACK = 1.001
 ROUNDING = 1e-6
 BISECTIONS = 8
 """How finely the most that is allowed is found between what was asked for and braking."""
+JITTER = 1.5
+"""How much later than its period a cycle may be without a tool at its top speed going farther than its longest step."""
 SPACING, MOST_SAMPLES = 0.05, 8
 """Radians between the places on the way to rest that are looked at, and how many these are at most."""
 
@@ -156,6 +158,8 @@ class SetpointGate:
     ) -> None:
         self._model, self._period, self._tool, self._longest_tool_step = model, period, tool, longest_tool_step
         self._watches_tool = tool is not None and (tool.needed or np.isfinite(longest_tool_step))
+        top_speed = tool.top_speed if tool is not None else None
+        self._top_speed = min(np.inf if top_speed is None else top_speed, longest_tool_step / (JITTER * period))
         self.deceleration: Array = np.maximum(model.acceleration, model.velocity / stop_time)
         self._acceleration: Array = model.acceleration
         self.reason = ""
@@ -196,8 +200,17 @@ class SetpointGate:
         if self._tool is not None and self._watches_tool:
             here, self._places = self._places, self._tool.places(wanted)
             step = 0.0 if here is None else float(np.linalg.norm(self._places[0] - here[0]))
-            self.longest_time = self._longest_tool_step * dt / max(step, 1e-9)
+            self.longest_time = self._time_to_go(self._longest_tool_step, step / elapsed)
         return wanted
+
+    def _time_to_go(self, length: float, speed: float) -> float:
+        """Seconds in which a tool, at a mean ``speed`` in the last step, goes ``length`` while its joints brake."""
+        braking = 2.0 * float(np.max(np.abs(self.rate) / self.deceleration))
+        if speed * braking <= 0.0:
+            return np.inf
+        half = (braking - self._before) / 2
+        root = half**2 - length * braking / speed
+        return half - np.sqrt(root) if half > 0.0 and root > 0.0 else np.inf
 
     def _nearest(self, wanted: Array, velocity: Array, dt: float) -> Array:
         """The most that is allowed between a step towards ``wanted`` within the joints' limits and braking."""
@@ -280,10 +293,10 @@ class SetpointGate:
         if self._places is None:
             self._places = tool.places(self.position)
         here, there = self._places, tool.places(wanted)
-        step, speed = float(np.linalg.norm(there[0] - here[0])), tool.top_speed
+        step, speed = float(np.linalg.norm(there[0] - here[0])), self._top_speed
         if step > self._longest_tool_step:
             return f"the tool would go {1e3 * step:.1f} mm at once, its limit is {1e3 * self._longest_tool_step:.0f} mm"
-        if speed is not None and step > speed * dt * SLACK:
+        if step > speed * dt * SLACK:
             return "the tool would be faster than its limit"
         if _leaves(tool, there, here):
             return tool.outside(wanted) or "the tool would leave its workspace"
@@ -292,10 +305,11 @@ class SetpointGate:
         ways = _way(np.inf, times) - _way(middle, times)
         count = min(MOST_SAMPLES, 1 + int(np.max(np.abs(rate * ways)) / SPACING))
         last = float(np.max(times))
-        for time in np.linspace(middle, last, count + 1)[1:] if last > middle else ():
+        for share in np.linspace(0.0, 1.0, count + 1)[1:] if last > middle else ():
+            time = middle + (last - middle) * share**2  # closer together where the joints are still fast
             place = wanted + rate * (_way(time, times) - _way(middle, times))
             left = rate * np.maximum(0.0, 1.0 - time / np.maximum(times, 1e-12))
-            if speed is not None and tool.tool_speed(place, left) > speed * SLACK:
+            if np.isfinite(speed) and tool.tool_speed(place, left) > speed * SLACK:
                 return "the tool would be faster than its limit"
             if tool.box is not None and _leaves(tool, tool.places(place), here):
                 return tool.outside(place) or "the tool would leave its workspace"
