@@ -284,7 +284,7 @@ class Trial:
             where = np.array([self._tool.places(place) for place in places])
         steps = np.linalg.norm(np.diff(where[:, 0], axis=0), axis=1)
         if self._vendor == "xarm":  # a late cycle at a high speed: the set-points wait, so that the tool does not jump
-            shares = shares[(steps < 0.97 * LONGEST_STEP) | (dt[1:, 0] < 1.2 * self._period)]
+            shares = shares[(steps < 0.9 * LONGEST_STEP) | (dt[1:, 0] < 1.2 * self._period)]
         found = {
             "position": float(np.max(np.abs(places - middle) / half)),
             "speed": float(np.max(np.abs(rates) / joints.velocity)),

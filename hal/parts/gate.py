@@ -25,8 +25,8 @@ SLACK = 1.001
 ROUNDING = 1e-6
 BISECTIONS = 8
 """How finely the most that is allowed is found between what was asked for and braking."""
-JITTER = 1.5
-"""How much later than its period a cycle may be without a tool at its top speed going farther than its longest step."""
+JITTER = 2.0
+"""Periods that a cycle may take without a tool at its top speed going farther than its longest step."""
 SPACING, MOST_SAMPLES = 0.05, 8
 """Radians between the places on the way to rest that are looked at, and how many these are at most."""
 
@@ -200,7 +200,7 @@ class SetpointGate:
         if self._tool is not None and self._watches_tool:
             here, self._places = self._places, self._tool.places(wanted)
             step = 0.0 if here is None else float(np.linalg.norm(self._places[0] - here[0]))
-            self.longest_time = self._time_to_go(self._longest_tool_step, step / elapsed)
+            self.longest_time = self._time_to_go(0.95 * self._longest_tool_step, step / elapsed)
         return wanted
 
     def _time_to_go(self, length: float, speed: float) -> float:
