@@ -12,8 +12,9 @@ from bestman_bt.messages.shapes import Count, NonNegative
 class ClearStop(Skill):
     """Clear the robot's stop, so that the tree can try again what the stop has ended; nothing moves by itself.
 
-    It is meant for stops that a controller makes of its own accord: a protective stop, a lost connection. Who asks for
-    a stop ends the run: it cannot be cleared from here. A button that was pressed has to be released at the robot.
+    It is meant for stops that a controller makes of its own accord: a lost connection, a program that has ended. A
+    protective stop waits for a person (``bestman-bt robot release NAME``), a button is released at the robot. Who asks
+    for a stop ends the run: it cannot be cleared from here.
     """
 
     attempts = In[int](Count, "how often it is tried", default=3)

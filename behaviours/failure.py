@@ -48,7 +48,7 @@ MOTION_FAILS: Mapping[str, str] = {
     "guarded": "what had to hold on the way no longer does, such as the grip: CheckHeld",
     "other_arm_in_the_way": "another arm is in the way: move that away, or let one arm wait for the other",
     "timeout": "it took too long: again, or with more time",
-    "collision": "a collision, or a protective stop: ClearStop, Retreat, then look again",
+    "collision": "a collision, or a protective stop: somebody releases it, ClearStop, Retreat, then look again",
     "fault": "the part is broken: the message has its words, the vendor's code its number",
 }
 """Those of whatever moves: the codes of ``messages.MotionErrorCode``."""

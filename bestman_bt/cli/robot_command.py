@@ -220,6 +220,45 @@ def import_urdf(
             _tell(facts)
 
 
+@verbs.command()
+def release(
+    name: Name,
+    yes: Annotated[bool, typer.Option("--yes", help="Somebody has looked already: do not ask.")] = False,
+    settings: Settings = None,
+    as_json: Json = False,
+) -> None:
+    """Tell what keeps a real robot's controllers stopped, ask whether somebody has looked, release them, log who."""
+    from bestman_bt.runtime.robot_release import held_controllers, log_release
+    from hal.parts import ConnectionFailedError
+
+    with json_output(as_json) as write:
+        released = []
+        try:
+            held = held_controllers(name, settings or ())
+            for controller, cause in held:
+                print(f"{controller.name}: {cause}", file=sys.stderr, flush=True)
+                if not yes and not _somebody_has_looked():
+                    raise wrong_input(
+                        "bestman-bt robot release", f"{controller.name} stays as it is: nobody has looked"
+                    )
+                controller.release()
+                released.append(log_release(name, controller.name, cause))
+        except ConnectionFailedError as error:
+            raise wrong_input("bestman-bt robot release", str(error)) from error
+        write({"released": released})
+        if not as_json:
+            for entry in released:
+                print(f"{entry['controller']}: released by {entry['by']} at {entry['at']}")
+            if not held:
+                print("nothing is held: no controller needs a person")
+
+
+def _somebody_has_looked() -> bool:
+    if not sys.stdin.isatty():
+        raise wrong_input("--yes", "is to be given where nobody can be asked (no terminal)")
+    return typer.confirm("Has somebody looked at the robot, and may it be released?", err=True)
+
+
 def _picture(model: Any, png: Path, posture: str) -> str:
     from PIL import Image
 

@@ -8,7 +8,7 @@ HELD = "somebody asked for this stop: it holds until the run has ended"
 
 
 class RobotStop:
-    """Tells whether the robot is stopped, and clears it: where a controller stopped by itself, that unlocks it.
+    """Tells whether the robot is stopped, and clears it: a controller that waits for a person stays stopped.
 
     A stop that a person asks for (``hold``) cannot be cleared here; it ends with the session that this belongs to.
     """
@@ -30,7 +30,7 @@ class RobotStop:
     def clear(self) -> str:
         """Accept commands again; nothing moves by itself. Empty, or why the robot stays stopped, in words.
 
-        A real robot connects again what was lost and unlocks its controllers, which takes seconds.
+        A real robot connects again what was lost, which takes seconds.
         """
         if self._held:
             return HELD

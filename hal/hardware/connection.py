@@ -172,6 +172,17 @@ class Connection(ABC):
     def recover(self) -> None:
         """Clear a fault of the controller so that it can be commanded again; ConnectionFailedError where it cannot."""
 
+    def held(self) -> str | None:
+        """What somebody has to look at before the controller may be commanded, in words; None where it is released.
+
+        By a wire of its own: it is asked of a connection that is not open, also while another process has one.
+        Collisions, safety and power are the matter of people: ``open`` and ``recover`` fail with them.
+        """
+        return None
+
+    def release(self) -> None:  # noqa: B027 - for controllers that people have to release
+        """Release it for somebody who has looked; ConnectionFailedError where that cannot be done from here."""
+
     def abandon(self) -> None:  # noqa: B027 - for wires that need it
         """Drop a wire that was lost, at once: what it or the SDK still holds is not to act when it is back."""
 
@@ -243,10 +254,10 @@ class Connection(ABC):
         if not self.connected:
             self.connect()
             return
-        fault = noted or self.fault()
-        if fault is None:
+        faults = [fault for fault in (noted, self.fault()) if fault is not None]
+        if not faults:
             return
-        if fault.code is MotionErrorCode.DISCONNECTED or self._crash is not None:
+        if self._crash is not None or any(fault.code is MotionErrorCode.DISCONNECTED for fault in faults):
             self.disconnect()
             self.connect()
         else:

@@ -127,6 +127,10 @@ class URController:
             self.safety_mode = SafetyMode.NORMAL
         return True
 
+    def be_released(self) -> None:
+        """Somebody has looked, and releases the arm at the pendant: no buttons pressed, power on, brakes open."""
+        self.safety_mode, self.robot_mode = SafetyMode.NORMAL, RobotMode.RUNNING
+
     def restart_safety(self) -> None:
         """After a violation; it leaves the arm without power."""
         self.safety_mode, self.robot_mode = SafetyMode.NORMAL, RobotMode.POWER_OFF

@@ -47,6 +47,7 @@ class URTwin:
                 "protective_stop": lambda: controller.trip(SafetyMode.PROTECTIVE_STOP),
                 "joint_limit": lambda: controller.trip(SafetyMode.VIOLATION),
                 "emergency_stop": lambda: controller.trip(SafetyMode.ROBOT_EMERGENCY_STOP),
+                "released": controller.be_released,
                 "emergency_release": controller.restart_safety,
                 "program_stop": controller.end_program,
             }

@@ -1,4 +1,9 @@
-"""The control box of an xArm as a state machine over the arm and the gripper of the twins' world."""
+"""The control box of an xArm as a state machine over the arm and the gripper of the twins' world.
+
+It begins as somebody has left it in UFACTORY Studio, with its motors on. After an error they are off, and clearing it
+does not switch them on: "need to be manually enabled motion(arm.motion_enable(True)) and set
+state(arm.set_state(state=0)) after clean error" (xarm-python-sdk 1.18, ``XArmAPI.clean_error``).
+"""
 
 from __future__ import annotations
 
@@ -49,8 +54,8 @@ class XArmController:
         self._world, self._arm, self._gripper = world, arm, gripper
         self.is_lite6 = is_lite6
         self.axes = len(arm.joint_names)
-        self.mode, self.state, self.error, self.warning = POSITION_MODE, State.STOPPED, 0, 0
-        self.enabled = False
+        self.mode, self.state, self.error, self.warning = POSITION_MODE, State.SLEEPING, 0, 0
+        self.enabled = True
         self.reduced = False
         self.reduced_joint_speed = self.reduced_tool_speed = 0.0
         self.gripper_enabled = False
@@ -97,10 +102,16 @@ class XArmController:
         self.error = 0
 
     def trip(self, error: int) -> None:
-        """An error: everything stops."""
-        self.error = error
+        """An error: everything stops, and the motors are off."""
+        self.error, self.enabled = error, False
         self.state = State.STOPPED
         self.halt()
+
+    def be_released(self) -> None:
+        """Somebody has looked, and presses *Clear error* and *Enable robot* in UFACTORY Studio."""
+        self.clear_error()
+        self.enable(True)
+        self.set_state(0)
 
     def halt(self) -> None:
         """The arm comes to rest; the gripper stays."""

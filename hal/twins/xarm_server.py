@@ -63,6 +63,7 @@ class XArmTwin:
             {
                 "protective_stop": lambda: self.controller.trip(COLLISION_ERROR),
                 "joint_limit": lambda: self.controller.trip(JOINT_LIMIT_ERROR),
+                "released": lambda: self.controller.be_released(),
                 "gripper_jam": self.controller.jam,
                 "gripper_free": self.controller.unjam,
             }

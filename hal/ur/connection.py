@@ -18,7 +18,8 @@ from hal.hardware import Connection, HardwareForceTorque
 from hal.parts import ConnectionFailedError, JointChannel, JointReading, StopLatch, ToolLimits
 from hal.ur.arm import URArm
 from hal.ur.link import URLink
-from hal.ur.sdk_process import PLAYING, RUNNING, Report
+from hal.ur.release import URRelease
+from hal.ur.sdk_process import PLAYING, READY_TIME, RUNNING, Report
 
 # Digital inputs and outputs of the control box and of the tool flange.
 
@@ -75,7 +76,7 @@ Lookahead = Annotated[PositiveTime, Field(ge=0.03, le=0.2)]
 class UROptions:
     """Options of ``driver: ur``.
 
-    ``rate``: hertz of the set-points and readings; 500 for e-series, 125 for CB3. ``servo_lookahead`` (seconds) and
+    ``rate``: hertz of the set-points and readings. ``servo_lookahead`` (seconds) and
     ``servo_gain``: of the controller's ``servoj``: how far it smooths set-points, and how hard it follows them.
     ``payload``, ``payload_center``: kg and metres in the flange, of what the arm carries always; the controller's own
     if nothing is said. ``controller_watchdog``: seconds without a sign of life of ours after which the controller ends
@@ -149,8 +150,6 @@ def fault_of(report: Report) -> Failure | None:
 
 
 JOINTS = 6
-READY_TIME = 35.0
-"""Seconds that unlocking, powering on and starting the program may take together."""
 
 
 class URConnection(Connection):
@@ -186,7 +185,7 @@ class URConnection(Connection):
         return parts
 
     def open(self) -> None:
-        """Connect, unlock and power on where that is needed, start the SDK's program on the controller."""
+        """Connect, and start the SDK's program on the controller."""
         if len(self._arm.joint_names) != JOINTS:
             raise ConnectionFailedError(
                 f"{self.name}: a UR has {JOINTS} joints, {self._arm.name} has {len(self._arm.joint_names)}"
@@ -207,6 +206,8 @@ class URConnection(Connection):
     def reported_fault(self) -> Failure | None:
         """A safety or robot mode, a program that has ended, or a link that is too slow."""
         report = self._link.pump()
+        if not self._link.alive:
+            return Failure(MotionErrorCode.DISCONNECTED, f"the process of {self.name}'s SDK has ended")
         if report is None:
             return None
         fault = fault_of(report)
@@ -218,8 +219,20 @@ class URConnection(Connection):
         return None
 
     def recover(self) -> None:
-        """Unlock, power on, start the program again."""
+        """Start the program again."""
         self._link.call("recover", timeout=READY_TIME)
+
+    def held(self) -> str | None:
+        """A safety mode or missing power, by the dashboard."""
+        return self._release.cause()
+
+    def release(self) -> None:
+        """Unlock or restart safety, power on, release the brakes."""
+        self._release.release()
+
+    @property
+    def _release(self) -> URRelease:
+        return URRelease(self.name, self.settings.address, self.options.connect_timeout)
 
     def abandon(self) -> None:
         """End the SDK, which would connect again of its own accord."""

@@ -99,6 +99,12 @@ class URLink:
                 self._stream = None
 
     @property
+    def alive(self) -> bool:
+        """Whether the SDK's process runs and can be called."""
+        process = self._process
+        return process is not None and self._calls is not None and process.poll() is None
+
+    @property
     def report(self) -> Report | None:
         """The newest report that ``pump`` has found."""
         return self._report

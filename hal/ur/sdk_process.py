@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import re
 import selectors
 import signal
 import sys
@@ -34,7 +35,10 @@ SPEED_LAPSES = 0.25
 REST_TIME, AT_REST = 1.0, 0.02
 """Seconds that the arm gets to come to rest, and rad/s that count as that."""
 REAL_TIME_PRIORITY = 20
-UNLOCK_TIME, POWER_TIME, PROGRAM_TIME = 7.0, 20.0, 5.0
+DASHBOARD_TIME, PROGRAM_TIME = 2.0, 5.0
+"""Seconds that the dashboard's server has for an answer, and the controller to tell that its program runs."""
+READY_TIME = 5 * DASHBOARD_TIME + 2 * PROGRAM_TIME + 5.0
+"""Seconds that ``open`` and ``recover`` may take by all of their own limits, with a reserve."""
 RUNNING, PLAYING = 7, 2
 VARIABLES = [
     "timestamp",
@@ -49,7 +53,9 @@ VARIABLES = [
     "safety_mode",
     "runtime_state",
 ]
-IN_THE_HANDS_OF_PEOPLE = ("EMERGENCY", "SAFEGUARD")
+OLDEST = (5, 6)
+"""Version of PolyScope since which the dashboard's server tells whether remote control is on."""
+LOOK_FIRST = "somebody has to look at the robot, then: bestman-bt robot release"
 
 
 class Report(NamedTuple):
@@ -136,7 +142,7 @@ class SDKProcess:
     # What the parent asks for
 
     def open(self, address: str, settings: dict[str, float]) -> None:
-        """Connect, make the controller ready, start the SDK's program on it."""
+        """Connect, start the SDK's program on the controller; RefusedError where people have to release it first."""
         from dashboard_client import DashboardClient
         from rtde_control import RTDEControlInterface
         from rtde_receive import RTDEReceiveInterface
@@ -148,18 +154,18 @@ class SDKProcess:
         self._address, self._settings = address, settings
         self._dashboard = DashboardClient(address)
         self._dashboard.connect(int(1000 * settings["connect_timeout"]))
-        self._make_ready()
+        self._check_released()
         self._receive = RTDEReceiveInterface(address, settings["rate"], VARIABLES)
         self._control = RTDEControlInterface(address, CONTROL_RATE, RTDEControlInterface.FLAG_UPLOAD_SCRIPT)
         self._set_up()
         threading.Thread(target=self._report, name="reports", daemon=True).start()
 
     def recover(self) -> None:
-        """Clear what can be cleared, and start the program anew where it has ended."""
-        self._make_ready()
-        if not self._control.isProgramRunning():
-            self._control.reuploadScript()
-            self._await(self._control.isProgramRunning, PROGRAM_TIME, "its program does not start")
+        """Start the program anew: whatever it was at when it was stopped is over. RefusedError as ``open``."""
+        self._check_released()
+        self._speed_until = None
+        self._control.reuploadScript()
+        self._await(self._control.isProgramRunning, PROGRAM_TIME, "its program does not start")
         self._set_up()
         self._lapsed = False
 
@@ -270,37 +276,22 @@ class SDKProcess:
         if self._heard is not None:
             self._heard = time.monotonic()  # what has come meanwhile was not looked at
 
-    def _make_ready(self) -> None:
+    def _check_released(self) -> None:
+        """Nothing is unlocked, powered on or restarted here: Universal Robots ask for a person who looks first."""
         dashboard = self._dashboard
         if not dashboard.isInRemoteControl():
+            version = dashboard.polyscopeVersion()
+            numbers = [int(number) for number in re.findall(r"\d+", version)[:2]]
+            if tuple(numbers) < OLDEST:
+                raise RefusedError(f"it runs {version}; an e-series with PolyScope 5.6 or newer is needed (no CB3)")
             raise RefusedError("remote control is off; switch it on at the teach pendant")
-        safety = dashboard.safetymode()
-        if any(word in safety for word in IN_THE_HANDS_OF_PEOPLE):
+        safety, mode = dashboard.safetymode(), dashboard.robotmode()
+        if any(word in safety for word in ("EMERGENCY", "SAFEGUARD")):
             raise RefusedError(f"it has to be released at the robot: {safety}")
-        if "PROTECTIVE" in safety:
-            dashboard.closeSafetyPopup()
-            self._await(self._unlocked, UNLOCK_TIME, "the protective stop cannot be unlocked")
-        elif "VIOLATION" in safety or "FAULT" in safety:
-            dashboard.closeSafetyPopup()
-            dashboard.restartSafety()
-        self._await(self._powered, POWER_TIME, "the arm does not become ready")
-
-    def _unlocked(self) -> bool:
-        try:
-            self._dashboard.unlockProtectiveStop()
-        except Exception:  # noqa: BLE001 - it refuses for the first seconds, in words only
-            return False
-        return True
-
-    def _powered(self) -> bool:
-        mode = self._dashboard.robotmode()
-        if "RUNNING" in mode:
-            return True
-        if "POWER_OFF" in mode:
-            self._dashboard.powerOn()
-        elif "IDLE" in mode:
-            self._dashboard.brakeRelease()
-        return False
+        if not any(word in safety for word in ("NORMAL", "REDUCED")):
+            raise RefusedError(f"{safety}: {LOOK_FIRST}")
+        if "RUNNING" not in mode:
+            raise RefusedError(f"{mode}: {LOOK_FIRST}")
 
     def _set_up(self) -> None:
         settings = self._settings

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any, ClassVar
+from collections.abc import Callable, Mapping
+from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +31,7 @@ from hal.xarm.wire import XArmWire
 Array = NDArray[np.float64]
 LONGEST_STEP = 0.01
 """Metres of the tool between two set-points of the servo mode, by UFACTORY's guide."""
+Result = TypeVar("Result")
 FASTEST, SLOWEST = 5000, 350
 """Speeds of the gripper's motor, revolutions per minute; the fastest is taken for the part's ``max_speed``."""
 
@@ -155,7 +156,7 @@ class XArmConnection(Connection):
         return self._gripper is not None and self._lite6_gripper is None
 
     def open(self) -> None:
-        """Connect, clear errors, switch the motors on, enter servo mode."""
+        """Connect, enter servo mode."""
         options: XArmOptions = self.options
         wire = self._wire
         wire.open(self.settings.address, options)
@@ -184,9 +185,25 @@ class XArmConnection(Connection):
         return self._wire.fault
 
     def recover(self) -> None:
-        """Clear errors and enter servo mode again."""
+        """Enter servo mode again."""
         self._wire.make_ready(gripper=self._speaks_to_gripper)
         self._joints.refresh()
+
+    def held(self) -> str | None:
+        """The controller's error, or that it is stopped."""
+        return self._by_another_wire(XArmWire.held)
+
+    def release(self) -> None:
+        """Clear the error, switch the motors on."""
+        self._by_another_wire(XArmWire.release)
+
+    def _by_another_wire(self, act: Callable[[XArmWire], Result]) -> Result:
+        wire = XArmWire(self.name, self.clock, self.sdk)
+        try:
+            wire.open(self.settings.address, self.options)
+            return act(wire)
+        finally:
+            wire.close()
 
     def _cycle(self, elapsed: float) -> None:
         self._joints.refresh()

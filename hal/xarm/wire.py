@@ -158,6 +158,7 @@ UNANSWERED = frozenset({-1, 3, 8})
 """Codes of the SDK for: not connected, no reply in time, not sent. The watchdog judges these."""
 GRIPPER_FAULT = 102
 RECOVERY_TIME = 3.0
+LOOK_FIRST = "somebody has to look at the robot, then: bestman-bt robot release"
 MODE_CHANGE_TIME = 0.1
 """Seconds that the controller takes to change its mode."""
 
@@ -255,12 +256,13 @@ class XArmWire:
             raise ConnectionFailedError(f"{self._name}: the controller refused {what} (SDK {code}){reason}")
 
     def make_ready(self, gripper: bool) -> None:
-        """Clear errors, switch the motors on, enter servo mode; ConnectionFailedError where an error stays."""
+        """Enter servo mode; ConnectionFailedError where the controller has an error: people have to look at that."""
         with self._judging:
             self._fault = None
-            self._arm.clean_error()
             self._arm.clean_warn()
-            self.demand("motion_enable", lambda arm: arm.motion_enable(True))
+            self._look_for_errors()
+            if self._fault is not None:
+                raise ConnectionFailedError(f"{self._name}: {self._fault}: {LOOK_FIRST}")
             self.demand("servo mode", lambda arm: arm.set_mode(SERVO_MODE))
             self.demand("the ready state", lambda arm: arm.set_state(READY))
             self._await_readiness()
@@ -270,14 +272,28 @@ class XArmWire:
                 self.demand("the gripper", lambda arm: arm.set_gripper_enable(True))
             self._heard, self._fault = self._clock.now(), None
 
+    def held(self) -> str | None:
+        """The controller's error, or that it is stopped; None where neither is so."""
+        self._fault = None
+        self._look_for_errors()
+        if self._fault is not None:
+            return str(self._fault)
+        return "its motors are off, or it is stopped" if self._arm.get_state()[1] in STOPPED else None
+
+    def release(self) -> None:
+        """Clear the error, switch the motors on, leave the stop."""
+        self._arm.clean_error()
+        self.demand("motion_enable", lambda arm: arm.motion_enable(True))
+        self.demand("the ready state", lambda arm: arm.set_state(READY))
+
     def _await_readiness(self) -> None:
         time.sleep(MODE_CHANGE_TIME)
         deadline = time.monotonic() + RECOVERY_TIME
         while self._arm.get_state()[1] in STOPPED:
             self._look_for_errors()
             if self._fault is not None or time.monotonic() > deadline:
-                why = str(self._fault) if self._fault is not None else "it stays stopped"
-                raise ConnectionFailedError(f"{self._name}: the xArm does not become ready: {why}")
+                why = str(self._fault) if self._fault is not None else "its motors are off, or it is stopped"
+                raise ConnectionFailedError(f"{self._name}: the xArm does not become ready: {why}: {LOOK_FIRST}")
             time.sleep(0.02)
 
     def _note(self, code: int) -> None:

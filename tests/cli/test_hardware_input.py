@@ -71,3 +71,17 @@ def test_a_judge_of_a_simulated_robot_is_refused(bestman_bt: Command, folder: Pa
     answer = bestman_bt("run", "pick_place_table", "--judge", "/nowhere")
     assert answer.code == 2
     assert "give --driver hardware" in answer.err
+
+
+def test_a_release_tells_what_is_wrong_with_the_robot_before_it_asks_anybody(bestman_bt: Command, folder: Path) -> None:
+    for name, setting, words in (
+        ("diff_panda", "robot.name=x", "name"),
+        ("diff_panda", "scene.x=1", "should begin with robot."),
+        ("diff_xarm6", f"robot.connections.platform.address={NOBODY}", "arm_controller.address: is missing"),
+    ):
+        answer = bestman_bt("robot", "release", name, "--yes", "--set", setting)
+        assert answer.code == 2
+        assert words in answer.err
+    answer = bestman_bt("robot", "release", "diff_panda", "--yes")
+    assert answer.code == 2
+    assert "no controller to release" in answer.err

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import subprocess
 import sys
 import time
@@ -165,6 +166,44 @@ def fails_with_its_number(
     assert number in robot.diagnostics()[connection]
     with pytest.raises(CommandRefusedError, match=number):
         robot.part("arm", Arm).move_to(robot.part("arm", Arm).positions())
+
+
+def stays_stopped_until_somebody_has_looked(
+    robot: HardwareRobot, robot_file: Path, twin: TwinProcess, monkeypatch: pytest.MonkeyPatch, folder: Path
+) -> None:
+    """Neither ``clear_stop()`` nor connecting anew clears it; ``bestman-bt robot release`` does, and logs who."""
+    with pytest.raises(ConnectionFailedError, match="bestman-bt robot release"):
+        robot.clear_stop()
+    robot.disconnect()
+    with pytest.raises(ConnectionFailedError, match="bestman-bt robot release"):
+        robot.connect()
+    assert robot.stopped
+    connection = "arm_controller"
+    monkeypatch.setenv("XDG_STATE_HOME", str(folder))
+    settings = (f"robot.connections.{name}.address={at}" for name, at in twin.addresses.items())
+    command = ["robot", "release", str(robot_file), *(word for one in settings for word in ("--set", one))]
+    refused = subprocess.run(
+        [sys.executable, "-m", "bestman_bt.cli.main", *command],
+        capture_output=True,
+        text=True,
+        check=False,
+        stdin=subprocess.DEVNULL,
+    )
+    assert refused.returncode == 2
+    assert "--yes" in refused.stderr
+    assert robot.connections[connection].held() is not None
+    told = subprocess.run(
+        [sys.executable, "-m", "bestman_bt.cli.main", *command, "--yes", "--json"],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert told.returncode == 0, told.stderr
+    (line,) = (folder / "bestman-bt" / "releases.jsonl").read_text().splitlines()
+    assert json.loads(line) == json.loads(told.stdout)["released"][0]
+    assert json.loads(line)["controller"] == connection
+    assert twin.addresses[connection] not in told.stdout + told.stderr + line
+    robot.connect()
 
 
 def stays_stopped_while_away(

@@ -12,5 +12,8 @@ from tests.hal.twinned import fixtures_of
 ROBOT = Path(__file__).parent / "ur5_on_a_base.yaml"
 
 twin, twin_model, make_robot, shared_robot, isolated_robot, robot = fixtures_of(
-    ROBOT, "rtde_control", "ur", {"arm_controller": ("restore",), "hand_controller": ("restore", "gripper_free")}
+    ROBOT,
+    "rtde_control",
+    "ur",
+    {"arm_controller": ("restore", "released"), "hand_controller": ("restore", "gripper_free")},
 )

@@ -19,6 +19,7 @@ from tests.hal.twinned import (
     arm_comes_to_rest,
     client_program,
     fails_with_its_number,
+    stays_stopped_until_somebody_has_looked,
     stays_stopped_while_away,
     stopped_within,
     strike,
@@ -29,6 +30,7 @@ from tests.hal.twinned import (
 pytestmark = [pytest.mark.real_time, pytest.mark.slow]
 
 CONTROLLER = "arm_controller"
+ROBOT = Path(__file__).parent / "ur5_on_a_base.yaml"
 swing = partial(swing_arm, speed_scale=0.1)
 
 
@@ -85,6 +87,35 @@ def test_a_stop_of_the_controller_fails_the_motion_with_its_number_and_stops_the
     motion = swing(robot)
     since = strike(robot, twin, CONTROLLER, fault)
     fails_with_its_number(robot, motion, since, CONTROLLER, code, number)
+    if fault != "program_stop":
+        with pytest.raises(ConnectionFailedError, match="robot release"):
+            robot.clear_stop()
+        twin.fault(CONTROLLER, "released")
+    works_again(robot, swing)
+
+
+@pytest.mark.parametrize("fault", ["protective_stop", "joint_limit"])
+def test_what_the_safety_system_has_stopped_is_released_by_people_only(
+    robot: HardwareRobot, twin: TwinProcess, fault: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    motion = swing(robot)
+    stopped_within(robot, motion, strike(robot, twin, CONTROLLER, fault), 0.1)
+    stays_stopped_until_somebody_has_looked(robot, ROBOT, twin, monkeypatch, tmp_path)
+    works_again(robot, swing)
+
+
+def test_an_sdk_process_that_was_killed_for_its_silence_is_begun_anew(
+    robot: HardwareRobot, twin: TwinProcess, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    motion = swing(robot)
+    since = strike(robot, twin, CONTROLLER, "program_stop")
+    assert stopped_within(robot, motion, since, 0.1) is MotionErrorCode.FAULT
+    twin.fault(CONTROLLER, "drop")
+    monkeypatch.setattr("hal.ur.connection.READY_TIME", 0.5)
+    with pytest.raises(ConnectionFailedError, match="does not answer within"):
+        robot.clear_stop()
+    monkeypatch.undo()
+    twin.fault(CONTROLLER, "restore")
     works_again(robot, swing)
 
 
@@ -96,6 +127,9 @@ def test_an_emergency_stop_can_only_be_released_at_the_robot(robot: HardwareRobo
         robot.clear_stop()
     assert robot.stopped
     twin.fault(CONTROLLER, "emergency_release")  # which leaves the arm without power
+    with pytest.raises(ConnectionFailedError, match="POWER_OFF: somebody has to look"):
+        robot.clear_stop()
+    twin.fault(CONTROLLER, "released")
     works_again(robot, swing)
 
 

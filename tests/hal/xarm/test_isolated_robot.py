@@ -205,7 +205,7 @@ def test_a_stop_is_kept_across_connections(
         twin.fault("arm_controller", "protective_stop")
         wait_for(lambda: robot.stopped, "the fault has stopped the robot")
         robot.disconnect()
-        twin.fault("arm_controller", "restore")
+        twin.fault("arm_controller", "released")
         assert robot.stopped
 
 

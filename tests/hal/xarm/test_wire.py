@@ -157,30 +157,40 @@ def test_a_fault_of_the_gripper_has_the_grippers_number(wire: XArmWire, arm: Arm
     assert (wire.fault.code, wire.fault.vendor_code) == (MotionErrorCode.FAULT, "G34")
 
 
-def test_making_ready_clears_errors_and_enters_servo_mode_in_order(wire: XArmWire, arm: Arm, clock: Clock) -> None:
-    arm.error, arm.has_err_warn = 31, True
-    wire.ask(lambda _: (0, 1))
-    arm.calls.clear()
+def test_making_ready_enters_servo_mode_and_clears_no_error_of_the_controller(
+    wire: XArmWire, arm: Arm, clock: Clock
+) -> None:
     clock.time = 9.0
+    arm.calls.clear()
     wire.make_ready(gripper=True)
-    assert arm.calls[:5] == [
-        "clean_error",
+    assert arm.calls == [
         "clean_warn",
-        ("motion_enable", True),
         ("set_mode", 1),
         ("set_state", 0),
+        "clean_gripper_error",
+        ("set_gripper_mode", 0),
+        ("set_gripper_enable", True),
     ]
-    assert arm.calls[5:] == ["clean_gripper_error", ("set_gripper_mode", 0), ("set_gripper_enable", True)]
     assert wire.fault is None
     assert wire.heard == 9.0
+    arm.calls.clear()
+    arm.error = 31
+    with pytest.raises(ConnectionFailedError, match="title 31.*bestman-bt robot release"):
+        wire.make_ready(gripper=True)
+    assert arm.calls == ["clean_warn"]
 
 
-@pytest.mark.parametrize(("error", "words"), [(31, "title 31"), (0, "it stays stopped")])
-def test_a_controller_that_does_not_become_ready_is_told_with_its_reason(
-    wire: XArmWire, arm: Arm, error: int, words: str
-) -> None:
-    arm.state, arm.error, arm.stays = 4, error, True
-    with pytest.raises(ConnectionFailedError, match=words):
+def test_a_release_clears_the_error_and_switches_the_motors_on(wire: XArmWire, arm: Arm) -> None:
+    arm.error = 31
+    assert "title 31" in (wire.held() or "")
+    arm.calls.clear()
+    wire.release()
+    assert arm.calls == ["clean_error", ("motion_enable", True), ("set_state", 0)]
+
+
+def test_a_controller_that_stays_stopped_is_told_with_what_to_do(wire: XArmWire, arm: Arm) -> None:
+    arm.state, arm.stays = 4, True
+    with pytest.raises(ConnectionFailedError, match="motors are off, or it is stopped.*bestman-bt robot release"):
         wire.make_ready(gripper=False)
 
 

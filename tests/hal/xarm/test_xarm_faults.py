@@ -21,6 +21,7 @@ from tests.hal.twinned import (
     disconnected,
     ended,
     fails_with_its_number,
+    stays_stopped_until_somebody_has_looked,
     stays_stopped_while_away,
     stopped_within,
     strike,
@@ -32,6 +33,7 @@ from tests.hal.twinned import (
 pytestmark = pytest.mark.real_time
 
 CONTROLLER = "arm_controller"
+ROBOT = Path(__file__).parent / "xarm6_on_a_base.yaml"
 swing = partial(swing_arm, speed_scale=0.2)
 
 
@@ -40,11 +42,18 @@ swing = partial(swing_arm, speed_scale=0.2)
     [("protective_stop", MotionErrorCode.COLLISION, "C31"), ("joint_limit", MotionErrorCode.FAULT, "C23")],
 )
 def test_an_error_of_the_controller_fails_the_motion_with_its_number_and_stops_the_robot(
-    robot: HardwareRobot, twin: TwinProcess, fault: str, code: MotionErrorCode, number: str
+    robot: HardwareRobot,
+    twin: TwinProcess,
+    fault: str,
+    code: MotionErrorCode,
+    number: str,
+    monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path,
 ) -> None:
     motion = swing(robot)
     since = strike(robot, twin, CONTROLLER, fault)
     fails_with_its_number(robot, motion, since, CONTROLLER, code, number)
+    stays_stopped_until_somebody_has_looked(robot, ROBOT, twin, monkeypatch, tmp_path)
     works_again(robot, swing)
 
 

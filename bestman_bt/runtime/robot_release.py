@@ -1,0 +1,53 @@
+"""Controllers that a person has to release, and the log of who did when."""
+
+from __future__ import annotations
+
+import getpass
+import json
+import os
+from collections.abc import Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+
+from bestman_bt.configuration import ConfigurationError, Problem, parse_settings
+from bestman_bt.robot_model import load_robot_model
+from hal.hardware import Connection, HardwareRobot
+
+
+def held_controllers(name: str, settings: Sequence[str] = ()) -> list[tuple[Connection, str]]:
+    """The connections of a robot that people have to release, and why. ConnectionFailedError, ConfigurationError."""
+    values = parse_settings(settings)
+    strange = [key for key in values if not key.startswith("robot.")]
+    if strange:
+        problems = [Problem(f"--set {key}", None, "", "should begin with robot.") for key in strange]
+        raise ConfigurationError(problems)
+    model = load_robot_model(name, {key.removeprefix("robot."): value for key, value in values.items()})
+    if not model.connections:
+        problem = Problem(name, None, "connections", "is missing, so there is no controller to release")
+        raise ConfigurationError([problem])
+    connections = HardwareRobot(model).connections.values()
+    missing = [
+        Problem(name, None, f"connections.{connection.name}.address", "is missing")
+        for connection in connections
+        if connection.needs_address and not connection.settings.address
+    ]
+    if missing:
+        raise ConfigurationError(missing)
+    causes = [(connection, connection.held()) for connection in connections]
+    return [(connection, cause) for connection, cause in causes if cause is not None]
+
+
+def log_file() -> Path:
+    """``$XDG_STATE_HOME/bestman-bt/releases.jsonl``: a line for each release."""
+    return Path(os.environ.get("XDG_STATE_HOME") or Path.home() / ".local/state") / "bestman-bt" / "releases.jsonl"
+
+
+def log_release(robot: str, controller: str, cause: str) -> dict[str, str]:
+    """Append who has released what, why it was held, and when; the line."""
+    at = datetime.now(UTC).isoformat(timespec="seconds")
+    entry = {"at": at, "by": getpass.getuser(), "robot": robot, "controller": controller, "cause": cause}
+    file = log_file()
+    file.parent.mkdir(parents=True, exist_ok=True)
+    with file.open("a", encoding="utf-8") as lines:
+        lines.write(json.dumps(entry) + "\n")
+    return entry
