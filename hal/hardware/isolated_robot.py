@@ -241,14 +241,13 @@ class RpcClient:
         return answer
 
     def _exchange(self, wire: RpcConnection, question: Call | Setup, limit: float) -> Any:
-        deadline = time.monotonic() + limit
         try:
             asked = wire.ask(question)
             while True:
                 try:
-                    return asked.result(min(LOOK_PERIOD, max(0.0, deadline - time.monotonic())))
+                    return asked.result(LOOK_PERIOD)
                 except TimeoutError:
-                    self._look(time.monotonic() > deadline)
+                    self._look(wire.waited > limit)
         except WireEndedError as error:
             self._lose("the process that holds the robot's connections has ended", wire)
             raise NotConnectedError(self.lost.text if self.lost is not None else str(error)) from error
@@ -292,6 +291,7 @@ class RpcConnection:
 
     def __init__(self, connection: Connection) -> None:
         self._connection = connection
+        self._sent = math.inf
         self._thread = ThreadPoolExecutor(1, "wire")
         # Begun here: an executor that is interrupted while it begins its thread forgets it and begins a second one.
         self._thread.submit(lambda: None).result()
@@ -306,9 +306,20 @@ class RpcConnection:
     def _exchange(self, question: Any) -> Any:
         try:
             self._connection.send(question)
+            self._sent = time.monotonic()
             return self._connection.recv()
         except (OSError, EOFError) as error:
             raise WireEndedError("the process that holds the robot's connections is gone") from error
+        finally:
+            self._sent = math.inf
+
+    @property
+    def waited(self) -> float:
+        """Seconds since the question was sent; 0 where its answer has come, though a busy machine has not read it."""
+        try:
+            return 0.0 if self._connection.poll() else max(0.0, time.monotonic() - self._sent)
+        except (OSError, EOFError):
+            return 0.0  # it has ended, which the question itself will say
 
     def close(self) -> None:
         """End it, after the question that is being asked."""
