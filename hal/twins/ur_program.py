@@ -9,6 +9,8 @@ answer. From there, too:
 - ``thread servo_thread(): while (True): … servoj(…)``: likewise, until command 16.
 - ``stopj(deceleration_rate)``, ``stopl(…)``: the command is done when the arm rests.
 
+A program of the client's own that keeps to these registers may set the watchdog at once, and run its path on command 1.
+
 Motion functions of two threads at once are a run-time error that ends the program ("another thread is already
 controlling the robot", URScript manual, Threads).
 """
@@ -76,6 +78,8 @@ class Speed:
 
 
 _PATH = re.compile(r"# inject move path\n((?:\s*(?:signal_async_progress|movej)\(.*\)\n)+)")
+_WATCHDOG = re.compile(r'^  rtde_set_watchdog\("input_int_register_0", ([\d.]+), "stop"\)$', re.MULTILINE)
+_PATH_ON_COMMAND_1 = re.compile(r"cmd == 1:\n\s*tell_asynchronous\(True\)\n")
 _MOVE = re.compile(r"movej\(\[([^\]]*)\],\s*a=([^,]+),\s*v=([^,]+),")
 
 
@@ -103,7 +107,9 @@ class URProgram:
         self._next_drift: Speed | None = None
         self._stopping = False
         self.follower: ServoFollower | None = None
-        self.watchdog_frequency: float | None = None
+        set_at_once = _WATCHDOG.search(script)  # not on command 35
+        self.watchdog_frequency = float(set_at_once.group(1)) if set_at_once else None
+        self._path_on_command_1 = _PATH_ON_COMMAND_1.search(script) is not None
         self.ended = self.protective_stop_asked = self.limit_exceeded = False
         self.outputs: dict[str, int] = {"output_int_register_0": READY, "output_int_register_2": 0}
 
@@ -164,7 +170,8 @@ class URProgram:
                 return
             self.halt()
             single = [Waypoint(np.array(numbers[:6]), numbers[7], numbers[6])]
-            self._moves = single if command == Command.MOVE_JOINTS else list(self._path)
+            alone = command == Command.MOVE_JOINTS and not self._path_on_command_1
+            self._moves = single if alone else list(self._path)
             self._next_move()
         elif command in (Command.SPEED_STOP, Command.SERVO_STOP, Command.STOP_JOINTS, Command.STOP_TOOL):
             self.halt()

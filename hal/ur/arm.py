@@ -21,11 +21,13 @@ from hal.parts import (
     Trapezoid,
 )
 from hal.ur.link import URLink
-from hal.ur.sdk_process import Report
+from hal.ur.sdk_process import PROGRAM_TIME, Report
 
 Array = NDArray[np.float64]
-START_TIME, STOP_TIME = 3.0, 2.0
+START_TIME, STOP_TIME = 1.0, 2.0
 """Seconds within which the controller has to begin and to end a motion of its own."""
+UPLOAD_TIME = 2.0 * PROGRAM_TIME + 1.0
+"""Seconds within which a program with a path has to run; nothing moves meanwhile."""
 RENEWAL = 0.05
 """Seconds after which a speed is renewed; one that is not is stopped by the SDK's process."""
 TOOL_ACCELERATION = 1.0
@@ -44,6 +46,7 @@ class _OwnMotion:
     stop_call: str
     over: Callable[[Report, float], bool]  # of the newest report and the seconds since it began
     target: Array | None = None
+    prepare: Callable[[], object] | None = None  # takes its time; a stop meanwhile keeps it from beginning
     begun: float | None = None
     renewed: float = 0.0
     stopping: bool = False
@@ -91,10 +94,11 @@ class URArm(StreamedArm):
             path = [[*row.tolist(), *numbers, blend if row is not rows[-1] else 0.0] for row in rows]
             return self._begin_own(
                 "move_path",
-                lambda: self._link.call("move_path", path, timeout=START_TIME),
+                lambda: self._link.call("start_path", timeout=START_TIME),
                 "stop_path",
                 lambda report, passed: not report.moving,
                 rows[-1],
+                lambda: self._link.call("upload_path", path, timeout=UPLOAD_TIME),
             )
 
     def speed_joints(self, velocities: ArrayLike, duration: float) -> Motion[None]:
@@ -180,12 +184,13 @@ class URArm(StreamedArm):
         stop_call: str,
         over: Callable[[Report, float], bool],
         target: Array | None = None,
+        prepare: Callable[[], object] | None = None,
     ) -> Motion[None]:
         if not self.resting:
             raise self._connection.refuse(call, "the arm still moves")
         motion: Motion[None] = Motion(self.name, self.brake)
         self._connection.begin(motion)
-        self._own = _OwnMotion(motion, begin, stop_call, over, target)
+        self._own = _OwnMotion(motion, begin, stop_call, over, target, prepare)
         return motion
 
     def _attend(self, own: _OwnMotion) -> None:
@@ -193,6 +198,10 @@ class URArm(StreamedArm):
         report = self._link.report
         try:
             if own.begun is None:
+                prepare, own.prepare = own.prepare, None
+                if prepare is not None and not own.stopping:
+                    prepare()
+                    return
                 if not own.stopping:
                     own.begin()
                 own.begun = own.renewed = time.monotonic()

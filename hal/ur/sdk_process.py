@@ -21,6 +21,7 @@ import threading
 import time
 from collections.abc import Callable
 from multiprocessing.connection import Connection
+from pathlib import Path
 from typing import Any, NamedTuple
 
 from bestman_bt.errors import Error
@@ -53,6 +54,8 @@ VARIABLES = [
     "safety_mode",
     "runtime_state",
 ]
+PROGRAM = (Path(__file__).parent / "control.script").read_text(encoding="ascii")
+PATH_PLACE = "    # inject move path\n"
 OLDEST = (5, 6)
 """Version of PolyScope since which the dashboard's server tells whether remote control is on."""
 LOOK_FIRST = "somebody has to look at the robot, then: bestman-bt robot release"
@@ -101,6 +104,7 @@ class SDKProcess:
         self._settings: dict[str, float] = {}
         self._busy = False
         self._kicked = 0.0
+        self._program = os.memfd_create("control.script")
         self._speed_until: float | None = None  # None: no speed is commanded
         self._heard: float | None = None  # of the parent; None: it has not begun to give signs of life
         self._lapsed = False
@@ -109,7 +113,8 @@ class SDKProcess:
             "recover": self.recover,
             "leave": self.leave,
             "set_output": self.set_output,
-            "move_path": self.move_path,
+            "upload_path": self.upload_path,
+            "start_path": self.start_path,
             "speed_joints": lambda speeds, acceleration: self.speed("speedJ", speeds, acceleration),
             "speed_tool": lambda twist, acceleration: self.speed("speedL", twist, acceleration),
             "renew_speed": self.renew_speed,
@@ -157,6 +162,7 @@ class SDKProcess:
         self._check_released()
         self._receive = RTDEReceiveInterface(address, settings["rate"], VARIABLES)
         self._control = RTDEControlInterface(address, CONTROL_RATE, RTDEControlInterface.FLAG_UPLOAD_SCRIPT)
+        self._upload()
         self._set_up()
         threading.Thread(target=self._report, name="reports", daemon=True).start()
 
@@ -164,8 +170,7 @@ class SDKProcess:
         """Start the program anew: whatever it was at when it was stopped is over. RefusedError as ``open``."""
         self._check_released()
         self._speed_until = None
-        self._control.reuploadScript()
-        self._await(self._control.isProgramRunning, PROGRAM_TIME, "its program does not start")
+        self._upload()
         self._set_up()
         self._lapsed = False
 
@@ -191,16 +196,24 @@ class SDKProcess:
         }
         return bool(setters[kind](number, on))
 
-    def move_path(self, path: list[list[float]]) -> bool:
-        """Rows of positions (6,), speed, acceleration, blend radius; the SDK writes them into its program."""
+    def upload_path(self, path: list[list[float]]) -> None:
+        """Rows of positions (6,), speed, acceleration, blend radius, written into a new program; nothing moves yet."""
         self._busy = True
         try:
-            self._control.servoStop(self._settings["deceleration"])
-            begun = bool(self._control.moveJ(path, True))
-            self._control.setWatchdog(self._settings["watchdog"])
+            self._upload(
+                "".join(
+                    f"    movej([{', '.join(f'{angle:.9f}' for angle in row[:6])}], a={row[7]:.6f}, v={row[6]:.6f}, "
+                    f"r={row[8]:.6f})\n"
+                    for row in path
+                )
+            )
+            self._await(self._playing, PROGRAM_TIME, "it tells of no program")
         finally:
             self._busy = False
-        return begun
+
+    def start_path(self) -> bool:
+        """Move along the path that was uploaded: command 1 of the program, whose own arguments do not count."""
+        return bool(self._control.moveJ(self._receive.getActualQ(), 0.1, 0.1, True))
 
     def speed(self, function: str, target: list[float], acceleration: float) -> bool:
         """Move at speeds until ``stop_speed``, which comes of itself where ``renew_speed`` does not come.
@@ -231,6 +244,14 @@ class SDKProcess:
         self._come_to_rest(self._control.kickWatchdog)
 
     # Private
+
+    def _upload(self, path: str = "") -> None:
+        """Replace the program on the controller; its watchdog is set in its first line."""
+        program = PROGRAM.replace("WATCHDOG_FREQUENCY", f"{self._settings['watchdog']:.3f}")
+        os.ftruncate(self._program, 0)
+        os.pwrite(self._program, program.replace(PATH_PLACE, PATH_PLACE + path).encode("ascii"), 0)
+        self._control.setCustomScriptFile(f"/proc/self/fd/{self._program}")
+        self._await(self._control.isProgramRunning, PROGRAM_TIME, "its program does not start")
 
     def _come_to_rest(self, keep_alive: Callable[[], object]) -> None:
         """Wait for that, with a sign of life to the controller's watchdog meanwhile."""
@@ -298,21 +319,19 @@ class SDKProcess:
         if "payload" in settings:
             center = [settings[f"payload_{axis}"] for axis in "xyz"]
             self._control.setPayload(settings["payload"], center)
-        if not self._control.setWatchdog(settings["watchdog"]):
-            raise RefusedError("it does not take the watchdog")
         self._await(self._playing, PROGRAM_TIME, "it tells of no program")
 
     def _playing(self) -> bool:
         receive = self._receive
         return bool(receive.getRuntimeState() == PLAYING and receive.getRobotMode() == RUNNING)
 
-    @staticmethod
-    def _await(done: Callable[[], bool], limit: float, otherwise: str) -> None:
+    def _await(self, done: Callable[[], bool], limit: float, otherwise: str) -> None:
         deadline = time.monotonic() + limit
         while not done():
             if time.monotonic() > deadline:
                 raise RefusedError(otherwise)
-            time.sleep(0.05)
+            time.sleep(0.02)
+            self._control.kickWatchdog()
 
     def _report(self) -> None:
         receive, period, last = self._receive, 1.0 / self._settings["rate"], -1.0

@@ -13,6 +13,7 @@ from bestman_bt.robot_model import load_robot_model
 from hal.twins.ur_kinematics import URKinematics
 from hal.twins.ur_program import Command, URProgram, path_of
 from hal.twins.ur_rtde import Recipe
+from hal.ur.sdk_process import PROGRAM
 from tests.robot_models import arm_model
 
 
@@ -37,7 +38,13 @@ def test_fields_are_packed_in_the_order_asked_and_unknown_ones_are_named() -> No
     assert Recipe(["timestamp", "tea_temperature"]).types == ("DOUBLE", "NOT_FOUND")
 
 
-def fake_program() -> tuple[URProgram, Any]:
+def test_a_watchdog_counts_from_the_first_line_of_a_program_where_that_sets_it() -> None:
+    program, _ = fake_program(PROGRAM.replace("WATCHDOG_FREQUENCY", "4.000"))
+    assert program.watchdog_frequency == 4.0
+    assert fake_program()[0].watchdog_frequency is None
+
+
+def fake_program(script: str = "") -> tuple[URProgram, Any]:
     """A program over an arm that does as it is told at once."""
     told: Any = SimpleNamespace(velocities=np.zeros(6), moved=[])
     arm: Any = SimpleNamespace(
@@ -48,7 +55,7 @@ def fake_program() -> tuple[URProgram, Any]:
         servo=told.moved.append,
         command=lambda velocities: setattr(told, "velocities", velocities),
     )
-    return URProgram("", arm, URKinematics(load_robot_model("diff_ur5"), "arm")), told
+    return URProgram(script, arm, URKinematics(load_robot_model("diff_ur5"), "arm")), told
 
 
 @pytest.mark.parametrize("wrong", [7.0, float("nan")])

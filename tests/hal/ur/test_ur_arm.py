@@ -37,8 +37,10 @@ class Controller(JointChannel):
         if self.lost is not None:
             raise ConnectionFailedError(self.lost)
         self.calls.append((name, arguments))
-        if name == "move_path":
-            self.moving, self.goal = True, np.array(arguments[0][-1][:6])
+        if name == "upload_path":
+            self.goal = np.array(arguments[0][-1][:6])
+        elif name == "start_path":
+            self.moving = True
         elif name.startswith("stop"):
             self.moving, self.speed = False, np.zeros(6)
         return True
@@ -160,7 +162,7 @@ def test_a_path_is_sent_once_with_its_limits_and_a_blend_at_all_but_its_last_way
     now[0] += PERIOD
     arm.cycle(PERIOD)
     ((name, (rows,)),) = controller.calls
-    assert name == "move_path"
+    assert name == "upload_path"
     assert [row[:6] for row in rows] == [(HOME + NUDGE).tolist(), HOME.tolist()]
     assert [row[8] for row in rows] == [0.02, 0.0]
     for row in rows:
@@ -243,7 +245,7 @@ def test_a_motion_of_the_controller_that_is_ended_is_stopped_there_before_anythi
         controller.calls.clear()
         motion = begin()
         run(0.05)
-        assert len(controller.calls) == 1
+        begun = len(controller.calls)
         motion.cancel() if end == "cancel" else arm.stop()
         assert motion.status is MotionStatus.CANCELED
         for command in (arm.move_to, arm.servo, arm.command):
@@ -253,18 +255,22 @@ def test_a_motion_of_the_controller_that_is_ended_is_stopped_there_before_anythi
             arm.speed_joints(NUDGE, 1.0)
         assert not arm.resting
         run(PERIOD)
-        assert controller.asked[1:] == [stop_call]
+        assert controller.asked[begun:] == [stop_call]
         assert arm.resting
         assert motion.status is MotionStatus.CANCELED
 
 
-def test_a_motion_of_the_controller_that_is_ended_before_it_began_never_begins(
-    arm: URArm, controller: Controller, run: Run
+@pytest.mark.parametrize("uploaded", [False, True])
+def test_a_path_that_is_ended_before_or_during_its_upload_never_begins(
+    arm: URArm, controller: Controller, run: Run, uploaded: bool
 ) -> None:
     motion = arm.move_path([HOME + 300 * NUDGE])
+    if uploaded:
+        run(PERIOD)
+        assert controller.asked == ["upload_path"]
     motion.cancel()
     run(0.3)
-    assert "move_path" not in controller.asked
+    assert "start_path" not in controller.asked
     assert arm.resting
 
 
