@@ -29,7 +29,7 @@ START_TIME, STOP_TIME = 1.0, 2.0
 UPLOAD_TIME = 2.0 * PROGRAM_TIME + 1.0
 """Seconds within which a program with a path has to run; nothing moves meanwhile."""
 RENEWAL = 0.05
-"""Seconds after which a speed is renewed; one that is not is stopped by the SDK's process."""
+"""Seconds after which a motion is renewed; one that is not is stopped by the SDK's process."""
 TOOL_ACCELERATION = 1.0
 ARRIVED = 0.01
 SPEED_MARGIN = 1.1
@@ -57,7 +57,7 @@ class URArm(StreamedArm):
 
     ``move_path``, ``speed_joints`` and ``speed_tool`` are the controller's ``movej``, ``speedj`` and ``speedl``, within
     the same limits as everything else. They do not take over from one another: ``stop`` or ``cancel`` comes first.
-    Speeds are renewed every 0.05 s, and end where this process does not renew them any more.
+    Motions of the controller are renewed every 0.05 s, and end where this process does not renew them any more.
     """
 
     def __init__(
@@ -214,15 +214,15 @@ class URArm(StreamedArm):
             if not (own.stopping or over or wrong is not None):
                 self._renew(own)
                 return
-            if not over or own.stop_call == "stop_speed":
-                self._link.call(own.stop_call, timeout=STOP_TIME)
+            arrived = over and own.stop_call == "stop_path"
+            self._link.call("end_path" if arrived else own.stop_call, timeout=STOP_TIME)
         except ConnectionFailedError as error:
             own.motion.fail(MotionErrorCode.FAULT, str(error))
         self._leave(own)
 
     def _renew(self, own: _OwnMotion) -> None:
-        if own.stop_call == "stop_speed" and time.monotonic() - own.renewed > RENEWAL:
-            self._link.call("renew_speed", timeout=STOP_TIME)
+        if time.monotonic() - own.renewed > RENEWAL:
+            self._link.call("renew", timeout=STOP_TIME)
             own.renewed = time.monotonic()
 
     def _wrong(self, report: Report) -> str | None:

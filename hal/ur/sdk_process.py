@@ -31,8 +31,8 @@ CONTROL_RATE = 125.0
 KICK_PERIOD = 0.02
 SPEED_TIME = 0.02
 """Seconds that one ``speedj`` of the SDK's program lasts, after which it looks for a newer one."""
-SPEED_LAPSES = 0.25
-"""Seconds after which a speed that the parent has not renewed is stopped."""
+MOTION_LAPSES = 0.25
+"""Seconds after which a path or a speed that the parent has not renewed is stopped."""
 REST_TIME, AT_REST = 1.0, 0.02
 """Seconds that the arm gets to come to rest, and rad/s that count as that."""
 REAL_TIME_PRIORITY = 20
@@ -105,9 +105,10 @@ class SDKProcess:
         self._busy = False
         self._kicked = 0.0
         self._program = os.memfd_create("control.script")
-        self._speed_until: float | None = None  # None: no speed is commanded
         self._heard: float | None = None  # of the parent; None: it has not begun to give signs of life
         self._lapsed = False
+        self._renewed_until: float | None = None  # None: the controller moves along nothing of its own
+        self._stop: Callable[[], None] = self.stop_speed
         self._answers: dict[str, Callable[..., Any]] = {
             "open": self.open,
             "recover": self.recover,
@@ -115,9 +116,10 @@ class SDKProcess:
             "set_output": self.set_output,
             "upload_path": self.upload_path,
             "start_path": self.start_path,
+            "end_path": self.end_path,
             "speed_joints": lambda speeds, acceleration: self.speed("speedJ", speeds, acceleration),
             "speed_tool": lambda twist, acceleration: self.speed("speedL", twist, acceleration),
-            "renew_speed": self.renew_speed,
+            "renew": self.renew,
             "stop_path": self.stop_path,
             "stop_speed": self.stop_speed,
         }
@@ -139,8 +141,8 @@ class SDKProcess:
                     self._kicked = time.monotonic()
                 if self._heard is not None and time.monotonic() - self._heard > self._settings["heartbeat"]:
                     self._lapse()
-                if self._speed_until is not None and time.monotonic() > self._speed_until:
-                    self.stop_speed()
+                if self._renewed_until is not None and time.monotonic() > self._renewed_until:
+                    self._stop()
         except (EOFError, OSError):
             self._go()
 
@@ -169,7 +171,7 @@ class SDKProcess:
     def recover(self) -> None:
         """Start the program anew: whatever it was at when it was stopped is over. RefusedError as ``open``."""
         self._check_released()
-        self._speed_until = None
+        self._renewed_until = None
         self._upload()
         self._set_up()
         self._lapsed = False
@@ -177,8 +179,8 @@ class SDKProcess:
     def leave(self) -> None:
         """End set-points and the program."""
         if self._control is not None and self._control.isProgramRunning():
-            if self._speed_until is not None:
-                self.stop_speed()
+            if self._renewed_until is not None:
+                self._stop()
             self._control.servoStop(self._settings["deceleration"])
             self._control.stopScript()
         self._control = None
@@ -213,33 +215,40 @@ class SDKProcess:
 
     def start_path(self) -> bool:
         """Move along the path that was uploaded: command 1 of the program, whose own arguments do not count."""
-        return bool(self._control.moveJ(self._receive.getActualQ(), 0.1, 0.1, True))
+        begun = bool(self._control.moveJ(self._receive.getActualQ(), 0.1, 0.1, True))
+        self._watch(self.stop_path)
+        return begun
+
+    def end_path(self) -> None:
+        """It has arrived: nothing has to be renewed any more."""
+        self._renewed_until = None
 
     def speed(self, function: str, target: list[float], acceleration: float) -> bool:
-        """Move at speeds until ``stop_speed``, which comes of itself where ``renew_speed`` does not come.
+        """Move at speeds until ``stop_speed``, which comes of itself where ``renew`` does not come.
 
         The SDK's program has a thread that repeats ``speedj`` until ``speedStop``, whatever its ``time`` is.
         """
         self._control.servoStop(self._settings["deceleration"])  # no two threads of the program may move the arm
         begun = bool(getattr(self._control, function)(target, acceleration, SPEED_TIME))
-        self._speed_until = time.monotonic() + SPEED_LAPSES
+        self._watch(self.stop_speed)
         return begun
 
-    def renew_speed(self) -> None:
-        """The parent is alive and wants the speed to go on."""
-        if self._speed_until is None:
-            raise RefusedError(f"the speed was not renewed for {SPEED_LAPSES:g} s")
-        self._speed_until = time.monotonic() + SPEED_LAPSES
+    def renew(self) -> None:
+        """The parent is alive and wants the motion to go on."""
+        if self._renewed_until is None:
+            raise RefusedError(f"the motion was not renewed for {MOTION_LAPSES:g} s")
+        self._watch(self._stop)
 
     def stop_speed(self) -> None:
         """Brake, and end the program's thread when the arm rests: a ``stopj`` in motion would outlast the watchdog."""
-        self._speed_until = None
+        self._renewed_until = None
         deceleration = self._settings["deceleration"]
         self._come_to_rest(lambda: self._control.speedJ([0.0] * 6, deceleration, SPEED_TIME))
         self._control.speedStop(deceleration)
 
     def stop_path(self) -> None:
         """Brake on the way of a path."""
+        self._renewed_until = None
         self._control.stopJ(self._settings["deceleration"], True)
         self._come_to_rest(self._control.kickWatchdog)
 
@@ -252,6 +261,9 @@ class SDKProcess:
         os.pwrite(self._program, program.replace(PATH_PLACE, PATH_PLACE + path).encode("ascii"), 0)
         self._control.setCustomScriptFile(f"/proc/self/fd/{self._program}")
         self._await(self._control.isProgramRunning, PROGRAM_TIME, "its program does not start")
+
+    def _watch(self, stop: Callable[[], None]) -> None:
+        self._renewed_until, self._stop = time.monotonic() + MOTION_LAPSES, stop
 
     def _come_to_rest(self, keep_alive: Callable[[], object]) -> None:
         """Wait for that, with a sign of life to the controller's watchdog meanwhile."""

@@ -300,7 +300,7 @@ def test_a_speed_is_renewed_ten_times_a_second_at_least_and_stopped_after_its_du
     run(0.98)
     assert not motion.done
     assert controller.asked[0] == "speed_joints"
-    assert set(controller.asked[1:]) == {"renew_speed"}
+    assert set(controller.asked[1:]) == {"renew"}
     assert len(controller.asked) > 10
     run(0.05)
     assert controller.asked[-1] == "stop_speed"

