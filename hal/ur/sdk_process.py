@@ -31,8 +31,6 @@ CONTROL_RATE = 125.0
 KICK_PERIOD = 0.02
 SPEED_TIME = 0.02
 """Seconds that one ``speedj`` of the SDK's program lasts, after which it looks for a newer one."""
-MOTION_LAPSES = 0.25
-"""Seconds after which a path or a speed that the parent has not renewed is stopped."""
 REST_TIME, AT_REST = 1.0, 0.02
 """Seconds that the arm gets to come to rest, and rad/s that count as that."""
 REAL_TIME_PRIORITY = 20
@@ -236,7 +234,7 @@ class SDKProcess:
     def renew(self) -> None:
         """The parent is alive and wants the motion to go on."""
         if self._renewed_until is None:
-            raise RefusedError(f"the motion was not renewed for {MOTION_LAPSES:g} s")
+            raise RefusedError("the motion was not renewed in time")
         self._watch(self._stop)
 
     def stop_speed(self) -> None:
@@ -263,7 +261,8 @@ class SDKProcess:
         self._await(self._control.isProgramRunning, PROGRAM_TIME, "its program does not start")
 
     def _watch(self, stop: Callable[[], None]) -> None:
-        self._renewed_until, self._stop = time.monotonic() + MOTION_LAPSES, stop
+        """As the controller watches this process, so it watches its parent: ``stop`` without a renewal in that time."""
+        self._renewed_until, self._stop = time.monotonic() + 1.0 / self._settings["watchdog"], stop
 
     def _come_to_rest(self, keep_alive: Callable[[], object]) -> None:
         """Wait for that, with a sign of life to the controller's watchdog meanwhile."""
