@@ -279,10 +279,8 @@ class SDKProcess:
         self._heard, self._lapsed = None, True
         if self._control is None or not self._control.isProgramRunning():
             return
-        if self._speed_until is not None:
-            self.stop_speed()
-        elif self._moves():
-            self.stop_path()
+        if self._renewed_until is not None:
+            self._stop()
         else:
             self._control.servoStop(self._settings["deceleration"])
 

@@ -358,7 +358,7 @@ def test_a_fault_ends_the_controllers_motion_and_a_lost_link_fails_it(
     assert motion.failure is not None
     assert motion.failure.code is MotionErrorCode.COLLISION
     run(PERIOD)
-    assert controller.asked == ["move_path", "stop_path"]
+    assert controller.asked == ["upload_path", "start_path", "stop_path"]
     motion = arm.speed_joints(NUDGE, 5.0)
     controller.lost = "the process of the UR's SDK has ended"
     run(PERIOD)
