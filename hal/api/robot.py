@@ -85,6 +85,21 @@ class Robot(ABC):
     def stopped(self) -> bool:
         """Whether the stop is latched."""
 
+    speed = 1.0
+    """The share of their speed at which motions run, see ``set_speed``."""
+
+    def set_speed(self, share: float) -> None:
+        """Run all motions, also those under way, at a ``share`` of their speed, 0 to 1; callable from any thread.
+
+        The time of a motion passes more slowly, so that it keeps to its path; at 0 it waits. It holds until it is set
+        again. Grippers, and motions that a controller plans by itself, keep their speed. ValueError.
+        """
+        if not 0.0 <= share <= 1.0:
+            raise ValueError(f"speed = {share!r} is not within [0, 1]")
+        self.speed = float(share)
+        for part in self.parts.values():
+            part.speed_share = self.speed
+
     @property
     def unsupported(self) -> Mapping[str, str]:
         """What of this API, or of its model, the robot does not have → why, in words.

@@ -71,6 +71,7 @@ class IsolatedRobot(Robot):
         try:
             self._client.start(Setup(self.model, self._start))
             self._client.call(Call(ROBOT, "connect"))
+            self._client.call(Call(ROBOT, "set_speed", (self.speed,)))
             if self._description.stopped:
                 self._client.stop(Call(ROBOT, "stop"))
             for name, part in self.parts.items():
@@ -102,6 +103,12 @@ class IsolatedRobot(Robot):
         self._description.stop()
         with suppress(NotConnectedError):  # it was lost: nothing moves any more
             self._client.stop(Call(ROBOT, "stop"))
+
+    def set_speed(self, share: float) -> None:
+        """As ``Robot.set_speed``, past whatever else is being asked, and within the time of a stop."""
+        super().set_speed(share)
+        with suppress(NotConnectedError):  # the next process is told when it begins
+            self._client.stop(Call(ROBOT, "set_speed", (self.speed,)))
 
     def clear_stop(self) -> None:
         """Accept commands again; raises as ``HardwareRobot.clear_stop``. Connects again where the process was lost."""

@@ -63,6 +63,7 @@ class DrivenBase(ControlledPart, MobileBase):
         self._wanted = self._sent = STILL
         self._braking = False
         self._lapses_in = 0.0
+        self._share = 1.0  # of the wanted velocity, on the way to ``speed_share``
         self._profile: MotionProfile | None = None
         self._silent_after = 0
 
@@ -150,7 +151,7 @@ class DrivenBase(ControlledPart, MobileBase):
             rest = self._wanted == self._sent == STILL
             self._silent_after = self._silent_after - 1 if rest else self._timing.rest_repeats
             if rest and self._silent_after < 0:
-                self._silent_after = 0
+                self._silent_after, self._share = 0, self.speed_share
                 return
             velocity = self._approached(elapsed)
         taken = self._channel.send(velocity)
@@ -187,7 +188,7 @@ class DrivenBase(ControlledPart, MobileBase):
             self._halt(hard=False)
             self._connection.end_motion(MotionStatus.FAILED, MotionErrorCode.FAULT, str(error))
             return
-        self._wanted = profile.velocity(odometry, elapsed)
+        self._wanted = profile.velocity(odometry, elapsed * self._share)
         if profile.arrived:
             self._halt(hard=False)
             if motion is not None:
@@ -202,8 +203,12 @@ class DrivenBase(ControlledPart, MobileBase):
 
     def _approached(self, elapsed: float) -> Twist2D:
         """The velocity next to the last one on the way to the wanted one, within the acceleration limits."""
-        limits, sent, wanted = self.model.part, self._sent, self._wanted
+        limits, sent = self.model.part, self._sent
         linear, angular = limits.max_acceleration, limits.max_angular_acceleration
+        # All velocities alike, and no faster than the base can follow, so that the curvature stays.
+        change = elapsed * min(linear / limits.max_vx, angular / limits.max_wz)
+        self._share = min(max(self.speed_share, self._share - change), self._share + change)
+        wanted = Twist2D(*(self._share * value for value in (self._wanted.vx, self._wanted.vy, self._wanted.wz)))
         if self._braking:
             linear = max(linear, limits.max_vx / self._timing.stop_time)
             angular = max(angular, limits.max_wz / self._timing.stop_time)

@@ -17,12 +17,13 @@ class Setpoints(ABC):
     """A sequence of set-points; positions and velocities are (n,).
 
     ``waits``: whether it is a way, which goes on only as fast as the joints come along. ``brakes``: whether joints
-    slow down for a stop.
+    slow down for a stop. ``scaled``: whether its time passes at the share that an operator has set.
     """
 
     finished = False
     waits = False
     brakes = False
+    scaled = True
 
     @abstractmethod
     def advance(self, dt: float) -> tuple[Array, Array]:
@@ -49,6 +50,7 @@ class Hold(Setpoints):
     """Stay at ``position``."""
 
     finished = True
+    scaled = False
 
     def __init__(self, position: Array) -> None:
         self._position = position
@@ -65,6 +67,7 @@ class Brake(_FromState):
     """
 
     brakes = True
+    scaled = False
 
     def __init__(self, position: Array, velocity: Array, deceleration: Array, lower: Array, upper: Array) -> None:
         super().__init__(position, velocity)
@@ -180,7 +183,12 @@ class Drift(_FromState):
 
 
 class Stream(Setpoints):
-    """One streamed set-point, approached at constant velocity over ``interval`` seconds and then held."""
+    """One streamed set-point, approached at constant velocity over ``interval`` seconds and then held.
+
+    Who streams them decides how fast; see ``Part.speed_share``.
+    """
+
+    scaled = False
 
     def __init__(self, position: Array, target: Array, interval: float) -> None:
         self._start, self._target, self._interval = position, target, interval
@@ -204,7 +212,7 @@ class BrakeThenMove(Setpoints):
     def __init__(self, brake: Brake, target: Array, speed: Array, acceleration: Array) -> None:
         self._brake, self._target, self._limits = brake, target, (speed, acceleration)
         self._move: Trapezoid | None = None
-        self.brakes = True
+        self.brakes, self.scaled = True, False
 
     def go_on_from(self, position: Array, velocity: Array) -> bool:
         """As the brake; the straight line is kept."""
@@ -217,7 +225,7 @@ class BrakeThenMove(Setpoints):
                 return self._brake.advance(dt)
             start, _ = self._brake.advance(0.0)
             self._move = Trapezoid(start, self._target, *self._limits)
-            self.waits, self.brakes = True, False
+            self.waits, self.brakes, self.scaled = True, False, True
         result = self._move.advance(dt)
         self.finished = self._move.finished
         return result

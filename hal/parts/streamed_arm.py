@@ -81,7 +81,7 @@ class StreamedArm(StreamedJointGroup, Arm):
         with self._connection.lock:
             if not isinstance(self._setpoints, Follow):
                 return None
-            return max(0.0, self._setpoints.time - self._channel.age) * self._pace
+            return max(0.0, self._setpoints.time - self._time_scale.share * self._channel.age) * self._pace
 
     def servo(self, positions: ArrayLike) -> None:
         """Stream one set-point: it is reached after the time since the last one (at most 0.1 s)."""

@@ -15,6 +15,7 @@ from hal.parts.gate import SetpointGate, ToolLimits
 from hal.parts.part_connection import ConnectionFailedError
 from hal.parts.setpoints import Brake, BrakeThenMove, Drift, Hold, Reach, Setpoints, Stream, Trapezoid
 from hal.parts.stop_latch import StopLatch
+from hal.parts.time_scale import TimeScale
 
 # What joints refuse: commands that are malformed, not finite or beyond a limit.
 
@@ -24,6 +25,8 @@ OUTSIDE = 0.01
 """Radians or metres by which a joint at the end of its range may be beyond it when it is connected."""
 SHORTEST = 1e-5
 """Seconds that a cycle counts at least."""
+SLOWEST = 0.01
+"""Share of real time below which joints count as at rest by the time of their set-points."""
 AT_REST = 1e-3
 """Share of their top speed below which joints count as held at rest by the gate."""
 START_TOLERANCE = 0.05
@@ -183,6 +186,7 @@ class StreamedJointGroup(StoppablePart, JointGroup):
         self._tracking = tracking
         self._checks = JointCommandChecks(name, model)
         self._gate = SetpointGate(model, period, tool, tracking.stop_time, channel.longest_tool_step)
+        self._time_scale = TimeScale(model.acceleration)
         rest = np.zeros(len(model.joint_names))
         self._wanted: Array = rest  # where the set-points would be without the gate
         self._position: Array = rest
@@ -241,11 +245,11 @@ class StreamedJointGroup(StoppablePart, JointGroup):
             if positions is not None:
                 target = checks.positions("command", positions)
                 self._check_way("command", target)
-                reach = Reach(self._position, self._velocity, target, model.velocity, model.acceleration)
+                reach = Reach(self._position, self._own_velocity, target, model.velocity, model.acceleration)
                 self._take_over(reach, None)
             else:
                 wanted = checks.velocities("command", velocities if velocities is not None else ())
-                drift = Drift(self._position, self._velocity, wanted, model.acceleration, model.lower, model.upper)
+                drift = Drift(self._position, self._own_velocity, wanted, model.acceleration, model.lower, model.upper)
                 self._take_over(drift, None)
                 self._lapses_in = self._tracking.velocity_timeout
 
@@ -323,6 +327,7 @@ class StreamedJointGroup(StoppablePart, JointGroup):
             elapsed = max(elapsed, SHORTEST)
             if at_rest:
                 self._gate.rest(elapsed)
+                self._time_scale.rest(self.speed_share)
             else:
                 self._advance(elapsed)
             if at_rest and not self._channel.stream_at_rest:
@@ -374,14 +379,26 @@ class StreamedJointGroup(StoppablePart, JointGroup):
         if setpoints.waits:
             behind = float(np.max(np.abs(self._wanted - self._position)))
             pace = max(0.0, 1.0 - behind / self._tracking.held_back)
-        self._wanted, velocity = setpoints.advance(pace * dt)
-        self._velocity = pace * velocity
+        if setpoints.scaled:
+            pace *= self._time_scale.approach(self.speed_share, dt)
+        self._velocity = np.zeros_like(self._velocity)
+        if pace > 0.0:
+            self._wanted, velocity = setpoints.advance(pace * dt)
+            self._time_scale.took(velocity, pace * dt)
+            self._velocity = pace * velocity
         reserve = self._tracking.stream_reserve if isinstance(setpoints, Stream) else 1.0
         self._position = self._gate.admit(self._wanted, self._velocity, dt, elapsed, setpoints.brakes, reserve)
         if self._gate.reason:
             self._velocity = self._gate.rate
-            if setpoints.go_on_from(self._position, self._velocity):
+            own = self._own_velocity if setpoints.scaled else self._velocity
+            if setpoints.go_on_from(self._position, own):
                 self._wanted = self._position
+
+    @property
+    def _own_velocity(self) -> Array:
+        """Of the joints, by the time of set-points that pass more slowly than real time."""
+        velocity: Array = self._velocity / max(self._time_scale.share, SLOWEST)
+        return np.clip(velocity, -self.model.velocity, self.model.velocity)
 
     def _watch_lapse(self, elapsed: float) -> None:
         if isinstance(self._setpoints, Drift):
@@ -418,6 +435,7 @@ class StreamedJointGroup(StoppablePart, JointGroup):
             model = self.model
             here = np.clip(self._channel.read().positions, model.lower, model.upper)
             self._setpoints = Reach(self._position, self._velocity, here, model.velocity, model.acceleration)
+            self._setpoints.scaled = False  # whatever an operator has slowed down
 
     def _rest_at(self, position: Array, velocity: Array | None = None) -> None:
         """Set-points go on from ``position``, at rest or at a ``velocity``."""

@@ -77,6 +77,11 @@ class RecordedRobot(Robot):
         """Stop the robot."""
         self._robot.stop()
 
+    def set_speed(self, share: float) -> None:
+        """Set the robot's speed."""
+        super().set_speed(share)
+        self._robot.set_speed(share)
+
     def clear_stop(self) -> None:
         """Clear the robot's stop."""
         self._robot.clear_stop()

@@ -179,7 +179,7 @@ class ConstraintFollowing:
 
     def tick(self) -> bool:
         """One period; False when it is over and the arm is to be stopped."""
-        self._time += self._stream.streaming.period
+        self._time += self._stream.step_time
         tool = self._stream.measured()
         self._feel(tool)
         if self._ending is not None:
@@ -242,11 +242,11 @@ class ConstraintFollowing:
         return left
 
     def _advance(self, held: Array, tangent: Array, side: Array, pull: float) -> tuple[FollowEnd, str] | None:
-        goal, p, period = self._goal, self._following, self._stream.streaming.period
+        goal, p, time = self._goal, self._following, self._stream.step_time
         braking = math.sqrt(2.0 * p.acceleration * max(self._remaining(held), 1e-5))
         # The closer to the force limit, the slower, so that nothing locked is pulled at harder.
         yielding = goal.speed * min(1.0, max(0.0, 2.0 * (1.0 - pull / goal.max_pull)))
-        self._speed = min(self._speed + p.acceleration * period, goal.speed, braking, yielding)
+        self._speed = min(self._speed + p.acceleration * time, goal.speed, braking, yielding)
         for slower in (1.0, 0.5, 0.2):
             velocity = slower * self._speed * tangent + self._giving_way(side)
             for turn in self._turns(held, slower):
@@ -263,7 +263,7 @@ class ConstraintFollowing:
     def _turns(self, held: Array, slower: float) -> tuple[float, ...]:
         """By what angle to turn the hand in this period: with the door, or, where the arm cannot, not at all."""
         axis = self._estimator.axis
-        most = slower * self._following.turn_speed * self._stream.streaming.period
+        most = slower * self._following.turn_speed * self._stream.step_time
         if self._goal.guide is not None:
             wanted = self._goal.guide.turn(axis.travelled(self._start, held))
         else:
@@ -279,7 +279,7 @@ class ConstraintFollowing:
         pose, axis = self._stream.pose, self._estimator.axis.direction
         rotation = Pose(np.zeros(3), np.append(math.sin(turn / 2) * axis, math.cos(turn / 2)))
         turned = rotation @ Pose(np.zeros(3), pose.quaternion)
-        held = self._held(pose) + velocity * self._stream.streaming.period
+        held = self._held(pose) + velocity * self._stream.step_time
         return Pose(held - turned.rotation @ self._held_at, turned.quaternion)
 
     def _relax(self, tool: Pose) -> bool:

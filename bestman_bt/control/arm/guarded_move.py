@@ -52,6 +52,11 @@ class ToolStream:
         self._largest_change = self.streaming.period**2 * arm.model.acceleration
         self._step: NDArray[np.float64] = np.zeros_like(speed)
 
+    @property
+    def step_time(self) -> float:
+        """Seconds of motion in one period: fewer where an operator has slowed the arm down."""
+        return self.streaming.period * self._arm.speed_share
+
     def measured(self) -> Pose:
         """Where the tool is, by encoders."""
         return self._kinematics.tool_pose(self._arm.positions())
@@ -152,9 +157,10 @@ class GuardedMove:
         if touched or left <= 1e-4:
             self._motion.succeed(GuardedOutcome(touched, distance, self._force, tool))
             return False
-        self._speed = min(self._speed + p.acceleration * period, self._target_speed, (2 * p.acceleration * left) ** 0.5)
+        time = self._stream.step_time
+        self._speed = min(self._speed + p.acceleration * time, self._target_speed, (2 * p.acceleration * left) ** 0.5)
         for slower in (1.0, 0.5, 0.2):
-            way = min(slower * self._speed * period, left) * self._direction
+            way = min(slower * self._speed * time, left) * self._direction
             pose = self._stream.pose
             if self._stream.send(Pose(pose.position + way, pose.quaternion)) is StreamStep.SENT:
                 return True

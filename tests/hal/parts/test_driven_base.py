@@ -108,6 +108,29 @@ def test_no_velocity_or_acceleration_beyond_the_limits_is_sent(base: DrivenBase,
     assert max(changes) <= limits.max_acceleration * PERIOD + 1e-9
 
 
+@pytest.mark.parametrize("share", [0.3, 0.05])
+def test_a_slowed_base_keeps_its_curve_and_a_waiting_motion_goes_on_to_its_end(
+    base: DrivenBase, channel: Unicycle, run: Run, share: float
+) -> None:
+    for step in range(60):
+        base.speed_share = 1.0 if step < 30 else share
+        base.set_velocity(0.4, 0.0, 0.2)
+        run(0.1)
+    assert astuple(channel.twist) == pytest.approx((0.4 * share, 0.0, 0.2 * share))
+    assert {round(twist.wz / twist.vx, 6) for twist in channel.sent[100:]} == {0.5}
+    run(3.0)
+    start, motion = channel.pose, base.move_forward(0.4)
+    run(0.5)
+    base.speed_share = 0.0
+    run(20.0)
+    assert channel.twist == Twist2D(0.0, 0.0, 0.0)
+    assert not motion.done
+    base.speed_share = 1.0
+    run(4.0)
+    assert motion.status is MotionStatus.SUCCEEDED
+    assert (start.inverse() @ channel.pose).x == pytest.approx(0.4, abs=0.003)
+
+
 def test_a_velocity_lapses_without_a_new_command(base: DrivenBase, channel: Unicycle, run: Run) -> None:
     base.set_velocity(0.3, 0.0, 0.0)
     run(base.command_timeout)
