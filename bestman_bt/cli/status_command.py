@@ -26,6 +26,7 @@ def command(run: Run = None, as_json: Json = False) -> None:
 def _words(status: dict[str, Any]) -> str:
     """Several lines."""
     state = f"paused{waits_at(status)}" if status["paused"] else "running"
+    state += "" if status["speed"] == 1.0 else f" at {status['speed']:.0%} of its speed"
     lines = [f"{state}, tick {status['ticks']}, {status['time']:.2f} s"]
     lines += [f"  active: {path}" for path in status["active"]]
     parts = ", ".join(f"{name} {state}" for name, state in status["parts"].items())

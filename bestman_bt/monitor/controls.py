@@ -55,6 +55,13 @@ def _set(asked: Request, nodes: NodeList) -> Request:
     return request
 
 
+def _speed(asked: Request, nodes: NodeList) -> Request:
+    share = asked.get("share")
+    if isinstance(share, bool) or not isinstance(share, int | float):
+        raise RunError("speed wants a share, a number up to 1")
+    return {"share": share}
+
+
 def _breakpoint(asked: Request, nodes: NodeList) -> Request:
     request = _node(asked, nodes) | {"when": _when(asked)}
     if asked.get("condition"):
@@ -82,6 +89,7 @@ CONTROLS: dict[str, Callable[[Request, NodeList], Request]] = {
     "pause": _nothing,
     "resume": _nothing,
     "step": _nothing,
+    "speed": _speed,
     "halt": _nothing,
     "stop": _nothing,
     "set": _set,
@@ -92,6 +100,7 @@ CONTROLS: dict[str, Callable[[Request, NodeList], Request]] = {
 
 FIELDS: dict[str, tuple[str, ...]] = {
     "set": ("key", "value", "scope"),
+    "speed": ("share",),
     "breakpoint": ("node", "when", "condition", "once"),
     "clear_breakpoint": ("node", "when"),
     "force": ("node", "result"),

@@ -137,7 +137,7 @@ class BlackboardEvent:
 class RobotEvent:
     """Where the robot believes to be (x, y, yaw), how sure it is (metres, radians), its joints, and what it holds.
 
-    ``diagnostics``: part → what is wrong with it.
+    ``diagnostics``: part → what is wrong with it. ``speed``: the share of it at which an operator lets the robot move.
     """
 
     time: float
@@ -149,6 +149,7 @@ class RobotEvent:
     efforts: dict[str, float] | None = None
     held: str | None = None
     diagnostics: dict[str, str] | None = None
+    speed: float = 1.0
     event: Literal["robot"] = "robot"
 
 

@@ -79,7 +79,7 @@ MAX_POINTS = 2_000
 """Points of one scan that are kept."""
 SERIES_POINTS = 1_500
 """Points of one joint's curve."""
-PLAIN = ("base", "believed_std", "held", "diagnostics")
+PLAIN = ("base", "believed_std", "held", "diagnostics", "speed")
 JOINT_VALUES = ("joints", "velocities", "efforts")
 
 

@@ -4,6 +4,7 @@ One JSON object a line in each direction. Requests, which are answered by ``{"ok
 ``{"ok": false, "error": …}``:
 
 - ``{"do": "status"}``, ``pause``, ``resume``, ``step``, ``halt``, ``stop``
+- ``{"do": "speed", "share": 0.05 to 1}``: of its speed at which the robot moves; ``pause`` lets it wait on its way
 - ``{"do": "set", "key": …, "value": …, "scope": …}``: a blackboard entry; ``scope``: path of a SubTree, else the root;
   the answer has a ``note`` where the entry is new
 - ``{"do": "breakpoint", "node": …, "when": "before" or "after", "condition": script, "once": false}``: the execution
@@ -29,6 +30,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from bestman_bt.control.operator_speed import SLOWEST, OperatorSpeed
 from bestman_bt.engine import RUNNING, EngineError, status_name
 from bestman_bt.engine.spelling import closest
 from bestman_bt.errors import Error
@@ -45,6 +47,11 @@ REQUEST_PAUSE = 0.005
 TASK_WAIT = 2.0
 """Seconds that what is done between ticks waits for the tick that goes on."""
 
+KNOWN = (
+    "status, subscribe, pause, resume, step, speed, set, breakpoint, clear_breakpoint, breakpoints, force, halt, stop"
+)
+"""Requests, for people."""
+
 Request = dict[str, Any]
 
 
@@ -55,7 +62,7 @@ class RefusedError(Error):
 class ControlChannel:
     """Serves one executor; ``stop_robot`` is called at once, from the serving thread: a stop that no tree may clear.
 
-    ``robot_state``: what ``status`` tells of the robot and its parts, in words.
+    ``robot_state``: what ``status`` tells of the robot and its parts, in words. ``speed``: of the robot.
     """
 
     def __init__(
@@ -64,10 +71,12 @@ class ControlChannel:
         stop_robot: Callable[[], None],
         telemetry: Telemetry,
         robot_state: Callable[[], dict[str, dict[str, str]]] = lambda: {"parts": {}, "robot": {}},
+        speed: OperatorSpeed | None = None,
     ) -> None:
         self._executor = executor
         self._stop_robot = stop_robot
         self._telemetry = telemetry
+        self._speed = speed or OperatorSpeed(lambda share: None, executor.clock)
         self._robot_state = robot_state
         self._breakpoints = Breakpoints(executor, self._tell_breakpoints)
 
@@ -117,6 +126,7 @@ class ControlChannel:
             "ticks": executor.ticks,
             "time": self._telemetry.now(),
             "paused": paused,
+            "speed": self._speed.share,
             "held_at": None if held_at is None else asdict(held_at),
             "root": status_name(executor.tree.root.state),
             "breakpoints": self._breakpoints.documents(),
@@ -147,16 +157,29 @@ class ControlChannel:
         """Let the tree go on, or not."""
         executor = self._executor
         match what:
+            case "stop":
+                executor.cancel("stopped through the control channel")
+                self._stop_robot()
+                self._speed.go_on()
             case "halt":
                 executor.cancel("halted through the control channel")
+                self._speed.go_on()
             case "pause":
                 executor.pause()
+                self._speed.hold()  # at once, however long the tick under way takes
             case "resume":
+                self._speed.go_on()
                 executor.resume()
             case "step":
+                self._speed.go_on()
                 executor.step()
                 if not executor.wait_for_step(TASK_WAIT):
                     raise RefusedError(f"the tick is still under way after {TASK_WAIT:g} s; it pauses at its end")
+
+    def _set_speed(self, share: Any) -> None:
+        if isinstance(share, bool) or not isinstance(share, int | float):
+            raise RefusedError(f"speed wants a share, a number from {SLOWEST:g} to 1")
+        self._speed.set(share)
 
     def _change_breakpoints(self, what: str, message: Any) -> None:
         node, when = message.get("node"), message.get("when")
@@ -171,10 +194,9 @@ class ControlChannel:
         """Carry out a request; returns what its answer tells beside what each tells."""
         what = message.get("do") if isinstance(message, dict) else None
         match what:
-            case "stop":
-                self._executor.cancel("stopped through the control channel")
-                self._stop_robot()
-            case "halt" | "pause" | "resume" | "step":
+            case "speed":
+                self._set_speed(message.get("share"))
+            case "stop" | "halt" | "pause" | "resume" | "step":
                 self._drive(what)
             case "set":
                 if "value" not in message:
@@ -189,8 +211,7 @@ class ControlChannel:
             case "breakpoints":
                 pass
             case _:
-                known = "status, subscribe, pause, resume, step, set, breakpoint, clear_breakpoint, breakpoints, force"
-                raise RefusedError(f"unknown request {what!r}; known: {known}, halt, stop")
+                raise RefusedError(f"unknown request {what!r}; known: {KNOWN}")
         return {}
 
     def _set(self, key: Any, value: Any, scope: Any) -> dict[str, str]:

@@ -80,8 +80,8 @@ class ExecutionWatcher(Protocol):
 class Executor:
     """Runs one tree on one clock.
 
-    ``period``: seconds between ticks. ``time_limit``: seconds of the clock. ``after_tick``: called after each tick.
-    ``watchers`` are told of pauses, too.
+    ``period``: seconds between ticks. ``time_limit``: seconds of the clock, without pauses. ``after_tick``: called after
+    each tick. ``watchers`` are told of pauses, too.
     ``cancel``, ``pause``, ``resume`` and ``step`` may be called from any thread.
     """
 
@@ -111,6 +111,7 @@ class Executor:
         self._stepping = False  # whether the tick under way is the step that was asked for
         self._stepped = threading.Event()
         self._wake_ups = 0
+        self._waited = 0.0  # seconds of the clock that this run has been paused for
         self._tasks: deque[tuple[Callable[[], None], Future[None]]] = deque()
 
     def cancel(self, reason: str = "cancelled on request") -> None:
@@ -180,7 +181,7 @@ class Executor:
         start, wall_start = self.clock.now(), time.perf_counter()
         ending, status, why = Ending.FINISHED, IDLE, ""
         self.tree.allow_ticks()  # the reason of an earlier ``cancel`` is seen before the first one
-        self._over = False
+        self._over, self._waited = False, 0.0
         with self.interrupts():
             try:
                 self._looping = True
@@ -234,7 +235,7 @@ class Executor:
                 return Ending.CANCELLED, IDLE, self._cancel_reason
             if status != RUNNING:
                 return Ending.FINISHED, status, ""
-            if self.time_limit is not None and self.clock.now() - start >= self.time_limit:
+            if self.time_limit is not None and self.clock.now() - start - self._waited >= self.time_limit:
                 return Ending.TIMEOUT, IDLE, f"not done within {self.time_limit:g} s"
             if self._stepping:
                 self._step = self._stepping = False
@@ -253,7 +254,7 @@ class Executor:
 
     def _wait_for_turn(self, hold: Hold = Hold()) -> None:
         """Do what is to be done between ticks; while paused, wait."""
-        waits = False
+        waits, begun = False, self.clock.now()
         while True:
             self._do_tasks()
             if self._cancel_reason or self._go.is_set():
@@ -263,6 +264,7 @@ class Executor:
                 self._tell(hold)
             self._go.wait(PAUSE_POLL)
         if waits:
+            self._waited += self.clock.now() - begun
             self._tell(None)
 
     def _tell(self, hold: Hold | None) -> None:

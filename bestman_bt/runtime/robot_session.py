@@ -21,6 +21,7 @@ from behaviours.context import SkillContext
 from behaviours.navigation.localise import KNOWN_POSITION_STD
 from behaviours.skill import OnRobot
 from bestman_bt.configuration import RunConfig, load_run, task_of_tree, told_to_programs
+from bestman_bt.control.operator_speed import OperatorSpeed
 from bestman_bt.control.robot_stop import RobotStop
 from bestman_bt.engine import Problem, Tree, TreeLoadError
 from bestman_bt.records.events import RunEvent
@@ -86,7 +87,8 @@ COMPUTATION_COSTS = {
 class Session:
     """A connected robot and its skills.
 
-    ``entries``: root blackboard entries of the configured task, which every tree gets. ``ended``: after its ``with``
+    ``entries``: root blackboard entries of the configured task, which every tree gets. ``speed``: at which it moves
+    (``session.speed.set(0.3)``). ``ended``: after its ``with``
     block; then it loads and runs nothing more.
     """
 
@@ -94,6 +96,7 @@ class Session:
     robot: Robot
     skills: SkillContext
     entries: dict[str, Any]
+    speed: OperatorSpeed
     ended: bool = False
 
     def load(self, tree: str | Path | Behaviour | Tree | None = None) -> Tree:
@@ -129,9 +132,11 @@ class Session:
     def executor(self, tree: Tree, after_tick: Callable[[], None] | None = None) -> Executor:
         """An executor with the configured tick rate and time limit."""
         task = self.setup.config.task
-        return Executor(
+        made = Executor(
             tree, self.robot.clock, period=1.0 / task.tick_rate, time_limit=task.time_limit, after_tick=after_tick
         )
+        made.watchers.append(self.speed)
+        return made
 
     def run(
         self, tree: str | Path | Behaviour | Tree | None = None, after_tick: Callable[[], None] | None = None
@@ -149,7 +154,7 @@ class Session:
 
     def control_channel(self, executor: Executor, telemetry: Telemetry) -> ControlChannel:
         """Through which others watch and control an execution."""
-        return ControlChannel(executor, self.skills.stop.hold, telemetry, self.robot_state)
+        return ControlChannel(executor, self.skills.stop.hold, telemetry, self.robot_state, self.speed)
 
     def robot_state(self) -> dict[str, dict[str, str]]:
         """``parts``: name → ``ok``, ``stopped`` or what its driver says; ``robot``: the driver's diagnostics."""
@@ -185,7 +190,10 @@ class Session:
 
     def telemetry(self, executor: Executor, folder: Path | None = None) -> Telemetry:
         """Create the telemetry of one execution: tree states, robot, images, failures; kept in ``folder``, if any."""
-        sources = (RobotSource(self.robot, self.setup.robot_model, self.skills), PictureSource(self.skills, folder))
+        sources = (
+            RobotSource(self.robot, self.setup.robot_model, self.skills, self.speed),
+            PictureSource(self.skills, folder),
+        )
         run = describe_run(self.setup, executor, folder)
         return Telemetry(executor, run, folder, self.skills.failures, sources)
 
@@ -213,12 +221,13 @@ def open_session(
     with robot:
         if prepare_robot is not None:
             prepare_robot(robot)
-        skills = _skills(setup, robot if see_through is None else see_through(robot))
+        seen = robot if see_through is None else see_through(robot)
+        skills = _skills(setup, seen)
         skills.joints.start(robot.clock)
         localised = skills.has("base") and skills.has("lidar")
         if localised:
             skills.base.start()
-        opened = Session(setup, robot, skills, dict(setup.entries))
+        opened = Session(setup, robot, skills, dict(setup.entries), OperatorSpeed(seen.set_speed, seen.clock))
         try:
             yield opened
         finally:

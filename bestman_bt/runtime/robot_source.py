@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from behaviours.context import SkillContext
 from bestman_bt.control.joint_state import JointStateError, JointStateSensor
+from bestman_bt.control.operator_speed import OperatorSpeed
 from bestman_bt.control.wheeled.localisation_cycle import PlacedScan
 from bestman_bt.messages import Path2D, Pose2D
 from bestman_bt.records.events import MapEvent, MapPiece, PathEvent, RobotEvent, ScanEvent, Topic
@@ -33,8 +34,8 @@ Points = list[tuple[float, float]]
 class RobotSource:
     """Reads the encoders beside the skills, whose recordings it leaves alone; scans are those that localise it."""
 
-    def __init__(self, robot: Robot, model: RobotModel, skills: SkillContext) -> None:
-        self._skills = skills
+    def __init__(self, robot: Robot, model: RobotModel, skills: SkillContext, speed: OperatorSpeed) -> None:
+        self._skills, self._speed = skills, speed
         self._joints = JointStateSensor(robot.parts, model)
         self._tell: Tell | None = None
         self._next_robot = self._next_scan = 0.0
@@ -74,7 +75,7 @@ class RobotSource:
             diagnostics = {"encoders": str(error)}
         world = self._skills.world
         held = ", ".join(one.name for one in world.hands.values()) or None
-        return partial(_robot_events, time, tick, world.base, joints, held, diagnostics)
+        return partial(_robot_events, time, tick, world.base, joints, held, diagnostics, self._speed.share)
 
 
 def _robot_events(
@@ -84,10 +85,11 @@ def _robot_events(
     joints: dict[str, float],
     held: str | None,
     diagnostics: dict[str, str] | None,
+    speed: float,
 ) -> tuple[RobotEvent]:
     rounded = {name: round(float(position), DECIMALS) for name, position in joints.items() if math.isfinite(position)}
     std = (round(base.position_std, DECIMALS), round(base.heading_std, DECIMALS))
-    return (RobotEvent(time, tick, _planar(base.pose), std, rounded, held=held, diagnostics=diagnostics),)
+    return (RobotEvent(time, tick, _planar(base.pose), std, rounded, held=held, diagnostics=diagnostics, speed=speed),)
 
 
 def _path_events(time: float, path: Path2D | None) -> tuple[PathEvent]:

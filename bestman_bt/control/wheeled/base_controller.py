@@ -419,7 +419,7 @@ class BaseController:
         if where.lost and not action.by_odometry:
             where.look_again()  # stand and go on scanning: what begins while lost must not drive blindly
             return
-        if action.watch.is_stuck(pose, self._clock.now()):
+        if action.watch.is_stuck(pose, self._clock.now(), self._base.speed_share):
             text = f"the base has stalled at ({pose.x:.2f}, {pose.y:.2f}) m: {self._gate.held_by}"
             self._halt(MotionErrorCode.BLOCKED, text)
             return
@@ -492,13 +492,17 @@ class BaseController:
             self._action = None
 
 
+LONGEST_LOOK = 0.5
+"""Seconds between two looks at the progress of a base that is driven."""
+
+
 class ProgressWatch:
     """As nav2's progress checker: within ``time`` seconds a base should move ``distance`` metres or turn ``angle``."""
 
     def __init__(self, distance: float, angle: float, time: float) -> None:
         self._distance, self._angle, self._time = distance, angle, time
         self._pose: Pose2D | None = None
-        self._since = 0.0
+        self._looked_at = 0.0
         self.without = 0.0
         """Seconds without progress, as of the last pose."""
 
@@ -506,10 +510,15 @@ class ProgressWatch:
         """The time that has passed does not count: the base was not to move."""
         self._pose = None
 
-    def is_stuck(self, pose: Pose2D, now: float) -> bool:
-        """Take in where the base is at ``now`` seconds."""
+    def is_stuck(self, pose: Pose2D, now: float, speed_share: float = 1.0) -> bool:
+        """Take in where the base is at ``now`` seconds; one that is slower by ``speed_share`` has longer.
+
+        The time of a pause, in which nobody drives it, does not count.
+        """
         moved = self._pose is None or pose.distance_to(self._pose) > self._distance
         if self._pose is None or moved or abs(wrap_angle(pose.theta - self._pose.theta)) > self._angle:
-            self._pose, self._since = pose, now
-        self.without = now - self._since
+            self._pose, self.without = pose, 0.0
+        else:
+            self.without += speed_share * min(now - self._looked_at, LONGEST_LOOK)
+        self._looked_at = now
         return self.without > self._time

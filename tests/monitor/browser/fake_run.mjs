@@ -86,6 +86,7 @@ export class FakeRun {
       case "pause": this.pause({ time: this.time, reason: "asked", node: null, when: null }); return null;
       case "resume": this.paused = null; this.state = "running"; return null;
       case "step": if (this.paused === null) return "pause first"; this.tick(true); return null;
+      case "speed": this.speed = asked.share; return null;
       case "halt": this.end("cancelled"); return null;
       case "stop": this.end("cancelled"); return null;
       case "breakpoint": this.breakpoints = [...this.breakpoints, { node: asked.node, when: asked.when, condition: asked.condition, once: asked.once }]; return null;

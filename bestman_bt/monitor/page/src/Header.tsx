@@ -1,6 +1,6 @@
 // Which run one looks at, how it stands, and the controls. The emergency stop is always here.
 
-import { barred, emergencyStop, halt, pauseOrResume, step } from "./actions";
+import { barred, emergencyStop, halt, pauseOrResume, setSpeed, SPEEDS, step } from "./actions";
 import { seconds } from "./describe";
 import { Icon } from "./Icon";
 import { connected, current, everConnected, runs, summary } from "./monitor";
@@ -69,7 +69,23 @@ function Controls({ run }: { run: Run }) {
       <button type="button" class="button" disabled={off} title="Halt the run (Shift H)" aria-label="Halt the run" aria-keyshortcuts="Shift+H" onClick={() => halt(run)}>
         <Icon name="halt" /><span>Halt</span>
       </button>
+      <Speed run={run} off={off} />
     </div>
+  );
+}
+
+function Speed({ run, off }: { run: Run; off: boolean }) {
+  void run.beat.value;
+  const share = run.robot.speed;
+  if (share === undefined) return null;
+  const shares = SPEEDS.includes(share) ? SPEEDS : [...SPEEDS, share].sort((a, b) => a - b);
+  return (
+    <select
+      class="button speed" disabled={off} aria-label="Speed of the robot" title="Speed of the robot, also of motions under way"
+      value={String(share)} onChange={(event) => setSpeed(run, Number(event.currentTarget.value))}
+    >
+      {shares.map((one) => <option key={one} value={String(one)}>{Math.round(100 * one)}% speed</option>)}
+    </select>
   );
 }
 

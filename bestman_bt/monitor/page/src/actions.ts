@@ -21,6 +21,13 @@ export function step(run: Run): void {
   void control(run, { do: "step" });
 }
 
+/** Shares of the robot's speed to choose from. */
+export const SPEEDS = [0.1, 0.3, 0.5, 0.75, 1];
+
+export function setSpeed(run: Run, share: number): void {
+  void control(run, { do: "speed", share }, `The robot moves at ${Math.round(100 * share)}% of its speed`);
+}
+
 export function halt(run: Run): void {
   question.value = {
     title: "Halt this run?",

@@ -59,6 +59,8 @@ export interface RobotRecord {
   efforts?: Record<string, number>;
   held?: string | null;
   diagnostics?: unknown;
+  /** The share of its speed at which an operator lets it move. */
+  speed?: number;
 }
 
 export interface ScanRecord {
@@ -193,6 +195,7 @@ export type ServerMessage =
 
 export type Control =
   | { do: "pause" | "resume" | "step" | "halt" | "stop" }
+  | { do: "speed"; share: number }
   | { do: "set"; key: string; value: string; scope?: string }
   | ({ do: "breakpoint" } & Breakpoint)
   | { do: "clear_breakpoint"; node: number; when: "before" | "after" }

@@ -1,0 +1,36 @@
+"""Examples: bestman-bt speed 30%; bestman-bt speed 1 fetch_cup; bestman-bt speed tells how fast it may be."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from bestman_bt.cli.chosen_run import Run, ask, chosen
+from bestman_bt.errors import InputError
+
+Share = Annotated[
+    str | None,
+    typer.Argument(
+        metavar="[SHARE]", help="Of the usual speed, 5% to 100%: 30% or 0.3. Without it: tell it.", show_default=False
+    ),
+]
+
+
+def command(share: Share = None, run: Run = None) -> None:
+    """Let the robot of a running execution move slower, or as usual: also motions that are under way."""
+    wanted = None if share is None else _share_of(share)
+    path, status = chosen(run)
+    if wanted is not None:
+        status = {**status, **ask(path, {"do": "speed", "share": wanted})}
+    print(f"{status['task']} runs at {status['speed']:.0%} of its speed")
+
+
+def _share_of(text: str) -> float:
+    try:
+        share = float(text.removesuffix("%")) / (100.0 if text.endswith("%") else 1.0)
+    except ValueError:
+        share = float("nan")
+    if not 0.0 < share <= 1.0:
+        raise InputError(f"SHARE is {text!r}, but a speed is 5% to 100%, as 30% or 0.3")
+    return share
