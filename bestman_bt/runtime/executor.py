@@ -80,8 +80,8 @@ class ExecutionWatcher(Protocol):
 class Executor:
     """Runs one tree on one clock.
 
-    ``period``: seconds between ticks. ``time_limit``: seconds of the clock, without pauses. ``after_tick``: called after
-    each tick. ``watchers`` are told of pauses, too.
+    ``period``: seconds between ticks. ``time_limit``: seconds of the clock, without pauses. ``after_tick``: called
+    after each tick. ``watchers`` are told of pauses, too.
     ``cancel``, ``pause``, ``resume`` and ``step`` may be called from any thread.
     """
 
@@ -153,7 +153,7 @@ class Executor:
     def hold(self, hold: Hold) -> None:
         """Wait here, within a tick, until ``resume`` or ``step``: for what is called in the executor's thread.
 
-        In simulation the clock stands still; on hardware motions that are under way go on, as in a pause.
+        In simulation the clock stands still; on hardware motions that are under way wait, as in a pause.
 
         Raises:
             EngineError: the execution was cancelled meanwhile.

@@ -62,6 +62,13 @@ def test_one_run_is_paused_stepped_set_and_resumed_without_being_named(
     assert misspelt.err == "note: 'sped' is a new entry, which no node of the tree names; did you mean 'speed'?\n"
     assert executor.tree.blackboard.get("sped") == 0.2
     assert bestman_bt("set", "sped=0.3").err == ""
+    assert bestman_bt("speed", "30%").out == "fetch runs at 30% of its speed\n"
+    assert bestman_bt("speed").out == "fetch runs at 30% of its speed\n"
+    assert "paused at 30% of its speed, tick" in bestman_bt("status").out
+    for wrong in ("3%", "150%", "0", "fast"):
+        refused = bestman_bt("speed", wrong)
+        assert (refused.code, "a speed is 5% to 100%" in refused.err) == (1 if wrong == "3%" else 2, True)
+    assert bestman_bt("speed", "1").out == "fetch runs at 100% of its speed\n"
     assert bestman_bt("set", "object=the cup").out == 'set object = "the cup" in fetch\n'
     assert bestman_bt("resume").out.startswith("resumed fetch")
     assert not executor.paused

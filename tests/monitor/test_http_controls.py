@@ -34,6 +34,7 @@ def listed(monitor: Monitor, **headers: str) -> Monitor:
         ("step", None, {"do": "step"}),
         ("resume", {}, {"do": "resume"}),
         ("stop", None, {"do": "stop"}),
+        ("speed", {"share": 0.3}, {"do": "speed", "share": 0.3}),
         ("clear_breakpoint", None, {"do": "clear_breakpoint"}),
         ("clear_breakpoint", {}, {"do": "clear_breakpoint"}),
         ("set", {"key": "c", "value": "red"}, {"do": "set", "key": "c", "value": "red"}),

@@ -20,6 +20,7 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import Access, Status
 
 from behaviours.failure import NodeFailure
+from bestman_bt.control.operator_speed import OperatorSpeed
 from bestman_bt.engine import RUNNING, SUCCESS, ManualClock, NodeRegistry, StatefulAction, build_tree, load_tree
 from bestman_bt.monitor.control_client import ControlError, request, running_executors, socket_folder
 from bestman_bt.records.events import EndEvent, Event, RunEvent, StatesEvent, from_line
@@ -52,6 +53,7 @@ class Served:
     socket: Path
     folder: Path
     stops: list[float] = field(default_factory=list)
+    speeds: list[float] = field(default_factory=list)
     execution: Execution | None = None
     finished: threading.Event = field(default_factory=threading.Event)
 
@@ -85,9 +87,12 @@ def served(tmp_path: Path) -> Iterator[Served]:
     executor = Executor(load_tree(TREE, registry, clock=clock), clock, after_tick=lambda: time.sleep(0.001))
     stops: list[float] = []
     telemetry = Telemetry(executor, described("blinking"))
-    channel = ControlChannel(executor, lambda: stops.append(clock.now()), telemetry)
+    speeds: list[float] = []
+    speed = OperatorSpeed(speeds.append, clock)
+    executor.watchers.append(speed)
+    channel = ControlChannel(executor, lambda: stops.append(clock.now()), telemetry, speed=speed)
     with telemetry, channel.serving(tmp_path) as path:
-        served = Served(executor, channel, path, tmp_path, stops)
+        served = Served(executor, channel, path, tmp_path, stops, speeds)
 
         def run() -> None:
             served.execution = executor.run()
@@ -315,6 +320,17 @@ def test_pause_step_and_resume(served: Served) -> None:
     assert (answer["ticks"], answer["paused"]) == (ticks + 1, True)
     assert not served.ask("resume")["paused"]
     served.ticks_after(ticks + 5)
+
+
+def test_a_pause_lets_the_robot_wait_at_once_and_going_on_lets_it_go_on(served: Served) -> None:
+    asked = [served.ask("pause"), served.ask("speed", share=0.3), served.ask("step"), served.ask("resume")]
+    assert [answer["speed"] for answer in asked] == [1.0, 0.3, 0.3, 0.3]
+    assert served.speeds[:2] == [0.0, 0.0]  # held, and still so when the speed was set
+    assert served.speeds[-1] == 0.3
+    with pytest.raises(ControlError, match="a speed is 5% to 100%"):
+        served.ask("speed", share=2)
+    with pytest.raises(ControlError, match="speed wants a share"):
+        served.ask("speed", share="fast")
 
 
 def test_a_paused_execution_can_be_stopped(served: Served) -> None:

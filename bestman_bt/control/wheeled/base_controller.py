@@ -492,8 +492,8 @@ class BaseController:
             self._action = None
 
 
-LONGEST_LOOK = 0.5
-"""Seconds between two looks at the progress of a base that is driven."""
+LONGEST_LOOK = 1.0
+"""Seconds between two looks at the progress of a base that is driven, at most."""
 
 
 class ProgressWatch:

@@ -8,7 +8,14 @@ from bestman_bt.messages import Pose2D
 
 def test_a_base_that_stands_is_stuck_after_the_time():
     watch = ProgressWatch(0.03, 0.05, 3.0)
-    assert [watch.is_stuck(Pose2D(), now) for now in (0.0, 2.9, 3.1)] == [False, False, True]
+    stuck = [watch.is_stuck(Pose2D(), 0.1 * step) for step in range(33)]
+    assert stuck.index(True) in (30, 31)
+
+
+def test_neither_the_time_of_a_pause_nor_a_slower_base_makes_it_stuck():
+    watch = ProgressWatch(0.03, 0.05, 3.0)
+    assert not any(watch.is_stuck(Pose2D(), now) for now in (0.0, 0.5, 60.0, 60.5))
+    assert not any(watch.is_stuck(Pose2D(), 61.0 + 0.5 * step, speed_share=0.1) for step in range(10))
 
 
 def test_slow_progress_is_progress():

@@ -69,6 +69,25 @@ def test_a_busy_client_does_not_hold_up_a_motion(isolated_robot: IsolatedRobot) 
         isolated_robot.clock.sleep(0.05)
 
 
+def test_a_motion_that_an_operator_holds_rests_on_its_way_and_goes_on_to_its_end(isolated_robot: IsolatedRobot) -> None:
+    arm, clock = isolated_robot.part("arm", Arm), isolated_robot.clock
+    start = arm.positions()
+    motion = arm.move_to(start + 0.6 * FIRST_JOINT, 0.3)
+    wait_for(lambda: float(arm.positions()[0] - start[0]) > 0.05, "the arm moves")
+    isolated_robot.set_speed(0.0)
+    clock.sleep(1.5)
+    here = arm.positions()
+    clock.sleep(0.5)
+    assert arm.positions() == pytest.approx(here, abs=1e-4)
+    assert here[0] - start[0] < 0.5
+    assert not motion.done
+    isolated_robot.set_speed(1.0)
+    wait_for(lambda: motion.done, "the motion goes on")
+    assert motion.status is MotionStatus.SUCCEEDED
+    back = arm.move_to(start, 0.5)
+    wait_for(lambda: back.done, "the arm is back")
+
+
 def test_where_the_other_process_dies_motions_fail_and_it_can_be_connected_again(
     twin_model: RobotModel, isolated_robot: IsolatedRobot
 ) -> None:

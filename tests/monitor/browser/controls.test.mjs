@@ -74,6 +74,17 @@ test("a blackboard entry is set, and a refusal is told in the executor's words",
   await page.locator(".notice.bad", { hasText: "'refused' is no string" }).waitFor();
 });
 
+test("the speed of the robot is chosen, also while the run is paused", async () => {
+  const run = errand("errand", { withRobot: true });
+  run.tick();
+  const { page } = await open([run]);
+  await page.getByRole("button", { name: "Pause" }).click();
+  await page.getByRole("button", { name: "Resume" }).waitFor();
+  await page.getByLabel("Speed of the robot").selectOption({ label: "30% speed" });
+  await eventually(() => asked(run), [{ do: "pause" }, { do: "speed", share: 0.3 }]);
+  await eventually(() => page.getByLabel("Speed of the robot").inputValue(), "0.3");
+});
+
 test("halting asks first; only the answer halts", async () => {
   const run = errand();
   run.tick();

@@ -37,6 +37,7 @@ export class FakeRun {
     this.path = [];
     this.driven = [];
     this.held = null;
+    this.speed = 1;
     this.arm = [0, -1.2, 0.9, 1.6, 0.3, 0.0];
     this.history = [];
     this.changes = new Map();
@@ -207,7 +208,7 @@ export class FakeRun {
 
   #remember() {
     const robot = !this.withRobot ? null : {
-      time: this.time, base: this.base.map((value) => Number(value.toFixed(4))), believed_std: [0.021, 0.011], held: this.held, diagnostics: { battery: "78 %", "late ticks": 0 },
+      time: this.time, base: this.base.map((value) => Number(value.toFixed(4))), believed_std: [0.021, 0.011], held: this.held, speed: this.speed, diagnostics: { battery: "78 %", "late ticks": 0 },
       joints: { ...Object.fromEntries(["shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist_3"].map((name, i) => [`arm_${name}`, this.arm[i]])), torso_lift: 0.31, finger_joint: this.held ? 0.031 : 0.08, left_wheel: this.time },
     };
     if (robot !== null) this.driven.push([...this.base.slice(0, 2), this.time]);

@@ -25,7 +25,10 @@ export function step(run: Run): void {
 export const SPEEDS = [0.1, 0.3, 0.5, 0.75, 1];
 
 export function setSpeed(run: Run, share: number): void {
-  void control(run, { do: "speed", share }, `The robot moves at ${Math.round(100 * share)}% of its speed`);
+  void control(run, { do: "speed", share }, `The robot moves at ${Math.round(100 * share)}% of its speed`).then((done) => {
+    if (done) run.robot = { ...run.robot, speed: share }; // a paused run tells nothing new
+    run.beat.value += 1;
+  });
 }
 
 export function halt(run: Run): void {
