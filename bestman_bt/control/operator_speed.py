@@ -5,8 +5,6 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable
 
-from hal.parts import SimulatedClock
-
 SLOWEST = 0.05
 """The smallest share that may be set: below it what watches for progress takes a base for stuck."""
 
@@ -14,13 +12,13 @@ SLOWEST = 0.05
 class OperatorSpeed:
     """``share`` of the robot's speed at which its motions run; ``hold`` lets them wait where they are.
 
-    ``set_speed``: as ``hal.api.Robot.set_speed``. A watcher of an executor: while that waits, the motions do; where the
-    ``clock`` is simulated, time stands still then, and nothing else has to. Safe from any thread.
+    ``set_speed``: as ``hal.api.Robot.set_speed``. A watcher of an executor: while that waits, the motions do;
+    ``stands_still``: time itself does then, in simulation, and nothing else has to. Safe from any thread.
     """
 
-    def __init__(self, set_speed: Callable[[float], None], clock: object) -> None:
+    def __init__(self, set_speed: Callable[[float], None], stands_still: bool = False) -> None:
         self._set_speed, self._lock = set_speed, threading.Lock()
-        self._stands_still = isinstance(clock, SimulatedClock)
+        self._stands_still = stands_still
         self._holds = False
         self.share = 1.0
 

@@ -76,7 +76,7 @@ class ControlChannel:
         self._executor = executor
         self._stop_robot = stop_robot
         self._telemetry = telemetry
-        self._speed = speed or OperatorSpeed(lambda share: None, executor.clock)
+        self._speed = speed or OperatorSpeed(lambda share: None)
         self._robot_state = robot_state
         self._breakpoints = Breakpoints(executor, self._tell_breakpoints)
 

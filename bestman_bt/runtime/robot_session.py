@@ -227,7 +227,13 @@ def open_session(
         localised = skills.has("base") and skills.has("lidar")
         if localised:
             skills.base.start()
-        opened = Session(setup, robot, skills, dict(setup.entries), OperatorSpeed(seen.set_speed, seen.clock))
+        opened = Session(
+            setup,
+            robot,
+            skills,
+            dict(setup.entries),
+            OperatorSpeed(seen.set_speed, isinstance(robot.clock, SimulatedClock)),
+        )
         try:
             yield opened
         finally:

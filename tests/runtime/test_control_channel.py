@@ -88,7 +88,7 @@ def served(tmp_path: Path) -> Iterator[Served]:
     stops: list[float] = []
     telemetry = Telemetry(executor, described("blinking"))
     speeds: list[float] = []
-    speed = OperatorSpeed(speeds.append, clock)
+    speed = OperatorSpeed(speeds.append)
     executor.watchers.append(speed)
     channel = ControlChannel(executor, lambda: stops.append(clock.now()), telemetry, speed=speed)
     with telemetry, channel.serving(tmp_path) as path:
