@@ -10,6 +10,7 @@ from typing import Any
 
 from bestman_bt.configuration.quantity import Color, Length, Lengths3, Mass, PositiveLength, Size3
 from bestman_bt.messages import Box, Cylinder, Sphere
+from bestman_bt.robot_model.generated_arms import OffsetWristArm, offset_wrist_arm
 from bestman_bt.robot_model.generated_hands import (
     ParallelHand,
     SuctionCup,
@@ -267,6 +268,7 @@ def built_in_sensor(name: str, _: BuiltInSensor) -> list[ET.Element]:
 
 GENERATORS: dict[str, tuple[type, Callable[[str, Any], list[ET.Element] | Subtree]]] = {
     "differential_base": (DifferentialBase, differential_base),
+    "offset_wrist_arm": (OffsetWristArm, offset_wrist_arm),
     "parallel_hand": (ParallelHand, parallel_hand),
     "post": (Post, post),
     "pan_tilt": (PanTilt, pan_tilt),

@@ -15,7 +15,7 @@ DAMPING = 1e-3
 
 
 class URKinematics:
-    """Kinematics of one arm from its ``base_frame`` to the link that its last joint moves; used in one thread."""
+    """Kinematics of one arm from its ``base_frame`` to its flange, the tip of its part; used in one thread."""
 
     def __init__(self, model: RobotModel, arm: str) -> None:
         description = model.of(ArmModel)[arm]
@@ -24,12 +24,13 @@ class URKinematics:
         joints = [self._model.joints[self._model.getJointId(name)] for name in description.joint_names]
         self._slots, self._columns = [joint.idx_q for joint in joints], [joint.idx_v for joint in joints]
         self._base = self._model.getFrameId(description.base_frame)
-        self._last = self._model.getJointId(description.joint_names[-1])
+        tips = (description.part.tip, f"{arm}_{description.part.tip}")
+        self._flange = self._model.getFrameId(next(tip for tip in tips if self._model.existFrame(tip)))
 
     def pose(self, positions: Array) -> tuple[float, ...]:
         """x, y, z in metres and the rotation vector in radians."""
         pinocchio.framesForwardKinematics(self._model, self._data, self._all(positions))
-        flange = self._origin().actInv(self._data.oMi[self._last])
+        flange = self._origin().actInv(self._data.oMf[self._flange])
         return (*flange.translation.tolist(), *pinocchio.log3(flange.rotation).tolist())
 
     def joint_speeds(self, positions: Array, twist: Array) -> Array:
@@ -37,7 +38,7 @@ class URKinematics:
         pinocchio.computeJointJacobians(self._model, self._data, self._all(positions))
         pinocchio.updateFramePlacements(self._model, self._data)
         kind = pinocchio.LOCAL_WORLD_ALIGNED
-        jacobian = pinocchio.getJointJacobian(self._model, self._data, self._last, kind)[:, self._columns]
+        jacobian = pinocchio.getFrameJacobian(self._model, self._data, self._flange, kind)[:, self._columns]
         turn = self._origin().rotation
         wanted = np.concatenate([turn @ twist[:3], turn @ twist[3:]])
         solution: Array = jacobian.T @ np.linalg.solve(jacobian @ jacobian.T + DAMPING**2 * np.eye(6), wanted)

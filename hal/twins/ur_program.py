@@ -52,6 +52,7 @@ class Command(IntEnum):
     PROTECTIVE_STOP = 31
     STOP_TOOL = 33
     STOP_JOINTS = 34
+    GET_TCP_OFFSET = 40
     SET_WATCHDOG = 35
     MOVE_PATH = 45
     STOP_PROGRAM = 255
@@ -111,14 +112,14 @@ class URProgram:
         self.watchdog_frequency = float(set_at_once.group(1)) if set_at_once else None
         self._path_on_command_1 = _PATH_ON_COMMAND_1.search(script) is not None
         self.ended = self.protective_stop_asked = self.limit_exceeded = False
-        self.outputs: dict[str, int] = {"output_int_register_0": READY, "output_int_register_2": 0}
+        self.outputs: dict[str, float] = {"output_int_register_0": READY, "output_int_register_2": 0}
 
     def halt(self) -> None:
         """Come to rest; nothing is followed any more."""
         self._arm.stop()
         self.follower, self._motion, self._drift, self._next_drift = None, None, None, None
         self._moves = []
-        self.outputs["output_int_register_2"] &= ~RUNNING_BIT
+        self._tell_running(False)
 
     def advance(self, dt: float, inputs: Mapping[str, Any], fresh: bool) -> None:
         """One cycle. ``fresh``: whether inputs have come since the last one."""
@@ -137,7 +138,7 @@ class URProgram:
         self._go_on(dt)
         if self._stopping and float(np.max(np.abs(self._arm.velocities()))) < AT_REST:
             self._stopping = False
-            self.outputs["output_int_register_2"] &= ~RUNNING_BIT
+            self._tell_running(False)
         waits = (self._motion is not None or self._stopping) and not self._asynchronous
         if self._executing and not self._acknowledged and not waits and not self.ended:
             self._acknowledged = True
@@ -177,26 +178,31 @@ class URProgram:
             self.halt()
             self._stopping = True
             if asynchronous:
-                self.outputs["output_int_register_2"] |= RUNNING_BIT
+                self._tell_running(True)
         elif command == Command.SET_WATCHDOG:
             self.watchdog_frequency = numbers[0]
+        elif command == Command.GET_TCP_OFFSET:  # there is no tool: the flange is the tool
+            self.outputs |= {f"output_double_register_{index}": 0.0 for index in range(6)}
         elif command == Command.PROTECTIVE_STOP:
             self.protective_stop_asked = True
         elif command == Command.STOP_PROGRAM:
             self.halt()
             self.ended = True
 
+    def _tell_running(self, running: bool) -> None:
+        self.outputs["output_int_register_2"] = RUNNING_BIT if running else 0
+
     def _next_move(self) -> None:
         if not self._moves:
             self._motion = None
-            self.outputs["output_int_register_2"] &= ~RUNNING_BIT
+            self._tell_running(False)
             return
         move = self._moves.pop(0)
         if not self._reachable(move.positions):
             return
         share = float(np.clip(move.speed / float(np.max(self._speed)), 0.01, 1.0))
         self._motion = self._arm.move_to(np.clip(move.positions, self._lower, self._upper), share)
-        self.outputs["output_int_register_2"] |= RUNNING_BIT
+        self._tell_running(True)
 
     def _reachable(self, positions: Array) -> bool:
         """Whether the joints' limits allow these positions; else the safety system is to stop the robot."""

@@ -26,6 +26,9 @@ class URTwin:
     def __init__(self, connection: ConnectionConfig, model: RobotModel, world: TwinWorld, address: str) -> None:
         arm_name = next(name for name in connection.parts if name in model.of(ArmModel))
         sensor_name = next((name for name in connection.parts if name in model.of(MountedForceTorque)), None)
+        self._model = (
+            (connection.options.model or "ur5e").upper().removesuffix("E")
+        )  # as a dashboard names the e-series
         self._servers: list[TcpServer] = []
         self._owners: dict[str, RtdeSession] = {}
         attendants = {DASHBOARD: self._attend_dashboard, SCRIPT: self._attend_script, RTDE: self._attend_rtde}
@@ -101,7 +104,7 @@ class URTwin:
             case "get serial number":
                 return SERIAL_NUMBER
             case "get robot model":
-                return "UR5"
+                return self._model
             case "is in remote control":
                 return "true"
             case "robotmode":

@@ -17,6 +17,7 @@ from hal.api import CommandRefusedError, Failure, MotionErrorCode, NoDataError, 
 from hal.hardware import Connection, HardwareForceTorque
 from hal.parts import ConnectionFailedError, JointChannel, JointReading, StopLatch, ToolLimits
 from hal.ur.arm import URArm
+from hal.ur.identity import URIdentity
 from hal.ur.link import URLink
 from hal.ur.release import URRelease
 from hal.ur.sdk_process import PLAYING, READY_TIME, RUNNING, Report
@@ -68,6 +69,7 @@ class URDigitalIO:
 
 
 Rate = Annotated[Frequency, Field(le=500.0)]
+Model = Literal["ur3e", "ur5e", "ur7e", "ur10e", "ur12e", "ur16e", "ur8long", "ur15", "ur20", "ur30"]
 Gain = Annotated[float, Field(ge=100.0, le=2000.0)]
 Lookahead = Annotated[PositiveTime, Field(ge=0.03, le=0.2)]
 
@@ -76,6 +78,7 @@ Lookahead = Annotated[PositiveTime, Field(ge=0.03, le=0.2)]
 class UROptions:
     """Options of ``driver: ur``.
 
+    ``model``: what the controller has to call its arm; None: only the place of its flange is compared.
     ``rate``: hertz of the set-points and readings. ``servo_lookahead`` (seconds) and
     ``servo_gain``: of the controller's ``servoj``: how far it smooths set-points, and how hard it follows them.
     ``payload``, ``payload_center``: kg and metres in the flange, of what the arm carries always; the controller's own
@@ -83,6 +86,7 @@ class UROptions:
     its program. ``longest_delay``: seconds that readings may come late for a while. ``connect_timeout``: seconds.
     """
 
+    model: Model | None = None
     rate: Rate = 500.0
     servo_lookahead: Lookahead = 0.03
     servo_gain: Gain = 400.0
@@ -193,6 +197,10 @@ class URConnection(Connection):
         self.sdk("rtde_control")  # here only for the words where it is missing
         options: UROptions = self.options
         self._link.open(self.settings.address, self._settings(), options.connect_timeout + READY_TIME)
+        told = URIdentity(*self._link.call("identity", timeout=READY_TIME))
+        mismatch = told.mismatch(self.model, self._arm.name, options.model)
+        if mismatch is not None:
+            raise ConnectionFailedError(f"{self.name}: {mismatch}")
         self.add_loop("set-points", options.rate, self._cycle)
 
     def close(self) -> None:

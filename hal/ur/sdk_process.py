@@ -111,6 +111,7 @@ class SDKProcess:
             "open": self.open,
             "recover": self.recover,
             "leave": self.leave,
+            "identity": self.identity,
             "set_output": self.set_output,
             "upload_path": self.upload_path,
             "start_path": self.start_path,
@@ -173,6 +174,13 @@ class SDKProcess:
         self._upload()
         self._set_up()
         self._lapsed = False
+
+    def identity(self) -> tuple[str, str, list[float], list[float], list[float]]:
+        """Model, serial number, joints, pose of the tool, offset of the tool from the flange."""
+        control, receive, dashboard = self._control, self._receive, self._dashboard
+        offset = control.getTCPOffset()
+        names = dashboard.getRobotModel(), dashboard.getSerialNumber()
+        return *names, receive.getActualQ(), receive.getActualTCPPose(), offset
 
     def leave(self) -> None:
         """End set-points and the program."""

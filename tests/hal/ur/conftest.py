@@ -9,7 +9,7 @@ from pathlib import Path
 
 from tests.hal.twinned import fixtures_of
 
-ROBOT = Path(__file__).parent / "ur5_on_a_base.yaml"
+ROBOT = Path(__file__).parent / "ur5e_on_a_base.yaml"
 
 twin, twin_model, make_robot, shared_robot, isolated_robot, robot = fixtures_of(
     ROBOT,

@@ -30,7 +30,7 @@ from tests.hal.twinned import (
 pytestmark = [pytest.mark.real_time, pytest.mark.slow]
 
 CONTROLLER = "arm_controller"
-ROBOT = Path(__file__).parent / "ur5_on_a_base.yaml"
+ROBOT = Path(__file__).parent / "ur5e_on_a_base.yaml"
 swing = partial(swing_arm, speed_scale=0.1)
 
 
@@ -55,7 +55,7 @@ time.sleep(60)
 
 @pytest.mark.parametrize("sdk_too", [False, True], ids=["the client", "the client and the SDK's process"])
 def test_whoever_is_killed_the_arm_comes_to_rest(twin: TwinProcess, sdk_too: bool) -> None:
-    robot_file = str(Path(__file__).parent / "ur5_on_a_base.yaml")
+    robot_file = str(Path(__file__).parent / "ur5e_on_a_base.yaml")
     addresses = [word for pair in twin.addresses.items() for word in pair]
     with client_program(CLIENT, f"{WATCHDOG} s", robot_file, *addresses) as client:
         assert client.stdout is not None

@@ -21,7 +21,7 @@ from tests.hal.twinned import ended, twin_settings
 
 pytestmark = pytest.mark.real_time
 
-ROBOT = Path(__file__).parent / "ur5_on_a_base.yaml"
+ROBOT = Path(__file__).parent / "ur5e_on_a_base.yaml"
 STEP = np.array([0.3, 0, 0, 0, 0, 0])
 
 

@@ -9,7 +9,7 @@ import pytest
 from bestman_bt.configuration import ConfigurationError
 from bestman_bt.robot_model import load_robot_model
 
-ROBOT = Path(__file__).parent / "ur5_on_a_base.yaml"
+ROBOT = Path(__file__).parent / "ur5e_on_a_base.yaml"
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,66 @@
+"""Which arm a UR's controller moves, compared with the robot file: by name, and by where each has the flange."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from bestman_bt.robot_model import ArmModel, RobotModel
+
+FLANGE_TOLERANCE = 0.01
+"""Metres: above what the calibration of a single arm moves its flange, and far below what two models differ by."""
+
+
+@dataclass(frozen=True)
+class URIdentity:
+    """What the controller tells.
+
+    ``model``, ``serial_number``: by its dashboard. ``joints``: (6,) rad. ``tool_pose``, ``tcp_offset``: of the active
+    tool in the controller's base frame, and in the flange; metres and rotation vectors.
+    """
+
+    model: str
+    serial_number: str
+    joints: list[float]
+    tool_pose: list[float]
+    tcp_offset: list[float]
+
+    def mismatch(self, robot: RobotModel, arm: str, model: str | None) -> str | None:
+        """What speaks against its being the arm of the robot file, whose option ``model`` may name it, else None."""
+        told = f"the controller calls its arm {self.model}, serial number {self.serial_number}"
+        if model is not None and _family(self.model) != _family(model):
+            return f"{told}; the option 'model' says {model}"
+        apart = self._flange_apart(robot, arm)
+        if apart > FLANGE_TOLERANCE:
+            return (
+                f"the controller has its flange {1000 * apart:.0f} mm from where the robot file's arm has it: it moves "
+                f"another arm, or one that is calibrated otherwise ({told}). ur3e_arm, ur5e_arm and ur10e_arm are the "
+                "e-series; ur5_arm and ur10_arm are the arms before it"
+            )
+        return None
+
+    def _flange_apart(self, robot: RobotModel, arm: str) -> float:
+        """Metres between the flange by the controller and by the robot file."""
+        import pinocchio
+
+        description = robot.of(ArmModel)[arm]
+        model = pinocchio.buildModelFromXML(robot.urdf)
+        data, q = model.createData(), pinocchio.neutral(model)
+        for name, position in zip(description.joint_names, self.joints, strict=True):
+            q[model.joints[model.getJointId(name)].idx_q] = position
+        pinocchio.framesForwardKinematics(model, data, q)
+        tip = next(name for name in (description.part.tip, f"{arm}_{description.part.tip}") if model.existFrame(name))
+        base = data.oMf[model.getFrameId(description.base_frame)]
+        ours = base.actInv(data.oMf[model.getFrameId(tip)]).translation
+        tool, offset = (
+            pinocchio.SE3(pinocchio.exp3(np.array(pose[3:])), np.array(pose[:3]))
+            for pose in (self.tool_pose, self.tcp_offset)
+        )
+        theirs = (tool * offset.inverse()).translation * np.array([-1.0, -1.0, 1.0])  # they count x and y the other way
+        return float(np.linalg.norm(ours - theirs))
+
+
+def _family(model: str) -> str:
+    """The dashboard's names have no "e"; versions differ in that."""
+    return model.strip().upper().removesuffix("E")
