@@ -36,7 +36,7 @@ from hal.xarm.connection import LONGEST_STEP, XArmJoints
 Array = NDArray[np.float64]
 FOLDER = Path(__file__).parents[1] / "tests" / "hal"
 ROBOTS: dict[str, str | Path] = {
-    "ur": FOLDER / "ur" / "ur5_on_a_base.yaml",
+    "ur": FOLDER / "ur" / "ur5e_on_a_base.yaml",
     "xarm": FOLDER / "xarm" / "xarm6_on_a_base.yaml",
     "rosbridge": "diff_panda",
 }

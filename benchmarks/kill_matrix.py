@@ -27,7 +27,7 @@ from hal.twins import TwinProcess
 
 ROBOTS = {
     "xarm": Path("tests/hal/xarm/xarm6_on_a_base.yaml"),
-    "ur": Path("tests/hal/ur/ur5_on_a_base.yaml"),
+    "ur": Path("tests/hal/ur/ur5e_on_a_base.yaml"),
 }
 PROCESSES = {"xarm": ("planner", "robot"), "ur": ("planner", "robot", "sdk")}
 SIGNALS = {"kill": signal.SIGKILL, "stop": signal.SIGSTOP}

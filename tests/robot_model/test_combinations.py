@@ -14,7 +14,7 @@ from bestman_bt.navigation.global_planning import Footprint
 from bestman_bt.robot_model import ArmModel, BaseModel, CameraPart, LidarPart, combine, load_robot_model
 
 BASES = ("differential_base", "omni_base", "husky_base")
-ARMS = ("panda_arm", "iiwa_arm", "xarm6_arm", "ur5_arm", "ur10_arm", "xarm7_arm", "kinova_arm")
+ARMS = ("panda_arm", "iiwa_arm", "xarm6_arm", "ur5e_arm", "ur5_arm", "ur10_arm", "xarm7_arm", "kinova_arm")
 HANDS = ("panda_hand", "wsg50", "xarm_gripper", "pr2_gripper", "suction", "allegro_hand")
 
 

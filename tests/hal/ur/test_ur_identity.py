@@ -1,0 +1,47 @@
+"""A controller that moves another arm than the robot file's is told from the place of its flange, and by its name."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio
+import pytest
+
+from bestman_bt.robot_model import RobotModel, load_robot_model
+from hal.twins.ur_kinematics import URKinematics
+from hal.ur.identity import URIdentity
+
+JOINTS = [0.3, -1.9, 1.6, -1.2, -1.4, 0.5]
+TCP = pinocchio.SE3(pinocchio.exp3(np.array([0.0, 0.4, 0.2])), np.array([0.01, 0.02, 0.15]))
+
+
+@pytest.fixture(scope="module")
+def robot() -> RobotModel:
+    return load_robot_model("diff_ur5")
+
+
+@pytest.fixture(scope="module")
+def told(robot: RobotModel) -> URIdentity:
+    """By the controller of a UR5e with a tool of its own."""
+    pose = URKinematics(robot, "arm").pose(np.array(JOINTS))
+    flange = pinocchio.SE3(pinocchio.exp3(np.array(pose[3:])), np.array(pose[:3]))
+    poses = [[*p.translation.tolist(), *pinocchio.log3(p.rotation).tolist()] for p in (flange * TCP, TCP)]
+    return URIdentity("UR5", "20215500000", JOINTS, *poses)
+
+
+@pytest.mark.parametrize("model", [None, "ur5e"])
+def test_the_arm_of_the_robot_file_is_taken_whatever_tool_is_set(
+    robot: RobotModel, told: URIdentity, model: str | None
+) -> None:
+    assert told.mismatch(robot, "arm", model) is None
+
+
+@pytest.mark.parametrize("part", ["ur5_arm", "ur10e_arm"])
+def test_another_arm_is_refused_with_what_the_parts_are(told: URIdentity, part: str) -> None:
+    why = told.mismatch(load_robot_model("diff_ur5", {"parts.arm.part": part}), "arm", None)
+    assert why is not None
+    assert "mm from where the robot file's arm has it" in why
+    assert "ur5e_arm" in why
+
+
+def test_a_name_that_the_option_does_not_say_is_refused(robot: RobotModel, told: URIdentity) -> None:
+    assert "calls its arm UR5" in (told.mismatch(robot, "arm", "ur10e") or "")
