@@ -76,6 +76,14 @@ Plugins = Annotated[
     list[Path] | None,
     typer.Option("--plugin", metavar="FILE.py", help="Load skills, algorithms and planners of yours."),
 ]
+Models = Annotated[
+    list[Path] | None,
+    typer.Option("--models", metavar="PATH", help="Files, folders or .btproj whose TreeNodesModels describe nodes."),
+]
+Search = Annotated[
+    list[Path] | None,
+    typer.Option("--search", metavar="DIR", help="Folders, or .btproj, that have the SubTrees of others, by ID."),
+]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON document on standard output, all else elsewhere.")]
 Driver = Annotated[
     str, typer.Option(help="Which robot: pybullet, hardware for the controllers in the robot's YAML, or replay.")
@@ -129,3 +137,8 @@ class MonitorOptions:
 
     monitor: Monitor = False
     monitor_port: MonitorPort = MONITOR_PORT
+
+
+def is_package(path: str) -> bool:
+    """Whether an argument names a folder of trees, or a project of Groot2."""
+    return Path(path).suffix == ".btproj" or Path(path).is_dir()

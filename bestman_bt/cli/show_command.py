@@ -1,30 +1,34 @@
-"""Examples: bestman-bt show fetch_cup --tree Pick; bestman-bt show my_tree.xml --svg my_tree.svg."""
+"""Examples: bestman-bt show fetch_cup --tree Pick; bestman-bt show my_tree.xml --svg t.svg; bestman-bt show trees/."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+import sys
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from bestman_bt.cli.options import Plugins
+from bestman_bt.cli.options import Models, Plugins, Search, is_package
 from bestman_bt.configuration import ConfigurationError, Problem, find_data, shipped_trees
 from bestman_bt.engine import (
-    NoMainTree,
+    NodeInfo,
+    Tree,
     TreeLoadError,
-    load_tree,
     render_dot,
     render_paths,
     render_ports,
     render_svg,
     render_text,
 )
+from bestman_bt.engine.errors import Problem as TreeProblem
+from bestman_bt.engine.models.foreign import missing_nodes, open_tree
+from bestman_bt.engine.models.overview import models_svg, models_text, overview_dot, overview_svg, overview_text
+from bestman_bt.engine.models.package import Package
 from bestman_bt.runtime.plugins import node_registry
 
 
-def command(
-    tree: Annotated[str, typer.Argument(help="A shipped tree, or an XML or Python file.")],
+def command(  # noqa: PLR0913 - its options, each by its name
+    tree: Annotated[str, typer.Argument(help="A shipped tree, an XML or Python file, a folder or a .btproj.")],
     ports: Annotated[bool, typer.Option("--ports", help="Who maps what to whom across subtrees.")] = False,
     paths: Annotated[
         bool, typer.Option("--paths", help="Number and path of each node, as `break` takes them.")
@@ -32,26 +36,64 @@ def command(
     dot: Annotated[bool, typer.Option("--dot", help="Print Graphviz source.")] = False,
     tree_id: Annotated[str | None, typer.Option("--tree", metavar="ID", help="Another tree of an XML file.")] = None,
     svg: Annotated[Path | None, typer.Option(metavar="FILE.svg", help="Write a picture; needs no Graphviz.")] = None,
+    models: Models = None,
+    search: Search = None,
     plugins: Plugins = None,
 ) -> None:
-    """Print a tree as text, or in one of the other forms."""
-    registry = node_registry([str(plugin) for plugin in plugins or ()])
-    path = Path(find_data("tree", tree))
+    """Print a tree as text, or in one of the other forms; of a folder, which trees it has and who uses whom.
+
+    Nodes and trees that are not here are drawn as placeholders, dashed.
+    """
+    whole = is_package(tree)
+    package = Package.open([*([tree] if whole else ()), *(models or ()), *(search or ())], shipped_trees())
+    if whole and tree_id is None:
+        _print(overview_svg(package) if svg else overview_dot(package) if dot else overview_text(package), svg)
+        package.refuse_broken()
+        return
+    path = Path(package.file_of(tree_id or "")) if whole else find_data("tree", tree)
     if tree_id is not None and path.suffix == ".py":
         raise ConfigurationError([Problem("--tree", None, "", f"{path} is a Python file, which defines one tree")])
-    try:
-        loaded = load_tree(path, registry, main_tree=tree_id, search_path=shipped_trees())
-    except TreeLoadError as error:
-        choose = "choose one by --tree ID"
-        raise TreeLoadError(
-            [replace(one, suggestion=choose) if isinstance(one, NoMainTree) else one for one in error.problems]
-        ) from None
+    if tree_id is None and (described := _nodes_of_a_file_without_trees(path)):
+        _print(models_svg(described) if svg else models_text(described), svg)
+        return
+    registry = node_registry([str(plugin) for plugin in plugins or ()])
+    faults: list[TreeProblem] = []
+    loaded = open_tree(path, registry, main_tree=tree_id, search_path=shipped_trees(), faults=faults, package=package)
     if svg is not None:
-        svg.write_text(render_svg(loaded), encoding="utf-8")
-        print(svg)
+        _print(render_svg(loaded), svg)
     elif dot:
-        print(render_dot(loaded), end="")
+        _print(render_dot(loaded))
     elif paths:
-        print(render_paths(loaded), end="")
+        _print(render_paths(loaded))
     else:
-        print(render_ports(loaded) if ports else render_text(loaded), end="")
+        _print(render_ports(loaded) if ports else render_text(loaded))
+    _tell_placeholders(loaded)
+    wrong = [fault for fault in faults if fault.severity == "error"]
+    if wrong:
+        raise TreeLoadError(wrong)
+
+
+def _print(text: str, file: Path | None = None) -> None:
+    """Into the file, whose name is printed, or onto standard output."""
+    if file is None:
+        print(text, end="")
+    else:
+        file.write_text(text, encoding="utf-8")
+        print(file)
+
+
+def _nodes_of_a_file_without_trees(path: Path) -> list[NodeInfo]:
+    if path.suffix == ".py":
+        return []
+    package = Package.open([path], shipped_trees())
+    return [] if any(package.trees()) else list(package.models.values())
+
+
+def _tell_placeholders(tree: Tree) -> None:
+    """On standard error, what has no code here, and where it is known from."""
+    missing = missing_nodes(tree)
+    if missing:
+        sys.stdout.flush()
+        print(f"{len(missing)} types of nodes have no code here:", file=sys.stderr)
+        for name, info in sorted(missing.items()):
+            print(f"  {name} ({info.kind}): {info.known_from}", file=sys.stderr)

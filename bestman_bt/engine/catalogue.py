@@ -37,3 +37,9 @@ _FAMILIES: Final = [
 ]
 
 BUILTIN_NODES: Final[dict[str, type[Node]]] = {cls.__name__: cls for cls in (*_FAMILIES, *_LEAVES)}
+
+EXTENSIONS: Final = frozenset((
+    "ConsumeQueue", "ForEach", "ManualSelector", "PipelineSequence", "PopFromQueue", "QueueSize", "RateController",
+    "RecoveryNode", "RoundRobin",
+))  # fmt: skip
+"""Built-in nodes that are not among those that every BehaviorTree.CPP 4 process has."""

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from typing import Final
 
 from bestman_bt.errors import Error, InputError
 
@@ -41,7 +42,8 @@ class Problem:
 
     ``field`` is the port or attribute that is meant. ``severity`` is ``"error"``, ``"latent"`` (the tree loads, as it
     does in BehaviorTree.CPP, but fails once the node is ticked or its tree is used) or ``"warning"``.
-    ``line`` is 0 where no line is known (trees built in Python).
+    ``line`` is 0 where no line is known (trees built in Python). ``missing``: the tree may be right in another
+    BehaviorTree.CPP process; a node, port or tree that it names is not here.
     """
 
     file: str
@@ -51,6 +53,7 @@ class Problem:
     message: str
     suggestion: str = ""
     severity: str = "error"
+    missing: bool = False
 
     def __str__(self) -> str:
         place = f"{self.file}:{self.line}" if self.line else self.file
@@ -65,6 +68,8 @@ class Problem:
 
 
 _SEVERITIES = {"latent": "error once it is ticked", "warning": "warning"}
+MOST_LINES: Final = 8
+"""Lines that a message names for one cause."""
 _NO_PORTS = frozenset(("name", "path", "ros_pkg", "main_tree_to_execute"))
 
 
@@ -73,4 +78,21 @@ class TreeLoadError(EngineError, InputError):
 
     def __init__(self, problems: Sequence[Problem]) -> None:
         self.problems = list(problems)
-        super().__init__("\n".join(str(problem) for problem in self.problems))
+        super().__init__("\n".join(in_lines(self.problems)))
+
+
+def in_lines(problems: Iterable[Problem]) -> list[str]:
+    """Return the problems in words, one line for all of one cause in a file, with the first place and the others."""
+    by_cause: dict[Problem, list[Problem]] = {}
+    for problem in problems:
+        by_cause.setdefault(replace(problem, line=0), []).append(problem)
+    return [_in_a_line(together) for together in by_cause.values()]
+
+
+def _in_a_line(together: list[Problem]) -> str:
+    lines = sorted({problem.line for problem in together})
+    if len(lines) < 2:
+        return str(together[0])
+    shown = ", ".join(map(str, lines[1:MOST_LINES]))
+    rest = f" and {len(lines) - MOST_LINES} more" if len(lines) > MOST_LINES else ""
+    return f"{together[0]} [{len(lines)} times: also in line{'s' if len(lines) > 2 else ''} {shown}{rest}]"

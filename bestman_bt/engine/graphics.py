@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -57,6 +58,10 @@ def node_label(node: Node) -> str:
     return node.type_id if node.name == node.type_id else f"{node.type_id} '{node.name}'"
 
 
+def _is_placeholder(node: Node) -> bool:
+    return node.info is not None and bool(node.info.known_from)
+
+
 def port_texts(node: Node) -> list[str]:
     """Return a node's attributes as ``port=value``."""
     return [f"{key}={_shown(value)}" for key, value in node.attributes.items() if key not in ("name", "ID")]
@@ -83,7 +88,8 @@ def _render(
     mark = "" if states is None else STATE_MARKS[states.get(node.uid, IDLE)] + " "
     state = "" if states is None else f"  [{STATUS_NAMES[states.get(node.uid, IDLE)]}]"
     attributes = "  " + " ".join(texts) if texts else ""
-    lines.append(f"{lead}{mark}{node_label(node)}{attributes}{state}")
+    absent = " [placeholder]" if _is_placeholder(node) else ""
+    lines.append(f"{lead}{mark}{node_label(node)}{absent}{attributes}{state}")
     children = [child for child in node.children if isinstance(child, Node)]
     for index, child in enumerate(children):
         last = index == len(children) - 1
@@ -98,6 +104,7 @@ def _render(
         )
 
 
+_NOT_XML: Final = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\ud800-\udfff\ufffe\uffff]")
 _CHARACTER: Final = 6.6
 _LINE: Final = 15
 _PADDING: Final = 8
@@ -115,47 +122,79 @@ _STATE: Final = ("#8a8f98", "#1f6feb", "#1a7f37", "#cf222e", "#9a6700")
 
 
 @dataclass
-class _Box:
-    node: Node
+class Box:
+    """What is drawn for one node: text, frame and tooltip, and the boxes to the right of it."""
+
     lines: list[str]
-    width: float
-    height: float
+    tooltip: str
+    fill: str = "#ffffff"
+    stroke: str = _STATE[IDLE]
+    stroke_width: float = 1
+    dashed: bool = False
+    children: list[Box] = field(default_factory=list)
     x: float = 0.0
     y: float = 0.0
-    children: list[_Box] = field(default_factory=list)
+
+    @property
+    def width(self) -> float:
+        """Of the frame, pixels."""
+        return max(len(line) for line in self.lines) * _CHARACTER + 2 * _PADDING
+
+    @property
+    def height(self) -> float:
+        """Of the frame, pixels."""
+        return len(self.lines) * _LINE + _PADDING
 
 
 def render_svg(tree: Tree, states: Mapping[int, int] | None = None) -> str:
     """Return the tree as an SVG picture, root at the left; ``states`` (uid to status) colour the frames."""
-    root = _box(tree.root)
+    return render_boxes([_box(tree.root, states)], tree.tree_id)
+
+
+def render_boxes(roots: list[Box], title: str) -> str:
+    """Return an SVG picture of boxes, one root below the other."""
     widths: list[float] = []
-    _measure(root, 0, widths)
+    for root in roots:
+        _measure(root, 0, widths)
     columns = [_PADDING + sum(widths[:depth]) + depth * _GAP_X for depth in range(len(widths))]
-    bottom = _place(root, 0, columns, _PADDING)
+    bottom: float = _PADDING
+    for index, root in enumerate(roots):
+        bottom = _place(root, 0, columns, bottom + (_GAP_Y if index else 0))
     width, height = columns[-1] + widths[-1] + _PADDING, bottom + _PADDING
     parts = [
         f'<svg xmlns="http://www.w3.org/2000/svg" width="{width:.0f}" height="{height:.0f}" '
         f'viewBox="0 0 {width:.0f} {height:.0f}" font-family="ui-monospace, monospace" font-size="11">',
-        f"<title>{escape(tree.tree_id, quote=False)}</title>",
+        f"<title>{_in_xml(title)}</title>",
         f'<rect width="{width:.0f}" height="{height:.0f}" fill="#ffffff"/>',
     ]
-    _draw(root, states, parts)
+    for root in roots:
+        _draw(root, parts)
     parts.append("</svg>")
     return "\n".join(parts) + "\n"
 
 
-def _box(node: Node) -> _Box:
+def _in_xml(text: str) -> str:
+    return escape(_NOT_XML.sub("\ufffd", text), quote=False)
+
+
+def _box(node: Node, states: Mapping[int, int] | None) -> Box:
     ports = port_texts(node)
     lines = [node_label(node), *ports[:_MAX_PORTS]]
     if len(ports) > _MAX_PORTS:
         lines.append(f"... {len(ports) - _MAX_PORTS} more")
-    width = max(len(line) for line in lines) * _CHARACTER + 2 * _PADDING
-    box = _Box(node, lines, width, len(lines) * _LINE + _PADDING)
-    box.children = [_box(child) for child in node.children if isinstance(child, Node)]
-    return box
+    status = IDLE if states is None else states.get(node.uid, IDLE)
+    return Box(
+        lines,
+        f"{node.path} {STATUS_NAMES[status]}",
+        _FILL.get(node.KIND, "#ffffff"),
+        _STATE[status],
+        1 if status == IDLE else 2.5,
+        _is_placeholder(node),
+        [_box(child, states) for child in node.children if isinstance(child, Node)],
+    )
 
 
-def _measure(box: _Box, depth: int, widths: list[float]) -> None:
+def _measure(box: Box, depth: int, widths: list[float]) -> None:
     if depth == len(widths):
         widths.append(0.0)
     widths[depth] = max(widths[depth], box.width)
@@ -163,7 +202,7 @@ def _measure(box: _Box, depth: int, widths: list[float]) -> None:
         _measure(child, depth + 1, widths)
 
 
-def _place(box: _Box, depth: int, columns: list[float], top: float) -> float:
+def _place(box: Box, depth: int, columns: list[float], top: float) -> float:
     """Place a box and those below it from ``top`` on; return where they end."""
     box.x = columns[depth]
     bottom = top
@@ -178,10 +217,7 @@ def _place(box: _Box, depth: int, columns: list[float], top: float) -> float:
     return max(bottom, box.y + box.height)
 
 
-def _draw(box: _Box, states: Mapping[int, int] | None, parts: list[str]) -> None:
-    status = IDLE if states is None else states.get(box.node.uid, IDLE)
-    stroke = _STATE[status]
-    fill = _FILL.get(box.node.KIND, "#ffffff")
+def _draw(box: Box, parts: list[str]) -> None:
     for child in box.children:
         x0, y0 = box.x + box.width, box.y + box.height / 2
         x1, y1 = child.x, child.y + child.height / 2
@@ -190,20 +226,20 @@ def _draw(box: _Box, states: Mapping[int, int] | None, parts: list[str]) -> None
             f'<path d="M{x0:.1f},{y0:.1f} C{middle:.1f},{y0:.1f} {middle:.1f},{y1:.1f} {x1:.1f},{y1:.1f}" '
             'fill="none" stroke="#8a8f98"/>'
         )
-    parts.append(f"<g><title>{escape(box.node.path, quote=False)} {STATUS_NAMES[status]}</title>")
+    dashes = ' stroke-dasharray="5 3"' if box.dashed else ""
+    parts.append(f"<g><title>{_in_xml(box.tooltip)}</title>")
     parts.append(
         f'<rect x="{box.x:.1f}" y="{box.y:.1f}" width="{box.width:.1f}" height="{box.height:.1f}" rx="5" '
-        f'fill="{fill}" stroke="{stroke}" stroke-width="{1 if status == IDLE else 2.5}"/>'
+        f'fill="{box.fill}" stroke="{box.stroke}" stroke-width="{box.stroke_width}"{dashes}/>'
     )
     for index, line in enumerate(box.lines):
         style = 'font-weight="bold"' if index == 0 else 'fill="#57606a"'
         parts.append(
-            f'<text x="{box.x + _PADDING:.1f}" y="{box.y + _LINE * (index + 1):.1f}" {style}>'
-            f"{escape(line, quote=False)}</text>"
+            f'<text x="{box.x + _PADDING:.1f}" y="{box.y + _LINE * (index + 1):.1f}" {style}>{_in_xml(line)}</text>'
         )
     parts.append("</g>")
     for child in box.children:
-        _draw(child, states, parts)
+        _draw(child, parts)
 
 
 _SHAPES: Final = {
@@ -217,13 +253,14 @@ _SHAPES: Final = {
 
 def render_dot(tree: Tree, states: Mapping[int, int] | None = None) -> str:
     """Return the tree in graphviz' DOT language."""
-    lines = [f"digraph {_quoted(tree.tree_id)} {{", "  rankdir=LR;", '  node [fontname="monospace", style=filled];']
+    lines = [f"digraph {quoted(tree.tree_id)} {{", "  rankdir=LR;", '  node [fontname="monospace", style=filled];']
     for node in tree.nodes:
         status = IDLE if states is None else states.get(node.uid, IDLE)
+        dashes = ', style="filled,dashed"' if _is_placeholder(node) else ""
         label = "\\n".join(_escaped(line) for line in [node_label(node), *port_texts(node)])
         lines.append(
             f'  n{node.uid} [label="{label}", shape={_SHAPES.get(node.KIND, "box")}, '
-            f'fillcolor="{_FILL.get(node.KIND, "#ffffff")}", color="{_STATE[status]}"];'
+            f'fillcolor="{_FILL.get(node.KIND, "#ffffff")}", color="{_STATE[status]}"{dashes}];'
         )
         lines.extend(f"  n{node.uid} -> n{child.uid};" for child in node.children if isinstance(child, Node))
     return "\n".join([*lines, "}"]) + "\n"
@@ -233,5 +270,6 @@ def _escaped(text: str) -> str:
     return text.replace("\\", "\\\\").replace('"', '\\"').replace("\n", "\\n")
 
 
-def _quoted(text: str) -> str:
+def quoted(text: str) -> str:
+    """Return a text as DOT takes it."""
     return f'"{_escaped(text)}"'

@@ -22,7 +22,7 @@ from bestman_bt.engine.registry import NodeInfo, NodeRegistry
 from bestman_bt.engine.scripting import ScriptCompiler
 from bestman_bt.engine.spelling import closest
 from bestman_bt.engine.xml.checking import PRE_CONDITIONS, Checker
-from bestman_bt.engine.xml.documents import Documents, read_documents
+from bestman_bt.engine.xml.documents import Documents, TreeDefinition, read_documents
 from bestman_bt.engine.xml.elements import MAX_DEPTH, NO_CHILDREN, Element
 
 if TYPE_CHECKING:
@@ -74,19 +74,58 @@ def load_tree(  # noqa: PLR0913 - all that may be said of a tree, each by its na
                 load_python_tree(path), registry=registry, context=context, clock=clock, blackboard=blackboard,
                 substitutions=substitutions, tree_id=path.stem, file=str(path), faults=faults,
             )  # fmt: skip
-    registry = registry or NodeRegistry()
     folders = tuple(search_path)
-    with _without_garbage_collection():
-        documents = read_documents(source, folders)
-        compiler = ScriptCompiler(registry.enums)
-        main, left_out = _checked(documents, registry, compiler, main_tree, faults)
-        board = blackboard or Blackboard(main, converters=registry.converters)
-        tree = Tree(registry=registry, compiler=compiler, blackboard=board, tree_id=main, context=context, clock=clock)
-        tree.file = documents.file
-        tree.source = documents.source
+    with without_garbage_collection():
+        tree = load_documents(
+            read_documents(source, folders), registry or NodeRegistry(),
+            context=context, clock=clock, main_tree=main_tree, blackboard=blackboard,
+            substitutions=substitutions, faults=faults,
+        )  # fmt: skip
         tree.origin = (source, folders)
-        tree.left_out = left_out
-        return _built(tree, documents, substitutions, faults)
+        return tree
+
+
+def load_documents(  # noqa: PLR0913 - as load_tree
+    documents: Documents,
+    registry: NodeRegistry,
+    *,
+    context: Any = None,
+    clock: Clock | None = None,
+    main_tree: str | None = None,
+    blackboard: Blackboard | None = None,
+    substitutions: SubstitutionRules | None = None,
+    faults: list[Problem] | None = None,
+    gaps: Gaps | None = None,
+) -> Tree:
+    """Make a tree of documents that were read; raises and fills ``faults`` as ``load_tree``.
+
+    ``gaps``: gives nodes and trees that are missing here others in their place, and keeps what was missing, which is no
+    error then.
+    """
+    compiler = ScriptCompiler(registry.enums)
+    main, left_out = _checked(documents, registry, compiler, main_tree, faults, gaps)
+    board = blackboard or Blackboard(main, converters=registry.converters)
+    tree = Tree(registry=registry, compiler=compiler, blackboard=board, tree_id=main, context=context, clock=clock)
+    tree.file = documents.file
+    tree.source = documents.source
+    tree.left_out = left_out
+    return _built(tree, documents, substitutions, faults, gaps)
+
+
+class Gaps:
+    """What is missing here of a tree that may run in another BehaviorTree.CPP process; nothing is, in this base."""
+
+    def __init__(self) -> None:
+        self.problems: list[Problem] = []
+
+    def take(self, problems: list[Problem]) -> None:
+        """Take those of the problems that say what is missing."""
+        self.problems += [problem for problem in problems if problem.missing]
+        problems[:] = [problem for problem in problems if not problem.missing]
+
+    def fill(self, checker: Checker) -> None:
+        """Give ``checker.misfits``, and trees that are not there, others in their place."""
+        raise NotImplementedError
 
 
 def _checked(
@@ -95,16 +134,23 @@ def _checked(
     compiler: ScriptCompiler,
     main_tree: str | None,
     faults: list[Problem] | None,
+    gaps: Gaps | None,
 ) -> tuple[str, set[str]]:
     """The tree to run, and what is left out of it (``Tree.left_out``); raises as ``load_tree``."""
     main = main_tree_of(documents, main_tree)
-    wrong = check_documents(documents, registry, compiler, main)
+    checker = check_documents(documents, registry, compiler, main)
+    wrong = checker.wrong
+    if gaps is not None:
+        gaps.fill(checker)
+        gaps.take(documents.problems)
+        filled = set(map(id, checker.misfits))
+        wrong = [(element, attribute) for element, attribute in wrong if id(element) not in filled]
     left_out: set[str] = set()
     if faults is None:
         raise_if_any(documents.problems)
     else:
         faults += [problem for problem in documents.problems if problem.severity != "warning"]
-        documents.problems.clear()
+        documents.problems[:] = [problem for problem in documents.problems if problem.severity == "warning"]
         if main is None:
             raise TreeLoadError(_in_order(faults))
         left_out = _leave_out(wrong, registry)
@@ -116,19 +162,27 @@ def _checked(
 
 
 def _built(
-    tree: Tree, documents: Documents, substitutions: SubstitutionRules | None, faults: list[Problem] | None
+    tree: Tree,
+    documents: Documents,
+    substitutions: SubstitutionRules | None,
+    faults: list[Problem] | None,
+    gaps: Gaps | None,
 ) -> Tree:
     builder = Builder(tree, documents.problems, documents, substitutions)
     main = tree.tree_id
     definition = documents.trees[main]
+    builder.under_way.append(definition)
     try:
         root = builder.build(definition.element.children[0], Place(tree, tree.blackboard, "", (main,), definition.file))
     except TreeLoadError as error:
         raise TreeLoadError(_in_order([*(faults or ()), *error.problems])) from None
+    if gaps is not None:
+        gaps.take(builder.problems)
     if faults is not None:  # what was left out of a node may be missed while it is made
         told = {(problem.file, problem.line) for problem in faults}
-        faults += [problem for problem in builder.problems if (problem.file, problem.line) not in told]
-        builder.problems.clear()
+        errors = [problem for problem in builder.problems if problem.severity == "error"]
+        faults += [problem for problem in errors if (problem.file, problem.line) not in told]
+        builder.problems[:] = [problem for problem in builder.problems if problem.severity != "error"]
     builder.finish(root)
     return tree
 
@@ -166,8 +220,8 @@ def words_of(attributes: Mapping[str, Any]) -> set[str]:
 
 def check_documents(
     documents: Documents, registry: NodeRegistry, compiler: ScriptCompiler, main: str | None
-) -> list[tuple[Element, str]]:
-    """Check every tree in the documents; what is wrong is appended to their problems. Returns ``Checker.wrong``.
+) -> Checker:
+    """Check every tree in the documents; what is wrong is appended to their problems.
 
     What is wrong with a node in a tree that ``main`` does not use keeps nothing from loading; None: all are used.
     """
@@ -177,7 +231,7 @@ def check_documents(
         checker.check(definition, used=tree_id in used)
     for definition in documents.replaced:
         checker.check(definition, used=False)
-    return checker.wrong
+    return checker
 
 
 class NoMainTree(Problem):
@@ -206,9 +260,9 @@ def main_tree_of(documents: Documents, wanted: str | None) -> str | None:
         return None
     message = f"it is missing, and the file holds {len(trees)} trees: {', '.join(trees)}"
     own = [name for name in trees if trees[name].file == documents.file]
-    roots = [name for name in own if not any(name in documents.used_trees(other) for other in own if other != name)]
+    roots = documents.unused_trees()
     suggestion = f'write main_tree_to_execute="{(roots or own or list(trees))[0]}"'
-    documents.problems.append(NoMainTree(documents.file, 1, "root", field, message, suggestion))
+    documents.problems.append(NoMainTree(documents.file, 1, "root", field, message, suggestion, missing=True))
     return None
 
 
@@ -224,7 +278,7 @@ def _in_order(problems: Iterable[Problem]) -> list[Problem]:
 
 
 @contextmanager
-def _without_garbage_collection() -> Iterator[None]:
+def without_garbage_collection() -> Iterator[None]:
     """Keep the collector from walking over a growing tree again and again; it cost a third of the load time."""
     enabled = gc.isenabled()
     gc.disable()
@@ -262,6 +316,7 @@ class Builder:
         self.documents = documents
         self.substitutions = substitutions
         self.depth = 0
+        self.under_way: list[TreeDefinition] = []
 
     def finish(self, root: Node | None, shared: SharedEntries | None = None) -> None:
         """Hand the root over to the tree.
@@ -383,18 +438,20 @@ class Builder:
 
     def _report(self, node: Node, message: str, field: str = "") -> None:
         file = self.tree.file if node.place is None else node.place.file
-        self.problems.append(Problem(file, node.line, node.type_id, field, message))
+        known = node.info is not None and node.info.builtin
+        self.problems.append(Problem(file, node.line, node.type_id, field, message, missing=not known))
 
     def _build_subtree(self, node: SubTree, element: Element, place: Place, depth: int) -> None:
         assert self.documents is not None
         attributes = element.attributes
         tree_id = node.tree_id = attributes["ID"]
         node.name = attributes.get("name", tree_id)
-        if tree_id in place.ancestors:
+        definition = self.documents.find(tree_id, place.file)
+        assert definition is not None
+        if tree_id in place.ancestors and (not self.documents.scoped or definition in self.under_way):
             route = " -> ".join((*place.ancestors, tree_id))
             self._report(node, f"the trees call each other in a circle: {route}", "ID")
             raise TreeLoadError(self.problems)
-        definition = self.documents.trees[tree_id]
         ports = {k: v for k, v in attributes.items() if k[0] != "_" and k not in _RESERVED}
         autoremap = attributes.get("_autoremap") in _TRUE
         if not autoremap:
@@ -402,7 +459,9 @@ class Builder:
                 if port.default is not None:
                     ports.setdefault(port.name, port.default)
         inner = self.enter(node, "name" in attributes, ports, autoremap, place, definition.file)
+        self.under_way.append(definition)
         child = self.build(definition.element.children[0], inner, depth + 1)
+        self.under_way.pop()
         node.children = [child]
         child.parent = node
 

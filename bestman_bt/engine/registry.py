@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from copy import copy
 from dataclasses import dataclass
 
 from bestman_bt.engine import catalogue
@@ -24,7 +25,8 @@ class NodeInfo:
     """One entry of the palette.
 
     ``kind`` is Action, Condition, Control, Decorator or SubTree; ``checked`` are the typed or bounded input ports,
-    whose literals are converted when a tree is loaded.
+    whose literals are converted when a tree is loaded. ``known_from``: of a type without code here, where its
+    description is from; empty for one with code.
     """
 
     name: str
@@ -40,6 +42,7 @@ class NodeInfo:
     custom_init: bool
     custom_load: bool
     checked_at_tick: bool
+    known_from: str = ""
 
     @property
     def inputs(self) -> list[Port]:
@@ -86,6 +89,13 @@ class NodeRegistry:
             raise RegistryError(f"'{name}' is registered already, as {known.cls.__module__}.{known.cls.__qualname__}")
         self._add(name, cls, builtin=False)
         return cls
+
+    def extended(self, infos: Iterable[NodeInfo]) -> NodeRegistry:
+        """Return a registry that knows these types as well, in place of those that have their names."""
+        other = copy(self)
+        other._by_class = dict(self._by_class)
+        other._infos = {**self._infos, **{info.name: info for info in infos}}
+        return other
 
     def register_enum(self, name: str, value: int) -> None:
         """Make ``name`` a constant in scripts and in ports of enum types.

@@ -20,9 +20,10 @@ from bestman_bt.engine.decorators.subtree import SubTree
 from bestman_bt.engine.errors import Problem, TreeLoadError
 from bestman_bt.engine.leaves.base import AlwaysFailure, AlwaysSuccess, Leaf
 from bestman_bt.engine.leaves.script import Script, TestNode
-from bestman_bt.engine.loading import check_documents, load_tree, main_tree_of
+from bestman_bt.engine.loading import load_tree, main_tree_of
+from bestman_bt.engine.models.foreign import Placeholders, main_of, open_documents
+from bestman_bt.engine.models.package import Package
 from bestman_bt.engine.registry import NodeRegistry
-from bestman_bt.engine.scripting import ScriptCompiler
 from bestman_bt.engine.spelling import closest
 from bestman_bt.engine.unwritten import problem_at, unread_ports, unwritten_reads
 from bestman_bt.engine.xml.documents import Documents, read_documents
@@ -120,30 +121,42 @@ def validate_file(
     *,
     search_path: Iterable[Path] = (),
     given: Iterable[str] = (),
+    package: Package | None = None,
 ) -> list[Problem]:
     """Return everything that is wrong with a tree file, errors and warnings; empty where nothing is.
+
+    What is ``missing`` alone may be right in another BehaviorTree.CPP process.
 
     Args:
         path: an XML file or a Python file with ``build()``.
         registry: the nodes that it may name.
         search_path: folders that it may include from.
         given: root entries that somebody sets before the tree runs.
+        package: other files that have its SubTrees, and models of nodes.
     """
     registry = registry or NodeRegistry()
     found: list[Problem] = []
-    wrong: list[Problem] = []
+    gaps = Placeholders()
+    documents = None
     try:
-        if Path(path).suffix != ".py":
+        if Path(path).suffix == ".py":
+            tree = load_tree(path, registry, faults=found)
+        else:
             documents = read_documents(path, search_path)
             main = main_tree_of(documents, None)
-            check_documents(documents, registry, ScriptCompiler(registry.enums), main)
-            found.extend(documents.problems)
+            if main is None and documents.node_models and not documents.trees:
+                return []  # a file of models
+            if package is not None:
+                package.complete(documents)
+            models = {} if package is None else package.models
+            shown = main or main_of(documents)
+            tree = open_documents(documents, registry, models, gaps, faults=found, main_tree=shown)
             if main is not None:
                 found.extend(_unused_trees(documents, main))
-        tree = load_tree(path, registry, search_path=search_path, faults=wrong)
     except TreeLoadError as error:
-        return _sorted([*found, *error.problems])
-    found.extend(wrong)
+        found += error.problems
+        return _sorted([*found, *gaps.problems, *(documents.problems if documents is not None else ())])
+    found += [*gaps.problems, *(documents.problems if documents is not None else ())]
     if any(problem.severity != "warning" for problem in found):
         told = {(problem.file, problem.line, problem.field) for problem in found}
         reads = [read.problem("warning") for read in unwritten_reads(tree, given) if read.key not in tree.left_out]

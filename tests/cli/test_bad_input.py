@@ -94,7 +94,6 @@ def test_of_several_trees_one_is_to_be_chosen(refused, folder: Path) -> None:
     trees = "".join(f'<BehaviorTree ID="{name}"><AlwaysSuccess/></BehaviorTree>' for name in ("A", "B"))
     (folder / "two.xml").write_text(f'<root BTCPP_format="4">{trees}</root>')
     told = "two.xml:1: <root> 'main_tree_to_execute': it is missing, and the file holds 2 trees: A, B"
-    assert f"{told} (choose one by --tree ID)" in refused("show", "two.xml")
     assert f'{told} (write main_tree_to_execute="A")' in refused("run", "two.xml")
     include = '<root BTCPP_format="4"><include path="two.xml"/><BehaviorTree ID="'
     uses = '"><SubTree ID="'

@@ -28,6 +28,7 @@ class Port:
 
     ``required``: it must be given. ``strict``: an entry that it is mapped to must have a value, also where the port
     has a default for when it is not given. ``bounds``: what a value must keep to; None: to its type alone.
+    ``written_type``: what the file calls the type, of a port that is known from a file alone.
     """
 
     name: str
@@ -38,11 +39,12 @@ class Port:
     description: str
     strict: bool = False
     bounds: tuple[Any, ...] | None = None
+    written_type: str = ""
 
     @property
     def type_name(self) -> str:
         """A readable name of the port's type."""
-        return type_name(self.data_type)
+        return self.written_type or type_name(self.data_type)
 
     @property
     def accepts(self) -> str:

@@ -10,6 +10,7 @@ from typing import Any, Final
 
 from bestman_bt.engine.blackboard import key_fault
 from bestman_bt.engine.bounds import refusal
+from bestman_bt.engine.catalogue import EXTENSIONS
 from bestman_bt.engine.conversion import UNTYPED, cast, partly_read, type_name
 from bestman_bt.engine.core.ports import key_of
 from bestman_bt.engine.core.status import NodeStatus
@@ -35,6 +36,7 @@ class Checker:
     """Checks all trees of one set of documents; what it finds is appended to ``documents.problems``.
 
     ``wrong``: the elements that have errors, and the attribute that each is in (empty: in the element as such).
+    ``misfits``: those of them that may be right in another BehaviorTree.CPP process.
     """
 
     def __init__(self, registry: NodeRegistry, compiler: ScriptCompiler, documents: Documents) -> None:
@@ -43,6 +45,9 @@ class Checker:
         self.documents = documents
         self.file = documents.file
         self.wrong: list[tuple[Element, str]] = []
+        self.misfits: list[Element] = []
+        self._missing = False
+        self._remedies: dict[str, str] = {}
         self._wrong = "error"
         self._infos = {info.name: info for info in registry}
 
@@ -50,9 +55,12 @@ class Checker:
         """Check one tree; in one that is not used, what is wrong with a node's attributes is latent."""
         self.file = definition.file
         self._wrong = "error" if used else "latent"
-        if definition.tree_id in self.registry:
+        same = self.registry.find(definition.tree_id)
+        if same is not None and not same.known_from:
             element = definition.element
+            self._missing = not same.builtin
             self._report(element, "ID", f"'{definition.tree_id}' is the name of a node; a tree needs another")
+            self._missing = False
         for child in definition.element.children:
             self._check(child)
 
@@ -69,7 +77,11 @@ class Checker:
         name = element.attributes.get("ID", element.tag) if element.tag in EXPLICIT else element.tag
         if severity == "error":
             self.wrong.append((element, attribute or field))
-        self.documents.problems.append(Problem(self.file, element.line, name, field, message, suggestion, severity))
+        if self._missing and severity != "warning":
+            self.misfits.append(element)
+        self.documents.problems.append(
+            Problem(self.file, element.line, name, field, message, suggestion, severity, self._missing)
+        )
 
     def _check(self, element: Element) -> None:
         tag = element.tag
@@ -83,11 +95,15 @@ class Checker:
             if not name:
                 self._report(element, "ID", "the attribute is missing; it names the node")
         info = self._infos.get(name)
-        if info is None:
-            if name:
-                self._report(element, "", f"unknown node '{name}'", self._remedy(name))
-        else:
+        if (info is None or info.known_from) and name:
+            self._missing = True
+            if name not in self._remedies:
+                self._remedies[name] = self._remedy(name)
+            self._report(element, "", f"unknown node '{name}'", self._remedies[name])
+        if info is not None:
+            self._missing = not info.builtin or name in EXTENSIONS
             self._check_known(element, name, info)
+        self._missing = False
         for child in element.children:
             self._check(child)
 
@@ -113,11 +129,13 @@ class Checker:
 
     def _remedy(self, name: str) -> str:
         """What may help against an unknown node: the file beside the tree that defines it, or the closest name."""
+        if name in self.documents.trees:
+            return f'it is a tree: write <SubTree ID="{name}"/>'
         for path in sorted(Path(self.file).parent.glob("*.py")):
             defined = re.findall(r"^(?:class|def) (\w+)", path.read_text("utf-8", "replace"), re.MULTILINE)
             if name in defined or name in map(class_name, defined):
                 return f"{path} defines one: bring it with --plugin {path}"
-        hint = closest(name, self._infos)
+        hint = closest(name, [known for known, info in self._infos.items() if not info.known_from])
         return f"did you mean '{hint}'?" if hint else "a node of your own comes with --plugin FILE.py"
 
     def _check_attributes(self, element: Element, info: NodeInfo) -> None:
@@ -166,7 +184,9 @@ class Checker:
         elif tree_id not in self.documents.trees:
             hint = closest(tree_id, self.documents.trees)
             suggestion = f"did you mean '{hint}'?" if hint else ""
+            self._missing = True
             self._report(element, "ID", f"there is no tree '{tree_id}'", suggestion, self._wrong)
+            self._missing = False
         if element.children:
             self._report(element, "", "a <SubTree> has no children of its own")
         element.info = self._infos["SubTree"]
@@ -189,10 +209,16 @@ class Checker:
             return
         elif key[0] != "_" and ":" not in key and "." not in key:  # those are no port names, and are ignored
             message, suggestion = unknown_port(info, key)
-            self._report(element, "", message, suggestion, self._wrong, attribute=key)
+            severity = "warning" if info.known_from else self._wrong
+            self._report(element, "", message, suggestion, severity, attribute=key)
 
     def _check_script(self, element: Element, key: str, text: str) -> None:
         element.scripts = element.scripts or key != "code"
+        missing, self._missing = self._missing, False
+        self._check_statements(element, key, text)
+        self._missing = missing
+
+    def _check_statements(self, element: Element, key: str, text: str) -> None:
         try:
             statements = self.compiler.parse(text)
         except ScriptError as error:

@@ -51,7 +51,8 @@ class Documents:
     """Everything that was read for one tree, and what is wrong with it so far.
 
     ``metadata``: of the subtree models, by key, what their ``<Metadata key="text"/>`` say. ``replaced``: trees whose
-    ID another file, or a later tree of the same file, gives to another one.
+    ID another file, or a later tree of the same file, gives to another one. ``node_models``: what the TreeNodesModels
+    say of nodes, as (element, file). ``scoped``: trees that a file means by an ID which is another's elsewhere.
     """
 
     file: str
@@ -59,21 +60,40 @@ class Documents:
     trees: dict[str, TreeDefinition] = field(default_factory=dict)
     replaced: list[TreeDefinition] = field(default_factory=list)
     models: dict[str, dict[str, ModelPort]] = field(default_factory=dict)
+    node_models: list[tuple[Element, str]] = field(default_factory=list)
+    scoped: dict[tuple[str, str], TreeDefinition] = field(default_factory=dict)
     metadata: dict[str, dict[str, MetadataEntry]] = field(default_factory=dict)
     main_tree: str | None = None
     problems: list[Problem] = field(default_factory=list)
     files: list[str] = field(default_factory=list)
 
+    def unused_trees(self) -> list[str]:
+        """Return the IDs of the main file's trees that none of its other trees consists of."""
+        own = [name for name, one in self.trees.items() if one.file == self.file]
+        return [name for name in own if not any(name in self.used_trees(other) for other in own if other != name)]
+
+    def find(self, tree_id: str, file: str) -> TreeDefinition | None:
+        """Return the tree that a SubTree in ``file`` names."""
+        return self.scoped.get((file, tree_id)) or self.trees.get(tree_id)
+
+    def add(self, definition: TreeDefinition, user: str) -> None:
+        """Take a tree of another file, which the file ``user`` names."""
+        known = self.trees.setdefault(definition.tree_id, definition)
+        if known is not definition:
+            self.trees[f"{definition.tree_id} of {definition.file}"] = definition
+            self.scoped[user, definition.tree_id] = definition
+
     def used_trees(self, main: str) -> set[str]:
-        """Return the IDs of the trees that ``main`` consists of."""
+        """Return the keys of the trees that ``main`` consists of."""
+        keys = {id(one): key for key, one in self.trees.items()}
         used: set[str] = set()
-        pending = [main]
+        pending = [self.trees.get(main)]
         while pending:
-            tree_id = pending.pop()
-            if tree_id not in used and tree_id in self.trees:
-                used.add(tree_id)
-                elements = self.trees[tree_id].element.iter()
-                pending.extend(e.attributes.get("ID", "") for e in elements if e.tag == "SubTree")
+            one = pending.pop()
+            if one is not None and (key := keys.get(id(one), one.tree_id)) not in used:
+                used.add(key)
+                ids = (e.attributes.get("ID", "") for e in one.element.iter() if e.tag == "SubTree")
+                pending.extend(self.find(tree_id, one.file) for tree_id in ids)
         return used
 
 
@@ -116,6 +136,11 @@ def read_file(path: Path, name: str) -> bytes:
         raise TreeLoadError([Problem(name, 0, "", "", f"the tree file cannot be read: {error}")]) from None
 
 
+def read_root(root: Element, file: str, documents: Documents) -> None:
+    """Take the trees and models of an outermost element, whose includes are not followed."""
+    _Reader(None, ()).read(root, file, None, documents, main=True)
+
+
 class _Reader:
     def __init__(self, folder: Path | None, search_path: Iterable[Path]) -> None:
         self.allowed = [*([folder] if folder is not None else []), *(Path(p).resolve() for p in search_path)]
@@ -149,11 +174,11 @@ class _Reader:
         documents.problems += [Problem(file, e.line, e.tag, "", what, severity="warning") for e in others]
 
     def _include(self, element: Element, file: str, path: Path | None, documents: Documents) -> None:
-        def report(message: str, field_name: str = "path") -> None:
-            documents.problems.append(Problem(file, element.line, "include", field_name, message))
+        def report(message: str, field_name: str = "path", *, missing: bool = False) -> None:
+            documents.problems.append(Problem(file, element.line, "include", field_name, message, missing=missing))
 
         if "ros_pkg" in element.attributes:
-            report("ROS packages are not supported; name a path", "ros_pkg")
+            report("ROS packages are not looked up; name a path", "ros_pkg", missing=True)
             return
         target = element.attributes.get("path")
         if not target:
@@ -161,7 +186,9 @@ class _Reader:
             return
         found = self._find(target, path)
         if found is None:
-            report(f"'{target}' does not exist in the tree's folder or the search path, or leads out of them")
+            report(
+                f"'{target}' does not exist in the tree's folder or the search path, or leads out of them", missing=True
+            )
             return
         if found in self.open_files:
             report(f"'{target}' includes itself, directly or through another file")
@@ -229,6 +256,7 @@ def _read_tree(element: Element, file: str, documents: Documents, *, alone: bool
 def _read_models(model: Element, file: str, documents: Documents) -> None:
     for element in model.children:
         if element.tag != "SubTree":
+            documents.node_models.append((element, file))
             continue
         tree_id = element.attributes.get("ID")
         if tree_id is None:

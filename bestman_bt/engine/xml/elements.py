@@ -24,10 +24,11 @@ class Element:
     """One XML element.
 
     Checking it against the registry fills the rest: ``info`` of its node, the ``entries`` that its ports are
-    mapped to as (port, key, data type), and whether it has ``scripts`` of its own.
+    mapped to as (port, key, data type), and whether it has ``scripts`` of its own. ``text`` is kept of what stands in
+    a TreeNodesModel alone.
     """
 
-    __slots__ = ("attributes", "children", "entries", "info", "line", "scripts", "tag")
+    __slots__ = ("attributes", "children", "entries", "info", "line", "scripts", "tag", "text")
 
     def __init__(self, tag: str, attributes: dict[str, str], line: int) -> None:
         self.tag = tag
@@ -37,6 +38,7 @@ class Element:
         self.info: Any = None
         self.entries: list[tuple[str, str, Any]] | None = None
         self.scripts = False
+        self.text = ""
 
     def iter(self) -> Iterator[Element]:
         """Yield this element and all below it, in document order."""
@@ -74,11 +76,18 @@ def parse_xml(text: str | bytes, file: str) -> Element:
         else:
             parent.children = [element]
         push(element)
+        if tag == "TreeNodesModel":
+            parser.CharacterDataHandler = read_text
         if len(stack) > MAX_DEPTH + 4:
             raise Refused(element.line, f"elements are nested deeper than {MAX_DEPTH}")
 
     def end(tag: str) -> None:
         pop()
+        if tag == "TreeNodesModel":
+            parser.CharacterDataHandler = None
+
+    def read_text(text: str) -> None:
+        stack[-1].text += text
 
     parser.StartElementHandler = start
     parser.EndElementHandler = end

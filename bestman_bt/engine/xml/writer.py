@@ -238,5 +238,5 @@ def _write_model(info: NodeInfo, lines: _Lines, depth: int) -> None:
 def groot_type(port: Port) -> str:
     """Return the C++ name that Groot2 shows for a port's type."""
     if port.data_type in UNTYPED:
-        return "BT::AnyTypeAllowed"
+        return port.written_type or "BT::AnyTypeAllowed"
     return _CPP_TYPES.get(port.data_type, type_name(port.data_type))

@@ -1,0 +1,138 @@
+"""Trees of other BehaviorTree.CPP processes: opened with placeholders for the nodes and trees that are not here.
+
+SubTrees are found in the file and what it includes, then in the package that it belongs to.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from bestman_bt.engine.core.ports import key_of
+from bestman_bt.engine.core.tree import Tree
+from bestman_bt.engine.errors import Problem
+from bestman_bt.engine.loading import Gaps, load_documents, load_tree, without_garbage_collection
+from bestman_bt.engine.models.node_models import Models, seen_ports, with_foreign
+from bestman_bt.engine.models.package import Package
+from bestman_bt.engine.models.placeholders import is_placeholder, placeholder
+from bestman_bt.engine.registry import NodeInfo, NodeRegistry
+from bestman_bt.engine.xml.checking import Checker
+from bestman_bt.engine.xml.documents import Documents, TreeDefinition, read_documents
+from bestman_bt.engine.xml.elements import Element
+
+if TYPE_CHECKING:
+    from bestman_bt.engine.blackboard import Blackboard
+    from bestman_bt.engine.clock import Clock
+    from bestman_bt.engine.substitution import SubstitutionRules
+
+
+def open_tree(  # noqa: PLR0913 - as load_tree, each by its name
+    source: str | Path,
+    registry: NodeRegistry | None = None,
+    *,
+    models: Models | None = None,
+    search_path: Iterable[Path] = (),
+    context: Any = None,
+    clock: Clock | None = None,
+    main_tree: str | None = None,
+    blackboard: Blackboard | None = None,
+    substitutions: SubstitutionRules | None = None,
+    faults: list[Problem] | None = None,
+    gaps: Gaps | None = None,
+    package: Package | None = None,
+) -> Tree:
+    """Load a tree as ``load_tree`` does, with placeholders for the nodes, ports and trees that are not here.
+
+    ``gaps`` keeps what is missing; ``package`` has the SubTrees that the file does not. Where a file holds several
+    trees and says of none that it is the main one, it is the first that no other uses.
+
+    Raises:
+        TreeLoadError: as ``load_tree``, for what is wrong in every BehaviorTree.CPP.
+    """
+    path = str(source)
+    if not path.lstrip("\ufeff \t\r\n").startswith("<") and Path(path).suffix == ".py":
+        return load_tree(
+            source, registry, context=context, clock=clock, blackboard=blackboard, substitutions=substitutions,
+            faults=faults,
+        )  # fmt: skip
+    folders = tuple(search_path)
+    with without_garbage_collection():
+        documents = read_documents(source, folders)
+        if package is not None:
+            package.complete(documents)
+            models = {**package.models, **(models or {})}
+        tree = open_documents(
+            documents, registry or NodeRegistry(), models or {}, context=context, clock=clock,
+            main_tree=main_tree or main_of(documents), blackboard=blackboard, substitutions=substitutions,
+            faults=faults, gaps=gaps,
+        )  # fmt: skip
+        tree.origin = (source, folders)
+        return tree
+
+
+def open_documents(
+    documents: Documents, registry: NodeRegistry, models: Models, gaps: Gaps | None = None, **options: Any
+) -> Tree:
+    """Make a tree of documents that were read, as ``open_tree``; ``options`` are those of ``load_documents``."""
+    return load_documents(documents, with_foreign(registry, documents, models), gaps=gaps or Placeholders(), **options)
+
+
+def main_of(documents: Documents) -> str | None:
+    """The tree to show: that of ``main_tree_to_execute``, else the first of the file that no other uses."""
+    if documents.main_tree is not None or len(documents.trees) < 2:
+        return None
+    roots = documents.unused_trees()
+    return roots[0] if roots else next(iter(documents.trees))
+
+
+def missing_nodes(tree: Tree) -> dict[str, NodeInfo]:
+    """The types without code here that a tree has, by name."""
+    return {node.type_id: node.info for node in tree.nodes if is_placeholder(node) and node.info is not None}
+
+
+class Placeholders(Gaps):
+    """Puts placeholders where something is missing."""
+
+    def fill(self, checker: Checker) -> None:
+        """Give each misfit a placeholder of its type, and each tree that is missing one of its own."""
+        documents = checker.documents
+        for element in checker.misfits:
+            if element.tag == "SubTree":
+                tree_id = element.attributes["ID"]
+                documents.trees.setdefault(tree_id, _empty_tree(tree_id, documents.file, element.line))
+            elif element.info is not None:
+                element.info = _fitting(element.info, element)
+                element.entries = [
+                    (key, entry, Any)
+                    for key, text in element.attributes.items()
+                    if key in element.info.ports and (entry := key_of(text, key)) is not None
+                ] or None
+
+
+def _fitting(info: NodeInfo, element: Element) -> NodeInfo:
+    """A placeholder that takes the ports and children that an element has."""
+    kind, count = info.kind, len(element.children)
+    if count and kind in ("Action", "Condition"):
+        kind = "Decorator" if count == 1 else "Control"
+    elif kind == "Decorator" and count != 1:
+        kind = "Control" if count else "Action"
+    seen = {port.name: port for port in seen_ports([element])}
+    ports = [replace(port, data_type=Any, required=False, bounds=None) for port in info.ports.values()]
+    return placeholder(
+        info.name,
+        kind,
+        [*ports, *(port for name, port in seen.items() if name not in info.ports)],
+        info.known_from or "the registry, which has it with other ports or children",
+        info.description,
+    )
+
+
+def _empty_tree(tree_id: str, file: str, line: int) -> TreeDefinition:
+    """A tree of which nothing is known: one placeholder."""
+    node = Element(tree_id, {"name": f"{tree_id} (not found)"}, line)
+    node.info = placeholder(tree_id, "SubTree", (), "the SubTree that names it")
+    element = Element("BehaviorTree", {"ID": tree_id}, line)
+    element.children = [node]
+    return TreeDefinition(tree_id, element, file)

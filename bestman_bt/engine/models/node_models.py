@@ -1,0 +1,84 @@
+"""What is known of a node type that has no code here: from the TreeNodesModel of a file, else a guess from its use.
+
+A guess has the ports that are seen, ``inout`` where only ``{entries}`` are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Final
+
+from bestman_bt.engine.core.ports import Port, key_of
+from bestman_bt.engine.models.placeholders import KINDS, placeholder, untyped_port
+from bestman_bt.engine.registry import NodeInfo, NodeRegistry
+from bestman_bt.engine.xml.documents import Documents
+from bestman_bt.engine.xml.elements import Element
+
+GUESS: Final = "a guess from its use"
+"""Where a node is known from that no model describes."""
+_DIRECTIONS: Final = {"input_port": "input", "output_port": "output", "inout_port": "inout"}
+_LIKE_CONDITIONS: Final = ("Is", "Has", "Are", "Can", "Check")
+
+Models = Mapping[str, NodeInfo]
+"""Name → what a TreeNodesModel says of a node."""
+
+
+def with_foreign(registry: NodeRegistry, documents: Documents, models: Models) -> NodeRegistry:
+    """Return a registry that knows all nodes of the documents, those that it does not have as placeholders."""
+    own = {info.name: info for element, file in documents.node_models if (info := model_info(element, file))}
+    uses: dict[str, list[Element]] = {}
+    definitions = [*documents.trees.values(), *documents.replaced]
+    for element in (element for one in definitions for element in one.element.iter()):
+        name = node_name(element)
+        if name and name not in registry and element.tag not in ("BehaviorTree", "SubTree"):
+            uses.setdefault(name, []).append(element)
+    found = [own.get(name) or models.get(name) or guessed_info(name, used) for name, used in uses.items()]
+    declared = [info for name, info in own.items() if name not in registry and name not in uses]
+    return registry.extended([*found, *declared]) if found or declared else registry
+
+
+def node_name(element: Element) -> str:
+    """The type of node that an element of a tree stands for."""
+    return element.attributes.get("ID", "") if element.tag in KINDS else element.tag
+
+
+def model_info(element: Element, file: str) -> NodeInfo | None:
+    """What an element of a TreeNodesModel says of a node; None where it says nothing that can be read."""
+    name = element.attributes.get("ID", "")
+    if not name or element.tag not in KINDS:
+        return None
+    ports = [
+        untyped_port(
+            port.attributes["name"], _DIRECTIONS[port.tag], port.attributes.get("default"), port.text.strip(),
+            port.attributes.get("type", ""),
+        )
+        for port in element.children
+        if port.tag in _DIRECTIONS and port.attributes.get("name")
+    ]  # fmt: skip
+    texts = [child.text.strip() for child in element.children if child.tag in ("description", "MetadataFields")]
+    description = next(filter(None, texts), "")
+    return placeholder(name, element.tag, ports, f"{file}:{element.line}", description)
+
+
+def guessed_info(name: str, uses: list[Element]) -> NodeInfo:
+    """What can be guessed of a node from the elements that use it."""
+    told = [element.tag for element in uses if element.tag in KINDS]
+    most = max(len(element.children) for element in uses)
+    if most:
+        kind = told[0] if told and told[0] in ("Control", "Decorator") else "Decorator" if most == 1 else "Control"
+    elif told:
+        kind = told[0]
+    else:
+        kind = "Condition" if name.startswith(_LIKE_CONDITIONS) else "Action"
+    return placeholder(name, kind, seen_ports(uses), GUESS)
+
+
+def seen_ports(uses: Iterable[Element]) -> list[Port]:
+    """The ports that elements give a value, with the direction that the values suggest."""
+    directions: dict[str, str] = {}
+    for element in uses:
+        for key, text in element.attributes.items():
+            if key not in ("name", "ID") and key[:1] != "_" and ":" not in key and "." not in key:
+                literal = key_of(text, key) is None
+                directions[key] = "input" if literal else directions.get(key, "inout")
+    return [untyped_port(name, direction) for name, direction in directions.items()]

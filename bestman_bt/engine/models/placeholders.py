@@ -1,0 +1,79 @@
+"""Nodes without code: what stands in a tree for a type that is known from a file, or from its use alone."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+from typing import Any, ClassVar, Final
+
+from bestman_bt.engine.controls import Sequence
+from bestman_bt.engine.core.node import Node
+from bestman_bt.engine.core.ports import Port
+from bestman_bt.engine.decorators import Decorator
+from bestman_bt.engine.leaves.base import Leaf
+from bestman_bt.engine.registry import NodeInfo, make_info
+
+
+def _refused(node: Node) -> int:
+    raise node.error(f"it is a placeholder: there is no code for '{node.type_id}' here")
+
+
+class PlaceholderAction(Leaf):
+    """Stands for an action."""
+
+    def on_tick(self) -> int:
+        """Refuse."""
+        return _refused(self)
+
+
+class PlaceholderCondition(PlaceholderAction):
+    """Stands for a condition."""
+
+    KIND: ClassVar[str] = "Condition"
+
+
+class PlaceholderControl(Sequence):
+    """Stands for a node with several children; where leaves are simulated, it ticks them as a Sequence."""
+
+    MIN_CHILDREN: ClassVar[int] = 0
+
+
+class PlaceholderDecorator(Decorator):
+    """Stands for a node with one child; where leaves are simulated, it gives back the child's result."""
+
+    def on_tick(self) -> int:
+        """Tick the child."""
+        return self.child.execute_tick()
+
+
+_CLASSES: Final[dict[str, type[Node]]] = {
+    "Action": PlaceholderAction,
+    "Condition": PlaceholderCondition,
+    "Control": PlaceholderControl,
+    "Decorator": PlaceholderDecorator,
+    "SubTree": PlaceholderAction,
+}
+KINDS: Final = frozenset(_CLASSES) - {"SubTree"}
+
+
+def placeholder(name: str, kind: str, ports: Iterable[Port], known_from: str, description: str = "") -> NodeInfo:
+    """Describe a node type that has no code here; ``known_from`` says in words where the description is from."""
+    return replace(
+        make_info(name, _CLASSES[kind], builtin=False),
+        ports={port.name: port for port in ports},
+        description=description,
+        known_from=known_from,
+    )
+
+
+def untyped_port(name: str, direction: str, default: Any = None, description: str = "", written_type: str = "") -> Port:
+    """A port that takes whatever is written; ``written_type`` is what a file calls its type."""
+    return Port(name, direction, Any, False, default, description, written_type=written_type)
+
+
+def is_placeholder(node: Node) -> bool:
+    """Whether a node of a loaded tree has no code here."""
+    return node.info is not None and bool(node.info.known_from)
+
+
+__all__ = ["KINDS", "is_placeholder", "placeholder", "untyped_port"]

@@ -1,0 +1,71 @@
+"""Trees of other BehaviorTree.CPP processes on the command line."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+from tests.cli.command_line import Answer
+
+Command = Callable[..., Answer]
+
+
+def written(path: Path, body: str, tree_id: str = "Main") -> None:
+    path.write_text(f'<root BTCPP_format="4">\n<BehaviorTree ID="{tree_id}">\n{body}\n</BehaviorTree>\n</root>')
+
+
+def test_show_draws_what_is_not_here_and_says_where_it_is_known_from(bestman_bt: Command, folder: Path) -> None:
+    written(folder / "t.xml", '<Sequence><OpenLid side="{s}"/><SubTree ID="Pour"/></Sequence>')
+    answer = bestman_bt("show", "t.xml")
+    assert answer.code == 0
+    assert "OpenLid [placeholder]  side={s}" in answer.out
+    assert "OpenLid (Action): a guess from its use" in answer.err
+    written(folder / "pour.xml", "<AlwaysSuccess/>", "Pour")
+    assert "└── AlwaysSuccess" in bestman_bt("show", "t.xml", "--search", ".").out
+    assert bestman_bt("show", "t.xml", "--svg", "t.svg").code == 0
+    assert "stroke-dasharray" in (folder / "t.svg").read_text()
+
+
+def test_show_draws_a_tree_with_faults_and_tells_them(bestman_bt: Command, folder: Path) -> None:
+    written(folder / "t.xml", '<Sequence><AlwaysSuccess/><Sleep ms="3"/></Sequence>')
+    answer = bestman_bt("show", "t.xml")
+    assert answer.code == 2
+    assert "AlwaysSuccess" in answer.out
+    assert "unknown port 'ms'" in answer.err
+
+
+def test_show_of_a_folder_and_of_models_alone(bestman_bt: Command, folder: Path) -> None:
+    written(folder / "a.xml", '<SubTree ID="B"/>')
+    written(folder / "b.xml", "<AlwaysSuccess/>", "B")
+    assert "Main (line 2): 1 nodes; uses B" in bestman_bt("show", ".").out
+    assert '"Main" -> "B"' in bestman_bt("show", ".", "--dot").out
+    assert "└── AlwaysSuccess" in bestman_bt("show", ".", "--tree", "Main").out
+    model = '<Action ID="Pour"><input_port name="cup" type="std::string" default="red">which</input_port></Action>'
+    (folder / "m.xml").write_text(f'<root BTCPP_format="4"><TreeNodesModel>{model}</TreeNodesModel></root>')
+    told = bestman_bt("show", "m.xml").out
+    assert told == "Action Pour\n    cup (input, std::string, default red): which\n"
+
+
+def test_validate_tells_apart_what_is_wrong_and_what_is_missing_here(bestman_bt: Command, folder: Path) -> None:
+    written(folder / "missing.xml", '<Sequence><OpenLid/>\n<OpenLid/><SubTree ID="Pour"/></Sequence>')
+    answer = bestman_bt("validate", "missing.xml")
+    assert answer.code == 1
+    assert answer.out == "missing.xml: nothing is wrong, 3 things are missing here\n"
+    assert answer.err.count("OpenLid") == 2, "one line names node and kind"
+    written(folder / "wrong.xml", '<Sequence><OpenLid/><Sleep ms="3"/></Sequence>')
+    assert bestman_bt("validate", "missing.xml", "wrong.xml").code == 2
+    written(folder / "warned.xml", '<Timeout msec="0"><AlwaysSuccess/></Timeout>')
+    assert bestman_bt("validate", "warned.xml").code == 0
+    refused = bestman_bt("run", "missing.xml")
+    assert refused.code == 2
+    assert "unknown node 'OpenLid'" in refused.err
+
+
+def test_validate_of_a_folder_sums_up(bestman_bt: Command, folder: Path) -> None:
+    written(folder / "a.xml", '<Sequence><SubTree ID="B"/><OpenLid/></Sequence>')
+    written(folder / "b.xml", "<Sequence><OpenLid/><CloseLid/></Sequence>", "B")
+    answer = bestman_bt("validate", ".")
+    assert (answer.code, answer.err) == (1, "")
+    assert ".: 2 files, 2 trees; 0 wrong, 3 missing here, 0 warnings" in answer.out
+    assert "        2  OpenLid\n        1  CloseLid" in answer.out
+    assert "1 trees that no other uses: Main" in answer.out
