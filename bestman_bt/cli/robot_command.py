@@ -9,6 +9,7 @@ from typing import Annotated, Any
 
 import typer
 
+from bestman_bt.cli.bringup_command import bringup
 from bestman_bt.cli.json_output import json_output
 from bestman_bt.cli.option_values import wrong_input
 from bestman_bt.cli.options import Json, Png, Settings, grouped_options
@@ -171,6 +172,9 @@ def move_into_limits(
     except ConnectionFailedError as error:
         print(f"bestman-bt: {error}", file=sys.stderr)
         raise typer.Exit(2) from error
+
+
+verbs.command(name="bringup")(bringup)
 
 
 @verbs.command(name="import")

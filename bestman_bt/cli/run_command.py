@@ -95,10 +95,7 @@ class Groot2View:
 # ``--live`` of verbs that run something: a Rerun viewer that sees the run while it happens.
 
 
-SLOW_ARMS = (
-    "safety: the robot's file does not say how fast its arms may be: they go at 10 % of their joints' speed and "
-    "0.25 m/s of the tool; say safety: {joint_speed: …, tool_speed: …} once it was brought up (docs/hardware.md)"
-)
+SLOW_ARMS = "safety: arms go at 10 % of their joints' speed and 0.25 m/s of the tool at most: {why}"
 START_WAIT = 120.0
 """Seconds within which something is recorded."""
 LAST_WORDS = 1.0
@@ -213,7 +210,7 @@ def command(
         for warning in validate_file(file, setup.registry, search_path=shipped_trees(), given=filled):
             print(warning, file=sys.stderr)
         if setup.slow_arms:
-            print(SLOW_ARMS, file=sys.stderr)
+            print(SLOW_ARMS.format(why=setup.slow_arms), file=sys.stderr)
         if asked.record and asked.driver != "pybullet":
             kept = (
                 f"no {RECORDING_NAME}, only the readings for --driver replay"

@@ -23,6 +23,7 @@ from bestman_bt.configuration import (
     salvage,
 )
 from bestman_bt.registry import suggestion
+from bestman_bt.robot_model.bringup_file import bringup_path, content_of
 from bestman_bt.robot_model.describe import describe
 from bestman_bt.robot_model.finger_linkage import all_positions
 from bestman_bt.robot_model.hardware_config import read_connections, wider_limits, with_hardware
@@ -45,6 +46,8 @@ from bestman_bt.robot_model.urdf_elements import fixed_joint
 
 
 FOLLOWER_SLACK = 0.1
+_OF_A_RUN = ("connections.", "safety.", "bringup")
+"""Settings of a run that make no other robot."""
 
 
 def write_limits(part: PlacedPart) -> None:
@@ -121,12 +124,18 @@ def load_robot_model(name_or_path: str | Path, overrides: Mapping[str, Any] | No
     with faults.step():
         document = override(document, RobotConfig, given, prefix="robot.")
     document = with_calibration(document, Path() if given else path.parent, faults)
+    of_run = {key: settings.pop(key) for key in tuple(settings) if key.startswith(_OF_A_RUN)}
     with faults.step():
         document = override(document, RobotConfig, settings, prefix="robot.")
+    described = document
+    with faults.step():
+        document = override(document, RobotConfig, of_run, prefix="robot.")
     with faults.step():
         model = compose_robot(path.stem, document)
     faults.raise_if_any()
-    return model
+    named = document.data.get("bringup")
+    bringup = path.parent / named if named else bringup_path(path)
+    return replace(model, bringup=bringup, content=content_of(described))
 
 
 def compose_robot(name: str, document: Document) -> RobotModel:

@@ -44,20 +44,19 @@ def with_hardware(model: RobotModel, connections: Mapping[str, ConnectionConfig]
 
 
 FIRST_JOINT_SPEED, FIRST_TOOL_SPEED = 0.1, 0.25
-"""Share of the joints' limits, and m/s: of real arms of which nobody has said how fast they may be."""
-
-
-def unlimited(model: RobotModel) -> bool:
-    """Whether the robot's ``safety`` says nothing of how fast its arms may be."""
-    return bool(model.of(ArmModel)) and model.safety.joint_speed is None and model.safety.tool_speed is None
+"""Share of the joints' limits, and m/s: at most, of real arms whose bring-up nobody has signed."""
 
 
 def with_first_limits(model: RobotModel) -> RobotModel:
-    """As ``model``, with arms as slow as a real robot's first motions should be, if its ``safety`` limits no speed."""
-    if not unlimited(model):
+    """As ``model``, with arms no faster than a real robot's first motions should be."""
+    if not model.of(ArmModel):
         return model
-    safety = dataclasses.replace(model.safety, joint_speed=FIRST_JOINT_SPEED, tool_speed=FIRST_TOOL_SPEED)
-    return with_hardware(model, model.connections, safety)
+    safety = model.safety
+    allowed = 1.0 if safety.joint_speed is None else safety.joint_speed
+    share = min(allowed, FIRST_JOINT_SPEED)
+    tool_speed = FIRST_TOOL_SPEED if safety.tool_speed is None else min(safety.tool_speed, FIRST_TOOL_SPEED)
+    slower = with_hardware(model, model.connections, dataclasses.replace(safety, joint_speed=share / allowed))
+    return dataclasses.replace(slower, safety=dataclasses.replace(safety, joint_speed=share, tool_speed=tool_speed))
 
 
 def read_connections(

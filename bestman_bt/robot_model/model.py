@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
+from pathlib import Path
 from typing import TypeVar
 
 import numpy as np
@@ -218,7 +219,9 @@ class RobotModel:
     ``postures``: name → joint name → position. ``hand_of``: name of a gripper or another
     hand → name of the arm that carries it. ``default_arm``: of several arms the one that skills use which name none.
     ``allowed_self_pairs``: pairs of links that always or never touch, left out of self-collision checks.
-    ``connections``, ``safety``: of the real robot; the simulation has no use for the former.
+    ``connections``, ``safety``: of the real robot; the simulation has no use for the former. ``bringup``: where its
+    bring-up is signed; ``content``: digest of what its files say; ``serial_numbers``: connection → which controller has
+    to be there.
     """
 
     name: str
@@ -231,6 +234,9 @@ class RobotModel:
     allowed_self_pairs: frozenset[frozenset[str]] = frozenset()
     connections: Mapping[str, ConnectionConfig] = field(default_factory=dict)
     safety: SafetyConfig = field(default_factory=SafetyConfig)
+    bringup: Path | None = None
+    content: str = ""
+    serial_numbers: Mapping[str, str] = field(default_factory=dict)
 
     def of(self, kind: type[Kind]) -> dict[str, Kind]:
         """The parts of one kind by name: ``robot.of(LidarPart)``."""

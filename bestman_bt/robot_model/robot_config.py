@@ -44,7 +44,8 @@ class RobotConfig:
     ``calibration``: files that a calibration wrote; what they say of parts is laid over ``parts``.
     ``postures``: posture → part → joint positions. ``never_touch``: pairs of parts or links that cannot meet, left
     out of self-collision checks. ``connections``: the controllers of the real robot, by a name of your own;
-    ``safety``: what it may do at most.
+    ``safety``: what it may do at most; ``bringup``: the file in which its bring-up is signed, by default beside this
+    one.
     """
 
     parts: Mapping[str, MountedPart]
@@ -55,4 +56,5 @@ class RobotConfig:
     calibration: tuple[str, ...] = ()
     connections: Mapping[str, ConnectionConfig] = field(default_factory=dict)
     safety: SafetyConfig = field(default_factory=SafetyConfig)
+    bringup: str = ""
     description: str = ""

@@ -33,7 +33,7 @@ from bestman_bt.facts.goals.placed import Placed, PlaceGoal
 from bestman_bt.messages import Pose2D
 from bestman_bt.registry import CONNECTIONS, DRIVERS, UnknownNameError
 from bestman_bt.robot_model import ArmModel, BaseModel, CameraPart, RobotModel, load_robot_model
-from bestman_bt.robot_model.hardware_config import unlimited, with_first_limits
+from bestman_bt.robot_model.bringup_file import as_brought_up
 from bestman_bt.runtime.algorithms import (
     Algorithms,
     algorithm_problems,
@@ -71,8 +71,8 @@ class Setup(DrawnTask):
     """A configuration with everything that it names."""
 
     registry: NodeRegistry
-    slow_arms: bool = field(default=False, kw_only=True)
-    """Whether real arms go as slowly as first motions should, because the robot's file limits no speed of them."""
+    slow_arms: str = field(default="", kw_only=True)
+    """Why real arms go as slowly as first motions should; empty where they do not."""
 
     @cached_property
     def asked(self) -> tuple[Goal[Any], ...]:
@@ -164,7 +164,7 @@ def prepare(  # noqa: C901 - one check after the other
     registry: NodeRegistry | None = None
     robot_model: RobotModel | None = None
     scene: SceneConfig | None = None
-    slow_arms = False
+    slow_arms = ""
     # A plug-in may bring the driver, but one that is there is imported first: it can then guard what plug-ins import.
     if config.driver in DRIVERS.names():
         DRIVERS.resolve(config.driver)
@@ -184,8 +184,8 @@ def prepare(  # noqa: C901 - one check after the other
     faults.problems += _driver_problems(config)
     if robot_model is not None and config.driver == "hardware":
         faults.problems += _connection_problems(config, robot_model)
-        slow_arms = unlimited(robot_model)
-        robot_model = with_first_limits(robot_model)
+        with faults.step():
+            robot_model, slow_arms = as_brought_up(robot_model)
     world: World | None = None
     if scene is not None:
         with faults.step():

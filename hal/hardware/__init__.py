@@ -3,6 +3,7 @@
 from hal.hardware.clock import LatencyMonitor, RealTimeClock, RemoteTime, StampOrder
 from hal.hardware.connection import Connection
 from hal.hardware.control_loop import ControlLoop
+from hal.hardware.controller_facts import ArmFacts, Identity
 from hal.hardware.isolated_robot import IsolatedRobot
 from hal.hardware.robot import HardwareRobot
 from hal.hardware.sensors import (
@@ -15,6 +16,7 @@ from hal.hardware.sensors import (
 )
 
 __all__ = [
+    "ArmFacts",
     "Connection",
     "ControlLoop",
     "HardwareBattery",
@@ -24,6 +26,7 @@ __all__ = [
     "HardwareLidar",
     "HardwareRobot",
     "HardwareSensor",
+    "Identity",
     "IsolatedRobot",
     "LatencyMonitor",
     "RealTimeClock",

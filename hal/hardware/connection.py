@@ -19,6 +19,7 @@ from bestman_bt.robot_model.connection_config import ConnectionConfig, SafetyCon
 from bestman_bt.runtime_folder import runtime_folder
 from hal.api import Battery, Camera, Clock, Failure, Imu, Lidar, MotionErrorCode, Part
 from hal.hardware.control_loop import ControlLoop
+from hal.hardware.controller_facts import ArmFacts, Identity
 from hal.parts import ConnectionFailedError, ControlledPart, StopLatch
 
 # One client to a controller: a second one of the same user on the same machine is refused before it connects.
@@ -183,6 +184,14 @@ class Connection(ABC):
     def release(self) -> None:  # noqa: B027 - for controllers that people have to release
         """Release it for somebody who has looked; ConnectionFailedError where that cannot be done from here."""
 
+    def identity(self) -> Identity:
+        """Which controller has answered; while connected."""
+        return Identity()
+
+    def arm_facts(self) -> ArmFacts | None:
+        """What the controller knows of its arm; None where it moves none, or tells nothing. While connected."""
+        return None
+
     def abandon(self) -> None:  # noqa: B027 - for wires that need it
         """Drop a wire that was lost, at once: what it or the SDK still holds is not to act when it is back."""
 
@@ -197,6 +206,7 @@ class Connection(ABC):
             self._only.take()
         try:
             self.open()
+            self._check_serial_number()
             for part in self._moving():
                 part.attach()
         except BaseException:
@@ -277,6 +287,14 @@ class Connection(ABC):
             raise ConnectionFailedError(
                 f"{self.name} needs the package {module.partition('.')[0]!r}: {install_command(self.extra)}"
             ) from error
+
+    def _check_serial_number(self) -> None:
+        owed = self.model.serial_numbers.get(self.name, "")
+        if owed and (told := self.identity().serial_number) != owed:
+            raise ConnectionFailedError(
+                f"{self.name}: the controller's serial number is {told or 'not told'}, the bring-up was signed for "
+                f"{owed} ({self.model.bringup}): bring this robot up (bestman-bt robot bringup {self.model.name})"
+            )
 
     def _crashed(self, error: Exception) -> None:
         self._crash = Failure(MotionErrorCode.FAULT, f"{self.name} stopped working: {type(error).__name__}: {error}")

@@ -22,6 +22,7 @@ from bestman_bt.robot_model import RobotModel
 from bestman_bt.scene import World
 from hal.api import Camera, Failure, Motion, MotionErrorCode, MotionStatus, NotConnectedError, Part, Robot, RobotError
 from hal.hardware.clock import RealTimeClock
+from hal.hardware.controller_facts import ArmFacts, Identity
 from hal.hardware.heartbeat import Heartbeat
 from hal.hardware.robot import HardwareRobot
 from hal.hardware.robot_process import ROBOT, STOPS, Call, MotionNumber, MotionReport, Setup, plug_ins
@@ -146,6 +147,16 @@ class IsolatedRobot(Robot):
         texts: dict[str, str] = self._asked("diagnostics", self._description.diagnostics)
         lost = self._client.lost
         return texts if lost is None else {**texts, PROCESS: str(lost)}
+
+    def identities(self) -> dict[str, Identity]:
+        """As of ``HardwareRobot``."""
+        answer: dict[str, Identity] = self._client.call(Call(ROBOT, "identities"))
+        return answer
+
+    def arm_facts(self, arm: str) -> ArmFacts | None:
+        """As of ``HardwareRobot``."""
+        answer: ArmFacts | None = self._client.call(Call(ROBOT, "arm_facts", (arm,)))
+        return answer
 
     def _asked(self, what: str, otherwise: Callable[[], Any]) -> Any:
         """What the other process says; ``otherwise`` where there is none, or it is lost by asking it."""

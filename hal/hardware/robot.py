@@ -17,6 +17,7 @@ from hal.api import Failure, MotionErrorCode, Part, Robot
 from hal.hardware.clock import RealTimeClock
 from hal.hardware.connection import Connection
 from hal.hardware.control_loop import ControlLoop
+from hal.hardware.controller_facts import ArmFacts, Identity
 from hal.hardware.heartbeat import Heartbeat
 from hal.parts import ConnectionFailedError, StopLatch
 
@@ -170,6 +171,14 @@ class HardwareRobot(Robot):
                 texts[f"{name} remarks"] = "; ".join(connection.remarks)
             texts |= {loop.name: str(loop.lateness()) for loop in connection.loops}
         return texts
+
+    def identities(self) -> dict[str, Identity]:
+        """Which controllers have answered, by connection; while connected."""
+        return {name: connection.identity() for name, connection in self.connections.items()}
+
+    def arm_facts(self, arm: str) -> ArmFacts | None:
+        """An arm as its controller knows it; None where that tells nothing. While connected."""
+        return next(c for c in self.connections.values() if arm in c.parts).arm_facts()
 
     # Private
 

@@ -6,6 +6,7 @@ import contextlib
 import dataclasses
 import os
 import tempfile
+import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,8 +15,8 @@ from typing import Any, Protocol, cast
 from bestman_bt.messages import Pose
 from bestman_bt.registry import Registry
 from bestman_bt.robot_model import CameraPart, RobotModel
+from bestman_bt.robot_model.bringup_file import TWIN_SUFFIX, BringUpFile, Signature
 from bestman_bt.robot_model.connection_config import ConnectionConfig
-from bestman_bt.robot_model.hardware_config import unlimited
 from bestman_bt.scene import World
 from hal.api import Gripper, JointGroup
 from hal.twins.errors import TwinError
@@ -93,7 +94,7 @@ class Twin(Protocol):
 
     Made as ``(connection, model, world, address)``, before the world runs; OSError where a port on the address is
     taken. Its state is hung in ``world.ticks``. One that clients do not reach by the connection's own driver names
-    theirs in ``reached_by``.
+    theirs in ``reached_by``; one whose controller tells a serial number has it as ``serial_number``.
     """
 
     faults: Faults
@@ -109,22 +110,21 @@ class Twin(Protocol):
 class Hosted:
     """Where things are: connection → address; the sockets of the judge and of the faults.
 
-    ``drivers``: connection → what its clients use in place of its own driver. ``full_speed``: whether the robot's file
-    says nothing of how fast its arms may be; those of a twin may be as fast as they can.
+    ``drivers``: connection → what its clients use in place of its own driver. ``bringup``: a file that signs the
+    bring-up of this robot with these twins, so that its arms may be as fast as the robot's file allows.
     """
 
     addresses: Mapping[str, str]
     drivers: Mapping[str, str]
     judge: Path | None
     faults: Path
-    full_speed: bool = False
+    bringup: Path
 
     def document(self) -> dict[str, Any]:
         """As JSON; ``settings``: for ``--set``, so that the robot's own YAML reaches the twins."""
         settings = [f"robot.connections.{name}.address={at}" for name, at in self.addresses.items()]
         settings += [f"robot.connections.{name}.driver={driver}" for name, driver in self.drivers.items()]
-        if self.full_speed:
-            settings.append("robot.safety.joint_speed=1.0")
+        settings.append(f"robot.bringup={self.bringup}")
         return {
             "addresses": dict(self.addresses),
             "judge": str(self.judge) if self.judge is not None else None,
@@ -174,7 +174,9 @@ class TwinHost:
                     server.start()
                 reached_by = {name: getattr(twin, "reached_by", "") for name, twin in self.twins.items()}
                 drivers = {name: driver for name, driver in reached_by.items() if driver}
-                ready(Hosted(addresses, drivers, judge, faults, unlimited(self._model)))
+                bringup = Path(folder) / f"{self._model.name}{TWIN_SUFFIX}"
+                self._sign().write(bringup)
+                ready(Hosted(addresses, drivers, judge, faults, bringup))
 
             try:
                 self.world.run(open_all)
@@ -187,6 +189,13 @@ class TwinHost:
     def close(self) -> None:
         """End ``run``; from any thread or a signal handler."""
         self.world.close()
+
+    def _sign(self) -> BringUpFile:
+        """Twins are what the robot's file says: nothing is to be found out about them."""
+        serial_numbers = {name: getattr(twin, "serial_number", "") for name, twin in self.twins.items()}
+        told = {name: number for name, number in serial_numbers.items() if number}
+        signature = Signature("bestman-bt twin", time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()))
+        return BringUpFile(self._model.name, self._model.content, told, twin=True, signed=signature)
 
     def _place(self, connection: ConnectionConfig, free: Any) -> tuple[Twin, str]:
         """A twin on the first loopback address whose ports are free."""

@@ -62,6 +62,7 @@ class XArmController:
         self.gripper_error = 0
         self.gripper_turns = FASTEST_TURNS
         self._jammed = False
+        self._turned: tuple[int, float] | None = None
         self._lower = arm.model.lower
         self._upper = arm.model.upper
         self._speed = arm.model.velocity
@@ -144,6 +145,17 @@ class XArmController:
         self._world.post(begin)
         return True
 
+    def turn(self, joint: int | None) -> None:
+        """From now on a joint goes the other way of what it is told in servo mode, from where it is; None: none does.
+
+        As one whose drive is set up with the wrong sign.
+        """
+
+        def begin() -> None:
+            self._turned = None if joint is None else (joint, float(self._arm.positions()[joint]))
+
+        self._world.post(begin)
+
     @property
     def commands_left(self) -> int:
         """How many motions are under way."""
@@ -207,6 +219,10 @@ class XArmController:
             self.trip(COLLISION_ERROR)
 
     def _take(self, goal: Array, arrived: float) -> None:
+        if self._turned is not None:
+            joint, middle = self._turned
+            goal = goal.copy()
+            goal[joint] = 2.0 * middle - goal[joint]
         if self._follower is None:
             self._follower = ServoFollower(self._arm.positions(), self._speed)
         self._follower.take(goal, arrived)

@@ -10,6 +10,7 @@ import struct
 import threading
 import time
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 
@@ -21,6 +22,7 @@ from hal.twins.tcp_server import TcpServer
 from hal.twins.world import TwinWorld
 from hal.twins.xarm_controller import COLLISION_ERROR, JOINT_LIMIT_ERROR, State, XArmController
 from hal.twins.xarm_flange import FlangePose, GripperBus, ToolIO
+from hal.twins.xarm_settings import FIRMWARE, XArmSettings
 
 CONTROL_PORT = 502
 REPORTS = {30001: (145, 5.0), 30002: (494, 5.0), 30003: (135, 100.0)}
@@ -28,7 +30,6 @@ REPORTS = {30001: (145, 5.0), 30002: (494, 5.0), 30003: (135, 100.0)}
 PRIVATE_PROTOCOLS = (2, 3)
 """Without and with heartbeats of the client."""
 ERROR_FLAG, NOT_READY_FLAG = 0x40, 0x10
-FIRMWARE = "v2.5.0"
 LITE6_TYPE = 9
 """xArms tell the number of their joints for their type."""
 
@@ -58,9 +59,14 @@ class XArmTwin:
         self._board = ToolIO(self.controller)
         self._bus = GripperBus(self.controller)
         self._flange = FlangePose(model, arm_name)
+        serial = "LI1003" if self.controller.is_lite6 else "XI1304"
+        self.settings = XArmSettings.of(model, arm_name, f"{serial}00000000")
         self.faults = Faults()
         self.faults.offer(
             {
+                **self.settings.faults(),
+                **{f"turn_joint{n + 1}": partial(self.controller.turn, n) for n in range(self.controller.axes)},
+                "as_commanded": partial(self.controller.turn, None),
                 "protective_stop": lambda: self.controller.trip(COLLISION_ERROR),
                 "joint_limit": lambda: self.controller.trip(JOINT_LIMIT_ERROR),
                 "released": lambda: self.controller.be_released(),
@@ -69,6 +75,11 @@ class XArmTwin:
             }
         )
         self._registers = self._make_registers()
+
+    @property
+    def serial_number(self) -> str:
+        """Of the arm."""
+        return self.settings.serial_number
 
     def start(self) -> None:
         """Accept clients."""
@@ -130,7 +141,8 @@ class XArmTwin:
         frame += _seven(reading.positions) + self._pose() + _seven(reading.efforts)
         if length > 135:
             frame += bytes([0, 0xFF if controller.enabled else 0, controller.error, controller.warning])
-            frame += _floats(*[0.0] * 6) + _floats(*[0.0] * 4) + bytes([3, 3]) + _floats(0.0, 0.0, -1.0)
+            settings = self.settings
+            frame += _floats(*settings.tool_offset, *settings.load) + bytes([3, 3]) + _floats(*settings.gravity)
         if length > 145:
             frame += bytes([controller.axes, self._device_type, 0, 0, 0, 0]) + FIRMWARE.encode().ljust(30, b"\0")
             frame += _floats(1000.0, 1.0, 50000.0, 0.1, 1000.0, 20.0, 0.01, 20.0, 0.01, 3.14, 2.3, 2.7)
@@ -141,8 +153,8 @@ class XArmTwin:
     def _make_registers(self) -> dict[int, Callable[[bytes], bytes]]:
         controller, bus, board = self.controller, self._bus, self._board
         axes = controller.axes
-        serial = "LI1003" if controller.is_lite6 else "XI1304"
-        version = f"{axes},{self._device_type},{serial},AC1304,{FIRMWARE}".encode().ljust(40, b"\0")
+        settings = self.settings
+        version = f"{axes},{self._device_type},{settings.serial_number[:6]},AC1304,{FIRMWARE}".encode().ljust(40, b"\0")
 
         def done(action: Callable[[bytes], object]) -> Callable[[bytes], bytes]:
             def answer(data: bytes) -> bytes:
@@ -153,7 +165,7 @@ class XArmTwin:
 
         return {
             1: lambda data: version,
-            2: lambda data: f"{serial}00000000AC130400000000".encode().ljust(40, b"\0"),
+            2: lambda data: f"{settings.serial_number}\0AC130400000000".encode().ljust(40, b"\0"),
             11: done(lambda data: controller.enable(bool(data[1]))),
             12: done(lambda data: controller.set_state(data[0])),
             13: lambda data: bytes([controller.state]),
@@ -164,6 +176,8 @@ class XArmTwin:
             23: done(self._move_joint),
             24: done(self._move_joint),
             29: done(lambda data: controller.servo(np.array(struct.unpack("<7f", data[:28])[:axes]))),
+            35: done(lambda data: setattr(settings, "tool_offset", struct.unpack("<6f", data[:24]))),
+            36: done(lambda data: setattr(settings, "load", struct.unpack("<4f", data[:16]))),
             41: lambda data: self._pose(),
             42: self._joint_states,
             47: done(lambda data: setattr(controller, "reduced_tool_speed", struct.unpack("<f", data)[0])),
@@ -185,7 +199,7 @@ class XArmTwin:
         return b"".join(_seven(column) for column in columns[: (data[0] & 0x0F) if data else 1])
 
     def _pose(self) -> bytes:
-        return _floats(*self._flange.millimetres(self.controller.reading.positions))
+        return _floats(*self.settings.tool_pose(self._flange.millimetres(self.controller.reading.positions)))
 
 
 def _ignored(data: bytes) -> bytes:

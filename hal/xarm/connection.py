@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Any, ClassVar, TypeVar
 
 import numpy as np
@@ -10,7 +11,7 @@ from numpy.typing import NDArray
 
 from bestman_bt.robot_model import ArmModel, GripperModel
 from hal.api import Failure, NoDataError, Part
-from hal.hardware import Connection
+from hal.hardware import ArmFacts, Connection, Identity
 from hal.parts import (
     CommandedGripper,
     ConnectionFailedError,
@@ -23,7 +24,7 @@ from hal.parts import (
 )
 from hal.xarm.lite6_gripper import Lite6Gripper, Lite6GripperWire
 from hal.xarm.options import XArmOptions
-from hal.xarm.wire import XArmWire
+from hal.xarm.wire import XArmWire, read_report
 
 # The joints and the gripper of an xArm behind the vendor's SDK; millimetres and pulses end here.
 
@@ -183,6 +184,19 @@ class XArmConnection(Connection):
     def reported_fault(self) -> Failure | None:
         """The error of the controller or of the gripper."""
         return self._wire.fault
+
+    def identity(self) -> Identity:
+        """By the SDK."""
+        return self._wire.told()
+
+    def arm_facts(self) -> ArmFacts | None:
+        """By the control box's report; the ranges of its joints are those that the SDK lists for its type."""
+        told = read_report(self.settings.address, self.options.connect_timeout)
+        if told is None:
+            return None
+        limits = np.array(self._wire.identity.limits)
+        axes = len(self._arm.joint_names)
+        return replace(told, positions=told.positions[:axes], joint_limits=limits if len(limits) else None)
 
     def recover(self) -> None:
         """Enter servo mode again."""

@@ -16,8 +16,12 @@ from dataclasses import dataclass
 from types import ModuleType
 from typing import Any, TextIO
 
+import numpy as np
+
+from bestman_bt.messages import Pose
 from bestman_bt.robot_model import ArmModel
 from hal.api import Clock, Failure, MotionErrorCode
+from hal.hardware import ArmFacts, Identity
 from hal.parts import ConnectionFailedError
 from hal.xarm.options import ArmKind, XArmOptions
 
@@ -151,6 +155,37 @@ def answers(address: str, timeout: float) -> bool:
         return False
 
 
+REPORT_PORT, REPORT_LENGTH = 30001, 145
+"""Where the control box tells, five times a second, what it has been told of its arm; bytes of such a report."""
+
+
+def read_report(address: str, timeout: float) -> ArmFacts | None:
+    """The arm as the control box knows it; None where no such report comes within ``timeout`` s.
+
+    Its fields are those of the vendor's SDK (``__handle_report_normal``): little-endian floats, mm, radians and kg.
+    """
+    report = b""
+    try:
+        with socket.create_connection((address, REPORT_PORT), timeout) as wire:
+            wire.settimeout(timeout)
+            while len(report) < REPORT_LENGTH and (chunk := wire.recv(REPORT_LENGTH - len(report))):
+                report += chunk
+    except OSError:
+        return None
+    if len(report) < REPORT_LENGTH:
+        return None
+    positions, pose = struct.unpack_from("<7f", report, 7), struct.unpack_from("<6f", report, 35)
+    offset, load = struct.unpack_from("<6f", report, 91), struct.unpack_from("<4f", report, 115)
+    gravity = np.array(struct.unpack_from("<3f", report, 133))
+    return ArmFacts(
+        np.array(positions),
+        Pose.from_xyz_rpy(1e-3 * np.array(pose[:3]), pose[3:]),
+        Pose.from_xyz_rpy(1e-3 * np.array(offset[:3]), offset[3:]),
+        payload=load[0],
+        gravity=gravity,
+    )
+
+
 SERVO_MODE = 1
 READY, STOPPED = 0, (4, 5)
 ERROR_FLAGGED, WARNING_FLAGGED, STATE_NOT_READY = 1, 2, 9
@@ -188,6 +223,13 @@ class XArmWire:
         """Whether the controller has stopped the arm itself: an error of its own, not one of the gripper."""
         fault = self._fault
         return fault is not None and not fault.vendor_code.startswith("G")
+
+    def told(self) -> Identity:
+        """Serial number of the arm and firmware of the control box."""
+        arm = self._arm
+        kind = "Lite" if arm.device_type == LITE6 else "xArm"
+        serial_number = self.ask(lambda asked: asked.get_robot_sn())  # the version tells the beginning of it alone
+        return Identity(f"{kind} {arm.axis}", serial_number or "", ".".join(map(str, arm.version_number)))
 
     @property
     def identity(self) -> ArmIdentity:

@@ -37,11 +37,14 @@ def test_twins_tell_where_they_are_take_faults_and_end_with_ctrl_c() -> None:
         assert twins.stdout is not None
         told = json.loads(twins.stdout.readline())
         address = told["addresses"]["arm_controller"]
+        faults_folder = Path(told["faults"]).parent
         assert address.startswith("127.0.0.")
+        bringup = faults_folder / "xarm6_on_a_base.twin-bringup"  # without which a first run would be slow
         assert told["settings"] == [
             f"robot.connections.arm_controller.address={address}",
-            "robot.safety.joint_speed=1.0",  # else a first run would be slow
+            f"robot.bringup={bringup}",
         ]
+        assert "twin: true" in bringup.read_text()
         assert told["judge"] is None
         faults = Path(told["faults"])
         assert faults.stat().st_mode & 0o777 == 0o600

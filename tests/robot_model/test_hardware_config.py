@@ -158,16 +158,17 @@ def test_the_shipped_robots_need_no_connection(tmp_path: Path) -> None:
     [
         ({}, 0.1, 0.25),
         ({"watchdog": "0.5 s", "base_speed": "0.2 m/s"}, 0.1, 0.25),
-        ({"joint_speed": 1.0}, 1.0, None),
-        ({"tool_speed": "0.5 m/s"}, 1.0, 0.5),
+        ({"joint_speed": 1.0}, 0.1, 0.25),
+        ({"joint_speed": 0.05}, 0.05, 0.25),
+        ({"tool_speed": "0.1 m/s"}, 0.1, 0.1),
     ],
 )
-def test_real_arms_begin_slowly_where_nobody_says_how_fast_they_may_be(
-    safety: dict[str, Any], share: float, tool_speed: float | None
+def test_first_motions_of_real_arms_are_slow_whatever_their_file_allows(
+    safety: dict[str, Any], share: float, tool_speed: float
 ) -> None:
     plain, model = robot(), with_first_limits(robot(safety=safety))
     assert model.of(ArmModel)["arm"].velocity == pytest.approx(share * plain.of(ArmModel)["arm"].velocity)
-    assert model.safety.tool_speed == tool_speed
+    assert (model.safety.joint_speed, model.safety.tool_speed) == (share, tool_speed)
     assert model.safety.watchdog == (0.5 if "watchdog" in safety else 0.25)
     usual = plain.of(BaseModel)["base"].part.max_vx
     assert model.of(BaseModel)["base"].part.max_vx == (0.2 if "base_speed" in safety else usual)

@@ -1,0 +1,130 @@
+"""What an arm's controller knows of it, compared with the robot's file; nothing moves."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+
+import numpy as np
+
+from bestman_bt.bringup.brought_up_robot import BroughtUpRobot
+from bestman_bt.bringup.finding import Finding, judged, not_applicable
+from bestman_bt.messages import Pose
+from bestman_bt.robot_model import ArmModel, payload
+from hal.hardware import ArmFacts
+
+RANGE_TOLERANCE = 0.01
+TOOL_TOLERANCE = 0.002
+"""Metres."""
+POSE_TOLERANCE, TURN_TOLERANCE = 0.002, math.radians(0.5)
+PAYLOAD_TOLERANCE = 0.5
+"""Kilograms: cables and what else no URDF weighs."""
+MOUNTING_TOLERANCE = math.radians(5.0)
+
+
+def of_each_arm(
+    look: Callable[[BroughtUpRobot, str, ArmFacts], Finding],
+) -> Callable[[BroughtUpRobot], Iterator[Finding]]:
+    """The step that looks at each arm whose controller tells something of it."""
+
+    def step(subject: BroughtUpRobot) -> Iterator[Finding]:
+        if not subject.arms:
+            yield not_applicable(subject.model.name, "no arm is behind a connection")
+        for arm, told in subject.arm_facts():
+            yield (
+                not_applicable(arm, "its controller tells nothing of it") if told is None else look(subject, arm, told)
+            )
+
+    return step
+
+
+def limits(subject: BroughtUpRobot) -> Iterator[Finding]:
+    """All joints stand within their ranges, which are within those that the controller keeps."""
+    if not subject.joint_groups:
+        yield not_applicable(subject.model.name, "no joints are behind a connection")
+    for name, group in subject.joint_groups.items():
+        here, model = group.positions(), group.model
+        spare = np.minimum(here - model.lower, model.upper - here)
+        worst = int(np.argmin(spare))
+        inside = bool(spare[worst] >= -RANGE_TOLERANCE)
+        text = f"{group.joint_names[worst]} is {spare[worst]:.3f} rad from the end of its range"
+        told = subject.robot.arm_facts(name) if name in subject.arms else None
+        if told is None or told.joint_limits is None:
+            yield judged(name, inside, f"{text}; the controller tells no ranges", spare=float(spare[worst]))
+            continue
+        beyond = np.maximum(told.joint_limits[:, 0] - model.lower, model.upper - told.joint_limits[:, 1])
+        widest = int(np.argmax(beyond))
+        within = bool(beyond[widest] <= RANGE_TOLERANCE)
+        text += "; all ranges are within the controller's"
+        if not within:
+            text = (
+                f"the file lets {group.joint_names[widest]} go {beyond[widest]:.3f} rad further than the controller's "
+                f"{np.round(told.joint_limits[widest], 3).tolist()}: 'set' its limits"
+            )
+        figures = {"spare": float(spare[worst]), "beyond_controller": float(beyond[widest])}
+        yield judged(name, inside and within, text, **figures)
+
+
+def _tool(subject: BroughtUpRobot, arm: str, told: ArmFacts) -> Finding:
+    if told.tool_offset is None:
+        return not_applicable(arm, "its controller does not tell the offset of its tool")
+    ours = subject.pose(subject.model.of(ArmModel)[arm].tool_frame, subject.flange(arm)).position
+    theirs = told.tool_offset.position
+    apart, out = float(np.linalg.norm(theirs - ours)), float(np.linalg.norm(theirs))
+    shown = f"the controller's tool is {np.round(1e3 * theirs, 1).tolist()} mm from the flange"
+    if out <= TOOL_TOLERANCE:
+        return judged(arm, True, "the controller's tool is the flange", from_flange=out)
+    wanted = f"the file's is {np.round(1e3 * ours, 1).tolist()} mm: set that, or no offset"
+    return judged(arm, apart <= TOOL_TOLERANCE, f"{shown}; {wanted}", from_flange=out, apart=apart)
+
+
+def _payload(subject: BroughtUpRobot, arm: str, told: ArmFacts) -> Finding:
+    if told.payload is None:
+        return not_applicable(arm, "its controller does not tell what it carries")
+    ours = payload(subject.model, subject.flange(arm)).mass
+    text = f"the controller counts on {told.payload:.2f} kg at the flange, the file's hand has {ours:.2f} kg"
+    fits = abs(told.payload - ours) <= PAYLOAD_TOLERANCE
+    if not fits:
+        text += ": set it at the controller, or by the option 'payload'"
+    return judged(arm, fits, text, controller_kg=told.payload, model_kg=ours)
+
+
+def _mounting(subject: BroughtUpRobot, arm: str, told: ArmFacts) -> Finding:
+    if told.gravity is None:
+        return not_applicable(arm, "its controller does not tell how it is mounted")
+    base = subject.pose(subject.model.of(ArmModel)[arm].base_frame, subject.model.base_frame)
+    ours = base.rotation.T @ np.array([0.0, 0.0, -1.0])
+    angle = math.acos(float(np.clip(ours @ told.gravity / max(np.linalg.norm(told.gravity), 1e-9), -1.0, 1.0)))
+    text = (
+        f"gravity pulls along {np.round(told.gravity, 2).tolist()} by the controller, {np.round(ours, 2).tolist()} by "
+        f"the file: {math.degrees(angle):.1f}° apart"
+    )
+    return judged(arm, angle <= MOUNTING_TOLERANCE, text, apart_deg=math.degrees(angle))
+
+
+def _tool_pose(subject: BroughtUpRobot, arm: str, told: ArmFacts) -> Finding:
+    expected = model_tool_pose(subject, arm, told)
+    apart = float(np.linalg.norm(told.tool_pose.position - expected.position))
+    turned = turn_between(told.tool_pose, expected)
+    text = f"the controller's tool is {1e3 * apart:.2f} mm and {math.degrees(turned):.2f}° from our kinematics"
+    fits = apart <= POSE_TOLERANCE and turned <= TURN_TOLERANCE
+    if not fits:
+        text += f"; at most {1e3 * POSE_TOLERANCE:g} mm and {math.degrees(TURN_TOLERANCE):g}°: another arm, or frame"
+    return judged(arm, fits, text, apart_mm=1e3 * apart, turned_deg=math.degrees(turned))
+
+
+def model_tool_pose(subject: BroughtUpRobot, arm: str, told: ArmFacts) -> Pose:
+    """Where the controller's tool should be in the arm's base, by our kinematics at the joints that it tells."""
+    model = subject.model.of(ArmModel)[arm]
+    joints = dict(zip(model.joint_names, told.positions.tolist(), strict=True))
+    flange = subject.pose(subject.flange(arm), model.base_frame, joints)
+    return flange if told.tool_offset is None else flange @ told.tool_offset
+
+
+def turn_between(one: Pose, other: Pose) -> float:
+    """The angle, radians."""
+    trace = float(np.trace(one.rotation.T @ other.rotation))
+    return math.acos(float(np.clip((trace - 1.0) / 2.0, -1.0, 1.0)))
+
+
+tool, payload_mass, mounting, tool_pose = map(of_each_arm, (_tool, _payload, _mounting, _tool_pose))

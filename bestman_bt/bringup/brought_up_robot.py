@@ -1,0 +1,108 @@
+"""The robot that is brought up: connected, with what its steps need to command and compare it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+from bestman_bt.manipulation.kinematics import ForwardKinematics
+from bestman_bt.messages import Pose
+from bestman_bt.robot_model import ArmModel, RobotModel, load_robot_model
+from hal.api import Arm, JointGroup, Motion, MotionStatus, RobotError
+from hal.hardware import ArmFacts, Identity, IsolatedRobot
+
+POLL = 0.02
+SPEED = 0.1
+"""Share of the joints' limits that steps move with."""
+
+
+@dataclass
+class BroughtUpRobot:
+    """``name``: of the robot, or its file; ``settings``: of it, as ``load_robot_model`` takes them.
+
+    ``signed_serials``, ``signed_firmware``: those of an earlier part of this bring-up, by connection.
+    """
+
+    name: str
+    settings: Mapping[str, Any] = field(default_factory=dict)
+    signed_serials: Mapping[str, str] = field(default_factory=dict)
+    signed_firmware: Mapping[str, str] = field(default_factory=dict)
+
+    @cached_property
+    def model(self) -> RobotModel:
+        """With the limits of its file: steps are slow by themselves."""
+        return load_robot_model(self.name, self.settings)
+
+    @cached_property
+    def robot(self) -> IsolatedRobot:
+        """With its connections in a process of their own, as runs have it."""
+        return IsolatedRobot(self.model)
+
+    @cached_property
+    def kinematics(self) -> ForwardKinematics:
+        """Of the model."""
+        return ForwardKinematics(self.model)
+
+    @property
+    def arms(self) -> dict[str, Arm]:
+        """Arms behind connections."""
+        return {name: part for name, part in self.robot.parts.items() if isinstance(part, Arm)}
+
+    @property
+    def joint_groups(self) -> dict[str, JointGroup]:
+        """Arms and other joints behind connections."""
+        return {name: part for name, part in self.robot.parts.items() if isinstance(part, JointGroup)}
+
+    def identities(self) -> dict[str, Identity]:
+        """What the controllers tell of themselves."""
+        return self.robot.identities()
+
+    def arm_facts(self) -> Iterator[tuple[str, ArmFacts | None]]:
+        """Each arm as its controller knows it."""
+        for arm in self.arms:
+            yield arm, self.robot.arm_facts(arm)
+
+    def flange(self, arm: str) -> str:
+        """The link that carries an arm's hand."""
+        tip = self.model.of(ArmModel)[arm].part.tip
+        return tip if f'<link name="{tip}"' in self.model.urdf else f"{arm}_{tip}"
+
+    def joint_positions(self) -> dict[str, float]:
+        """All joints that are read, by name."""
+        return {
+            joint: float(position)
+            for group in self.joint_groups.values()
+            for joint, position in zip(group.joint_names, group.positions(), strict=True)
+        }
+
+    def pose(self, frame: str, reference: str, moved: Mapping[str, float] | None = None) -> Pose:
+        """Where a link is in another one by the model, with the joints as they are; ``moved``: but these."""
+        return self.kinematics.pose(frame, {**self.joint_positions(), **(moved or {})}, reference)
+
+    def finish(self, motion: Motion[Any]) -> str:
+        """Wait for the end; why it did not succeed, or nothing."""
+        while not motion.done:
+            self.robot.clock.sleep(POLL)
+        return "" if motion.status is MotionStatus.SUCCEEDED else str(motion.failure or motion.status)
+
+    def make_ready(self) -> None:
+        """A stop of an earlier step is cleared; RobotError where it cannot be."""
+        if self.robot.stopped:
+            self.robot.clear_stop()
+
+    @contextmanager
+    def left_to_others(self) -> Iterator[None]:
+        """Disconnected meanwhile: controllers have one client. RobotError where it cannot be connected again."""
+        self.robot.disconnect()
+        try:
+            yield
+        finally:
+            self.robot.connect()
+
+
+def fault_text(error: RobotError) -> str:
+    """In words, never empty."""
+    return str(error) or type(error).__name__

@@ -1,0 +1,54 @@
+"""What a step of a bring-up has found out: passed, failed, or does not apply, with figures."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+Outcome = Literal["passed", "failed", "does not apply"]
+
+
+@dataclass(frozen=True)
+class Finding:
+    """Of one part or connection, the ``subject``. ``measured``: figure by name, in SI units if that names no other."""
+
+    subject: str
+    outcome: Outcome
+    text: str
+    measured: Mapping[str, float | str] = field(default_factory=dict)
+
+
+def judged(subject: str, passed: bool, text: str, **measured: float | str) -> Finding:
+    """What was measured, and whether that is as it should be."""
+    rounded = {name: round(value, 5) if isinstance(value, float) else value for name, value in measured.items()}
+    return Finding(subject, "passed" if passed else "failed", text, rounded)
+
+
+def not_applicable(subject: str, reason: str) -> Finding:
+    """What cannot be looked at on this robot, and why."""
+    return Finding(subject, "does not apply", reason)
+
+
+@dataclass(frozen=True)
+class StepResult:
+    """All findings of one step."""
+
+    step: str
+    findings: tuple[Finding, ...]
+
+    @property
+    def outcome(self) -> Outcome:
+        """Failed where one has; passed where one has and none failed."""
+        outcomes = {finding.outcome for finding in self.findings}
+        return "failed" if "failed" in outcomes else "passed" if "passed" in outcomes else "does not apply"
+
+    @property
+    def text(self) -> str:
+        """The findings in words."""
+        return "; ".join(f"{finding.subject}: {finding.text}" for finding in self.findings)
+
+    @property
+    def measured(self) -> dict[str, dict[str, float | str]]:
+        """The figures by subject."""
+        return {finding.subject: dict(finding.measured) for finding in self.findings if finding.measured}

@@ -1,0 +1,111 @@
+"""The steps of a bring-up in their order; each one that was done is written into the file at once."""
+
+from __future__ import annotations
+
+import getpass
+import time
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from bestman_bt.bringup import arm_against_model
+from bestman_bt.bringup.brought_up_robot import BroughtUpRobot, fault_text
+from bestman_bt.bringup.finding import Finding, StepResult
+from bestman_bt.bringup.identity import identity
+from bestman_bt.bringup.joint_signs import joint_signs
+from bestman_bt.robot_model.bringup_file import BringUpFile, Signature, SignedStep
+from hal.api import RobotError
+
+
+@dataclass(frozen=True)
+class Step:
+    """``moves``: what of the robot moves, for the person who is asked whether it may; empty: nothing does."""
+
+    name: str
+    what: str
+    look: Callable[[BroughtUpRobot], Iterable[Finding]]
+    moves: str = ""
+
+
+STEPS = (
+    Step("identity", "model, serial number and firmware of the controllers", identity),
+    Step("limits", "joints within their ranges, and those within the controller's", arm_against_model.limits),
+    Step("tool", "the controller's tool (TCP) against the file's", arm_against_model.tool),
+    Step("payload", "what the controller counts on at the flange", arm_against_model.payload_mass),
+    Step("mounting", "how the arm is mounted", arm_against_model.mounting),
+    Step("tool-pose", "the tool's pose by the controller against our kinematics", arm_against_model.tool_pose),
+    Step("joint-signs", "each joint by 1°", joint_signs, "each joint moves by 1° and back"),
+)
+
+
+def run_step(subject: BroughtUpRobot, step: Step) -> StepResult:
+    """Never raises for what is wrong with the robot: that is a finding."""
+    findings: list[Finding] = []
+    try:
+        if step.moves:
+            subject.make_ready()
+        findings.extend(step.look(subject))
+    except RobotError as error:
+        findings.append(Finding(subject.model.name, "failed", fault_text(error)))
+    return StepResult(step.name, tuple(findings))
+
+
+def bring_up(
+    subject: BroughtUpRobot,
+    path: Path,
+    steps: Iterable[Step] = STEPS,
+    before: Callable[[Step], None] = lambda step: None,
+) -> Iterator[StepResult]:
+    """Do the steps on a connected robot, and write each one into the file; ends after one that has failed.
+
+    When all ``STEPS`` have passed, or do not apply, the file is signed. ``before``: called before each step.
+    """
+    file = begun(subject, path)
+    subject.signed_serials, subject.signed_firmware = file.serial_numbers, file.firmware
+    for step in steps:
+        before(step)
+        result = run_step(subject, step)
+        if step.name == "identity" and result.outcome != "failed":
+            told = subject.identities()
+            serials = {name: one.serial_number for name, one in told.items() if one.serial_number}
+            firmware = {name: one.firmware for name, one in told.items() if one.firmware}
+            file = replace(file, serial_numbers=serials, firmware=firmware)
+        done = SignedStep(result.outcome, now(), user(), result.text, result.measured)
+        file = signed_if_whole(replace(file, steps={**file.steps, step.name: done}))
+        file.write(path)
+        yield result
+        if result.outcome == "failed":
+            return
+
+
+def begun(subject: BroughtUpRobot, path: Path, twin: bool = False) -> BringUpFile:
+    """The file as it is; a new one where there is none, or where it tells of another content of the robot's file."""
+    if path.is_file():
+        file = BringUpFile.read(path)
+        if file.content == subject.model.content:
+            return file
+    return BringUpFile(subject.model.name, subject.model.content, twin=twin)
+
+
+def left(file: BringUpFile) -> list[Step]:
+    """The steps that are still to be done."""
+    done = {name for name, step in file.steps.items() if step.outcome != "failed"}
+    return [step for step in STEPS if step.name not in done]
+
+
+def signed_if_whole(file: BringUpFile) -> BringUpFile:
+    """With a signature where no step is left, without one else."""
+    return replace(file, signed=None if left(file) else Signature(user(), now()))
+
+
+def now() -> str:
+    """UTC, to the second."""
+    return time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime())
+
+
+def user() -> str:
+    """Who does it, by the name of the login."""
+    try:
+        return getpass.getuser()
+    except (KeyError, OSError):
+        return "unknown"

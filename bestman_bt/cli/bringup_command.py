@@ -1,0 +1,147 @@
+"""Examples: bestman-bt robot bringup my_robot.yaml; … --step gripper; bestman-bt robot bringup diff_xarm6 --twin."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from bestman_bt.cli.json_output import json_output
+from bestman_bt.cli.option_values import wrong_input
+from bestman_bt.cli.options import Json, Settings
+from bestman_bt.configuration import ConfigurationError, Problem, find_data, parse_settings
+
+SCENE = "pick_place_table"
+"""Of the twins that stand in."""
+
+
+def bringup(
+    name: Annotated[str, typer.Argument(help="A robot with connections: a shipped one, or a YAML file.")],
+    step: Annotated[
+        list[str] | None, typer.Option(metavar="STEP", help="Only this step, even if it was done; repeatable.")
+    ] = None,
+    again: Annotated[bool, typer.Option("--again", help="Begin anew: what was signed counts no more.")] = False,
+    twin: Annotated[bool, typer.Option("--twin", help="Bring up twins that are started for it, unattended.")] = False,
+    yes: Annotated[
+        bool, typer.Option("--yes", help="Do not ask before the robot moves: somebody looks at it.")
+    ] = False,
+    settings: Settings = None,
+    as_json: Json = False,
+) -> None:
+    """Bring a real robot up: steps that pass or fail, signed into a file beside the robot's; goes on where it ended."""
+    from bestman_bt.bringup import STEPS, BroughtUpRobot, Step, begun, left
+    from bestman_bt.robot_model.bringup_file import bringup_path
+
+    known = {one.name: one for one in STEPS}
+    for asked in step or ():
+        if asked not in known:
+            raise wrong_input(f"--step {asked}", f"no such step; there are {', '.join(known)}")
+    given = _robot_settings(settings)
+
+    def ask(one: Step) -> None:
+        question = f"{one.name}: {one.moves}. Is the space clear, and somebody at the emergency stop?"
+        if one.moves and not (yes or twin or _agreed(question)):
+            raise wrong_input("bestman-bt robot bringup", f"{one.name} was not done: nothing has moved")
+
+    with json_output(as_json) as write, _controllers(name, given, twin) as reached:
+        subject = BroughtUpRobot(name, reached)
+        path = bringup_path(find_data("robot", name), twin)
+        _check_connections(name, subject.model)
+        if again:
+            path.unlink(missing_ok=True)
+        file = begun(subject, path, twin)
+        if path.is_file() and not file.steps:
+            print(f"{path} tells of another content of the robot's file: all steps are done anew", file=sys.stderr)
+        file.write(path)
+        failed = _do(subject, path, [known[one] for one in step] if step else left(file), ask, quiet=as_json)
+        file = begun(subject, path)
+        write({"file": str(path), "signed": file.signed is not None, "steps": _plain(file.steps)})
+        if not as_json:
+            _tell_end(path, file.signed, [one.name for one in left(file)])
+    if failed:
+        raise typer.Exit(1)
+
+
+def _do(subject: Any, path: Path, steps: list[Any], ask: Callable[[Any], None], quiet: bool) -> bool:
+    """Do the steps, and tell each one's findings; whether one has failed."""
+    from bestman_bt.bringup import bring_up
+    from hal.parts import ConnectionFailedError
+
+    failed = False
+    try:
+        with subject.robot:
+            for result in bring_up(subject, path, steps, ask):
+                failed = result.outcome == "failed"
+                if quiet:
+                    continue
+                print(f"{result.step:<16} {result.outcome}")
+                for finding in result.findings:
+                    print(f"  {finding.outcome:<14} {finding.subject}: {finding.text}", flush=True)
+    except ConnectionFailedError as error:
+        raise wrong_input("bestman-bt robot bringup", str(error)) from error
+    return failed
+
+
+def _tell_end(path: Any, signed: Any, missing: list[str]) -> None:
+    if signed is not None:
+        print(f"signed by {signed.who} at {signed.when}: {path}")
+    else:
+        print(f"not signed yet; left: {', '.join(missing)} ({path})")
+
+
+def _plain(steps: Any) -> dict[str, Any]:
+    from dataclasses import asdict
+
+    return {name: asdict(done) for name, done in steps.items()}
+
+
+def _robot_settings(settings: list[str] | None) -> dict[str, Any]:
+    values = parse_settings(settings or ())
+    strange = [key for key in values if not key.startswith("robot.")]
+    if strange:
+        raise ConfigurationError([Problem(f"--set {key}", None, "", "should begin with robot.") for key in strange])
+    return {key.removeprefix("robot."): value for key, value in values.items()}
+
+
+@contextmanager
+def _controllers(name: str, settings: dict[str, Any], twin: bool) -> Iterator[dict[str, Any]]:
+    """The settings that lead to them; twins run as long."""
+    if not twin:
+        yield settings
+        return
+    from hal.twins import TwinError, TwinProcess
+
+    words = [f"robot.{key}={value}" for key, value in settings.items()]
+    twins = TwinProcess(name, SCENE, settings=words)
+    try:
+        twins.start()
+    except TwinError as error:
+        raise wrong_input("--twin", str(error)) from error
+    try:
+        yield {**settings, **twins.settings}
+    finally:
+        twins.close()
+
+
+def _check_connections(name: str, model: Any) -> None:
+    from bestman_bt.registry import CONNECTIONS
+
+    if not model.connections:
+        raise ConfigurationError([Problem(name, None, "connections", "is missing, so there is nothing to bring up")])
+    missing = [
+        Problem(name, None, f"connections.{connection}.address", "is missing")
+        for connection, settings in model.connections.items()
+        if getattr(CONNECTIONS.resolve(settings.driver), "needs_address", True) and not settings.address
+    ]
+    if missing:
+        raise ConfigurationError(missing)
+
+
+def _agreed(question: str) -> bool:
+    if not sys.stdin.isatty():
+        raise wrong_input("--yes", "is to be given where nobody can be asked (no terminal)")
+    return typer.confirm(question, err=True)

@@ -1,0 +1,142 @@
+"""The file in which the bring-up of a real robot is signed: beside the robot's own, under its name."""
+
+from __future__ import annotations
+
+import hashlib
+import ipaddress
+import json
+import os
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
+from typing import Any, Literal
+
+import yaml
+
+from bestman_bt.configuration import (
+    ConfigurationError,
+    Document,
+    Problem,
+    check,
+    data_root,
+    find_data,
+    read_document,
+    user_folders,
+)
+from bestman_bt.robot_model.hardware_config import with_first_limits
+from bestman_bt.robot_model.model import ArmModel, RobotModel
+
+SUFFIX, TWIN_SUFFIX = ".bringup", ".twin-bringup"
+_ADDRESSED = ("address", "port", "token", "driver")
+"""What of a connection says where its controller is, and nothing of the robot."""
+
+
+@dataclass(frozen=True)
+class SignedStep:
+    """How a step of the bring-up went, ``when`` (UTC) and for ``who``; ``measured``: figure by name, in SI units."""
+
+    outcome: Literal["passed", "failed", "does not apply"]
+    when: str
+    who: str
+    text: str
+    measured: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Signature:
+    """All steps have passed, or do not apply: by whom that was signed, and when (UTC)."""
+
+    who: str
+    when: str
+
+
+@dataclass(frozen=True)
+class BringUpFile:
+    """What was found out about one robot: that with these controllers and this content of its file.
+
+    ``content``: as ``RobotModel.content``. ``serial_numbers``, ``firmware``: of the controllers that tell them, by
+    connection. ``twin``: those were twins. ``signed``: None while steps are left.
+    """
+
+    robot: str
+    content: str
+    serial_numbers: Mapping[str, str] = field(default_factory=dict)
+    firmware: Mapping[str, str] = field(default_factory=dict)
+    twin: bool = False
+    steps: Mapping[str, SignedStep] = field(default_factory=dict)
+    signed: Signature | None = None
+
+    @classmethod
+    def read(cls, path: Path) -> BringUpFile:
+        """ConfigurationError with file, line and field where it is none."""
+        return check(read_document(path), cls)
+
+    def write(self, path: Path) -> None:
+        """In place of what is there, at once or not at all."""
+        path.parent.mkdir(parents=True, exist_ok=True)
+        draft = path.with_name(f".{path.name}.{os.getpid()}")
+        draft.write_text(yaml.safe_dump(asdict(self), sort_keys=False, allow_unicode=True), encoding="utf-8")
+        draft.replace(path)
+
+
+def bringup_path(robot_file: Path, twin: bool = False) -> Path:
+    """Where the bring-up of a robot is signed: beside its file; of a shipped one among the user's robots."""
+    shipped = data_root() in robot_file.resolve().parents
+    folder = user_folders()["robot"] if shipped else robot_file.parent
+    return folder / f"{robot_file.stem}{TWIN_SUFFIX if twin else SUFFIX}"
+
+
+def content_of(document: Document) -> str:
+    """A digest of what a robot's file and those of its parts say, but not of where its controllers are."""
+    data = {key: value for key, value in document.data.items() if key != "bringup"}
+    data["connections"] = {
+        name: {key: value for key, value in connection.items() if key not in _ADDRESSED}
+        for name, connection in (data.get("connections") or {}).items()
+    }
+    digest = hashlib.sha256(json.dumps(data, sort_keys=True, default=str).encode())
+    for part in sorted({str(mounted["part"]) for mounted in data["parts"].values()}):
+        digest.update(find_data("part", part).read_bytes())
+    return digest.hexdigest()[:32]
+
+
+def as_brought_up(model: RobotModel) -> tuple[RobotModel, str]:
+    """``model`` as a real robot may move now, and why its arms are slow, or nothing.
+
+    Arms are slow until the bring-up is signed; then the controllers have to tell the serial numbers that were signed.
+    ConfigurationError where the file that is there was signed for another content of the robot's file, or for a twin.
+    """
+    path = model.bringup
+    if path is None or not path.is_file():
+        return _slow(model, f"no bring-up was signed for this robot (bestman-bt robot bringup {model.name})")
+    file = BringUpFile.read(path)
+    problems = [Problem(str(path), None, "content", words) for words in _faults(file, model)]
+    if problems:
+        raise ConfigurationError(problems)
+    model = replace(model, serial_numbers=file.serial_numbers)
+    if file.signed is None:
+        return _slow(model, f"its bring-up is not signed yet, {len(file.steps)} steps are done ({path})")
+    return model, ""
+
+
+def _faults(file: BringUpFile, model: RobotModel) -> list[str]:
+    faults = []
+    if file.content != model.content:
+        faults.append(
+            f"was signed for another content of {model.name}'s file or its parts: bring the robot up again "
+            f"(bestman-bt robot bringup {model.name}), or take the file away to go slowly"
+        )
+    elsewhere = [name for name, connection in model.connections.items() if not _is_loopback(connection.address)]
+    if file.twin and elsewhere:
+        faults.append(f"was signed for a twin, and {elsewhere[0]} is at an address that is no twin's")
+    return faults
+
+
+def _is_loopback(address: str) -> bool:
+    try:
+        return not address or ipaddress.ip_address(address).is_loopback
+    except ValueError:
+        return address == "localhost"
+
+
+def _slow(model: RobotModel, why: str) -> tuple[RobotModel, str]:
+    return with_first_limits(model), why if model.of(ArmModel) else ""

@@ -1,0 +1,73 @@
+"""What an xArm's control box has been told of its arm, as somebody has set it in UFACTORY Studio, and who it is."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+import pinocchio
+from numpy.typing import NDArray
+
+from bestman_bt.robot_model import ArmModel, RobotModel, payload
+
+FIRMWARE = "v2.5.0"
+OTHER_BATCH, OTHER_OFFSET, OTHER_LOAD, OTHER_LENGTH = "00000099", 5.0, 2.0, 5.0
+"""What faults bring: another serial number, millimetres, kilograms, millimetres."""
+
+
+@dataclass
+class XArmSettings:
+    """Of one control box: as the vendor's SDK sends and reads them.
+
+    ``serial_number``: of the arm. ``tool_offset``: mm and rad, from the flange. ``load``: kg, and the centre of mass in
+    mm. ``gravity``: its direction in the arm's base. ``length_error``: mm by which the flange is further out along its
+    own axis than the controller's own kinematics should say.
+    """
+
+    serial_number: str
+    load: tuple[float, ...]
+    tool_offset: tuple[float, ...] = (0.0,) * 6
+    gravity: tuple[float, ...] = (0.0, 0.0, -1.0)
+    length_error: float = 0.0
+    _as_built: tuple[object, ...] = field(init=False, repr=False, default=())
+
+    def __post_init__(self) -> None:
+        self._as_built = self.serial_number, self.load, self.tool_offset, self.gravity, self.length_error
+
+    @classmethod
+    def of(cls, model: RobotModel, arm: str, serial_number: str) -> XArmSettings:
+        """With the load that the hand of the robot's file is."""
+        links, tip = model.urdf, model.of(ArmModel)[arm].part.tip
+        hand = payload(model, tip if f'<link name="{tip}"' in links else f"{arm}_{tip}")
+        return cls(serial_number, (hand.mass, *(1e3 * hand.centre).tolist()))
+
+    def faults(self) -> dict[str, Callable[[], None]]:
+        """What may be wrong with them, by name; ``as_built`` takes all of it back."""
+        return {
+            "other_serial": lambda: setattr(self, "serial_number", self.serial_number[:-8] + OTHER_BATCH),
+            "other_tool": lambda: setattr(self, "tool_offset", (0.0, 0.0, OTHER_OFFSET, 0.0, 0.0, 0.0)),
+            "other_load": lambda: setattr(self, "load", (self.load[0] + OTHER_LOAD, *self.load[1:])),
+            "other_mounting": lambda: setattr(self, "gravity", (0.0, 0.0, 1.0)),
+            "other_length": lambda: setattr(self, "length_error", OTHER_LENGTH),
+            "as_built": self._restore,
+        }
+
+    def tool_pose(self, flange: tuple[float, ...]) -> tuple[float, ...]:
+        """Of the tool: mm and roll, pitch, yaw, where the flange is at ``flange`` (the same)."""
+        at = _placement(flange) * pinocchio.SE3(np.eye(3), np.array([0.0, 0.0, self.length_error]))
+        tool = at * _placement(self.tool_offset)
+        rotation: NDArray[np.float64] = tool.rotation
+        return (*tool.translation.tolist(), *pinocchio.rpy.matrixToRpy(rotation).tolist())
+
+    def _restore(self) -> None:
+        fields = ("serial_number", "load", "tool_offset", "gravity", "length_error")
+        for name, value in zip(fields, self._as_built, strict=True):
+            setattr(self, name, value)
+
+
+def _placement(pose: tuple[float, ...]) -> pinocchio.SE3:
+    if not all(map(math.isfinite, pose)):
+        raise ValueError(f"a pose should be finite but is {pose}")
+    return pinocchio.SE3(pinocchio.rpy.rpyToMatrix(np.array(pose[3:])), np.array(pose[:3]))
