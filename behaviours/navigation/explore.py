@@ -37,6 +37,8 @@ PADDING = 0.025
 ARRIVED = 0.30
 """Metres from a goal where all that is to be seen from it has been: the base need not come to rest there."""
 
+NO_ROOM = "too little around the base is known to be free to drive from where it stands"
+
 
 class ExploreAndMap(Skill):
     """Map the surroundings by lidar SLAM: drive from place to place where unknown floor can be seen until none is left.
@@ -98,6 +100,7 @@ class ExploreAndMap(Skill):
 
     def _explore(self) -> StepsTo[bool]:
         """Whether nothing is left to see; False where the time is up."""
+        from bestman_bt.navigation.global_planning import PlanningFailureReason
         from bestman_bt.navigation.slam import Overhangs
 
         skills = self.skills
@@ -115,9 +118,9 @@ class ExploreAndMap(Skill):
             views: list[FrontierView] = yield self.compute(
                 "exploration", explorer.tour, grid, costmap, self._pose, useless
             )
-            if not views and not moved and costmap.clearance_at(self._pose) <= 0.0:
-                text = "too little around the base is known to be free to drive from where it stands"
-                raise SkillFailure("start_blocked", text)
+            stuck = costmap.clearance_at(self._pose) <= 0.0
+            if not views and not moved and stuck:
+                raise SkillFailure("start_blocked", NO_ROOM)
             if not views:
                 return True
             for view in views:
@@ -128,6 +131,8 @@ class ExploreAndMap(Skill):
                     if not (yield from self._drive(path, view, overhangs, end)):
                         useless = np.vstack([useless, view.pose.xy])
                     break
+                if stuck and path.reason is PlanningFailureReason.START_BLOCKED:
+                    raise SkillFailure("start_blocked", NO_ROOM)
                 useless = np.vstack([useless, view.pose.xy])
         return False
 

@@ -152,7 +152,7 @@ class PyBulletEngine(Engine):
         return np.array(bodies), np.array(shares)
 
     def depth_image(
-        self, map_from_optical: Pose, intrinsics: CameraIntrinsics, near: float, far: float
+        self, map_from_optical: Pose, intrinsics: CameraIntrinsics, near: float, far: float, without: int = -1
     ) -> tuple[NDArray[np.uint8], Array]:
         """By software."""
         k, nearest = intrinsics, min(near, NOT_DRAWN)
@@ -173,7 +173,10 @@ class PyBulletEngine(Engine):
             if rgb.any() or (buffer < 1.0).any():
                 break
         depth = far * nearest / (far - (far - nearest) * buffer)
-        return rgb, np.where((buffer < 1.0) & (depth >= near), depth, 0.0)
+        shown = (buffer < 1.0) & (depth >= near)
+        if without >= 0:
+            shown &= np.asarray(image[4]).reshape(k.height, k.width) != without
+        return rgb, np.where(shown, depth, 0.0)
 
     def photo(self, viewpoint: Viewpoint, width: int, height: int) -> NDArray[np.uint8]:
         """By software."""

@@ -53,6 +53,8 @@ def smooth(rgb: NDArray[np.uint8], oversampling: int) -> NDArray[np.uint8]:
 
 
 EDGE_CURVATURE = 0.03
+MOVED = 5e-4
+"""Metres, or radians, that a camera has moved by between an image and its rendering before that counts."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +69,8 @@ class SimulatedCamera(SimulatedSensor[Exposure], Camera):
     """Renders when asked. With a latency it takes images at its rate, and shows the latest that has arrived.
 
     Only images that are asked for are rendered: what moves before the camera is then drawn where it is now, up to a
-    latency and a frame later than the stamp. The camera itself stands where it stood at the stamp.
+    latency and a frame later than the stamp. The camera itself stands where it stood at the stamp. Where it has moved
+    since, the robot's own body, which moves along with it, is without depth.
     """
 
     def __init__(self, name: str, model: CameraPart, rng: np.random.Generator) -> None:
@@ -75,6 +78,8 @@ class SimulatedCamera(SimulatedSensor[Exposure], Camera):
         self._model, self._rng = model, rng
         self.intrinsics, self.optical_frame = model.intrinsics, model.optical_frame
         self._reader: Reader | None = None
+        self._here: Callable[[], Pose] = Pose
+        self._robot = -1
         self._rendered: tuple[Exposure, SensorFault | None, RGBDImage] | None = None
 
     def capture(self) -> RGBDImage:
@@ -91,13 +96,16 @@ class SimulatedCamera(SimulatedSensor[Exposure], Camera):
     def begin(self, simulation: Simulation) -> Callable[[], Exposure]:
         """Look into this simulation."""
         reader = self._reader = simulation.reader(ReadPurpose.SENSOR)
-        self._rendered = None
-        return lambda: Exposure(simulation.link_pose(reader, self.optical_frame), simulation.now)
+        self._rendered, self._robot = None, simulation.built.robot
+        self._here = lambda: simulation.link_pose(reader, self.optical_frame)
+        return lambda: Exposure(self._here(), simulation.now)
 
     def _render(self, exposure: Exposure) -> RGBDImage:
         assert self._reader is not None
         model = self._model
-        rgb, depth = self._seen(self._reader, exposure.map_from_optical)
+        taken, here = exposure.map_from_optical, self._here()
+        moved = not np.allclose(taken.matrix, here.matrix, atol=MOVED)
+        rgb, depth = self._seen(self._reader, taken, self._robot if moved else -1)
         noisy = spoil_depth(depth, model, self._rng)
         if self.fault is SensorFault.BLACK:
             rgb = np.zeros_like(rgb)
@@ -109,10 +117,10 @@ class SimulatedCamera(SimulatedSensor[Exposure], Camera):
     def _lens(self) -> Lens | None:
         return Lens(self._model.intrinsics) if any(self._model.intrinsics.distortion) else None
 
-    def _seen(self, reader: Reader, map_from_optical: Pose) -> tuple[NDArray[np.uint8], NDArray[np.float64]]:
+    def _seen(self, reader: Reader, taken: Pose, without: int) -> tuple[NDArray[np.uint8], NDArray[np.float64]]:
         model, lens = self._model, self._lens
         ideal = model.intrinsics if lens is None else lens.ideal
-        rgb, depth = reader.depth_image(map_from_optical, ideal, model.near, model.far)
+        rgb, depth = reader.depth_image(taken, ideal, model.near, model.far, without)
         return (rgb, depth) if lens is None else (lens.color(rgb), lens.depth(depth))
 
 

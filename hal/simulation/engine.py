@@ -95,11 +95,12 @@ class Engine(ABC):
 
     @abstractmethod
     def depth_image(
-        self, map_from_optical: Pose, intrinsics: CameraIntrinsics, near: float, far: float
+        self, map_from_optical: Pose, intrinsics: CameraIntrinsics, near: float, far: float, without: int = -1
     ) -> tuple[NDArray[np.uint8], Array]:
         """Exact colour (H, W, 3) and depth (H, W) metres of a pinhole (x right, y down), without distortion.
 
-        The depth is 0 where it is less than ``near``, though that is in the picture, or more than ``far``.
+        The depth is 0 where it is less than ``near``, though that is in the picture, or more than ``far``, or of the
+        body ``without``.
         """
 
     @abstractmethod

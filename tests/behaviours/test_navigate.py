@@ -14,7 +14,7 @@ from tests.behaviours.truth import audited, succeeds, why_not
 
 pytestmark = pytest.mark.slow
 
-CHAIR = "unmapped: {chair: {model: chair, at: [0.5, 0.1, 20 deg]}}"
+CHAIR = "unmapped: {chair: {model: chair, at: [0.5, 0.3, 20 deg]}}"
 DOOR = "unmapped: {new_door: {model: wide_door, at: [0, 0, 0]}}"
 STANDING = "walkers: {count: 1, way_points: [[0.1, 0.0], [0.1, 0.3]], speed: [5 cm/s, 5 cm/s]}"
 CROSSING = "walkers: {count: 1, way_points: [[0.7, -1.5], [0.7, 1.5]], speed: [0.6 m/s, 0.6 m/s]}"

@@ -59,8 +59,7 @@ class Simulated:
 
 @pytest.fixture(scope="session")
 def model() -> RobotModel:
-    late = {"head_camera": "50 ms", "lidar": "40 ms"}
-    return load_robot_model("diff_panda", {f"parts.{name}.set.latency": late[name] for name in late})
+    return load_robot_model("diff_panda")
 
 
 @pytest.fixture

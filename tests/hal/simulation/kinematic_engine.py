@@ -137,7 +137,9 @@ class KinematicEngine(Engine):
         """Everything is ``FAR`` away."""
         return np.full(len(starts), FLOOR), FAR / np.linalg.norm(ends - starts, axis=1)
 
-    def depth_image(self, map_from_optical: Pose, intrinsics: CameraIntrinsics, near: float, far: float) -> Any:
+    def depth_image(
+        self, map_from_optical: Pose, intrinsics: CameraIntrinsics, near: float, far: float, without: int = -1
+    ) -> Any:
         """A grey wall, straight ahead."""
         size = intrinsics.height, intrinsics.width
         return np.full((*size, 3), 128, np.uint8), np.full(size, FAR)

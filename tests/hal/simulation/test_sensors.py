@@ -115,6 +115,28 @@ def test_a_lidar_in_a_base_sees_what_is_a_finger_away_from_the_base(robot_model,
 def test_each_image_has_noise_of_its_own(robot) -> None:
     camera = robot.part("head_camera", Camera)
     first = camera.capture()
+    robot.clock.sleep(0.05)
     second = camera.capture()
     assert np.array_equal(first.rgb, second.rgb)
     assert not np.array_equal(first.depth, second.depth)
+
+
+def test_a_late_image_of_a_head_that_turns_shows_nothing_of_the_robot_in_a_wrong_place(
+    robot_model, empty_world
+) -> None:
+    late = dataclasses.replace(robot_model.of(CameraPart)["head_camera"], latency=0.2)
+    model = dataclasses.replace(robot_model, parts={**robot_model.parts, "head_camera": late})
+    with PyBulletRobot(model, empty_world, seed=2) as robot:
+        head, camera = robot.part("head", JointGroup), robot.part("head_camera", Camera)
+
+        def robot_in_view() -> int:
+            """Pixels of what is nearer than any of the floor."""
+            depth = camera.capture().depth
+            return int(((depth > 0.0) & (depth < 0.9)).sum())
+
+        head.move_to([0.0, 1.1])
+        robot.clock.sleep(3.0)
+        assert robot_in_view() > 500
+        head.move_to([0.8, 1.1])
+        robot.clock.sleep(0.6)
+        assert robot_in_view() == 0
