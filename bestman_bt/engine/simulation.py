@@ -1,42 +1,95 @@
-"""Runs a tree in simulated time, for tests: no waiting, the same result on any machine."""
+"""Runs a tree in simulated time: no waiting, the same result on any machine, with or without the code of its leaves."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+import random
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from bestman_bt.engine.authoring import build_tree
 from bestman_bt.engine.clock import ManualClock
 from bestman_bt.engine.core.node import Node
-from bestman_bt.engine.core.status import RUNNING, SUCCESS
+from bestman_bt.engine.core.ports import key_of
+from bestman_bt.engine.core.status import FAILURE, IDLE, RUNNING, SUCCESS
 from bestman_bt.engine.core.tree import StateChanges, Tree
+from bestman_bt.engine.errors import EngineError
+from bestman_bt.engine.leaves.blackboard import WasEntryUpdated
 from bestman_bt.engine.loading import load_tree
+from bestman_bt.engine.models.foreign import open_tree
+from bestman_bt.engine.models.package import Package
+from bestman_bt.engine.models.scenario import Improvisation, Scenario, SimulatedLeaves, stand_in
 from bestman_bt.engine.registry import NodeRegistry
 from bestman_bt.engine.substitution import SubstitutionRules
+from bestman_bt.engine.unwritten import unwritten_reads
+from bestman_bt.engine.xml.writer import tree_to_xml
+
+LIMIT: Final = 600.0
+"""Simulated seconds after which a tree is halted, by default."""
+MAX_TICKS: Final = 100_000
+"""Ticks after which a tree is halted: one that wakes itself up lets no time pass."""
 
 
 @dataclass(frozen=True)
 class SimulatedRun:
-    """What a run gave: the last status, the simulated seconds, the state changes as (time, path, state), the tree."""
+    """What a run gave: the last status, the simulated seconds, the state changes as (time, path, state), the tree.
+
+    ``error``: what ended it, if a node could not execute. ``simulated``: of a run with a scenario, the types of leaves
+    whose results are made up, and where each is known from. ``transitions``: the changes as (number of node, state).
+    ``invented``: entries that nobody writes, which got a value after their port's type.
+    """
 
     status: int
     seconds: float
     changes: list[tuple[float, str, int]]
     tree: Tree
+    ticks: int = 0
+    error: str = ""
+    simulated: Mapping[str, str] = field(default_factory=dict)
+    transitions: list[tuple[int, int]] = field(default_factory=list)
+    invented: list[str] = field(default_factory=list)
 
     @property
     def succeeded(self) -> bool:
         """Whether the tree ended with SUCCESS."""
         return self.status == SUCCESS
 
+    @property
+    def outcome(self) -> str:
+        """``success``, ``failure``, ``skipped``, ``error`` or ``time limit``."""
+        if self.error:
+            return "error"
+        return {SUCCESS: "success", FAILURE: "failure", RUNNING: "time limit"}.get(self.status, "skipped")
+
     def visited(self, path: str) -> bool:
         """Return whether the node with this path ever left IDLE."""
         return any(found == path for _, found, _ in self.changes)
 
+    @property
+    def order(self) -> list[str]:
+        """The paths of the nodes, each time one began."""
+        states: dict[str, int] = {}
+        began = []
+        for _, path, state in self.changes:
+            if state != IDLE and states.get(path, IDLE) == IDLE:
+                began.append(path)
+            states[path] = state
+        return began
 
-def simulate(
+    @property
+    def halted(self) -> list[str]:
+        """The paths of the nodes, each time one was interrupted while it was RUNNING."""
+        states: dict[str, int] = {}
+        found = []
+        for _, path, state in self.changes:
+            if state == IDLE and states.get(path) == RUNNING:
+                found.append(path)
+            states[path] = state
+        return found
+
+
+def simulate(  # noqa: PLR0913 - each by its name
     source: str | Path | Node,
     registry: NodeRegistry | None = None,
     *,
@@ -44,7 +97,12 @@ def simulate(
     context: Any = None,
     substitutions: SubstitutionRules | None = None,
     period: float = 0.05,
-    limit: float = 600.0,
+    limit: float = LIMIT,
+    scenario: Scenario | None = None,
+    seed: int = 0,
+    package: Package | None = None,
+    search_path: Iterable[Path] = (),
+    main_tree: str | None = None,
 ) -> SimulatedRun:
     """Load a tree, tick it until it ends, and return what happened.
 
@@ -52,26 +110,87 @@ def simulate(
         source: a file, XML text, or the root of a tree made in Python.
         registry: the nodes that it may name.
         entries: root entries that are set before the first tick.
-        context: handed to the nodes.
+        context: handed to the nodes; not with a scenario.
         substitutions: nodes to be replaced, for instance by TestNodes with delays.
         period: simulated seconds between ticks.
         limit: simulated seconds after which the tree is halted; its status is then RUNNING.
+        scenario: what the leaves do; they are simulated then, whether or not there is code for them. The engine's own
+            nodes (scripts, Sleep, blackboard) are real. A node that cannot execute ends the run with ``error``.
+        seed: decides what a scenario leaves open.
+        package: other files that have SubTrees, and models of nodes.
+        search_path: folders that includes may reach.
+        main_tree: the tree to run, where the file holds several.
+
+    Raises:
+        TreeLoadError: the tree does not load.
     """
     clock = ManualClock()
-    if isinstance(source, Node):
-        tree = build_tree(source, registry=registry, context=context, clock=clock, substitutions=substitutions)
+    leaves = SimulatedLeaves()
+    if scenario is None:
+        options: dict[str, Any] = {"context": context, "clock": clock, "substitutions": substitutions}
+        if isinstance(source, Node):
+            tree = build_tree(source, registry=registry, **options)
+        else:
+            tree = load_tree(source, registry, main_tree=main_tree, search_path=search_path, **options)
     else:
-        tree = load_tree(source, registry, context=context, clock=clock, substitutions=substitutions)
-    for key, value in (entries or {}).items():
+        generator = random.Random(seed)  # noqa: S311 - no secrets
+        tree = open_tree(
+            _as_xml(source, registry), _with_enums(registry, scenario), gaps=leaves, clock=clock, package=package,
+            context=Improvisation(scenario, generator), search_path=search_path, main_tree=main_tree,
+            substitutions=substitutions or scenario.substitutions,
+        )  # fmt: skip
+    for key, value in {**(scenario.entries if scenario else {}), **(entries or {})}.items():
         tree.blackboard.set(key, value)
+    invented = [] if scenario is None else _invent_entries(tree)
     changes: list[tuple[float, str, int]] = []
+    transitions: list[tuple[int, int]] = []
 
     def listen(batch: StateChanges) -> None:
-        changes.extend((batch.stamp, tree.nodes[uid - 1].path, state) for uid, state in batch)
+        found = list(batch)
+        transitions.extend(found)
+        changes.extend((batch.stamp, tree.nodes[uid - 1].path, state) for uid, state in found)
 
     tree.subscribe(listen)
-    status = tree.tick_while_running(period, max_ticks=max(1, round(limit / period)))
+    status, ticks, error = RUNNING, 0, ""
+    try:
+        while status == RUNNING and ticks < MAX_TICKS and clock.now() < limit:
+            if ticks:
+                tree.sleep(period)
+            status = tree.tick_exactly_once()
+            ticks += 1
+    except EngineError as failure:
+        if scenario is None:
+            raise
+        error = str(failure)
     if status == RUNNING:
         tree.halt()
     tree.unsubscribe(listen)
-    return SimulatedRun(status, clock.now(), changes, tree)
+    return SimulatedRun(status, clock.now(), changes, tree, ticks, error, leaves.simulated, transitions, invented)
+
+
+def _invent_entries(tree: Tree) -> list[str]:
+    """Give entries that are read and that nobody writes a value after their port's type; returns their names."""
+    found = []
+    for read in list(unwritten_reads(tree)):
+        slot = read.node.board.slot_to_write(read.key)
+        if slot.value is None and not isinstance(read.node, WasEntryUpdated):
+            port = tree.info_of(read.node).ports.get(read.port)
+            in_script = key_of(read.node.attributes.get(read.port), read.port) is None
+            slot.assign(0 if port is None or in_script else stand_in(port))
+            found.append(slot.key)
+    return found
+
+
+def _as_xml(source: str | Path | Node, registry: NodeRegistry | None) -> str | Path:
+    """A tree made in Python as XML: its leaves get stand-ins as those of a file do."""
+    if isinstance(source, Node):
+        return tree_to_xml(build_tree(source, registry=registry))
+    is_text = isinstance(source, str) and source.lstrip("\ufeff \t\r\n").startswith("<")
+    return tree_to_xml(load_tree(source, registry)) if not is_text and Path(source).suffix == ".py" else source
+
+
+def _with_enums(registry: NodeRegistry | None, scenario: Scenario) -> NodeRegistry:
+    registry = registry or NodeRegistry()
+    for name, value in scenario.enums.items():
+        registry.register_enum(name, value)
+    return registry

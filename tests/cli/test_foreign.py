@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from pathlib import Path
 
@@ -69,3 +70,28 @@ def test_validate_of_a_folder_sums_up(bestman_bt: Command, folder: Path) -> None
     assert ".: 2 files, 2 trees; 0 wrong, 3 missing here, 0 warnings" in answer.out
     assert "        2  OpenLid\n        1  CloseLid" in answer.out
     assert "1 trees that no other uses: Main" in answer.out
+
+
+def test_simulate_tells_the_outcome_and_what_was_not_tried(bestman_bt: Command, folder: Path) -> None:
+    written(folder / "t.xml", '<Fallback><OpenLid side="{s}"/><CallForHelp/></Fallback>')
+    (folder / "s.yaml").write_text("nodes: {OpenLid: {result: SUCCESS, duration: 2}, Opn: FAILURE}")
+    answer = bestman_bt("simulate", "t.xml", "--scenario", "s.yaml", "--svg", "t.svg")
+    assert answer.code == 0
+    assert "t.xml: 1 run: 1 success\n  2.00 to 2.00 s of simulated time" in answer.out
+    assert "67% of 3 nodes began" in answer.out
+    assert "recovery never used: Fallback::1" in answer.out
+    assert "the scenario's 'Opn' is no path, name or type of a node" in answer.err
+    assert "stroke-dasharray" in (folder / "t.svg").read_text()
+
+
+def test_simulate_many_runs_as_json(bestman_bt: Command, folder: Path) -> None:
+    written(folder / "t.xml", '<Sequence><IsOpen/><Wave _skipIf="hand == LEFT"/></Sequence>')
+    told = json.loads(bestman_bt("simulate", "t.xml", "--runs", "20", "--enum", "LEFT=1", "--json").out)
+    assert told["runs"] == sum(told["outcomes"].values()) == 20
+    assert set(told["outcomes"]) == {"success", "failure"}
+    assert told["coverage"]["share"] == 1.0
+    assert bestman_bt("simulate", "t.xml", "--enum", "LEFT=1", "--scenario", "nowhere.yaml").code == 2
+    written(folder / "t.xml", "<KeepRunningUntilFailure><AlwaysSuccess/></KeepRunningUntilFailure>")
+    endless = bestman_bt("simulate", "t.xml", "--limit", "5")
+    assert endless.code == 1
+    assert "possible endless loop: with seed 0" in endless.out

@@ -9,6 +9,7 @@ from typing import Any, ClassVar, Final
 from bestman_bt.engine.controls import Sequence
 from bestman_bt.engine.core.node import Node
 from bestman_bt.engine.core.ports import Port
+from bestman_bt.engine.core.status import RUNNING
 from bestman_bt.engine.decorators import Decorator
 from bestman_bt.engine.leaves.base import Leaf
 from bestman_bt.engine.registry import NodeInfo, make_info
@@ -43,6 +44,7 @@ class PlaceholderDecorator(Decorator):
 
     def on_tick(self) -> int:
         """Tick the child."""
+        self.set_state(RUNNING)
         return self.child.execute_tick()
 
 

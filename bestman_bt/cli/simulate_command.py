@@ -1,0 +1,174 @@
+"""Examples: bestman-bt simulate my_tree.xml --runs 1000; bestman-bt simulate fetch_cup --scenario s.yaml."""
+
+from __future__ import annotations
+
+import sys
+from collections import Counter
+from collections.abc import Iterable
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from bestman_bt.cli.json_output import json_output
+from bestman_bt.cli.options import Json, Models, Plugins, Search, Seed
+from bestman_bt.configuration import find_data, shipped_trees
+from bestman_bt.engine import FAILURE, IDLE, RUNNING, SUCCESS, Node, render_svg
+from bestman_bt.engine.coverage import Coverage
+from bestman_bt.engine.models.package import Package
+from bestman_bt.engine.models.scenario import Scenario, fits
+from bestman_bt.engine.simulation import LIMIT, SimulatedRun, simulate
+from bestman_bt.runtime.plugins import node_registry
+
+MOST_NAMES = 12
+"""Paths that one line of the summary names."""
+
+
+def command(  # noqa: PLR0913 - its options, each by its name
+    tree: Annotated[str, typer.Argument(help="A shipped tree, or an XML or Python file.")],
+    scenario: Annotated[
+        Path | None, typer.Option(metavar="FILE.yaml", help="What leaves do, by path, name or type; else at random.")
+    ] = None,
+    seed: Seed = 0,
+    runs: Annotated[int, typer.Option(min=1, help="Runs, with the seeds that follow.")] = 1,
+    limit: Annotated[float, typer.Option(min=0.001, help="Simulated seconds after which a run ends.")] = LIMIT,
+    period: Annotated[float, typer.Option(min=0.001, help="Simulated seconds between two ticks.")] = 0.05,
+    enums: Annotated[
+        list[str] | None, typer.Option("--enum", metavar="NAME=1", help="A name that scripts and ports know.")
+    ] = None,
+    tree_id: Annotated[str | None, typer.Option("--tree", metavar="ID", help="Another tree of an XML file.")] = None,
+    svg: Annotated[
+        Path | None, typer.Option(metavar="FILE.svg", help="Write a picture, coloured by what the runs came to.")
+    ] = None,
+    models: Models = None,
+    search: Search = None,
+    plugins: Plugins = None,
+    json: Json = False,
+) -> None:
+    """Run a tree without robot and without its leaves, in simulated time, and tell what the runs tried of it."""
+    with json_output(json) as tell:
+        played = Scenario() if scenario is None else Scenario.load(scenario)
+        played = replace(played, enums={**played.enums, **_enums(enums or ())})
+        registry = node_registry([str(plugin) for plugin in plugins or ()])
+        package = Package.open([*(models or ()), *(search or ())], shipped_trees())
+        path = find_data("tree", tree)
+        results: list[tuple[int, SimulatedRun]] = []
+        coverage: Coverage | None = None
+        for number in range(seed, seed + runs):
+            run = simulate(
+                path, registry, scenario=played, seed=number, period=period, limit=limit, package=package,
+                search_path=shipped_trees(), main_tree=tree_id,
+            )  # fmt: skip
+            coverage = coverage or Coverage(run.tree)
+            coverage.add(run.transitions)
+            results.append((number, _without_changes(run)))
+        assert coverage is not None
+        _warn_of_idle_rules(played, coverage)
+        document = _document(str(path), results, coverage)
+        if svg is not None:
+            svg.write_text(render_svg(coverage.tree, _states(coverage)), encoding="utf-8")
+        if not json:
+            _print(document)
+        tell(document)
+    outcomes = set(document["outcomes"])
+    sys.exit(1 if outcomes & {"error", "time limit"} or (runs == 1 and outcomes != {"success"}) else 0)
+
+
+def _enums(texts: Iterable[str]) -> dict[str, int]:
+    found = {}
+    for text in texts:
+        name, _, value = text.partition("=")
+        if not name.isidentifier() or not value.lstrip("-").isdecimal():
+            raise typer.BadParameter(f"should be NAME=NUMBER, got '{text}'", param_hint="--enum")
+        found[name] = int(value)
+    return found
+
+
+def _without_changes(run: SimulatedRun) -> SimulatedRun:
+    """The run without its long lists: a thousand of them are kept."""
+    return replace(run, changes=[], transitions=[])
+
+
+def _warn_of_idle_rules(scenario: Scenario, coverage: Coverage) -> None:
+    for pattern in scenario.nodes:
+        if not any(fits(pattern, node) for node in coverage.tree.nodes):
+            print(f"warning: the scenario's '{pattern}' is no path, name or type of a node", file=sys.stderr)
+
+
+def _states(coverage: Coverage) -> dict[int, int]:
+    """Green: it succeeded alone; red: it failed alone; blue: both; thin: it never ended."""
+    states = {}
+    for node in coverage.tree.nodes:
+        use = coverage.of(node)
+        both = use.succeeded and use.failed
+        states[node.uid] = RUNNING if both else SUCCESS if use.succeeded else FAILURE if use.failed else IDLE
+    return states
+
+
+def _document(file: str, results: list[tuple[int, SimulatedRun]], coverage: Coverage) -> dict[str, Any]:
+    runs = [run for _, run in results]
+    ends: dict[str, int] = {}
+    for number, run in results:
+        if run.outcome in ("error", "time limit"):
+            ends.setdefault(run.error or "time limit", number)
+    return {
+        "tree": file,
+        "runs": len(runs),
+        "outcomes": dict(Counter(run.outcome for run in runs)),
+        "seconds": [min(run.seconds for run in runs), max(run.seconds for run in runs)],
+        "ticks": [min(run.ticks for run in runs), max(run.ticks for run in runs)],
+        "simulated": dict(sorted({**runs[0].simulated}.items())),
+        "invented_entries": sorted({key for run in runs for key in run.invented}),
+        "first_seed_of": ends,
+        "coverage": {
+            "nodes": len(coverage.tree.nodes),
+            "share": round(coverage.share, 4),
+            "never_ticked": _paths(coverage.never_ticked),
+            "never_failed": _paths(coverage.never_failed),
+            "never_succeeded": _paths(coverage.never_succeeded),
+            "never_left": _paths(coverage.never_left),
+            "unused_recoveries": _paths(coverage.unused_recoveries),
+            "counts": {node.path: vars(coverage.of(node)) for node in coverage.tree.nodes},
+        },
+    }
+
+
+def _paths(nodes: Iterable[Node]) -> list[str]:
+    return [node.path for node in nodes]
+
+
+def _print(document: dict[str, Any]) -> None:
+    outcomes = ", ".join(f"{count} {name}" for name, count in document["outcomes"].items())
+    low, high = document["seconds"]
+    fewest, most = document["ticks"]
+    print(f"{document['tree']}: {document['runs']} run{'s' if document['runs'] > 1 else ''}: {outcomes}")
+    print(f"  {low:.2f} to {high:.2f} s of simulated time, {fewest} to {most} ticks")
+    if document["simulated"]:
+        names = [
+            f"{name} ({where})" if where != "the registry" else name for name, where in document["simulated"].items()
+        ]
+        print(f"  simulated types: {_some(names)}")
+    if document["invented_entries"]:
+        print(f"  entries that nobody writes, given a value here: {_some(document['invented_entries'])}")
+    for what, number in document["first_seed_of"].items():
+        if what == "time limit":
+            print(f"  possible endless loop: with seed {number} it ran to the time limit")
+        else:
+            print(f"  error with seed {number}: {what}")
+    coverage = document["coverage"]
+    print(f"  {coverage['share']:.0%} of {coverage['nodes']} nodes began")
+    for key, words in (
+        ("never_ticked", "never ticked (with all below)"),
+        ("never_failed", "never failed"),
+        ("never_succeeded", "never succeeded"),
+        ("never_left", "never ended by itself"),
+        ("unused_recoveries", "recovery never used"),
+    ):
+        if coverage[key]:
+            print(f"  {words}: {_some(coverage[key])}")
+
+
+def _some(names: list[str]) -> str:
+    rest = f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""
+    return ", ".join(names[:MOST_NAMES]) + rest
