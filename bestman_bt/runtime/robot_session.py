@@ -189,7 +189,11 @@ class Session:
         return tree
 
     def telemetry(self, executor: Executor, folder: Path | None = None) -> Telemetry:
-        """Create the telemetry of one execution: tree states, robot, images, failures; kept in ``folder``, if any."""
+        """Create the telemetry of one execution: tree states, robot, images, failures; kept in ``folder``, if any.
+
+        There the robot writes its black box, too.
+        """
+        self.robot.keep_black_box_in(None if folder is None else folder.resolve())
         sources = (
             RobotSource(self.robot, self.setup.robot_model, self.skills, self.speed),
             PictureSource(self.skills, folder),
@@ -241,6 +245,7 @@ def open_session(
             if localised:
                 skills.base.close()
             skills.joints.close()
+            robot.keep_black_box_in(None)  # the stop at the end is none to tell of
             robot.stop()
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Self, TypeVar
 
@@ -74,6 +75,13 @@ class Robot(ABC):
         """Bring all parts to rest and refuse commands until ``clear_stop()``; idempotent, callable from any thread.
 
         Commanded within one control period; at rest (0.01 rad/s, 0.01 m/s) within 0.5 s; no older command acts later.
+        """
+
+    def keep_black_box_in(self, folder: Path | None) -> None:  # noqa: B027 - of robots that keep one
+        """Write the last minute of set-points and measurements into ``folder`` whenever the robot stops.
+
+        ``black_box_<n>.npz``, see ``bestman_bt.messages.black_box``; None: no more. What is due is written before this
+        returns.
         """
 
     @abstractmethod

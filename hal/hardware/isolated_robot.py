@@ -15,6 +15,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import replace
 from multiprocessing.connection import Connection
+from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
@@ -55,6 +56,7 @@ class IsolatedRobot(Robot):
         self._description = HardwareRobot(model, clock=self.clock)  # never connected: it describes, and refuses
         self._client = RpcClient(tuple(self._description.parts), self._description.stop)
         self.model = model
+        self._black_box_in: Path | None = None
         self.parts = MappingProxyType(
             {name: _remote(part, self._client) for name, part in self._description.parts.items()}
         )
@@ -73,6 +75,7 @@ class IsolatedRobot(Robot):
             self._client.start(Setup(self.model, self._start))
             self._client.call(Call(ROBOT, "connect"))
             self._client.call(Call(ROBOT, "set_speed", (self.speed,)))
+            self._client.call(Call(ROBOT, "keep_black_box_in", (self._black_box_in,)))
             if self._description.stopped:
                 self._client.stop(Call(ROBOT, "stop"))
             for name, part in self.parts.items():
@@ -104,6 +107,13 @@ class IsolatedRobot(Robot):
         self._description.stop()
         with suppress(NotConnectedError):  # it was lost: nothing moves any more
             self._client.stop(Call(ROBOT, "stop"))
+
+    def keep_black_box_in(self, folder: Path | None) -> None:
+        """The other process writes it, also where this one is gone."""
+        self._black_box_in = folder
+        with suppress(NotConnectedError):
+            if self._client.open:
+                self._client.call(Call(ROBOT, "keep_black_box_in", (folder,)))
 
     def set_speed(self, share: float) -> None:
         """As ``Robot.set_speed``, past whatever else is being asked, and within the time of a stop."""

@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
+from pathlib import Path
 from types import MappingProxyType
 from typing import cast
 
@@ -20,6 +21,8 @@ from hal.hardware.control_loop import ControlLoop
 from hal.hardware.controller_facts import ArmFacts, Identity
 from hal.hardware.heartbeat import Heartbeat
 from hal.parts import ConnectionFailedError, StopLatch
+from hal.parts.black_box import StopRecorder
+from hal.parts.channels import traces
 
 WATCH_RATE = 100.0
 """Hertz: how often the watchdog looks at each controller."""
@@ -67,6 +70,7 @@ class HardwareRobot(Robot):
         for connection in self.connections.values():
             parts |= connection.parts
         self.parts = MappingProxyType({name: parts[name] for name in _in_order_of(model, parts)})
+        self._recorder = StopRecorder(traces(self.parts, self.clock.now), self.clock.now, background=True)
 
     # Description
 
@@ -105,11 +109,17 @@ class HardwareRobot(Robot):
         self._watchdog.close()
         self._watchdog = None
         self._disconnect_all()
+        self._recorder.flush()
         self.clock.cancel_timers()
 
     def stop(self, fault: Failure | None = None) -> None:
         """Bring all parts to rest and latch, because of ``fault``; safe from any thread, at once in effect."""
         self._stop(fault)
+
+    def keep_black_box_in(self, folder: Path | None) -> None:
+        """Waits until the robot rests after a stop of a moment ago."""
+        time.sleep(self._recorder.due_in)
+        self._recorder.keep_in(folder)
 
     @property
     def stops(self) -> int:
@@ -206,6 +216,7 @@ class HardwareRobot(Robot):
             connection.stop()
         if first:
             self.stopped_at = self.clock.now()
+            self._recorder.stopped("it was told to stop" if fault is None else str(fault))
 
     def _await_planner(self) -> None:
         """Whoever asks lives: the signs of it come in a moment."""
@@ -217,6 +228,7 @@ class HardwareRobot(Robot):
 
     def _watch(self, elapsed: float) -> None:
         """A controller with a fault stops the robot, once; so does a program that plans no more."""
+        self._recorder.look()
         if self._planner is not None and self._planner.silence > 0.0 and PLANNER not in self._faults:
             text = f"{PLANNER} gave no sign of life for {self._planner.longest_silence:g} s"
             silent = Failure(MotionErrorCode.STOPPED, text)

@@ -8,6 +8,7 @@ from __future__ import annotations
 import inspect
 import math
 from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,6 +16,7 @@ from numpy.typing import NDArray
 
 from bestman_bt.messages import Pose2D, Twist2D
 from hal.api import Failure, Part
+from hal.parts.black_box import Trace
 from hal.parts.part_connection import PartConnection
 from hal.parts.stop_latch import StopLatch
 
@@ -22,7 +24,14 @@ from hal.parts.stop_latch import StopLatch
 
 
 class ControlledPart(Part):
-    """A part behind a controller."""
+    """A part behind a controller. ``trace``: keeps what it was told and measured lately, where somebody wants that."""
+
+    trace: Trace | None = None
+
+    @property
+    def traced(self) -> tuple[str, ...]:
+        """Names of what it writes into its ``trace`` each control period; empty where it writes nothing."""
+        return ()
 
     @abstractmethod
     def attach(self) -> None:
@@ -40,6 +49,15 @@ class ControlledPart(Part):
     @abstractmethod
     def fail(self, fault: Failure) -> None:
         """The controller has a fault: the motion under way has failed, the part comes to rest."""
+
+
+def traces(parts: Mapping[str, Part], now: Callable[[], float]) -> dict[str, Trace]:
+    """Have all parts that write one keep a trace, by the time of ``now``; name → trace."""
+    found = {}
+    for name, part in parts.items():
+        if isinstance(part, ControlledPart) and part.traced:
+            found[name] = part.trace = Trace(part.traced, now)
+    return found
 
 
 class StoppablePart(ControlledPart):

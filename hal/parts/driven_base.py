@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
+
+import numpy as np
 
 from bestman_bt.messages import Pose2D, Twist2D, wrap_angle
 from bestman_bt.robot_model import BaseModel, BasePart, MobilePart
 from hal.api import CommandRefusedError, Failure, MobileBase, Motion, MotionErrorCode, MotionStatus, NoDataError
-from hal.parts.channels import BaseChannel, ControlledPart
+from hal.parts.channels import BaseChannel, BaseReading, ControlledPart
 from hal.parts.part_connection import PartConnection
 from hal.parts.stop_latch import StopLatch
 
@@ -66,18 +68,19 @@ class DrivenBase(ControlledPart, MobileBase):
         self._share = 1.0  # of the wanted velocity, on the way to ``speed_share``
         self._profile: MotionProfile | None = None
         self._silent_after = 0
+        self._told: BaseReading | None = None
 
     # Measurements
 
     def odometry(self) -> Pose2D:
         """As the base tells it."""
         self._connection.check_reading()
-        return self._channel.read().odometry
+        return self._read().odometry
 
     def velocity(self) -> Twist2D:
         """As the base tells it."""
         self._connection.check_reading()
-        return self._channel.read().velocity
+        return self._read().velocity
 
     # Commands
 
@@ -146,6 +149,7 @@ class DrivenBase(ControlledPart, MobileBase):
 
     def cycle(self, elapsed: float) -> None:
         """One control period, begun ``elapsed`` seconds after the last one: the next velocity, if one is due."""
+        self._record()
         with self._connection.lock:
             self._decide(elapsed)
             rest = self._wanted == self._sent == STILL
@@ -159,6 +163,25 @@ class DrivenBase(ControlledPart, MobileBase):
             if taken:
                 self._sent = velocity
 
+    @property
+    def traced(self) -> tuple[str, ...]:
+        """Velocities and odometry; what is measured is as somebody last read it."""
+        return (
+            *(f"{what} {axis}" for what in ("asked", "set", "measured") for axis in ("vx", "vy", "wz")),
+            *(f"measured {what}" for what in ("x", "y", "heading")),
+        )
+
+    def _record(self) -> None:
+        row = None if self.trace is None else self.trace.row()
+        if row is not None:
+            wanted, sent, told = self._wanted, self._sent, self._told
+            row[:6] = wanted.vx, wanted.vy, wanted.wz, sent.vx, sent.vy, sent.wz
+            row[6:] = (*astuple(told.velocity), *astuple(told.odometry)) if told is not None else np.nan
+
+    def _read(self) -> BaseReading:
+        self._told = self._channel.read()
+        return self._told
+
     # Private
 
     def _go(self, command: str, distance: float, direction: float) -> Motion[None]:
@@ -168,7 +191,7 @@ class DrivenBase(ControlledPart, MobileBase):
             return self._start(distance=direction * distance)
 
     def _start(self, *, distance: float = 0.0, turn: float = 0.0) -> Motion[None]:
-        start = self._channel.read().odometry
+        start = self._read().odometry
         profile = MotionProfile(self.model.part, start, self._timing.arrival, distance=distance, turn=turn)
         motion: Motion[None] = Motion(self.name, self.brake)
         self._connection.begin(motion)
@@ -183,7 +206,7 @@ class DrivenBase(ControlledPart, MobileBase):
             return
         profile, motion = self._profile, self._connection.motion
         try:
-            odometry = self._channel.read().odometry
+            odometry = self._read().odometry
         except NoDataError as error:
             self._halt(hard=False)
             self._connection.end_motion(MotionStatus.FAILED, MotionErrorCode.FAULT, str(error))

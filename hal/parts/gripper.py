@@ -120,6 +120,11 @@ class CommandedGripper(StoppablePart, Gripper):
         """Whether nothing is to be sent any more."""
         return not self._halting and self._order is None
 
+    @property
+    def traced(self) -> tuple[str, ...]:
+        """Widths, and whether something is held."""
+        return "set width", "measured width", "held"
+
     def fail(self, fault: Failure) -> None:
         """The motion has failed."""
         with self._connection.lock:
@@ -137,6 +142,9 @@ class CommandedGripper(StoppablePart, Gripper):
             self._channel.send(*order)
         self._channel.refresh()
         reading = self._channel.read()
+        row = None if self.trace is None else self.trace.row()
+        if row is not None:
+            row[:] = self._target, reading.width, self._blocked
         with self._connection.lock:
             self._reading = reading
             if halting:

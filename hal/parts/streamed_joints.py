@@ -25,6 +25,15 @@ OUTSIDE = 0.01
 """Radians or metres by which a joint at the end of its range may be beyond it when it is connected."""
 SHORTEST = 1e-5
 """Seconds that a cycle counts at least."""
+TRACED = (
+    "asked position",
+    "set position",
+    "set velocity",
+    "measured position",
+    "measured velocity",
+    "measured effort",
+)
+"""What is kept of joints: what was asked for, what the gate has let through, and what the joints did."""
 SLOWEST = 0.01
 """Share of real time below which joints count as at rest by the time of their set-points."""
 AT_REST = 1e-3
@@ -316,9 +325,33 @@ class StreamedJointGroup(StoppablePart, JointGroup):
 
     def cycle(self, elapsed: float) -> None:
         """One control period, begun ``elapsed`` seconds after the last one: the next set-point, if one is due."""
+        due = self._next_setpoint(elapsed)
+        if due is not None:
+            self._channel.send(*due)
+        self.record()
+
+    @property
+    def traced(self) -> tuple[str, ...]:
+        """Of each joint."""
+        return tuple(f"{what} {joint}" for what in TRACED for joint in self.joint_names)
+
+    def record(self) -> None:
+        """Write a row into the ``trace``, if there is one."""
+        row = None if self.trace is None else self.trace.row()
+        if row is None or self.trace is None:
+            return
+        reading, n = self._channel.read(), len(self.joint_names)
+        row[:n], row[n : 2 * n], row[2 * n : 3 * n] = self._wanted, self._position, self._velocity
+        row[3 * n : 4 * n], row[4 * n : 5 * n], row[5 * n :] = reading.positions, reading.velocities, reading.efforts
+        self.trace.note(self._gate.reason)
+
+    # Private
+
+    def _next_setpoint(self, elapsed: float) -> tuple[Array, Array] | None:
+        """Position and velocity that are to be sent."""
         with self._connection.lock:
             if self._efforts is not None:
-                return
+                return None
             if self._gave_way:
                 self._gave_way = False
                 why = "the controller has stopped the joints on their way"
@@ -331,11 +364,8 @@ class StreamedJointGroup(StoppablePart, JointGroup):
             else:
                 self._advance(elapsed)
             if at_rest and not self._channel.stream_at_rest:
-                return
-            position, velocity = self._position, self._velocity
-        self._channel.send(position, velocity)
-
-    # Private
+                return None
+            return self._position, self._velocity
 
     @property
     def _settled(self) -> bool:
@@ -444,6 +474,7 @@ class StreamedJointGroup(StoppablePart, JointGroup):
         self._velocity, self._setpoints = np.zeros_like(position), Hold(position)
 
     def _give_up(self, code: MotionErrorCode, text: str) -> None:
+        self._note_fault(text)
         self._astray = self._slip = self._held = 0.0
         self._setpoints = self._braking()
         self._connection.end_motion(MotionStatus.FAILED, code, text)
@@ -463,7 +494,12 @@ class StreamedJointGroup(StoppablePart, JointGroup):
             motion.succeed()
         else:
             text = f"did not settle at the target: {error:.4f} off, speed {speed:.4f}"
+            self._note_fault(text)
             self._connection.end_motion(MotionStatus.FAILED, MotionErrorCode.TIMEOUT, text)
+
+    def _note_fault(self, text: str) -> None:
+        if self.trace is not None and self._connection.motion is not None:
+            self.trace.fault = text
 
     def _take_over(self, setpoints: Setpoints, motion: Motion[None] | None) -> None:
         self._connection.begin(motion)

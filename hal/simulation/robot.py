@@ -7,6 +7,7 @@ from abc import abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
+from pathlib import Path
 from types import MappingProxyType
 from typing import Any, ClassVar
 from zlib import crc32
@@ -41,6 +42,8 @@ from hal.parts import (
     ToolLimits,
     Tracking,
 )
+from hal.parts.black_box import StopRecorder
+from hal.parts.channels import traces
 from hal.simulation.audit_record import AuditRecord, DisturbanceLog
 from hal.simulation.bodies import check_names
 from hal.simulation.engine import Engine
@@ -96,6 +99,7 @@ class SimulatedRobot(Robot):
         self._make_sensors()
         self._make_actuators()
         self.parts = MappingProxyType({**self._actuators, **self._sensors})
+        self._recorder = StopRecorder(traces(self._actuators, self.clock.now), self.clock.now)
 
     # Description
 
@@ -183,9 +187,14 @@ class SimulatedRobot(Robot):
     def stop(self) -> None:
         """Bring all parts to rest and latch; safe from any thread, at once in effect."""
         with self._lock:
-            self._latch.set()
+            if self._latch.set():
+                self._recorder.stopped("it was told to stop")
             for part in self.parts.values():
                 part.stop()
+
+    def keep_black_box_in(self, folder: Path | None) -> None:
+        """Time does not go on for it: a stop of a moment ago is told as far as it has come."""
+        self._recorder.keep_in(folder)
 
     def clear_stop(self) -> None:
         """Accept commands again; nothing moves by itself."""
@@ -218,6 +227,7 @@ class SimulatedRobot(Robot):
             self._channels[name].attach(simulation)
             part.attach()
             simulation.controls.append(partial(part.cycle, self._parameters.control_period))
+        simulation.controls.append(self._recorder.look)
         for sensor in self._sensors.values():
             sensor.attach(simulation)
 

@@ -164,6 +164,7 @@ class URArm(StreamedArm):
                 super().cycle(elapsed)
                 return
         self._attend(own)
+        self.record()
 
     # Private
 

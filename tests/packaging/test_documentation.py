@@ -104,6 +104,16 @@ def test_the_programs_of_a_session_run(capsys: pytest.CaptureFixture[str]) -> No
     assert capsys.readouterr().out == "SUCCESS []\nFetch 56 x;y;theta in the map frame, metres and radians\n"
 
 
+@pytest.mark.slow
+def test_the_program_of_the_black_box_runs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    text = next(one for one in fences("docs/hardware.md", "python") if "black_box" in one)
+    exec(compile(text, "hardware.md", "exec"), {})
+    assert capsys.readouterr().out.startswith("it was told to stop -0.6")
+
+
 @pytest.mark.parametrize("page", ["docs/writing_a_skill.md", "README.md"])
 def test_the_skills_are_leaves_that_a_plugin_adds(page: str, tmp_path: Path) -> None:
     (text,) = (text for text in fences(page, "python") if "Nod(Skill)" in text)

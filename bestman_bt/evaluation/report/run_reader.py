@@ -14,8 +14,10 @@ import yaml
 from PIL import Image, UnidentifiedImageError
 
 from bestman_bt.errors import Error, InputError
+from bestman_bt.evaluation.report.stop_chart import StopChart, stop_chart
 from bestman_bt.evaluation.report.story import INTERRUPTED, STILL_RUNNING, RunStory, StoryFailure, StoryPicture
 from bestman_bt.evaluation.result import RunResult
+from bestman_bt.messages.black_box import PATTERN, BlackBox, BlackBoxError
 from bestman_bt.records.events import LogEvent
 from bestman_bt.records.history import Picture, RunHistory
 from bestman_bt.records.reader import RecordError, has_record, read
@@ -30,6 +32,7 @@ LEFT_OUT = ("blackboard", "map", "path", "robot", "scan")
 LONGEST_TEXT = 200
 MAX_FAILURES = 200
 MAX_PICTURES = 50
+MAX_STOPS = 20
 NAMED_PICTURES = ("start", "grasp", "end")
 MAX_FILE, MAX_PIXELS = 16_000_000, 30_000_000
 """Of a picture."""
@@ -98,6 +101,7 @@ def read_story(folder: Path) -> RunStory:
         activities=activities(history.states.changes(), history.last),
         failures=tuple(_failures(folder, result, history, notes)),
         pictures=tuple(_pictures(folder, notes)),
+        stops=tuple(_stops(folder, notes)),
         notes=tuple(notes),
     )
 
@@ -214,6 +218,15 @@ def _pictures(folder: Path, notes: list[str]) -> Iterator[StoryPicture]:
             picture = _picture(folder, f"{name}.png", name, notes)
             if picture is not None:
                 yield picture
+
+
+def _stops(folder: Path, notes: list[str]) -> Iterator[StopChart]:
+    """The black boxes, the first stop first."""
+    for path in sorted(folder.glob(PATTERN), key=lambda one: (len(one.name), one.name))[:MAX_STOPS]:
+        try:
+            yield stop_chart(path.name, BlackBox.load(path))
+        except BlackBoxError as error:
+            notes.append(f"black box left out: {_short(error)}")
 
 
 def _picture(folder: Path, name: str, caption: str, notes: list[str]) -> StoryPicture | None:

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from bestman_bt.evaluation.report.stop_chart import StopChart
 from bestman_bt.evaluation.result import RunResult
 from bestman_bt.records.nodes import NodeList
 from bestman_bt.records.timeline import Activities
@@ -47,7 +48,8 @@ class RunStory:
     ``outcome``: as in ``result.json``, or INTERRUPTED or STILL_RUNNING where there is none. ``started``: seconds since
     the epoch, None where nothing tells. ``duration``: seconds of the robot's clock up to the last thing that is known.
     ``entry``: of a suite, empty of other runs. ``settings``: what else decides the run, as ``--set`` names it → text.
-    ``result``: None where the run never came to its end. ``notes``: what could not be read, in words.
+    ``result``: None where the run never came to its end. ``stops``: what its black
+    boxes tell. ``notes``: what could not be read, in words.
     """
 
     folder: Path
@@ -66,6 +68,7 @@ class RunStory:
     activities: Activities
     failures: tuple[StoryFailure, ...] = ()
     pictures: tuple[StoryPicture, ...] = ()
+    stops: tuple[StopChart, ...] = ()
     notes: tuple[str, ...] = field(default=())
 
     @property

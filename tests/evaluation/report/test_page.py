@@ -15,12 +15,13 @@ from bestman_bt.engine.logs import Transitions
 from bestman_bt.evaluation.report.page import MAX_BARS, MAX_ROWS, WIDTH, gantt, groups_by_name, report_page
 from bestman_bt.evaluation.report.run_reader import read_story
 from bestman_bt.evaluation.result import Outcome
+from bestman_bt.messages.black_box import BlackBox, PartTrace
 from bestman_bt.records.described_tree import describe_tree
 from bestman_bt.records.events import Category, DescribedNode, TreeEvent
 from bestman_bt.records.nodes import NodeList
 from bestman_bt.records.states import NO
 from bestman_bt.records.timeline import Activities, activities
-from tests.evaluation.report.run_folders import TREE, failure_with_picture, picture, write_run
+from tests.evaluation.report.run_folders import HOSTILE, TREE, failure_with_picture, picture, write_run
 
 NOW = datetime(2026, 3, 4, 5, 6)
 
@@ -122,6 +123,32 @@ def test_the_page_tells_contacts_in_words_and_a_success_that_is_not_the_robots(t
 
     assert "pair fingers and can, start_s 1.5" in text
     assert "the goal held before the run began: the success is not the robot's" in text
+
+
+def test_a_stop_is_drawn_with_what_was_set_and_measured_and_a_damaged_black_box_is_noted(tmp_path: Path) -> None:
+    folder = write_run(tmp_path / "run")
+    times = np.linspace(90.0, 100.7, 1071)
+    place = np.clip(times, None, 100.0) * 0.1
+    columns = (
+        "set position arm_pan",
+        "measured position arm_pan",
+        "set position arm_tilt",
+        "measured position arm_tilt",
+    )
+    values = np.stack([place, place - 0.02, 0.0 * place, 0.0 * place], axis=1).astype(np.float32)
+    trace = PartTrace(times, values, columns, ((98.0, f"held {HOSTILE}"), (99.0, "")))
+    BlackBox(100.0, f"arm: {HOSTILE}", {"arm": trace}).save(folder / "black_box_1.npz")
+    (folder / "black_box_2.npz").write_bytes(b"nothing")
+    html = report_page([read_story(folder)], NOW)
+    page = _Page(html)
+    assert "5.0 s before to 0.7 s after it" in page.text
+    assert "arm_pan: 9.480 to 10.000 rad, at most 0.020 apart" in page.text
+    assert "Still: arm_tilt." in page.text
+    assert "black_box_2.npz is no black box" in page.text
+    assert HOSTILE not in html
+    assert 'class="held" x="189.5" y="0" width="63.2"' in html
+    moment = float(html.split('class="moment" x1="')[1].split('"')[0])
+    assert moment == pytest.approx(360 * 5.0 / 5.7, abs=0.1)
 
 
 def test_an_interrupted_run_is_called_so(tmp_path: Path) -> None:

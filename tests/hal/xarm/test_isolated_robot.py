@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from bestman_bt.messages.black_box import BlackBox
 from bestman_bt.robot_model import RobotModel
 from hal.api import Arm, CommandRefusedError, MotionErrorCode, MotionStatus, NotConnectedError
 from hal.hardware import IsolatedRobot
@@ -86,6 +87,27 @@ def test_a_motion_that_an_operator_holds_rests_on_its_way_and_goes_on_to_its_end
     assert motion.status is MotionStatus.SUCCEEDED
     back = arm.move_to(start, 0.5)
     wait_for(lambda: back.done, "the arm is back")
+
+
+def test_stops_are_written_down_by_the_process_that_holds_the_connections(
+    isolated_robot: IsolatedRobot, twin: TwinProcess, tmp_path: Path
+) -> None:
+    arm = isolated_robot.part("arm", Arm)
+    isolated_robot.keep_black_box_in(tmp_path)
+    start = arm.positions()
+    motion = arm.move_to(start + 0.4 * FIRST_JOINT, 0.3)
+    wait_for(lambda: abs(float((arm.positions() - start)[0])) > 0.05, "the arm moves")
+    isolated_robot.stop()
+    isolated_robot.keep_black_box_in(None)  # which waits for it
+    assert motion.done
+    isolated_robot.clear_stop()
+    box = BlackBox.load(tmp_path / "black_box_1.npz")
+    joint = arm.joint_names[0]
+    arms = box.parts["arm"]
+    moved = np.ptp(arms.of(f"measured position {joint}"))
+    assert moved == pytest.approx(np.ptp(arms.of(f"set position {joint}")), abs=0.02)
+    assert moved > 0.02
+    assert box.stopped_at < arms.times[-1] < box.stopped_at + 1.0
 
 
 def test_where_the_other_process_dies_motions_fail_and_it_can_be_connected_again(
