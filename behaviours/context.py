@@ -174,6 +174,9 @@ class SkillContext:
         self.world.hands.pop(self.arm_name, None)
         if held is not None:
             self.world.hands[self.arm_name] = held
+            self.arm.carry(held.model.mass, held.tool_from_object.position)
+        elif self.has("arm"):
+            self.arm.carry(0.0, (0.0, 0.0, 0.0))
 
     @property
     def cameras(self) -> tuple[RGBDSensor, ...]:

@@ -23,7 +23,7 @@ from bestman_bt.robot_model.part_config import (
     SuctionPart,
 )
 from bestman_bt.robot_model.part_fields import EncodersConfig, JointLimitsConfig, PartConfig
-from bestman_bt.robot_model.payload import Payload, payload
+from bestman_bt.robot_model.payload import Payload, arm_payload, flange_of, payload
 from bestman_bt.robot_model.sensor_parts import (
     BatteryPart,
     CameraPart,
@@ -67,8 +67,10 @@ __all__ = [
     "TactilePart",
     "WheeledBaseModel",
     "arm_of",
+    "arm_payload",
     "combine",
     "compose_robot",
+    "flange_of",
     "joints_above",
     "load_robot_model",
     "payload",

@@ -7,12 +7,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from bestman_bt.messages import Pose
 from bestman_bt.robot_model.finger_linkage import joint_pose
 from bestman_bt.robot_model.footprint import origin_pose
-from bestman_bt.robot_model.model import RobotModel
+from bestman_bt.robot_model.model import ArmModel, RobotModel
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,14 +29,8 @@ def payload(model: RobotModel, link: str, positions: Mapping[str, float] | None 
     Joints of a parallel hand open to both sides alike and leave the centre where it is.
     """
     robot = ET.fromstring(model.urdf)
+    children = _children(robot, positions or {})
     inertials = {element.get("name", ""): element.find("inertial") for element in robot.findall("link")}
-    children: dict[str, list[tuple[str, Pose]]] = {}
-    for joint in robot.findall("joint"):
-        parent, child = joint.find("parent"), joint.find("child")
-        if parent is not None and child is not None:
-            children.setdefault(parent.get("link", ""), []).append(
-                (child.get("link", ""), joint_pose(joint, positions or {}))
-            )
     mass, moment = 0.0, np.zeros(3)
     beyond = [(link, Pose())]
     while beyond:
@@ -49,3 +43,43 @@ def payload(model: RobotModel, link: str, positions: Mapping[str, float] | None 
             moment += own * (from_link @ origin_pose(inertial)).position
         beyond += [(child, from_link @ from_parent) for child, from_parent in children.get(name, ())]
     return Payload(mass, moment / mass if mass > 0.0 else moment)
+
+
+def arm_payload(
+    model: RobotModel, arm: str, mass: float = 0.0, centre: ArrayLike = (0.0, 0.0, 0.0), hand: Payload | None = None
+) -> Payload:
+    """What an arm's flange carries: its hand, and what that holds: ``mass`` kg with its ``centre`` in the tool frame.
+
+    ``hand``: what it carries always, in the flange's frame; by default what the URDF's inertials say.
+    """
+    flange = flange_of(model, arm)
+    hand = hand or payload(model, flange)
+    children = _children(ET.fromstring(model.urdf), {})
+    beyond = [(flange, Pose())]
+    while beyond:
+        name, from_flange = beyond.pop()
+        if name == model.of(ArmModel)[arm].tool_frame:
+            held = (from_flange @ Pose(np.asarray(centre, float))).position
+            whole = hand.mass + mass
+            return Payload(whole, (hand.mass * hand.centre + mass * held) / whole if whole > 0.0 else held)
+        beyond += [(child, from_flange @ from_parent) for child, from_parent in children.get(name, ())]
+    return hand
+
+
+def flange_of(model: RobotModel, arm: str) -> str:
+    """The link that carries the hand of an arm: the tip of its part, by the name that it has in the robot."""
+    links = {element.get("name", "") for element in ET.fromstring(model.urdf).findall("link")}
+    tip = model.of(ArmModel)[arm].part.tip
+    return tip if tip in links else f"{arm}_{tip}"
+
+
+def _children(robot: ET.Element, positions: Mapping[str, float]) -> dict[str, list[tuple[str, Pose]]]:
+    """Link → its children and where they are in it."""
+    children: dict[str, list[tuple[str, Pose]]] = {}
+    for joint in robot.findall("joint"):
+        parent, child = joint.find("parent"), joint.find("child")
+        if parent is not None and child is not None:
+            children.setdefault(parent.get("link", ""), []).append(
+                (child.get("link", ""), joint_pose(joint, positions))
+            )
+    return children

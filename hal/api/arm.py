@@ -85,6 +85,12 @@ class Arm(JointGroup):
         """
         return None
 
+    def carry(self, mass: float, centre: ArrayLike) -> None:
+        """Tell the controller what the hand holds from now on, 0 kg for nothing; it counts on the hand by itself.
+
+        ``mass``: kg. ``centre``: (3,) metres, of mass, in the arm's ``tool_frame``.
+        """
+
     @abstractmethod
     def servo(self, positions: ArrayLike) -> None:
         """Stream one position set-point (n,); refused if it asks for more than the velocity limits allow."""

@@ -383,7 +383,7 @@ class RemoteMotion(Motion[Any]):
 def _remote(part: Part, client: RpcClient) -> Part:
     """A part of the same kind that asks the other process; its description, and its refusals, are those of ``part``."""
     interface = interface_of(type(part))
-    methods = ("stop", *interface.readings, *interface.commands)
+    methods = ("stop", *interface.readings, *interface.commands, *interface.asides)
     members = {name: _asking(part, name, client) for name in methods}
     remote: Part = type(f"Remote{interface.kind.__name__}", (interface.kind,), members)(part.name)
     for name in ("model", *interface.attributes):

@@ -90,11 +90,13 @@ class StoppablePart(ControlledPart):
 
 COMPOSED = frozenset({"open", "close"})
 """Methods that the interface itself makes of others."""
+ASIDES = frozenset({"carry"})
+"""What a part is told that moves nothing: a recording holds it not, and a replay needs it not."""
 
 
 @dataclass(frozen=True)
 class Interface:
-    """``kind``: the class of ``hal.api``. Names of its attributes, of methods that read, and of those that command.
+    """``kind``: the class of ``hal.api``. Names of its attributes, of methods that read, of those that command, asides.
 
     ``attributes``: without the ``model``.
     """
@@ -103,6 +105,7 @@ class Interface:
     attributes: tuple[str, ...]
     readings: tuple[str, ...]
     commands: tuple[str, ...]
+    asides: tuple[str, ...] = ()
 
 
 def interface_of(part: type[Part]) -> Interface:
@@ -114,9 +117,10 @@ def interface_of(part: type[Part]) -> Interface:
     commands: list[str] = []
     for name in dir(kind):
         found = inspect.getattr_static(kind, name)
-        if not name.startswith("_") and name not in COMPOSED and name != "stop" and inspect.isfunction(found):
+        if not name.startswith("_") and name not in COMPOSED | ASIDES | {"stop"} and inspect.isfunction(found):
             (commands if len(inspect.signature(found).parameters) > 1 else readings).append(name)
-    return Interface(kind, attributes, tuple(readings), tuple(commands))
+    asides = tuple(sorted(ASIDES & set(dir(kind))))
+    return Interface(kind, attributes, tuple(readings), tuple(commands), asides)
 
 
 Array = NDArray[np.float64]

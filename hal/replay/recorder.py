@@ -142,6 +142,7 @@ class RecordedRobot(Robot):
         members: dict[str, Any] = {name: reading(name) for name in interface.readings}
         members |= {name: command(name) for name in interface.commands}
         members["stop"] = lambda seen: part.stop()
+        members |= {name: _told_on(part, name) for name in interface.asides}
         seen: Part = type(f"Recorded{interface.kind.__name__}", (interface.kind,), members)(part.name)
         for name in ("model", *interface.attributes):
             if hasattr(part, name):  # sensors have no model of their own
@@ -213,3 +214,7 @@ class RecordedMotion(Motion[Any]):
         if motion.done:
             self.end(motion.status, motion.failure, motion.result)
             self._note(status=to_json(motion.status), why=to_json(motion.failure))
+
+
+def _told_on(part: Part, name: str) -> Callable[..., Any]:
+    return lambda seen, *arguments, **keywords: getattr(part, name)(*arguments, **keywords)

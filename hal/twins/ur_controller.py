@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from bestman_bt.robot_model import RobotModel
+from bestman_bt.robot_model import RobotModel, flange_of, payload
 from hal.api import Arm, ForceTorque
 from hal.twins.ur_kinematics import URKinematics
 from hal.twins.ur_program import URProgram
@@ -65,6 +65,7 @@ class URController:
         self._tripped = -UNLOCK_DELAY
         self._astray = 0.0
         self._digital_outputs = 0
+        self._payload = payload(model, flange_of(model, arm.name)).mass  # as somebody has set it at the pendant
         self._measured: dict[str, Any] = {}
         world.ticks.append(self.tick)
 
@@ -87,6 +88,7 @@ class URController:
             "runtime_state": PLAYING if self.playing else STOPPED,
             "speed_scaling": 1.0,
             "target_speed_fraction": 1.0,
+            "payload": self._payload,
             "actual_digital_output_bits": self._digital_outputs,
         }
 
@@ -162,6 +164,8 @@ class URController:
         if program is not None:
             program.advance(dt, self._inputs, fresh)
             self._watch(program, dt)
+        if program is not None and program.payload is not None:
+            self._payload = program.payload
         self._measure(program)
 
     def _take_inputs(self, dt: float) -> bool:

@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio
 from numpy.typing import NDArray
 
-from bestman_bt.robot_model import ArmModel, RobotModel
+from bestman_bt.robot_model import ArmModel, RobotModel, flange_of
 
 Array = NDArray[np.float64]
 CONTROLLER_FRAME = pinocchio.SE3(pinocchio.utils.rotate("z", np.pi), np.zeros(3))
@@ -24,8 +24,7 @@ class URKinematics:
         joints = [self._model.joints[self._model.getJointId(name)] for name in description.joint_names]
         self._slots, self._columns = [joint.idx_q for joint in joints], [joint.idx_v for joint in joints]
         self._base = self._model.getFrameId(description.base_frame)
-        tips = (description.part.tip, f"{arm}_{description.part.tip}")
-        self._flange = self._model.getFrameId(next(tip for tip in tips if self._model.existFrame(tip)))
+        self._flange = self._model.getFrameId(flange_of(model, arm))
 
     def pose(self, positions: Array) -> tuple[float, ...]:
         """x, y, z in metres and the rotation vector in radians."""

@@ -53,6 +53,7 @@ class Command(IntEnum):
     STOP_TOOL = 33
     STOP_JOINTS = 34
     GET_TCP_OFFSET = 40
+    SET_PAYLOAD = 17
     SET_WATCHDOG = 35
     MOVE_PATH = 45
     STOP_PROGRAM = 255
@@ -101,6 +102,7 @@ class URProgram:
         self._upper = arm.model.upper
         self._executing = self._acknowledged = False
         self._moves: list[Waypoint] = []
+        self.payload: float | None = None  # kg, where this program has set it
         self._motion: Motion[None] | None = None
         self._asynchronous = False
         self._drift: Speed | None = None  # under way, for so many seconds
@@ -181,6 +183,8 @@ class URProgram:
                 self._tell_running(True)
         elif command == Command.SET_WATCHDOG:
             self.watchdog_frequency = numbers[0]
+        elif command == Command.SET_PAYLOAD:
+            self.payload = numbers[0]
         elif command == Command.GET_TCP_OFFSET:  # there is no tool: the flange is the tool
             self.outputs |= {f"output_double_register_{index}": 0.0 for index in range(6)}
         elif command == Command.PROTECTIVE_STOP:

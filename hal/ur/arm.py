@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from bestman_bt.robot_model import ArmModel
+from bestman_bt.robot_model import ArmModel, Payload
 from hal.api import Failure, Motion, MotionErrorCode
 from hal.parts import (
     ConnectionFailedError,
@@ -57,6 +57,7 @@ class URArm(StreamedArm):
 
     ``move_path``, ``speed_joints`` and ``speed_tool`` are the controller's ``movej``, ``speedj`` and ``speedl``, within
     the same limits as everything else. They do not take over from one another: ``stop`` or ``cancel`` comes first.
+    ``payload``: from what the hand holds, kg and its centre in the tool frame, to all that the flange carries.
     Motions of the controller are renewed every 0.05 s, and end where this process does not renew them any more.
     """
 
@@ -69,10 +70,12 @@ class URArm(StreamedArm):
         period: float,
         tool: ToolLimits,
         link: URLink,
+        payload: Callable[[float, ArrayLike], Payload],
     ) -> None:
         super().__init__(name, model, channel, latch, period, tool)
-        self._link = link
+        self._link, self._payload = link, payload
         self._own: _OwnMotion | None = None
+        self._carried: Payload | None = None
 
     # Motions of the controller
 
@@ -129,6 +132,18 @@ class URArm(StreamedArm):
             return self._begin_speed("speed_tool", turned.tolist(), TOOL_ACCELERATION, float(duration))
 
     # As for every arm
+
+    def carry(self, mass: float, centre: ArrayLike) -> None:
+        """The controller counts on it beside the hand, also after a reconnection; ConnectionFailedError."""
+        self._carried = self._payload(mass, centre)
+        if self._link.alive:
+            self.tell_payload()
+
+    def tell_payload(self) -> None:
+        """Tell a controller whose program is new what was told before; ConnectionFailedError."""
+        if self._carried is not None:
+            told = self._carried.mass, self._carried.centre.tolist()
+            self._link.call("set_payload", *told, timeout=START_TIME)
 
     @property
     def resting(self) -> bool:

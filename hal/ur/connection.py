@@ -7,12 +7,12 @@ from dataclasses import dataclass
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from pydantic import Field
 
 from bestman_bt.configuration.quantity import Frequency, Lengths3, Mass, PositiveTime
 from bestman_bt.messages import Wrench
-from bestman_bt.robot_model import ArmModel, ForceTorquePart, MountedForceTorque
+from bestman_bt.robot_model import ArmModel, ForceTorquePart, MountedForceTorque, Payload, arm_payload
 from hal.api import CommandRefusedError, Failure, MotionErrorCode, NoDataError, Part
 from hal.hardware import Connection, HardwareForceTorque
 from hal.parts import ConnectionFailedError, JointChannel, JointReading, StopLatch, ToolLimits
@@ -182,7 +182,7 @@ class URConnection(Connection):
         sensors = [name for name in self.settings.parts if name in self.model.of(MountedForceTorque)]
         tool = ToolLimits(self.model, arms[0], self.limits)
         model, joints = self.model.of(ArmModel)[arms[0]], URJoints(self._link)
-        self._arm = URArm(arms[0], model, joints, self.latch, 1.0 / options.rate, tool, self._link)
+        self._arm = URArm(arms[0], model, joints, self.latch, 1.0 / options.rate, tool, self._link, self._payload)
         parts: dict[str, Part] = {arms[0]: self._arm}
         for name in sensors:
             parts[name] = URForceTorque(name, self.model.of(MountedForceTorque)[name].part, self._link, self.latch)
@@ -201,6 +201,7 @@ class URConnection(Connection):
         mismatch = told.mismatch(self.model, self._arm.name, options.model)
         if mismatch is not None:
             raise ConnectionFailedError(f"{self.name}: {mismatch}")
+        self._arm.tell_payload()
         self.add_loop("set-points", options.rate, self._cycle)
 
     def close(self) -> None:
@@ -229,6 +230,7 @@ class URConnection(Connection):
     def recover(self) -> None:
         """Start the program again."""
         self._link.call("recover", timeout=READY_TIME)
+        self._arm.tell_payload()
 
     def held(self) -> str | None:
         """A safety mode or missing power, by the dashboard."""
@@ -254,6 +256,11 @@ class URConnection(Connection):
             self._arm.cycle(elapsed)
         else:
             self._arm.give_way()
+
+    def _payload(self, mass: float, centre: ArrayLike) -> Payload:
+        options: UROptions = self.options
+        hand = None if options.payload is None else Payload(options.payload, np.array(options.payload_center))
+        return arm_payload(self.model, self._arm.name, mass, centre, hand)
 
     def _settings(self) -> dict[str, float]:
         """For the SDK's process."""

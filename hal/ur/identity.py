@@ -6,10 +6,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bestman_bt.robot_model import ArmModel, RobotModel
+from bestman_bt.robot_model import ArmModel, RobotModel, flange_of, payload
 
 FLANGE_TOLERANCE = 0.01
 """Metres: above what the calibration of a single arm moves its flange, and far below what two models differ by."""
+
+
+PAYLOAD_TOLERANCE = 0.5
+"""Kilograms: cables and what else no URDF weighs."""
 
 
 @dataclass(frozen=True)
@@ -17,7 +21,8 @@ class URIdentity:
     """What the controller tells.
 
     ``model``, ``serial_number``: by its dashboard. ``joints``: (6,) rad. ``tool_pose``, ``tcp_offset``: of the active
-    tool in the controller's base frame, and in the flange; metres and rotation vectors.
+    tool in the controller's base frame, and in the flange; metres and rotation vectors. ``payload``: kg that it counts
+    on at its flange.
     """
 
     model: str
@@ -25,6 +30,7 @@ class URIdentity:
     joints: list[float]
     tool_pose: list[float]
     tcp_offset: list[float]
+    payload: float
 
     def mismatch(self, robot: RobotModel, arm: str, model: str | None) -> str | None:
         """What speaks against its being the arm of the robot file, whose option ``model`` may name it, else None."""
@@ -38,6 +44,12 @@ class URIdentity:
                 f"another arm, or one that is calibrated otherwise ({told}). ur3e_arm, ur5e_arm and ur10e_arm are the "
                 "e-series; ur5_arm and ur10_arm are the arms before it"
             )
+        hand = payload(robot, flange_of(robot, arm)).mass
+        if abs(hand - self.payload) > PAYLOAD_TOLERANCE:
+            return (
+                f"the controller counts on {self.payload:.2f} kg at its flange, the robot file's hand has {hand:.2f} "
+                "kg: set it at the teach pendant, or the option 'payload'"
+            )
         return None
 
     def _flange_apart(self, robot: RobotModel, arm: str) -> float:
@@ -50,9 +62,8 @@ class URIdentity:
         for name, position in zip(description.joint_names, self.joints, strict=True):
             q[model.joints[model.getJointId(name)].idx_q] = position
         pinocchio.framesForwardKinematics(model, data, q)
-        tip = next(name for name in (description.part.tip, f"{arm}_{description.part.tip}") if model.existFrame(name))
         base = data.oMf[model.getFrameId(description.base_frame)]
-        ours = base.actInv(data.oMf[model.getFrameId(tip)]).translation
+        ours = base.actInv(data.oMf[model.getFrameId(flange_of(robot, arm))]).translation
         tool, offset = (
             pinocchio.SE3(pinocchio.exp3(np.array(pose[3:])), np.array(pose[:3]))
             for pose in (self.tool_pose, self.tcp_offset)

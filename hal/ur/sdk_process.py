@@ -51,6 +51,7 @@ VARIABLES = [
     "robot_mode",
     "safety_mode",
     "runtime_state",
+    "payload",
 ]
 PROGRAM = (Path(__file__).parent / "control.script").read_text(encoding="ascii")
 PATH_PLACE = "    # inject move path\n"
@@ -112,6 +113,7 @@ class SDKProcess:
             "recover": self.recover,
             "leave": self.leave,
             "identity": self.identity,
+            "set_payload": lambda mass, centre: self._control.setPayload(mass, centre),
             "set_output": self.set_output,
             "upload_path": self.upload_path,
             "start_path": self.start_path,
@@ -175,12 +177,12 @@ class SDKProcess:
         self._set_up()
         self._lapsed = False
 
-    def identity(self) -> tuple[str, str, list[float], list[float], list[float]]:
-        """Model, serial number, joints, pose of the tool, offset of the tool from the flange."""
+    def identity(self) -> tuple[str, str, list[float], list[float], list[float], float]:
+        """Model, serial number, joints, pose of the tool, offset of the tool from the flange, kg at the flange."""
         control, receive, dashboard = self._control, self._receive, self._dashboard
         offset = control.getTCPOffset()
         names = dashboard.getRobotModel(), dashboard.getSerialNumber()
-        return *names, receive.getActualQ(), receive.getActualTCPPose(), offset
+        return *names, receive.getActualQ(), receive.getActualTCPPose(), offset, receive.getPayload()
 
     def leave(self) -> None:
         """End set-points and the program."""

@@ -7,9 +7,9 @@ from dataclasses import replace
 from typing import Any, ClassVar, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from bestman_bt.robot_model import ArmModel, GripperModel
+from bestman_bt.robot_model import ArmModel, GripperModel, Payload, arm_payload
 from hal.api import Failure, NoDataError, Part
 from hal.hardware import ArmFacts, Connection, Identity
 from hal.parts import (
@@ -61,6 +61,16 @@ class XArmJoints(JointChannel):
     def send(self, positions: Array, velocities: Array) -> None:
         """One set-point, radians: one round trip."""
         self._wire.tell("set-point", lambda arm: arm.set_servo_angle_j(positions.tolist(), is_radian=True))
+
+
+class XArmArm(StreamedArm):
+    """An arm whose controller is told what the hand holds: its collision detection counts on it."""
+
+    tell_payload: Callable[[float, ArrayLike], None]
+
+    def carry(self, mass: float, centre: ArrayLike) -> None:
+        """The controller counts on it beside the hand."""
+        self.tell_payload(mass, centre)
 
 
 class XArmGripper(GripperChannel):
@@ -135,7 +145,8 @@ class XArmConnection(Connection):
                 arm = self.model.of(ArmModel)[name]
                 self._joints = XArmJoints(self._wire, len(arm.joint_names))
                 tool = ToolLimits(self.model, name, self.limits)
-                self._arm = StreamedArm(name, arm, self._joints, self.latch, 1.0 / options.rate, tool)
+                self._arm = XArmArm(name, arm, self._joints, self.latch, 1.0 / options.rate, tool)
+                self._arm.tell_payload = self._tell_payload
                 parts[name] = self._arm
             elif name in self.model.of(GripperModel):
                 gripper = self.model.of(GripperModel)[name]
@@ -225,6 +236,13 @@ class XArmConnection(Connection):
             self._arm.give_way()
         else:
             self._arm.cycle(elapsed)
+
+    def _tell_payload(self, mass: float, centre: ArrayLike) -> None:
+        options: XArmOptions = self.options
+        hand = None if options.payload is None else Payload(options.payload, np.array(options.payload_center))
+        whole = arm_payload(self.model, self._arm.name, mass, centre, hand)
+        millimetres = (1e3 * whole.centre).tolist()
+        self._wire.tell("payload", lambda arm: arm.set_tcp_load(whole.mass, millimetres, wait=False))
 
     def _set_limits(self, options: XArmOptions) -> None:
         """What the controller is to hold itself to, beside what is enforced above it."""

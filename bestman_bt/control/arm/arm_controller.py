@@ -150,6 +150,10 @@ class ArmController:
         """Measured positions, (n,) radians."""
         return self._arm.positions()
 
+    def carry(self, mass: float, centre: ArrayLike) -> None:
+        """Tell the arm's controller what the hand holds: kg (0: nothing), and its centre (3,) in the tool frame."""
+        self._arm.carry(mass, centre)
+
     def follow(self, trajectory: JointTrajectory, guard: Guard | None = None, free: bool = False) -> Motion[None]:
         """Follow a trajectory that starts where the arm is; succeeds when the arm rests at its end.
 

@@ -8,9 +8,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import ArrayLike
 
 import hal.ur.arm
-from bestman_bt.robot_model import ArmModel, RobotModel, load_robot_model
+from bestman_bt.robot_model import ArmModel, Payload, RobotModel, load_robot_model
 from bestman_bt.robot_model.connection_config import SafetyConfig, WorkspaceConfig
 from hal.api import CommandRefusedError, Failure, Motion, MotionErrorCode, MotionStatus
 from hal.parts import ConnectionFailedError, JointChannel, JointReading, StopLatch, ToolLimits
@@ -65,6 +66,10 @@ class Controller(JointChannel):
         return [name for name, _ in self.calls]
 
 
+def _alone(mass: float, centre: ArrayLike) -> Payload:
+    return Payload(mass, np.array(centre, dtype=float))
+
+
 @pytest.fixture(scope="module")
 def ur5() -> RobotModel:
     return load_robot_model("diff_ur5")
@@ -88,7 +93,7 @@ def make_arm(ur5: RobotModel, controller: Controller, now: list[float]) -> Calla
     def make(model: ArmModel | None = None, **safety: Any) -> URArm:
         model = model or ur5.of(ArmModel)["arm"]
         tool = ToolLimits(ur5, "arm", SafetyConfig(**safety))
-        made = URArm("arm", model, controller, StopLatch(), PERIOD, tool, controller)
+        made = URArm("arm", model, controller, StopLatch(), PERIOD, tool, controller, _alone)
         made.attach()
         return made
 

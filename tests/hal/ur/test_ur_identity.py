@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pinocchio
 import pytest
 
-from bestman_bt.robot_model import RobotModel, load_robot_model
+from bestman_bt.robot_model import ArmModel, RobotModel, arm_payload, load_robot_model, payload
 from hal.twins.ur_kinematics import URKinematics
 from hal.ur.identity import URIdentity
 
@@ -25,7 +27,7 @@ def told(robot: RobotModel) -> URIdentity:
     pose = URKinematics(robot, "arm").pose(np.array(JOINTS))
     flange = pinocchio.SE3(pinocchio.exp3(np.array(pose[3:])), np.array(pose[:3]))
     poses = [[*p.translation.tolist(), *pinocchio.log3(p.rotation).tolist()] for p in (flange * TCP, TCP)]
-    return URIdentity("UR5", "20215500000", JOINTS, *poses)
+    return URIdentity("UR5", "20215500000", JOINTS, *poses, payload(robot, "arm_tool0").mass)
 
 
 @pytest.mark.parametrize("model", [None, "ur5e"])
@@ -45,3 +47,18 @@ def test_another_arm_is_refused_with_what_the_parts_are(told: URIdentity, part: 
 
 def test_a_name_that_the_option_does_not_say_is_refused(robot: RobotModel, told: URIdentity) -> None:
     assert "calls its arm UR5" in (told.mismatch(robot, "arm", "ur10e") or "")
+
+
+def test_a_payload_that_is_far_from_the_hands_is_refused(robot: RobotModel, told: URIdentity) -> None:
+    assert "counts on 0.00 kg" in (replace(told, payload=0.0).mismatch(robot, "arm", None) or "")
+
+
+def test_what_is_held_adds_to_the_hand_in_the_flange(robot: RobotModel) -> None:
+    hand, held = arm_payload(robot, "arm"), arm_payload(robot, "arm", 2.0, (0.0, 0.0, 0.05))
+    assert held.mass == pytest.approx(hand.mass + 2.0)
+    moment = held.mass * held.centre - hand.mass * hand.centre
+    model = pinocchio.buildModelFromXML(robot.urdf)
+    data = model.createData()
+    pinocchio.framesForwardKinematics(model, data, pinocchio.neutral(model))
+    flange, tool = (data.oMf[model.getFrameId(name)] for name in ("arm_tool0", robot.of(ArmModel)["arm"].tool_frame))
+    assert moment / 2.0 == pytest.approx(flange.actInv(tool).act(np.array([0.0, 0.0, 0.05])), abs=1e-6)

@@ -112,6 +112,26 @@ def test_the_wrist_feels_the_weight_of_the_hand(robot: HardwareRobot) -> None:
     assert 5.0 < np.linalg.norm(wrench.force) < 14.0  # 0.9 kg of palm and fingers, and the sensor's offset
 
 
+def test_the_controller_counts_on_what_the_hand_holds_also_after_its_program_was_begun_anew(
+    robot: HardwareRobot, twin: TwinProcess
+) -> None:
+    connection, arm = robot.connections[CONTROLLER], robot.part("arm", URArm)
+    assert isinstance(connection, URConnection)
+
+    def counted() -> float:
+        return float(connection._link.call("identity", timeout=10.0)[-1])
+
+    hand = counted()
+    arm.carry(1.5, (0.0, 0.0, 0.02))
+    wait_for(lambda: abs(counted() - hand - 1.5) < 1e-3, "the controller counts on it")
+    twin.fault(CONTROLLER, "program_stop")
+    wait_for(lambda: robot.stopped, "the robot stops")
+    robot.clear_stop()
+    wait_for(lambda: abs(counted() - hand - 1.5) < 1e-3, "the controller counts on it")
+    arm.carry(0.0, (0.0, 0.0, 0.0))
+    wait_for(lambda: abs(counted() - hand) < 1e-3, "the controller counts on the hand alone")
+
+
 def test_outputs_are_switched_read_back_and_refused_while_stopped(robot: HardwareRobot) -> None:
     connection = robot.connections[CONTROLLER]
     assert isinstance(connection, URConnection)
