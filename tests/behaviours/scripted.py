@@ -49,6 +49,9 @@ class ScriptedController:
             raise AttributeError(name)
         return lambda *arguments, **options: self._begin(name, *arguments, *options.values())
 
+    def carry(self, mass: float, centre: Any) -> None:
+        """An arm is told what its hand holds; nothing comes of it here."""
+
     def _begin(self, name: str, *arguments: Any) -> Motion[Any]:
         handle: Motion[Any] = Motion()
         self.asked.append((name, *arguments))

@@ -38,7 +38,7 @@ def skills() -> Any:
         "robot", "<robot name='r'/>", "base", {"arm": arm_model()}, postures={"carry": {"joint": 0}}
     )
     context.kinds = {"arm": ("arm",)}
-    context.arm = SimpleNamespace(name="arm")
+    context.arm = SimpleNamespace(name="arm", carry=lambda mass, centre: None)
     context.joints = SimpleNamespace(positions=lambda: {"joint": 0.0})
     models = {name: SCENE.models[name] for name in ("cup", "mug")}
     context.world = WorldModel(map=MAP, models=models, base=BasePose(Pose2D(-1.5, -0.5, 0.0), 0.01, 0.01, 0.0))

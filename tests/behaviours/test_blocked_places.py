@@ -35,7 +35,7 @@ def skills() -> Any:
     context: Any = SkillContext.__new__(SkillContext)
     context.clock, context.failures = ManualClock(), []
     context.world = WorldModel(map=MAP, models=dict(SCENE.models))
-    context.arm = SimpleNamespace(name="arm")
+    context.arm = SimpleNamespace(name="arm", carry=lambda mass, centre: None)
     return context
 
 

@@ -43,7 +43,7 @@ class Hand:
 
     def __init__(self) -> None:
         self.following: Motion[SimpleNamespace] = Motion("arm")
-        self.arm = SimpleNamespace(follow_constraint=lambda *_, **__: self.following)
+        self.arm = SimpleNamespace(follow_constraint=lambda *_, **__: self.following, carry=lambda *_: None)
         self.gripper = SimpleNamespace(watch_slip=lambda _: None)
         self.map_from_base = Pose()
         self.clock = SimpleNamespace(now=lambda: 0.0)

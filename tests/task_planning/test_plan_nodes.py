@@ -161,7 +161,7 @@ def skills() -> Any:
     context.world.models["cup"] = CUP
     context.world.objects["cup"] = believed("cup", "table/top")
     context.kinds = {"arm": ("arm",)}
-    context.arm = SimpleNamespace(name="arm")
+    context.arm = SimpleNamespace(name="arm", carry=lambda mass, centre: None)
     context.joints = SimpleNamespace(positions=lambda: {"joint": 0.0})
     context.computation = InlineComputation(clock)
     context.costs = {"task_planning": 0.2, "bringing": 0.2}
