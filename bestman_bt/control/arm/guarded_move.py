@@ -99,12 +99,14 @@ class Guarding:
     """How guarded moves go.
 
     ``acceleration``: m/s². ``force_filter``: seconds. ``blind_way``: metres at the start without a look at
-    forces, for what the hand touches anyway while it gathers speed.
+    forces, for what the hand touches anyway while it gathers speed. ``any_direction``: share of the force to stop at
+    that stops it whatever its direction: a wrist may tell forces with the other sign, or feel what it slides along.
     """
 
     acceleration: float = 0.2
     force_filter: float = 0.02
     blind_way: float = 0.0
+    any_direction: float = 1.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,7 +154,8 @@ class GuardedMove:
         self._force = self._force + share * (self._wrist.contact_at(tool).force - self._initial - self._force)
         distance = float((tool.position - self._start.position) @ self._direction)
         opposing = -float(self._force @ self._direction)
-        touched = distance >= p.blind_way and opposing >= self._stop_force
+        felt = opposing >= self._stop_force or np.linalg.norm(self._force) >= p.any_direction * self._stop_force
+        touched = bool(distance >= p.blind_way and felt)
         left = self._max_distance - float((self._stream.pose.position - self._start.position) @ self._direction)
         if touched or left <= 1e-4:
             self._motion.succeed(GuardedOutcome(touched, distance, self._force, tool))

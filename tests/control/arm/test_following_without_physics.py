@@ -37,6 +37,18 @@ def follow(force, direction=OUT, following: Following | None = None, grip=None, 
     return it, it.wait(handle, 60.0)
 
 
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_guarded_move_stops_also_where_the_wrist_tells_forces_with_the_other_sign(sign):
+    def wall(pose: Pose) -> np.ndarray:
+        return -sign * 4000.0 * max(0.0, float((pose.position - START[:3]) @ OUT) - 0.05) * OUT
+
+    it = AtWork(wall)
+    handle = it.wait(it.controller.move_until(OUT, 0.03, 0.15, 8.0), 60.0)
+    assert handle.status is MotionStatus.SUCCEEDED, handle.failure
+    assert handle.result.touched
+    assert handle.result.distance < 0.06
+
+
 def test_a_drawer_is_followed_so_far_and_told_along_which_way_and_with_what_force():
     it, handle = follow(drawer(), direction=OUT + np.array([0.03, 0.0, 0.03]))
     assert handle.status is MotionStatus.SUCCEEDED, handle.failure
