@@ -241,7 +241,7 @@ def release(
             held = held_controllers(name, settings or ())
             for controller, cause in held:
                 print(f"{controller.name}: {cause}", file=sys.stderr, flush=True)
-                if not yes and not _somebody_has_looked():
+                if not yes and not _agreed("Has somebody looked at the robot, and may it be released?"):
                     raise wrong_input(
                         "bestman-bt robot release", f"{controller.name} stays as it is: nobody has looked"
                     )
@@ -257,10 +257,45 @@ def release(
                 print("nothing is held: no controller needs a person")
 
 
-def _somebody_has_looked() -> bool:
+@verbs.command()
+def wrist(
+    name: Name,
+    yes: Annotated[bool, typer.Option("--yes", help="The arm is clear, and may move: do not ask.")] = False,
+    settings: Settings = None,
+    as_json: Json = False,
+) -> None:
+    """Turn a real robot's hand by 30 degrees, slowly, and compare its weight with what the wrist feels."""
+    from bestman_bt.robot_model import ArmModel, MountedForceTorque
+    from bestman_bt.runtime.robot_release import real_robot
+    from bestman_bt.runtime.wrist_check import check_wrist
+    from hal.api import RobotError
+
+    with json_output(as_json) as write:
+        robot = real_robot(name, settings or ())
+        arm = next((part for part in robot.parts if part in robot.model.of(ArmModel)), None)
+        sensor = next((part for part in robot.parts if part in robot.model.of(MountedForceTorque)), None)
+        if arm is None or sensor is None:
+            raise wrong_input(name, "has no arm with a force-torque sensor behind its connections")
+        if not yes and not _agreed("Is the hand empty and the space around the arm clear?"):
+            raise wrong_input("bestman-bt robot wrist", "nothing has moved")
+        try:
+            with robot:
+                found = check_wrist(robot, arm, sensor)
+        except RobotError as error:
+            raise wrong_input("bestman-bt robot wrist", str(error)) from error
+        facts = {"joint": found.joint, "expected_n": round(found.expected, 2), "felt_n": round(found.felt, 2)}
+        facts |= {"fault": found.fault}
+        write(facts)
+        if not as_json:
+            _tell(facts | {"fault": found.fault or "none"})
+    if found.fault is not None:
+        raise typer.Exit(1)
+
+
+def _agreed(question: str) -> bool:
     if not sys.stdin.isatty():
         raise wrong_input("--yes", "is to be given where nobody can be asked (no terminal)")
-    return typer.confirm("Has somebody looked at the robot, and may it be released?", err=True)
+    return typer.confirm(question, err=True)
 
 
 def _picture(model: Any, png: Path, posture: str) -> str:

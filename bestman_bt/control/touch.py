@@ -128,6 +128,10 @@ class WristWrench:
         torque = torque + np.cross(base_from_sensor.position - base_from_tool.position, force)
         return Wrench(force, torque, wrench.stamp)
 
+    def hand_weight(self) -> NDArray[np.float64]:
+        """The force of the hand's weight where it is now, (3,) newtons, in the axes of ``frame``, by the model."""
+        return self._weight(self._base_from_sensor())[:3]
+
     def _base_from_sensor(self) -> Pose:
         return self.kinematics.pose(self.sensor.frame, self.joints.positions())
 

@@ -14,8 +14,8 @@ from bestman_bt.robot_model import load_robot_model
 from hal.hardware import Connection, HardwareRobot
 
 
-def held_controllers(name: str, settings: Sequence[str] = ()) -> list[tuple[Connection, str]]:
-    """The connections of a robot that people have to release, and why. ConnectionFailedError, ConfigurationError."""
+def real_robot(name: str, settings: Sequence[str] = ()) -> HardwareRobot:
+    """A robot behind its controllers, not connected yet; ConfigurationError where an address is missing."""
     values = parse_settings(settings)
     strange = [key for key in values if not key.startswith("robot.")]
     if strange:
@@ -23,17 +23,22 @@ def held_controllers(name: str, settings: Sequence[str] = ()) -> list[tuple[Conn
         raise ConfigurationError(problems)
     model = load_robot_model(name, {key.removeprefix("robot."): value for key, value in values.items()})
     if not model.connections:
-        problem = Problem(name, None, "connections", "is missing, so there is no controller to release")
+        problem = Problem(name, None, "connections", "is missing, so there is no controller")
         raise ConfigurationError([problem])
-    connections = HardwareRobot(model).connections.values()
+    robot = HardwareRobot(model)
     missing = [
         Problem(name, None, f"connections.{connection.name}.address", "is missing")
-        for connection in connections
+        for connection in robot.connections.values()
         if connection.needs_address and not connection.settings.address
     ]
     if missing:
         raise ConfigurationError(missing)
-    causes = [(connection, connection.held()) for connection in connections]
+    return robot
+
+
+def held_controllers(name: str, settings: Sequence[str] = ()) -> list[tuple[Connection, str]]:
+    """The connections of a robot that people have to release, and why. ConnectionFailedError, ConfigurationError."""
+    causes = [(connection, connection.held()) for connection in real_robot(name, settings).connections.values()]
     return [(connection, cause) for connection, cause in causes if cause is not None]
 
 

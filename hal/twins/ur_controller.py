@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from bestman_bt.messages import Wrench
 from bestman_bt.robot_model import RobotModel, flange_of, payload
 from hal.api import Arm, ForceTorque
 from hal.twins.ur_kinematics import URKinematics
@@ -66,6 +67,7 @@ class URController:
         self._astray = 0.0
         self._digital_outputs = 0
         self._payload = payload(model, flange_of(model, arm.name)).mass  # as somebody has set it at the pendant
+        self._wrench_sign = 1.0
         self._measured: dict[str, Any] = {}
         world.ticks.append(self.tick)
 
@@ -111,6 +113,10 @@ class URController:
     def end_program(self) -> None:
         """The button Stop."""
         self._world.post(self._end_program)
+
+    def turn_wrench(self) -> None:
+        """From now on the sensor tells what the hand does to the world, and back again."""
+        self._wrench_sign = -self._wrench_sign
 
     def trip(self, mode: SafetyMode) -> None:
         """The safety system stops the robot and ends the program."""
@@ -205,6 +211,10 @@ class URController:
         elif jumped or program.protective_stop_asked or self._astray > TRACKING_TIME:
             self.trip(SafetyMode.PROTECTIVE_STOP)
 
+    def _as_told(self, wrench: Wrench) -> tuple[float, ...]:
+        values = self._wrench_sign * np.concatenate([wrench.force, wrench.torque])
+        return tuple(values.tolist())
+
     def _end_program(self) -> None:
         if self._program is not None:
             self._program.halt()
@@ -226,6 +236,6 @@ class URController:
             "target_moment": tuple(arm.efforts().tolist()),
             "actual_TCP_pose": pose,
             "target_TCP_pose": pose,
-            **({"ft_raw_wrench": (*wrench.force.tolist(), *wrench.torque.tolist())} if wrench is not None else {}),
+            **({"ft_raw_wrench": self._as_told(wrench)} if wrench is not None else {}),
             **(program.outputs if program is not None else {"output_int_register_0": 0}),
         }

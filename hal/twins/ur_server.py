@@ -53,6 +53,7 @@ class URTwin:
                 "released": controller.be_released,
                 "emergency_release": controller.restart_safety,
                 "program_stop": controller.end_program,
+                "other_wrench_sign": controller.turn_wrench,
             }
         )
 

@@ -82,6 +82,7 @@ def test_a_release_tells_what_is_wrong_with_the_robot_before_it_asks_anybody(bes
         answer = bestman_bt("robot", "release", name, "--yes", "--set", setting)
         assert answer.code == 2
         assert words in answer.err
-    answer = bestman_bt("robot", "release", "diff_panda", "--yes")
-    assert answer.code == 2
-    assert "no controller to release" in answer.err
+    for verb in ("release", "wrist"):
+        answer = bestman_bt("robot", verb, "diff_panda", "--yes")
+        assert answer.code == 2
+        assert "there is no controller" in answer.err

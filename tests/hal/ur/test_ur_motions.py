@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from bestman_bt.robot_model import RobotModel
+from bestman_bt.runtime.wrist_check import check_wrist
 from hal.api import CommandRefusedError, ForceTorque, MotionStatus
 from hal.hardware import HardwareRobot
 from hal.parts import ConnectionFailedError, ToolLimits
@@ -110,6 +111,23 @@ def test_the_wrist_feels_the_weight_of_the_hand(robot: HardwareRobot) -> None:
     wrench = sensor.wrench()
     assert abs(wrench.stamp - robot.clock.now()) < 0.1
     assert 5.0 < np.linalg.norm(wrench.force) < 14.0  # 0.9 kg of palm and fingers, and the sensor's offset
+
+
+@pytest.mark.slow
+def test_the_sign_of_the_wrist_is_told_from_the_hands_weight_in_two_postures(
+    robot: HardwareRobot, twin: TwinProcess
+) -> None:
+    arm = robot.part("arm", URArm)
+    ended(robot, arm.move_to(robot.model.posture("home", arm.joint_names)))
+    here = arm.positions()
+    found = check_wrist(robot, "arm", "wrist_force_torque")
+    assert found.fault is None, found
+    assert arm.positions() == pytest.approx(here, abs=0.005)
+    twin.fault(CONTROLLER, "other_wrench_sign")
+    try:
+        assert "the other sign" in (check_wrist(robot, "arm", "wrist_force_torque").fault or "")
+    finally:
+        twin.fault(CONTROLLER, "other_wrench_sign")
 
 
 def test_the_controller_counts_on_what_the_hand_holds_also_after_its_program_was_begun_anew(

@@ -1,0 +1,97 @@
+"""Whether the wrist of a real arm tells forces with the sign that skills count on: by its hand's weight, twice."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bestman_bt.control.joint_state import JointStateSensor
+from bestman_bt.control.touch import WristWrench
+from bestman_bt.manipulation.kinematics import ForwardKinematics
+from bestman_bt.robot_model import ArmModel
+from hal.api import Arm, ForceTorque, MotionStatus, Robot, RobotError
+
+TURN = math.radians(30.0)
+"""By which one of the last joints turns the hand."""
+SPEED_SCALE = 0.05
+READINGS, PERIOD = 50, 0.02
+LEAST_CHANGE = 2.0
+"""Newtons of the weight that have to change their direction, or nothing can be told."""
+AGREEMENT = 0.5
+
+
+@dataclass(frozen=True)
+class WristCheck:
+    """``joint``: which turned the hand. ``expected``, ``felt``: newtons that the weight changed by, along the first."""
+
+    joint: str
+    expected: float
+    felt: float
+
+    @property
+    def fault(self) -> str | None:
+        """What is wrong, in words; None where the two agree within a half."""
+        if self.expected < LEAST_CHANGE:
+            return f"the hand's weight changes by {self.expected:.1f} N only: turn the arm to another posture first"
+        share = self.felt / self.expected
+        if share < -AGREEMENT:
+            return "the wrist tells forces with the other sign: it should be what the world does to the hand"
+        if not AGREEMENT < share < 1.0 / AGREEMENT:
+            return f"the wrist feels {share:.2f} of the weight that the robot file's hand has: another frame, or hand"
+        return None
+
+
+def check_wrist(robot: Robot, arm_name: str, sensor_name: str) -> WristCheck:
+    """Turn the hand of a connected robot by ``TURN``, slowly, and back; RobotError where it does not move so."""
+    arm, sensor = robot.part(arm_name, Arm), robot.part(sensor_name, ForceTorque)
+    wrist = WristWrench(sensor, ForwardKinematics(robot.model), JointStateSensor(robot.parts, robot.model), robot.clock)
+    here = arm.positions()
+    joint, target = _turn(robot, arm, wrist, here)
+    felt, expected = _felt(robot, sensor), wrist.hand_weight()
+    try:
+        _move(robot, arm, target)
+        felt, expected = _felt(robot, sensor) - felt, wrist.hand_weight() - expected
+    finally:
+        _move(robot, arm, here)
+    size = float(np.linalg.norm(expected))
+    return WristCheck(joint, size, float(felt @ expected) / max(size, 1e-9))
+
+
+def _turn(robot: Robot, arm: Arm, wrist: WristWrench, here: NDArray[np.float64]) -> tuple[str, NDArray[np.float64]]:
+    """The joint of the last three, and the positions (n,), that turn the weight in the hand the most."""
+    model = robot.model.of(ArmModel)[arm.name]
+    best, joint, target = -1.0, "", here
+    for index in range(len(here) - 3, len(here)):
+        for turn in (TURN, -TURN):
+            there = here.copy()
+            there[index] += turn
+            if not model.lower[index] < there[index] < model.upper[index]:
+                continue
+            moved = dict(wrist.joints.positions()) | dict(zip(arm.joint_names, there.tolist(), strict=True))
+            turned = wrist.kinematics.pose(wrist.frame, moved).rotation.T @ np.array([0.0, 0.0, -1.0])
+            stays = wrist.kinematics.pose(wrist.frame, wrist.joints.positions()).rotation.T @ np.array([0.0, 0.0, -1.0])
+            change = float(np.linalg.norm(turned - stays))
+            if change > best + 1e-6:
+                best, joint, target = change, arm.joint_names[index], there
+    return joint, target
+
+
+def _move(robot: Robot, arm: Arm, positions: NDArray[np.float64]) -> None:
+    motion = arm.move_to(positions, SPEED_SCALE)
+    while not motion.done:
+        robot.clock.sleep(PERIOD)
+    if motion.status is not MotionStatus.SUCCEEDED:
+        raise RobotError(f"the hand could not be turned: {motion.failure}")
+
+
+def _felt(robot: Robot, sensor: ForceTorque) -> NDArray[np.float64]:
+    """The mean force (3,), after a moment for the hand to come to rest."""
+    robot.clock.sleep(0.5)
+    forces = []
+    for _ in range(READINGS):
+        robot.clock.sleep(PERIOD)
+        forces.append(sensor.wrench().force)
+    return np.asarray(np.mean(forces, axis=0))
