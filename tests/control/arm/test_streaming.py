@@ -133,10 +133,14 @@ def test_a_guarded_move_stops_at_the_force_that_opposes_it_beyond_what_was_felt_
     assert 0.051 < handle.result.distance < 0.056
 
 
-@pytest.mark.parametrize("force", [30.0 * ALONG, 30.0 * np.cross(ALONG, [0.0, 0.0, 1.0])], ids=["along", "aside"])
-def test_what_pushes_along_or_aside_ends_no_guarded_move(force):
-    it = AtWork(lambda pose: force if pose.position[0] > START[0] + 0.01 else np.zeros(3))
-    assert not it.wait(it.controller.move_until(ALONG, 0.05, 0.1, 8.0)).result.touched
+ASIDE = np.cross(ALONG, [0.0, 0.0, 1.0])
+
+
+@pytest.mark.parametrize("direction", [ALONG, ASIDE / np.linalg.norm(ASIDE)], ids=["along", "aside"])
+@pytest.mark.parametrize(("force", "touched"), [(11.5, False), (12.5, True)])
+def test_what_pushes_along_or_aside_ends_a_guarded_move_at_one_and_a_half_times_its_force(direction, force, touched):
+    it = AtWork(lambda pose: force * direction if pose.position[0] > START[0] + 0.01 else np.zeros(3))
+    assert it.wait(it.controller.move_until(ALONG, 0.05, 0.1, 8.0)).result.touched is touched
 
 
 def test_on_its_blind_way_a_guarded_move_looks_at_no_force():
