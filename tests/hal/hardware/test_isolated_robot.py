@@ -111,7 +111,7 @@ def test_a_stop_without_a_connection_latches_and_is_told_to_the_other_process_as
     robot: IsolatedRobot, process: ScriptedProcess
 ) -> None:
     robot.connect()
-    assert [wire for wire, *_ in process.asked] == ["calls"]
+    assert process.asked == [("calls", ROBOT, "connect"), ("calls", ROBOT, "set_speed")]
     robot.disconnect()
     robot.stop()
     assert robot.stopped
