@@ -95,3 +95,12 @@ def test_simulate_many_runs_as_json(bestman_bt: Command, folder: Path) -> None:
     endless = bestman_bt("simulate", "t.xml", "--limit", "5")
     assert endless.code == 1
     assert "possible endless loop: with seed 0" in endless.out
+
+
+def test_stub_writes_leaves_that_run_with_the_tree(bestman_bt: Command, folder: Path) -> None:
+    written(folder / "t.xml", '<Sequence><OpenLid side="{s}"/></Sequence>')
+    assert bestman_bt("stub", "t.xml", "-o", "leaves.py").out == "leaves.py: 1 added, 0 were there or are no leaves\n"
+    assert bestman_bt("validate", "t.xml", "--plugin", "leaves.py").code == 0
+    (folder / "leaves.py").write_text("def f(:")
+    refused = bestman_bt("stub", "t.xml", "-o", "leaves.py")
+    assert (refused.code, (folder / "leaves.py").read_text()) == (2, "def f(:")

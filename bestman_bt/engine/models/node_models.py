@@ -26,15 +26,29 @@ Models = Mapping[str, NodeInfo]
 def with_foreign(registry: NodeRegistry, documents: Documents, models: Models) -> NodeRegistry:
     """Return a registry that knows all nodes of the documents, those that it does not have as placeholders."""
     own = {info.name: info for element, file in documents.node_models if (info := model_info(element, file))}
+    known = {**models, **own}
+    unknown = [known.get(name) or guessed_info(name, used) for name, used in _uses([documents], registry).items()]
+    declared = [info for name, info in own.items() if name not in registry]
+    return registry.extended([*declared, *unknown]) if unknown or declared else registry
+
+
+def unknown_types(files: Iterable[Documents], registry: NodeRegistry, models: Models) -> dict[str, NodeInfo]:
+    """The types of nodes that trees of files use and a registry does not have, by name."""
+    files = list(files)
+    trees = {tree_id for documents in files for tree_id in documents.trees}
+    uses = {name: used for name, used in _uses(files, registry).items() if name not in trees}
+    return {name: models.get(name) or guessed_info(name, used) for name, used in uses.items()}
+
+
+def _uses(files: Iterable[Documents], registry: NodeRegistry) -> dict[str, list[Element]]:
+    """The elements of types that a registry does not have, by type."""
+    trees = {id(e): e for one in files for e in [tree.element for tree in (*one.trees.values(), *one.replaced)]}
     uses: dict[str, list[Element]] = {}
-    definitions = [*documents.trees.values(), *documents.replaced]
-    for element in (element for one in definitions for element in one.element.iter()):
+    for element in (element for tree in trees.values() for child in tree.children for element in child.iter()):
         name = node_name(element)
-        if name and name not in registry and element.tag not in ("BehaviorTree", "SubTree"):
+        if name and name not in registry and element.tag != "SubTree":
             uses.setdefault(name, []).append(element)
-    found = [own.get(name) or models.get(name) or guessed_info(name, used) for name, used in uses.items()]
-    declared = [info for name, info in own.items() if name not in registry and name not in uses]
-    return registry.extended([*found, *declared]) if found or declared else registry
+    return uses
 
 
 def node_name(element: Element) -> str:

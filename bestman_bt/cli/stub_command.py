@@ -1,0 +1,43 @@
+"""Example: bestman-bt stub my_trees/ -o leaves.py; then bestman-bt run my_tree.xml --plugin leaves.py."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from bestman_bt.cli.options import Models, Plugins, writable_file
+from bestman_bt.configuration import shipped_trees
+from bestman_bt.engine.models.node_models import unknown_types
+from bestman_bt.engine.models.package import Package
+from bestman_bt.engine.models.stubs import stub_source
+from bestman_bt.runtime.plugins import node_registry
+
+
+def command(
+    paths: Annotated[list[Path], typer.Argument(metavar="PATH…", help="Tree files, folders or .btproj.")],
+    output: Annotated[
+        Path, typer.Option("--output", "-o", metavar="FILE.py", help="Made, or extended.", callback=writable_file)
+    ],
+    models: Models = None,
+    plugins: Plugins = None,
+) -> None:
+    """Write Python classes for the leaves that have no code here; those that the file has already stay as they are."""
+    if output.suffix != ".py":
+        raise typer.BadParameter(f"should be a Python file (.py), got '{output}'", param_hint="--output")
+    registry = node_registry([str(plugin) for plugin in plugins or ()])
+    package = Package.open(paths, shipped_trees())
+    package.refuse_broken()
+    further = Package.open(models or (), shipped_trees())
+    further.refuse_broken()
+    unknown = unknown_types(package.files.values(), registry, {**further.models, **package.models})
+    existing = output.read_text("utf-8") if output.exists() else ""
+    text, added = stub_source(unknown.values(), existing, str(output))
+    if added:
+        output.write_text(text, encoding="utf-8")
+    print(f"{output}: {len(added)} added, {len(unknown) - len(added)} were there or are no leaves")
+    others = sorted(name for name, info in unknown.items() if info.kind not in ("Action", "Condition"))
+    if others:
+        print(f"no leaves, to be written by hand: {', '.join(others)}", file=sys.stderr)

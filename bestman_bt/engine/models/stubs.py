@@ -1,0 +1,170 @@
+"""Python skeletons of leaves that are known from models or from their use, to be filled in."""
+
+from __future__ import annotations
+
+import ast
+import keyword
+import re
+import textwrap
+from collections.abc import Iterable
+from typing import Any, Final
+
+from bestman_bt.engine.conversion import ConverterRegistry
+from bestman_bt.engine.core.ports import Port, key_of
+from bestman_bt.engine.errors import ConversionError, Problem, TreeLoadError
+from bestman_bt.engine.leaves.base import Condition, StatefulAction
+from bestman_bt.engine.registry import NodeInfo
+
+_TYPES: Final[dict[str, Any]] = {
+    "int": int,
+    "unsigned": int,
+    "unsigned int": int,
+    "int64_t": int,
+    "uint64_t": int,
+    "size_t": int,
+    "double": float,
+    "float": float,
+    "bool": bool,
+    "std::string": str,
+    "string": str,
+    "std::vector<int>": list[int],
+    "std::vector<double>": list[float],
+    "std::vector<bool>": list[bool],
+    "std::vector<std::string>": list[str],
+}
+_KINDS: Final = {"input": "In", "output": "Out", "inout": "InOut"}
+_HEAD: Final = (
+    '"""Leaves of trees: fill in what they do, and load them with --plugin."""\n\nfrom __future__ import annotations\n'
+)
+
+
+def stub_source(infos: Iterable[NodeInfo], existing: str, file: str) -> tuple[str, list[str]]:
+    """Return the text of a Python file with a class for each leaf, and the names of those that were added.
+
+    ``existing``: what the file holds, which stays; leaves that it has a class for are not added.
+
+    Raises:
+        TreeLoadError: it is not Python, with the line.
+    """
+    try:
+        module = ast.parse(existing)
+    except (SyntaxError, ValueError) as error:
+        line = getattr(error, "lineno", 0) or 0
+        raise TreeLoadError([Problem(file, line, "", "", f"it is not Python: {error.args[0]}")]) from None
+    there, imported = _names(module)
+    added = [info for info in infos if info.kind in ("Action", "Condition") and info.name not in there]
+    if not added:
+        return existing, []
+    classes = [_class(info, there) for info in sorted(added, key=lambda info: info.name)]
+    body = "\n\n\n".join(classes) + "\n"
+    wanted = ["Condition", "FAILURE", "In", "InOut", "Out", "StatefulAction"]
+    needed = [name for name in wanted if re.search(rf"\b{name}\b", body) and name not in imported]
+    imports = ["from typing import Any\n"] if re.search(r"\bAny\b", body) and "Any" not in imported else []
+    if needed:
+        imports.append(f"from bestman_bt.engine import {', '.join(needed)}")
+    head = existing.rstrip() + "\n\n\n" if existing.strip() else f"{_HEAD}\n"
+    parts = [head, "\n".join(imports), "\n\n\n" if imports else "", body]
+    return "".join(parts), [info.name for info in added]
+
+
+def _names(module: ast.Module) -> tuple[set[str], set[str]]:
+    """The types of nodes that a module has classes for, and what it imports."""
+    types, imported = set[str](), set[str]()
+    for statement in module.body:
+        if isinstance(statement, ast.ImportFrom):
+            imported |= {alias.asname or alias.name for alias in statement.names}
+        elif isinstance(statement, (ast.ClassDef, ast.FunctionDef)):
+            types.add(statement.name)
+            for inner in statement.body:
+                if isinstance(inner, ast.Assign) and isinstance(inner.value, ast.Constant):
+                    types |= {str(inner.value.value) for name in inner.targets if getattr(name, "id", "") == "NAME"}
+    return types, imported
+
+
+def _class(info: NodeInfo, taken: set[str]) -> str:
+    name = _identifier(info.name)
+    while name in taken:
+        name += "_"
+    taken.add(name)
+    base = Condition if info.kind == "Condition" else StatefulAction
+    words = " ".join(info.description.split()) or f"Stands for the {info.kind.lower()} {info.name}"
+    lines = [f"class {name}({base.__name__}):", *_docstring(words)]
+    if name != info.name:
+        lines += ["", f"    NAME = {info.name!r}"]
+    attributes = [_port(port, base) for port in info.ports.values()]
+    if attributes:
+        lines += ["", *attributes]
+    failed = ['        self.feedback_message = "not_implemented"', "        return FAILURE"]
+    if base is Condition:
+        lines += ["", "    def on_tick(self) -> int:", '        """Answer."""', *failed]
+    else:
+        lines += ["", "    def on_start(self) -> int:", '        """Begin."""', *failed]
+        lines += [
+            "",
+            "    def on_running(self) -> int:",
+            '        """Look whether it is done."""',
+            "        return FAILURE",
+        ]
+        lines += ["", "    def on_halted(self) -> None:", '        """Stop what was begun."""']
+    return "\n".join(lines)
+
+
+def _docstring(words: str) -> list[str]:
+    safe = words.replace("\\", "/").replace('"', "'").rstrip(".") + "."
+    wrapped = textwrap.wrap(safe, 108) or ["."]
+    if len(wrapped) == 1:
+        return [f'    """{wrapped[0]}"""']
+    return [f'    """{wrapped[0]}', *(f"    {line}" for line in wrapped[1:]), '    """']
+
+
+def _identifier(name: str) -> str:
+    made = re.sub(r"\W+", "_", name).strip("_") or "Leaf"
+    made = made if not made[0].isdigit() else f"Leaf_{made}"
+    return f"{made}_" if keyword.iskeyword(made) else made
+
+
+def _port(port: Port, base: type) -> str:
+    attribute = re.sub(r"\W+", "_", port.name)
+    attribute = f"port_{attribute}" if not attribute or attribute[0].isdigit() or attribute[0] == "_" else attribute
+    if keyword.iskeyword(attribute) or hasattr(base, attribute) or attribute in _OF_NODES:
+        attribute += "_"
+    data_type = _TYPES.get(port.written_type, Any)
+    said = port.written_type if data_type is Any and port.written_type not in ("", "BT::AnyTypeAllowed") else ""
+    words = " ".join([*port.description.split(), *([f"({said})"] if said else [])])
+    arguments = [_type_text(data_type), *([repr(words)] if words else [])]
+    default = _default(port, data_type)
+    if default is not None:
+        arguments.append(f"default={default!r}")
+    elif port.direction != "output":
+        arguments.append("required=False")
+    if attribute != port.name:
+        arguments.append(f"port={port.name!r}")
+    return f"    {attribute} = {_KINDS[port.direction]}({', '.join(arguments)})"
+
+
+_OF_NODES: Final = frozenset(
+    ("attributes", "children", "line", "log", "name", "parent", "place", "status", "uid", "run")
+)
+
+
+def _type_text(data_type: Any) -> str:
+    return (
+        data_type.__name__
+        if isinstance(data_type, type) and data_type in (int, float, bool, str)
+        else ("Any" if data_type is Any else str(data_type))
+    )
+
+
+def _default(port: Port, data_type: Any) -> Any:
+    """A default as the port takes it; None where there is none, or none that fits its type."""
+    if port.default is None or port.direction == "output":
+        return None
+    if key_of(port.default, port.name) is not None:
+        return port.default
+    if data_type in (Any, str):
+        return str(port.default) if data_type is str else None
+    try:
+        converter = ConverterRegistry().converter(data_type)
+        return None if converter is None else converter(str(port.default))
+    except ConversionError:
+        return None

@@ -1,0 +1,75 @@
+"""Skeletons of leaves: they load at once, fail as not implemented, and what is there is never changed."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from bestman_bt.engine import FAILURE, NodeRegistry, TreeLoadError, load_tree
+from bestman_bt.engine.models.node_models import unknown_types
+from bestman_bt.engine.models.package import Package
+from bestman_bt.engine.models.stubs import stub_source
+from bestman_bt.runtime.plugins import node_registry
+
+TREE = """<root BTCPP_format="4"><BehaviorTree ID="Main"><Sequence>
+<Action ID="Move to Waypoint" name="{w}" waypoint="{w}" class="1" status="2"/><OpenLid lid="3" angle="{a}"/>
+<Condition ID="LidOpen"/><Each><SubTree ID="Other"/></Each></Sequence></BehaviorTree>
+<BehaviorTree ID="Other"><Sleep msec="1"/></BehaviorTree>
+<TreeNodesModel><Action ID="OpenLid"><input_port name="lid" type="int" default="2">which "lid"</input_port>
+<output_port name="angle" type="double"/><input_port name="speed" type="double" default="0.5"/>
+<input_port name="grip" type="geometry::Grip" default="tight"/><input_port name="from" default="{here}"/>
+<description>Opens a lid \\ slowly</description></Action></TreeNodesModel></root>""".replace(' name="{w}"', "")
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    (tmp_path / "t.xml").write_text(TREE.replace("<root ", '<root main_tree_to_execute="Main" '))
+    return tmp_path
+
+
+def stub(folder: Path) -> list[str]:
+    package = Package.open([folder])
+    infos = unknown_types(package.files.values(), NodeRegistry(), package.models).values()
+    file = folder / "leaves.py"
+    text, added = stub_source(infos, file.read_text() if file.exists() else "", str(file))
+    file.write_text(text)
+    return sorted(added)
+
+
+def test_a_stub_loads_at_once_and_fails_as_not_implemented(folder: Path) -> None:
+    assert stub(folder) == ["LidOpen", "Move to Waypoint", "OpenLid"]
+    registry = node_registry([str(folder / "leaves.py")])
+    ports = registry.info("OpenLid").ports
+    assert {name: (port.direction, port.type_name, port.default) for name, port in ports.items()} == {
+        "lid": ("input", "int", 2),
+        "angle": ("output", "float", None),
+        "speed": ("input", "float", 0.5),
+        "grip": ("input", "any", None),
+        "from": ("input", "any", "{here}"),
+    }
+    assert ports["lid"].description == 'which "lid"'
+    assert registry.info("OpenLid").description == "Opens a lid / slowly."
+    (folder / "t.xml").write_text(TREE.replace("<Each>", "").replace("</Each>", "").replace("<root", "<root "))
+    tree = load_tree(folder / "t.xml", registry, main_tree="Main")
+    assert tree.tick_once() == FAILURE
+    assert tree.nodes[1].feedback_message == "not_implemented"
+
+
+def test_a_second_run_adds_what_is_new_and_changes_nothing_else(folder: Path) -> None:
+    stub(folder)
+    file = folder / "leaves.py"
+    mine = file.read_text().replace("Stands for the condition LidOpen.", "Mine.") + "\nX = 1\n"
+    file.write_text(mine)
+    assert stub(folder) == []
+    assert file.read_text() == mine
+    (folder / "t.xml").write_text(TREE.replace("<OpenLid ", "<Wipe/><OpenLid "))
+    assert stub(folder) == ["Wipe"]
+    assert file.read_text().startswith(mine)
+    assert "Wipe" in node_registry([str(file)])
+
+
+def test_a_file_that_is_no_python_is_refused_with_its_line(folder: Path) -> None:
+    (folder / "leaves.py").write_text("x = 1\ndef f(:\n")
+    with pytest.raises(TreeLoadError, match=r"leaves\.py:2: it is not Python"):
+        stub(folder)
