@@ -10,12 +10,13 @@ REAL_TIME := tests/hal tests/monitor
 # Where it is set, each of the many processes that tests start compiles every module that it imports.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: help install demo test test-all mutants eval eval-full gallery lint types contracts format docs lock page page-packages dist clean
+.PHONY: help install demo test test-all properties mutants eval eval-full gallery lint types contracts format docs lock page page-packages dist clean
 
 help:
 	@echo "make demo      install, then watch the robot fetch a cup"
 	@echo "make test      install, then lint, types, import contracts and the quick tests (about 5 minutes)"
 	@echo "make test-all  every test, as CI runs them (about 20 minutes)"
+	@echo "make properties  random examples of what holds for each algorithm, for about an hour"
 	@echo "make mutants   seed known faults one by one and see that the tests find them (hours; resumes)"
 	@echo "make eval      20 seeds of every judged task, and the controls (about an hour; goes on where it stopped)"
 	@echo "make eval-full the same with 50 seeds"
@@ -44,6 +45,9 @@ test-all: install page-packages
 	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile -m "not real_time"
 	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile -m "real_time and not alone" $(REAL_TIME)
 	$(BIN)/python -m pytest -m alone $(REAL_TIME)
+
+properties: install
+	PROPERTY_EXAMPLES=60 $(BIN)/python -m pytest -n $(JOBS) --dist load --timeout 3600 tests/properties
 
 mutants: install
 	$(BIN)/python scripts/mutants.py --jobs $(JOBS)

@@ -34,6 +34,7 @@ from bestman_bt.task_planning.symbolic import (
     instantiate,
     parse_literals,
 )
+from bestman_bt.task_planning.symbolic.plan_check import broken_in, state_after
 
 MAX_TICKS = 10_000
 """Ticks after which a tree counts as one that does not end."""
@@ -57,11 +58,11 @@ class SymbolicWorld:
 
     def begin(self, action: Action) -> tuple[Literal, ...]:
         """The pre-conditions of an action that do not hold now."""
-        return action.broken_in(self.state)
+        return broken_in(self.problem, action.operator, action.arguments, self.state)
 
     def finish(self, action: Action) -> str:
         """Let an action that ran take effect; why it fails, or nothing."""
-        self.state = action.applied_to(self.state)
+        self.state = state_after(self.problem, action.operator, action.arguments, self.state)
         self.done.append(action)
         return ""
 

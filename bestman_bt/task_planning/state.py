@@ -92,8 +92,8 @@ def brought_about(beliefs: Beliefs) -> set[Fact]:
                 continue
             for name, kind in kinds.items():
                 if condition.type in (kind, *SUPERTYPES.get(kind, ())):
-                    bound = condition.bound({condition.variable: name})
-                    literals += [bound.then] if is_given(bound.given) else []
+                    given, then = condition.at(name)
+                    literals += [then] if is_given(given) else []
         own = [literal for literal in literals if literal.fact.predicate not in functions]
         believed -= {literal.fact for literal in own if literal.negated}
         believed |= {literal.fact for literal in own if not literal.negated}

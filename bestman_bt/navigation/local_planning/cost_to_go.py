@@ -1,7 +1,8 @@
 """How far it still is to the goal, from everywhere around: nav2's map grid as a distance along free floor.
 
-A wave runs over a coarse grid from the farthest free place of the path in view; where something stands on the path, it
-runs around it. So whoever goes down the field also finds the way around what the path does not know.
+A wave runs over a coarse grid from the farthest free place of the path in view that is not past a turn back; where
+something stands on the path, it runs around it. So whoever goes down the field also finds the way around what the path
+does not know, and drives a path that comes back near itself from one strand to the next.
 """
 
 from __future__ import annotations
@@ -45,6 +46,10 @@ class DistanceGrid:
 
 COARSE = 4
 """Cells of the distance grid along one coarse cell."""
+_ALWAYS = 0.6
+_DETOUR = 1.15
+"""Metres of the path ahead that are always looked at; farther on, how many times longer the path may be than the
+straight line: who went straight to a place beyond would leave out a part of the path."""
 _CROSS = np.array([[0, 1, 0], [1, 1, 1], [0, 1, 0]], dtype=np.uint8)
 _SQUARE = np.ones((3, 3), dtype=np.uint8)
 
@@ -54,12 +59,13 @@ class CostToGo:
     """``field``: metres to the goal; ``beside``: metres from the path. Both are read as a ``DistanceGrid``.
 
     ``carrot``: (2,) metres in the map frame, a place some way down the field from the robot.
-    ``reachable``: whether the wave reached the robot at all.
+    ``aim``: the number of the path's point that the wave began at. ``reachable``: whether it reached the robot at all.
     """
 
     field: DistanceGrid
     beside: DistanceGrid
     carrot: NDArray[np.float64]
+    aim: int
     reachable: bool
 
 
@@ -74,13 +80,18 @@ def cost_to_go(
     """The field for a robot at ``robot`` (2,) with the path (N, 2) before it, ``remaining`` (N,) metres to its end.
 
     ``clearances``: metres that its middle keeps from obstacles; the later ones where there is no way with the first.
-    All in the map frame.
+    Where none leads to the path before it turns back, the whole of it in view is tried. All in the map frame.
     """
+    straight = np.linalg.norm(path - path[0], axis=1)
+    driven = remaining[0] - remaining
+    direct = (driven <= _ALWAYS) | (driven <= _DETOUR * straight)
+    before_turn = len(path) - int(direct[::-1].argmax())
     field = None
-    for clearance in clearances:
-        field = _field(obstacles, clearance, path, remaining, robot, carrot_distance)
-        if field.reachable:
-            break
+    for end in dict.fromkeys((before_turn, len(path))):
+        for clearance in clearances:
+            field = _field(obstacles, clearance, path, remaining, end, robot, carrot_distance)
+            if field.reachable:
+                return field
     assert field is not None
     return field
 
@@ -90,9 +101,11 @@ def _field(
     clearance: float,
     path: NDArray[np.float64],
     remaining: NDArray[np.float64],
+    end: int,
     robot: NDArray[np.float64],
     carrot_distance: float,
 ) -> CostToGo:
+    """The field from the last free point before ``end``; from a later one where nothing farther on is free there."""
     resolution = COARSE * obstacles.resolution
     origin = np.array(obstacles.origin)
     size = obstacles.values.shape[0] // COARSE
@@ -102,6 +115,8 @@ def _field(
     inside = np.all((cells >= 1) & (cells < size - 1), axis=1)
     last = len(path) if inside.all() else max(1, int(np.argmin(inside)))
     seeds = np.flatnonzero(free[tuple(cells[:last].clip(0, size - 1).T[::-1])])
+    far = seeds[remaining[0] - remaining[seeds] > _ALWAYS]
+    seeds = np.concatenate([seeds[seeds < end], far[far >= end][:1] if not (far < end).any() else far[:0]])
     start = tuple(np.floor((robot - origin) / resolution).astype(int).clip(1, size - 2)[::-1])
     seed = int(seeds[-1]) if len(seeds) else last - 1
     steps = _wave(free, tuple(cells[seed].clip(0, size - 1)[::-1]), start)
@@ -117,6 +132,7 @@ def _field(
         DistanceGrid(_enlarged(metres, fine), obstacles.origin, obstacles.resolution),
         DistanceGrid(_enlarged(beside, fine), obstacles.origin, obstacles.resolution),
         _descend(steps, start, round(carrot_distance / resolution)) * resolution + origin,
+        seed,
         bool(reached.any()),
     )
 

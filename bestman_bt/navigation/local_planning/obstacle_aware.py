@@ -30,9 +30,11 @@ from bestman_bt.navigation.local_planning.rotate_to_heading import PathProgress,
 from bestman_bt.robot_model import BaseModel, MobilePart
 
 STILL = 0.02
+ARRIVED = 0.15
 TURN_ENDS = 0.25
 TURN_TRIAL = 0.8
-"""m/s at which the base counts as standing; radians off the way ahead at which a turn on the spot has done enough;
+"""m/s at which the base counts as standing; metres from the
+place that the field leads to; radians off the way ahead at which a turn on the spot has done enough;
 rad/s at which it must be free: where it is not, the base goes on in another way."""
 
 
@@ -208,7 +210,9 @@ class ObstacleAwareFollower(PathFollower):
                 more = np.float32(footprint.above.inscribed_radius - inscribed)
                 free = replace(free, values=np.minimum(free.values, free.tall.values - more), tall=None)
             clearances = (inscribed + self.clearance, inscribed + 0.01)
-            self._to_go = cost_to_go(free, clearances, ahead, left, pose.xy, self.carrot)
+            self._to_go = to_go = cost_to_go(free, clearances, ahead, left, pose.xy, self.carrot)
+            if to_go.reachable and math.dist(ahead[to_go.aim], pose.xy) < ARRIVED:
+                self._progress.skip(to_go.aim)
         return self._to_go
 
     def _near_the_end(self, pose: Pose2D) -> bool:

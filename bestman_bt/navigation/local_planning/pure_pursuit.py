@@ -16,7 +16,12 @@ from bestman_bt.messages import Path2D, Pose2D, Twist2D, wrap_angle
 from bestman_bt.messages.shapes import NonNegative, NotBelow, Positive, check_bounds
 from bestman_bt.navigation.global_planning.costmap import Costmap
 from bestman_bt.navigation.local_planning.base import FollowerCommand, PathFollower
-from bestman_bt.navigation.local_planning.rotate_to_heading import RotateToHeading, densified, metres_left
+from bestman_bt.navigation.local_planning.rotate_to_heading import (
+    RotateToHeading,
+    densified,
+    first_nearest,
+    metres_left,
+)
 
 _SPACING = 0.02
 
@@ -48,6 +53,7 @@ class PurePursuit(PathFollower):
 
     ``lookahead_time``: seconds driven to the point that is steered for, between ``min_lookahead`` and
     ``max_lookahead``. ``lateral_acceleration``: slows down in curves. ``deceleration``: plans the stop at the end.
+    It brakes with twice that at most, before the end of a leg with twice the ``acceleration``.
     ``corner``: radians between two segments above which the base stops and turns. ``leg_heading_tolerance``: radians,
     when to set off after such a turn. ``position_tolerance``: along the path, at the end of a leg.
     """
@@ -74,6 +80,7 @@ class PurePursuit(PathFollower):
         self._turning = self._fresh = False
         self._turn_heading = self._goal_heading = 0.0
         self._speed = self._turn_rate = 0.0
+        self._rolling = Twist2D()
         self._at = 0
 
     def reset(self, path: Path2D, costmap: Costmap | None = None) -> None:
@@ -82,8 +89,8 @@ class PurePursuit(PathFollower):
             raise ValueError("PurePursuit path should have at least one point but has none")
         self._legs = _split(path, self.corner)
         self._goal_heading = path.goal.theta
-        self._speed = 0.0
-        self._turn_rate = 0.0
+        self._speed = self._turn_rate = 0.0
+        self._rolling = Twist2D()
         self._fresh = True
         self._begin_leg()
 
@@ -94,6 +101,8 @@ class PurePursuit(PathFollower):
         if self._fresh:
             self._fresh = False
             self._take_over(pose, velocity)
+        if self._rolling != Twist2D():
+            return FollowerCommand(self._brake(dt), False, self._remaining())
         if self._turning:
             turn_rate = self.turning.turn_rate
             command = self.turning.compute(pose, velocity, dt)
@@ -111,14 +120,28 @@ class PurePursuit(PathFollower):
         return FollowerCommand(twist, False, self._remaining())
 
     def _take_over(self, pose: Pose2D, velocity: Twist2D) -> None:
-        """Go on at the present speed where the base drives in about the direction of the path already."""
-        if not self._legs:
-            return
-        leg = self._legs[0]
-        along = -velocity.vx if leg.reverse else velocity.vx
-        if along > self.still and abs(wrap_angle(leg.start_heading - pose.theta)) < self.corner:
+        """Go on where the base drives in about the direction of the path already; else it has to come to rest first."""
+        leg = self._legs[0] if self._legs else None
+        along = -velocity.vx if leg is not None and leg.reverse else velocity.vx
+        ahead = leg is not None and abs(wrap_angle(leg.start_heading - pose.theta)) < self.corner
+        if ahead and along > self.still and abs(velocity.vy) < self.still:
             self._turning = False
             self._speed, self._turn_rate = min(along, self.max_speed), velocity.wz
+        elif math.hypot(velocity.vx, velocity.vy) > self.still:
+            self._rolling, self._turn_rate = velocity, velocity.wz
+        elif abs(velocity.wz) > self.turning.still:
+            self.turning.turn_to(self._turn_heading, velocity.wz)
+
+    def _brake(self, dt: float) -> Twist2D:
+        """The next command on the way to rest."""
+        speed = math.hypot(self._rolling.vx, self._rolling.vy)
+        share = max(0.0, 1.0 - 2.0 * self.deceleration * dt / speed)
+        self._steer(0.0, dt)
+        twist = Twist2D(share * self._rolling.vx, share * self._rolling.vy, self._turn_rate)
+        self._rolling = twist if share else Twist2D()
+        if not share:
+            self.turning.turn_to(self._turn_heading, self._turn_rate)
+        return twist
 
     def _begin_leg(self) -> None:
         assert self._legs is not None
@@ -138,9 +161,7 @@ class PurePursuit(PathFollower):
         assert self._legs is not None
         leg = self._legs[0]
         position = pose.xy
-        # Progress never jumps to a later piece of the path that happens to be close.
-        window = leg.points[self._at : self._at + 30]
-        self._at += int(np.argmin(np.linalg.norm(window - position, axis=1)))
+        self._at += first_nearest(leg.points[self._at : self._at + 30], position, _SPACING)
         direction = leg.end_direction
         remaining = float(leg.arc[self._at])
         if remaining < 0.3:

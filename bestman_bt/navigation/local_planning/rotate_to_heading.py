@@ -20,7 +20,25 @@ from bestman_bt.navigation.local_planning.base import FollowerCommand, PathFollo
 
 SPACING = 0.05
 WINDOW = 40
-"""Points that the base may be further along at once: progress never jumps to a later piece that happens to be close."""
+"""Points that the base may be further along at once."""
+_BUMP = 0.1
+_NEARER = 0.15
+"""Metres of the path that may lead away from the base, as around a corner that it cuts; and how much nearer a later
+strand must be before the base counts as being there."""
+
+
+def first_nearest(points: NDArray[np.float64], position: NDArray[np.float64], spacing: float) -> int:
+    """The first of path points (N, 2), at most ``spacing`` metres apart, that is nearest to ``position`` (2,).
+
+    Later strands that come just as close do not count: a path may come back near itself, or the same way.
+    """
+    distances = np.linalg.norm(points - position, axis=1)
+    ahead = max(1, round(_BUMP / spacing))
+    first = 0
+    while len(later := distances[first + 1 : first + 1 + ahead]) and later.min() < distances[first]:
+        first += 1 + int(np.argmin(later))
+    nearest = int(np.argmin(distances))
+    return nearest if distances[nearest] < distances[first] - _NEARER else first
 
 
 class PathProgress:
@@ -44,8 +62,11 @@ class PathProgress:
 
     def advance(self, position: NDArray[np.float64]) -> None:
         """The base is at ``position`` (2,)."""
-        window = self._points[self._at : self._at + WINDOW]
-        self._at += int(np.argmin(np.linalg.norm(window - position, axis=1)))
+        self._at += first_nearest(self._points[self._at : self._at + WINDOW], position, SPACING)
+
+    def skip(self, count: int) -> None:
+        """The base has come to the place ``count`` points ahead."""
+        self._at += count
 
     def beside(self, position: NDArray[np.float64]) -> float:
         """Metres between ``position`` (2,) and the point that the base has come to."""

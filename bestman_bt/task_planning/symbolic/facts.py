@@ -112,7 +112,7 @@ class _Parser:
 
     def _forall(self) -> Forall:
         self._take("forall")
-        name = self._name("a variable")
+        begin, name = self._next, self._name("a variable")
         self._take("-")
         kind = self._name("a type")
         self._take(":")
@@ -124,6 +124,10 @@ class _Parser:
             self._take("->")
             given, then = then.fact, self._literal()
         values = {name: f"{{{name}}}"}
+        used = (*then.fact.arguments, *(given.arguments if given is not None else ()))
+        if values[name] in used:
+            self._next = begin
+            self._fail(f"the variable has the name of the parameter {values[name]}; another name is expected")
         return Forall(values[name], kind, given, then).bound(values)
 
     def _literal(self, depth: int = 0) -> Literal:

@@ -36,7 +36,9 @@ def instantiate(problem: Problem, operator: Operator, arguments: Sequence[str]) 
 
 
 def bind(problem: Problem, operator: Operator, arguments: Sequence[str]) -> Action:
-    """As ``instantiate``, for arguments that fit."""
+    """As ``instantiate``, for arguments that fit; PlanningError where a ``forall`` depends on what changes."""
+    if problem.unsound:
+        raise PlanningError(problem.unsound)
     values = {f"{{{name}}}": value for name, value in zip(operator.parameters, arguments, strict=True)}
     hold = frozenset(written_out(problem, operator.hold, values))
     pre = hold.union(written_out(problem, operator.pre, values))
@@ -55,10 +57,8 @@ def written_out(problem: Problem, conditions: Iterable[Condition], values: Mappi
         if isinstance(bound, Literal):
             literals.append(bound)
             continue
-        for name in problem.of_type(bound.type):
-            each = bound.bound({bound.variable: name})
-            if each.given is None or each.given in problem.state:
-                literals.append(each.then)
+        each = (bound.of(name, problem.state) for name in problem.of_type(bound.type))
+        literals += [literal for literal in each if literal is not None]
     return literals
 
 
@@ -106,6 +106,8 @@ def ground(problem: Problem) -> GroundProblem:
     for literal in sorted(problem.goal):
         if ~literal in problem.goal:
             raise GoalError(f"the goal contradicts itself: {literal.fact} and not {literal.fact}")
+    if problem.unsound:
+        raise PlanningError(problem.unsound)
     changing = frozenset[str]().union(*(operator.changes for operator in problem.operators))
     possible = [action for operator in problem.operators for action in _instances(problem, operator, changing)]
     actions, reached = reachable_actions(possible, problem.state)

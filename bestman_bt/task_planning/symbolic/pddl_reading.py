@@ -1,6 +1,7 @@
 """PDDL 2.1 files as problems: types, negative conditions, equality, ``forall`` and action costs.
 
-Numbers other than costs, durations and disjunctions are for ``fast_downward`` and other engines of unified-planning.
+Of ADL neither ``or``, ``exists``, ``when``, nor ``imply`` outside ``forall`` is read; nor are durations, and numbers
+other than ``total-cost``. Each is refused with its line. The reader and engines of unified-planning know them.
 """
 
 from __future__ import annotations
@@ -30,6 +31,11 @@ REQUIREMENTS = (
     *(":quantified-preconditions", ":strips", ":typing", ":universal-preconditions"),
 )
 """Of each at least what abilities are written with; where a file uses more of it, that is told with its line."""
+_NOT_READ = ("or", "exists", "when", "imply", ">", "<", ">=", "<=", "assign", "increase", "decrease")
+_READ = "'and', 'not', '=' and 'forall' over one variable, with 'imply' inside, are"
+_TOTAL_COST = "total-cost"
+_DEPTH = 200
+"""Brackets within brackets; files written by hand have fewer than twenty."""
 
 
 class PddlError(PlanningError):
@@ -60,7 +66,10 @@ class _List:
 def read_pddl(domain: str | Path, problem: str | Path) -> Problem:
     """The problem that a domain file and a problem file describe; PddlError with file and line."""
     operators, types, constants, predicates = _File(domain).domain()
-    objects, state, goal = _File(problem).problem(predicates)
+    stated = _File(problem)
+    objects, state, goal = stated.problem(predicates)
+    if not stated.has_metric:  # the shortest plan is asked for
+        operators = tuple(replace(operator, cost=1.0) for operator in operators)
     named = {**constants, **objects}
     return Problem(named, state, goal, operators, {kind: (above,) for kind, above in types.items()}, predicates)
 
@@ -85,6 +94,8 @@ class _File:
     def __init__(self, path: str | Path, text: str | None = None) -> None:
         self._name = str(path)
         self._predicates: Mapping[str, tuple[str, ...]] | None = None
+        self._assumed: list[tuple[_List, Fact]] = []
+        self.has_metric = False
         if text is None:
             try:
                 text = Path(path).read_text(encoding="utf-8")
@@ -112,6 +123,7 @@ class _File:
                 case ":types":
                     types = self._typed(section.parts[1:])
                     types.pop(ROOT, None)
+                    self._check_types(section, types)
                 case ":constants":
                     constants = self._typed(section.parts[1:])
                 case ":predicates":
@@ -126,6 +138,7 @@ class _File:
                     pass
                 case other:
                     self._fail(section, f"{other or 'this'} is not supported")
+        self._check_assumed(operators)
         return tuple(operators), types, constants, predicates
 
     def problem(
@@ -147,7 +160,10 @@ class _File:
                     goal += self._goal(section)
                 case ":requirements":
                     self._check_requirements(section)
-                case ":domain" | ":metric":
+                case ":metric":
+                    self._check_metric(section)
+                    self.has_metric = True
+                case ":domain":
                     pass
                 case other:
                     self._fail(section, f"{other or 'this'} is not supported")
@@ -164,6 +180,28 @@ class _File:
         if not goal:
             self._fail(section, "the goal is empty; name at least one fact")
         return tuple(goal)
+
+    def _check_metric(self, section: _List) -> None:
+        way, what = (*section.parts[1:], *section.parts[:1])[:2]
+        minimize = isinstance(way, _Word) and way.text == "minimize"
+        if len(section.parts) != 3 or not minimize or not isinstance(what, _List) or what.head != _TOTAL_COST:
+            self._fail(section, f"(:metric minimize ({_TOTAL_COST})) is what is supported")
+
+    def _check_types(self, section: _List, types: Mapping[str, str]) -> None:
+        for kind in types:
+            above, seen = types.get(kind), [kind]
+            while above is not None and above not in seen:
+                seen.append(above)
+                above = types.get(above)
+            if above is not None:
+                self._fail(section, f"the types go in a circle: {' - '.join([*seen, above])}")
+
+    def _check_assumed(self, operators: Sequence[Operator]) -> None:
+        """What stands before ``imply`` must never change: the written-out ``forall`` would be another condition."""
+        for part, fact in self._assumed:
+            changing = [operator.name for operator in operators if fact.predicate in operator.changes]
+            if changing:
+                self._fail(part, f"'imply' on {fact.predicate}, which {changing[0]} changes, is not supported")
 
     def _check_requirements(self, section: _List) -> None:
         for word in map(self._as_word, section.parts[1:]):
@@ -187,10 +225,10 @@ class _File:
         return self._with_effects(operator, fields[":effect"], variables) if ":effect" in fields else operator
 
     def _with_effects(self, operator: Operator, effect: _List, variables: Mapping[str, str]) -> Operator:
-        add, delete, each, cost = list(operator.add), list(operator.delete), list(operator.each), None
+        add, delete, each, cost = list(operator.add), list(operator.delete), list(operator.each), 0.0
         for part in self._conjuncts(effect):
             if part.head == "increase":
-                cost = self._cost(part)
+                cost += self._cost(part)
                 continue
             for condition in self._conditions(part, variables):
                 if isinstance(condition, Forall):
@@ -199,13 +237,15 @@ class _File:
                     each.append(condition)
                 else:
                     (delete if condition.negated else add).append(condition.fact)
-        return replace(operator, add=tuple(add), delete=tuple(delete), each=tuple(each), cost=cost or 1.0)
+        return replace(operator, add=tuple(add), delete=tuple(delete), each=tuple(each), cost=cost)
 
     def _cost(self, part: _List) -> float:
-        amount = part.parts[-1]
-        if len(part.parts) != 3 or not isinstance(amount, _Word) or not re.fullmatch(r"\d+(\.\d+)?", amount.text):
-            self._fail(part, "(increase (total-cost) NUMBER) is what is supported")
-        return float(self._as_word(amount).text)
+        if len(part.parts) == 3:
+            _, function, amount = part.parts
+            counted = isinstance(function, _List) and function.head == _TOTAL_COST and len(function.parts) == 1
+            if counted and isinstance(amount, _Word) and re.fullmatch(r"\d+(\.\d+)?", amount.text):
+                return float(amount.text)
+        return self._fail(part, f"(increase ({_TOTAL_COST}) NUMBER) is what is supported")
 
     def _conditions(self, part: _List, variables: Mapping[str, str]) -> list[Condition]:
         return [self._condition(one, variables) for one in self._conjuncts(part)]
@@ -220,8 +260,8 @@ class _File:
             yield from self._conjuncts(self._as_list(inner))
 
     def _condition(self, part: _List, variables: Mapping[str, str]) -> Condition:
-        if part.head in ("or", "exists", "when", "imply", ">", "<", ">=", "<=", "assign", "increase", "decrease"):
-            self._fail(part, f"{part.head} is not supported here")
+        if part.head in _NOT_READ:
+            self._fail(part, f"{part.head} is not supported here; {_READ}")
         if part.head == "not":
             inner = self._condition(self._only(part, "not"), variables)
             if isinstance(inner, Forall):
@@ -238,10 +278,14 @@ class _File:
         if len(typed) != 1:
             self._fail(part, "forall over one variable is what is supported")
         ((variable, kind),) = typed.items()
-        inside = {**variables, variable: f"{{{variable[1:]}}}"}
+        own = f"{{{variable[1:]}}}"
+        while own in variables.values():  # it hides a variable of the same name
+            own = f"{own[:-1]}_}}"
+        inside = {**variables, variable: own}
         body, given = self._as_list(part.parts[2]), None
         if body.head == "imply" and len(body.parts) == 3:
             given = self._fact(self._as_list(body.parts[1]), inside)
+            self._assumed.append((body, given))
             body = self._as_list(body.parts[2])
         then = self._condition(body, inside)
         if isinstance(then, Forall):
@@ -314,6 +358,8 @@ class _File:
             for token in _TOKEN.findall(line.partition(";")[0]):
                 if token == "(":
                     stack.append(([], number))
+                    if len(stack) > _DEPTH:
+                        raise PddlError(self._name, number, f"at most {_DEPTH - 1} brackets within each other are read")
                 elif token == ")":
                     parts, start = stack.pop()
                     if not stack:

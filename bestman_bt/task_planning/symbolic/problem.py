@@ -103,7 +103,8 @@ class Literal(NamedTuple):
 class Forall:
     """``forall c - container: behind({place}, c) -> open(c)``, or ``forall p - place: not near(p)``.
 
-    ``given`` never changes, so that grounding leaves a conjunction of literals. ``variable`` is written with braces.
+    ``given`` must be of a predicate that no operator changes, so that grounding leaves a conjunction of literals.
+    ``variable`` is written with braces; within the condition it hides a parameter of the same name.
     """
 
     variable: str
@@ -117,8 +118,19 @@ class Forall:
 
     def bound(self, values: Mapping[str, str]) -> Forall:
         """As ``Fact.bound``."""
-        given = self.given.bound(values) if self.given is not None else None
-        return Forall(self.variable, self.type, given, self.then.bound(values))
+        outside = {name: value for name, value in values.items() if name != self.variable}
+        given = self.given.bound(outside) if self.given is not None else None
+        return Forall(self.variable, self.type, given, self.then.bound(outside))
+
+    def at(self, name: str) -> tuple[Fact | None, Literal]:
+        """``given`` and ``then`` for one thing."""
+        values = {self.variable: name}
+        return self.given.bound(values) if self.given is not None else None, self.then.bound(values)
+
+    def of(self, name: str, state: Collection[Fact]) -> Literal | None:
+        """What it says of one thing in a state: nothing where ``given`` does not hold of it."""
+        given, then = self.at(name)
+        return then if given is None or Literal(given).holds_in(state) else None
 
 
 Condition = Literal | Forall
@@ -131,7 +143,7 @@ class Operator:
 
     ``parameters``: name → type, in order. ``pre``: must hold at the start; ``hold``: from the start to the end.
     ``add``, ``delete``: hold, and no longer hold, afterwards; ``each``: the same for all things of a type.
-    ``cost``: more than 0. ``parts``: of the robot that it keeps busy.
+    ``cost``: not negative; of abilities more than 0. ``parts``: of the robot that it keeps busy.
     """
 
     name: str
@@ -148,6 +160,12 @@ class Operator:
     def effects(self) -> tuple[Condition, ...]:
         """What it brings about, then what it undoes."""
         return (*map(Literal, self.add), *(Literal(fact, negated=True) for fact in self.delete), *self.each)
+
+    @property
+    def assumed(self) -> Iterator[Forall]:
+        """Its conditions and effects that hold of some things only."""
+        conditions = (*self.pre, *self.hold, *self.each)
+        return (one for one in conditions if isinstance(one, Forall) and one.given is not None)
 
     @property
     def changes(self) -> frozenset[str]:
@@ -226,13 +244,29 @@ class Problem:
 
     def is_a(self, name: str, kind: str) -> bool:
         """Whether an object is of a type, or of one below it."""
-        pending = [self.objects[name]]
+        pending, seen = [self.objects[name]], set[str]()
         while pending:
             own = pending.pop()
             if own == kind:
                 return True
-            pending += self.supertypes.get(own, ())
+            if own not in seen:
+                seen.add(own)
+                pending += self.supertypes.get(own, ())
         return False
+
+    @cached_property
+    def unsound(self) -> str:
+        """Which ``forall`` depends on what an operator changes; empty: none does, and grounding is right."""
+        for operator in self.operators:
+            for condition in operator.assumed:
+                given = "" if condition.given is None else condition.given.predicate
+                changing = [one.name for one in self.operators if given in one.changes]
+                if changing:
+                    return (
+                        f"{operator.name}: '{condition}' asks for {given}, which {changing[0]} changes; before '->' "
+                        f"only facts that no ability changes are accepted; name the things, or leave '->' out"
+                    )
+        return ""
 
     def of_type(self, kind: str) -> list[str]:
         """The names of all objects of a type, in their order."""

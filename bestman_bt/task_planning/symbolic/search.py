@@ -26,12 +26,16 @@ class Estimate:
     helpful: frozenset[int] = frozenset()
 
 
+NOTHING = 1e-6
+"""What an action without a cost counts in estimates: what it leads to must differ from what holds already."""
+
+
 class RelaxedPlan:
     """Estimates by relaxed plans: each fact is reached by the action that is cheapest with h_add."""
 
     def __init__(self, problem: GroundProblem) -> None:
         self._problem = problem
-        self._costs = [action.cost for action in problem.actions]
+        self._costs = [max(action.cost, NOTHING) for action in problem.actions]
         self._counts = [len(needs) for needs in problem.needs]
 
     def estimate(self, state: int) -> Estimate:

@@ -35,7 +35,7 @@ def towards(place: np.ndarray, wall: np.ndarray | None = None, moving=()) -> Sur
     for x, y in [] if wall is None else wall:
         distance = np.minimum(distance, np.hypot(X - x, Y - y))
     away = np.hypot(X - place[0], Y - place[1])
-    return Surroundings(grid(distance), CostToGo(grid(away), grid(0.0 * X), place, True), list(moving), 0.03)
+    return Surroundings(grid(distance), CostToGo(grid(away), grid(0.0 * X), place, 0, True), list(moving), 0.03)
 
 
 @pytest.mark.parametrize("planner", [DWA, MPPI])

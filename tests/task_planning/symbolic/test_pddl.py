@@ -209,5 +209,48 @@ def test_constants_effects_on_each_and_conditions_without_a_type_are_read(files)
     (stack,) = problem.operators
     assert [str(each) for each in stack.each] == ["forall z - block: not on(z, {x})"]
     assert (stack.cost, stack.parameters) == (2.0, {"x": "block", "y": "block"})
-    free = read_pddl(*files(DOMAIN.replace(" (increase (total-cost) 2)", "")))
-    assert free.operators[0].cost == 1.0
+
+
+def test_costs_count_as_the_metric_says(files):
+    free, shortest = (
+        DOMAIN.replace(" (increase (total-cost) 2)", ""),
+        PROBLEM.replace("(:metric minimize (total-cost))", ""),
+    )
+    assert read_pddl(*files(free)).operators[0].cost == 0.0
+    assert read_pddl(*files(DOMAIN.replace("(total-cost) 2", "(total-cost) 0"))).operators[0].cost == 0.0
+    assert read_pddl(*files(DOMAIN, shortest)).operators[0].cost == 1.0
+    for old, new, line in (("(total-cost) 2", "(fuel) 2", 9), ("minimize", "maximize", 6)):
+        with pytest.raises(PddlError, match="is what is supported") as raised:
+            read_pddl(*files(DOMAIN.replace(old, new), PROBLEM.replace(old, new)))
+        assert raised.value.line == line
+
+
+def test_a_condition_that_depends_on_equality_is_not_dropped(files):
+    domain = DOMAIN.replace("(not (= ?x ?y))", "(forall (?z - block) (imply (= ?z ?y) (on ?z ?x)))")
+    with pytest.raises(Unsolvable):
+        SymbolicPlanner().plan(read_pddl(*files(domain)))
+
+
+def test_a_variable_of_forall_hides_the_parameter_of_its_name(files):
+    domain = DOMAIN.replace("(not (= ?x ?y))", "(forall (?x - block) (not (on ?x ?y)))")
+    (stack,) = read_pddl(*files(domain)).operators
+    problem = read_pddl(*files(domain, PROBLEM.replace("(clear a)", "(clear a) (on b b)")))
+    assert "{x}" not in str(stack.pre[-1]).partition(":")[2]
+    with pytest.raises(Unsolvable):
+        SymbolicPlanner().plan(problem)
+
+
+def test_imply_on_what_an_action_changes_is_refused_with_its_line(files):
+    domain = DOMAIN.replace("(not (= ?x ?y))", "(forall (?z - block) (imply (on ?z ?x) (table ?z)))")
+    with pytest.raises(PddlError, match="'imply' on on, which stack changes") as raised:
+        read_pddl(*files(domain))
+    assert raised.value.line == 8
+
+
+def test_types_in_a_circle_and_brackets_without_end_are_refused(files):
+    with pytest.raises(PddlError, match="the types go in a circle: a - b - a"):
+        read_pddl(*files(DOMAIN.replace("block - object", "a - b b - a block - object")))
+    deep = DOMAIN.replace("(clear ?x) (clear ?y)", "(and " * 3000 + "(clear ?x)" + ")" * 3000)
+    with pytest.raises(PddlError, match="brackets within each other") as raised:
+        read_pddl(*files(deep))
+    assert raised.value.line == 8

@@ -1,0 +1,47 @@
+"""What an operator asks for and does in the state at hand, read from its conditions as they are written.
+
+Whoever checks plans uses this and not grounding, so that a fault there is no proof of itself.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Iterator, Sequence
+
+from bestman_bt.task_planning.symbolic.problem import Condition, Fact, Forall, Literal, Operator, Problem
+
+
+def broken_in(
+    problem: Problem, operator: Operator, arguments: Sequence[str], state: Collection[Fact]
+) -> tuple[Literal, ...]:
+    """The pre-conditions, those that must hold all the way among them, that do not hold in a state, sorted."""
+    asked = _said((*operator.pre, *operator.hold), problem, operator, arguments, state)
+    return tuple(sorted({literal for literal in asked if not literal.holds_in(state)}))
+
+
+def state_after(
+    problem: Problem, operator: Operator, arguments: Sequence[str], state: Collection[Fact]
+) -> frozenset[Fact]:
+    """The state that it leads to; what it both undoes and brings about holds."""
+    effects = set(_said(operator.effects, problem, operator, arguments, state))
+    undone = {effect.fact for effect in effects if effect.negated}
+    return frozenset(set(state) - undone | {effect.fact for effect in effects if not effect.negated})
+
+
+def _said(
+    conditions: Iterable[Condition],
+    problem: Problem,
+    operator: Operator,
+    arguments: Sequence[str],
+    state: Collection[Fact],
+) -> Iterator[Literal]:
+    meant = {f"{{{port}}}": name for port, name in zip(operator.parameters, arguments, strict=True)}
+    for condition in conditions:
+        if isinstance(condition, Forall):
+            for name in problem.objects:
+                if problem.is_a(name, condition.type):
+                    inside = {**meant, condition.variable: name}
+                    given = condition.given
+                    if given is None or Literal(given.bound(inside)).holds_in(state):
+                        yield condition.then.bound(inside)
+        else:
+            yield condition.bound(meant)
