@@ -61,6 +61,20 @@ class JointedModel:
         return _fixed(self.part.limits.acceleration)
 
     @cached_property
+    def path_tolerance(self) -> NDArray[np.float64]:
+        """How far each may be from its set-point on the way."""
+        constraints = self.part.constraints
+        each = (constraints.joints.get(name) for name in self.joint_names)
+        return _fixed(tuple((one and one.trajectory) or constraints.trajectory for one in each))
+
+    @cached_property
+    def goal_tolerance(self) -> NDArray[np.float64]:
+        """How far each may be from its target at rest."""
+        constraints = self.part.constraints
+        each = (constraints.joints.get(name) for name in self.joint_names)
+        return _fixed(tuple((one and one.goal) or constraints.goal for one in each))
+
+    @cached_property
     def effort(self) -> NDArray[np.float64]:
         """Highest efforts."""
         return _fixed(self.part.limits.effort)

@@ -27,7 +27,13 @@ from bestman_bt.configuration.quantity import (
     SpeedLimit,
     TorqueLimit,
 )
-from bestman_bt.robot_model.part_fields import EncodersConfig, FrameConfig, JointLimitsConfig, PartConfig
+from bestman_bt.robot_model.part_fields import (
+    ConstraintsConfig,
+    EncodersConfig,
+    FrameConfig,
+    JointLimitsConfig,
+    PartConfig,
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -139,6 +145,7 @@ class ArmPart(PartConfig):
     limits: JointLimitsConfig
     states: Mapping[str, tuple[JointPosition, ...]] = field(default_factory=dict)
     payload: MassLimit | None = None
+    constraints: ConstraintsConfig = field(default_factory=ConstraintsConfig)
     encoders: EncodersConfig = field(default_factory=EncodersConfig)
 
 
@@ -227,6 +234,7 @@ class JointGroupPart(PartConfig):
     rotor_inertia: Inertia = 0.0
     tool: str | None = None
     states: Mapping[str, tuple[JointPosition, ...]] = field(default_factory=dict)
+    constraints: ConstraintsConfig = field(default_factory=ConstraintsConfig)
     encoders: EncodersConfig = field(default_factory=EncodersConfig)
 
 

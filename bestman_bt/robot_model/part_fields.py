@@ -14,6 +14,7 @@ from bestman_bt.configuration.quantity import (
     JointAcceleration,
     JointLimit,
     JointSpeed,
+    JointTolerance,
     Lengths3,
     Mass,
     Rate,
@@ -22,6 +23,7 @@ from bestman_bt.configuration.quantity import (
     SpreadOfSpeed,
     Stiffness,
     Time,
+    TimeLimit,
 )
 
 
@@ -69,6 +71,29 @@ class JointLimitsConfig:
     velocity: tuple[JointSpeed, ...]
     acceleration: tuple[JointAcceleration, ...]
     effort: tuple[EffortLimit, ...]
+
+
+@dataclass(frozen=True)
+class JointConstraint:
+    """Tolerances of one joint; None: as the others'."""
+
+    trajectory: JointTolerance | None = None
+    goal: JointTolerance | None = None
+
+
+@dataclass(frozen=True)
+class ConstraintsConfig:
+    """How far joints may be from where they are sent, as ROS's joint_trajectory_controller has it.
+
+    ``trajectory``: off the set-point on the way; ``goal``: off the target at rest, which is below ``stopped_velocity``
+    and comes within ``goal_time`` of the last set-point. ``joints``: of single ones, by name.
+    """
+
+    trajectory: JointTolerance = 0.15
+    goal: JointTolerance = 0.005
+    goal_time: TimeLimit = 2.0
+    stopped_velocity: JointSpeed = 0.03
+    joints: Mapping[str, JointConstraint] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

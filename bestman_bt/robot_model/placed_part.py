@@ -29,7 +29,14 @@ from bestman_bt.registry import PARTS, UnknownNameError, suggestion
 from bestman_bt.robot_model.finger_linkage import MimicJoint, opening_table
 from bestman_bt.robot_model.footprint import origin_pose, outline
 from bestman_bt.robot_model.generators import GENERATORS
-from bestman_bt.robot_model.part_config import BasePart, GripperPart, JointedPart, JointGroupPart, LeggedBasePart
+from bestman_bt.robot_model.part_config import (
+    ArmPart,
+    BasePart,
+    GripperPart,
+    JointedPart,
+    JointGroupPart,
+    LeggedBasePart,
+)
 from bestman_bt.robot_model.part_fields import ContactConfig, PadConfig, PartConfig
 from bestman_bt.robot_model.urdf_elements import (
     TINY_INERTIA,
@@ -345,6 +352,11 @@ def _wrong_counts(config: PartConfig, document: Document) -> Iterator[Problem]:
             if count != expected and not misread:
                 message = f"should have {expected} entries, one per joint, got {count}"
                 yield document.problem(("limits", each.name), message)
+    if isinstance(config, ArmPart | JointGroupPart):
+        for joint in config.constraints.joints:
+            if joint not in config.joints:
+                message = f"the part has no joint {joint!r}; {suggestion(joint, list(config.joints))}"
+                yield document.problem(("constraints", "joints", joint), message)
     if isinstance(config, JointedPart):
         for state, positions in config.states.items():
             if len(positions) != len(config.joints):
@@ -395,4 +407,8 @@ def _renamed_config(config: PartConfig, renamed: dict[str, str]) -> PartConfig:
 
     fields = {field.name for field in dataclasses.fields(config)}
     changed = {field: rename(getattr(config, field)) for field in _NAME_FIELDS if field in fields}
+    if isinstance(config, ArmPart | JointGroupPart):
+        constraints = config.constraints
+        joints = {renamed[joint]: each for joint, each in constraints.joints.items()}
+        changed["constraints"] = dataclasses.replace(constraints, joints=joints)
     return dataclasses.replace(config, **changed)

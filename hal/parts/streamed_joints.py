@@ -141,9 +141,9 @@ class Tracking:
     A way waits while its set-points are ``held_back`` or more from where the gate lets them; joints that it has
     held at rest for ``tracking_time`` are given up.
 
-    A motion fails as TRACKING when a joint is more than ``tracking_tolerance`` off its set-point for ``tracking_time``,
-    and as TIMEOUT when it has not settled (``settle_tolerance``, ``settle_speed``) ``settle_time`` after its last
-    set-point. ``stop_time``: a stop brakes within it, if need be harder than the acceleration limits say.
+    A motion fails as TRACKING when a joint is off its set-point by more than its tolerance for ``tracking_time``, and
+    as TIMEOUT when it has not settled in time; tolerances are the part's ``constraints``. ``stop_time``: a stop brakes
+    within it, if need be harder than the acceleration limits say.
 
     Set-points never jump: a late one goes on by ``longest_step`` periods at most, so that a slow link slows the motion
     down; one that has slowed it by more than ``slip_limit`` seconds, of which half is forgotten every
@@ -153,12 +153,8 @@ class Tracking:
     lapses, and the joints brake, unless it comes again.
     """
 
-    tracking_tolerance: float = 0.15
     tracking_time: float = 0.15
     held_back: float = 0.01
-    settle_tolerance: float = 0.005
-    settle_speed: float = 0.03
-    settle_time: float = 2.0
     stop_time: float = 0.3
     moved_by_hand: float = 0.05
     longest_stream_interval: float = 0.1
@@ -455,12 +451,12 @@ class StreamedJointGroup(StoppablePart, JointGroup):
         if self._channel.age > self._tracking.latency:
             return  # nobody knows where they are: that is the watchdog's
         error = np.abs(self._position - self._channel.read().positions)
-        worst = int(np.argmax(error))
-        self._astray = self._astray + elapsed if error[worst] > self._tracking.tracking_tolerance else 0.0
+        tolerance = self.model.path_tolerance
+        worst = int(np.argmax(error / tolerance))
+        self._astray = self._astray + elapsed if error[worst] > tolerance[worst] else 0.0
         if self._astray > self._tracking.tracking_time:
-            self._give_up(
-                MotionErrorCode.TRACKING, f"{self.joint_names[worst]} is {error[worst]:.3f} off its set-point"
-            )
+            off = f"{self.joint_names[worst]} is {error[worst]:.3f} off its set-point"
+            self._give_up(MotionErrorCode.TRACKING, f"{off}, its tolerance is {tolerance[worst]:.3g}")
             # Where they are, so that they press no longer on what holds them up; that is no jump of the set-points.
             model = self.model
             here = np.clip(self._channel.read().positions, model.lower, model.upper)
@@ -481,19 +477,20 @@ class StreamedJointGroup(StoppablePart, JointGroup):
 
     def _watch_settling(self, motion: Motion[None], elapsed: float) -> None:
         """The set-points have arrived: the motion succeeds when the joints have, too."""
-        reading, tracking = self._channel.read(), self._tracking
-        error = float(np.max(np.abs(self._wanted - reading.positions)))
-        speed = float(np.max(np.abs(reading.velocities)))
+        reading, constraints, tolerance = self._channel.read(), self.model.part.constraints, self.model.goal_tolerance
+        error, speed = np.abs(self._wanted - reading.positions), float(np.max(np.abs(reading.velocities)))
         self._waiting += elapsed
-        settled = self._arrived and error < tracking.settle_tolerance and speed < tracking.settle_speed
-        if not settled and self._waiting <= tracking.settle_time:
+        settled = self._arrived and bool(np.all(error < tolerance)) and speed < constraints.stopped_velocity
+        if not settled and self._waiting <= constraints.goal_time:
             return
         # Before the motion ends: joints at rest take the next command at once.
         self._velocity, self._setpoints = np.zeros_like(self._velocity), Hold(self._wanted)
         if settled:
             motion.succeed()
         else:
-            text = f"did not settle at the target: {error:.4f} off, speed {speed:.4f}"
+            worst = int(np.argmax(error / tolerance))
+            off = f"{self.joint_names[worst]} is {error[worst]:.4f} off, its tolerance is {tolerance[worst]:.3g}"
+            text = f"did not settle at the target within {constraints.goal_time:g} s: {off}, speed {speed:.4f}"
             self._note_fault(text)
             self._connection.end_motion(MotionStatus.FAILED, MotionErrorCode.TIMEOUT, text)
 

@@ -2,14 +2,27 @@
 
 from __future__ import annotations
 
+import re
 import xml.etree.ElementTree as ET
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 
-from bestman_bt.configuration import Document
-from bestman_bt.robot_model import ArmModel, GripperModel, RobotModel, combine, compose_robot, payload
+from bestman_bt.configuration import ConfigurationError, Document
+from bestman_bt.robot_model import (
+    ArmModel,
+    GripperModel,
+    RobotModel,
+    combine,
+    compose_robot,
+    load_robot_model,
+    payload,
+)
+
+DOCS = Path(__file__).parents[2] / "docs"
 
 
 @pytest.fixture(scope="module")
@@ -126,3 +139,44 @@ def test_an_arm_takes_what_is_just_within_its_payload(mass: float, refused: bool
             compose_robot("r", document)
     else:
         assert compose_robot("r", document).of(ArmModel)
+
+
+TOLERANT = """parts:
+  base: {part: differential_base}
+  column: {part: column, mount: base}
+  arm: {part: panda_arm, mount: column, set: {constraints: CONSTRAINTS}}
+  other: {part: panda_arm, mount: column, xyz: [0, 50 cm, 0], set: {constraints: CONSTRAINTS}}
+"""
+
+
+def test_tolerances_are_the_parts_and_those_of_single_joints_also_of_two_equal_arms(tmp_path: Path) -> None:
+    text = re.search(r"constraints:\n(.*?)```", (DOCS / "robots.md").read_text(), re.DOTALL)
+    assert text is not None
+    for arm in _tolerant(tmp_path, str(yaml.safe_load(text[1]))).of(ArmModel).values():
+        assert arm.path_tolerance == pytest.approx([0.15] * 6 + [0.3])
+        assert arm.goal_tolerance == pytest.approx([0.005] * 6 + [0.01])
+        assert (arm.part.constraints.goal_time, arm.part.constraints.stopped_velocity) == (2.0, 0.03)
+
+
+@pytest.mark.parametrize(
+    ("written", "told"),
+    [
+        ("{trajectory: 0.1}", "constraints.trajectory: a limit needs its unit"),
+        ("{goal: 0 rad}", "constraints.goal: should be greater than 0"),
+        ("{goal_time: -1 s}", "constraints.goal_time: should be greater than 0"),
+        ("{goal: 3 kg}", "constraints.goal: expected an angle in rad"),
+        ("{joints: {panda_joint9: {goal: 1 deg}}}", "the part has no joint 'panda_joint9'; did you mean 'panda_joint"),
+        ("{joints: {panda_joint7: {gaol: 1 deg}}}", "constraints.joints.panda_joint7.gaol"),
+    ],
+)
+def test_a_wrong_tolerance_is_told_with_its_line(tmp_path: Path, written: str, told: str) -> None:
+    with pytest.raises(ConfigurationError) as error:
+        _tolerant(tmp_path, written)
+    assert any(f"robot.yaml:{line}: " in str(error.value) for line in (4, 5))
+    assert told in str(error.value)
+
+
+def _tolerant(folder: Path, constraints: str) -> RobotModel:
+    path = folder / "robot.yaml"
+    path.write_text(TOLERANT.replace("CONSTRAINTS", constraints))
+    return load_robot_model(path)

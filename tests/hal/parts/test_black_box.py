@@ -90,7 +90,7 @@ def test_a_motion_that_fails_is_written_though_the_robot_does_not_stop(tmp_path:
     run(group, recorder, clock, 2.0)
     assert motion.status is MotionStatus.FAILED
     box = BlackBox.load(tmp_path / "black_box_1.npz")
-    assert box.reason == "head: pan is 0.300 off its set-point"
+    assert box.reason == "head: pan is 0.300 off its set-point, its tolerance is 0.15"
     group.brake()  # nothing is under way: nothing is written
     run(group, recorder, clock, 2.0)
     assert len(list(tmp_path.iterdir())) == 1

@@ -12,6 +12,7 @@ import pytest
 from bestman_bt.messages import JointTrajectory
 from bestman_bt.robot_model import ArmModel, RobotModel
 from bestman_bt.robot_model.connection_config import SafetyConfig, WorkspaceConfig
+from bestman_bt.robot_model.part_fields import ConstraintsConfig, JointConstraint
 from hal.api import CommandRefusedError, Failure, MotionErrorCode, MotionStatus, NotConnectedError
 from hal.parts import (
     ConnectionFailedError,
@@ -274,6 +275,33 @@ def test_a_motion_succeeds_when_the_joints_have_settled(
         again = group.move_to([0.1, 0.0])
         run(group, 1.0)  # it waits anew
         assert not again.done
+
+
+def test_each_joint_has_tolerances_of_its_own_on_the_way_and_at_the_goal(latch: StopLatch) -> None:
+    constraints = ConstraintsConfig(
+        trajectory=0.1, goal_time=0.5, joints={"tilt": JointConstraint(trajectory=0.3, goal=0.02)}
+    )
+    model = replace(MODEL, part=replace(MODEL.part, constraints=constraints))
+    for off, failed in (([0.0, 0.25], None), ([0.0, 0.35], "tilt is 0.350 off"), ([0.12, 0.0], "pan is 0.120 off")):
+        channel = Joints(2)
+        group = StreamedJointGroup("head", model, channel, latch, PERIOD)
+        group.attach()
+        motion = group.move_to([0.6, 0.6])
+        run(group, 0.5)
+        channel.off = np.array(off)
+        run(group, 1.0)
+        assert (motion.failure is None) == (failed is None)
+        assert failed is None or (motion.failure is not None and failed in motion.failure.text)
+    for off, failed in (([0.004, 0.015], None), ([0.006, 0.0], "pan is 0.0060 off, its tolerance is 0.005")):
+        channel = Joints(2)
+        group = StreamedJointGroup("head", model, channel, latch, PERIOD)
+        group.attach()
+        channel.off = np.array(off)
+        motion = group.move_to([0.2, 0.2])
+        run(group, 3.0)
+        assert motion.done
+        assert (motion.failure is None) == (failed is None)
+        assert failed is None or (motion.failure is not None and failed in motion.failure.text)
 
 
 @pytest.mark.parametrize(("off", "start"), [(0.06, 0.06), (0.04, 0.0), (-0.06, -0.06)])
