@@ -22,7 +22,8 @@ SCENE = "pick_place_table"
 def bringup(
     name: Annotated[str, typer.Argument(help="A robot with connections: a shipped one, or a YAML file.")],
     step: Annotated[
-        list[str] | None, typer.Option(metavar="STEP", help="Only this step, even if it was done; repeatable.")
+        list[str] | None,
+        typer.Option("--step", metavar="STEP", help="Only this step, even if it was done; repeatable."),
     ] = None,
     again: Annotated[bool, typer.Option("--again", help="Begin anew: what was signed counts no more.")] = False,
     twin: Annotated[bool, typer.Option("--twin", help="Bring up twins that are started for it, unattended.")] = False,
