@@ -10,7 +10,7 @@ import numpy as np
 from bestman_bt.bringup.brought_up_robot import BroughtUpRobot
 from bestman_bt.bringup.finding import Finding, judged, not_applicable
 from bestman_bt.messages import Pose
-from bestman_bt.robot_model import ArmModel, payload
+from bestman_bt.robot_model import ArmModel, flange_of, payload
 from hal.hardware import ArmFacts
 
 RANGE_TOLERANCE = 0.01
@@ -68,7 +68,7 @@ def limits(subject: BroughtUpRobot) -> Iterator[Finding]:
 def _tool(subject: BroughtUpRobot, arm: str, told: ArmFacts) -> Finding:
     if told.tool_offset is None:
         return not_applicable(arm, "its controller does not tell the offset of its tool")
-    ours = subject.pose(subject.model.of(ArmModel)[arm].tool_frame, subject.flange(arm)).position
+    ours = subject.pose(subject.model.of(ArmModel)[arm].tool_frame, flange_of(subject.model, arm)).position
     theirs = told.tool_offset.position
     apart, out = float(np.linalg.norm(theirs - ours)), float(np.linalg.norm(theirs))
     shown = f"the controller's tool is {np.round(1e3 * theirs, 1).tolist()} mm from the flange"
@@ -81,7 +81,7 @@ def _tool(subject: BroughtUpRobot, arm: str, told: ArmFacts) -> Finding:
 def _payload(subject: BroughtUpRobot, arm: str, told: ArmFacts) -> Finding:
     if told.payload is None:
         return not_applicable(arm, "its controller does not tell what it carries")
-    ours = payload(subject.model, subject.flange(arm)).mass
+    ours = payload(subject.model, flange_of(subject.model, arm)).mass
     text = f"the controller counts on {told.payload:.2f} kg at the flange, the file's hand has {ours:.2f} kg"
     fits = abs(told.payload - ours) <= PAYLOAD_TOLERANCE
     if not fits:
@@ -117,7 +117,7 @@ def model_tool_pose(subject: BroughtUpRobot, arm: str, told: ArmFacts) -> Pose:
     """Where the controller's tool should be in the arm's base, by our kinematics at the joints that it tells."""
     model = subject.model.of(ArmModel)[arm]
     joints = dict(zip(model.joint_names, told.positions.tolist(), strict=True))
-    flange = subject.pose(subject.flange(arm), model.base_frame, joints)
+    flange = subject.pose(flange_of(subject.model, arm), model.base_frame, joints)
     return flange if told.tool_offset is None else flange @ told.tool_offset
 
 

@@ -10,7 +10,7 @@ from typing import Any
 
 from bestman_bt.manipulation.kinematics import ForwardKinematics
 from bestman_bt.messages import Pose
-from bestman_bt.robot_model import ArmModel, RobotModel, load_robot_model
+from bestman_bt.robot_model import RobotModel, load_robot_model
 from hal.api import Arm, JointGroup, Motion, MotionStatus, RobotError
 from hal.hardware import ArmFacts, Identity, IsolatedRobot
 
@@ -64,11 +64,6 @@ class BroughtUpRobot:
         """Each arm as its controller knows it."""
         for arm in self.arms:
             yield arm, self.robot.arm_facts(arm)
-
-    def flange(self, arm: str) -> str:
-        """The link that carries an arm's hand."""
-        tip = self.model.of(ArmModel)[arm].part.tip
-        return tip if f'<link name="{tip}"' in self.model.urdf else f"{arm}_{tip}"
 
     def joint_positions(self) -> dict[str, float]:
         """All joints that are read, by name."""

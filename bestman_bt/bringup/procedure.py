@@ -10,9 +10,14 @@ from pathlib import Path
 
 from bestman_bt.bringup import arm_against_model
 from bestman_bt.bringup.brought_up_robot import BroughtUpRobot, fault_text
+from bestman_bt.bringup.driving import drive, turn
 from bestman_bt.bringup.finding import Finding, StepResult
+from bestman_bt.bringup.gripper import gripper
 from bestman_bt.bringup.identity import identity
 from bestman_bt.bringup.joint_signs import joint_signs
+from bestman_bt.bringup.killed_processes import dead_man, killed_processes
+from bestman_bt.bringup.stopping import stopping
+from bestman_bt.bringup.wrench import wrench
 from bestman_bt.robot_model.bringup_file import BringUpFile, Signature, SignedStep
 from hal.api import RobotError
 
@@ -35,6 +40,13 @@ STEPS = (
     Step("mounting", "how the arm is mounted", arm_against_model.mounting),
     Step("tool-pose", "the tool's pose by the controller against our kinematics", arm_against_model.tool_pose),
     Step("joint-signs", "each joint by 1°", joint_signs, "each joint moves by 1° and back"),
+    Step("gripper", "the empty hand opens, closes, stands half open, takes a force", gripper, "the empty hand closes"),
+    Step("wrench", "the wrist against the hand's weight", wrench, "the empty hand turns by 30° and back"),
+    Step("stopping", "way and time of stops at three speeds", stopping, "the first joint swings by 35° at most"),
+    Step("dead-man", "the base stands when commands cease", dead_man, "the base creeps ahead by up to 0.3 m"),
+    Step("drive", "the base drives 0.2 m", drive, "the base drives 0.2 m ahead and back"),
+    Step("turn", "the base turns by 30°", turn, "the base turns by 30° and back"),
+    Step("kill", "kill -9 of each process", killed_processes, "the first joint swings by 12°; processes are killed"),
 )
 
 

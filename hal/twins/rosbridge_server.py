@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bestman_bt.messages import Pose2D, Twist2D
+from bestman_bt.messages import Pose2D, Twist2D, Wrench
 from bestman_bt.robot_model import (
     BaseModel,
     BatteryPart,
@@ -51,7 +51,8 @@ class TwinBase:
     def __init__(self, world: TwinWorld, base: MobileBase) -> None:
         self._world, self.base = world, base
         self._velocities: deque[Twist2D] = deque(maxlen=ROLLING_WINDOW)
-        self.stuck = False
+        self._asked = [0.0, 0.0, 0.0]
+        self.stuck, self.has_dead_man = False, True
 
     def drive(self, message: Mapping[str, Any]) -> None:
         """A velocity has come; from any thread."""
@@ -62,7 +63,13 @@ class TwinBase:
         limits = self.base.model.part
         most = np.array([limits.max_vx, limits.max_vy, limits.max_wz])
         velocity = (np.clip(asked, -most, most) * (not self.stuck)).tolist()
+        self._asked = velocity
         self._world.post(lambda: self.base.set_velocity(*velocity))
+
+    def tick(self) -> None:
+        """One physics step of the world is about to come: without a dead-man, the last velocity goes on."""
+        if not self.has_dead_man:
+            self.base.set_velocity(*self._asked)
 
     def mean_velocity(self) -> Twist2D:
         """Of the last readings, this one with them: a parked wheel creeps and slips by tenths of a millimetre."""
@@ -144,8 +151,10 @@ class RosbridgeTwin:
     Its clock is the machine's wall clock, which is not the client's. A camera takes pictures while somebody subscribes
     to them. Faults beside those of the wire: ``stale_odometry`` (the same odometry again and again),
     ``silent_odometry`` (none), ``fresh_odometry``; ``silent_scan``, ``fresh_scan``; ``stuck`` (the base does not move),
-    ``free``; ``blind`` (no pictures), ``sighted``; ``restart`` (all clients are cut off); ``clock_back`` (its clock is
-    set back by half a second, as by a step of NTP). Beside the base's transforms come those of a localisation that
+    ``free``; ``no_dead_man`` (it drives on when commands cease), ``dead_man``;
+    ``other_wrench_sign`` (what the hand does to the world), ``wrench_sign``; ``blind`` (no pictures), ``sighted``;
+    ``restart`` (all clients are cut off); ``clock_back`` (its clock is set back by half a second, as by a step of NTP).
+    Beside the base's transforms come those of a localisation that
     dates them ahead: AMCL adds ``transform_tolerance``, 1.0 s by default ("time with which to post-date the transform
     that is published", Nav2's configuration guide).
     """
@@ -165,7 +174,7 @@ class RosbridgeTwin:
         self._odometry_topics: set[str] = set()
         self._scan_topics: set[str] = set()
         self._silent: set[str] = set()
-        self._blind = False
+        self._blind = self._turned_wrench = False
         self._closing = threading.Event()
         self.faults = Faults()
         wrists = {name: mounted.part for name, mounted in model.of(MountedForceTorque).items()}
@@ -199,6 +208,10 @@ class RosbridgeTwin:
                 "fresh_scan": functools.partial(self._silent.difference_update, self._scan_topics),
                 "stuck": functools.partial(self._set_stuck, True),
                 "free": functools.partial(self._set_stuck, False),
+                "no_dead_man": functools.partial(self._set_dead_man, False),
+                "other_wrench_sign": functools.partial(setattr, self, "_turned_wrench", True),
+                "wrench_sign": functools.partial(setattr, self, "_turned_wrench", False),
+                "dead_man": functools.partial(self._set_dead_man, True),
                 "blind": functools.partial(self._set_blind, True),
                 "sighted": functools.partial(self._set_blind, False),
                 "restart": self._server.close_clients,
@@ -281,6 +294,8 @@ class RosbridgeTwin:
 
         def make() -> Message:
             reading = getattr(part, read)()
+            if kind == "force_torque" and self._turned_wrench:
+                reading = Wrench(-reading.force, -reading.torque, reading.stamp)
             return write(self._version.header(frame, reading.stamp + self._offset), reading)
 
         topic = self._declare(kind, name, stream, package, message)
@@ -315,6 +330,8 @@ class RosbridgeTwin:
         self._offset = time.time() - now
         for joints in self._joints:
             joints.tick(dt)
+        for base in self._bases:
+            base.tick()
         for output in self._outputs:
             if now >= output.due:
                 output.due = max(output.due + 1.0 / output.rate, now - 1.0 / output.rate)
@@ -360,6 +377,10 @@ class RosbridgeTwin:
     def _set_stuck(self, stuck: bool) -> None:
         for base in self._bases:
             base.stuck = stuck
+
+    def _set_dead_man(self, there: bool) -> None:
+        for base in self._bases:
+            base.has_dead_man = there
 
     def _set_blind(self, blind: bool) -> None:
         self._blind = blind

@@ -110,6 +110,10 @@ class URController:
 
         self._world.post(begin)
 
+    def lengthen(self, length: float) -> None:
+        """The arm is longer than its own kinematics say, by metres along the flange's axis."""
+        self._kinematics.length_error = length
+
     def end_program(self) -> None:
         """The button Stop."""
         self._world.post(self._end_program)

@@ -25,11 +25,13 @@ class URKinematics:
         self._slots, self._columns = [joint.idx_q for joint in joints], [joint.idx_v for joint in joints]
         self._base = self._model.getFrameId(description.base_frame)
         self._flange = self._model.getFrameId(flange_of(model, arm))
+        self.length_error = 0.0  # metres along the flange's axis
 
     def pose(self, positions: Array) -> tuple[float, ...]:
         """x, y, z in metres and the rotation vector in radians."""
         pinocchio.framesForwardKinematics(self._model, self._data, self._all(positions))
         flange = self._origin().actInv(self._data.oMf[self._flange])
+        flange.translation += flange.rotation[:, 2] * self.length_error
         return (*flange.translation.tolist(), *pinocchio.log3(flange.rotation).tolist())
 
     def joint_speeds(self, positions: Array, twist: Array) -> Array:

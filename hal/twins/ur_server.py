@@ -17,7 +17,9 @@ from hal.twins.world import TwinWorld
 
 DASHBOARD, SCRIPT, RTDE = 29999, 30003, 30004
 GREETING = "Connected: Universal Robots Dashboard Server"
-SERIAL_NUMBER = "20215500000"
+SERIAL_NUMBER, OTHER_SERIAL_NUMBER = "20215500000", "20215500099"
+OTHER_LENGTH = 0.005
+"""Metres: what the fault ``other_length`` makes the arm longer by than its file says."""
 
 
 class URTwin:
@@ -44,9 +46,13 @@ class URTwin:
             world.robot.part(sensor_name, ForceTorque) if sensor_name else None,
             model,
         )
+        self.serial_number = SERIAL_NUMBER
         self.faults = Faults()
         self.faults.offer(
             {
+                "other_serial": lambda: setattr(self, "serial_number", OTHER_SERIAL_NUMBER),
+                "other_length": lambda: controller.lengthen(OTHER_LENGTH),
+                "as_built": self._restore,
                 "protective_stop": lambda: controller.trip(SafetyMode.PROTECTIVE_STOP),
                 "joint_limit": lambda: controller.trip(SafetyMode.VIOLATION),
                 "emergency_stop": lambda: controller.trip(SafetyMode.ROBOT_EMERGENCY_STOP),
@@ -66,6 +72,10 @@ class URTwin:
         """Close all ports."""
         for server in self._servers:
             server.close()
+
+    def _restore(self) -> None:
+        self.serial_number = SERIAL_NUMBER
+        self.controller.lengthen(0.0)
 
     def _attend_rtde(self, client: socket.socket) -> None:
         RtdeSession(client, self.faults, self.controller.read, self.controller.write, self._owners).serve()
@@ -103,7 +113,7 @@ class URTwin:
             case "polyscopeversion":
                 return "URSoftware " + ".".join(map(str, POLYSCOPE))
             case "get serial number":
-                return SERIAL_NUMBER
+                return self.serial_number
             case "get robot model":
                 return self._model
             case "is in remote control":

@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio
 from numpy.typing import NDArray
 
-from bestman_bt.robot_model import ArmModel, RobotModel, payload
+from bestman_bt.robot_model import RobotModel, flange_of, payload
 
 FIRMWARE = "v2.5.0"
 OTHER_BATCH, OTHER_OFFSET, OTHER_LOAD, OTHER_LENGTH = "00000099", 5.0, 2.0, 5.0
@@ -39,8 +39,7 @@ class XArmSettings:
     @classmethod
     def of(cls, model: RobotModel, arm: str, serial_number: str) -> XArmSettings:
         """With the load that the hand of the robot's file is."""
-        links, tip = model.urdf, model.of(ArmModel)[arm].part.tip
-        hand = payload(model, tip if f'<link name="{tip}"' in links else f"{arm}_{tip}")
+        hand = payload(model, flange_of(model, arm))
         return cls(serial_number, (hand.mass, *(1e3 * hand.centre).tolist()))
 
     def faults(self) -> dict[str, Callable[[], None]]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
@@ -14,7 +14,7 @@ from bestman_bt.configuration.quantity import Frequency, Lengths3, Mass, Positiv
 from bestman_bt.messages import Wrench
 from bestman_bt.robot_model import ArmModel, ForceTorquePart, MountedForceTorque, Payload, arm_payload
 from hal.api import CommandRefusedError, Failure, MotionErrorCode, NoDataError, Part
-from hal.hardware import Connection, HardwareForceTorque
+from hal.hardware import ArmFacts, Connection, HardwareForceTorque, Identity
 from hal.parts import ConnectionFailedError, JointChannel, JointReading, StopLatch, ToolLimits
 from hal.ur.arm import URArm
 from hal.ur.identity import URIdentity
@@ -201,12 +201,23 @@ class URConnection(Connection):
         mismatch = told.mismatch(self.model, self._arm.name, options.model)
         if mismatch is not None:
             raise ConnectionFailedError(f"{self.name}: {mismatch}")
+        self._told = told
         self._arm.tell_payload()
         self.add_loop("set-points", options.rate, self._cycle)
 
     def close(self) -> None:
         """End the program on the controller and the SDK's process."""
         self._link.close()
+
+    def identity(self) -> Identity:
+        """By its dashboard."""
+        firmware = str(self._link.call("firmware", timeout=READY_TIME)).removeprefix("URSoftware ").split(" ")[0]
+        return Identity(self._told.model, self._told.serial_number, firmware)
+
+    def arm_facts(self) -> ArmFacts | None:
+        """By RTDE; the offset of the tool is that of when it was connected."""
+        joints, tool, payload = self._link.call("arm", timeout=READY_TIME)
+        return replace(self._told, joints=joints, tool_pose=tool, payload=payload).arm_facts()
 
     def heard(self) -> float:
         """When the controller took the newest reading."""

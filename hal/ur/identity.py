@@ -5,8 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
+from bestman_bt.messages import Pose
 from bestman_bt.robot_model import ArmModel, RobotModel, flange_of, payload
+from hal.hardware import ArmFacts
 
 FLANGE_TOLERANCE = 0.01
 """Metres: above what the calibration of a single arm moves its flange, and far below what two models differ by."""
@@ -52,6 +55,12 @@ class URIdentity:
             )
         return None
 
+    def arm_facts(self) -> ArmFacts:
+        """The same in the frames of the URDF, whose base counts x and y the other way round."""
+        base = Pose.from_xyz_rpy((0.0, 0.0, 0.0), (0.0, 0.0, np.pi))
+        tool, offset = base @ _pose(self.tool_pose), _pose(self.tcp_offset)
+        return ArmFacts(np.array(self.joints), tool, offset, payload=self.payload)
+
     def _flange_apart(self, robot: RobotModel, arm: str) -> float:
         """Metres between the flange by the controller and by the robot file."""
         import pinocchio
@@ -70,6 +79,11 @@ class URIdentity:
         )
         theirs = (tool * offset.inverse()).translation * np.array([-1.0, -1.0, 1.0])  # they count x and y the other way
         return float(np.linalg.norm(ours - theirs))
+
+
+def _pose(values: list[float]) -> Pose:
+    """Of a place in metres and a rotation vector."""
+    return Pose(np.array(values[:3]), Rotation.from_rotvec(values[3:]).as_quat())
 
 
 def _family(model: str) -> str:

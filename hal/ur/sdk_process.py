@@ -114,6 +114,8 @@ class SDKProcess:
             "leave": self.leave,
             "identity": self.identity,
             "set_payload": lambda mass, centre: self._control.setPayload(mass, centre),
+            "firmware": lambda: self._dashboard.polyscopeVersion(),
+            "arm": self.arm,
             "set_output": self.set_output,
             "upload_path": self.upload_path,
             "start_path": self.start_path,
@@ -183,6 +185,11 @@ class SDKProcess:
         offset = control.getTCPOffset()
         names = dashboard.getRobotModel(), dashboard.getSerialNumber()
         return *names, receive.getActualQ(), receive.getActualTCPPose(), offset, receive.getPayload()
+
+    def arm(self) -> tuple[list[float], list[float], float]:
+        """Joints, pose of the tool, kg at the flange, as they are now."""
+        receive = self._receive
+        return receive.getActualQ(), receive.getActualTCPPose(), receive.getPayload()
 
     def leave(self) -> None:
         """End set-points and the program."""

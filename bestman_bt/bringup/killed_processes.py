@@ -1,0 +1,162 @@
+"""What the robot does when a process that commands it is killed while it moves: it stands, and stays where it is."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bestman_bt.bringup.brought_up_robot import SPEED, BroughtUpRobot
+from bestman_bt.bringup.finding import Finding, judged, not_applicable
+from bestman_bt.bringup.mover import CREEP, SWING_SPEED
+from hal.api import JointGroup, MobileBase, RobotError
+
+PROCESSES = ("planner", "robot process", "SDK process")
+"""Each one is the parent of the next; the third one is there for controllers whose SDK needs one."""
+PROGRAM = "from bestman_bt.bringup.mover import main; main()"
+SET_OUT = 0.03
+"""Radians or metres that it has moved before a process is killed."""
+START_TIME, ALONE = 60.0, 2.0
+"""Seconds that the program that moves it may take to begin, and that the robot is left alone afterwards."""
+REST_TIME = 0.5
+SPARE, STILL, WATCHED = 0.03, 0.003, 0.5
+"""Radians beside the way of ``REST_TIME``; by which it may drift in ``WATCHED`` seconds."""
+DEAD_MAN = 1.0
+"""Seconds within which a base has to stand whose controller hears nothing more; ROS's bases take 0.5."""
+BASE_SPARE = 0.02
+
+
+class Mover:
+    """The program of ``mover`` in a process of its own; ``at``: where it has told last that the part was."""
+
+    def __init__(self, subject: BroughtUpRobot, part: str) -> None:
+        self._process = subprocess.Popen(
+            [sys.executable, "-c", PROGRAM, str(subject.name), part],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+        self.at: NDArray[np.float64] | None = None
+        self._begin: NDArray[np.float64] | None = None
+        assert self._process.stdin is not None
+        self._process.stdin.write(json.dumps(dict(subject.settings)) + "\n")
+        self._process.stdin.flush()
+        threading.Thread(target=self._listen, daemon=True).start()
+
+    def wait_until_it_moves(self) -> None:
+        """RobotError where it does not."""
+        deadline = time.monotonic() + START_TIME
+        while self.at is None or self._begin is None or float(np.max(np.abs(self.at - self._begin))) < SET_OUT:
+            if time.monotonic() > deadline or self._process.poll() is not None:
+                raise RobotError("the robot does not move for a program in another process")
+            time.sleep(0.005)
+
+    def pid_of(self, process: str) -> int | None:
+        """Of one of ``PROCESSES``; None where there is none."""
+        pid = self._process.pid
+        for _ in range(PROCESSES.index(process)):
+            below = [child for child in _children(pid) if b"python" in Path(f"/proc/{child}/cmdline").read_bytes()]
+            if not below:
+                return None
+            pid = below[0]
+        return pid
+
+    def close(self) -> None:
+        """Kill what is left of it."""
+        left = [pid for process in PROCESSES if (pid := self.pid_of(process)) is not None]
+        for pid in left:
+            with suppress(ProcessLookupError):
+                os.kill(pid, signal.SIGKILL)
+        self._process.communicate()
+
+    def _listen(self) -> None:
+        assert self._process.stdout is not None
+        for line in self._process.stdout:
+            self.at = np.array(json.loads(line)["at"])
+            if self._begin is None:
+                self._begin = self.at
+
+
+def _children(pid: int) -> list[int]:
+    with suppress(OSError):
+        tasks = list(Path(f"/proc/{pid}/task").iterdir())
+        return [int(child) for task in tasks for child in (task / "children").read_text().split()]
+    return []
+
+
+@contextmanager
+def killed(subject: BroughtUpRobot, part: str, process: str) -> Iterator[NDArray[np.float64] | None]:
+    """Where the part was when a process of a program that moved it was killed; None where there is no such process.
+
+    The robot is connected again when this yields.
+    """
+    with subject.left_to_others():
+        mover = Mover(subject, part)
+        try:
+            mover.wait_until_it_moves()
+            pid = mover.pid_of(process)
+            at = mover.at if pid is not None else None
+            if pid is not None:
+                os.kill(pid, signal.SIGKILL)
+                time.sleep(ALONE)
+        finally:
+            mover.close()
+    yield at
+
+
+def killed_processes(subject: BroughtUpRobot) -> Iterator[Finding]:
+    """Each of the processes of a run, while joints move."""
+    group = next(iter((subject.arms or subject.joint_groups).items()), None)
+    if group is None:
+        yield not_applicable(subject.model.name, "no joints are behind a connection")
+        return
+    name, part = group
+    start = part.positions()
+    for process in PROCESSES:
+        with killed(subject, name, process) as at:
+            yield _stands(subject, name, part, process, at)
+    subject.finish(part.move_to(start, SPEED))
+
+
+def _stands(
+    subject: BroughtUpRobot, name: str, part: JointGroup, process: str, at: NDArray[np.float64] | None
+) -> Finding:
+    what = f"{name}, {process}"
+    if at is None:
+        return not_applicable(what, "its controllers need no such process")
+    here = part.positions()
+    subject.robot.clock.sleep(WATCHED)
+    drift = float(np.max(np.abs(part.positions() - here)))
+    way = float(np.max(np.abs(here - at)))
+    longest = REST_TIME * SWING_SPEED + SPARE
+    text = (
+        f"killed at {SWING_SPEED:g} rad/s, it stood after {way:.3f} rad (at most {longest:.3f}), then moved {drift:.4f}"
+    )
+    return judged(what, way <= longest and drift <= STILL, text, way_rad=way, drift_rad=drift)
+
+
+def dead_man(subject: BroughtUpRobot) -> Iterator[Finding]:
+    """The base of a robot whose robot process is killed while it creeps: nobody tells it to stop."""
+    bases = {name: part for name, part in subject.robot.parts.items() if isinstance(part, MobileBase)}
+    if not bases:
+        yield not_applicable(subject.model.name, "no base is behind a connection")
+    for name, base in bases.items():
+        with killed(subject, name, PROCESSES[1]) as at:
+            here = base.odometry()
+            assert at is not None
+            way = float(np.hypot(here.x - at[0], here.y - at[1]))
+        longest = DEAD_MAN * CREEP + BASE_SPARE
+        text = f"commands ceased at {CREEP:g} m/s: it stood after {1e3 * way:.0f} mm (at most {1e3 * longest:.0f})"
+        if way > longest:
+            text += ": its controller has no dead-man, set one up (cmd_vel_timeout)"
+        yield judged(name, way <= longest, text, way_m=way)

@@ -1,0 +1,56 @@
+"""What the tests share that bring twins up."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from bestman_bt.bringup import STEPS, BroughtUpRobot, bring_up, run_step
+from bestman_bt.robot_model.bringup_file import BringUpFile
+from hal.twins import TwinProcess
+
+STEP = {step.name: step for step in STEPS}
+WITHOUT_MOTION = [step for step in STEPS if not step.moves]
+Pair = tuple[BroughtUpRobot, TwinProcess]
+
+
+@contextmanager
+def brought_up(robot: str, *packages: str) -> Iterator[Pair]:
+    """A robot of shipped name or file, connected to twins of its own."""
+    for package in packages:
+        pytest.importorskip(package, reason="an extra is not installed")
+    with TwinProcess(robot, "pick_place_table", seed=1) as twin:
+        subject = BroughtUpRobot(robot, twin.settings)
+        with subject.robot:
+            yield subject, twin
+
+
+def passes(subject: BroughtUpRobot, path: Path, without: set[str]) -> BringUpFile:
+    """All steps pass; ``without``: but those that do not apply, with a reason."""
+    results = {result.step: result for result in bring_up(subject, path)}
+    owed = {name: "does not apply" if name in without else "passed" for name in STEP}
+    assert {name: result.outcome for name, result in results.items()} == owed, results
+    assert all(finding.text for result in results.values() for finding in result.findings)
+    file = BringUpFile.read(path)
+    assert file.signed is not None
+    return file
+
+
+def fails_alone(
+    subject: BroughtUpRobot, twin: TwinProcess, planted: tuple[str, str, str], step: str, words: str
+) -> None:
+    """That step, with these words; of the others those without motion are done."""
+    connection, fault, taken_back = planted
+    twin.fault(connection, fault)
+    try:
+        results = [run_step(subject, one) for one in (*WITHOUT_MOTION, *([STEP[step]] if STEP[step].moves else []))]
+    finally:
+        twin.fault(connection, taken_back)
+        subject.make_ready()
+    failed = {result.step: result.text for result in results if result.outcome == "failed"}
+    assert set(failed) == {step}, failed
+    assert re.search(words, failed[step]), failed[step]
