@@ -43,6 +43,26 @@ class WorkspaceConfig:
 
 
 @dataclass(frozen=True)
+class StopInputConfig:
+    """Where datagrams (UDP) say ``run`` or ``stop``; ``silence``: seconds without one that stop the robot, too.
+
+    ``address``: ``HOST:PORT`` of this machine to listen at.
+    """
+
+    address: str
+    silence: TimeLimit = 0.5
+
+
+def host_and_port(address: str) -> tuple[str, int]:
+    """The two of ``HOST:PORT``, an IPv6 host in brackets; ValueError."""
+    host, _, port = address.rpartition(":")
+    host = host.removeprefix("[").removesuffix("]")
+    if not host or not port.isascii() or not port.isdigit() or not 0 < int(port) < 65536:
+        raise ValueError(f"should be HOST:PORT, as 127.0.0.1:5005, got {address!r}")
+    return host, int(port)
+
+
+@dataclass(frozen=True)
 class SafetyConfig:
     """What the robot may do at most, enforced above the vendors' own limits.
 
@@ -51,7 +71,8 @@ class SafetyConfig:
     parts' own where those are higher. These are written into the robot model, so planners and the simulation keep them,
     too. ``tool_speed`` bounds the arms' tools, ``workspace`` their elbows, too. ``watchdog``: seconds without a sign of
     life after which a controller counts as lost and everything else is stopped; ``heartbeat``: of the process that
-    plans, or of the one that holds the connections, after which the robot brakes.
+    plans, or of the one that holds the connections, after which the robot brakes. ``stop_input``: what stops it from
+    outside.
     """
 
     joint_speed: Share | None = None
@@ -62,3 +83,4 @@ class SafetyConfig:
     workspace: WorkspaceConfig | None = None
     watchdog: TimeLimit = 0.25
     heartbeat: TimeLimit = 0.2
+    stop_input: StopInputConfig | None = None

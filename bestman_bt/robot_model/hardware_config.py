@@ -21,7 +21,7 @@ from bestman_bt.configuration import (
     salvage,
 )
 from bestman_bt.registry import CONNECTIONS, UnknownNameError, suggestion
-from bestman_bt.robot_model.connection_config import ConnectionConfig, SafetyConfig
+from bestman_bt.robot_model.connection_config import ConnectionConfig, SafetyConfig, host_and_port
 from bestman_bt.robot_model.model import ArmModel, BaseModel, GripperModel, Part, RobotModel
 from bestman_bt.robot_model.part_config import ArmPart
 from bestman_bt.robot_model.part_fields import PartConfig
@@ -178,6 +178,11 @@ def wider_limits(name: str, part: ArmPart, described: ArmPart, document: Documen
 def _safety_problems(safety: SafetyConfig, document: Document) -> Iterator[Problem]:
     if safety.joint_speed == 0.0:
         yield document.problem(("safety", "joint_speed"), "should be above 0, a share of the arms' speed limits")
+    if safety.stop_input is not None:
+        try:
+            host_and_port(safety.stop_input.address)
+        except ValueError as error:
+            yield document.problem(("safety", "stop_input", "address"), str(error))
     box = safety.workspace
     if box is not None:
         for axis, lower, upper in zip("xyz", box.lower, box.upper, strict=True):

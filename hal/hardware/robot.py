@@ -20,6 +20,7 @@ from hal.hardware.connection import Connection
 from hal.hardware.control_loop import ControlLoop
 from hal.hardware.controller_facts import ArmFacts, Identity
 from hal.hardware.heartbeat import Heartbeat
+from hal.hardware.stop_input import StopInput
 from hal.parts import ConnectionFailedError, StopLatch
 from hal.parts.black_box import StopRecorder
 from hal.parts.channels import traces
@@ -27,6 +28,8 @@ from hal.parts.channels import traces
 WATCH_RATE = 100.0
 """Hertz: how often the watchdog looks at each controller."""
 PLANNER = "the program that plans"
+"""Its name among faults."""
+STOP_INPUT = "stop input"
 """Its name among faults."""
 FOUND_AGAIN_TIME = 1.0
 """Seconds within which signs of life come again of a program that is back."""
@@ -62,8 +65,11 @@ class HardwareRobot(Robot):
         self._latch = StopLatch()
         self._lock = threading.RLock()
         self._faults: dict[str, Failure] = {}
+        config = model.safety.stop_input
+        self._stop_input = StopInput(config) if config is not None else None
         self._watchdog: ControlLoop | None = None
         self._watchdog_ended = False
+        self._objection: str | None = None  # of the stop input, as of the watchdog's last look
         self.stopped_at: float | None = None
         self.connections = {name: self._make(name) for name in model.connections}
         parts: dict[str, Part] = {}
@@ -93,6 +99,8 @@ class HardwareRobot(Robot):
         if not self.connections:
             raise ConnectionFailedError(f"robot {self.model.name!r} has no connections in its YAML")
         try:
+            if self._stop_input is not None:
+                self._stop_input.open()
             for connection in self.connections.values():
                 connection.connect()
         except BaseException:
@@ -138,6 +146,8 @@ class HardwareRobot(Robot):
             lost = {}
             if self._watchdog is not None:
                 self._await_planner()
+                if self._objection is not None:
+                    raise ConnectionFailedError(self._objection)
                 lost = {
                     name: fault for name, connection in self.connections.items() if (fault := self._clear(connection))
                 }
@@ -229,6 +239,10 @@ class HardwareRobot(Robot):
     def _watch(self, elapsed: float) -> None:
         """A controller with a fault stops the robot, once; so does a program that plans no more."""
         self._recorder.look()
+        self._objection = None if self._stop_input is None else self._stop_input.look()
+        if self._objection is not None and STOP_INPUT not in self._faults:
+            self._faults[STOP_INPUT] = asked = Failure(MotionErrorCode.STOPPED, self._objection)
+            self._stop(asked)
         if self._planner is not None and self._planner.silence > 0.0 and PLANNER not in self._faults:
             text = f"{PLANNER} gave no sign of life for {self._planner.longest_silence:g} s"
             silent = Failure(MotionErrorCode.STOPPED, text)
@@ -256,6 +270,8 @@ class HardwareRobot(Robot):
     def _disconnect_all(self) -> None:
         for connection in self.connections.values():
             connection.disconnect()
+        if self._stop_input is not None:
+            self._stop_input.close()
 
 
 def _in_order_of(model: RobotModel, parts: Mapping[str, Part]) -> list[str]:

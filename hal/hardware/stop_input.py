@@ -1,0 +1,72 @@
+"""A stop that comes from outside: a button, a scanner, a PLC, another robot, told in datagrams."""
+
+from __future__ import annotations
+
+import socket
+import time
+
+from bestman_bt.robot_model.connection_config import StopInputConfig, host_and_port
+from hal.parts import ConnectionFailedError
+
+RUN, STOP = b"run", b"stop"
+"""What a datagram says."""
+LONGEST = 64
+BEGINNING = 2.0
+"""Seconds within which it has to say ``run`` when the robot is connected."""
+
+
+class StopInput:
+    """Hears datagrams that say ``run`` or ``stop``. Silence is a stop: a wire that breaks must not let a robot go on.
+
+    ``look`` is called every few milliseconds, by one thread.
+    """
+
+    def __init__(self, config: StopInputConfig) -> None:
+        self._config = config
+        self._socket: socket.socket | None = None
+        self._last = b""
+        self._heard_at = -1e9
+
+    def open(self) -> None:
+        """Listen, and wait for a first ``run``; ConnectionFailedError."""
+        host, port = host_and_port(self._config.address)
+        family = socket.AF_INET6 if ":" in host else socket.AF_INET
+        self._socket = heard = socket.socket(family, socket.SOCK_DGRAM)
+        heard.setblocking(False)
+        try:
+            heard.bind((host, port))
+        except OSError as error:
+            self.close()
+            raise ConnectionFailedError(
+                f"the stop input cannot listen at {self._config.address}: {error.strerror or error}"
+            ) from error
+        deadline = time.monotonic() + BEGINNING
+        while (objection := self.look()) is not None:
+            if time.monotonic() > deadline:
+                self.close()
+                raise ConnectionFailedError(f"{objection}, without whose 'run' nothing may move")
+            time.sleep(0.01)
+
+    def close(self) -> None:
+        """Listen no more; idempotent."""
+        if self._socket is not None:
+            self._socket.close()
+            self._socket = None
+        self._last, self._heard_at = b"", -1e9
+
+    def look(self) -> str | None:
+        """Take in what has come; why the robot may not move, in words, or None. A ``stop`` among it is not missed."""
+        stopped = False
+        while self._socket is not None:
+            try:
+                word = self._socket.recv(LONGEST).strip().lower()
+            except OSError:  # nothing has come
+                break
+            if word in (RUN, STOP):
+                self._last, self._heard_at = word, time.monotonic()
+                stopped = stopped or word == STOP
+        if stopped or self._last == STOP:
+            return "the stop input says stop"
+        if time.monotonic() - self._heard_at > self._config.silence:
+            return f"the stop input has said nothing for {self._config.silence:g} s"
+        return None
