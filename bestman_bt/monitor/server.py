@@ -22,6 +22,7 @@ from starlette.staticfiles import StaticFiles
 from starlette.types import ASGIApp
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
+from bestman_bt.monitor.connections import BoundedProtocol
 from bestman_bt.monitor.control_client import SERVICE, socket_folder
 from bestman_bt.monitor.controls import CONTROLS, UnknownControlError, check_fields, control
 from bestman_bt.monitor.run import RunError
@@ -36,6 +37,10 @@ MOST_VIEWERS = 32
 PING_PERIOD = 20.0
 """Seconds; a page that does not answer for as long again is taken for gone."""
 IDLE_PERIOD = 5.0
+BODY_TIME = 5.0
+"""Seconds in which a request's body has to have come."""
+BACKLOG = 128
+"""Connections that the operating system accepts before we do."""
 _LOG = logging.getLogger(__name__)
 
 
@@ -159,10 +164,14 @@ def _error(text: str, status: int, headers: Mapping[str, str] | None = None) -> 
 async def _asked(request: Request) -> dict[str, Any]:
     """The JSON object of a request, empty without a body; raises RunError. No foreign page can send JSON unasked."""
     content = b""
-    async for piece in request.stream():
-        content += piece
-        if len(content) > LARGEST_REQUEST:
-            raise RunError(f"a request has at most {LARGEST_REQUEST} bytes")
+    try:
+        async with asyncio.timeout(BODY_TIME):
+            async for piece in request.stream():
+                content += piece
+                if len(content) > LARGEST_REQUEST:
+                    raise RunError(f"a request has at most {LARGEST_REQUEST} bytes")
+    except TimeoutError as error:
+        raise RunError(f"the request's body has not come within {BODY_TIME:g} s") from error
     if not content:
         return {}
     if request.headers.get("content-type", "").partition(";")[0].strip() != "application/json":
@@ -186,6 +195,8 @@ class MonitorServer:
             uvicorn.Config(
                 make_app(config, self.runs),
                 lifespan="on",
+                http=BoundedProtocol,
+                backlog=BACKLOG,
                 log_level="warning",
                 access_log=False,
                 server_header=False,
@@ -233,7 +244,7 @@ def bind(host: str, port: int) -> socket.socket:
     try:
         listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         listening.bind(address)
-        listening.listen(64)
+        listening.listen(BACKLOG)
     except OSError:
         listening.close()
         raise
