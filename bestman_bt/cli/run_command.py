@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 import os
 import shutil
 import sys
@@ -51,7 +52,7 @@ from bestman_bt.engine import Tree
 from bestman_bt.engine.validation import validate_file
 from bestman_bt.evaluation.episode import RECORDING_OVER, Watcher, prepare_episode, run_episode
 from bestman_bt.evaluation.result import Outcome, RunResult
-from bestman_bt.evaluation.run_folder import make_run_folder
+from bestman_bt.evaluation.run_folder import RESULT_NAME, make_run_folder
 from bestman_bt.extras import require_extra
 from bestman_bt.monitor.groot2 import Groot2Error, Groot2Publisher, check_servable
 from bestman_bt.runtime import Session, Setup
@@ -222,6 +223,8 @@ def command(
             show_in_monitor(page.monitor_port)
         result, _ = execute(setup, runs, view, judge)
         tell(result.to_document())
+    if RESULT_NAME in result.not_kept and not as_json:
+        print(json.dumps(result.to_document(), allow_nan=False))
     sys.exit(exit_code(result))
 
 

@@ -124,11 +124,17 @@ class RunView:
             table.add_row("audit", f"{counts}, deepest contact {result.audit['max_penetration_mm']:.2f} mm")
             for told in result.audit["disturbances"]:
                 table.add_row("disturbance", told)
-        table.add_row("files", str(folder))
-        for path in sorted(folder.iterdir()):
-            table.add_row("", path.name)
+        _add_files(table, result, folder)
         RESULTS.print()
         RESULTS.print(table, highlight=False)
+
+
+def _add_files(table: Table, result: RunResult, folder: Path) -> None:
+    for what, why in result.not_kept.items():
+        table.add_row("not kept", f"{what}: {why}")
+    table.add_row("files", str(folder))
+    for path in sorted(folder.iterdir()):
+        table.add_row("", path.name)
 
 
 def _metric_words(metrics: Mapping[str, float]) -> str:

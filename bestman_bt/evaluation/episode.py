@@ -24,9 +24,11 @@ from bestman_bt.evaluation.judge import find_judge
 from bestman_bt.evaluation.pictures import Pictures
 from bestman_bt.evaluation.recording import Recording
 from bestman_bt.evaluation.result import NO_GOAL, Outcome, RunResult
+from bestman_bt.evaluation.run_folder import RESULT_NAME
 from bestman_bt.evaluation.versions import versions
 from bestman_bt.extras import is_installed, missing_extra
 from bestman_bt.facts.evidence import Verdict
+from bestman_bt.records.keeping import Keeping
 from bestman_bt.robot_model import GripperModel
 from bestman_bt.runtime import Ending, Execution, Executor, Session, Setup, open_session, prepare
 from bestman_bt.runtime.executor import ExecutionWatcher
@@ -53,8 +55,14 @@ class _Observers:
     """What looks at the simulation from outside; made right after connecting. Later, nobody gets a view for free."""
 
     def __init__(
-        self, disturbed: bool, folder: Path | None, judge: Path | None, prepare_robot: Callable[[Robot], None] | None
+        self,
+        disturbed: bool,
+        folder: Path | None,
+        judge: Path | None,
+        prepare_robot: Callable[[Robot], None] | None,
+        keeping: Keeping,
     ) -> None:
+        self._keeping = keeping
         self._disturbed, self._folder, self._judge, self._prepare_robot = disturbed, folder, judge, prepare_robot
         self.robot: PyBulletRobot | None = None
         self.truth: GroundTruth | None = None
@@ -74,7 +82,7 @@ class _Observers:
             self.truth = GroundTruth(robot)
             self.scene = SceneRecorder(robot)
             if self._folder is not None:
-                self.pictures = Pictures(robot, self.truth, self._folder)
+                self.pictures = Pictures(robot, self.truth, self._folder, self._keeping)
             if self._disturbed:
                 self.injector = DisturbanceInjector(robot)
             robot.close_truth()
@@ -187,13 +195,14 @@ class JudgedSession:
         watch: Watcher | None = None,
         recording: Path | None = None,
         to_the_end: ExitStack | None = None,
+        keeping: Keeping | None = None,
     ) -> RunResult:
         """Load a tree, by default that of the task, tick it to its end and judge what has come of it.
 
         ``folder``, ``watch``, ``recording``: as of ``run_episode``; ``result.json`` is not written yet. ``to_the_end``:
         keeps Ctrl-C from interrupting what follows. Raises as ``Session.load``, before anything moves.
         """
-        observers, wall_start = self._observers, time.perf_counter()
+        observers, wall_start, keeping = self._observers, time.perf_counter(), keeping or Keeping()
         setup = self.session.setup_for(tree)
         session = replace(self.session, setup=setup, entries=self.session.entries_of(setup))
         judge = find_judge(setup.config)
@@ -203,13 +212,13 @@ class JudgedSession:
             if observers.truth is not None and self._watch_contacts is None:
                 self._watch_contacts = observers.watch_contacts(session)
             driven_before = observers.driven.length if observers.driven is not None else 0.0
-            after_tick = self._after_tick(stack, loaded, folder, watch, recording, durations)
+            after_tick = self._after_tick(stack, loaded, folder, watch, recording, durations, keeping)
             executor = session.executor(loaded, after_tick)
             recorded: _EndsWithRecording | None = None
             if isinstance(session.robot, ReplayRobot):
                 recorded = _EndsWithRecording(executor, session.robot, _last_tick_replayed(setup.config))
                 executor.watchers.append(recorded)
-            telemetry = stack.enter_context(session.telemetry(executor, folder))
+            telemetry = stack.enter_context(session.telemetry(executor, folder, keeping))
             stack.enter_context(session.control_channel(executor, telemetry).serving(folder))
             (to_the_end or stack).enter_context(executor.interrupts())
             at_start: Verdict | None = None
@@ -247,19 +256,22 @@ class JudgedSession:
             why = result.failure.why if result.failure is not None else result.not_judged
             telemetry.end(str(result.outcome), result.tree_status, why, execution.sim_time_s)
             if folder is not None:
-                write_world(folder / WORLD_NAME, setup, session.skills.world)
-        return result
+                world = session.skills.world
+                keeping.write(WORLD_NAME, lambda: write_world(folder / WORLD_NAME, setup, world))
+        return replace(result, not_kept=dict(keeping.lost))
 
-    def _recorders(self, tree: Tree, folder: Path | None, recording: Path | None) -> Iterator[MotionLog | Recording]:
+    def _recorders(
+        self, tree: Tree, folder: Path | None, recording: Path | None, keeping: Keeping
+    ) -> Iterator[MotionLog | Recording]:
         session, scene = self.session, self._observers.scene
         if scene is None:
             return
         if folder is not None:
-            yield MotionLog(folder, scene)
+            yield MotionLog(folder, scene, keeping=keeping)
             if recording is None and session.setup.config.record:
                 recording = folder / RECORDING_NAME
         if recording is not None:
-            yield Recording(recording, session, tree, scene)
+            yield Recording(recording, session, tree, scene, keeping=keeping)
 
     def _after_tick(
         self,
@@ -269,10 +281,11 @@ class JudgedSession:
         watch: Watcher | None,
         recording: Path | None,
         durations: Durations,
+        keeping: Keeping,
     ) -> Callable[[], None]:
         session, observers = self.session, self._observers
         calls: list[Callable[[], None]] = [durations.after_tick]
-        for recorder in self._recorders(tree, folder, recording):
+        for recorder in self._recorders(tree, folder, recording, keeping):
             recorder.open()
             stack.callback(recorder.close)
             calls.append(recorder.after_tick)
@@ -303,14 +316,16 @@ def open_judged(
     gui: bool = False,
     twin_judge: Path | None = None,
     prepare_robot: Callable[[Robot], None] | None = None,
+    keeping: Keeping | None = None,
 ) -> Iterator[JudgedSession]:
     """Connect the configured robot for runs that are judged; arguments as of ``run_episode``, which it raises as."""
     with told_to_programs():
         setup = prepare_episode(config) if isinstance(config, RunConfig) else config
     disturbed = bool(setup.config.task.disturbances)
-    observers = _Observers(disturbed, folder if pictures else None, twin_judge, prepare_robot)
+    keeping = keeping or Keeping()
+    observers = _Observers(disturbed, folder if pictures else None, twin_judge, prepare_robot, keeping)
     with ExitStack() as stack:
-        recorder = _recorder(stack, setup, folder)
+        recorder = _recorder(stack, setup, folder, keeping)
         yield JudgedSession(stack.enter_context(open_session(setup, observers.attach, gui, recorder)), observers)
 
 
@@ -334,23 +349,23 @@ def run_episode(
     a view of the truth whose reads are not counted. ``recording``: where a simulated run is recorded, whatever the
     configuration asks for. Raises as ``prepare_episode``, before anything is started.
     """
-    wall_start = time.perf_counter()
+    wall_start, keeping = time.perf_counter(), Keeping()
     with ExitStack() as to_the_end:
-        with open_judged(config, folder, pictures, gui, twin_judge, prepare_robot) as judged:
-            result = judged.run(None, folder, watch, recording, to_the_end)
+        with open_judged(config, folder, pictures, gui, twin_judge, prepare_robot, keeping) as judged:
+            result = judged.run(None, folder, watch, recording, to_the_end, keeping)
             result = replace(result, wall_time_s=round(time.perf_counter() - wall_start, 3))
         if folder is not None:
-            result.write(folder / "result.json")
-    return result
+            keeping.write(RESULT_NAME, lambda: result.write(folder / RESULT_NAME))
+    return replace(result, not_kept=dict(keeping.lost))
 
 
-def _recorder(stack: ExitStack, setup: Setup, folder: Path | None) -> Callable[[Robot], Robot] | None:
+def _recorder(stack: ExitStack, setup: Setup, folder: Path | None, keeping: Keeping) -> Callable[[Robot], Robot] | None:
     """What writes down, for the driver ``replay``, all that skills read and command; None where nobody asked for it."""
     if folder is None or not setup.config.record:
         return None
 
     def see_through(robot: Robot) -> Robot:
-        recorded = RecordedRobot(robot, folder / TAPE_NAME)
+        recorded = RecordedRobot(robot, folder / TAPE_NAME, partial(keeping.lose, TAPE_NAME))
         stack.callback(recorded.close)
         return recorded
 

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from pathlib import Path
 
 from bestman_bt.engine import RUNNING, Node, Tree
 from bestman_bt.messages import Pose, Pose2D
+from bestman_bt.records.keeping import Keeping
 from bestman_bt.visualization import RobotSnapshot
 from bestman_bt.visualization.motion_file import MOTION_NAME, MotionWriter
 from hal.simulation import GroundTruth, SceneRecorder, SceneSnapshot
@@ -34,9 +36,10 @@ class DrivenPath:
 
 
 class MotionLog:
-    """Adds a moment to ``motion.jsonl`` in ``folder`` at every ``every``-th tick."""
+    """Adds a moment to ``motion.jsonl`` in ``folder`` at every ``every``-th tick, as long as that can be written."""
 
-    def __init__(self, folder: Path, scene: SceneRecorder, every: int = 4) -> None:
+    def __init__(self, folder: Path, scene: SceneRecorder, every: int = 4, keeping: Keeping | None = None) -> None:
+        self._keeping = keeping or Keeping()
         self._writer = MotionWriter(folder / MOTION_NAME)
         self._scene, self._every = scene, every
         self._ticks = 0
@@ -48,7 +51,8 @@ class MotionLog:
     def close(self) -> None:
         """Write the last moment and end the file."""
         self._write()
-        self._writer.close()
+        with suppress(OSError):  # of what could not be written before
+            self._writer.close()
 
     def after_tick(self) -> None:
         """Called by the executor."""
@@ -57,7 +61,8 @@ class MotionLog:
             self._write()
 
     def _write(self) -> None:
-        self._writer.write(robot_snapshot(self._scene.scene_snapshot(), self._ticks))
+        snapshot = robot_snapshot(self._scene.scene_snapshot(), self._ticks)
+        self._keeping.write(MOTION_NAME, lambda: self._writer.write(snapshot))
 
 
 def robot_snapshot(seen: SceneSnapshot, tick: int, believed: Pose | None = None) -> RobotSnapshot:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from bestman_bt.messages import Pose
+from bestman_bt.records.keeping import Keeping
 from hal.pybullet import PyBulletRobot
 from hal.simulation import GroundTruth, ScenePhotographer, Viewpoint
 
@@ -22,10 +23,10 @@ ENOUGH = 0.003
 class Pictures:
     """Takes pictures into a run folder; made right after connecting, before time runs."""
 
-    def __init__(self, robot: PyBulletRobot, truth: GroundTruth, folder: Path) -> None:
+    def __init__(self, robot: PyBulletRobot, truth: GroundTruth, folder: Path, keeping: Keeping) -> None:
         self._photographer = ScenePhotographer(robot)
         self._truth = truth
-        self._folder = folder
+        self._folder, self._keeping = folder, keeping
         self._walls = robot.world.walls
 
     def take(self, name: str, subject: str | None = None) -> Path:
@@ -39,7 +40,8 @@ class Pictures:
 
     def _save(self, name: str, viewpoint: Viewpoint) -> Path:
         path = self._folder / f"{name}.png"
-        Image.fromarray(self._photographer.picture(viewpoint)).save(path)
+        picture = Image.fromarray(self._photographer.picture(viewpoint))
+        self._keeping.write(path.name, lambda: picture.save(path))
         return path
 
     def _overview(self) -> Viewpoint:

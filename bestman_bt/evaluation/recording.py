@@ -19,6 +19,7 @@ from bestman_bt.evaluation.episode_measures import robot_snapshot
 from bestman_bt.manipulation.kinematics import ForwardKinematics
 from bestman_bt.messages import Cylinder, Path2D, PlacedShape, Pose, Pose2D
 from bestman_bt.records.described_tree import describe_changes, describe_tree
+from bestman_bt.records.keeping import Keeping
 from bestman_bt.records.shown_value import show_value
 from bestman_bt.robot_model import ArmModel, CameraPart, GripperModel, LidarPart
 from bestman_bt.runtime import Session
@@ -27,7 +28,7 @@ from bestman_bt.runtime.looking import object_marks
 from bestman_bt.scene import Articulation, PlacedFurniture, Walker, World, wall_box
 from bestman_bt.visualization import RecordedBody
 from bestman_bt.visualization.marks import GraspMark
-from bestman_bt.visualization.rerun import RecordedCamera, RecordingSetup, RerunRecorder
+from bestman_bt.visualization.rerun import RECORDING_NAME, RecordedCamera, RecordingSetup, RerunRecorder
 from bestman_bt.world_model import ObjectBelief
 from hal.simulation import SceneRecorder
 
@@ -121,7 +122,16 @@ WALKER_COLOR = (0.45, 0.5, 0.75, 1.0)
 class Recording:
     """Feeds a recorder from a session: a snapshot every ``every``-th tick, images and clouds when a skill takes one."""
 
-    def __init__(self, path: Path, session: Session, tree: Tree, scene: SceneRecorder, every: int = 2) -> None:
+    def __init__(
+        self,
+        path: Path,
+        session: Session,
+        tree: Tree,
+        scene: SceneRecorder,
+        every: int = 2,
+        keeping: Keeping | None = None,
+    ) -> None:
+        self._keeping = keeping or Keeping()
         setup = session.setup
         model = setup.robot_model
         self._session, self._tree, self._scene, self._every = session, tree, scene, every
@@ -159,7 +169,7 @@ class Recording:
         """Take a last snapshot and close the file."""
         self._tree.unsubscribe(self._on_changes)
         self._snapshot()
-        self._recorder.close()
+        self._keeping.write(RECORDING_NAME, self._recorder.close)
 
     def after_tick(self) -> None:
         """Called by the executor."""

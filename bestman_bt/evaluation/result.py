@@ -36,6 +36,7 @@ class RunResult:
     ``predicate``: None where it was not; ``not_judged``: why not, in words. ``held_at_start``: whether it held before
     the first tick, None where nobody judged. ``moved_by_others``: objects, doors and drawers of the goal that a
     disturbance moved and the robot never touched.
+    ``not_kept``: what of the run could not be written down to its end, such as ``motion.jsonl`` → why.
     ``audit``: see ``evaluation.audit``. ``metrics``: name → value, for example ``place_error_mm``.
     ``durations``: simulated seconds by kind of work (``evaluation.durations``); of kinds that overlap, in both.
     """
@@ -56,6 +57,7 @@ class RunResult:
     not_judged: str = ""
     held_at_start: bool | None = None
     moved_by_others: list[str] = field(default_factory=list)
+    not_kept: dict[str, str] = field(default_factory=dict)
 
     @property
     def judged(self) -> bool:
@@ -101,8 +103,13 @@ class RunResult:
             raise ValueError(f"{where}: {first['msg']}") from error
 
     def write(self, path: Path) -> None:
-        """Write ``result.json``."""
-        path.write_text(json.dumps(self.to_document(), indent=2, allow_nan=False) + "\n", encoding="utf-8")
+        """Write ``result.json``, whole or not at all."""
+        part = path.with_name(path.name + ".part")
+        try:
+            part.write_text(json.dumps(self.to_document(), indent=2, allow_nan=False) + "\n", encoding="utf-8")
+            part.replace(path)
+        finally:
+            part.unlink(missing_ok=True)
 
 
 @cache

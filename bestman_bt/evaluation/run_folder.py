@@ -22,15 +22,14 @@ def make_run_folder(config: RunConfig, parent: Path = Path("runs")) -> Path:
     while True:
         try:
             folder.mkdir(parents=True)
-            break
+            (folder / "config.yaml").write_text(dump_run(config, absolute=True), encoding="utf-8")
+            return folder
         except FileExistsError:
             number += 1
             folder = parent / f"{stem}-{number}"
         except OSError as error:
             message = f"no run folder can be made there: {error.strerror}"
             raise ConfigurationError([Problem(f"--runs {parent}", None, "", message)]) from error
-    (folder / "config.yaml").write_text(dump_run(config, absolute=True), encoding="utf-8")
-    return folder
 
 
 def claim_run_folder(folder: Path) -> None:

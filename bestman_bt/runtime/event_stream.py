@@ -31,6 +31,7 @@ from bestman_bt.records.events import (
     to_line,
     topic_of,
 )
+from bestman_bt.records.keeping import Keeping
 from bestman_bt.records.writer import RunLogWriter
 from bestman_bt.runtime.outbox import Outbox
 
@@ -111,6 +112,7 @@ FLUSH_EVERY = 0.25
 """Seconds after which at the latest the files are handed what was written."""
 REST = 0.005
 """Seconds between looks at what waits, so that ticks in quick succession do not wake the thread one by one."""
+LOGS = "the run's logs"
 LAST_EVENTS = 10.0
 """Seconds that the thread gets at the end to write what still waits."""
 
@@ -135,15 +137,16 @@ class EventStream:
         self._subscriptions: list[_Subscription] = []
         self._standing = Standing()
         self._log: RunLogWriter | None = None
+        self._keeping = Keeping()
         self._lost = 0
         self._flushed = 0.0
         self._thread = threading.Thread(target=self._run, name="events", daemon=True)
         self.wanted: frozenset[Topic] = frozenset()
         """The topics that somebody has subscribed to."""
 
-    def start(self, log: RunLogWriter | None) -> None:
-        """Begin; ``log`` is written to, and closed at the end."""
-        self._log = log
+    def start(self, log: RunLogWriter | None, keeping: Keeping | None = None) -> None:
+        """Begin; ``log`` is written to, and closed at the end or where a write fails, which ``keeping`` is told."""
+        self._log, self._keeping = log, keeping or Keeping()
         self._thread.start()
 
     def tell(self, make: Making) -> bool:
@@ -184,7 +187,7 @@ class EventStream:
                 time.sleep(REST)
         finally:
             if self._log is not None:
-                self._log.close()
+                self._write(self._log.close)
 
     def _work_off(self) -> bool:
         """Hand on all that waits, or wait for something; False at the end."""
@@ -213,7 +216,7 @@ class EventStream:
         now = time.monotonic()
         if self._log is not None and now - self._flushed >= FLUSH_EVERY:
             self._flushed = now
-            self._log.flush()
+            self._write(self._log.flush)
 
     def _hand_on(self, event: Event) -> None:
         self._standing.take(event)
@@ -225,14 +228,20 @@ class EventStream:
                 self._send(subscription, line)
 
     def _keep(self, event: Event) -> None:
-        if self._log is None:
+        log = self._log
+        if log is not None:
+            self._write(lambda: log.write(event))
+
+    def _write(self, write: Callable[[], None]) -> None:
+        """Have the log written to; where that fails, subscribers are told and nothing more is written."""
+        log = self._log
+        if self._keeping.write(LOGS, write) or log is None:
             return
-        try:
-            self._log.write(event)
-        except OSError as error:
-            self._log = None
-            message = f"nothing is kept of the run from here on: {error.strerror}"
-            self._hand_on(LogEvent(self._standing.time, "error", message, logger=__name__))
+        self._log = None
+        with contextlib.suppress(OSError):
+            log.close()
+        message = f"nothing is kept of the run from here on: {self._keeping.lost[LOGS]}"
+        self._hand_on(LogEvent(self._standing.time, "error", message, logger=__name__))
 
     def _send(self, subscription: _Subscription, line: bytes) -> None:
         outbox = subscription.outbox

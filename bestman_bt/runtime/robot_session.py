@@ -25,6 +25,7 @@ from bestman_bt.control.operator_speed import OperatorSpeed
 from bestman_bt.control.robot_stop import RobotStop
 from bestman_bt.engine import Problem, Tree, TreeLoadError
 from bestman_bt.records.events import RunEvent
+from bestman_bt.records.keeping import Keeping
 from bestman_bt.registry import DRIVERS
 from bestman_bt.runtime.algorithms import Algorithms, algorithm_by_name
 from bestman_bt.runtime.control_channel import ControlChannel
@@ -188,10 +189,10 @@ class Session:
             tree.blackboard.set("start", believed.pose)
         return tree
 
-    def telemetry(self, executor: Executor, folder: Path | None = None) -> Telemetry:
+    def telemetry(self, executor: Executor, folder: Path | None = None, keeping: Keeping | None = None) -> Telemetry:
         """Create the telemetry of one execution: tree states, robot, images, failures; kept in ``folder``, if any.
 
-        There the robot writes its black box, too.
+        There the robot writes its black box, too. ``keeping``: is told where the folder takes nothing more.
         """
         self.robot.keep_black_box_in(None if folder is None else folder.resolve())
         sources = (
@@ -199,7 +200,7 @@ class Session:
             PictureSource(self.skills, folder),
         )
         run = describe_run(self.setup, executor, folder)
-        return Telemetry(executor, run, folder, self.skills.failures, sources)
+        return Telemetry(executor, run, folder, self.skills.failures, sources, keeping)
 
 
 def _missing(entries: Mapping[str, Any], tree: Tree) -> dict[str, Any]:

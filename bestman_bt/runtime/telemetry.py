@@ -29,9 +29,10 @@ from bestman_bt.records.events import (
     StatesEvent,
     Topic,
 )
+from bestman_bt.records.keeping import Keeping
 from bestman_bt.records.writer import RunLogWriter
 from bestman_bt.runtime.blackboard_changes import BlackboardChanges, blackboard_event
-from bestman_bt.runtime.event_stream import EventStream, Tell
+from bestman_bt.runtime.event_stream import LOGS, EventStream, Tell
 from bestman_bt.runtime.executor import Ending, Execution, Executor, Hold
 from bestman_bt.runtime.failure_lines import FailureLines, failure_codes
 from bestman_bt.runtime.outbox import Outbox
@@ -187,8 +188,8 @@ class Source(Protocol):
 class Telemetry:
     """Tells of one execution while it is used as a context; it watches the executor.
 
-    ``folder``: where the events are kept, if anywhere. ``told``: where skills tell of their failures. ``sources``: what
-    else is told.
+    ``folder``: where the events are kept, if anywhere; ``keeping`` is told where that fails. ``told``: where skills
+    tell of their failures. ``sources``: what else is told.
     """
 
     def __init__(
@@ -198,8 +199,10 @@ class Telemetry:
         folder: Path | None = None,
         told: Sequence[NodeFailure] = (),
         sources: Sequence[Source] = (),
+        keeping: Keeping | None = None,
     ) -> None:
         self.run = run
+        self._keeping = keeping or Keeping()
         self._executor, self._tree, self._folder = executor, executor.tree, folder
         self._sources = sources
         self._stream = EventStream()
@@ -217,8 +220,13 @@ class Telemetry:
         self._package_log = PackageLog(self.tell, self.now)
 
     def __enter__(self) -> Telemetry:
-        log = None if self._folder is None else RunLogWriter(self._folder, self._tree, self.run)
-        self._stream.start(log)
+        log: RunLogWriter | None = None
+        if self._folder is not None:
+            try:
+                log = RunLogWriter(self._folder, self._tree, self.run)
+            except OSError as error:
+                self._keeping.lose(LOGS, error)
+        self._stream.start(log, self._keeping)
         self._executor.watchers.append(self)
         if log is not None:
             self._attach()

@@ -37,12 +37,12 @@ class RecordedRobot(Robot):
     """``robot``, connected, with everything that goes through it written to ``path`` until ``close``.
 
     One line of JSON each, compressed: first the description of the parts; then readings, commands, and how the motions
-    ended. Joints, grippers and speeds are looked at besides; in simulation, what has
-    noise or adds up is not, so that a run is the same without this.
+    ended. Joints, grippers and speeds are looked at besides; in simulation, what has noise or adds up is not, so that a
+    run is the same without this. Where a line cannot be written, ``failed`` is told and the recording is over.
     """
 
-    def __init__(self, robot: Robot, path: Path) -> None:
-        self._robot = robot
+    def __init__(self, robot: Robot, path: Path, failed: Callable[[OSError], None] = lambda error: None) -> None:
+        self._robot, self._failed = robot, failed
         self._lock = threading.Lock()
         self._file = io.TextIOWrapper(gzip.GzipFile(path, "wb", compresslevel=1), encoding="utf-8")
         self._pending: list[RecordedMotion] = []
@@ -113,7 +113,7 @@ class RecordedRobot(Robot):
             self._timer.cancel()
             self._timer = None
             self._note_ends()
-            with self._lock:
+            with self._lock, suppress(OSError):  # of what could not be written before
                 self._file.close()
 
     # Private
@@ -195,7 +195,12 @@ class RecordedRobot(Robot):
                 self._write({"t": self._robot.clock.now(), **line})
 
     def _write(self, line: dict[str, Any]) -> None:
-        self._file.write(json.dumps(line, separators=(",", ":")) + "\n")
+        try:
+            self._file.write(json.dumps(line, separators=(",", ":")) + "\n")
+        except OSError as error:
+            self._failed(error)
+            with suppress(OSError):
+                self._file.close()
 
 
 class RecordedMotion(Motion[Any]):

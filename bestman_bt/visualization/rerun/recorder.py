@@ -72,11 +72,15 @@ class RerunRecorder:
             raise
 
     def close(self) -> None:
-        """Write what is pending and close the file; nothing if it is closed."""
+        """Write what is pending and close the file; nothing if it is closed. OSError where it could not be written."""
         if self._open is not None:
-            self._open.stream.flush()
-            self._open.stream.disconnect()
-            self._open = None
+            stream, self._open = self._open.stream, None
+            try:
+                stream.flush()
+            except RuntimeError as error:  # of rerun, whose file has ended, as on a full disk
+                raise OSError(str(error)) from error
+            finally:
+                stream.disconnect()
 
     def __enter__(self) -> RerunRecorder:
         self.open()
