@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import re
 from collections.abc import Callable
 from typing import Any
 
@@ -10,6 +11,25 @@ from hal.api import NotConnectedError
 from hal.pybullet.package import pybullet
 from hal.simulation import Ledger, SimulationError
 
+ALLOWED = frozenset(
+    {
+        *("getAPIVersion", "getConnectionInfo", "isConnected", "isNumpyEnabled", "connect", "error"),
+        *("getNumBodies", "getBodyUniqueId", "getBodyInfo", "getNumJoints", "getJointInfo", "computeDofCount"),
+        *("computeViewMatrix", "computeViewMatrixFromYawPitchRoll", "computeProjectionMatrix"),
+        *("computeProjectionMatrixFOV", "getQuaternionFromEuler", "getEulerFromQuaternion", "multiplyTransforms"),
+        *("invertTransform", "getMatrixFromQuaternion", "getQuaternionSlerp", "getQuaternionFromAxisAngle"),
+        *("getAxisAngleFromQuaternion", "getDifferenceQuaternion", "getAxisDifferenceQuaternion"),
+        *("calculateVelocityQuaternion", "rotateVector", "calculateInverseDynamics", "calculateJacobian"),
+        *("calculateMassMatrix", "calculateInverseKinematics", "calculateInverseKinematics2"),
+        *("getPhysicsEngineParameters", "setAdditionalSearchPath", "vhacd", "submitProfileTiming"),
+        *("getKeyboardEvents", "getMouseEvents", "getVREvents", "setVRCameraState"),
+        *("addUserDebugLine", "addUserDebugPoints", "addUserDebugText", "addUserDebugParameter"),
+        *("readUserDebugParameter", "removeUserDebugItem", "removeAllUserDebugItems", "removeAllUserParameters"),
+        *("getDebugVisualizerCamera", "configureDebugVisualizer", "resetDebugVisualizerCamera"),
+    }
+)
+"""What anybody may call while a run goes on: mathematics, descriptions without poses, drawings in the window. Every
+other function is counted."""
 RESETS = frozenset(
     {
         "resetBasePositionAndOrientation",
@@ -23,53 +43,22 @@ RESETS = frozenset(
     }
 )
 CONSTRAINTS = frozenset({"createConstraint", "createSoftBodyAnchor"})
-TAMPERING = frozenset(
-    {
-        "applyExternalForce",
-        "applyExternalTorque",
-        "changeConstraint",
-        "changeDynamics",
-        "createMultiBody",
-        "loadBullet",
-        "loadMJCF",
-        "loadSDF",
-        "loadSoftBody",
-        "loadURDF",
-        "removeBody",
-        "removeConstraint",
-        "setCollisionFilterGroupMask",
-        "setCollisionFilterPair",
-        "setGravity",
-        "setPhysicsEngineParameter",
-        "setTimeStep",
-    }
+READS = ("get", "ray", "save", "render", "startStateLogging", "performCollisionDetection")
+"""What the names of functions that tell of the world begin with."""
+OWN = frozenset(
+    {"getJointState", "getJointStates", "getJointStateMultiDof", "getJointStatesMultiDof", "getDynamicsInfo"}
 )
-TRUTH_READS = frozenset(
-    {
-        "getAABB",
-        "getBasePositionAndOrientation",
-        "getBaseVelocity",
-        "getCameraImage",
-        "getClosestPoints",
-        "getContactPoints",
-        "getLinkState",
-        "getLinkStates",
-        "getOverlappingObjects",
-        "rayTest",
-        "rayTestBatch",
-    }
-)
-ENCODER_READS = frozenset({"getJointState", "getJointStates", "getJointStateMultiDof", "getJointStatesMultiDof"})
-JOINT_MOTORS = frozenset(
-    {
-        "setJointMotorControl",
-        "setJointMotorControl2",
-        "setJointMotorControlArray",
-        "setJointMotorControlMultiDof",
-        "setJointMotorControlMultiDofArray",
-    }
-)
-GUARDED = RESETS | CONSTRAINTS | TAMPERING | TRUTH_READS | ENCODER_READS | JOINT_MOTORS
+"""Of these, those that are free for the robot's own body: its encoders and its masses."""
+
+
+def kind_of(name: str) -> str:
+    """As what a function is counted."""
+    if name in RESETS:
+        return "resets"
+    if name in CONSTRAINTS:
+        return "constraints"
+    return "truth_reads" if name.startswith(READS) else "tampering"
+
 
 # Taken once, so that the guard on the module (raw_call_guard) does not see the calls that pass here.
 _FUNCTIONS: dict[str, Callable[..., Any]] = {name: value for name, value in vars(pybullet).items() if callable(value)}
@@ -78,8 +67,9 @@ _FUNCTIONS: dict[str, Callable[..., Any]] = {name: value for name, value in vars
 class PhysicsClient:
     """One physics server of its own; pybullet's functions are its attributes, without ``physicsClientId``.
 
-    Once the ledger is sealed (the scene is built), resets, constraints, tampering and reads of ground truth are
-    counted in it. Joint states of ``robot``, a body, are encoders and free; every other pose is ground truth.
+    Once the ledger is sealed (the scene is built), every call that is not ``ALLOWED`` is counted in it: resets,
+    constraints, tampering (motors of the robot, too, which are commanded through the Robotics API) and reads of ground
+    truth. Joint states of ``robot``, a body, are encoders and free; every other pose is ground truth.
     """
 
     def __init__(self, ledger: Ledger | None = None) -> None:
@@ -114,16 +104,10 @@ class PhysicsClient:
         return client
 
     def note(self, name: str, arguments: tuple[Any, ...] = (), keywords: dict[str, Any] | None = None) -> None:
-        """Count a call of a guarded function, if it is one that an honest run does not make."""
+        """Count a call, if it is one that an honest run does not make."""
         body = arguments[0] if arguments else (keywords or {}).get("bodyUniqueId")
-        if name in RESETS:
-            self.ledger.note("resets", name)
-        elif name in CONSTRAINTS:
-            self.ledger.note("constraints", name)
-        elif name in TAMPERING or (name in JOINT_MOTORS and body != self.robot):
-            self.ledger.note("tampering", name)  # doors and drawers have no motors, and those of walkers are no skill's
-        elif name in TRUTH_READS or (name in ENCODER_READS and body != self.robot):
-            self.ledger.note("truth_reads", name)
+        if name not in ALLOWED and not (name in OWN and body == self.robot):
+            self.ledger.note(kind_of(name), name)
 
     def __getattr__(self, name: str) -> Callable[..., Any]:
         if name.startswith("_") or name not in _FUNCTIONS:
@@ -131,7 +115,7 @@ class PhysicsClient:
         if self.id < 0:
             raise NotConnectedError("the simulation is not connected; call connect() first")
         bound: Callable[..., Any] = functools.partial(_FUNCTIONS[name], physicsClientId=self.id)
-        if self._counts and name in GUARDED:
+        if self._counts and name not in ALLOWED:
             bound = self._counted(name, bound)
         self._bound.add(name)
         self.__dict__[name] = bound  # the next call finds it without coming here
@@ -145,15 +129,14 @@ class PhysicsClient:
         return counted
 
 
-MOTORS = JOINT_MOTORS | {"stepSimulation"}
-
 _watched: dict[int, PhysicsClient] = {}
 
 
 class RawCallGuard:
     """Counts for one robot, from ``install`` to ``remove``, the calls that do not come from its client.
 
-    It sees calls that name its physics server by ``physicsClientId``, or that mean it by default (server 0). What
+    It sees calls that name its physics server, by keyword or as their last argument, or that mean it by default (server
+    0). What
     it cannot see (functions taken before this package was imported) the watchers see by its effects.
     """
 
@@ -169,14 +152,24 @@ class RawCallGuard:
         _watched.pop(self._server, None)
 
 
+def _most_arguments(function: Callable[..., Any]) -> int:
+    """How many arguments a function takes, by its own complaint; the last one is the physics server."""
+    try:
+        function(*[None] * 99)
+    except Exception as error:  # noqa: BLE001 - of whatever type: nothing is called with so many
+        found = re.search(r"at most (\d+) argument", str(error))
+        return int(found[1]) if found else 0
+    return 0
+
+
 def _guard(name: str, original: Callable[..., Any]) -> Callable[..., Any]:
+    most = _most_arguments(original)
+
     def guarded(*arguments: Any, **keywords: Any) -> Any:
-        client = _watched.get(keywords.get("physicsClientId", 0))
+        server = arguments[-1] if most and len(arguments) == most else keywords.get("physicsClientId", 0)
+        client = _watched.get(server) if isinstance(server, int) else None
         if client is not None:
-            if name in MOTORS:
-                client.ledger.note("tampering", name)
-            else:
-                client.note(name, arguments, keywords)
+            client.note(name, arguments, keywords)
         return original(*arguments, **keywords)
 
     return guarded
@@ -184,6 +177,6 @@ def _guard(name: str, original: Callable[..., Any]) -> Callable[..., Any]:
 
 # Once and for good, when this package is imported: so what a plug-in takes from the module before a robot connects
 # ("from pybullet import resetJointState") is guarded as well.
-for _name in GUARDED | MOTORS:
-    if _name in vars(pybullet):
-        setattr(pybullet, _name, _guard(_name, getattr(pybullet, _name)))
+for _name, _function in _FUNCTIONS.items():
+    if _name not in ALLOWED and not isinstance(_function, type):
+        setattr(pybullet, _name, _guard(_name, _function))

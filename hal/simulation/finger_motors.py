@@ -71,7 +71,7 @@ class FingerMotors(SimulatedChannel, GripperChannel):
         targets, per_metre = model.joint_positions(width), model.transmission(self.read().width)
         for joint, index in zip(model.part.joints, self._indices, strict=True):
             effort = force / (per_metre * len(self._indices))
-            self.simulation.engine.approach(index, targets[joint], speed * per_metre, effort)
+            self.motors.approach(index, targets[joint], speed * per_metre, effort)
 
 
 class ContactRefresh:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import sys
 from collections.abc import Callable
 from enum import Enum
@@ -27,15 +28,11 @@ TRUTH = frozenset(
         "segments",
     }
 )
-KINDS = {
-    **dict.fromkeys(TRUTH, "truth_reads"),
-    **dict.fromkeys(("turn", "push", "set_friction", "forget_contacts"), "tampering"),
-    "put": "resets",
-}
-"""Functions of an engine that are counted, and as what."""
-OWN = frozenset({"joint_states", "turn"})
-"""Of these, those that are free for the robot's own body: its encoders and motors. Doors and drawers have none, and
-those of walkers are no skill's."""
+KINDS = {**dict.fromkeys(TRUTH | {"friction", "constants", "constraint_count"}, "truth_reads"), "put": "resets"}
+"""As what functions of an engine are counted; all others are tampering: motors are commanded through the Robotics
+API, whose parts have the engine by ``Simulation.actor``."""
+OWN = frozenset({"joint_states"})
+"""Of these, those that are free for the robot's own body: its encoders."""
 
 
 class ReadPurpose(Enum):
@@ -49,14 +46,14 @@ class ReadPurpose(Enum):
 
 
 class GuardedEngine:
-    """An engine as anybody finds it in a robot: its functions are the attributes, and are counted."""
+    """An engine as anybody finds it in a robot: its functions are the attributes, and each of them is counted."""
 
     def __init__(self, engine: Engine) -> None:
         self._engine = engine
 
     def __getattr__(self, name: str) -> Any:
         found = getattr(self._engine, name)
-        if name in KINDS:
+        if inspect.isroutine(found):
             found = self._counted(name, found)
         self.__dict__[name] = found  # the next call finds it without coming here
         return found
@@ -66,7 +63,7 @@ class GuardedEngine:
 
         def counted(*arguments: Any, **keywords: Any) -> Any:
             if not (name in OWN and robot in (*arguments[:1], keywords.get("body"))):
-                ledger.note(KINDS[name], name)
+                ledger.note(KINDS.get(name, "tampering"), name)
             return call(*arguments, **keywords)
 
         return counted

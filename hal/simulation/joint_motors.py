@@ -164,11 +164,11 @@ class JointMotors(SimulatedChannel, JointChannel):
 
     def _apply_torques(self) -> None:
         if self._torques is not None:
-            self.simulation.engine.exert(self._indices, self._torques)
+            self.motors.exert(self._indices, self._torques)
 
     def _drive(self, position: Array, velocity: Array) -> None:
         efforts, gain = self._model.effort.tolist(), self._parameters.joint_gain
-        self.simulation.engine.track(self._indices, position, velocity, efforts, gain)
+        self.motors.track(self._indices, position, velocity, efforts, gain)
 
     def _measured(self, row: int) -> Array:
         values: Array = self.simulation.joint_states()[row, self._slots]

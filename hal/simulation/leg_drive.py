@@ -65,7 +65,7 @@ class LegDrive(SimulatedChannel, BaseChannel):
             self._velocity, angles.reshape(shape), speeds.reshape(shape), turning, force, step
         ).ravel()
         simulation.torques[self._slots] = torques
-        simulation.engine.exert(self._indices, torques)
+        self.motors.exert(self._indices, torques)
 
     def _new_walker(self) -> Walker:
         legs = self._model.legs

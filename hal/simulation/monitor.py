@@ -135,7 +135,7 @@ class IntegrityCheck:
 
     def __init__(self, simulation: Simulation, reader: Reader) -> None:
         built = simulation.built
-        self._engine, self._reader = simulation.engine, reader
+        self._engine, self._reader = simulation.actor(), reader
         self._fixed = {**built.walls, **built.furniture, "floor": built.floor}
         self._constraints = self._engine.constraint_count()
         self._constants = self._engine.constants()

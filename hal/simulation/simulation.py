@@ -283,6 +283,7 @@ class SimulatedChannel:
     """What the channels to simulated actuators share: the simulation, to which they are attached while connected."""
 
     _attached_to: Simulation | None = None
+    motors: Engine
 
     @property
     def simulation(self) -> Simulation:
@@ -293,7 +294,7 @@ class SimulatedChannel:
 
     def attach(self, simulation: Simulation) -> None:
         """Act in a running simulation from now on; the actuator holds where it is."""
-        self._attached_to = simulation
+        self._attached_to, self.motors = simulation, simulation.actor()
 
     def detach(self) -> None:
         """Let go of the simulation; idempotent."""

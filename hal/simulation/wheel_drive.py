@@ -240,6 +240,7 @@ class WheelMotors:
 
     def __init__(self, simulation: Simulation, base: BasePart, parameters: SimulationParameters) -> None:
         self._simulation, self._base, self._parameters = simulation, base, parameters
+        self._engine = simulation.actor()
         self._wheels = simulation.slots(base.wheel_joints)
         self._steering = simulation.slots(base.steering_joints)
         self._wheel_indices = simulation.joints(base.wheel_joints)
@@ -285,7 +286,7 @@ class WheelMotors:
 
     def drive(self, speeds: Array) -> None:
         """Turn the wheels at ``speeds`` (n,), rad/s."""
-        engine, torques = self._simulation.engine, [self._base.wheel_torque] * len(self._wheel_indices)
+        engine, torques = self._engine, [self._base.wheel_torque] * len(self._wheel_indices)
         engine.turn(engine.built.robot, self._wheel_indices, speeds.tolist(), torques)
 
     def park(self) -> None:
@@ -295,4 +296,4 @@ class WheelMotors:
         self.steer(self._steered_to)
 
     def _hold(self, indices: list[int], angles: Array, torque: float, gain: float) -> None:
-        self._simulation.engine.track(indices, angles, np.zeros(len(indices)), [torque] * len(indices), gain)
+        self._engine.track(indices, angles, np.zeros(len(indices)), [torque] * len(indices), gain)

@@ -43,7 +43,7 @@ def driven(folder: Path, most: int, *arguments: str) -> Answer:
 
 
 def test_logs_and_recordings_end_with_one_loud_line_and_the_run_goes_on(tmp_path: Path) -> None:
-    answer = driven(tmp_path, 8_000, "--json", "--pictures", "--record")
+    answer = driven(tmp_path, 6_000, "--json", "--pictures", "--record")
     assert answer.code == 0, answer.err
     (folder,) = (tmp_path / "runs").iterdir()
     large = {"the run's logs", "motion.jsonl", "recording.rrd", "readings.jsonl.gz", "end.png"}

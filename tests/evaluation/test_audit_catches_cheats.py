@@ -101,6 +101,41 @@ def test_reading_poses_through_the_engine_is_counted(robot, cup, judge) -> None:
     assert judge().ground_truth_reads == 3
 
 
+def test_motors_of_the_robot_that_are_driven_past_the_api_are_tampering(robot, server, judge) -> None:
+    engine, body = robot.simulation.engine, robot.simulation.built.robot
+    engine.track([3], np.zeros(1), np.zeros(1), [1.0], 0.1)
+    engine.approach(3, 0.0, 0.1, 1.0)
+    engine.turn(body, [3], [0.0], [1.0])
+    engine.exert([3], np.zeros(1))
+    robot.client.setJointMotorControl2(body, 3, pybullet.VELOCITY_CONTROL, targetVelocity=0.0)
+    pybullet.applyExternalForce(body, -1, [0.0] * 3, [0.0] * 3, pybullet.WORLD_FRAME, physicsClientId=server)
+    assert judge().tampering == 6
+
+
+def test_whatever_is_not_known_to_be_harmless_is_counted(robot, cup, server, tmp_path, judge) -> None:
+    pybullet.saveWorld(str(tmp_path / "world.py"), physicsClientId=server)
+    log = pybullet.startStateLogging(
+        pybullet.STATE_LOGGING_GENERIC_ROBOT, str(tmp_path / "states"), physicsClientId=server
+    )
+    pybullet.stopStateLogging(log, physicsClientId=server)
+    pybullet.changeVisualShape(cup, -1, rgbaColor=[1.0, 0.0, 0.0, 1.0], physicsClientId=server)
+    robot.client.getVisualShapeData(cup)
+    robot.client.getQuaternionFromEuler([0.0, 0.0, 1.0])
+    judged = judge()
+    assert (judged.ground_truth_reads, judged.tampering) == (3, 2)
+
+
+def test_a_physics_server_that_is_named_by_the_last_argument_is_watched(robot, cup, server, judge) -> None:
+    pybullet.resetBaseVelocity(cup, [0.0] * 3, [0.0] * 3, server)
+    pybullet.getBasePositionAndOrientation(cup, server)
+    pybullet.setJointMotorControl2(
+        robot.simulation.built.robot, 3, pybullet.VELOCITY_CONTROL, 0.0, 0.0, 1.0, 0.1, 0.1, 0.0, server
+    )
+    judged = judge()
+    assert robot.simulation.ledger.counts["resets"] == 1
+    assert (judged.ground_truth_reads, judged.tampering) == (1, 1)
+
+
 def test_an_object_that_is_put_through_the_engine_is_counted(robot, cup, judge) -> None:
     robot.simulation.engine.put(cup, (0.0, 0.0, 1.0), (0.0, 0.0, 0.0, 1.0))
     judged = judge()
