@@ -78,7 +78,9 @@ class Audit:
         return not any(getattr(self, cheat) for cheat in CHEATS)
 
     def faults(self, max_penetration: float) -> tuple[str, ...]:
-        """Why an episode fails whatever its tree says: collisions, overlaps deeper than ``max_penetration`` m."""
+        """Why an episode fails whatever its tree says: collisions, overlaps deeper than ``max_penetration`` m, joints
+        beyond their limits and speeds by more than the monitor tolerates (``hal.simulation.motion_watcher``).
+        """
         faults = [
             f"collision of {c.first} with {c.second} ({c.peak_force:.1f} N)" + (f": {c.why}" if c.why else "")
             for c in self.collisions
@@ -88,6 +90,9 @@ class Audit:
             faults.append(
                 f"{pair} overlap by {self.max_penetration_mm:.2f} mm, {1e3 * max_penetration:.2f} are allowed"
             )
+        beyond, fast = self.joint_limit_violations, self.velocity_limit_violations
+        faults += [f"joints were beyond their limits by more than 5 mrad or mm ({beyond} times)"] if beyond else []
+        faults += [f"joints were faster than their limits by more than 5 % ({fast} times)"] if fast else []
         return tuple(faults)
 
     def objections(self, max_penetration: float) -> tuple[str, ...]:
@@ -121,8 +126,9 @@ def audit(
 ) -> Audit:
     """Judge a record.
 
-    ``allowed_contacts``: pairs of names, in any order: an object, a piece of furniture, ``fingers``, a link of the
-    robot, or ``robot`` for all its links. ``declared``: what skills declared; only that may be touched, and where
+    ``allowed_contacts``: pairs of names, in any order: an object, a piece of furniture, a door or drawer
+    (``furniture/leaf``: that alone), ``fingers``, a link of the robot, or ``robot`` for all its links. ``declared``:
+    what skills declared; only that may be touched, and where
     ``allowed_contacts`` are given, only what is in both. Without skills, what is in ``allowed_contacts``. ``models``:
     object of the scene → model. ``script``: what the evaluation itself has done to the world of the run; whatever else
     the monitor was told to forgive is tampering. ``began``: when the run did, seconds on the monitor's clock; times are
@@ -223,7 +229,8 @@ def _told(collision: Collision) -> dict[str, Any]:
 
 def _is_allowed(contact: ContactIncident, allowed: set[frozenset[str]]) -> bool:
     names = {"fingers": ["fingers", "robot"], "robot": ["robot"]}.get(contact.kinds[0], [])
-    return not {frozenset((name, contact.second)) for name in (contact.first, *names)}.isdisjoint(allowed)
+    others = {contact.second, contact.leaf} - {""}
+    return not {frozenset((name, other)) for name in (contact.first, *names) for other in others}.isdisjoint(allowed)
 
 
 def _collision(contact: ContactIncident) -> Collision:

@@ -71,7 +71,8 @@ def _contact_problems(task: DrawnTask) -> Iterator[Problem]:
     config, known = task.config, task.world_model
     robot = ElementTree.fromstring(task.robot_model.urdf)
     walls = [f"wall_{index}" for index in range(len(task.world.walls))]
-    names = [*known.models, *known.map.furniture, *task.absent, "floor", *walls, "fingers", "robot"]
+    leaves = [f"{piece.name}/{leaf.name}" for piece in task.world.furniture for leaf in piece.model.articulations]
+    names = [*known.models, *known.map.furniture, *leaves, *task.absent, "floor", *walls, "fingers", "robot"]
     links = [link.get("name", "") for link in robot.iter("link")]
     for index, pair in numbered(config.task.allowed_contacts or ()):
         for side, name in enumerate(pair):

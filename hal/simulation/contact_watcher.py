@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from bestman_bt.robot_model import BaseModel, GripperModel, LeggedBaseModel, WheeledBaseModel
+from bestman_bt.robot_model import BaseModel, GripperModel, LeggedBaseModel, SuctionPart, WheeledBaseModel
 from hal.simulation.audit_record import Body, ContactIncident, Penetration
 from hal.simulation.bodies import BodyState, BuiltWorld, Contact
 from hal.simulation.observation import Observation
@@ -40,6 +40,9 @@ class ContactWatcher:
         self._link_names = {index: name for name, index in built.links.items()}
         self._fingers = frozenset(
             built.links[link] for hand in model.of(GripperModel).values() for link in hand.part.finger_links
+        )
+        self._cups = frozenset(
+            built.links[hand.part.cup] for hand in model.of(GripperModel).values() if isinstance(hand.part, SuctionPart)
         )
         self._rolling = frozenset(
             index for base in model.of(BaseModel).values() for index in _on_the_floor(base, built)
@@ -96,7 +99,10 @@ class ContactWatcher:
         return tuple(sorted(overlaps, key=lambda overlap: -overlap.depth))
 
     def _note_forces(self, forces: dict[tuple[int, int, int, int], float], stamp: float) -> None:
-        """First who holds what, then what the robot and the held objects press on."""
+        """First who holds what, then what the robot and the held objects press on.
+
+        Two fingers hold an object, or a suction cup that presses on it.
+        """
         grips: defaultdict[int, set[int]] = defaultdict(set)
         self.robot_forces = defaultdict(float)
         self.touched = set()
@@ -106,7 +112,7 @@ class ContactWatcher:
                 self.robot_forces[body_b] += force
                 if link_a in self._fingers and force > FORCE_THRESHOLD and body_b in self._objects:
                     grips[body_b].add(link_a)
-        held = {body for body, links in grips.items() if len(links) > 1}
+        held = {body for body, links in grips.items() if len(links) > 1 or links & self._cups}
         for (body_a, link_a, body_b, link_b), force in forces.items():
             if body_a != self._robot and not (body_a in held or body_b in held):
                 continue

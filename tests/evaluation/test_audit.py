@@ -43,6 +43,22 @@ def test_a_record_of_nothing_is_honest_and_has_no_faults() -> None:
     assert {value for value in document.values() if isinstance(value, int | float)} == {0}
 
 
+def test_joints_beyond_their_limits_or_speeds_fail_an_episode() -> None:
+    judged = audit(replace(NOTHING, joint_limits=findings(1), velocity_limits=findings(1, 2)))
+    assert judged.faults(0.002) == (
+        "joints were beyond their limits by more than 5 mrad or mm (1 times)",
+        "joints were faster than their limits by more than 5 % (2 times)",
+    )
+
+
+def test_a_door_that_may_be_touched_is_not_its_cupboard() -> None:
+    door = ContactIncident("panda_leftfinger", "fridge", ("fingers", "furniture"), 1.0, 1.5, 9.0, leaf="fridge/door")
+    body = replace(door, leaf="", start=2.0, end=3.0)
+    record = replace(NOTHING, contacts=(door, body))
+    assert [one.start for one in audit(record, [("fingers", "fridge/door")]).collisions] == [2.0]
+    assert audit(record, [("fingers", "fridge")]).collisions == ()
+
+
 @pytest.mark.parametrize(
     ("seen", "counter", "count", "honest"),
     [
