@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -121,7 +122,12 @@ def _operands(expression: Expression) -> Sequence[Expression]:
 
 def render_ports(tree: Tree) -> str:
     """Return which SubTree maps what to whom, and who reads and writes each entry, as text."""
-    uses = entry_uses(tree)
+    readers: dict[int, set[str]] = defaultdict(set)
+    writers: dict[int, set[str]] = defaultdict(set)
+    own: dict[str, set[str]] = defaultdict(set)  # of a board, by what the paths of its entries begin with
+    for use in entry_uses(tree):
+        (writers if use.writes else readers)[id(use.slot)].add(_place(use))
+        own[use.slot.path.removesuffix(use.slot.key)].add(use.slot.key)
     lines: list[str] = []
     for path, board in tree.blackboards.items():
         title = tree.subtree_ids[path]
@@ -132,16 +138,13 @@ def render_ports(tree: Tree) -> str:
             lines.append(f"  {inner} = {{{outside}}} of {where}")
         if board.autoremap:
             lines.append("  every other key = the same key outside (_autoremap)")
-        own = {use.slot.key: use.slot for use in uses if use.slot.path == board.local_path(use.slot.key)}
-        for key in sorted({*own, *board.keys()}):
+        for key in sorted({*own[board.local_path("")], *board.keys()}):
             slot = board.local_slot(key)
-            writers = sorted({_place(use) for use in uses if use.slot is slot and use.writes})
-            readers = sorted({_place(use) for use in uses if use.slot is slot and not use.writes})
             kind = board.entry(key).type if slot.exists else "any"
             value = "" if slot.value is None else f" = {slot.value!r}"
             lines.append(f"  {key}: {kind}{value}")
-            lines.append(f"    written by {', '.join(writers) or 'nobody in the tree'}")
-            lines.append(f"    read by    {', '.join(readers) or 'nobody in the tree'}")
+            lines.append(f"    written by {', '.join(sorted(writers[id(slot)])) or 'nobody in the tree'}")
+            lines.append(f"    read by    {', '.join(sorted(readers[id(slot)])) or 'nobody in the tree'}")
     return "\n".join(lines) + "\n"
 
 

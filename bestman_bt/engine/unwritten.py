@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from types import CodeType, FunctionType
 
@@ -25,6 +25,8 @@ _ONCE = (
 """Nodes that tick each child to its end once: what stands first in them has ended when the next begins."""
 
 
+MOST_HINTS = 50
+"""Suggestions that are looked for in one tree: each compares a name with all others."""
 _OURS = ("bestman_bt.", "behaviours.", "py_trees.", "builtins")
 """Modules whose nodes write through their ports alone."""
 
@@ -72,7 +74,9 @@ def unwritten_reads(tree: Tree, given: Iterable[str] = ()) -> Iterator[Unwritten
     What is written by code that does not say so in ports (``may_write_unseen``) is not known here. A port whose default
     is an empty text takes an entry without a value for that, and does not count.
     """
-    uses = entry_uses(tree)
+    uses, subtrees, hints = entry_uses(tree), SubTrees(tree), 0
+    fatal = {id(use.slot) for use in uses if not use.writes and _fails(tree, use)}
+    known: dict[int, list[Slot]] = {}
     set_before = {id(tree.blackboard.slot(key)) for key in given}
     writers: dict[int, list[Node]] = {}
     for use in uses:
@@ -87,49 +91,79 @@ def unwritten_reads(tree: Tree, given: Iterable[str] = ()) -> Iterator[Unwritten
             continue  # what native behaviours write is known when they have written it
         if written_by and not (_fails(tree, use) and all(_ended_before(use.node, writer) for writer in written_by)):
             continue
-        node, port, key = named_at(tree, use)
-        outer = None if written_by else _subtree_of_another_file(tree, node)
+        node, port, key = subtrees.named_at(use)
+        outer = None if written_by else subtrees.of_another_file(node)
         if outer is not None:
             node, port = outer, key
         if (id(node), id(use.slot)) not in reported:
             reported.add((id(node), id(use.slot)))
             later = min(writer.line for writer in written_by) if written_by else None
-            hint = (
-                "" if written_by else _hint(node, key, use.slot, writers) if outer is None else _meant(tree, outer, key)
-            )
-            fails = any(_fails(tree, other) for other in uses if other.slot is use.slot and not other.writes)
-            yield UnwrittenRead(node, port, key, fails, later, hint, outer is not None)
+            hint = ""
+            if not written_by and hints < MOST_HINTS:
+                hints += 1
+                board = known.setdefault(id(node.board), [s for s in node.board.slots() if id(s) in writers])
+                hint = _hint(node, key, use.slot, writers, board) if outer is None else _meant(subtrees, outer, key)
+            yield UnwrittenRead(node, port, key, id(use.slot) in fatal, later, hint, outer is not None)
 
 
-def unread_ports(tree: Tree, subtree: decorators.SubTree) -> list[str]:
-    """Attributes of a SubTree that nothing within its tree reads or writes."""
-    path = subtree.subtree_path
-    inside = [node for node in tree.nodes if node.place is not None and f"{node.place.path}/".startswith(f"{path}/")]
-    if any(map(may_write_unseen, inside)):
-        return []
-    within = set(map(id, inside))
-    named = {use.key for use in entry_uses(tree) if id(use.node) in within}
-    keys = {key_of(value, port) for node in inside for port, value in node.attributes.items()}
-    return [port for port in subtree.attributes if port[0] != "_" and port not in (*named, *keys, "name", "ID")]
+class SubTrees:
+    """The SubTrees of a tree by their paths, and what is named within each; made in one pass over its nodes."""
+
+    def __init__(self, tree: Tree) -> None:
+        self._by_path = {one.subtree_path: one for one in tree.nodes if isinstance(one, decorators.SubTree)}
+        self._named: dict[str, dict[str, None]] = {path: {} for path in self._by_path}
+        self._used: dict[str, dict[str, None]] = {path: {} for path in self._by_path}
+        self._unseen: set[str] = set()
+        for node in tree.nodes:
+            around = list(self._around(node))
+            keys = [key for port, value in node.attributes.items() if (key := key_of(value, port)) is not None]
+            if around and may_write_unseen(node):
+                self._unseen.update(around)
+            for path in around:
+                self._named[path].update(dict.fromkeys(keys))
+        for use in entry_uses(tree):
+            for path in self._around(use.node):
+                self._used[path][use.key] = None
+
+    def _around(self, node: Node) -> Iterator[str]:
+        """The paths of the SubTrees in which a node is, innermost first."""
+        place = node.place
+        while place is not None and place.path:
+            yield place.path
+            place = self._by_path[place.path].place
+
+    def used_in(self, subtree: decorators.SubTree) -> list[str]:
+        """The keys of the entries that nodes within a SubTree's tree read or write."""
+        return list(self._used[subtree.subtree_path])
+
+    def unread_ports(self, subtree: decorators.SubTree) -> list[str]:
+        """Attributes of a SubTree that nothing within its tree reads or writes."""
+        path = subtree.subtree_path
+        if path in self._unseen:
+            return []
+        named = {*self._used[path], *self._named[path], "name", "ID"}
+        return [port for port in subtree.attributes if port[0] != "_" and port not in named]
+
+    def of_another_file(self, node: Node) -> decorators.SubTree | None:
+        """The SubTree, of a tree in another file, that lacks what a node reads there."""
+        place = node.place
+        while place is not None and place.path:
+            outer = self._by_path[place.path]
+            if outer.place is not None and outer.place.file != place.file:
+                return outer
+            if not place.board.autoremap:
+                break
+            place = outer.place
+        return None
+
+    def named_at(self, use: EntryUse) -> tuple[Node, str, str]:
+        """Node, port and key where an entry is named outermost: the SubTree that hands it in, else its user."""
+        return _named_at(self._by_path, use)
 
 
-def _subtree_of_another_file(tree: Tree, node: Node) -> decorators.SubTree | None:
-    """The SubTree, of a tree in another file, that lacks what a node reads there."""
-    subtrees = {one.subtree_path: one for one in tree.nodes if isinstance(one, decorators.SubTree)}
-    place = node.place
-    while place is not None and place.path:
-        outer = subtrees[place.path]
-        if outer.place is not None and outer.place.file != place.file:
-            return outer
-        if not place.board.autoremap:
-            break
-        place = outer.place
-    return None
-
-
-def _meant(tree: Tree, subtree: decorators.SubTree, key: str) -> str:
+def _meant(subtrees: SubTrees, subtree: decorators.SubTree, key: str) -> str:
     """Words that suggest the attribute of a SubTree that may stand for ``key``, or how to give that."""
-    hint = closest(key, unread_ports(tree, subtree))
+    hint = closest(key, subtrees.unread_ports(subtree))
     return f"did you mean it by '{hint}'?" if hint else f'give {key}="…"'
 
 
@@ -147,8 +181,11 @@ def entries_of(tree: Tree) -> tuple[dict[str, bool], list[str]]:
 
 
 def named_at(tree: Tree, use: EntryUse) -> tuple[Node, str, str]:
-    """Return node, port and key where an entry is named outermost: the SubTree that hands it in, else its user."""
-    subtrees = {node.subtree_path: node for node in tree.nodes if isinstance(node, decorators.SubTree)}
+    """Return node, port and key where one entry is named outermost; of many, ask ``SubTrees``."""
+    return _named_at({node.subtree_path: node for node in tree.nodes if isinstance(node, decorators.SubTree)}, use)
+
+
+def _named_at(subtrees: Mapping[str, decorators.SubTree], use: EntryUse) -> tuple[Node, str, str]:
     node, port, key = use.node, use.port, use.key
     place = node.place
     while place is not None and place.path:
@@ -207,11 +244,11 @@ def _route(node: Node) -> list[Node]:
     return route[::-1]
 
 
-def _hint(node: Node, key: str, slot: Slot, written: dict[int, list[Node]]) -> str:
+def _hint(node: Node, key: str, slot: Slot, written: dict[int, list[Node]], known: list[Slot]) -> str:
+    """``known``: the slots of the node's board that are written."""
     board = node.board
     outer = board.parent
     if outer is not None and key not in board.remapping and id(outer.slot(key)) in written:
         return f"the tree outside has '{key}'; map it with {key}=\"{{{key}}}\""
-    known = [other.key for other in board.slots() if other is not slot and id(other) in written]
-    hint = closest(key, known)
+    hint = closest(key, [other.key for other in known if other is not slot])
     return f"did you mean '{{{hint}}}'?" if hint else ""

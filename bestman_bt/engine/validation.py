@@ -22,7 +22,7 @@ from bestman_bt.engine.models.package import Package
 from bestman_bt.engine.reachability import unreachable_children
 from bestman_bt.engine.registry import NodeRegistry
 from bestman_bt.engine.spelling import closest
-from bestman_bt.engine.unwritten import problem_at, unread_ports, unwritten_reads
+from bestman_bt.engine.unwritten import SubTrees, problem_at, unwritten_reads
 from bestman_bt.engine.xml.documents import Documents, read_documents
 
 _KNOWN_ATTRIBUTES = frozenset((*SCRIPT_ATTRIBUTES, "_autoremap", "_description", "_uid", "_fullpath"))
@@ -129,14 +129,12 @@ def _shadowing(tree: Tree, written: set[int]) -> Iterator[Problem]:
 
 
 def _unread(tree: Tree) -> Iterator[Problem]:
-    uses = entry_uses(tree)
+    subtrees = SubTrees(tree)
     for node in tree.nodes:
         if not isinstance(node, SubTree):
             continue
-        path = f"{node.subtree_path}/"
-        inside = [one.key for one in uses if one.node.place is not None and f"{one.node.place.path}/".startswith(path)]
-        for port in unread_ports(tree, node):
-            hint = closest(port, inside)
+        for port in subtrees.unread_ports(node):
+            hint = closest(port, subtrees.used_in(node))
             message = f"nothing in the tree '{node.tree_id}' names it"
             yield problem_at(node, port, message, f"did you mean '{hint}'?" if hint else "", "warning")
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
@@ -40,6 +41,7 @@ class _Furnishing:
     dining: bool = False
 
 
+_STUDIO = _Furnishing(("counter", "fridge", "bed"), dining=True)
 _KITCHEN = _Furnishing(("counter", "fridge", "shelf"))
 _LIVING = _Furnishing(("sofa", "drawer_chest", "shelf"), dining=True)
 _OTHERS = (
@@ -127,8 +129,11 @@ def _largest_first(rooms: Sequence[Room]) -> list[Room]:
 
 
 def _furnishings(count: int, rng: np.random.Generator) -> list[_Furnishing]:
-    others = [_OTHERS[index] for index in rng.permutation(len(_OTHERS))]
-    return [_LIVING, _KITCHEN, *others][:count]
+    """A single room is a studio; of many, the others are all had before one of them comes again."""
+    if count == 1:
+        return [_STUDIO]
+    others = itertools.cycle([_OTHERS[index] for index in rng.permutation(len(_OTHERS))])
+    return [_LIVING, _KITCHEN, *itertools.islice(others, count - 2)]
 
 
 def _before_doorways(doorways: Iterable[Doorway], wall_thickness: float) -> Iterator[_Extent]:

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from bestman_bt.errors import Error
 from bestman_bt.messages import Pose2D
@@ -135,6 +136,12 @@ def generate_apartment(options: ApartmentOptions, seed: int, passage: float = 0.
     )
 
 
+def _within(room: Room, points: Points) -> NDArray[np.bool_]:
+    """Which of the points (N, 2) are in a room."""
+    inside: NDArray[np.bool_] = np.all((points >= (room.x[0], room.y[0])) & (points <= (room.x[1], room.y[1])), axis=1)
+    return inside
+
+
 def _is_connected(
     plan: FloorPlan, furniture: list[Placed], doors: list[Placed], options: ApartmentOptions, passage: float
 ) -> bool:
@@ -147,13 +154,16 @@ def _is_connected(
     outlines += standing_outlines((), map(as_standing, doors))
     grid = FloorGrid.of(outlines)
     areas = grid.areas(passage)
-    at_doorways = areas[grid.cells([doorway.at for doorway in plan.doorways])]
-    if not np.all((at_doorways == at_doorways[0]) & (at_doorways > 0)):
-        return False
-    rows, columns = np.nonzero(areas == at_doorways[0])
-    points = grid.points(rows, columns)
-    for room in plan.rooms:
-        inside = np.all((points >= (room.x[0], room.y[0])) & (points <= (room.x[1], room.y[1])), axis=1)
-        if inside.sum() * grid.resolution**2 < _FREE_FLOOR:
+    if plan.doorways:
+        at_doorways = areas[grid.cells([doorway.at for doorway in plan.doorways])]
+        if not np.all((at_doorways == at_doorways[0]) & (at_doorways > 0)):
             return False
-    return True
+        area = int(at_doorways[0])
+    else:  # a single room: most of its floor
+        free = areas > 0
+        area = int(
+            np.bincount(areas[free][_within(plan.rooms[0], grid.points(*np.nonzero(free)))], minlength=1).argmax()
+        )
+    rows, columns = np.nonzero(areas == area)
+    points = grid.points(rows, columns)
+    return all(_within(room, points).sum() * grid.resolution**2 >= _FREE_FLOOR for room in plan.rooms)

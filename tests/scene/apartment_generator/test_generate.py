@@ -32,6 +32,15 @@ def test_the_same_seed_makes_the_same_apartment_and_another_seed_another(apartme
     assert len({apartment.walls for apartment in apartments}) == len(SEEDS)
 
 
+@pytest.mark.parametrize("rooms", [1, 2, 7, 12])
+def test_apartments_have_as_many_rooms_as_asked_for_and_all_are_furnished(rooms: int) -> None:
+    for seed in range(3):
+        apartment = generate_apartment(ApartmentOptions(rooms=(rooms, rooms), area=(14.0 * rooms, 24.0 * rooms)), seed)
+        assert (len(apartment.rooms), len(apartment.doorways) >= rooms - 1) == (rooms, True)
+        assert {"table", "counter"} <= {piece.name for piece in apartment.furniture}
+        assert all(any(room.contains(*piece.at.xy) for piece in apartment.furniture) for room in apartment.rooms)
+
+
 def test_rooms_area_and_doorways_keep_to_the_limits(apartments: list[Apartment]) -> None:
     assert {len(apartment.rooms) for apartment in apartments} == {3, 4, 5, 6}
     for apartment in apartments:
