@@ -45,12 +45,17 @@ def _hidden(name: str) -> Callable:
     return _FUNCTIONS[name]
 
 
+def _friction(robot: PyBulletRobot) -> float:
+    can = robot.simulation.built.objects["can"]
+    return _hidden("getDynamicsInfo")(can, -1, physicsClientId=robot.client.id)[1]
+
+
 @pytest.fixture(scope="module")
 def slip(robot_model, table_worlds, operator) -> Iterator[tuple[dict[str, float], Audit]]:
     """A can is lifted by 10 cm and slips; heights over the table, friction, and what the audit says."""
     with PyBulletRobot(robot_model, table_worlds["can"], seed=3) as robot:
         hand, somebody = operator(robot), DisturbanceInjector(robot)
-        friction = robot.client.getDynamicsInfo(robot.simulation.built.objects["can"], -1)[1]
+        friction = _friction(robot)
         stood = hand.truth.object_pose("can").position[2]
         seen = {"slips untouched": float(somebody.let_slip("can") is not None)}
         hand.grasp("can")
@@ -62,7 +67,7 @@ def slip(robot_model, table_worlds, operator) -> Iterator[tuple[dict[str, float]
         seen["slips held"] = float(event is not None)
         robot.clock.sleep(1.0)
         seen["fallen"] = hand.truth.object_pose("can").position[2] - stood
-        now = robot.client.getDynamicsInfo(robot.simulation.built.objects["can"], -1)[1]
+        now = _friction(robot)
         seen["friction lost"] = friction - now
         yield seen, audit(robot.audit_record(), ALLOWED, [event])
 

@@ -38,9 +38,7 @@ def test_a_can_stays_in_the_hand_while_the_arm_turns(name: str, table_worlds, op
         assert np.linalg.norm(slip.position) < 0.002
         assert _follower_error(robot) < 0.02
         judged = audit(robot.audit_record(), ALLOWED)
-        without_support = audit(robot.audit_record(), [pair for pair in ALLOWED if "table" not in pair])
     assert judged.honest, judged.findings
-    assert ("box", "table") in [(hit.first, hit.second) for hit in without_support.collisions]
     assert judged.max_penetration_mm < 1.5
     assert judged.joint_limit_violations == judged.velocity_limit_violations == 0
 
@@ -130,4 +128,6 @@ def test_a_cup_lifts_what_its_rated_force_bears_and_no_more(mass: float, lifted:
         assert not picker.cup.state().object_held
         assert picker.truth.object_pose("box").position[2] < 0.81
         judged = audit(robot.audit_record(), ALLOWED)
+        without_support = audit(robot.audit_record(), [pair for pair in ALLOWED if "table" not in pair])
     assert judged.honest, judged.findings
+    assert ("box", "table") in [(hit.first, hit.second) for hit in without_support.collisions]
