@@ -1,6 +1,6 @@
 """Drives of hostile planners and followers: how hard the robot's base and arm press on what stands.
 
-Each drive begins where the one before ended, in one of ten rooms, with a path that passes through walls and furniture
+Each drive begins somewhere in one of ten rooms, with a path that passes through walls and furniture
 or a follower that does not follow: straight on, oscillating, late, backwards, NaN, recoveries (back up, turn on the
 spot), and set-points far beyond the limits. Nothing but the base's own protection stands between them and the wheels.
 Judged by the simulator's contacts: those of a link of the robot with a wall, furniture or the floor.
@@ -23,7 +23,7 @@ from typing import Any
 
 import numpy as np
 
-from bestman_bt.messages import Path2D, Pose2D, Twist2D
+from bestman_bt.messages import Path2D, Pose, Pose2D, Twist2D
 from bestman_bt.navigation.local_planning import FollowerCommand, PathFollower
 from bestman_bt.runtime import session
 
@@ -34,7 +34,7 @@ ROOMS: tuple[tuple[str, int], ...] = (
 """Scenes and the seeds of their worlds."""
 MOST_FORCE = 20.0
 """Newtons on anything that stands."""
-SECONDS = 8.0
+SECONDS = 5.0
 """Simulated, of one drive."""
 STANDING = ("wall", "furniture", "floor", "object")
 
@@ -123,6 +123,8 @@ class _Base:
     controller: Any
     world: Any
     costmap: Any
+    from_body: Pose
+    """Of the simulated body, at the start, when it stands where it is believed to."""
 
     @property
     def pose(self) -> Pose2D:
@@ -170,10 +172,12 @@ def room_drives(
             motion = skills.arm.move_to(simulated.model.posture(posture, skills.arm_model.joint_names))
             while not motion.done:
                 simulated.clock.sleep(0.05)
-        base = _Base(skills.base, skills.world, skills.known_costmap())
+        body = simulated.client.getBasePositionAndOrientation(simulated.simulation.built.robot)
+        from_body = skills.world.base.pose.to_pose().inverse() @ Pose(*map(np.array, body))
+        base = _Base(skills.base, skills.world, skills.known_costmap(), from_body)
         for name, begin in itertools.islice(drives(rng), count):
+            _put_somewhere(simulated, base, rng)
             began, start = simulated.clock.now(), base.pose
-            simulated.clear_stop()
             motion = begin(base)
             while not motion.done and simulated.clock.now() - began < SECONDS:
                 simulated.clock.sleep(0.05)
@@ -198,6 +202,29 @@ def room_drives(
                 }
             )
     return told
+
+
+def _put_somewhere(simulated: Any, base: _Base, rng: np.random.Generator) -> None:
+    """Put the robot where it stands free, which no drive could do; it is told, and looks around for half a second."""
+    costmap, client = base.costmap, simulated.client
+    cells = np.argwhere(costmap.distance > costmap.footprint.circumscribed_radius + 0.05)
+    body = simulated.simulation.built.robot
+    for x, y in costmap.grid_points(cells[rng.integers(len(cells), size=50)]):
+        there = Pose2D(float(x), float(y), float(rng.uniform(-math.pi, math.pi)))
+        moved = there.to_pose() @ base.from_body
+        client.resetBasePositionAndOrientation(body, moved.position.tolist(), moved.quaternion.tolist())
+        base.believe(there, 0.01, 0.01)
+        beside = [gap for other in _standing(simulated) for gap in client.getClosestPoints(body, other, 0.03)]
+        if beside:  # of what the map lacks
+            continue
+        simulated.clock.sleep(0.5)
+        return
+    raise RuntimeError("there is nowhere to begin")
+
+
+def _standing(simulated: Any) -> list[int]:
+    built = simulated.simulation.built
+    return [*built.walls.values(), *built.furniture.values(), *built.objects.values()]
 
 
 def main() -> None:

@@ -241,6 +241,7 @@ class JudgedSession:
             result = replace(
                 result,
                 durations=durations.seconds,
+                interventions=telemetry.interventions,
                 held_at_start=at_start.holds if at_start is not None else None,
                 moved_by_others=_moved_by_others(setup, observers.script, record) if record is not None else [],
             )

@@ -36,6 +36,7 @@ class RunResult:
     ``predicate``: None where it was not; ``not_judged``: why not, in words. ``held_at_start``: whether it held before
     the first tick, None where nobody judged. ``moved_by_others``: objects, doors and drawers of the goal that a
     disturbance moved and the robot never touched.
+    ``interventions``: what somebody changed by hand while it ran: entries that were set, results that were forced.
     ``not_kept``: what of the run could not be written down to its end, such as ``motion.jsonl`` → why.
     ``audit``: see ``evaluation.audit``. ``metrics``: name → value, for example ``place_error_mm``.
     ``durations``: simulated seconds by kind of work (``evaluation.durations``); of kinds that overlap, in both.
@@ -58,6 +59,7 @@ class RunResult:
     held_at_start: bool | None = None
     moved_by_others: list[str] = field(default_factory=list)
     not_kept: dict[str, str] = field(default_factory=dict)
+    interventions: list[str] = field(default_factory=list)
 
     @property
     def judged(self) -> bool:
@@ -69,6 +71,8 @@ class RunResult:
         """Why the success was not brought about by the robot, in words; empty where it was, or where there is none."""
         if not self.success:
             return ""
+        if self.interventions:
+            return f"somebody intervened: {self.interventions[0]}"
         if self.held_at_start:
             return "the goal held before the run began"
         moved = ", ".join(f"the {name}" for name in self.moved_by_others)

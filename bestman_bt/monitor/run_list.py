@@ -127,8 +127,16 @@ class AttachedRun(MonitoredRun):
         else:
             with contextlib.suppress(OSError):
                 self.socket.unlink()
+            self._remove_link()
         self.is_lost = self.history.end is None
         self.wake_watchers()
+
+    def _remove_link(self) -> None:
+        """In the run folder of a process that was killed, ``control.sock`` leads nowhere."""
+        link = Path(str(self.history.about.get("folder") or "")) / "control.sock"
+        with contextlib.suppress(OSError):
+            if link.is_symlink() and link.readlink() == self.socket:
+                link.unlink()
 
     async def _catch_up(self) -> None:
         """Read what the run has recorded before we came; without a folder, its past is not known."""

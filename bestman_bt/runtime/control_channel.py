@@ -44,6 +44,8 @@ from bestman_bt.runtime.telemetry import Telemetry
 MAX_REQUEST = 65536
 REQUEST_PAUSE = 0.005
 """Seconds between requests of one connection: who floods it with them leaves the executor its time."""
+LONGEST_MARK = 200
+"""Characters of what was changed by hand, as the result tells it."""
 TASK_WAIT = 2.0
 """Seconds that what is done between ticks waits for the tick that goes on."""
 
@@ -189,6 +191,7 @@ class ControlChannel:
             self._breakpoints.clear(node, when)
         else:
             self._breakpoints.force(node, message.get("result"))
+            self._telemetry.intervened(f"{node} was forced to return {message.get('result')}")
 
     def _do(self, message: Any) -> dict[str, Any]:
         """Carry out a request; returns what its answer tells beside what each tells."""
@@ -232,6 +235,7 @@ class ControlChannel:
                 notes["note"] = f"{key!r} is a new entry, which no node of the tree names{hint}"
             board.set(key, value)
             self._telemetry.entries_set()
+            self._telemetry.intervened(f"{f'{scope}/' if scope else ''}{key} was set to {value!r}"[:LONGEST_MARK])
 
         self._between_ticks(write)
         return notes

@@ -209,6 +209,8 @@ class Telemetry:
         self._failures = FailureLines(told)
         self.last_failure: NodeFailure | None = None
         """Of an action; None as long as none has failed, and where nobody watches and nothing is kept."""
+        self.interventions: list[str] = []
+        """What somebody changed by hand: entries that were set, results that were forced."""
         self._start = executor.clock.now()
         self._taps: dict[Tree, TreeTap] = {}
         self._trees = 0
@@ -260,6 +262,11 @@ class Telemetry:
     def say(self, level: Level, message: str) -> None:
         """A line of the log."""
         self.tell(LogEvent(self.now(), level, message, logger=__name__))
+
+    def intervened(self, what: str) -> None:
+        """Somebody has changed by hand how the run goes on: it is told, and stands in the result."""
+        self.interventions.append(f"{self.now():.2f} s: {what}")
+        self.say("warning", f"by hand: {what}")
 
     def end(self, outcome: str, tree_status: str, why: str = "", time: float | None = None) -> None:
         """How the run has ended, for whoever judges it; without it the execution's own end is told.

@@ -14,7 +14,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from enum import Enum
 from pathlib import Path
-from typing import Any
+from typing import Any, TextIO
 
 import numpy as np
 
@@ -56,8 +56,12 @@ def from_json(document: Any) -> Any:
     if not isinstance(document, dict):
         return document
     if "array" in document:
-        data = zlib.decompress(base64.b64decode(document["array"]))
-        return np.frombuffer(data, document["dtype"]).reshape(document["shape"])
+        kind, shape = np.dtype(document["dtype"]), tuple(int(size) for size in document["shape"])
+        expected = math.prod(shape) * kind.itemsize
+        if not 0 <= expected <= LARGEST_ARRAY:
+            raise ValueError(f"an array of {expected} bytes; at most {LARGEST_ARRAY} are read")
+        data = zlib.decompressobj().decompress(base64.b64decode(document["array"]), expected + 1)
+        return np.frombuffer(data, kind).reshape(shape)
     if "enum" in document:
         return _TYPES[document["enum"]](document["value"])
     if "type" in document:
@@ -82,6 +86,10 @@ def error_from_json(document: dict[str, str]) -> RobotError:
 
 
 TAPE_NAME = "readings.jsonl.gz"
+LARGEST_ARRAY = 64 << 20
+"""Bytes of one array."""
+SMALL_TAPE, MOST_TIMES = 64 << 20, 100
+"""Characters that a tape may unfold to in any case, and how many times its size: readings are packed 2 to 20 times."""
 MALFORMED = (ValueError, TypeError, LookupError, AttributeError, binascii.Error, zlib.error)
 """What a line that is no line of a tape may raise when it is taken apart."""
 
@@ -153,11 +161,20 @@ def read_tape(path: Path) -> Tape:
     file = path / TAPE_NAME if path.is_dir() else path
     try:
         with gzip.open(file, "rt", encoding="utf-8") as stream:
-            return _TapeReader(file).read(stream)
+            return _TapeReader(file).read(_bounded(stream, max(SMALL_TAPE, MOST_TIMES * file.stat().st_size)))
     except FileNotFoundError as error:
         raise ReplayError(f"{path} holds no readings; record a run with --record") from error
     except (OSError, EOFError, zlib.error, UnicodeDecodeError) as error:
         raise ReplayError(f"{file} is no recording of a robot, or damaged: {type(error).__name__}: {error}") from error
+
+
+def _bounded(stream: TextIO, most: int) -> Iterator[str]:
+    """The lines of a tape; OSError where they unfold to more than ``most`` characters."""
+    while line := stream.readline(most + 1):
+        most -= len(line)
+        if most < 0:
+            raise OSError("it unfolds to more than a recording of its size holds")
+        yield line
 
 
 class _TapeReader:

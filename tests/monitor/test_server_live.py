@@ -489,12 +489,12 @@ def test_a_page_that_does_not_read_delays_no_other(executor: FakeExecutor, start
 
 @pytest.mark.slow
 def test_an_executor_that_was_killed_is_lost_within_seconds_and_its_socket_removed(
-    start_monitor: StartMonitor,
+    start_monitor: StartMonitor, tmp_path: Path
 ) -> None:
     """``kill -9`` leaves the socket's file behind, at which nobody listens any more."""
     code = (
         "import time\nfrom tests.monitor.conftest import FakeExecutor\n"
-        f"FakeExecutor({ID!r})\nprint('ready', flush=True)\ntime.sleep(600)"
+        f"FakeExecutor({ID!r}).first[0]['folder'] = {str(tmp_path)!r}\nprint('ready', flush=True)\ntime.sleep(600)"
     )
     search = {"PYTHONPATH": str(Path(__file__).parents[2])}
     process = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, env=os.environ | search)
@@ -502,6 +502,7 @@ def test_an_executor_that_was_killed_is_lost_within_seconds_and_its_socket_remov
         assert process.stdout is not None
         assert process.stdout.readline() == b"ready\n"
         path = socket_folder() / f"{ID}.sock"
+        (tmp_path / "control.sock").symlink_to(path)
         monitor = start_monitor()
         with monitor.page() as page:
             opened(page)
@@ -516,6 +517,7 @@ def test_an_executor_that_was_killed_is_lost_within_seconds_and_its_socket_remov
         process.communicate()
     assert run["id"] == ID
     assert not path.exists()
+    assert not (tmp_path / "control.sock").is_symlink()
     wait_until(lambda: monitor.server.runs.is_idle, "the monitor may end", seconds=5.0)
 
 

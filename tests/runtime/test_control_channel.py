@@ -200,6 +200,17 @@ def test_stop_reaches_the_robot_while_a_tick_goes_on_and_also_when_nothing_runs_
     assert len(served.stops) == 2
 
 
+def test_what_is_set_and_forced_by_hand_is_noted_for_the_result(served: Served) -> None:
+    telemetry = served.channel._telemetry
+    served.channel.answer({"do": "pause"})
+    assert served.channel.answer({"do": "set", "key": "speed", "value": 3})["ok"]
+    assert served.channel.answer({"do": "force", "node": 2, "result": "SUCCESS"})["ok"]
+    assert [mark.partition(" s: ")[2] for mark in telemetry.interventions] == [
+        "speed was set to 3",
+        "2 was forced to return SUCCESS",
+    ]
+
+
 def test_after_the_end_nothing_can_be_set_any_more(served: Served) -> None:
     served.ask("halt")
     served.wait()

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import base64
 import gzip
 import json
+import tracemalloc
+import zlib
 from pathlib import Path
 from typing import Any
 
@@ -41,6 +44,23 @@ def test_a_whole_one_is_read(tmp_path: Path) -> None:
     tape = read_tape(tmp_path)
     assert len(tape.readings["arm", "positions"].times) == COUNT
     assert not tape.cut
+
+
+def test_what_unfolds_to_more_than_its_size_explains_is_not_read(tmp_path: Path) -> None:
+    whole = text_of() + b'{"t": 300.0, "part": "arm", "read": "positions", "value": "' + bytes(70 << 20) + b'"}\n'
+    assert "unfolds to more" in refusal(tmp_path, gzip.compress(whole))
+
+
+@pytest.mark.parametrize("shape", [[10_000_000], [1 << 31, 1 << 31], [-1]])
+def test_an_array_that_is_packed_small_takes_no_more_memory_than_it_may(tmp_path: Path, shape: list[int]) -> None:
+    packed = base64.b64encode(zlib.compress(bytes(80_000_000), 9)).decode()
+    header = {**HEADER, "parts": {"arm": {"kind": "Arm", "description": {}}}}
+    header["parts"]["arm"]["description"]["limits"] = {"array": packed, "dtype": "f8", "shape": shape}
+    tracemalloc.start()
+    refusal(tmp_path, gzip.compress(text_of(header)))
+    _, most = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert most < 20 << 20
 
 
 @pytest.mark.parametrize(
