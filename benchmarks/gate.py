@@ -158,7 +158,8 @@ class Trial:
             return StreamedJointGroup(name, self.joints, channel, latch, self._period)
         arm = cast(ArmModel, self.joints)
         assert self._tool is not None
-        channel = URJoints(cast(Any, wire)) if self._vendor == "ur" else XArmJoints(cast(Any, wire), len(self._start))
+        link = cast(Any, wire)
+        channel = URJoints(link, 1.0) if self._vendor == "ur" else XArmJoints(link, len(self._start))
         group = StreamedArm(name, arm, channel, latch, self._period, self._tool)
         self._channel = channel
         return group

@@ -168,6 +168,11 @@ class JointChannel(ABC):
         """Seconds since the latest reading was taken; 0 where each set-point waits for one."""
         return 0.0
 
+    @property
+    def scaling(self) -> float:
+        """The share of real time, 0 to 1, in which the controller follows set-points; 0: it is paused."""
+        return 1.0
+
     @abstractmethod
     def read(self) -> JointReading:
         """The latest reading; it does not wait. NoDataError where none has come."""

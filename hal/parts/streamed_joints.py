@@ -354,14 +354,31 @@ class StreamedJointGroup(StoppablePart, JointGroup):
                 self._connection.end_motion(MotionStatus.FAILED, MotionErrorCode.FAULT, why)
             at_rest = self._settled and self._connection.motion is None
             elapsed = max(elapsed, SHORTEST)
-            if at_rest:
+            if self._channel.scaling == 0.0 and not self._gate.moving:
+                self._wait(elapsed)
+            elif at_rest:
                 self._gate.rest(elapsed)
-                self._time_scale.rest(self.speed_share)
+                self._time_scale.rest(self._share)
             else:
                 self._advance(elapsed)
             if at_rest and not self._channel.stream_at_rest:
                 return None
             return self._position, self._velocity
+
+    @property
+    def _share(self) -> float:
+        """Of real time, which is to pass for set-points: by the operator, and as fast as the controller follows."""
+        return self.speed_share * self._channel.scaling
+
+    def _wait(self, elapsed: float) -> None:
+        """The controller is paused: set-points are where the joints are, so that none jumps when it goes on."""
+        self._watch_lapse(elapsed)
+        here = np.clip(self._channel.read().positions, self.model.lower, self.model.upper)
+        if isinstance(self._setpoints, (Hold, Brake)):
+            self._rest_at(here)
+        else:
+            self._gate.start(here)
+            self._position, self._velocity = here, np.zeros_like(here)
 
     @property
     def _settled(self) -> bool:
@@ -405,8 +422,10 @@ class StreamedJointGroup(StoppablePart, JointGroup):
         if setpoints.waits:
             behind = float(np.max(np.abs(self._wanted - self._position)))
             pace = max(0.0, 1.0 - behind / self._tracking.held_back)
-        if setpoints.scaled:
-            pace *= self._time_scale.approach(self.speed_share, dt)
+        if self._channel.scaling == 0.0 and not setpoints.brakes:  # nobody goes on: no more does the time
+            pace = self._time_scale.share = 0.0
+        elif setpoints.scaled:
+            pace *= self._time_scale.approach(self._share, dt)
         self._velocity = np.zeros_like(self._velocity)
         if pace > 0.0:
             self._wanted, velocity = setpoints.advance(pace * dt)
@@ -448,8 +467,8 @@ class StreamedJointGroup(StoppablePart, JointGroup):
             self._give_up(MotionErrorCode.TIMEOUT, text)
 
     def _watch_tracking(self, elapsed: float) -> None:
-        if self._channel.age > self._tracking.latency:
-            return  # nobody knows where they are: that is the watchdog's
+        if self._channel.age > self._tracking.latency or self._channel.scaling == 0.0:
+            return  # nobody knows where they are: that is the watchdog's; or their controller has stopped them
         error = np.abs(self._position - self._channel.read().positions)
         tolerance = self.model.path_tolerance
         worst = int(np.argmax(error / tolerance))

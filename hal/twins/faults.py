@@ -22,6 +22,14 @@ def delay_seconds(value: object) -> float:
     raise ValueError(f"a delay should be 0 to {LONGEST_DELAY:g} seconds (CONNECTION:delay:0.2), got {got}")
 
 
+def _share(name: str, value: object) -> float:
+    with contextlib.suppress(TypeError, ValueError):
+        share = float(str(value))
+        if 0.0 <= share <= 1.0:
+            return share
+    raise ValueError(f"{name} should be 0 to 1 (CONNECTION:{name}:0.5), got {value!r}")
+
+
 @dataclass(frozen=True)
 class WireFaults:
     """What is wrong with the wire now. ``silent``: nothing arrives and nothing is sent, as if the cable was pulled."""
@@ -41,6 +49,7 @@ class Faults:
         self._lock = threading.Lock()
         self._wire = WireFaults()
         self._offered: dict[str, Callable[[], None]] = {}
+        self._shares: dict[str, Callable[[float], None]] = {}
 
     @property
     def wire(self) -> WireFaults:
@@ -50,16 +59,21 @@ class Faults:
     @property
     def names(self) -> list[str]:
         """What can be asked for."""
-        return ["drop", "delay", "restore", *self._offered]
+        return ["drop", "delay", "restore", *self._offered, *self._shares]
 
-    def offer(self, faults: Mapping[str, Callable[[], None]]) -> None:
-        """Let further faults be asked for by name."""
+    def offer(
+        self, faults: Mapping[str, Callable[[], None]], shares: Mapping[str, Callable[[float], None]] | None = None
+    ) -> None:
+        """Let further faults be asked for by name. ``shares``: those that take a value from 0 to 1."""
         self._offered |= faults
+        self._shares |= shares or {}
 
     def happen(self, name: str, value: float | None = None) -> None:
         """Make a fault happen now; LookupError names what there is, ValueError what ``value`` should be."""
         if name == "delay":
             value = delay_seconds(value)
+        elif name in self._shares:
+            value = _share(name, value)
         elif value is not None:
             raise ValueError(f"the fault {name!r} takes no value, got {value!r}")
         with self._lock:
@@ -71,5 +85,7 @@ class Faults:
                 self._wire = WireFaults()
             elif name in self._offered:
                 self._offered[name]()
+            elif name in self._shares and value is not None:
+                self._shares[name](value)
             else:
                 raise LookupError(f"no fault {name!r}; there are {', '.join(self.names)}")

@@ -33,6 +33,10 @@ class ServoFollower:
         """Whether the last set-point is not reached yet."""
         return bool(np.any(np.abs(self._goal - self.setpoint) > 1e-5))
 
+    def rest(self) -> None:
+        """The joints were brought to rest where their set-point is."""
+        self._goal, self._velocity = self.setpoint.copy(), np.zeros_like(self.setpoint)
+
     def take(self, goal: Array, arrived: float) -> None:
         """A set-point has come, at ``arrived`` seconds of the machine's clock."""
         between = max(self._since, arrived - self._arrived)

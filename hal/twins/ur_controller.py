@@ -1,4 +1,11 @@
-"""The controller of a UR e-series arm as a state machine over an arm of the twins' world."""
+"""The controller of a UR e-series arm as a state machine over an arm of the twins' world.
+
+The speed slider (``target_speed_fraction``) scales the time of all motion functions, ``servoj`` too, by
+``getSpeedScaling() * getTargetSpeedFraction()`` (ur-rtde 1.6.5, ``getSpeedScalingCombined``); an arm that is streamed
+set-points faster than that lags behind ("On-Robot speed scaling", ros2_controllers' joint_trajectory_controller). A
+program that is paused (``runtime_state`` 4) holds the arm, and goes on with the same motion when it is played. Of
+reduced mode (``safety_mode`` 2) the twin only tells.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +24,7 @@ from hal.twins.ur_kinematics import URKinematics
 from hal.twins.ur_program import URProgram
 from hal.twins.world import TwinWorld
 
-STOPPED, PLAYING = 1, 2
+STOPPED, PLAYING, PAUSED = 1, 2, 4
 UNLOCK_DELAY = 5.0
 """Seconds after a protective stop before which it cannot be unlocked."""
 TRACKING_TOLERANCE = 0.12
@@ -36,6 +43,7 @@ class SafetyMode(IntEnum):
     """Numbers of ``safety_mode``."""
 
     NORMAL = 1
+    REDUCED = 2
     PROTECTIVE_STOP = 3
     SAFEGUARD_STOP = 5
     ROBOT_EMERGENCY_STOP = 7
@@ -44,6 +52,7 @@ class SafetyMode(IntEnum):
 
 _SAFETY_BITS = {
     SafetyMode.NORMAL: 1 << 0,
+    SafetyMode.REDUCED: 1 << 1,
     SafetyMode.PROTECTIVE_STOP: 1 << 2,
     SafetyMode.SAFEGUARD_STOP: 1 << 4 | 1 << 10,
     SafetyMode.ROBOT_EMERGENCY_STOP: 1 << 6 | 1 << 7 | 1 << 10,
@@ -67,6 +76,7 @@ class URController:
         self._astray = 0.0
         self._digital_outputs = 0
         self._payload = payload(model, flange_of(model, arm.name)).mass  # as somebody has set it at the pendant
+        self._slider, self._paused = 1.0, False
         self._wrench_sign = 1.0
         self._measured: dict[str, Any] = {}
         world.ticks.append(self.tick)
@@ -87,9 +97,9 @@ class URController:
             "safety_mode": int(self.safety_mode),
             "safety_status_bits": _SAFETY_BITS[self.safety_mode],
             "robot_status_bits": 1 | (2 if self.playing else 0),
-            "runtime_state": PLAYING if self.playing else STOPPED,
+            "runtime_state": STOPPED if not self.playing else PAUSED if self._paused else PLAYING,
             "speed_scaling": 1.0,
-            "target_speed_fraction": 1.0,
+            "target_speed_fraction": self._slider,
             "payload": self._payload,
             "actual_digital_output_bits": self._digital_outputs,
         }
@@ -105,7 +115,7 @@ class URController:
 
         def begin() -> None:
             self._end_program()
-            if self.robot_mode == RobotMode.RUNNING and self.safety_mode == SafetyMode.NORMAL:
+            if self.robot_mode == RobotMode.RUNNING and self.safety_mode in (SafetyMode.NORMAL, SafetyMode.REDUCED):
                 self._program = URProgram(script, self._arm, self._kinematics)
 
         self._world.post(begin)
@@ -117,6 +127,28 @@ class URController:
     def end_program(self) -> None:
         """The button Stop."""
         self._world.post(self._end_program)
+
+    def set_slider(self, share: float) -> None:
+        """Somebody moves the speed slider of the pendant."""
+        self._slider = share
+
+    def pause(self, paused: bool) -> None:
+        """The buttons Pause and Play."""
+
+        def change() -> None:
+            if paused == self._paused:
+                return
+            self._paused = paused
+            if self._program is not None and paused:
+                self._program.pause()
+            elif self._program is not None:
+                self._program.resume()
+
+        self._world.post(change)
+
+    def reduce(self, reduced: bool) -> None:
+        """A safety input switches reduced mode on and off."""
+        self.safety_mode = SafetyMode.REDUCED if reduced else SafetyMode.NORMAL
 
     def turn_wrench(self) -> None:
         """From now on the sensor tells what the hand does to the world, and back again."""
@@ -172,7 +204,8 @@ class URController:
         fresh = self._take_inputs(dt)
         program = self._program
         if program is not None:
-            program.advance(dt, self._inputs, fresh)
+            if not self._paused:
+                program.advance(dt, self._inputs, fresh, self._slider)
             self._watch(program, dt)
         if program is not None and program.payload is not None:
             self._payload = program.payload
@@ -222,7 +255,7 @@ class URController:
     def _end_program(self) -> None:
         if self._program is not None:
             self._program.halt()
-        self._program, self._astray = None, 0.0
+        self._program, self._astray, self._paused = None, 0.0, False
         self._inputs["input_int_register_0"] = 0
 
     def _measure(self, program: URProgram | None) -> None:

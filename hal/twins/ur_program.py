@@ -102,6 +102,8 @@ class URProgram:
         self._upper = arm.model.upper
         self._executing = self._acknowledged = False
         self._moves: list[Waypoint] = []
+        self._move: Waypoint | None = None
+        self._slider = 1.0
         self.payload: float | None = None  # kg, where this program has set it
         self._motion: Motion[None] | None = None
         self._asynchronous = False
@@ -123,8 +125,23 @@ class URProgram:
         self._moves = []
         self._tell_running(False)
 
-    def advance(self, dt: float, inputs: Mapping[str, Any], fresh: bool) -> None:
-        """One cycle. ``fresh``: whether inputs have come since the last one."""
+    def pause(self) -> None:
+        """Hold where the arm is."""
+        if self.follower is None:
+            self._arm.stop()
+        else:
+            self.follower.rest()
+        if self._motion is not None and self._move is not None:
+            self._moves.insert(0, self._move)
+
+    def resume(self) -> None:
+        """Go on with what was under way."""
+        if self._motion is not None:
+            self._next_move()
+
+    def advance(self, dt: float, inputs: Mapping[str, Any], fresh: bool, slider: float = 1.0) -> None:
+        """One cycle. ``fresh``: whether inputs have come since the last one. ``slider``: of the pendant, 0 to 1."""
+        self._slider = slider
         command = int(inputs.get("input_int_register_0", 0))
         numbers = [float(inputs.get(f"input_double_register_{index}", 0.0)) for index in range(8)]
         if command in REAL_TIME:
@@ -201,10 +218,10 @@ class URProgram:
             self._motion = None
             self._tell_running(False)
             return
-        move = self._moves.pop(0)
+        move = self._move = self._moves.pop(0)
         if not self._reachable(move.positions):
             return
-        share = float(np.clip(move.speed / float(np.max(self._speed)), 0.01, 1.0))
+        share = float(np.clip(self._slider * move.speed / float(np.max(self._speed)), 0.01, 1.0))
         self._motion = self._arm.move_to(np.clip(move.positions, self._lower, self._upper), share)
         self._tell_running(True)
 
@@ -216,11 +233,11 @@ class URProgram:
 
     def _go_on(self, dt: float) -> None:
         if self.follower is not None:
-            self._arm.servo(self.follower.advance(dt))
+            self._arm.servo(self.follower.advance(dt * self._slider))
         elif self._motion is not None and self._motion.done:
             self._next_move()
         elif self._next_drift is not None:
             self._drift_left -= dt
             if self._drift is None or self._drift_left <= 0.0:
                 self._drift, self._drift_left = self._next_drift, self._next_drift.time
-            self._arm.command(velocities=np.clip(self._drift.joints(), -self._speed, self._speed))
+            self._arm.command(velocities=np.clip(self._slider * self._drift.joints(), -self._speed, self._speed))

@@ -60,7 +60,12 @@ class URTwin:
                 "emergency_release": controller.restart_safety,
                 "program_stop": controller.end_program,
                 "other_wrench_sign": controller.turn_wrench,
-            }
+                "pause": lambda: controller.pause(True),
+                "play": lambda: controller.pause(False),
+                "reduced": lambda: controller.reduce(True),
+                "full_speed": lambda: controller.reduce(False),
+            },
+            {"speed_slider": controller.set_slider},
         )
 
     def start(self) -> None:

@@ -57,6 +57,7 @@ class URArm(StreamedArm):
 
     ``move_path``, ``speed_joints`` and ``speed_tool`` are the controller's ``movej``, ``speedj`` and ``speedl``, within
     the same limits as everything else. They do not take over from one another: ``stop`` or ``cancel`` comes first.
+    They, too, keep to the speed slider and wait while the controller is paused, as the controller does.
     ``payload``: from what the hand holds, kg and its centre in the tool frame, to all that the flange carries.
     Motions of the controller are renewed every 0.05 s, and end where this process does not renew them any more.
     """

@@ -71,6 +71,7 @@ class URDigitalIO:
 Rate = Annotated[Frequency, Field(le=500.0)]
 Model = Literal["ur3e", "ur5e", "ur7e", "ur10e", "ur12e", "ur16e", "ur8long", "ur15", "ur20", "ur30"]
 Gain = Annotated[float, Field(ge=100.0, le=2000.0)]
+Share = Annotated[float, Field(gt=0.0, le=1.0)]
 Lookahead = Annotated[PositiveTime, Field(ge=0.03, le=0.2)]
 
 
@@ -83,7 +84,8 @@ class UROptions:
     ``servo_gain``: of the controller's ``servoj``: how far it smooths set-points, and how hard it follows them.
     ``payload``, ``payload_center``: kg and metres in the flange, of what the arm carries always; the controller's own
     if nothing is said. ``controller_watchdog``: seconds without a sign of life of ours after which the controller ends
-    its program. ``longest_delay``: seconds that readings may come late for a while. ``connect_timeout``: seconds.
+    its program. ``reduced_scaling``: share of the speed in the controller's reduced mode, whose limits it does not
+    tell. ``longest_delay``: seconds that readings may come late for a while. ``connect_timeout``: seconds.
     """
 
     model: Model | None = None
@@ -93,6 +95,7 @@ class UROptions:
     payload: Mass | None = None
     payload_center: Lengths3 = (0.0, 0.0, 0.0)
     controller_watchdog: PositiveTime = 0.25
+    reduced_scaling: Share = 0.25
     longest_delay: PositiveTime = 0.1
     connect_timeout: PositiveTime = 2.0
 
@@ -125,6 +128,9 @@ ROBOT_MODES = {
     8: "updating firmware",
 }
 WELL = frozenset({1, 2})
+REDUCED = 2
+PROGRAM_LIVES = frozenset({PLAYING, 3, 4, 5})
+"""Runtime states: playing; pausing, paused and resuming, where motions wait."""
 PROTECTIVE_STOP = 3
 STOPPED_BY_PEOPLE = frozenset({5, 6, 7, 12, 13})
 
@@ -147,10 +153,17 @@ def fault_of(report: Report) -> Failure | None:
     if report.lapsed:
         text = "the arm was braked because the process that holds the robot's connections was silent"
         return Failure(MotionErrorCode.STOPPED, text)
-    if report.runtime_state != PLAYING and not report.busy:
+    if report.runtime_state not in PROGRAM_LIVES and not report.busy:
         text = "the program on the controller has ended"
         return Failure(MotionErrorCode.FAULT, text, vendor_code=f"runtime state {report.runtime_state}")
     return None
+
+
+def scaling_of(report: Report, reduced: float) -> float:
+    """How fast a motion's time passes: by the speed slider; none while paused; at most ``reduced`` in that mode."""
+    if report.runtime_state != PLAYING:
+        return 0.0
+    return min(report.scaling, reduced) if report.safety_mode == REDUCED else report.scaling
 
 
 JOINTS = 6
@@ -181,7 +194,7 @@ class URConnection(Connection):
         arms = [name for name in self.settings.parts if name in self.model.of(ArmModel)]
         sensors = [name for name in self.settings.parts if name in self.model.of(MountedForceTorque)]
         tool = ToolLimits(self.model, arms[0], self.limits)
-        model, joints = self.model.of(ArmModel)[arms[0]], URJoints(self._link)
+        model, joints = self.model.of(ArmModel)[arms[0]], URJoints(self._link, options.reduced_scaling)
         self._arm = URArm(arms[0], model, joints, self.latch, 1.0 / options.rate, tool, self._link, self._payload)
         parts: dict[str, Part] = {arms[0]: self._arm}
         for name in sensors:
@@ -295,10 +308,15 @@ Array = NDArray[np.float64]
 
 
 class URJoints(JointChannel):
-    """Set-points by ``servoJ``; the torques are those that the controller's model wants."""
+    """Set-points by ``servoJ``; the torques are those that the controller's model wants.
 
-    def __init__(self, link: URLink) -> None:
-        self._link = link
+    The controller executes ``servoj`` as much more slowly as its speed slider says ("On-Robot speed scaling" of
+    ros2_controllers' joint_trajectory_controller), and not at all while its program is paused.
+    ``reduced_scaling``: in reduced mode.
+    """
+
+    def __init__(self, link: URLink, reduced_scaling: float) -> None:
+        self._link, self._reduced_scaling = link, reduced_scaling
         self._of: Report | None = None
         self._reading: JointReading | None = None
 
@@ -306,6 +324,12 @@ class URJoints(JointChannel):
     def age(self) -> float:
         """Readings come whether set-points are sent or not."""
         return self._link.age
+
+    @property
+    def scaling(self) -> float:
+        """As the newest report tells."""
+        report = self._link.report
+        return 1.0 if report is None else scaling_of(report, self._reduced_scaling)
 
     def read(self) -> JointReading:
         """The newest reading."""

@@ -1,7 +1,7 @@
 """What keeps a UR in the hands of people, and its release, over the dashboard server: with a wire of its own.
 
-Universal Robots' manuals ask that somebody inspects the cause of a protective stop before it is unlocked, and that no
-program does so by itself; so connecting and ``clear_stop()`` come to this file for nothing.
+"Always inspect cause of protective stop before unlocking", the dashboard's server says: a person's part. So neither
+connecting nor ``clear_stop()`` comes here, only ``bestman-bt robot release``.
 """
 
 from __future__ import annotations

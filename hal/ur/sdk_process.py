@@ -51,6 +51,8 @@ VARIABLES = [
     "robot_mode",
     "safety_mode",
     "runtime_state",
+    "speed_scaling",
+    "target_speed_fraction",
     "payload",
 ]
 PROGRAM = (Path(__file__).parent / "control.script").read_text(encoding="ascii")
@@ -66,7 +68,7 @@ class Report(NamedTuple):
     Positions, velocities and the torques that the controller's model wants: (6,) each; rad, rad/s, N m. ``tool_pose``:
     metres and rotation vector in the controller's base frame. ``wrench``: (6,) of the flange's sensor, N and N m.
     ``busy``: its program is being exchanged. ``moving``: it moves along a path of its own. ``lapsed``: the arm was
-    braked because the parent was silent.
+    braked because the parent was silent. ``scaling``: of its motions' time, by the speed slider and its limiter.
     """
 
     time: float
@@ -84,6 +86,7 @@ class Report(NamedTuple):
     busy: bool
     moving: bool
     lapsed: bool = False
+    scaling: float = 1.0
 
 
 class RefusedError(Error):
@@ -383,6 +386,7 @@ class SDKProcess:
                         self._busy,
                         self._moves(),
                         self._lapsed,
+                        receive.getSpeedScalingCombined(),
                     )
                     self._stream.send(tuple(report))
         except OSError:

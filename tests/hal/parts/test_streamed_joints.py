@@ -39,11 +39,11 @@ MODEL = joint_group_model(
 
 
 class Joints(JointChannel):
-    """Joints that are where they were last sent plus ``off``, at a speed of ``tremble``."""
+    """Joints that are where they were last sent plus ``off``, at a speed of ``tremble``; they stand while paused."""
 
     def __init__(self, count: int, stream_at_rest: bool = False) -> None:
         self.at, self.off = np.zeros(count), np.zeros(count)
-        self.tremble, self.old = 0.0, 0.0
+        self.tremble, self.old, self.share = 0.0, 0.0, 1.0
         self.sent: list[tuple[np.ndarray, np.ndarray]] = []
         self.stream_at_rest = stream_at_rest
 
@@ -51,12 +51,17 @@ class Joints(JointChannel):
     def age(self) -> float:
         return self.old
 
+    @property
+    def scaling(self) -> float:
+        return self.share
+
     def read(self) -> JointReading:
         count = len(self.at)
         return JointReading(self.at + self.off, np.full(count, self.tremble), np.zeros(count))
 
     def send(self, positions: np.ndarray, velocities: np.ndarray) -> None:
-        self.at = positions.copy()
+        if self.share > 0.0:
+            self.at = positions.copy()
         self.sent.append((positions.copy(), velocities.copy()))
 
 

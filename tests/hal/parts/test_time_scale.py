@@ -119,6 +119,86 @@ def test_whatever_an_operator_sets_trajectories_keep_to_their_path_and_limits(
     assert np.max(jerks) <= ROOM
 
 
+def test_a_motion_is_slower_by_the_operators_share_and_by_the_controllers(
+    group: StreamedJointGroup, channel: Joints
+) -> None:
+    run(group, 0.1)
+    group.move_to([1.0, 0.4])
+    run(group, 10.0)
+    lasted = moving(sent(channel))
+    channel.sent.clear()
+    channel.share = 0.5
+    run(group, 0.1, lambda time: 0.6)
+    slower = group.move_to([0.0, 0.0])
+    run(group, 20.0, lambda time: 0.6)
+    assert slower.status is MotionStatus.SUCCEEDED
+    assert moving(sent(channel)) == pytest.approx(lasted / 0.3, rel=0.02)
+
+
+def paused_at_speed(group: StreamedJointGroup, channel: Joints) -> tuple[np.ndarray, np.ndarray]:
+    """Where the joints are, and their velocities, when the controller is paused on the way of a motion."""
+    run(group, 1.0)
+    here, velocity = channel.sent[-1]
+    channel.share = 0.0
+    channel.sent.clear()
+    return here, velocity
+
+
+def braking_way(velocity: np.ndarray) -> np.ndarray:
+    """By which joints that brake together, within the limits, are at most farther than where they began."""
+    speed = np.abs(velocity)
+    way: np.ndarray = 1.05 * speed * (np.max(speed) / (2.0 * 0.9 * SLOW) + PERIOD)
+    return way
+
+
+def test_while_the_controller_is_paused_set_points_come_back_and_go_on_along_the_path_from_where_it_stands(
+    group: StreamedJointGroup, channel: Joints
+) -> None:
+    motion = group.move_to([1.5, -0.9])
+    here, velocity = paused_at_speed(group, channel)
+    run(group, 4.0)  # longer than anything that ends a motion
+    assert np.all(np.abs(sent(channel) - here) <= braking_way(velocity))
+    assert channel.sent[-1][0] == pytest.approx(here)
+    assert not motion.done
+    channel.sent.clear()
+    channel.share = 1.0
+    run(group, 10.0)
+    assert motion.status is MotionStatus.SUCCEEDED, motion.failure
+    places = np.vstack([here, here, sent(channel)])
+    assert places[-1] == pytest.approx([1.5, -0.9], abs=1e-6)
+    assert np.max(np.abs(places @ np.array([0.9, 1.5]))) < 2e-3  # on the straight line
+    check_limits(places)
+
+
+@pytest.mark.parametrize("after", [0.0, 0.05, 1.0])
+def test_a_stop_while_the_controller_is_paused_moves_nothing_when_it_goes_on(
+    group: StreamedJointGroup, channel: Joints, after: float
+) -> None:
+    motion = group.move_to([1.5, -0.9])
+    here, velocity = paused_at_speed(group, channel)
+    run(group, after)
+    group.stop()
+    run(group, 0.5)
+    assert motion.done
+    assert group.resting
+    assert np.all(np.abs(sent(channel) - here) <= braking_way(velocity))
+    channel.share = 1.0
+    run(group, 1.0)
+    assert channel.at == pytest.approx(here)
+
+
+def test_a_velocity_lapses_and_streamed_set_points_wait_while_the_controller_is_paused(
+    group: StreamedJointGroup, channel: Joints
+) -> None:
+    group.command(velocities=[0.8, 0.0])
+    run(group, 0.2)
+    channel.share, here = 0.0, channel.at
+    run(group, 1.0)
+    channel.share = 1.0
+    run(group, 1.0)
+    assert channel.at == pytest.approx(here)
+
+
 def test_velocities_and_targets_are_slowed_down_too(group: StreamedJointGroup, channel: Joints) -> None:
     for _ in range(80):
         group.command(velocities=[0.8, 0.0])

@@ -31,6 +31,7 @@ class Controller(JointChannel):
         self.at, self.speed = HOME.copy(), np.zeros(6)
         self.calls: list[tuple[str, tuple[Any, ...]]] = []
         self.moving = False
+        self.share = 1.0
         self.goal: np.ndarray | None = None
         self.lost: str | None = None
 
@@ -51,6 +52,10 @@ class Controller(JointChannel):
         self.at, self.moving = self.goal, False
 
     @property
+    def scaling(self) -> float:
+        return self.share
+
+    @property
     def report(self) -> Report:
         lists = (self.at.tolist(), self.speed.tolist(), [0.0] * 6)
         return Report(0.0, 0.0, *lists, [0.0] * 6, [0.0] * 6, 0, 0, RUNNING, 1, PLAYING, False, self.moving)
@@ -59,7 +64,8 @@ class Controller(JointChannel):
         return JointReading(self.at, self.speed, np.zeros(6))
 
     def send(self, positions: np.ndarray, velocities: np.ndarray) -> None:
-        self.at = positions
+        if self.share > 0.0:
+            self.at = positions
 
     @property
     def asked(self) -> list[str]:
@@ -145,6 +151,34 @@ def test_after_a_motion_that_has_succeeded_the_next_one_begins_at_once(
         until_done(motion, run)
         assert motion.status is MotionStatus.SUCCEEDED, motion.failure
         assert arm.resting
+
+
+def test_a_motion_is_slower_by_the_controllers_scaling_waits_at_none_and_a_stop_then_moves_nothing(
+    arm: URArm, controller: Controller, run: Run
+) -> None:
+    goal = HOME + 400 * NUDGE
+    way: list[float] = []
+    for scaling in (1.0, 0.25):
+        controller.share = scaling
+        motion, place = arm.move_to(goal if scaling == 1.0 else HOME), []
+        while not motion.done:
+            place.append(controller.at[0])
+            run(PERIOD)
+        assert motion.status is MotionStatus.SUCCEEDED
+        way.append(float(np.max(np.abs(np.diff(place)))))
+    assert way[1] == pytest.approx(0.25 * way[0], rel=0.05)
+    controller.share = 1.0
+    motion = arm.move_to(goal)
+    run(0.3)
+    controller.share, there = 0.0, controller.at.copy()
+    run(1.0)
+    assert not motion.done
+    arm.stop()
+    run(0.02)
+    assert arm.resting
+    controller.share = 1.0
+    run(0.5)
+    assert controller.at == pytest.approx(there)
 
 
 def test_a_motion_that_did_not_settle_has_failed_and_the_next_one_begins_at_once(

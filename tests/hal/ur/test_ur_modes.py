@@ -10,7 +10,7 @@ import pytest
 from bestman_bt.robot_model.connection_config import SafetyConfig
 from hal.api import CommandRefusedError, Failure, MotionErrorCode, NoDataError
 from hal.parts import StopLatch
-from hal.ur.connection import URConnection, URDigitalIO, fault_of
+from hal.ur.connection import URConnection, URDigitalIO, UROptions, fault_of, scaling_of
 from hal.ur.sdk_process import Report
 
 
@@ -28,7 +28,6 @@ def report(**values: Any) -> Report:
         ({"robot_mode": 5}, MotionErrorCode.FAULT, "robot mode 5"),
         ({"robot_mode": 3, "busy": True}, MotionErrorCode.FAULT, "robot mode 3"),
         ({"runtime_state": 1}, MotionErrorCode.FAULT, "runtime state 1"),
-        ({"runtime_state": 4}, MotionErrorCode.FAULT, "runtime state 4"),
         ({"safety_mode": 3, "robot_mode": 5, "busy": True}, MotionErrorCode.COLLISION, "safety mode 3"),
     ],
 )
@@ -40,9 +39,23 @@ def test_what_keeps_a_controller_from_being_commanded_is_a_fault(
     assert (fault.code, fault.vendor_code) == (code, number)
 
 
-@pytest.mark.parametrize("values", [{}, {"safety_mode": 2}, {"runtime_state": 1, "busy": True}])
-def test_a_controller_that_is_well_reduced_or_exchanges_its_program_has_no_fault(values: dict[str, Any]) -> None:
+@pytest.mark.parametrize("values", [{}, {"safety_mode": 2}, {"runtime_state": 4}, {"runtime_state": 1, "busy": True}])
+def test_a_controller_that_is_well_reduced_paused_or_exchanges_its_program_has_no_fault(values: dict[str, Any]) -> None:
     assert fault_of(report(**values)) is None
+
+
+@pytest.mark.parametrize(
+    ("values", "scaling"),
+    [
+        ({}, 1.0),
+        ({"scaling": 0.3}, 0.3),
+        ({"scaling": 0.3, "runtime_state": 4}, 0.0),
+        ({"safety_mode": 2}, 0.25),
+        ({"safety_mode": 2, "scaling": 0.1}, 0.1),
+    ],
+)
+def test_motions_pass_in_the_controllers_time(values: dict[str, Any], scaling: float) -> None:
+    assert scaling_of(report(**values), 0.25) == scaling
 
 
 def test_each_digital_channel_has_its_bit_and_a_stopped_robot_switches_none() -> None:
@@ -79,6 +92,7 @@ def test_set_points_go_out_while_the_controller_is_heard_and_well(
         _link=SimpleNamespace(pump=lambda: report(**values), heard=5.0 - silence, beat=lambda: None),
         clock=SimpleNamespace(now=lambda: 5.0),
         limits=SafetyConfig(watchdog=0.1),
+        options=UROptions(),
         _arm=SimpleNamespace(cycle=cycles.append, give_way=lambda: None),
     )
     URConnection._cycle(connection, 0.01)

@@ -171,3 +171,62 @@ def test_a_second_client_is_refused_as_long_as_the_first_one_is_there(
     with pytest.raises(ConnectionFailedError, match=CONTROLLER) as refusal:
         HardwareRobot(twin_model).connect()
     assert twin.addresses[CONTROLLER] not in str(refusal.value)
+
+
+@pytest.mark.slow
+def test_a_motion_keeps_to_a_speed_slider_that_the_arm_could_not_follow(
+    robot: HardwareRobot, twin: TwinProcess
+) -> None:
+    arm = robot.part("arm", URArm)
+    start = arm.positions()
+    twin.fault(CONTROLLER, "speed_slider", 0.1)
+    try:
+        motion = ended(robot, arm.move_to(start + 2 * STEP))
+        assert motion.status is MotionStatus.SUCCEEDED, motion.failure
+    finally:
+        twin.fault(CONTROLLER, "speed_slider", 1.0)
+    ended(robot, arm.move_to(start))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("by_the_controller", [False, True])
+def test_a_motion_waits_while_the_program_is_paused_and_goes_on(
+    robot: HardwareRobot, twin: TwinProcess, by_the_controller: bool
+) -> None:
+    arm = robot.part("arm", URArm)
+    start = arm.positions()
+    motion = (
+        arm.move_path([start + 2 * STEP], speed_scale=0.3)
+        if by_the_controller
+        else arm.move_to(start + 2 * STEP, speed_scale=0.3)
+    )
+    wait_for(lambda: abs(arm.positions()[0] - start[0]) > 0.1, "the arm sets out")
+    twin.fault(CONTROLLER, "pause")
+    wait_in_twin(twin, 0.5)
+    assert np.max(np.abs(twin.judge("joints", "arm")["velocities"])) < 0.01
+    assert not motion.done
+    assert not robot.stopped
+    twin.fault(CONTROLLER, "play")
+    assert ended(robot, motion).status is MotionStatus.SUCCEEDED, motion.failure
+    assert arm.positions() == pytest.approx(start + 2 * STEP, abs=0.005)
+    ended(robot, arm.move_to(start))
+
+
+@pytest.mark.slow
+def test_an_arm_that_was_stopped_while_its_program_is_paused_stands_when_it_is_played(
+    robot: HardwareRobot, twin: TwinProcess
+) -> None:
+    arm = robot.part("arm", URArm)
+    start = arm.positions()
+    arm.move_to(start + 4 * STEP, speed_scale=0.5)
+    wait_for(lambda: abs(arm.velocities()[0]) > 0.5, "the arm sets out")
+    twin.fault(CONTROLLER, "pause")
+    wait_for(lambda: abs(arm.velocities()[0]) < 0.01, "the arm comes to rest")
+    robot.stop()
+    wait_in_twin(twin, 0.5)
+    there = np.array(twin.judge("joints", "arm")["positions"])
+    twin.fault(CONTROLLER, "play")
+    wait_in_twin(twin, 0.5)
+    assert twin.judge("joints", "arm")["positions"] == pytest.approx(there, abs=1e-3)
+    robot.clear_stop()
+    ended(robot, arm.move_to(start))
