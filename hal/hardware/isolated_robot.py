@@ -74,8 +74,10 @@ class IsolatedRobot(Robot):
         try:
             self._client.start(Setup(self.model, self._start))
             self._client.call(Call(ROBOT, "connect"))
-            self._client.call(Call(ROBOT, "set_speed", (self.speed,)))
-            self._client.call(Call(ROBOT, "keep_black_box_in", (self._black_box_in,)))
+            if self.speed != 1.0:
+                self._client.call(Call(ROBOT, "set_speed", (self.speed,)))
+            if self._black_box_in is not None:
+                self._client.call(Call(ROBOT, "keep_black_box_in", (self._black_box_in,)))
             if self._description.stopped:
                 self._client.stop(Call(ROBOT, "stop"))
             for name, part in self.parts.items():

@@ -111,7 +111,7 @@ def test_a_stop_without_a_connection_latches_and_is_told_to_the_other_process_as
     robot: IsolatedRobot, process: ScriptedProcess
 ) -> None:
     robot.connect()
-    assert process.asked == [("calls", ROBOT, "connect"), ("calls", ROBOT, "set_speed")]
+    assert process.asked == [("calls", ROBOT, "connect")]
     robot.disconnect()
     robot.stop()
     assert robot.stopped
@@ -121,6 +121,17 @@ def test_a_stop_without_a_connection_latches_and_is_told_to_the_other_process_as
     robot.clear_stop()
     robot.disconnect()
     assert not robot.stopped
+
+
+def test_a_new_process_is_told_the_operators_speed_and_where_the_black_box_belongs(
+    robot: IsolatedRobot, process: ScriptedProcess, tmp_path: Path
+) -> None:
+    robot.set_speed(0.3)
+    robot.keep_black_box_in(tmp_path)
+    robot.connect()
+    assert process.asked == [("calls", ROBOT, what) for what in ("connect", "set_speed", "keep_black_box_in")]
+    robot.set_speed(0.0)
+    assert process.asked[-1] == ("stops", ROBOT, "set_speed")
 
 
 def test_stops_go_past_what_else_is_asked(robot: IsolatedRobot, process: ScriptedProcess) -> None:
