@@ -64,6 +64,8 @@ def command(
         except TwinError as error:
             raise ConfigurationError([Problem("bestman-bt twin", None, "", str(error))]) from error
 
+    host.world.watch.tell = lambda words: print(f"bestman-bt twin: {words}", file=sys.stderr, flush=True)
+
     def end(number: int, frame: FrameType | None) -> None:
         host.close()
 

@@ -6,6 +6,7 @@ import json
 import queue
 import subprocess
 import sys
+import tempfile
 import threading
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -81,22 +82,24 @@ class TwinProcess:
 
     def start(self) -> None:
         """Start, and wait until the ports are open; TwinError with what the process said."""
-        self._process = subprocess.Popen(
-            self._command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, stdin=subprocess.PIPE, text=True
-        )
-        first: queue.SimpleQueue[str] = queue.SimpleQueue()
-        output = self._process.stdout
-        assert output is not None
-        threading.Thread(target=lambda: first.put(output.readline()), daemon=True).start()
-        try:
-            line = first.get(timeout=self._start_timeout)
-        except queue.Empty:
-            line = ""
-        if not line.strip():
-            self._process.kill()
-            _, errors = self._process.communicate()
-            said = errors.strip().splitlines() or ["they said nothing"]
-            raise TwinError(f"the twins did not start: {said[-1]}")
+        with tempfile.TemporaryFile("w+") as errors:  # no pipe: nobody reads what they say later on
+            self._process = subprocess.Popen(
+                self._command, stdout=subprocess.PIPE, stderr=errors, stdin=subprocess.PIPE, text=True
+            )
+            first: queue.SimpleQueue[str] = queue.SimpleQueue()
+            output = self._process.stdout
+            assert output is not None
+            threading.Thread(target=lambda: first.put(output.readline()), daemon=True).start()
+            try:
+                line = first.get(timeout=self._start_timeout)
+            except queue.Empty:
+                line = ""
+            if not line.strip():
+                self._process.kill()
+                self._process.communicate()
+                errors.seek(0)
+                said = errors.read().strip().splitlines() or ["they said nothing"]
+                raise TwinError(f"the twins did not start: {said[-1]}")
         self._told = json.loads(line)
 
     def close(self) -> None:

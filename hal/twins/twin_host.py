@@ -50,7 +50,7 @@ class JudgeServer(JsonLineServer):
             "touches_robot": truth.touches_robot,
             "supports": truth.supports,
             "audit_record": lambda name: dataclasses.asdict(world.robot.audit_record()),
-            "time": lambda name: {"time": world.now(), "given_up": world.given_up},
+            "time": lambda name: {"time": world.now(), "given_up": world.watch.given_up},
             "joints": self._joints,
             "width": lambda name: world.robot.part(name, Gripper).width(),
         }

@@ -16,6 +16,7 @@ from hal.pybullet import PhysicsParameters, PyBulletRobot
 from hal.simulation import GroundTruth
 from hal.twins.camera_render_process import CameraRenderProcess, StateCapture
 from hal.twins.errors import TwinError
+from hal.twins.machine_watch import MachineWatch
 
 Result = TypeVar("Result")
 DRIVE_RESERVE = 5.0
@@ -30,6 +31,7 @@ class TwinWorld:
     Protocol servers hang a function in ``ticks``: it is called before each physics step with the step's length, and
     may use the robot's parts as any program does. Other threads hand in work by ``post`` and ``call``. Set-points are
     taken at the physics rate: protocols bring up to 500 a second. ``cameras``: whether pictures will be asked for.
+    ``watch``: on whether the machine keeps up.
     """
 
     def __init__(
@@ -44,7 +46,7 @@ class TwinWorld:
         parameters = parameters or PhysicsParameters(control_every=1, stream_reserve=DRIVE_RESERVE)
         self.robot = PyBulletRobot(model, world, seed=seed, parameters=parameters)
         self.ticks: list[Callable[[float], None]] = []
-        self.given_up = 0.0
+        self.watch = MachineWatch(lambda words: None)
         self.without_power: set[str] = set()  # arms whose flange powers no tool
         self._drawing = model, world, seed
         self._cameras = cameras
@@ -93,7 +95,9 @@ class TwinWorld:
         if self._capture is None or self._renderer is None:
             raise TwinError("this world was made without cameras, or does not run yet")
         state = self.call(self._capture.take)
-        return self._renderer.render(camera, state), state.wall_time
+        image = self._renderer.render(camera, state)
+        self.watch.frame(camera, time.time() - state.wall_time, image.depth.size)
+        return image, state.wall_time
 
     def run(self, ready: Callable[[], None]) -> None:
         """Build the world, call ``ready``, and step until ``close()``."""
@@ -122,6 +126,7 @@ class TwinWorld:
                 tick(step)
             self.robot.clock.sleep(step)
             due = self._wait(due + step)
+            self.watch.look()
 
     def _wait(self, due: float) -> float:
         """Wait until a step is due; give up what cannot be caught up with."""
@@ -129,6 +134,6 @@ class TwinWorld:
         if ahead > 0.0:
             time.sleep(ahead)
         elif -ahead > LONGEST_DELAY:
-            self.given_up -= ahead
+            self.watch.given_up -= ahead
             return time.monotonic()
         return due

@@ -39,9 +39,9 @@ def world(model: RobotModel, table_worlds: dict[str, World]) -> Iterator[TwinWor
 
 def test_it_runs_in_real_time(world: TwinWorld) -> None:
     start, wall = world.now(), time.monotonic()
-    given_up = world.given_up
+    given_up = world.watch.given_up
     time.sleep(1.0)
-    passed = world.now() - start + world.given_up - given_up
+    passed = world.now() - start + world.watch.given_up - given_up
     assert passed == pytest.approx(time.monotonic() - wall, abs=0.15)
 
 

@@ -1,0 +1,57 @@
+"""Whether the machine keeps up with the twins: what a run against them fails for is told apart from a fault."""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from collections.abc import Callable
+
+PERIOD = 5.0
+"""Seconds that are looked at together, and between two messages."""
+MOST_GIVEN_UP = 0.1
+"""Share of real time that the world may lose."""
+OLDEST_FRAME, FRAME_PIXELS = 0.3, 640 * 480
+"""Seconds from exposure to the wire at this size; the limit goes with the length of an edge."""
+
+
+class MachineWatch:
+    """Gathers what is late, and tells it in words once per ``PERIOD`` where it is too much.
+
+    ``tell``: takes the words. ``given_up``: seconds since the beginning by which the world was behind real time.
+    Any thread may call.
+    """
+
+    def __init__(self, tell: Callable[[str], None], clock: Callable[[], float] = time.monotonic) -> None:
+        self.tell = tell
+        self.given_up = 0.0
+        self._clock, self._lock = clock, threading.Lock()
+        self._begun, self._before = clock(), 0.0
+        self._frames: dict[str, tuple[float, float]] = {}  # camera → seconds of its oldest frame, and their limit
+
+    def frame(self, camera: str, age: float, pixels: int) -> None:
+        """A frame of ``pixels`` is ready to be sent, ``age`` seconds after its exposure."""
+        with self._lock:
+            oldest = max(age, self._frames.get(camera, (0.0, 0.0))[0])
+            self._frames[camera] = oldest, OLDEST_FRAME * math.sqrt(pixels / FRAME_PIXELS)
+
+    def look(self) -> None:
+        """Tell what was late in the period that has ended, if one has."""
+        passed = self._clock() - self._begun
+        if passed < PERIOD:
+            return
+        with self._lock:
+            frames, self._frames = self._frames, {}
+        lost, self._before = self.given_up - self._before, self.given_up
+        self._begun += passed
+        late = [f"the world lost {lost:.1f} s"] if lost > MOST_GIVEN_UP * passed else []
+        late += [
+            f"frames of {camera} were up to {age:.2f} s old ({limit:.2f} s would do)"
+            for camera, (age, limit) in frames.items()
+            if age > limit
+        ]
+        if late:
+            self.tell(
+                f"this machine is too slow for the twins: in the last {passed:.0f} s {', '.join(late)}; what fails "
+                "against them meanwhile may fail for that"
+            )
