@@ -104,3 +104,19 @@ def test_stub_writes_leaves_that_run_with_the_tree(bestman_bt: Command, folder: 
     (folder / "leaves.py").write_text("def f(:")
     refused = bestman_bt("stub", "t.xml", "-o", "leaves.py")
     assert (refused.code, (folder / "leaves.py").read_text()) == (2, "def f(:")
+
+
+def test_diff_tells_and_draws_what_changed(bestman_bt: Command, folder: Path) -> None:
+    written(folder / "a.xml", '<Sequence><OpenLid side="1"/></Sequence>')
+    written(folder / "b.xml", '<Sequence><OpenLid side="2"/><Pour/></Sequence>')
+    answer = bestman_bt("diff", "a.xml", "b.xml", "--svg", "d.svg")
+    assert answer.code == 1
+    assert answer.out.splitlines()[2:] == [
+        "Main",
+        '  changed  Sequence > OpenLid (line 3 → 3): side "1" → "2"',
+        "  added    Sequence > Pour (line 3)",
+    ]
+    assert "#1a7f37" in (folder / "d.svg").read_text()
+    assert bestman_bt("diff", "a.xml", "a.xml").code == 0
+    (folder / "c.xml").write_text("<robot/>")
+    assert bestman_bt("diff", "a.xml", "c.xml").code == 2
