@@ -1,4 +1,4 @@
-"""Mutated tree files: none may crash or hang `validate`, `show` and `simulate`.
+"""Mutated tree files: none may crash or hang `validate`, `convert`, `show` and `simulate`.
 
     python benchmarks/foreign_trees.py --mutants 1000 [FOLDER…]      # by default the shipped trees
 
@@ -19,6 +19,7 @@ from pathlib import Path
 
 from bestman_bt.configuration import shipped_trees
 from bestman_bt.engine import EngineError, TreeLoadError, render_svg, render_text
+from bestman_bt.engine.models.conversion import convert
 from bestman_bt.engine.models.foreign import open_tree
 from bestman_bt.engine.models.scenario import Scenario
 from bestman_bt.engine.registry import NodeRegistry
@@ -94,10 +95,11 @@ def _damaged_xml(data: bytes, generator: random.Random) -> bytes:
 
 
 def fault_of(path: Path, registry: NodeRegistry) -> str:
-    """Check, draw and simulate a file; returns what it raised that users are not meant to see."""
+    """Check, convert, draw and simulate a file; returns what it raised that users are not meant to see."""
     try:
         validate_file(path, registry, search_path=shipped_trees())
         try:
+            convert(path.read_bytes(), str(path))
             tree = open_tree(path, registry, search_path=shipped_trees(), faults=[])
             render_text(tree)
             render_svg(tree)

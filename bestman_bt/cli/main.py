@@ -21,6 +21,7 @@ VERBS = {
     "cloud": "show, thin, clean, convert and draw a cloud of points",
     "domain": "show what task planners may order, and write it as PDDL",
     "show": "print a tree, or the trees of a folder",
+    "convert": "write a tree file of BehaviorTree.CPP 3 as version 4",
     "diff": "tell what changed between two tree files, as text and as a picture",
     "stub": "write Python skeletons of the leaves that have no code here",
     "simulate": "run a tree in simulated time, without robot and leaves, and tell what was tried",

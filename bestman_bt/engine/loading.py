@@ -102,6 +102,8 @@ def load_documents(  # noqa: PLR0913 - as load_tree
     ``gaps``: gives nodes and trees that are missing here others in their place, and keeps what was missing, which is no
     error then.
     """
+    if documents.old:
+        raise TreeLoadError(documents.old)
     compiler = ScriptCompiler(registry.enums)
     main, left_out = _checked(documents, registry, compiler, main_tree, faults, gaps)
     board = blackboard or Blackboard(main, converters=registry.converters)

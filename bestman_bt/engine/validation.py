@@ -56,6 +56,8 @@ def validate_file(
             tree = load_tree(path, registry, faults=found)
         else:
             documents = read_documents(path, search_path)
+            if documents.old:
+                return documents.old
             main = main_tree_of(documents, None)
             if main is None and documents.node_models and not documents.trees:
                 return []  # a file of models

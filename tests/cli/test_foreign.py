@@ -120,3 +120,13 @@ def test_diff_tells_and_draws_what_changed(bestman_bt: Command, folder: Path) ->
     assert bestman_bt("diff", "a.xml", "a.xml").code == 0
     (folder / "c.xml").write_text("<robot/>")
     assert bestman_bt("diff", "a.xml", "c.xml").code == 2
+
+
+def test_convert_writes_version_4_and_tells_what_to_look_at(bestman_bt: Command, folder: Path) -> None:
+    tree = '<root>\n<BehaviorTree ID="A"><SubTree ID="B" __shared_blackboard="true"/></BehaviorTree></root>'
+    (folder / "old.xml").write_text(tree)
+    assert bestman_bt("validate", "old.xml").code == 2
+    answer = bestman_bt("convert", "old.xml", "-o", "new.xml", "--canonical")
+    assert (answer.code, answer.out) == (0, "new.xml\n")
+    assert answer.err.startswith("old.xml:2: the SubTree 'B' had the blackboard of its parent")
+    assert '    <BehaviorTree ID="A">\n        <SubTree ID="B" _autoremap="true"/>' in (folder / "new.xml").read_text()

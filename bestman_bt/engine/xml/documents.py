@@ -8,6 +8,7 @@ from pathlib import Path
 
 from bestman_bt.engine.errors import Problem, TreeLoadError
 from bestman_bt.engine.xml.elements import MAX_BYTES, Element, parse_xml
+from bestman_bt.engine.xml.old_version import old_version
 
 MAX_INCLUDES = 200
 _RESERVED = frozenset((
@@ -53,6 +54,7 @@ class Documents:
     ``metadata``: of the subtree models, by key, what their ``<Metadata key="text"/>`` say. ``replaced``: trees whose
     ID another file, or a later tree of the same file, gives to another one. ``node_models``: what the TreeNodesModels
     say of nodes, as (element, file). ``scoped``: trees that a file means by an ID which is another's elsewhere.
+    ``old``: the files that are of version 3; what else is said of them is of no use.
     """
 
     file: str
@@ -65,6 +67,7 @@ class Documents:
     metadata: dict[str, dict[str, MetadataEntry]] = field(default_factory=dict)
     main_tree: str | None = None
     problems: list[Problem] = field(default_factory=list)
+    old: list[Problem] = field(default_factory=list)
     files: list[str] = field(default_factory=list)
 
     def unused_trees(self) -> list[str]:
@@ -153,8 +156,11 @@ class _Reader:
         if root.tag != "root":
             report(Problem(file, root.line, root.tag, "", "the outermost element must be <root>"))
             return
+        old = old_version(root, file)
         version = root.attributes.get("BTCPP_format", "4")
-        if version != "4":
+        if old is not None:
+            documents.old.append(old)
+        elif version != "4":
             report(Problem(file, root.line, "root", "BTCPP_format", f"'{version}' is not supported; it must be 4"))
         if main:
             documents.main_tree = root.attributes.get("main_tree_to_execute")

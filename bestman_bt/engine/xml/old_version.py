@@ -1,0 +1,36 @@
+"""What tells that a tree file is of BehaviorTree.CPP 3, and what has another name in version 4."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from bestman_bt.engine.errors import Problem
+from bestman_bt.engine.xml.elements import Element
+
+RENAMED: Final = {
+    "SequenceStar": "SequenceWithMemory",
+    "RetryUntilSuccesful": "RetryUntilSuccessful",
+    "SubTreePlus": "SubTree",
+}
+SIGNS: Final = frozenset((*RENAMED, *(f"BlackboardCheck{kind}" for kind in ("Int", "Double", "String", "Bool"))))
+_SIGN_ATTRIBUTES: Final = ("__shared_blackboard", "__autoremap")
+
+
+def old_version(root: Element, file: str) -> Problem | None:
+    """What tells that a file is of version 3; None where nothing does."""
+    version = root.attributes.get("BTCPP_format")
+    if version == "4":
+        return None
+    sign = "BTCPP_format" if version == "3" else ""
+    line = root.line
+    trees = [tree for tree in root.children if tree.tag == "BehaviorTree"] if not sign else []
+    for element in (element for tree in trees for element in tree.iter()):
+        names = {element.tag, element.attributes.get("ID", ""), *element.attributes}
+        found = [name for name in (*SIGNS, *_SIGN_ATTRIBUTES) if name in names]
+        if found:
+            sign, line = found[0], element.line
+            break
+    if not sign:
+        return None
+    message = f"the file is of BehaviorTree.CPP 3 ('{sign}')"
+    return Problem(file, line, "", "", message, f"bestman-bt convert {file} writes it as version 4")
