@@ -122,10 +122,10 @@ def run(files: list[Path], mutants: int, seed: int, scratch: Path) -> list[str]:
         file = files[number % len(files)]
         path = scratch / "mutant.xml"
         path.write_bytes(mutate(originals[file], generator))
-        began = time.monotonic()
+        began = time.process_time()
         fault = fault_of(path, registry)
-        if not fault and time.monotonic() - began > SLOW:
-            fault = f"took {time.monotonic() - began:.1f} s"
+        if not fault and time.process_time() - began > SLOW:
+            fault = f"took {time.process_time() - began:.1f} s of processor time"
         if fault:
             faults.append(f"{file}, seed {seed + number}: {fault}")
     return faults

@@ -16,6 +16,7 @@ from bestman_bt.engine import NodeInfo, RegistryError, Tree, load_tree, palette_
 from bestman_bt.engine.spelling import closest
 from bestman_bt.engine.unwritten import entries_of
 from bestman_bt.engine.xml.documents import read_documents
+from bestman_bt.engine.xml.schema import schema_xsd
 from bestman_bt.runtime.plugins import node_registry
 
 KINDS = ("Action", "Condition", "Control", "Decorator", "SubTree")
@@ -27,12 +28,15 @@ def command(
         list[str] | None, typer.Argument(metavar="[NAME]…", help="Only these nodes and shipped subtrees.")
     ] = None,
     xml: Annotated[bool, typer.Option("--xml", help="Print the TreeNodesModel that Groot2 imports.")] = False,
+    xsd: Annotated[
+        bool, typer.Option("--xsd", help="Print an XML schema of trees, for completion and checks in editors.")
+    ] = False,
     plugins: Plugins = None,
 ) -> None:
     """List the nodes and shipped subtrees that trees may use, with their ports."""
     registry = node_registry([str(plugin) for plugin in plugins or ()])
-    if xml:
-        print(palette_xml(registry), end="")
+    if xml or xsd:
+        print(schema_xsd(registry) if xsd else palette_xml(registry), end="")
         return
     subtrees = _shipped_subtrees()
     for name in names or ():

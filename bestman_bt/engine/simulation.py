@@ -15,6 +15,7 @@ from bestman_bt.engine.core.ports import key_of
 from bestman_bt.engine.core.status import FAILURE, IDLE, RUNNING, SUCCESS
 from bestman_bt.engine.core.tree import StateChanges, Tree
 from bestman_bt.engine.errors import EngineError
+from bestman_bt.engine.graphics import current_states, render_svg
 from bestman_bt.engine.leaves.blackboard import WasEntryUpdated
 from bestman_bt.engine.loading import load_tree
 from bestman_bt.engine.models.foreign import open_tree
@@ -65,6 +66,10 @@ class SimulatedRun:
     def visited(self, path: str) -> bool:
         """Return whether the node with this path ever left IDLE."""
         return any(found == path for _, found, _ in self.changes)
+
+    def _repr_svg_(self) -> str:
+        """The tree, coloured by what its nodes returned last: what notebooks show."""
+        return render_svg(self.tree, current_states(self.tree))
 
     @property
     def order(self) -> list[str]:
