@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar
 from annotated_types import Ge, Le
 
 from behaviours.computation import Until
-from behaviours.nav2.ports import SERVER, are_literals, without_meaning
+from behaviours.nav2.ports import SERVER, Nav2Errors, are_literals, without_meaning
 from behaviours.skill import Skill, SkillFailure, Steps, StepsTo
 from bestman_bt.engine import BoundedPort, In, NotZero
 from bestman_bt.messages.shapes import NonNegative
@@ -30,7 +30,7 @@ COLLISION_CHECKS = without_meaning("disable_collision_checks")
 """The collision monitor is always there."""
 
 
-class _Motion(Skill):
+class _Motion(Nav2Errors, Skill):
     """A motion that may take no longer than ``time_allowance``."""
 
     INPUT_PORTS: ClassVar = {**SERVER, **COLLISION_CHECKS, "time_allowance": TIME_ALLOWANCE}
@@ -106,7 +106,7 @@ class BackUp(_Motion):
         yield from self.in_time(self.skills.base.drive(-distance, speed), self.end())
 
 
-class Wait(Skill):
+class Wait(Nav2Errors, Skill):
     """Let time pass."""
 
     INPUT_PORTS: ClassVar = {**SERVER}

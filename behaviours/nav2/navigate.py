@@ -8,7 +8,15 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from behaviours.computation import Until
-from behaviours.nav2.ports import SERVER, FollowerName, PlannerName, without_meaning
+from behaviours.nav2.ports import (
+    SERVER,
+    FollowerName,
+    Nav2Errors,
+    PlannerName,
+    nothing_written,
+    our_name,
+    without_meaning,
+)
 from behaviours.navigation.navigate import DRIVING_FAILS, NavigateTo
 from behaviours.skill import Declaration, Skill, SkillFailure, Steps, StepsTo
 from bestman_bt.engine import In, Out
@@ -27,7 +35,7 @@ ALL_GOALS = -1
 """What ``last_reached_index`` is where the path leads through all poses."""
 
 
-class _ComputePath(Skill):
+class _ComputePath(Nav2Errors, Skill):
     """A path that leads through poses; without one the output is cleared, so that nobody drives an old path."""
 
     REQUIRES = ("base", "lidar")
@@ -49,7 +57,7 @@ class _ComputePath(Skill):
         from bestman_bt.navigation.path_pieces import joined
 
         skills = self.skills
-        name = self.planner_id
+        name = our_name(self.planner_id)
         planner = skills.planners(name, self.folders) if name else skills.global_planning
         begin = skills.world.base.pose if start is None else start
         legs: list[Path2D]
@@ -117,7 +125,7 @@ def _legs(
 # FollowPath: drive along a path, and along the next one as soon as there is one.
 
 
-class FollowPath(Skill):
+class FollowPath(Nav2Errors, Skill):
     """Drive along a path to its goal pose.
 
     Where another path is put on the port meanwhile, the base goes over to it without stopping; where it is cleared, the
@@ -126,6 +134,7 @@ class FollowPath(Skill):
 
     REQUIRES = ("base", "lidar")
     INPUT_PORTS: ClassVar = {**SERVER, **without_meaning("goal_checker_id", "progress_checker_id", "path_handler_id")}
+    OUTPUT_PORTS: ClassVar = nothing_written("tracking_feedback")
     path_ = In(Path2D, "the path, in the map frame", required=False, port="path")
     controller_id = In[str](
         FollowerName, "a local planner, as pure_pursuit or file.py:Class; the configured one", default=""
@@ -152,7 +161,8 @@ class FollowPath(Skill):
         skills, controller = self.skills, self.controller_id
         self._path, self._controller = path, controller
         self.feedback_message = f"driving {path.length:.1f} m"
-        follower = skills.followers(controller, self.folders) if controller else None
+        name = our_name(controller)
+        follower = skills.followers(name, self.folders) if name else None
         return skills.base.follow(path, skills.known_costmap(), follower)
 
     def _has_new(self) -> bool:
@@ -166,13 +176,13 @@ class FollowPath(Skill):
         return path.goal != before.goal or not np.array_equal(path.points, before.points)
 
 
-class NavigateToPose(NavigateTo):
+class NavigateToPose(Nav2Errors, NavigateTo):
     """Drive to a pose in the map frame: plan a path, follow it, plan again where it is blocked."""
 
     INPUT_PORTS: ClassVar = SERVER
 
 
-class NavigateThroughPoses(NavigateTo):
+class NavigateThroughPoses(Nav2Errors, NavigateTo):
     """Drive to several poses in the map frame, one after the other, as ``NavigateToPose`` does to each."""
 
     INPUT_PORTS: ClassVar = {**SERVER, **without_meaning("goal")}

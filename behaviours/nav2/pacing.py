@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 
 from py_trees.ports import PortInformation
 
-from behaviours.nav2.ports import FRAMES, are_literals
+from behaviours.nav2.ports import FRAMES, are_literals, nothing_written, without_meaning
 from behaviours.navigation.navigate import At
 from behaviours.skill import InstantSkill, OnRobot, SkillCondition
 from bestman_bt.engine import IDLE, RUNNING, SKIPPED, SUCCESS, Decorator, In, Out
@@ -78,7 +78,8 @@ class ArePosesNear(SkillCondition):
 class RemovePassedGoals(InstantSkill):
     """Take the poses out of a list that the base is near to, in their order; the last one always stays."""
 
-    INPUT_PORTS: ClassVar = {**FRAMES}
+    INPUT_PORTS: ClassVar = {**FRAMES, **without_meaning("input_waypoint_statuses")}
+    OUTPUT_PORTS: ClassVar = nothing_written("output_waypoint_statuses")
     input_goals = In(Goals, "x;y;theta;x;y;theta, in driving order")
     radius = In[float](NonNegative, "metres that count as passed", default=0.5)
     output_goals = Out(Goals, "those that are left", required=True)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 from py_trees.ports import PortInformation
 
-from behaviours.nav2.ports import FRAMES, SERVER, SERVICE, SmootherName, without_meaning
+from behaviours.nav2.ports import FRAMES, SERVER, SERVICE, Nav2Errors, SmootherName, without_meaning
 from behaviours.skill import InstantSkill, SkillCondition
 from bestman_bt.engine import In, Out
 from bestman_bt.messages import Goals, Path2D, Pose2D
@@ -72,7 +72,7 @@ class TruncatePathLocal(InstantSkill):
         self.set_output("output_path", path)
 
 
-class SmoothPath(InstantSkill):
+class SmoothPath(Nav2Errors, InstantSkill):
     """Round the corners of a path; where the base would then touch something, the path stays as it was."""
 
     REQUIRES = ("base", "lidar")

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated, Any, Final
 
 from py_trees.ports import PortInformation
 
-from bestman_bt.engine import Node, OneOf
+from behaviours.skill import Explained
+from bestman_bt.engine import Node, OneOf, Out
 from bestman_bt.engine.core.ports import key_of
+from bestman_bt.messages import Failure
 from bestman_bt.registry import ALGORITHMS
 
 
@@ -24,8 +26,21 @@ def _followers() -> list[str]:
     return ["", *ALGORITHMS.of_kind("local_planning", PathFollower)]
 
 
+NAV2_NAMES: Final = {"GridBased": "", "FollowPath": "", "route_smoother": "", "SmoothPath": ""}
+"""What Nav2's configuration calls its planner, controller and smoothers → ours; empty: the configured one."""
+
+
 @dataclass(frozen=True)
-class AlgorithmName(OneOf):
+class OursOrNav2s(OneOf):
+    """One of our names, or of Nav2's for what is configured."""
+
+    def refusal(self, value: Any) -> str:
+        """Return why ``value`` is not accepted, in words, or an empty text."""
+        return "" if value in NAV2_NAMES else super().refusal(value)
+
+
+@dataclass(frozen=True)
+class AlgorithmName(OursOrNav2s):
     """A registered algorithm, or one's own as ``file.py:Class`` or ``module:Class``: whoever runs the tree finds it.
 
     ``slot``: the slot of the configuration whose algorithms these are.
@@ -38,9 +53,33 @@ class AlgorithmName(OneOf):
         return "" if ":" in value else super().refusal(value)
 
 
+def our_name(name: str) -> str:
+    """The algorithm that a name of Nav2's trees means here."""
+    return NAV2_NAMES.get(name, name)
+
+
+class Nav2Errors(Explained):
+    """Tells why a leaf has failed by Nav2's names of the outputs, too; the code is ours, a word."""
+
+    error_code_id = Out(str, "error_code by Nav2's name")
+    error_msg = Out(str, "error_message by Nav2's name")
+
+    def explain(self, code: str, why: str, failure: Failure | None = None) -> int:
+        """Record why the leaf fails; returns FAILURE."""
+        self.error_code_id = code
+        self.error_msg = why
+        return super().explain(code, why, failure)
+
+    def succeed(self, why: str = "") -> int:
+        """Clear the error outputs; returns SUCCESS."""
+        self.error_code_id = ""
+        self.error_msg = ""
+        return super().succeed(why)
+
+
 PlannerName = Annotated[str, AlgorithmName(_planners, "global_planning")]
 FollowerName = Annotated[str, AlgorithmName(_followers, "local_planning")]
-SmootherName = Annotated[str, OneOf(lambda: ("", "simple_smoother"))]
+SmootherName = Annotated[str, OursOrNav2s(lambda: ("", "simple_smoother"))]
 """Names of algorithms; an empty one is what is configured, or the only one that there is."""
 
 
@@ -48,6 +87,14 @@ def without_meaning(*names: str) -> dict[str, PortInformation]:
     """Input ports that nothing reads: names of ROS servers and frames, their timeouts, plug-ins of theirs."""
     return {
         name: PortInformation(Any, required=False, description="without meaning here; accepted for Nav2's files")
+        for name in names
+    }
+
+
+def nothing_written(*names: str) -> dict[str, PortInformation]:
+    """Output ports to which nothing is written."""
+    return {
+        name: PortInformation(Any, required=False, description="nothing is written; accepted for Nav2's files")
         for name in names
     }
 

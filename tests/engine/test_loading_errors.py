@@ -100,7 +100,10 @@ def test_a_missing_file_is_said_to_be_missing(tmp_path: Path) -> None:
     [
         ("<root", "not well-formed XML"),
         ("<tree/>", "the outermost element must be <root>"),
-        ('<root BTCPP_format="3"><BehaviorTree ID="M"><AlwaysSuccess/></BehaviorTree></root>', "'3' is not supported"),
+        (
+            '<root BTCPP_format="3"><BehaviorTree ID="M"><AlwaysSuccess/></BehaviorTree></root>',
+            "is of BehaviorTree.CPP 3",
+        ),
         ('<root BTCPP_format="4"/>', "the file holds no <BehaviorTree>"),
         (document("<AlwaysSuccess/><AlwaysFailure/>"), "must have exactly one root node but has 2"),
         (document(""), "must have exactly one root node but has 0"),

@@ -115,4 +115,4 @@ def test_ports_of_nav2_that_mean_nothing_here_are_taken(driver) -> None:
         )
     )
     with pytest.raises(TreeLoadError, match="error_code_id"):
-        driver.load(tree_of('<Wait wait_duration="5.0" error_code_id="{code}"/>'))
+        driver.load(tree_of('<Wait wait_duration="5.0" error_code_ids="{code}"/>'))

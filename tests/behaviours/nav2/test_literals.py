@@ -13,14 +13,14 @@ from tests.behaviours.at_the_table import failures_of, tick, tree_of
 @pytest.mark.parametrize(
     ("node", "port", "value", "told"),
     [
-        ('ComputePathToPose goal="0;0;0"', "planner_id", "GridBased", "did you mean 'grid_astar'?"),
+        ('ComputePathToPose goal="0;0;0"', "planner_id", "grid_stars", "did you mean 'grid_astar'?"),
         (
             'ComputePathToPose goal="0;0;0"',
             "planner_id",
             "layered",
             "known: 'grid_astar', 'hybrid_astar', 'theta_star'",
         ),
-        ("FollowPath", "controller_id", "FollowPath", "known: 'dwa', 'mppi', 'pure_pursuit'"),
+        ("FollowPath", "controller_id", "DWB", "known: 'dwa', 'mppi', 'pure_pursuit'"),
         ('SmoothPath unsmoothed_path="{a}" smoothed_path="{b}"', "smoother_id", "savitzky", "known: 'simple_smoother'"),
         ("BackUp", "backup_dist", "0", "other than 0"),
         ("BackUp", "backup_dist", "inf", "a finite number"),

@@ -45,10 +45,12 @@ def test_a_planner_is_chosen_by_its_name(driver) -> None:
     tree.blackboard.set("planner", "grid_astar")
     assert tick(tree, 20) == SUCCESS
     tree.blackboard.set("planner", "GridBased")
+    assert tick(tree, 20) == SUCCESS, "Nav2's name of its planner is the configured one"
+    tree.blackboard.set("planner", "Dijkstra")
     assert tick(tree, 20) == FAILURE
     code, words = failures_of(driver)[0]
     assert code == "bad_input"
-    assert "GridBased" in words
+    assert "Dijkstra" in words
 
 
 def test_a_start_counts_unless_it_is_not_to_be_used(driver) -> None:
