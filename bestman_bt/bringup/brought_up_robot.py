@@ -24,12 +24,16 @@ class BroughtUpRobot:
     """``name``: of the robot, or its file; ``settings``: of it, as ``load_robot_model`` takes them.
 
     ``signed_serials``, ``signed_firmware``: those of an earlier part of this bring-up, by connection.
+    ``base_from_board``: where somebody has measured that a calibration board is, in the robot's base frame.
+    ``twin``: whether its controllers are twins.
     """
 
     name: str
     settings: Mapping[str, Any] = field(default_factory=dict)
     signed_serials: Mapping[str, str] = field(default_factory=dict)
     signed_firmware: Mapping[str, str] = field(default_factory=dict)
+    base_from_board: Pose | None = None
+    twin: bool = False
 
     @cached_property
     def model(self) -> RobotModel:

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from bestman_bt.bringup import arm_against_model
 from bestman_bt.bringup.brought_up_robot import BroughtUpRobot, fault_text
+from bestman_bt.bringup.camera import camera
 from bestman_bt.bringup.driving import drive, turn
 from bestman_bt.bringup.finding import Finding, StepResult
 from bestman_bt.bringup.gripper import gripper
@@ -39,6 +40,7 @@ STEPS = (
     Step("payload", "what the controller counts on at the flange", arm_against_model.payload_mass),
     Step("mounting", "how the arm is mounted", arm_against_model.mounting),
     Step("tool-pose", "the tool's pose by the controller against our kinematics", arm_against_model.tool_pose),
+    Step("camera", "images of now; a board whose place was measured is seen there", camera),
     Step("joint-signs", "each joint by 1°", joint_signs, "each joint moves by 1° and back"),
     Step("gripper", "the empty hand opens, closes, stands half open, takes a force", gripper, "the empty hand closes"),
     Step("wrench", "the wrist against the hand's weight", wrench, "the empty hand turns by 30° and back"),
@@ -90,13 +92,13 @@ def bring_up(
             return
 
 
-def begun(subject: BroughtUpRobot, path: Path, twin: bool = False) -> BringUpFile:
+def begun(subject: BroughtUpRobot, path: Path) -> BringUpFile:
     """The file as it is; a new one where there is none, or where it tells of another content of the robot's file."""
     if path.is_file():
         file = BringUpFile.read(path)
         if file.content == subject.model.content:
             return file
-    return BringUpFile(subject.model.name, subject.model.content, twin=twin)
+    return BringUpFile(subject.model.name, subject.model.content, twin=subject.twin)
 
 
 def left(file: BringUpFile) -> list[Step]:

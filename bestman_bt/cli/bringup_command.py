@@ -26,6 +26,12 @@ def bringup(
         typer.Option("--step", metavar="STEP", help="Only this step, even if it was done; repeatable."),
     ] = None,
     again: Annotated[bool, typer.Option("--again", help="Begin anew: what was signed counts no more.")] = False,
+    board: Annotated[
+        str | None,
+        typer.Option(
+            metavar="POSE", help="Where a 7×5 ChArUco board (40 mm) is, in the base: 'x y z roll pitch yaw', m, rad."
+        ),
+    ] = None,
     twin: Annotated[bool, typer.Option("--twin", help="Bring up twins that are started for it, unattended.")] = False,
     yes: Annotated[
         bool, typer.Option("--yes", help="Do not ask before the robot moves: somebody looks at it.")
@@ -49,16 +55,14 @@ def bringup(
             raise wrong_input("bestman-bt robot bringup", f"{one.name} was not done: nothing has moved")
 
     with json_output(as_json) as write, _controllers(name, given, twin) as reached:
-        subject = BroughtUpRobot(name, reached)
+        subject = BroughtUpRobot(name, reached, base_from_board=_pose_of(board), twin=twin)
         path = bringup_path(find_data("robot", name), twin)
         _check_connections(name, subject.model)
-        if again:
-            path.unlink(missing_ok=True)
-        file = begun(subject, path, twin)
-        if path.is_file() and not file.steps:
+        file = begun(subject, path)
+        if path.is_file() and not file.steps and not again:
             print(f"{path} tells of another content of the robot's file: all steps are done anew", file=sys.stderr)
-        file.write(path)
-        failed = _do(subject, path, [known[one] for one in step] if step else left(file), ask, quiet=as_json)
+        chosen = [known[one] for one in step] if step else list(STEPS) if again else left(file)
+        failed = _do(subject, path, chosen, ask, again, quiet=as_json)
         file = begun(subject, path)
         write({"file": str(path), "signed": file.signed is not None, "steps": _plain(file.steps)})
         if not as_json:
@@ -67,14 +71,16 @@ def bringup(
         raise typer.Exit(1)
 
 
-def _do(subject: Any, path: Path, steps: list[Any], ask: Callable[[Any], None], quiet: bool) -> bool:
-    """Do the steps, and tell each one's findings; whether one has failed."""
+def _do(subject: Any, path: Path, steps: list[Any], ask: Callable[[Any], None], again: bool, quiet: bool) -> bool:
+    """Do the steps, and tell each one's findings; whether one has failed. ``again``: what was signed counts no more."""
     from bestman_bt.bringup import bring_up
     from hal.parts import ConnectionFailedError
 
     failed = False
     try:
         with subject.robot:
+            if again:
+                path.unlink(missing_ok=True)
             for result in bring_up(subject, path, steps, ask):
                 failed = result.outcome == "failed"
                 if quiet:
@@ -98,6 +104,21 @@ def _plain(steps: Any) -> dict[str, Any]:
     from dataclasses import asdict
 
     return {name: asdict(done) for name, done in steps.items()}
+
+
+def _pose_of(board: str | None) -> Any:
+    from bestman_bt.messages import Pose
+
+    if board is None:
+        return None
+    try:
+        values = [float(word) for word in board.replace(",", " ").split()]
+        if len(values) != 6:
+            raise ValueError(f"{len(values)} numbers")
+        return Pose.from_xyz_rpy(values[:3], values[3:])
+    except ValueError as error:
+        message = f"should be six numbers, x y z in metres, roll pitch yaw in radians: {error}"
+        raise wrong_input(f"--board {board}", message) from error
 
 
 def _robot_settings(settings: list[str] | None) -> dict[str, Any]:

@@ -1,0 +1,71 @@
+"""Each camera gives images of now; one that sees a board whose place was measured has it where that is."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+
+from bestman_bt.bringup.arm_against_model import turn_between
+from bestman_bt.bringup.brought_up_robot import BroughtUpRobot
+from bestman_bt.bringup.finding import Finding, judged, not_applicable
+from bestman_bt.messages import Pose, RGBDImage
+from bestman_bt.perception.calibration import CharucoBoard, board_pose
+from hal.api import Camera
+
+BOARD = CharucoBoard(7, 5, 0.04, 0.03)
+"""As ``docs/calibration.md`` prints it."""
+LONGEST_AGE, TRIES = 0.5, 5
+"""Seconds; images of which the newest counts."""
+BOARD_TOLERANCE, BOARD_TURN = 0.015, math.radians(3.0)
+"""What a ruler and a spirit level measure a board's place to, and a camera sees it."""
+
+
+def camera(subject: BroughtUpRobot) -> Iterator[Finding]:
+    """``subject.base_from_board``: where the board is; without, the frames of cameras are not looked at."""
+    cameras = {name: part for name, part in subject.robot.parts.items() if isinstance(part, Camera)}
+    if not cameras:
+        yield not_applicable(subject.model.name, "no camera is behind a connection")
+    found: list[Finding | None] = []
+    for name, part in cameras.items():
+        age, image = min(((_age(subject, image), image) for image in _images(part)), key=lambda pair: pair[0])
+        size = f"{image.intrinsics.width}×{image.intrinsics.height}"
+        text = f"an image of {size} that is {1e3 * age:.0f} ms old (at most {1e3 * LONGEST_AGE:.0f})"
+        yield judged(name, age <= LONGEST_AGE, text, age_s=age)
+        if subject.base_from_board is None:
+            reason = "no board was looked at: say where one is (--board), and bestman-bt calibrate"
+            yield not_applicable(f"{name}, frame", reason)
+        else:
+            base_from_eye = subject.pose(part.optical_frame, subject.model.base_frame)
+            found.append(board_finding(name, image, base_from_eye, subject.base_from_board))
+    for name, finding in zip(cameras, found, strict=False):
+        blind = f"it sees no {BOARD.columns}×{BOARD.rows} ChArUco board from here"
+        none = judged(name, False, blind) if not any(found) else not_applicable(f"{name}, frame", blind)
+        yield finding or none
+
+
+def _images(part: Camera) -> Iterator[RGBDImage]:
+    """As often as skills ask for one that is new enough."""
+    for _ in range(TRIES):
+        yield part.capture()
+
+
+def _age(subject: BroughtUpRobot, image: RGBDImage) -> float:
+    return subject.robot.clock.now() - image.stamp
+
+
+def board_finding(name: str, image: RGBDImage, base_from_eye: Pose, base_from_board: Pose) -> Finding | None:
+    """The board of an image, brought into the base by the model's mount of the camera, against where it is; or none."""
+    sighting = BOARD.find(image.rgb)
+    if sighting is None:
+        return None
+    seen = base_from_eye @ board_pose(sighting, image.intrinsics).eye_from_board
+    apart = float(np.linalg.norm(seen.position - base_from_board.position))
+    turned = turn_between(seen, base_from_board)
+    text = (
+        f"it sees the board {1e3 * apart:.0f} mm and {math.degrees(turned):.1f}° from where it was measured "
+        f"(at most {1e3 * BOARD_TOLERANCE:.0f} mm and {math.degrees(BOARD_TURN):.0f}°)"
+    )
+    passed = apart <= BOARD_TOLERANCE and turned <= BOARD_TURN
+    return judged(f"{name}, frame", passed, text, apart_mm=1e3 * apart, turned_deg=math.degrees(turned))
