@@ -16,8 +16,8 @@ from hal.api import Camera
 
 BOARD = CharucoBoard(7, 5, 0.04, 0.03)
 """As ``docs/calibration.md`` prints it."""
-LONGEST_AGE, TRIES = 0.5, 5
-"""Seconds; images of which the newest counts."""
+LONGEST_AGE, TRIES = 1.0, 5
+"""Seconds; images of which the newest counts. Skills take images of up to half a second."""
 BOARD_TOLERANCE, BOARD_TURN = 0.015, math.radians(3.0)
 """What a ruler and a spirit level measure a board's place to, and a camera sees it."""
 
