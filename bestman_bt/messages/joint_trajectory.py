@@ -28,6 +28,10 @@ class Path2D:
 
     def __post_init__(self) -> None:
         points = frozen_array(self.points, (None, 2), "Path2D points")
+        if not np.isfinite(points).all():
+            first = int(np.argmin(np.isfinite(points).all(axis=1)))
+            raise ValueError(f"Path2D points[{first}] is {points[first].tolist()}; it should be finite")
+        self.goal.checked("Path2D goal")
         object.__setattr__(self, "points", points)
         segments = max(0, len(points) - 1)
         reverse = self.reverse if len(self.reverse) else np.zeros(segments, dtype=bool)

@@ -199,6 +199,12 @@ class Pose2D:
             raise ValueError(pose.fault)
         return pose
 
+    def checked(self, what: str) -> Pose2D:
+        """The pose itself; ValueError that names ``what`` where a number of it is not finite."""
+        if not math.isfinite(self.x + self.y + self.theta):
+            raise ValueError(f"{what} is x {self.x:g} m, y {self.y:g} m, theta {self.theta:g} rad; it should be finite")
+        return self
+
     @property
     def fault(self) -> str:
         """In words why nobody can be asked to drive there: too large a heading, too far away; else empty."""

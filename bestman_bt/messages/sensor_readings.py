@@ -63,7 +63,7 @@ class LaserScan:
     """A planar scan as in ROS: beam i points at ``angle_min + i * angle_increment`` in the lidar frame.
 
     ``ranges``: (N,) float64 metres, inf where nothing was hit between ``range_min`` and ``range_max``. ``stamp``:
-    seconds, of the first beam; each further one is ``time_increment`` seconds later.
+    seconds, of the first beam; each further one is ``time_increment`` seconds later. ValueError for other ranges.
     """
 
     ranges: NDArray[np.float64]
@@ -76,6 +76,10 @@ class LaserScan:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "ranges", frozen_array(self.ranges, (None,), "LaserScan ranges"))
+        wrong = np.flatnonzero(~(self.ranges >= 0.0))
+        if len(wrong):
+            first = int(wrong[0])
+            raise ValueError(f"LaserScan ranges[{first}] is {self.ranges[first]:g} m; 0 or more, or inf, is accepted")
 
     @property
     def angles(self) -> NDArray[np.float64]:

@@ -20,6 +20,8 @@ from bestman_bt.task_planning.symbolic import (
     Problem,
     SymbolicPlanner,
     Unsolvable,
+    ground,
+    instantiate,
 )
 from bestman_bt.task_planning.symbolic.pddl_reading import read_pddl
 from bestman_bt.task_planning.symbolic.pddl_writing import PddlText
@@ -157,6 +159,22 @@ def test_a_forall_that_depends_on_what_changes_is_refused_with_its_name(problem)
         SymbolicPlanner().plan(problem)
     named = next(one for one in problem.operators if one.name == problem.unsound.partition(":")[0])
     assert any(one.given.predicate in ("p", "q") for one in named.assumed)
+
+
+@examples(60)
+@given(problems())
+def test_the_join_finds_the_actions_that_trying_all_things_finds_and_in_their_order(problem):
+    waiting = [instantiate(problem, operator, arguments) for operator, arguments in instances(problem)]
+    every, reached = list(waiting), set()
+    while ready := [one for one in waiting if all(n in reached or n.holds_in(problem.state) for n in one.pre)]:
+        waiting = [one for one in waiting if one not in ready]
+        reached |= {effect for one in ready for effect in one.effects}
+    try:
+        found = ground(problem).actions
+    except Unsolvable:
+        assert any(not goal.holds_in(problem.state) and goal not in reached for goal in problem.goal)
+        return
+    assert list(found) == [one for one in every if one not in waiting]
 
 
 @examples(40)

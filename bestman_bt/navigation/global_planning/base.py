@@ -47,6 +47,7 @@ class GlobalPlanner(ABC):
         """A path in the map frame from ``start`` to ``goal``, or why there is none.
 
         The path begins at the start and ends at the goal; its ``reverse`` marks the segments to drive backwards.
+        ValueError for a pose of numbers that are not finite.
         """
 
 
@@ -54,7 +55,7 @@ def told_of_overhang(
     plan: Callable[[Pose2D, Pose2D, Costmap], Path2D | PlanningFailure], start: Pose2D, goal: Pose2D, costmap: Costmap
 ) -> Path2D | PlanningFailure:
     """What ``plan`` finds; a failure says so where it is only because of what stands out above the base."""
-    found = plan(start, goal, costmap)
+    found = plan(start.checked("the start"), goal.checked("the goal"), costmap)
     overhang = costmap.footprint.overhang
     if isinstance(found, Path2D) or overhang is None:
         return found

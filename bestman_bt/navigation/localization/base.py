@@ -16,6 +16,13 @@ from bestman_bt.navigation.localization.map_lines import PlanarMap
 from bestman_bt.navigation.localization.pose_uncertainty import worst_position_std
 
 
+def checked_std(value: float, what: str) -> float:
+    """A standard deviation itself; ValueError that names ``what`` where it is negative or not finite."""
+    if not 0.0 <= value < math.inf:
+        raise ValueError(f"{what} is {value:g}; a finite number of 0 or more is accepted")
+    return value
+
+
 @dataclass(frozen=True)
 class ScanMatch:
     """How well a scan fitted the map.
@@ -60,7 +67,10 @@ class Localizer(ABC):
 
     @abstractmethod
     def reset(self, pose: Pose2D, odometry: Pose2D, position_std: float, heading_std: float) -> LocalizationEstimate:
-        """Start from a believed pose in the map frame; ``odometry``: the odometry pose at the same moment."""
+        """Start from a believed pose in the map frame; ``odometry``: the odometry pose at the same moment.
+
+        ValueError, as of all that is given here and below, where a number is not finite; the estimate stays as it is.
+        """
 
     @abstractmethod
     def predict(self, odometry: Pose2D) -> LocalizationEstimate:

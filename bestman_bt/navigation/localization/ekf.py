@@ -79,7 +79,7 @@ class OdometryEkf(OdometryFilter):
 
     def reset(self, odometry: Pose2D) -> None:
         """See ``OdometryFilter.reset``; the base should rest."""
-        self._wheels = odometry
+        self._wheels = odometry.checked("OdometryEkf odometry")
         self._state = np.array([odometry.x, odometry.y, odometry.theta, 0.0, 0.0])
         self._covariance = np.diag([0.0, 0.0, 0.0, 1e-6, self.bias_std**2])
 
@@ -95,6 +95,10 @@ class OdometryEkf(OdometryFilter):
 
     def update(self, odometry: Pose2D, turned: float, elapsed: float) -> Pose2D:
         """See ``OdometryFilter.update``."""
+        for value, what in ((turned, "turned"), (elapsed, "elapsed")):
+            if not math.isfinite(value):
+                raise ValueError(f"OdometryEkf {what} is {value:g}; it should be finite")
+        odometry.checked("OdometryEkf odometry")
         if elapsed > 0.0:
             wheels = self._wheels.inverse() @ odometry
             self._wheels = odometry

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from bestman_bt.messages import LaserScan, Pose2D, wrap_angle
 from bestman_bt.messages.shapes import Count, NonNegative, NotBelow, Positive, Share
-from bestman_bt.navigation.localization.base import LocalizationEstimate, Localizer, ScanMatch
+from bestman_bt.navigation.localization.base import LocalizationEstimate, Localizer, ScanMatch, checked_std
 from bestman_bt.navigation.localization.map_lines import PlanarMap, map_lines, open_furniture, within
 from bestman_bt.navigation.localization.pose_uncertainty import (
     WEAK_PRIOR,
@@ -94,14 +94,16 @@ class ScanToMap(Localizer):
 
     def reset(self, pose: Pose2D, odometry: Pose2D, position_std: float, heading_std: float) -> LocalizationEstimate:
         """See ``Localizer.reset``."""
-        self._odometry = odometry
-        self._estimate = LocalizationEstimate(pose, np.diag([position_std**2, position_std**2, heading_std**2]))
+        position = checked_std(position_std, "ScanToMap position_std") ** 2
+        heading = checked_std(heading_std, "ScanToMap heading_std") ** 2
+        self._odometry, pose = odometry.checked("ScanToMap odometry"), pose.checked("ScanToMap pose")
+        self._estimate = LocalizationEstimate(pose, np.diag([position, position, heading]))
         return self._estimate
 
     def predict(self, odometry: Pose2D) -> LocalizationEstimate:
         """See ``Localizer.predict``."""
         estimate = self.estimate
-        moved = self._odometry.inverse() @ odometry
+        moved = self._odometry.inverse() @ odometry.checked("ScanToMap odometry")
         self._odometry = odometry
         if moved == Pose2D():
             return estimate
@@ -112,7 +114,7 @@ class ScanToMap(Localizer):
     def correct(self, scan: LaserScan, base_from_lidar: Pose2D) -> LocalizationEstimate:
         """See ``Localizer.correct``."""
         estimate = self.estimate
-        hits = base_from_lidar.apply(scan.points())
+        hits = base_from_lidar.checked("ScanToMap base_from_lidar").apply(scan.points())
         if len(hits) < 10:
             return self._refused(ScanMatch(False, 0.0, math.inf, f"only {len(hits)} beams hit anything"))
         if estimate.position_std > self.unknown_std:

@@ -17,6 +17,7 @@ from bestman_bt.messages import LaserScan, OccupancyGrid, Pose2D, wrap_angle
 from bestman_bt.messages.grids import FREE, OCCUPIED, UNKNOWN
 from bestman_bt.messages.shapes import Count, NonNegative, NotBelow, Positive, Several, Share, check_bounds
 from bestman_bt.navigation.localization import LocalizationEstimate, Localizer, ScanMatch
+from bestman_bt.navigation.localization.base import checked_std
 from bestman_bt.navigation.localization.pose_uncertainty import (
     WEAK_PRIOR,
     deviation,
@@ -51,13 +52,17 @@ class SlamLocalizer(Localizer):
 
     def reset(self, pose: Pose2D, odometry: Pose2D, position_std: float, heading_std: float) -> LocalizationEstimate:
         """See ``Localizer.reset``; a new map begins, on which the base is exactly at ``pose``."""
+        checked_std(position_std, "SlamLocalizer position_std")
+        checked_std(heading_std, "SlamLocalizer heading_std")
+        estimate = self._slam.reset(pose, odometry)
         self._odometry = odometry
-        return self._slam.reset(pose, odometry)
+        return estimate
 
     def predict(self, odometry: Pose2D) -> LocalizationEstimate:
         """See ``Localizer.predict``."""
+        estimate = self._slam.predict(odometry)
         self._odometry = odometry
-        return self._slam.predict(odometry)
+        return estimate
 
     def correct(self, scan: LaserScan, base_from_lidar: Pose2D) -> LocalizationEstimate:
         """See ``Localizer.correct``."""
@@ -203,13 +208,12 @@ class PoseGraphSlam(Slam):
 
     def reset(self, pose: Pose2D, odometry: Pose2D) -> SlamEstimate:
         """See ``Slam.reset``."""
+        self._odometry, self._local = odometry.checked("PoseGraphSlam odometry"), pose.checked("PoseGraphSlam pose")
         self._graph = replace(self.graph)  # an empty one
         self._keyframes: list[Keyframe] = []
         self._active: list[Submap] = []
         self._finished: list[Submap] = []
         self._loops: list[tuple[int, int]] = []
-        self._odometry = odometry
-        self._local = pose
         self._map_from_local = Pose2D()
         self._covariance = self._error(self.position_std, self.heading_std)
         self._drawing, self._drawn = replace(self.occupancy), np.zeros((0, 3))
@@ -225,7 +229,7 @@ class PoseGraphSlam(Slam):
     def predict(self, odometry: Pose2D) -> SlamEstimate:
         """See ``Slam.predict``."""
         estimate = self.estimate
-        moved = self._odometry.inverse() @ odometry
+        moved = self._odometry.inverse() @ odometry.checked("PoseGraphSlam odometry")
         self._odometry = odometry
         if moved == Pose2D():
             return estimate
@@ -234,6 +238,7 @@ class PoseGraphSlam(Slam):
 
     def add(self, odometry: Pose2D, scan: LaserScan, base_from_lidar: Pose2D) -> SlamEstimate:
         """See ``Slam.add``."""
+        base_from_lidar.checked("PoseGraphSlam base_from_lidar")
         self.predict(odometry)
         hits = oriented_points(scan, base_from_lidar)
         if len(hits) < self.min_hits:

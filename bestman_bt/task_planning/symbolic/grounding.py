@@ -1,8 +1,14 @@
-"""From operators to actions: bound to things of the world, pruned by what never changes and by relaxed reachability."""
+"""From operators to actions: bound to things of the world, as far as these can be reached if nothing is ever undone.
+
+Parameters are bound by a join of the conditions with the facts that hold or were reached (as Helmert, "Concise
+finite-domain representations for PDDL planning tasks", 2009): each new fact is tried in each condition that it fits.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from itertools import product
 
 from bestman_bt.task_planning.symbolic.problem import (
     EQUAL,
@@ -94,7 +100,12 @@ class GroundProblem:
 
     def numbers(self, bits: int) -> list[int]:
         """The numbers of the literals that bits stand for."""
-        return [number for number in range(len(self.literals)) if bits >> number & 1]
+        found = []
+        while bits:
+            lowest = bits & -bits
+            found.append(lowest.bit_length() - 1)
+            bits ^= lowest
+        return found
 
     def after(self, state: int, action: int) -> int:
         """The state that an action leads to."""
@@ -108,9 +119,7 @@ def ground(problem: Problem) -> GroundProblem:
             raise GoalError(f"the goal contradicts itself: {literal.fact} and not {literal.fact}")
     if problem.unsound:
         raise PlanningError(problem.unsound)
-    changing = frozenset[str]().union(*(operator.changes for operator in problem.operators))
-    possible = [action for operator in problem.operators for action in _instances(problem, operator, changing)]
-    actions, reached = reachable_actions(possible, problem.state)
+    actions, reached = _joined(problem)
     missing = tuple(goal for goal in problem.unmet_in(problem.state) if goal not in reached)
     if missing:
         raise Unsolvable(f"nothing brings about that {' and '.join(map(str, missing))}", missing)
@@ -119,30 +128,159 @@ def ground(problem: Problem) -> GroundProblem:
 
 def reachable_actions(possible: Iterable[Action], state: frozenset[Fact]) -> tuple[list[Action], set[Literal]]:
     """Those that can be done if nothing is ever undone, and what may come to hold beside ``state``."""
-    actions = list(possible)
-    waiting, reached = dict(enumerate(actions)), set[Literal]()
-    while ready := [
-        number
-        for number, action in waiting.items()
-        if all(need in reached or need.holds_in(state) for need in action.pre)
-    ]:
-        for number in ready:
-            reached |= waiting.pop(number).effects
-    return [action for number, action in enumerate(actions) if number not in waiting], reached
+    actions, reach = list(possible), _Reach(state)
+    for action in actions:
+        reach.add(action)
+    return [action for action in actions if id(action) in reach.done], reach.reached
 
 
-def _instances(problem: Problem, operator: Operator, changing: Collection[str]) -> list[Action]:
-    """Bind one parameter after the other, as long as what never changes allows it."""
-    conditions = [one for one in (*operator.pre, *operator.hold) if isinstance(one, Literal)]
-    fixed = [one for one in conditions if one.fact.predicate not in changing]
-    unbound = {f"{{{name}}}" for name in operator.parameters}
+class _Reach:
+    """Actions that wait for what they need. ``reached``: what those bring about that wait no more (``done``, by id).
 
-    def possible(values: Mapping[str, str]) -> bool:
-        known = [one.bound(values) for one in fixed if unbound.intersection(one.fact.arguments) <= values.keys()]
-        return all(one.holds_in(problem.state) for one in known)
+    ``news``: of that the facts that nobody has asked for yet.
+    """
 
-    found: list[dict[str, str]] = [{}] if possible({}) else []
-    for name, kind in operator.parameters.items():
-        extended = ({**values, f"{{{name}}}": thing} for values in found for thing in problem.of_type(kind))
-        found = [values for values in extended if possible(values)]
-    return [bind(problem, operator, tuple(values.values())) for values in found]
+    def __init__(self, state: frozenset[Fact]) -> None:
+        self._state = state
+        self._waiting = defaultdict[Literal, list[Action]](list)
+        self._missing: dict[int, int] = {}
+        self.reached = set[Literal]()
+        self.done = dict[int, Action]()
+        self.news: list[Fact] = []
+
+    def add(self, action: Action) -> None:
+        missing = [need for need in action.pre if not need.holds_in(self._state) and need not in self.reached]
+        self._missing[id(action)] = len(missing)
+        for need in missing:
+            self._waiting[need].append(action)
+        if not missing:
+            self._do(action)
+
+    def _do(self, action: Action) -> None:
+        ready = [action]
+        while ready:
+            action = ready.pop()
+            self.done[id(action)] = action
+            for effect in action.effects - self.reached:
+                self.reached.add(effect)
+                if not effect.negated and effect.fact not in self._state:
+                    self.news.append(effect.fact)
+                for waiting in self._waiting.pop(effect, ()):
+                    self._missing[id(waiting)] -= 1
+                    if not self._missing[id(waiting)]:
+                        ready.append(waiting)
+
+
+def _joined(problem: Problem) -> tuple[list[Action], set[Literal]]:
+    """As ``reachable_actions`` of all instances of the operators, which are not made; in the order of their things."""
+    reach, join, order = _Reach(problem.state), _Join(problem), dict[int, tuple[int, ...]]()
+    numbers = {name: number for number, name in enumerate(problem.objects)}
+
+    def add(found: Iterable[tuple[int, tuple[str, ...]]]) -> None:
+        for number, arguments in found:
+            action = bind(problem, problem.operators[number], arguments)
+            order[id(action)] = (number, *(numbers[name] for name in arguments))
+            made.append(action)
+            reach.add(action)
+
+    made: list[Action] = []  # kept, so that each has an id of its own
+    add(join.without_facts())
+    for fact in sorted(problem.state):
+        add(join.with_fact(fact))
+    while reach.news:
+        add(join.with_fact(reach.news.pop()))
+    return sorted(reach.done.values(), key=lambda action: order[id(action)]), reach.reached
+
+
+class _Join:
+    """Finds the bindings of all operators for which their conditions hold of facts that were given, each once."""
+
+    def __init__(self, problem: Problem) -> None:
+        self._problem = problem
+        self._changing = frozenset[str]().union(*(operator.changes for operator in problem.operators))
+        self._kinds = [{f"{{{name}}}": kind for name, kind in one.parameters.items()} for one in problem.operators]
+        kinds = {kind for one in self._kinds for kind in one.values()}
+        self._members = {kind: frozenset(problem.of_type(kind)) for kind in kinds}
+        self._wanted: list[list[Fact]] = []
+        self._checked: list[list[Literal]] = []
+        self._asking = defaultdict[str, list[tuple[int, Fact]]](list)
+        for number, operator in enumerate(problem.operators):
+            asked = [one for one in (*operator.pre, *operator.hold) if isinstance(one, Literal)]
+            wanted = [one.fact for one in asked if not one.negated and one.fact.predicate != EQUAL]
+            self._wanted.append(list(dict.fromkeys(wanted)))
+            self._checked.append([one for one in asked if one.negated or one.fact.predicate == EQUAL])
+            for fact in self._wanted[-1]:
+                self._asking[fact.predicate].append((number, fact))
+        self._known = defaultdict[str, list[Fact]](list)
+        self._having = defaultdict[tuple[str, int, str], list[Fact]](list)
+        self._found = set[tuple[int, tuple[str, ...]]]()
+
+    def without_facts(self) -> Iterator[tuple[int, tuple[str, ...]]]:
+        """Operator's number and arguments where no fact is asked for."""
+        for number, wanted in enumerate(self._wanted):
+            if not wanted:
+                yield from self._bound(number, (), {})
+
+    def with_fact(self, fact: Fact) -> list[tuple[int, tuple[str, ...]]]:
+        """The bindings that ask for a new fact, and otherwise for known ones."""
+        self._known[fact.predicate].append(fact)
+        for place, name in enumerate(fact.arguments):
+            self._having[fact.predicate, place, name].append(fact)
+        found = []
+        for number, asked in self._asking[fact.predicate]:
+            values = self._unified(number, asked, fact, {})
+            if values is not None:
+                rest = tuple(one for one in self._wanted[number] if one is not asked)
+                found += self._bound(number, rest, values)
+        return found
+
+    def _bound(
+        self, number: int, rest: tuple[Fact, ...], values: dict[str, str]
+    ) -> Iterator[tuple[int, tuple[str, ...]]]:
+        """Bind what is left, the condition that fewest facts fit first; then what no condition names."""
+        if rest:
+            candidates = {fact: self._candidates(fact, values) for fact in rest}
+            first = min(rest, key=lambda fact: len(candidates[fact]))
+            later = tuple(fact for fact in rest if fact is not first)
+            for fact in candidates[first]:
+                more = self._unified(number, first, fact, values)
+                if more is not None:
+                    yield from self._bound(number, later, more)
+            return
+        free = [name for name in self._kinds[number] if name not in values]
+        for names in product(*(self._problem.of_type(self._kinds[number][name]) for name in free)):
+            all_values = values | dict(zip(free, names, strict=True))
+            key = number, tuple(all_values[name] for name in self._kinds[number])
+            if key not in self._found and self._possible(number, all_values):
+                self._found.add(key)
+                yield key
+
+    def _possible(self, number: int, values: Mapping[str, str]) -> bool:
+        """Whether what never changes allows it."""
+        return all(
+            one.bound(values).holds_in(self._problem.state)
+            for one in self._checked[number]
+            if one.fact.predicate not in self._changing
+        )
+
+    def _candidates(self, asked: Fact, values: Mapping[str, str]) -> list[Fact]:
+        fitting = self._known[asked.predicate]
+        for place, argument in enumerate(asked.arguments):
+            name = values.get(argument, argument)
+            if not name.startswith("{"):
+                fitting = min(fitting, self._having[asked.predicate, place, name], key=len)
+        return fitting
+
+    def _unified(self, number: int, asked: Fact, fact: Fact, values: dict[str, str]) -> dict[str, str] | None:
+        """``values`` and those that make a condition the fact; None where they do not fit."""
+        if len(asked.arguments) != len(fact.arguments):
+            return None
+        more = dict(values)
+        for argument, name in zip(asked.arguments, fact.arguments, strict=True):
+            kind = self._kinds[number].get(argument)
+            if kind is None:
+                if argument != name:
+                    return None
+            elif more.setdefault(argument, name) != name or name not in self._members[kind]:
+                return None
+        return more
