@@ -226,7 +226,7 @@ class _Join:
         self._known[fact.predicate].append(fact)
         for place, name in enumerate(fact.arguments):
             self._having[fact.predicate, place, name].append(fact)
-        found = []
+        found: list[tuple[int, tuple[str, ...]]] = []
         for number, asked in self._asking[fact.predicate]:
             values = self._unified(number, asked, fact, {})
             if values is not None:
