@@ -40,6 +40,7 @@ MOTION_FAILS: Mapping[str, str] = {
     "superseded": "two branches commanded the same part: let one wait for the other",
     "canceled": "the tree halted it; nothing is wrong",
     "refused": "beyond a limit, or the robot is stopped: ClearStop, else correct the tree",
+    "declined": "a person who was asked did not want this motion: another way, or none",
     "tracking": "a part did not follow, something may hold it: Retreat or BackUp, then again",
     "blocked": "something is in the way: BackUp, ClearEntireCostmap, then again",
     "lost": "where the base is is not known well enough: Relocalise",

@@ -42,6 +42,7 @@ VERBS = {
     "pause": "pause a running execution between two ticks",
     "resume": "let a paused execution go on",
     "step": "let a paused execution do one tick",
+    "decline": "refuse the motion that a run with --confirm waits to start",
     "speed": "let the robot of a running execution move slower, or as usual",
     "break": "let a running execution wait at a node",
     "unbreak": "clear breakpoints of a running execution",

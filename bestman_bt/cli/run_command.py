@@ -48,6 +48,7 @@ from bestman_bt.configuration import (
     shipped_trees,
     task_of_tree,
 )
+from bestman_bt.control.planned_motion import PlannedMotion
 from bestman_bt.engine import Tree
 from bestman_bt.engine.validation import validate_file
 from bestman_bt.evaluation.episode import RECORDING_OVER, Watcher, prepare_episode, run_episode
@@ -164,6 +165,10 @@ class ViewOptions:
     gui: Annotated[bool, typer.Option("--gui", help="Show the simulator's window.")] = False
     groot2_port: Groot2Port = None
     live: Live = False
+    confirm: Annotated[
+        bool,
+        typer.Option("--confirm", help="Show each motion of bases and arms; Enter starts it, n and Enter refuses it."),
+    ] = False
     real_time: Annotated[bool, typer.Option("--real-time", help="Simulate no faster than real time, to watch it.")] = (
         False
     )
@@ -205,6 +210,7 @@ def command(
             config = run_of_options(_request(tree, asked), faults)
         if judge is not None:
             _ask_judge(judge, config.driver)
+        config = dataclasses.replace(config, confirm=view.confirm)
         setup = prepare_episode(config, faults)
         filled = (*setup.entries, *ALWAYS_FILLED)
         file = find_data("tree", setup.config.task.tree)
@@ -241,6 +247,8 @@ def execute(
             watchers.append(stack.enter_context(Groot2View(view.groot2_port)).watch)
         if view.real_time:
             watchers.append(no_faster_than_real_time)
+        if view.confirm:
+            watchers.append(asked_on_the_terminal)
         folder = make_run_folder(setup.config, runs)
         recording = None
         if view.live:
@@ -256,6 +264,33 @@ def execute(
             raise
     status.summary(result, setup, folder)
     return result, folder
+
+
+def asked_on_the_terminal(session: Session, tree: Tree) -> Callable[[], None]:
+    """Print each motion of a session that is to be confirmed, and take the answer from standard input."""
+    confirmation = session.confirmation
+    if confirmation is None:
+        return lambda: None
+    asked = threading.Semaphore(0)
+
+    def show(planned: PlannedMotion) -> None:
+        print(f"{planned}\nEnter starts it, n refuses it: ", end="", file=sys.stderr, flush=True)
+        asked.release()
+
+    def answer() -> None:
+        while True:
+            asked.acquire()
+            line = sys.stdin.readline()
+            if not line:
+                return  # nobody is there; the page and the shell answer as well
+            while confirmation.pending is not None:
+                word = line.strip().lower()
+                if confirmation.decline() if word in ("n", "no") else confirmation.start():
+                    break
+
+    confirmation.asked.append(show)
+    threading.Thread(target=answer, name="confirmation", daemon=True).start()
+    return lambda: None
 
 
 def no_faster_than_real_time(

@@ -33,7 +33,8 @@ class RunConfig:
     ``scene_settings``, ``robot_settings``: dotted keys → values for
     ``load_scene`` and ``load_robot_model``. ``driver``: which implementation of the Robotics API; ``recording``: the
     run folder that the driver ``replay`` plays. ``entry``: of the suite that the run belongs to; changes nothing in it.
-    ``written``: the task as it was written and where, for messages; not part of the run.
+    ``confirm``: a person is asked before each motion. ``written``: the task as it was written and where, for messages;
+    not part of the run.
     """
 
     name: str
@@ -46,6 +47,7 @@ class RunConfig:
     robot_settings: Mapping[str, Any] = field(default_factory=dict)
     entry: str = ""
     written: Document = field(default_factory=lambda: Document({}), init=False, repr=False, compare=False)
+    confirm: bool = False
 
     def problem(self, path: FieldPath, message: str) -> Problem:
         """A fault of the task's field at ``path``, with the file and line, or the option, that gave it."""

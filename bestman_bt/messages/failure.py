@@ -13,6 +13,7 @@ class MotionErrorCode(StrEnum):
     SUPERSEDED = "superseded"  # a newer command took the part over
     CANCELED = "canceled"  # the one who asked for it cancelled it
     REFUSED = "refused"  # the part refused the command; nothing moved
+    DECLINED = "declined"  # a person who was asked did not want it; nothing moved
     TRACKING = "tracking"  # the part did not follow within its tolerance
     BLOCKED = "blocked"  # commanded to move, but stalled
     LOST = "lost"  # the robot does not know well enough where it is

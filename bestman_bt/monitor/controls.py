@@ -89,6 +89,7 @@ CONTROLS: dict[str, Callable[[Request, NodeList], Request]] = {
     "pause": _nothing,
     "resume": _nothing,
     "step": _nothing,
+    "decline": _nothing,
     "speed": _speed,
     "halt": _nothing,
     "stop": _nothing,

@@ -235,12 +235,17 @@ class LogEvent:
 
 @dataclass(frozen=True)
 class PausedEvent:
-    """The execution waits: because somebody asked, or before or after ``node`` (path)."""
+    """The execution waits: because somebody asked, or before or after ``node`` (path), or for a motion to be confirmed.
+
+    That one is told in ``words``; ``swept``: outlines of what it passes through, in the map frame.
+    """
 
     time: float
-    reason: Literal["asked", "breakpoint"]
+    reason: Literal["asked", "breakpoint", "confirm"]
     node: str | None = None
     when: Literal["before", "after"] | None = None
+    words: str = ""
+    swept: list[list[tuple[float, float]]] = field(default_factory=list)
     event: Literal["paused"] = "paused"
 
 

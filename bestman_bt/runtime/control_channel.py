@@ -4,6 +4,7 @@ One JSON object a line in each direction. Requests, which are answered by ``{"ok
 ``{"ok": false, "error": …}``:
 
 - ``{"do": "status"}``, ``pause``, ``resume``, ``step``, ``halt``, ``stop``
+- ``{"do": "decline"}``: refuses the motion that waits to be confirmed, which ``resume`` starts
 - ``{"do": "speed", "share": 0.05 to 1}``: of its speed at which the robot moves; ``pause`` lets it wait on its way
 - ``{"do": "set", "key": …, "value": …, "scope": …}``: a blackboard entry; ``scope``: path of a SubTree, else the root;
   the answer has a ``note`` where the entry is new
@@ -37,6 +38,7 @@ from bestman_bt.errors import Error
 from bestman_bt.monitor.control_client import socket_folder
 from bestman_bt.records.events import TOPICS, BreakpointsEvent, Topic
 from bestman_bt.runtime.breakpoints import BreakpointError, Breakpoints
+from bestman_bt.runtime.confirmation import Confirmation
 from bestman_bt.runtime.executor import Executor, Hold
 from bestman_bt.runtime.outbox import Outbox
 from bestman_bt.runtime.telemetry import Telemetry
@@ -50,7 +52,8 @@ TASK_WAIT = 2.0
 """Seconds that what is done between ticks waits for the tick that goes on."""
 
 KNOWN = (
-    "status, subscribe, pause, resume, step, speed, set, breakpoint, clear_breakpoint, breakpoints, force, halt, stop"
+    "status, subscribe, pause, resume, step, decline, speed, set, breakpoint, clear_breakpoint, "
+    "breakpoints, force, halt, stop"
 )
 """Requests, for people."""
 
@@ -74,11 +77,13 @@ class ControlChannel:
         telemetry: Telemetry,
         robot_state: Callable[[], dict[str, dict[str, str]]] = lambda: {"parts": {}, "robot": {}},
         speed: OperatorSpeed | None = None,
+        confirmation: Confirmation | None = None,
     ) -> None:
         self._executor = executor
         self._stop_robot = stop_robot
         self._telemetry = telemetry
         self._speed = speed or OperatorSpeed(lambda share: None)
+        self._confirmation = confirmation or Confirmation()
         self._robot_state = robot_state
         self._breakpoints = Breakpoints(executor, self._tell_breakpoints)
 
@@ -172,6 +177,9 @@ class ControlChannel:
             case "resume":
                 self._speed.go_on()
                 executor.resume()
+            case "decline":
+                if not self._confirmation.decline():
+                    raise RefusedError("no motion waits to be confirmed")
             case "step":
                 self._speed.go_on()
                 executor.step()
@@ -199,7 +207,7 @@ class ControlChannel:
         match what:
             case "speed":
                 self._set_speed(message.get("share"))
-            case "stop" | "halt" | "pause" | "resume" | "step":
+            case "stop" | "halt" | "pause" | "resume" | "step" | "decline":
                 self._drive(what)
             case "set":
                 if "value" not in message:

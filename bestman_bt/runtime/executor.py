@@ -10,7 +10,7 @@ from collections import deque
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import StrEnum
 from types import FrameType
 from typing import Literal, Protocol
@@ -59,11 +59,16 @@ class Execution:
 
 @dataclass(frozen=True)
 class Hold:
-    """Why an execution waits: ``node`` (path) and ``when`` where that is a breakpoint."""
+    """Why an execution waits: ``node`` (path) and ``when`` where that is a breakpoint.
 
-    reason: Literal["asked", "breakpoint"] = "asked"
+    ``words`` and ``swept`` (outlines in the map frame) of a motion that a person is to confirm.
+    """
+
+    reason: Literal["asked", "breakpoint", "confirm"] = "asked"
     node: str | None = None
     when: Literal["before", "after"] | None = None
+    words: str = ""
+    swept: list[list[tuple[float, float]]] = field(default_factory=list)
 
 
 class ExecutionWatcher(Protocol):

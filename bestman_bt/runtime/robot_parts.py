@@ -6,6 +6,9 @@ from collections.abc import Sequence
 from functools import cached_property
 from typing import Any, TypeVar
 
+import numpy as np
+from numpy.typing import NDArray
+
 from behaviours.parts import MissingPartError, PartKind, parts_by_kind
 from bestman_bt.control.arm import ArmController, ArmWays
 from bestman_bt.control.gripper import GripperController
@@ -13,11 +16,12 @@ from bestman_bt.control.head import HeadController
 from bestman_bt.control.inertial import FusedOdometry, GyroHeading
 from bestman_bt.control.joint_state import JointStateSensor
 from bestman_bt.control.lidar import LidarSensor
+from bestman_bt.control.planned_motion import Confirm
 from bestman_bt.control.rgbd import RGBDSensor
 from bestman_bt.control.touch import TactileSensor, WristWrench
 from bestman_bt.control.wheeled import BaseController, CollisionMonitor, LocalisationCycle
-from bestman_bt.manipulation.kinematics import ForwardKinematics
-from bestman_bt.robot_model import RobotModel, arm_of
+from bestman_bt.manipulation.kinematics import ArmBodies, ForwardKinematics
+from bestman_bt.robot_model import ArmModel, RobotModel, arm_of
 from bestman_bt.runtime.algorithms import SLOTS, Algorithms
 from bestman_bt.world_model import WorldModel
 from hal.api import (
@@ -47,7 +51,10 @@ class RobotParts:
     ``default_arm``: the arm that skills use which name none; empty where there is no such arm.
     """
 
-    def __init__(self, robot: Robot, model: RobotModel, world: WorldModel, algorithms: Algorithms) -> None:
+    def __init__(
+        self, robot: Robot, model: RobotModel, world: WorldModel, algorithms: Algorithms, confirm: Confirm | None = None
+    ) -> None:
+        self.confirm = confirm
         self.robot, self.model, self.world, self.algorithms = robot, model, world, algorithms
         self.kinds = parts_by_kind(model, robot.parts)
         self.default_arm = model.arm_named() if model.default_arm or len(model.arm_names) == 1 else ""
@@ -79,7 +86,7 @@ class RobotParts:
             self.world,
         )
         monitor = CollisionMonitor(base.model, self.all(Bumper))
-        return BaseController(base, localisation, self.algorithms.local_planning, monitor=monitor)
+        return BaseController(base, localisation, self.algorithms.local_planning, monitor=monitor, confirm=self.confirm)
 
     @cached_property
     def head(self) -> HeadController:
@@ -155,8 +162,28 @@ class _ArmParts:
         arm = parts.first("arm", Arm, self._arm)
         kinematics = parts.algorithms.of_arm("kinematics", self._arm)
         return ArmController(
-            arm, parts.robot.clock, kinematics=kinematics, wrist=self.wrist_wrench, ways=parts.arm_ways
+            arm,
+            parts.robot.clock,
+            kinematics=kinematics,
+            wrist=self.wrist_wrench,
+            ways=parts.arm_ways,
+            confirm=parts.confirm,
+            bodies=self._bodies_at if parts.confirm is not None else None,
         )
+
+    def _bodies_at(self, positions: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+        """Corners (N, 3) of what moves with the arm at ``positions``, in the map frame."""
+        parts = self._parts
+        joints = dict(parts.joints.positions()) | dict(
+            zip(parts.model.of(ArmModel)[self._arm].joint_names, positions.tolist(), strict=True)
+        )
+        bodies = self._bodies.at(joints, parts.world.hands.get(self._arm))
+        base = parts.world.base.pose
+        return [np.column_stack([base.apply(corners[:, :2]), corners[:, 2]]) for corners in bodies]
+
+    @cached_property
+    def _bodies(self) -> ArmBodies:
+        return ArmBodies(self._parts.model, self._arm)
 
     @cached_property
     def gripper(self) -> GripperController:

@@ -28,6 +28,7 @@ from bestman_bt.records.events import RunEvent
 from bestman_bt.records.keeping import Keeping
 from bestman_bt.registry import DRIVERS
 from bestman_bt.runtime.algorithms import Algorithms, algorithm_by_name
+from bestman_bt.runtime.confirmation import Confirmation
 from bestman_bt.runtime.control_channel import ControlChannel
 from bestman_bt.runtime.executor import Execution, Executor
 from bestman_bt.runtime.picture_source import PictureSource
@@ -98,6 +99,7 @@ class Session:
     skills: SkillContext
     entries: dict[str, Any]
     speed: OperatorSpeed
+    confirmation: Confirmation | None = None
     ended: bool = False
 
     def load(self, tree: str | Path | Behaviour | Tree | None = None) -> Tree:
@@ -137,6 +139,8 @@ class Session:
             tree, self.robot.clock, period=1.0 / task.tick_rate, time_limit=task.time_limit, after_tick=after_tick
         )
         made.watchers.append(self.speed)
+        if self.confirmation is not None:
+            self.confirmation.executor = made
         return made
 
     def run(
@@ -155,7 +159,9 @@ class Session:
 
     def control_channel(self, executor: Executor, telemetry: Telemetry) -> ControlChannel:
         """Through which others watch and control an execution."""
-        return ControlChannel(executor, self.skills.stop.hold, telemetry, self.robot_state, self.speed)
+        return ControlChannel(
+            executor, self.skills.stop.hold, telemetry, self.robot_state, self.speed, self.confirmation
+        )
 
     def robot_state(self) -> dict[str, dict[str, str]]:
         """``parts``: name → ``ok``, ``stopped`` or what its driver says; ``robot``: the driver's diagnostics."""
@@ -227,7 +233,8 @@ def open_session(
         if prepare_robot is not None:
             prepare_robot(robot)
         seen = robot if see_through is None else see_through(robot)
-        skills = _skills(setup, seen)
+        confirmation = Confirmation() if setup.config.confirm else None
+        skills = _skills(setup, seen, confirmation)
         skills.joints.start(robot.clock)
         localised = skills.has("base") and skills.has("lidar")
         if localised:
@@ -238,6 +245,7 @@ def open_session(
             skills,
             dict(setup.entries),
             OperatorSpeed(seen.set_speed, isinstance(robot.clock, SimulatedClock)),
+            confirmation,
         )
         try:
             yield opened
@@ -308,9 +316,10 @@ def session(
     return UnopenedSession(opening())
 
 
-def _skills(setup: Setup, robot: Robot) -> SkillContext:
+def _skills(setup: Setup, robot: Robot, confirmation: Confirmation | None) -> SkillContext:
     config, model, world = setup.config, setup.robot_model, setup.world_model.as_at_the_start()
-    parts = RobotParts(robot, model, world, Algorithms(config, model, world.map))
+    confirm = None if confirmation is None else confirmation.confirm
+    parts = RobotParts(robot, model, world, Algorithms(config, model, world.map), confirm)
     return SkillContext(
         clock=robot.clock,
         robot=model,

@@ -328,7 +328,7 @@ class Telemetry:
         if self._attached:
             self._tell_blackboard(time, tick)
             self.tell(StatesEvent(time, tick, []))  # a step that changed nothing was a tick, too
-        self.tell(PausedEvent(time, hold.reason, hold.node, hold.when))
+        self.tell(PausedEvent(time, hold.reason, hold.node, hold.when, hold.words, hold.swept))
 
     def _attach(self) -> None:
         if self._attached:

@@ -26,6 +26,7 @@ from bestman_bt.control.arm.guarded_move import (
 )
 from bestman_bt.control.joint_state import READING_ERRORS
 from bestman_bt.control.motion import start_motion
+from bestman_bt.control.planned_motion import Confirm, PlannedMotion, outline
 from bestman_bt.control.touch import WristWrench
 from bestman_bt.manipulation.kinematics import InverseKinematics
 from bestman_bt.messages import Failure, JointKind, JointTrajectory, MotionErrorCode
@@ -102,6 +103,8 @@ class ContactMonitor:
         return f"contact where none is expected: {joint} is {lag[worst]:.3f} rad off its way"
 
 
+LOOKS = 12
+"""Places on a way at which an arm is drawn for a person."""
 Guard = Callable[[], str | None]
 Result = TypeVar("Result")
 
@@ -128,7 +131,9 @@ class ArmController:
     A guard is asked again and again while the arm moves; when it answers with a text, the arm is
     brought to rest and the motion fails with that text. ``kinematics`` and ``wrist`` are needed by what feels its way:
     ``move_until`` and ``follow_constraint``. ``ways``: shared by the controllers of a robot's arms; what would
-    cross the way of another arm starts when that has passed, or fails as OTHER_ARM_IN_THE_WAY.
+    cross the way of another arm starts when that has passed, or fails as OTHER_ARM_IN_THE_WAY. ``confirm``: asks a
+    person before each motion, which fails as DECLINED where they refuse; ``bodies``: from joint positions to the
+    corners (N, 3) of what moves with the arm, in the map frame, which they are shown.
     """
 
     def __init__(
@@ -139,7 +144,10 @@ class ArmController:
         wrist: WristWrench | None = None,
         ways: ArmWays | None = None,
         moving: ArmMoving = ArmMoving(),
+        confirm: Confirm | None = None,
+        bodies: Callable[[NDArray[np.float64]], list[NDArray[np.float64]]] | None = None,
     ) -> None:
+        self._confirm, self._bodies = confirm, bodies
         self._arm, self.name, self.joint_names = arm, arm.name, arm.joint_names
         self._clock = clock
         self._kinematics, self._wrist, self._moving = kinematics, wrist, moving
@@ -165,7 +173,8 @@ class ArmController:
             motion: Motion[None] = start_motion(self._arm.name, lambda: self._arm.follow(trajectory))
             return self._watched(motion, guard, trajectory if free else None)
 
-        return self._in_turn(start, lambda: trajectory.positions)
+        words = f"along a trajectory to {self._in_words(trajectory.positions[-1])}"
+        return self._in_turn(start, lambda: trajectory.positions, words, trajectory.duration)
 
     def move_to(self, positions: ArrayLike, speed_scale: float = 0.3, guard: Guard | None = None) -> Motion[None]:
         """Move point to point to ``positions`` (n,) within a share of the limits; no collision check."""
@@ -175,7 +184,8 @@ class ArmController:
             motion: Motion[None] = start_motion(self._arm.name, lambda: self._arm.move_to(positions, speed_scale))
             return self._watched(motion, guard, None)
 
-        return self._in_turn(start, lambda: np.vstack([self._arm.positions(), np.asarray(positions)]))
+        words = f"straight in joint space to {self._in_words(np.asarray(positions, float))}"
+        return self._in_turn(start, lambda: np.vstack([self._arm.positions(), np.asarray(positions)]), words)
 
     def move_until(
         self, direction: ArrayLike, speed: float, max_distance: float, stop_force: float
@@ -192,7 +202,8 @@ class ArmController:
         motion: Motion[GuardedOutcome] = Motion(self._arm.name, self._cancel_stream)
         stream = ToolStream(self._arm, kinematics, self._moving.streaming)
         move = GuardedMove(stream, wrist, axis, speed, max_distance, stop_force, motion, self._moving.guarded)
-        return self._run(move, motion)
+        words = f"straight on along {np.round(axis, 2).tolist()} until {stop_force:g} N, at most {max_distance:.3f} m"
+        return self._run(move, motion, words)
 
     def follow_constraint(
         self,
@@ -212,7 +223,7 @@ class ArmController:
         motion: Motion[FollowedMotion] = Motion(self._arm.name, self._cancel_stream)
         stream = ToolStream(self._arm, kinematics, self._moving.streaming)
         following = ConstraintFollowing(stream, wrist, start, goal, motion, grip, hint, self._moving.following)
-        return self._run(following, motion)
+        return self._run(following, motion, "along with the handle that it holds")
 
     def stop(self) -> None:
         """Bring the arm to rest at once."""
@@ -230,7 +241,7 @@ class ArmController:
         """``joints``, measured positions by name, with other arms under way at the end of their ways."""
         return joints if self._ways is None else self._ways.for_planning(self.name)
 
-    def _run(self, action: _Streaming, motion: Motion[Result]) -> Motion[Result]:
+    def _run(self, action: _Streaming, motion: Motion[Result], words: str) -> Motion[Result]:
         self._end_stream(MotionErrorCode.SUPERSEDED, "a newer command took over")
 
         def start() -> Motion[Result]:
@@ -239,14 +250,37 @@ class ArmController:
             self._stream.start(self._clock, self._moving.streaming.period)
             return motion
 
-        return self._in_turn(start, None)
+        return self._in_turn(start, None, words)
+
+    def _in_words(self, positions: NDArray[np.float64]) -> str:
+        return ", ".join(f"{joint} {value:.2f}" for joint, value in zip(self.joint_names, positions, strict=False))
 
     def _in_turn(
-        self, start: Callable[[], Motion[Result]], path: Callable[[], NDArray[np.float64]] | None
+        self,
+        start: Callable[[], Motion[Result]],
+        path: Callable[[], NDArray[np.float64]] | None,
+        words: str,
+        duration: float | None = None,
     ) -> Motion[Result]:
+        if self._confirm is not None and not self._confirm(self._planned(path, words, duration)):
+            refused: Motion[Result] = Motion(self.name)
+            refused.fail(MotionErrorCode.DECLINED, f"a person declined: {words}")
+            return refused
         if self._ways is None:
             return start()
         return self._ways.start(self.name, None if path is None else path(), start)
+
+    def _planned(
+        self, path: Callable[[], NDArray[np.float64]] | None, words: str, duration: float | None
+    ) -> PlannedMotion:
+        if path is None or self._bodies is None:
+            return PlannedMotion(self.name, words, duration)
+        way = path()
+        at, samples = np.linspace(0.0, len(way) - 1.0, LOOKS), np.arange(len(way))
+        looks = np.stack([np.interp(at, samples, joint) for joint in way.T], axis=1)
+        corners = np.concatenate([corner for positions in looks for corner in self._bodies(positions)])
+        heights = float(corners[:, 2].min()), float(corners[:, 2].max())
+        return PlannedMotion(self.name, words, duration, (outline(corners[:, :2]),), heights)
 
     def _cancel_stream(self) -> None:
         self.stop()

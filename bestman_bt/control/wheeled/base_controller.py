@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.control.joint_state import READING_ERRORS
+from bestman_bt.control.planned_motion import Confirm, PlannedMotion, outline, turned
 from bestman_bt.control.wheeled.collision_monitor import CollisionMonitor, MonitorAction, MonitoredCommand
 from bestman_bt.control.wheeled.localisation_cycle import LocalisationCycle, PlacedScan
 from bestman_bt.errors import WrongResultError
@@ -171,6 +172,7 @@ class BaseController:
     ``monitor``: has the last word on each velocity; by default one without a bumper. ``layer``: what the lidar sees and
     the map lacks.
     ``model``: limits and footprint.
+    ``confirm``: asks a person before each action, which fails as DECLINED where they refuse.
     ``speed_limit``: m/s, for all actions until it is set to something else; None: as fast as the base may. At 0 it
     stands. ``last_scan``: what the localisation saw last, for whoever shows it.
     """
@@ -183,7 +185,9 @@ class BaseController:
         driving: Driving = Driving(),
         monitor: CollisionMonitor | None = None,
         layer: ObstacleLayer | None = None,
+        confirm: Confirm | None = None,
     ) -> None:
+        self._confirm = confirm
         self._driving, self._rotation = driving, driving.rotation
         self._base, self._follower = base, follower
         self.localisation, self.lidar = localisation, localisation.lidar
@@ -360,12 +364,37 @@ class BaseController:
             p = self._driving
             tolerance = p.position_tolerance if position_tolerance is None else position_tolerance
             motion: Motion[BasePose] = Motion(self._base.name, self._base.stop)
+            if follower is not None and self._confirm is not None:
+                planned = self._planned(goal, driven, by_odometry)
+                if not self._confirm(planned):
+                    self._replace(None)
+                    motion.fail(MotionErrorCode.DECLINED, f"a person declined: {planned.words}")
+                    return motion
             watch = ProgressWatch(p.stall_distance, p.stall_angle, p.stall_time)
             self._replace(_Action(motion, follower, goal, tolerance, watch, by_odometry, speed, driven))
             # One that is lost gets another chance; else one that is sent on again and again would never find out.
             self.localisation.look_again(forgive=self.localisation.lost)
             self._gave_up = False
             return motion
+
+    def _planned(self, goal: Pose2D | None, driven: _DrivenPath | None, by_odometry: bool) -> PlannedMotion:
+        """What a person is shown: the outline of the base along the path, or all around where it turns on the spot."""
+        here, corners = self._world.base.pose, np.array(self.model.footprint)
+        if goal is None or (driven is None and goal.distance_to(here) < STANDING):
+            around = turned(corners, np.linspace(-math.pi, math.pi, 24)) + here.xy
+            words = "turn on the spot" if goal is None or by_odometry else f"turn to {math.degrees(goal.theta):.0f}°"
+            return PlannedMotion(self._base.name, words, swept=(outline(around),))
+        points = np.array([here.xy, goal.xy]) if driven is None else driven.path.points
+        length = float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
+        taken = points[np.linspace(0, len(points) - 1, min(len(points), 40)).astype(int)]
+        ways = np.diff(taken, axis=0)
+        headings = np.arctan2(ways[:, 1], ways[:, 0])
+        pieces = [
+            outline(np.concatenate([turned(corners, [heading]) + start, turned(corners, [heading]) + end]))
+            for heading, start, end in zip(headings, taken, taken[1:], strict=False)
+        ]
+        words = f"{length:.2f} m to x {goal.x:.2f}, y {goal.y:.2f}, {math.degrees(goal.theta):.0f}°"
+        return PlannedMotion(self._base.name, words, length / self.model.part.max_vx, tuple(pieces))
 
     def _replace(self, action: _Action | None) -> None:
         """Cancel the action under way, if any."""

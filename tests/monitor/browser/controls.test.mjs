@@ -122,3 +122,20 @@ test("a read-only monitor shows and controls nothing", async () => {
   assert.equal(await page.getByRole("button", { name: "Break before" }).isDisabled(), true);
   assert.deepEqual(asked(run), []);
 });
+
+test("a motion that waits to be confirmed is told and drawn, and started or declined", async () => {
+  const run = errand("errand", { withRobot: true });
+  run.tick();
+  const swept = [[[0, 0], [1.2, 0], [1.2, 0.8], [0, 0.8]]];
+  const waits = () => run.pause({ time: run.time, reason: "confirm", node: null, when: null, words: "arm: along a trajectory; 2.1 s", swept });
+  waits();
+  const { page } = await open([run]);
+  await page.getByText("A motion waits for you. arm: along a trajectory; 2.1 s").waitFor();
+  await page.keyboard.press("3");
+  await page.getByRole("button", { name: "Start it" }).click();
+  await eventually(() => asked(run), [{ do: "resume" }]);
+  await page.getByText("A motion waits for you.").waitFor({ state: "hidden" });
+  waits();
+  await page.getByRole("button", { name: "Decline it" }).click();
+  await eventually(() => asked(run).at(-1), { do: "decline" });
+});

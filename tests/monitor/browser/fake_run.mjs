@@ -85,6 +85,7 @@ export class FakeRun {
     if (this.state === "ended") return "the execution has ended";
     switch (asked.do) {
       case "pause": this.pause({ time: this.time, reason: "asked", node: null, when: null }); return null;
+      case "decline":
       case "resume": this.paused = null; this.state = "running"; return null;
       case "step": if (this.paused === null) return "pause first"; this.tick(true); return null;
       case "speed": this.speed = asked.share; return null;

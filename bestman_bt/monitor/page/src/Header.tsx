@@ -1,6 +1,6 @@
 // Which run one looks at, how it stands, and the controls. The emergency stop is always here.
 
-import { barred, emergencyStop, halt, pauseOrResume, setSpeed, SPEEDS, step } from "./actions";
+import { barred, declineMotion, emergencyStop, halt, pauseOrResume, setSpeed, SPEEDS, startMotion, step } from "./actions";
 import { seconds } from "./describe";
 import { Icon } from "./Icon";
 import { connected, current, everConnected, runs, summary } from "./monitor";
@@ -107,6 +107,18 @@ export function Standing() {
   const paused = run?.paused.value ?? null;
   const tree = run?.tree.value;
   if (run === null || paused === null || !tree) return <div class="standing" role="status" hidden />;
+  if (paused.reason === "confirm") {
+    const off = barred(run) !== null;
+    return (
+      <div class="standing" role="status">
+        <Icon name="pause" />
+        <span>A motion waits for you. {paused.words}</span>
+        <span class="spacer" />
+        <button type="button" class="button primary" disabled={off} onClick={() => startMotion(run)}>Start it</button>
+        <button type="button" class="button" disabled={off} onClick={() => declineMotion(run)}>Decline it</button>
+      </div>
+    );
+  }
   const index = paused.reason === "breakpoint" ? tree.find(paused.node) : -1;
   const node = tree.nodes[index];
   return (

@@ -21,6 +21,15 @@ export function step(run: Run): void {
   void control(run, { do: "step" });
 }
 
+/** A motion that waits to be confirmed. */
+export function startMotion(run: Run): void {
+  void control(run, { do: "resume" }, "The motion starts");
+}
+
+export function declineMotion(run: Run): void {
+  void control(run, { do: "decline" }, "The motion was declined");
+}
+
 /** Shares of the robot's speed to choose from. */
 export const SPEEDS = [0.1, 0.3, 0.5, 0.75, 1];
 

@@ -81,9 +81,12 @@ export type Scopes<T> = Record<string, Record<string, T>>;
 
 export interface Paused {
   time?: number;
-  reason: "asked" | "breakpoint";
+  reason: "asked" | "breakpoint" | "confirm";
   node?: number | string | null;
   when?: "before" | "after";
+  /** Of a motion that waits to be confirmed, and the outlines of what it passes through, in the map frame. */
+  words?: string;
+  swept?: [number, number][][];
 }
 
 export interface Breakpoint {
@@ -194,7 +197,7 @@ export type ServerMessage =
   | { type: "problem"; message: string };
 
 export type Control =
-  | { do: "pause" | "resume" | "step" | "halt" | "stop" }
+  | { do: "pause" | "resume" | "step" | "decline" | "halt" | "stop" }
   | { do: "speed"; share: number }
   | { do: "set"; key: string; value: string; scope?: string }
   | ({ do: "breakpoint" } & Breakpoint)

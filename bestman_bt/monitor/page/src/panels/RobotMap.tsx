@@ -146,6 +146,17 @@ class MapView {
     line(run.path.map((point) => point[0]), run.path.map((point) => point[1]), colours.accent, 2, [6, 4]);
     context.fillStyle = colours.scan;
     for (const [x, y] of run.scan?.points ?? []) context.fillRect(x - 1.2 * pixel, y - 1.2 * pixel, 2.4 * pixel, 2.4 * pixel);
+    for (const outline of run.paused.peek()?.swept ?? []) {
+      context.beginPath();
+      outline.forEach(([x, y], i) => (i === 0 ? context.moveTo(x, y) : context.lineTo(x, y)));
+      context.closePath();
+      context.fillStyle = context.strokeStyle = colours.accent;
+      context.globalAlpha = 0.25;
+      context.fill();
+      context.globalAlpha = 1;
+      context.lineWidth = pixel;
+      context.stroke();
+    }
     if (run.robot.base !== undefined) drawBase(context, run.robot.base, run.robot.believed_std?.[0] ?? 0, pixel, colours);
     if (moving) this.redraw();
   }
@@ -242,7 +253,7 @@ export function RobotMap({ run }: { run: Run }) {
   }, [run]);
   useSignalEffect(() => void view.current?.load(run.map.value));
   useSignalEffect(() => {
-    void [run.frame.value, palette.value];
+    void [run.frame.value, run.paused.value, palette.value];
     view.current?.redraw();
   });
   const base = run.robot.base;

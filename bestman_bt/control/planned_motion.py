@@ -1,0 +1,60 @@
+"""A motion before it starts, for a person who looks at it: what moves, how long, and what it passes through."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import ConvexHull, QhullError
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class PlannedMotion:
+    """``words``: what ``part`` is to do. ``duration``: seconds at full speed; None where nobody knows.
+
+    ``swept``: outlines (N, 2) of what it passes through, metres in the map frame. ``heights``: lowest and highest of
+    it above the floor, metres; None where that says nothing.
+    """
+
+    part: str
+    words: str
+    duration: float | None = None
+    swept: tuple[Array, ...] = ()
+    heights: tuple[float, float] | None = None
+
+    def __str__(self) -> str:
+        """In a line: ``arm: to panda_joint1 = 0.20; 2.1 s; x 0.10 to 0.80 m, y …``."""
+        parts = [f"{self.part}: {self.words}"]
+        if self.duration is not None:
+            parts.append(f"{self.duration:.1f} s")
+        if self.swept:
+            corners = np.concatenate(self.swept)
+            (x0, y0), (x1, y1) = corners.min(axis=0), corners.max(axis=0)
+            box = f"passes through x {x0:.2f} to {x1:.2f} m, y {y0:.2f} to {y1:.2f} m"
+            high = "" if self.heights is None else ", z {:.2f} to {:.2f} m".format(*self.heights)
+            parts.append(f"{box}{high} of the map")
+        return "; ".join(parts)
+
+
+Confirm = Callable[[PlannedMotion], bool]
+"""Shows a motion and waits; whether it may start."""
+
+
+def outline(points: Array) -> Array:
+    """The convex outline (M, 2) of points (N, 2)."""
+    try:
+        hull: Array = points[ConvexHull(points).vertices]
+    except (QhullError, ValueError):  # all in a line
+        return points
+    return hull
+
+
+def turned(corners: Array, headings: Iterable[float]) -> Array:
+    """Corners (N, 2) about the origin, at all ``headings``: (N·M, 2)."""
+    turns = [np.array([[math.cos(a), -math.sin(a)], [math.sin(a), math.cos(a)]]) for a in headings]
+    return np.concatenate([corners @ turn.T for turn in turns])
