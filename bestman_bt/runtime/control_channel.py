@@ -134,7 +134,7 @@ class ControlChannel:
             "time": self._telemetry.now(),
             "paused": paused,
             "speed": self._speed.share,
-            "held_at": None if held_at is None else asdict(held_at),
+            "held_at": None if held_at is None else _told(held_at),
             "root": status_name(executor.tree.root.state),
             "breakpoints": self._breakpoints.documents(),
             **more,
@@ -262,6 +262,11 @@ class ControlChannel:
 
     def _tell_breakpoints(self) -> None:
         self._telemetry.tell(BreakpointsEvent(self._breakpoints.documents()))
+
+
+def _told(hold: Hold) -> dict[str, Any]:
+    """What is planned is told only where something is."""
+    return {name: value for name, value in asdict(hold).items() if value or name not in ("words", "swept")}
 
 
 def _topics(message: Request) -> frozenset[Topic]:
