@@ -238,6 +238,7 @@ def open_session(
         skills.joints.start(robot.clock)
         localised = skills.has("base") and skills.has("lidar")
         if localised:
+            skills.base.surroundings = skills.known_costmap
             skills.base.start()
         opened = Session(
             setup,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import math
 import threading
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -38,6 +38,8 @@ STANDING = 0.02
 """m/s and rad/s below which the wheels count as standing."""
 REST = 0.05
 """Share of a velocity below which going on is not worth it."""
+ON_IT, BESIDE_IT = 0.10, 0.15
+"""Metres from what the map has within which a hit is of it, and beyond which it is of something that the map lacks."""
 RISE = 1.0
 """By how much the share that people leave may rise in a second: it is as good as an acceleration."""
 
@@ -50,13 +52,19 @@ class VelocityGate:
 
     def __init__(self, base: MobileBase, monitor: CollisionMonitor) -> None:
         self._base, self._monitor = base, monitor
+        self._known: Costmap | None = None
         self.use_footprint(Footprint.of(base.model))
         self._share = 1.0
         self.waits = False
         self.held_by = ""
 
-    def use_footprint(self, footprint: Footprint) -> None:
-        """What is driven from now on; people are as high as what stands out above it."""
+    def use_footprint(self, footprint: Footprint, known: Costmap | None = None, placed: bool = True) -> None:
+        """What is driven from now on; people are as high as what stands out above it.
+
+        ``known``: what the map has, with how tall it is: what is tall, and what it lacks, is kept from the arm.
+        ``placed``: whether the base is driven by where it is on the map; else all may be tall.
+        """
+        self._known, self._placed = known, placed
         self.outline = FootprintMotion(footprint, 0.0)
         self._give_way = GiveWay(footprint.above)
         self._monitor.use_footprint(footprint)
@@ -95,13 +103,23 @@ class VelocityGate:
         self.waits = speed == 0.0 or self._share < REST
         discs = np.array([(disc.x, disc.y, disc.radius) for disc in tall]).reshape(-1, 3)
         discs[:, :2] = pose.inverse().apply(discs[:, :2])
-        monitored = self._monitor.limit(wanted, velocity, odometry, discs)
+        known = self._known
+        are_tall = None if known is None else (lambda points: _tall(known, pose.apply(points), self._placed))
+        monitored = self._monitor.limit(wanted, velocity, odometry, discs, are_tall)
         self.held_by = monitored.text or _words(velocity)
         if monitored.brake:
             self._base.stop()
         else:
             self._base.set_velocity(monitored.twist.vx, monitored.twist.vy, monitored.twist.wz)
         return monitored
+
+
+def _tall(known: Costmap, points: NDArray[np.float64], placed: bool) -> NDArray[np.bool_]:
+    """Which of what the lidar hits at points (N, 2) of the map reaches up to the arm: mapped furniture may be lower."""
+    if known.above is None or not placed:
+        return np.full(len(points), known.above is not None)
+    tall: NDArray[np.bool_] = (known.above.distance_at(points) < ON_IT) | (known.distance_at(points) > BESIDE_IT)
+    return tall
 
 
 def _part(limit: float, value: float) -> float:
@@ -174,7 +192,8 @@ class BaseController:
     ``model``: limits and footprint.
     ``confirm``: asks a person before each action, which fails as DECLINED where they refuse.
     ``speed_limit``: m/s, for all actions until it is set to something else; None: as fast as the base may. At 0 it
-    stands. ``last_scan``: what the localisation saw last, for whoever shows it.
+    stands. ``surroundings``: what the map has around the robot as it is now, with its arm, for drives that bring no
+    costmap. ``last_scan``: what the localisation saw last, for whoever shows it.
     """
 
     def __init__(
@@ -196,6 +215,7 @@ class BaseController:
         self._gate = VelocityGate(base, monitor or CollisionMonitor(base.model))
         self.model, self.layer = base.model, layer or ObstacleLayer()
         self.speed_limit: float | None = None
+        self.surroundings: Callable[[], Costmap] | None = None
         self.last_scan: PlacedScan | None = None
         self._timer: Timer | None = None
         self._own_follower = follower
@@ -289,10 +309,9 @@ class BaseController:
             self._follow_by(follower or self._own_follower)
             if costmap is not None:
                 self.layer.use_costmap(costmap)
-            self._gate.use_footprint(Footprint.of(self.model) if costmap is None else costmap.footprint)
             self._follower.reset(path, costmap)
             driven = _DrivenPath(path, SweptPath(path), costmap is not None)
-            return self._begin(self._follower, path.goal, driven=driven)
+            return self._begin(self._follower, path.goal, driven=driven, known=costmap)
 
     def rotate_to(self, heading: float) -> Motion[BasePose]:
         """Turn on the spot to ``heading``, radians in the map frame."""
@@ -356,11 +375,16 @@ class BaseController:
         by_odometry: bool = False,
         driven: _DrivenPath | None = None,
         speed: float | None = None,
+        known: Costmap | None = None,
     ) -> Motion[BasePose]:
-        """A new action, see ``_Action``; the one under way is superseded."""
+        """A new action, see ``_Action``; the one under way is superseded. ``known``: by default ``surroundings``."""
         if self._timer is None:
             raise RuntimeError("BaseController was asked to drive before start()")
         with self._lock:
+            if known is None and follower is not None and self.surroundings is not None:
+                known = self.surroundings()
+            footprint = Footprint.of(self.model) if known is None else known.footprint
+            self._gate.use_footprint(footprint, known, not by_odometry)
             p = self._driving
             tolerance = p.position_tolerance if position_tolerance is None else position_tolerance
             motion: Motion[BasePose] = Motion(self._base.name, self._base.stop)

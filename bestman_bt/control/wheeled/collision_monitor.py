@@ -8,7 +8,7 @@ at all. A slow approach to a table is let through up to a finger's breadth; movi
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import Enum
 
@@ -29,6 +29,8 @@ BEFORE = 0.15
 """Metres around the disc that stands for a person within which hits are that person's."""
 EDGE = 0.03
 """Metres beyond the shortest range within which noise may hide a hit already."""
+NEAR = 1.0
+"""Metres beyond an arm within which it is asked how tall things are."""
 MEMORY = 30.0
 """Seconds after which what is too close to be seen is forgotten: who walked past would block the base for ever."""
 NOBODY: NDArray[np.float64] = np.zeros((0, 3))
@@ -82,13 +84,17 @@ class CollisionMonitor:
     def __post_init__(self) -> None:
         footprint = Footprint.of(self.base)
         self._motion = self._above = FootprintMotion(footprint, self.margin)
+        self._overhang: FootprintMotion | None = None
         self._wide = FootprintMotion(footprint, self.slowdown_margin)
         self._points = NearPoints(self.same_surface)
         self._stamp, self._equal = -math.inf, 0
+        self._high: NDArray[np.intp] = np.zeros(0, dtype=np.intp)
 
     def use_footprint(self, footprint: Footprint) -> None:
-        """What is driven from now on: an arm that stands out above is kept from whoever is tall."""
+        """What is driven from now on: an arm that stands out above is kept from whoever and whatever is tall."""
         self._above = FootprintMotion(footprint.above, self.margin)
+        # Its outline has a margin of its own, for how the arm sways.
+        self._overhang = None if footprint.overhang is None else FootprintMotion(footprint.above, 0.0)
 
     def observe(self, scan: LaserScan, base_from_lidar: Pose2D, odometry: Pose2D) -> None:
         """Take in a scan, taken where the odometry is ``odometry``."""
@@ -97,11 +103,17 @@ class CollisionMonitor:
         self._points.update(scan, base_from_lidar, odometry)
 
     def limit(
-        self, wanted: Twist2D, velocity: Twist2D, odometry: Pose2D, tall: NDArray[np.float64] = NOBODY
+        self,
+        wanted: Twist2D,
+        velocity: Twist2D,
+        odometry: Pose2D,
+        tall: NDArray[np.float64] = NOBODY,
+        are_tall: Callable[[NDArray[np.float64]], NDArray[np.bool_]] | None = None,
     ) -> MonitoredCommand:
         """What of ``wanted`` may be driven by a base that moves at ``velocity`` (measured), both in the base frame.
 
-        ``tall``: (N, 3) discs around people, x, y and radius in metres, in the base frame.
+        ``tall``: (N, 3) discs around people, x, y and radius in metres, in the base frame. ``are_tall``: which points
+        (N, 2) of the base frame are of what reaches up to the arm; None: nobody knows, and only people are.
         """
         if not self.enabled:
             return MonitoredCommand(wanted, MonitorAction.NONE)
@@ -110,6 +122,10 @@ class CollisionMonitor:
             return MonitoredCommand(Twist2D(), MonitorAction.STOP, True, text)
         pressed = self._pressed(odometry)
         points = self._points.around(odometry)
+        self._high = np.zeros(0, dtype=np.intp)
+        if self._overhang is not None and are_tall is not None:
+            near = np.flatnonzero(np.hypot(points[:, 0], points[:, 1]) < self._overhang.reach + NEAR)
+            self._high = near[are_tall(points[near])]
         people = _within(points, tall)
         moving = max(math.hypot(velocity.vx, velocity.vy), abs(velocity.wz)) > STANDING
         if moving:
@@ -152,6 +168,10 @@ class CollisionMonitor:
             sooner, person = self._above.contact(points[people], twist, horizon)
             if sooner < time:
                 time, index = sooner, int(people[person])
+        if len(self._high) and self._overhang is not None:
+            sooner, high = self._overhang.contact(points[self._high], twist, horizon)
+            if sooner < time:
+                time, index = sooner, int(self._high[high])
         return time, index, safe_share(time, reaction, braking)
 
     def _braking(self, twist: Twist2D) -> float:

@@ -11,7 +11,7 @@ import pytest
 from bestman_bt.control.wheeled import CollisionMonitor, MonitorAction
 from bestman_bt.control.wheeled.base_controller import VelocityGate
 from bestman_bt.messages import LaserScan, Pose2D, Twist2D
-from bestman_bt.navigation.global_planning import Footprint
+from bestman_bt.navigation.global_planning import Footprint, Overhang
 from bestman_bt.navigation.local_planning import FootprintMotion, MovingObstacle
 from hal.api import Bumper, BumperReading, BumperZone
 from tests.robot_models import base_model
@@ -50,13 +50,13 @@ def scan_of(points: np.ndarray, pose: Pose2D, stamp: float, noise: np.random.Gen
     return LaserScan(ranges, -math.pi, 2 * math.pi / BEAMS, 0.45, 8.0, stamp)
 
 
-def drive(monitor, wanted: Twist2D, points, seconds: float = 6.0, noise=None):
+def drive(monitor, wanted: Twist2D, points, seconds: float = 6.0, noise=None, are_tall=None):
     """A base whose wheels keep to its acceleration: poses, speeds, the actions taken and the texts."""
     pose, velocity, poses, actions, texts = Pose2D(), np.zeros(3), [], [], []
     for tick in range(int(seconds / DT)):
         if tick % 4 == 0:
             monitor.observe(scan_of(points, pose, tick * DT, noise), Pose2D(), pose)
-        command = monitor.limit(wanted, Twist2D(*velocity), pose)
+        command = monitor.limit(wanted, Twist2D(*velocity), pose, are_tall=are_tall)
         target = np.zeros(3) if command.brake else [command.twist.vx, command.twist.vy, command.twist.wz]
         change = np.array([0.6, 0.6, 2.0]) * (2.0 if command.brake else 1.0) * DT
         velocity = velocity + np.clip(target - velocity, -change, change)
@@ -96,6 +96,22 @@ def test_whatever_is_commanded_the_base_stops_before_a_ring_of_posts(twist):
     assert texts[-1]
     unmonitored = CollisionMonitor(BASE, enabled=False)
     assert clearance(drive(unmonitored, twist, posts)[0], posts) < -0.1
+
+
+@pytest.mark.parametrize("twist", [Twist2D(0.6), Twist2D(0.0, 0.0, 1.0)], ids=str)
+def test_an_arm_that_stands_out_is_kept_from_what_is_tall_and_passes_over_what_is_not(twist):
+    """Half a metre ahead of the base, above what the lidar sees."""
+    arm = np.array([(-0.28, -0.22), (0.28, -0.22), (0.8, -0.1), (0.8, 0.1), (0.28, 0.22), (-0.28, 0.22)])
+    outline = FootprintMotion(Footprint(arm), 0.0)
+    wall = np.column_stack([np.full(200, 1.1), np.linspace(-2.0, 2.0, 200)])
+    posts = np.array([[0.5, 0.5], [0.0, 0.75], [-0.6, 0.5]]) if twist.vx == 0.0 else wall
+    for tall in (True, False):
+        monitor = CollisionMonitor(BASE)
+        monitor.use_footprint(Footprint(np.array(CORNERS), overhang=Overhang(arm, 0.9, 0.52)))
+        poses, *_ = drive(monitor, twist, posts, are_tall=lambda points, tall=tall: np.full(len(points), tall))
+        nearest = min(outline.distance(pose.inverse().apply(posts)).min() for pose in poses)
+        assert bool(nearest > 0.0) is tall
+        assert clearance(poses, posts) > 0.0
 
 
 def test_a_noisy_wall_is_approached_to_a_finger_and_not_touched():
