@@ -36,6 +36,8 @@ MOST_FORCE = 20.0
 """Newtons on anything that stands."""
 SECONDS = 5.0
 """Simulated, of one drive."""
+STRETCHED = (0.0, 0.9, 0.0, -1.2, 0.0, 2.1, 0.785)
+"""Joint positions of a Panda that reaches out ahead, radians."""
 STANDING = ("wall", "furniture", "floor", "object")
 
 
@@ -162,14 +164,14 @@ class Result:
 
 
 def room_drives(
-    scene: str, seed: int, count: int, robot: str = "diff_panda", posture: str = ""
+    scene: str, seed: int, count: int, robot: str = "diff_panda", stretched: bool = False
 ) -> list[dict[str, Any]]:
     """So many hostile drives in one room; each as what it was, how hard it hit, and how far it got."""
     rng, told = np.random.default_rng([seed, len(scene)]), []
     with session(robot=robot, scene=scene, seed=seed) as opened:
         skills, simulated = opened.skills, opened.robot
-        if posture:
-            motion = skills.arm.move_to(simulated.model.posture(posture, skills.arm_model.joint_names))
+        if stretched:
+            motion = skills.arm.move_to(np.array(STRETCHED))
             while not motion.done:
                 simulated.clock.sleep(0.05)
         body = simulated.client.getBasePositionAndOrientation(simulated.simulation.built.robot)
@@ -233,12 +235,12 @@ def main() -> None:
     parser.add_argument("--drives", type=int, default=200)
     parser.add_argument("--rooms", type=int, default=len(ROOMS))
     parser.add_argument("--robot", default="diff_panda")
-    parser.add_argument("--posture", default="", help="of the arm, such as look")
+    parser.add_argument("--stretched", action="store_true", help="with the arm ahead of the base, half a metre")
     parser.add_argument("--json", action="store_true")
     asked = parser.parse_args()
     result = Result()
     for scene, seed in ROOMS[: asked.rooms]:
-        for drive in room_drives(scene, seed, -(-asked.drives // asked.rooms), asked.robot, asked.posture):
+        for drive in room_drives(scene, seed, -(-asked.drives // asked.rooms), asked.robot, asked.stretched):
             result.drives.append(drive)
             if not asked.json:
                 print(drive, flush=True)

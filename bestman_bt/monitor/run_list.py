@@ -182,6 +182,7 @@ class AttachedRun(MonitoredRun):
                 if not line:
                     return
                 self._take_line(line, take)
+                await asyncio.sleep(0)  # lines that have come already would keep the server from all else
         finally:
             writer.close()
 

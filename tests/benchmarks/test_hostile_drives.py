@@ -1,0 +1,16 @@
+"""Whoever plans and follows, base and arm press on nothing that stands: a few of the benchmark's drives."""
+
+from __future__ import annotations
+
+import pytest
+
+from benchmarks.hostile_drives import MOST_FORCE, ROOMS, room_drives
+
+pytestmark = pytest.mark.slow
+
+
+@pytest.mark.parametrize("stretched", [False, True], ids=["arm at home", "arm ahead"])
+def test_no_hostile_follower_presses_on_what_stands(stretched: bool) -> None:
+    drives = room_drives(*ROOMS[0], count=6, stretched=stretched)
+    assert [drive for drive in drives if drive["force_n"] > MOST_FORCE] == []
+    assert sum(drive["driven_m"] for drive in drives) > 2.0
