@@ -168,7 +168,7 @@ def test_a_session_without_a_task_warns_of_keys_that_only_tasks_fill(
     for entries in ({}, dict(kitchen.entries)):
         caplog.clear()
         with caplog.at_level(logging.WARNING):
-            Session(kitchen, None, None, entries).check(load_for(kitchen, tree), entries)
+            Session(kitchen, None, None, entries, None).check(load_for(kitchen, tree), entries)
         told.append(caplog.messages)
     assert told[0] == [
         "<text>:3: warning: <CheckHeld> port 'object': reads '{object}', which tasks fill, but no task is given"
@@ -177,7 +177,7 @@ def test_a_session_without_a_task_warns_of_keys_that_only_tasks_fill(
 
 
 def test_a_session_refuses_names_that_nothing_bears(kitchen: Setup) -> None:
-    session = Session(kitchen, None, None, dict(kitchen.entries))
+    session = Session(kitchen, None, None, dict(kitchen.entries), None)
     with pytest.raises(TreeLoadError, match="there is no surface 'countr'"):
         session.check(load_for(kitchen, text_of('<LookAt surface="countr"/>')), session.entries)
 
