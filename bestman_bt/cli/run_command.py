@@ -210,7 +210,8 @@ def command(
             config = run_of_options(_request(tree, asked), faults)
         if judge is not None:
             _ask_judge(judge, config.driver)
-        config = dataclasses.replace(config, confirm=view.confirm)
+        if view.confirm:
+            config = config.with_confirmation()
         setup = prepare_episode(config, faults)
         filled = (*setup.entries, *ALWAYS_FILLED)
         file = find_data("tree", setup.config.task.tree)

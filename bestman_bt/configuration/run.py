@@ -49,6 +49,10 @@ class RunConfig:
     written: Document = field(default_factory=lambda: Document({}), init=False, repr=False, compare=False)
     confirm: bool = False
 
+    def with_confirmation(self) -> RunConfig:
+        """The same run, of which a person confirms each motion."""
+        return _remembering(dataclasses.replace(self, confirm=True), self.written)
+
     def problem(self, path: FieldPath, message: str) -> Problem:
         """A fault of the task's field at ``path``, with the file and line, or the option, that gave it."""
         origins = {(): (f"task {self.name}", None), **self.written.origins}

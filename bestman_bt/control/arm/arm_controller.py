@@ -173,8 +173,11 @@ class ArmController:
             motion: Motion[None] = start_motion(self._arm.name, lambda: self._arm.follow(trajectory))
             return self._watched(motion, guard, trajectory if free else None)
 
-        words = f"along a trajectory to {self._in_words(trajectory.positions[-1])}"
-        return self._in_turn(start, lambda: trajectory.positions, words, trajectory.duration)
+        def planned() -> PlannedMotion:
+            words = f"along a trajectory to {self._in_words(trajectory.positions[-1])}"
+            return self._planned(trajectory.positions, words, trajectory.duration)
+
+        return self._in_turn(start, lambda: trajectory.positions, planned)
 
     def move_to(self, positions: ArrayLike, speed_scale: float = 0.3, guard: Guard | None = None) -> Motion[None]:
         """Move point to point to ``positions`` (n,) within a share of the limits; no collision check."""
@@ -184,8 +187,14 @@ class ArmController:
             motion: Motion[None] = start_motion(self._arm.name, lambda: self._arm.move_to(positions, speed_scale))
             return self._watched(motion, guard, None)
 
-        words = f"straight in joint space to {self._in_words(np.asarray(positions, float))}"
-        return self._in_turn(start, lambda: np.vstack([self._arm.positions(), np.asarray(positions)]), words)
+        def path() -> NDArray[np.float64]:
+            return np.vstack([self._arm.positions(), np.asarray(positions, float)])
+
+        def planned() -> PlannedMotion:
+            way = path()
+            return self._planned(way, f"straight in joint space to {self._in_words(way[-1])}")
+
+        return self._in_turn(start, path, planned)
 
     def move_until(
         self, direction: ArrayLike, speed: float, max_distance: float, stop_force: float
@@ -250,7 +259,7 @@ class ArmController:
             self._stream.start(self._clock, self._moving.streaming.period)
             return motion
 
-        return self._in_turn(start, None, words)
+        return self._in_turn(start, None, lambda: PlannedMotion(self.name, words))
 
     def _in_words(self, positions: NDArray[np.float64]) -> str:
         return ", ".join(f"{joint} {value:.2f}" for joint, value in zip(self.joint_names, positions, strict=False))
@@ -259,23 +268,19 @@ class ArmController:
         self,
         start: Callable[[], Motion[Result]],
         path: Callable[[], NDArray[np.float64]] | None,
-        words: str,
-        duration: float | None = None,
+        planned: Callable[[], PlannedMotion],
     ) -> Motion[Result]:
-        if self._confirm is not None and not self._confirm(self._planned(path, words, duration)):
+        if self._confirm is not None and not self._confirm(shown := planned()):
             refused: Motion[Result] = Motion(self.name)
-            refused.fail(MotionErrorCode.DECLINED, f"a person declined: {words}")
+            refused.fail(MotionErrorCode.DECLINED, f"a person declined: {shown.words}")
             return refused
         if self._ways is None:
             return start()
         return self._ways.start(self.name, None if path is None else path(), start)
 
-    def _planned(
-        self, path: Callable[[], NDArray[np.float64]] | None, words: str, duration: float | None
-    ) -> PlannedMotion:
-        if path is None or self._bodies is None:
+    def _planned(self, way: NDArray[np.float64], words: str, duration: float | None = None) -> PlannedMotion:
+        if self._bodies is None:
             return PlannedMotion(self.name, words, duration)
-        way = path()
         at, samples = np.linspace(0.0, len(way) - 1.0, LOOKS), np.arange(len(way))
         looks = np.stack([np.interp(at, samples, joint) for joint in way.T], axis=1)
         corners = np.concatenate([corner for positions in looks for corner in self._bodies(positions)])
