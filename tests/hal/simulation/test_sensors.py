@@ -114,6 +114,7 @@ def test_a_lidar_in_a_base_sees_what_is_a_finger_away_from_the_base(robot_model,
 
 def test_each_image_has_noise_of_its_own(robot) -> None:
     camera = robot.part("head_camera", Camera)
+    robot.clock.sleep(2.0)  # the head rests
     first = camera.capture()
     robot.clock.sleep(0.05)
     second = camera.capture()

@@ -17,7 +17,7 @@ BEAMS = 360
 def scan_at(pose: Pose2D, segments: np.ndarray, rng: np.random.Generator, noise: float = 0.01) -> LaserScan:
     angles = np.linspace(-math.pi, math.pi, BEAMS, endpoint=False)
     ranges, _ = cast_rays(segments, pose @ BASE_FROM_LIDAR, angles)
-    ranges = ranges + rng.normal(0.0, noise, BEAMS)
+    ranges = np.maximum(0.0, ranges + rng.normal(0.0, noise, BEAMS))
     return LaserScan(np.where(ranges < 8.0, ranges, np.inf), -math.pi, 2 * math.pi / BEAMS, 0.1, 8.0, 0.0)
 
 
