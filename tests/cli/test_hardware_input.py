@@ -54,7 +54,10 @@ def test_a_controller_that_does_not_answer_is_told_in_words_and_leaves_no_run(
     answer = bestman_bt(*RUN, "--record", *(argument for setting in settings for argument in ("--set", setting)))
     assert answer.code == 2, answer.err
     assert "--record: writes no recording.rrd, only the readings for --driver replay" in answer.err
-    assert "they go at 10 % of their joints' speed and 0.25 m/s of the tool" in answer.err
+    assert (
+        "safety: arms go at 10 % of their joints' speed and 0.25 m/s of the tool at most: no bring-up was signed"
+        in answer.err
+    )
     assert "bestman-bt: nothing was started: arm_controller" in answer.err
     assert "Traceback" not in answer.err
     assert NOBODY not in answer.err + answer.out

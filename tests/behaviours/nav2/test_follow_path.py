@@ -67,7 +67,7 @@ def test_no_path_and_an_unknown_controller_are_told(driver) -> None:
     assert tick(tree) == FAILURE
     assert failures_of(driver)[0][0] == "no_path"
     tree.blackboard.set("path", straight(base_pose(driver), Pose2D(0.0, 0.0, 0.0)))
-    tree.blackboard.set("controller", "FollowPath")
+    tree.blackboard.set("controller", "Follow")
     assert tick(tree) == FAILURE
     code, words = failures_of(driver)[0]
     assert code == "bad_input"
