@@ -138,6 +138,7 @@ def test_in_reduced_mode_the_controller_watches_too(twin: TwinProcess) -> None:
         assert motion.failure is not None
         assert motion.failure.code is MotionErrorCode.FAULT
         assert motion.failure.vendor_code == "C24"
+    twin.fault("arm_controller", "released")
 
 
 def test_nothing_goes_on_after_the_robot_is_disconnected(twin: TwinProcess) -> None:
