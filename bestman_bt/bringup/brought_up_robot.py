@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import Any, TypeVar
 
+from bestman_bt.bringup.finding import Finding, not_applicable
 from bestman_bt.manipulation.kinematics import ForwardKinematics
 from bestman_bt.messages import Pose
 from bestman_bt.robot_model import RobotModel, load_robot_model
 from hal.api import Arm, JointGroup, Motion, MotionStatus, RobotError
-from hal.hardware import ArmFacts, Identity, IsolatedRobot
+from hal.hardware import Identity, IsolatedRobot
 
+Kind = TypeVar("Kind")
 POLL = 0.02
 SPEED = 0.1
 """Share of the joints' limits that steps move with."""
@@ -53,21 +55,20 @@ class BroughtUpRobot:
     @property
     def arms(self) -> dict[str, Arm]:
         """Arms behind connections."""
-        return {name: part for name, part in self.robot.parts.items() if isinstance(part, Arm)}
+        return self.parts(Arm)
 
     @property
     def joint_groups(self) -> dict[str, JointGroup]:
         """Arms and other joints behind connections."""
-        return {name: part for name, part in self.robot.parts.items() if isinstance(part, JointGroup)}
+        return self.parts(JointGroup)
+
+    def parts(self, kind: type[Kind]) -> dict[str, Kind]:
+        """Parts of a kind behind connections."""
+        return {name: part for name, part in self.robot.parts.items() if isinstance(part, kind)}
 
     def identities(self) -> dict[str, Identity]:
         """What the controllers tell of themselves."""
         return self.robot.identities()
-
-    def arm_facts(self) -> Iterator[tuple[str, ArmFacts | None]]:
-        """Each arm as its controller knows it."""
-        for arm in self.arms:
-            yield arm, self.robot.arm_facts(arm)
 
     def joint_positions(self) -> dict[str, float]:
         """All joints that are read, by name."""
@@ -105,3 +106,19 @@ class BroughtUpRobot:
 def fault_text(error: RobotError) -> str:
     """In words, never empty."""
     return str(error) or type(error).__name__
+
+
+def of_each(
+    kind: type[Kind], none: str, *looks: Callable[[BroughtUpRobot, str, Kind], Finding]
+) -> Callable[[BroughtUpRobot], Iterator[Finding]]:
+    """The step that looks at each part of a ``kind``; ``none`` of them ("no arm is") behind a connection: says so."""
+
+    def step(subject: BroughtUpRobot) -> Iterator[Finding]:
+        parts = subject.parts(kind)
+        if not parts:
+            yield not_applicable(subject.model.name, f"{none} behind a connection")
+        for name, part in parts.items():
+            for look in looks:
+                yield look(subject, name, part)
+
+    return step

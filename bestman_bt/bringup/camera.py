@@ -7,8 +7,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from bestman_bt.bringup.arm_against_model import turn_between
 from bestman_bt.bringup.brought_up_robot import BroughtUpRobot
+from bestman_bt.bringup.controllers import turn_between
 from bestman_bt.bringup.finding import Finding, judged, not_applicable
 from bestman_bt.messages import Pose, RGBDImage
 from bestman_bt.perception.calibration import CharucoBoard, board_pose
@@ -24,7 +24,7 @@ BOARD_TOLERANCE, BOARD_TURN = 0.015, math.radians(3.0)
 
 def camera(subject: BroughtUpRobot) -> Iterator[Finding]:
     """``subject.base_from_board``: where the board is; without, the frames of cameras are not looked at."""
-    cameras = {name: part for name, part in subject.robot.parts.items() if isinstance(part, Camera)}
+    cameras = subject.parts(Camera)
     if not cameras:
         yield not_applicable(subject.model.name, "no camera is behind a connection")
     found: list[Finding | None] = []

@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from bestman_bt.bringup.brought_up_robot import SPEED, BroughtUpRobot
+from bestman_bt.bringup.brought_up_robot import SPEED, BroughtUpRobot, of_each
 from bestman_bt.bringup.finding import Finding, judged, not_applicable
 from bestman_bt.bringup.mover import CREEP, SWING_SPEED
 from hal.api import JointGroup, MobileBase, RobotError
@@ -145,18 +145,17 @@ def _stands(
     return judged(what, way <= longest and drift <= STILL, text, way_rad=way, drift_rad=drift)
 
 
-def dead_man(subject: BroughtUpRobot) -> Iterator[Finding]:
+def _dead_man(subject: BroughtUpRobot, name: str, base: MobileBase) -> Finding:
     """The base of a robot whose robot process is killed while it creeps: nobody tells it to stop."""
-    bases = {name: part for name, part in subject.robot.parts.items() if isinstance(part, MobileBase)}
-    if not bases:
-        yield not_applicable(subject.model.name, "no base is behind a connection")
-    for name, base in bases.items():
-        with killed(subject, name, PROCESSES[1]) as at:
-            here = base.odometry()
-            assert at is not None
-            way = float(np.hypot(here.x - at[0], here.y - at[1]))
-        longest = DEAD_MAN * CREEP + BASE_SPARE
-        text = f"commands ceased at {CREEP:g} m/s: it stood after {1e3 * way:.0f} mm (at most {1e3 * longest:.0f})"
-        if way > longest:
-            text += ": its controller has no dead-man, set one up (cmd_vel_timeout)"
-        yield judged(name, way <= longest, text, way_m=way)
+    with killed(subject, name, PROCESSES[1]) as at:
+        here = base.odometry()
+        assert at is not None
+        way = float(np.hypot(here.x - at[0], here.y - at[1]))
+    longest = DEAD_MAN * CREEP + BASE_SPARE
+    text = f"commands ceased at {CREEP:g} m/s: it stood after {1e3 * way:.0f} mm (at most {1e3 * longest:.0f})"
+    if way > longest:
+        text += ": its controller has no dead-man, set one up (cmd_vel_timeout)"
+    return judged(name, way <= longest, text, way_m=way)
+
+
+dead_man = of_each(MobileBase, "no base is", _dead_man)

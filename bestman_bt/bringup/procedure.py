@@ -8,15 +8,12 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from bestman_bt.bringup import arm_against_model
+from bestman_bt.bringup import controllers
 from bestman_bt.bringup.brought_up_robot import BroughtUpRobot, fault_text
 from bestman_bt.bringup.camera import camera
-from bestman_bt.bringup.driving import drive, turn
 from bestman_bt.bringup.finding import Finding, StepResult
-from bestman_bt.bringup.gripper import gripper
-from bestman_bt.bringup.identity import identity
-from bestman_bt.bringup.joint_signs import joint_signs
 from bestman_bt.bringup.killed_processes import dead_man, killed_processes
+from bestman_bt.bringup.moving_parts import drive, gripper, joint_signs, turn
 from bestman_bt.bringup.stopping import stopping
 from bestman_bt.bringup.wrench import wrench
 from bestman_bt.robot_model.bringup_file import BringUpFile, Signature, SignedStep
@@ -34,12 +31,12 @@ class Step:
 
 
 STEPS = (
-    Step("identity", "model, serial number and firmware of the controllers", identity),
-    Step("limits", "joints within their ranges, and those within the controller's", arm_against_model.limits),
-    Step("tool", "the controller's tool (TCP) against the file's", arm_against_model.tool),
-    Step("payload", "what the controller counts on at the flange", arm_against_model.payload_mass),
-    Step("mounting", "how the arm is mounted", arm_against_model.mounting),
-    Step("tool-pose", "the tool's pose by the controller against our kinematics", arm_against_model.tool_pose),
+    Step("identity", "model, serial number and firmware of the controllers", controllers.identity),
+    Step("limits", "joints within their ranges, and those within the controller's", controllers.limits),
+    Step("tool", "the controller's tool (TCP) against the file's", controllers.tool),
+    Step("payload", "what the controller counts on at the flange", controllers.payload_mass),
+    Step("mounting", "how the arm is mounted", controllers.mounting),
+    Step("tool-pose", "the tool's pose by the controller against our kinematics", controllers.tool_pose),
     Step("camera", "images of now; a board whose place was measured is seen there", camera),
     Step("joint-signs", "each joint by 1°", joint_signs, "each joint moves by 1° and back"),
     Step("gripper", "the empty hand opens, closes, stands half open, takes a force", gripper, "the empty hand closes"),

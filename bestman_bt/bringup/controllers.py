@@ -1,4 +1,4 @@
-"""What an arm's controller knows of it, compared with the robot's file; nothing moves."""
+"""What controllers tell of themselves and of their arms, compared with the robot's file; nothing moves."""
 
 from __future__ import annotations
 
@@ -7,10 +7,11 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from bestman_bt.bringup.brought_up_robot import BroughtUpRobot
+from bestman_bt.bringup.brought_up_robot import BroughtUpRobot, of_each
 from bestman_bt.bringup.finding import Finding, judged, not_applicable
 from bestman_bt.messages import Pose
 from bestman_bt.robot_model import ArmModel, flange_of, payload
+from hal.api import Arm, JointGroup
 from hal.hardware import ArmFacts
 
 RANGE_TOLERANCE = 0.01
@@ -22,47 +23,57 @@ PAYLOAD_TOLERANCE = 0.5
 MOUNTING_TOLERANCE = math.radians(5.0)
 
 
-def of_each_arm(
+def identity(subject: BroughtUpRobot) -> Iterator[Finding]:
+    """The same as in an earlier part of this bring-up, where there is one."""
+    for name, told in subject.identities().items():
+        owed = subject.signed_serials.get(name, "")
+        firmware = subject.signed_firmware.get(name, "")
+        driver = subject.model.connections[name].driver
+        if not told.serial_number and not owed:
+            yield not_applicable(name, f"a controller behind {driver} tells no serial number")
+            continue
+        text = f"{told.model or driver}, serial number {told.serial_number or 'not told'}, firmware {told.firmware}"
+        if owed and told.serial_number != owed:
+            text += f"; the bring-up was begun with {owed}: begin it anew (--again)"
+        elif firmware and told.firmware != firmware:
+            text += f"; the bring-up was begun with firmware {firmware}: begin it anew (--again)"
+        same = told.serial_number == (owed or told.serial_number) and told.firmware == (firmware or told.firmware)
+        yield judged(name, same, text, model=told.model, serial_number=told.serial_number, firmware=told.firmware)
+
+
+def _of_each_arm(
     look: Callable[[BroughtUpRobot, str, ArmFacts], Finding],
 ) -> Callable[[BroughtUpRobot], Iterator[Finding]]:
     """The step that looks at each arm whose controller tells something of it."""
 
-    def step(subject: BroughtUpRobot) -> Iterator[Finding]:
-        if not subject.arms:
-            yield not_applicable(subject.model.name, "no arm is behind a connection")
-        for arm, told in subject.arm_facts():
-            yield (
-                not_applicable(arm, "its controller tells nothing of it") if told is None else look(subject, arm, told)
-            )
+    def look_at(subject: BroughtUpRobot, name: str, arm: Arm) -> Finding:
+        told = subject.robot.arm_facts(name)
+        return not_applicable(name, "its controller tells nothing of it") if told is None else look(subject, name, told)
 
-    return step
+    return of_each(Arm, "no arm is", look_at)
 
 
-def limits(subject: BroughtUpRobot) -> Iterator[Finding]:
+def _limits(subject: BroughtUpRobot, name: str, group: JointGroup) -> Finding:
     """All joints stand within their ranges, which are within those that the controller keeps."""
-    if not subject.joint_groups:
-        yield not_applicable(subject.model.name, "no joints are behind a connection")
-    for name, group in subject.joint_groups.items():
-        here, model = group.positions(), group.model
-        spare = np.minimum(here - model.lower, model.upper - here)
-        worst = int(np.argmin(spare))
-        inside = bool(spare[worst] >= -RANGE_TOLERANCE)
-        text = f"{group.joint_names[worst]} is {spare[worst]:.3f} rad from the end of its range"
-        told = subject.robot.arm_facts(name) if name in subject.arms else None
-        if told is None or told.joint_limits is None:
-            yield judged(name, inside, f"{text}; the controller tells no ranges", spare=float(spare[worst]))
-            continue
-        beyond = np.maximum(told.joint_limits[:, 0] - model.lower, model.upper - told.joint_limits[:, 1])
-        widest = int(np.argmax(beyond))
-        within = bool(beyond[widest] <= RANGE_TOLERANCE)
-        text += "; all ranges are within the controller's"
-        if not within:
-            text = (
-                f"the file lets {group.joint_names[widest]} go {beyond[widest]:.3f} rad further than the controller's "
-                f"{np.round(told.joint_limits[widest], 3).tolist()}: 'set' its limits"
-            )
-        figures = {"spare": float(spare[worst]), "beyond_controller": float(beyond[widest])}
-        yield judged(name, inside and within, text, **figures)
+    here, model = group.positions(), group.model
+    spare = np.minimum(here - model.lower, model.upper - here)
+    worst = int(np.argmin(spare))
+    inside = bool(spare[worst] >= -RANGE_TOLERANCE)
+    text = f"{group.joint_names[worst]} is {spare[worst]:.3f} rad from the end of its range"
+    told = subject.robot.arm_facts(name) if name in subject.arms else None
+    if told is None or told.joint_limits is None:
+        return judged(name, inside, f"{text}; the controller tells no ranges", spare=float(spare[worst]))
+    beyond = np.maximum(told.joint_limits[:, 0] - model.lower, model.upper - told.joint_limits[:, 1])
+    widest = int(np.argmax(beyond))
+    within = bool(beyond[widest] <= RANGE_TOLERANCE)
+    text += "; all ranges are within the controller's"
+    if not within:
+        text = (
+            f"the file lets {group.joint_names[widest]} go {beyond[widest]:.3f} rad further than the controller's "
+            f"{np.round(told.joint_limits[widest], 3).tolist()}: 'set' its limits"
+        )
+    figures = {"spare": float(spare[worst]), "beyond_controller": float(beyond[widest])}
+    return judged(name, inside and within, text, **figures)
 
 
 def _tool(subject: BroughtUpRobot, arm: str, told: ArmFacts) -> Finding:
@@ -127,4 +138,5 @@ def turn_between(one: Pose, other: Pose) -> float:
     return math.acos(float(np.clip((trace - 1.0) / 2.0, -1.0, 1.0)))
 
 
-tool, payload_mass, mounting, tool_pose = map(of_each_arm, (_tool, _payload, _mounting, _tool_pose))
+limits = of_each(JointGroup, "no joints are", _limits)
+tool, payload_mass, mounting, tool_pose = map(_of_each_arm, (_tool, _payload, _mounting, _tool_pose))

@@ -1,0 +1,136 @@
+"""Each part moves a little, and as its robot file says: joints by a degree, the empty hand, the base.
+
+Joints go by that and the way that they are told, and no other joint does. The hand without anything in it opens,
+closes, stands half open, and takes a force; it is open afterwards. The base drives 0.2 m and turns by 30°, and back, by
+its own odometry.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+
+from bestman_bt.bringup.brought_up_robot import SPEED, BroughtUpRobot, of_each
+from bestman_bt.bringup.controllers import model_tool_pose, turn_between
+from bestman_bt.bringup.finding import Finding, judged, not_applicable
+from bestman_bt.messages import Pose2D, wrap_angle
+from hal.api import Gripper, JointGroup, MobileBase, Motion
+
+JOINT_STEP = math.radians(1.0)
+"""Radians; sliding joints: metres."""
+JOINT_TOLERANCE = 0.3 * JOINT_STEP
+SHIFT_TOLERANCE = 0.001
+"""Metres by which the controller's tool may move otherwise than ours does."""
+WIDTH_TOLERANCE = 0.005
+"""Metres."""
+FORCE_SHARE = 0.5
+DISTANCE, TURN = 0.2, math.radians(30.0)
+DISTANCE_TOLERANCE, TURN_TOLERANCE = 0.01, math.radians(1.5)
+
+
+def _signs_of(subject: BroughtUpRobot, name: str, group: JointGroup) -> Finding:
+    """And back again; of an arm whose controller tells its tool's pose, that moves as ours does."""
+    worst, figures = 0.0, {}
+    for index, joint in enumerate(group.joint_names):
+        here = group.positions()
+        before = subject.robot.arm_facts(name) if name in subject.arms else None
+        middle = 0.5 * (group.model.lower[index] + group.model.upper[index])
+        there = here.copy()
+        there[index] += JOINT_STEP if here[index] <= middle else -JOINT_STEP
+        why = subject.finish(group.move_to(there, SPEED))
+        moved = group.positions() - here
+        shift = 0.0
+        if before is not None and (after := subject.robot.arm_facts(name)) is not None:
+            start, end = (model_tool_pose(subject, name, told) for told in (before, after))
+            theirs = after.tool_pose.position - before.tool_pose.position
+            shift = float(np.linalg.norm(theirs - (end.position - start.position)))
+            turned = turn_between(before.tool_pose.inverse() @ after.tool_pose, start.inverse() @ end)
+            shift = max(shift, turned * SHIFT_TOLERANCE / JOINT_TOLERANCE)
+        subject.finish(group.move_to(here, SPEED))
+        error = float(np.max(np.abs(moved - (there - here))))
+        worst = max(worst, error)
+        figures[joint] = round(math.degrees(float(moved[index])), 3)
+        asked = math.degrees(there[index] - here[index])
+        if error > JOINT_TOLERANCE:
+            text = f"{joint} was told {asked:+.2f}° and moved {figures[joint]:+.2f}°{f' ({why})' if why else ''}"
+            return judged(name, False, text, **figures)
+        if shift > SHIFT_TOLERANCE:
+            text = (
+                f"the controller's tool moves {1e3 * shift:.1f} mm otherwise than ours when {joint} turns {asked:+.0f}°"
+            )
+            return judged(name, False, text, **figures)
+    text = f"{len(group.joint_names)} joints moved as told, within {math.degrees(worst):.2f}°"
+    return judged(name, True, text, **figures)
+
+
+def _widths(subject: BroughtUpRobot, name: str, part: Gripper) -> Finding:
+    if "a gripper opens and closes" in subject.robot.unsupported:
+        return not_applicable(name, subject.robot.unsupported["a gripper opens and closes"])
+    narrow, wide = part.model.part.min_width, part.model.max_width
+    figures: dict[str, float] = {}
+    for what, width in (("open", wide), ("closed", narrow), ("half", 0.5 * (narrow + wide)), ("open again", wide)):
+        why = subject.finish(part.move(width))
+        figures[what.replace(" ", "_")] = told = part.width()
+        if why or abs(told - width) > WIDTH_TOLERANCE:
+            text = (
+                f"{what}: told to be {1e3 * width:.1f} mm wide, it is {1e3 * told:.1f} mm{f' ({why})' if why else ''}"
+            )
+            return judged(name, False, text, **figures)
+        if what == "closed" and part.state().object_held:
+            return judged(name, False, "closed on nothing, it tells that it holds something", **figures)
+    text = f"{1e3 * figures['closed']:.1f} to {1e3 * figures['open']:.1f} mm, half {1e3 * figures['half']:.1f} mm"
+    return judged(name, True, text, **figures)
+
+
+def _force(subject: BroughtUpRobot, name: str, part: Gripper) -> Finding:
+    missing = subject.robot.unsupported
+    if "gripper force" in missing:
+        return not_applicable(name, missing["gripper force"])
+    force = FORCE_SHARE * part.model.part.max_force
+    why = subject.finish(part.close(force)) or subject.finish(part.open())
+    text = f"it closes with {force:.0f} N at most, measured by nothing here{f': {why}' if why else ''}"
+    return judged(name, not why, text, force_n=force)
+
+
+def _drive(subject: BroughtUpRobot, name: str, base: MobileBase) -> Finding:
+    def fits(moved: Pose2D) -> bool:
+        return abs(moved.x - DISTANCE) <= DISTANCE_TOLERANCE and abs(moved.y) <= DISTANCE_TOLERANCE
+
+    ways = (lambda: base.move_forward(DISTANCE), lambda: base.move_backward(DISTANCE))
+    return _there_and_back(subject, name, base, f"{DISTANCE:g} m ahead", ways, fits)
+
+
+def _turn(subject: BroughtUpRobot, name: str, base: MobileBase) -> Finding:
+    def fits(moved: Pose2D) -> bool:
+        return abs(wrap_angle(moved.theta - TURN)) <= TURN_TOLERANCE
+
+    ways = (lambda: base.rotate(TURN), lambda: base.rotate(-TURN))
+    return _there_and_back(subject, name, base, f"{math.degrees(TURN):.0f}° to the left", ways, fits)
+
+
+def _there_and_back(
+    subject: BroughtUpRobot,
+    name: str,
+    base: MobileBase,
+    told: str,
+    ways: tuple[Callable[[], Motion[None]], Callable[[], Motion[None]]],
+    fits: Callable[[Pose2D], bool],
+) -> Finding:
+    start = base.odometry()
+    why = subject.finish(ways[0]())
+    moved = start.inverse() @ base.odometry()
+    why = why or subject.finish(ways[1]())
+    turned = math.degrees(moved.theta)
+    text = (
+        f"told {told}, it went {1e3 * moved.x:+.0f} mm ahead, {1e3 * moved.y:+.0f} mm aside, "
+        f"{turned:+.1f}° to the left{f' ({why})' if why else ''}"
+    )
+    passed = fits(moved) and not why
+    return judged(name, passed, text, ahead_m=moved.x, aside_m=moved.y, turned_deg=turned)
+
+
+joint_signs = of_each(JointGroup, "no joints are", _signs_of)
+gripper = of_each(Gripper, "no gripper is", _widths, _force)
+drive, turn = of_each(MobileBase, "no base is", _drive), of_each(MobileBase, "no base is", _turn)
