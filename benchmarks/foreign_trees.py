@@ -108,7 +108,7 @@ def fault_of(path: Path, registry: NodeRegistry) -> str:
             pass
     except EngineError as error:
         return f"{type(error).__name__}: {error}"
-    except Exception:  # noqa: BLE001 - what is looked for
+    except Exception:  # noqa: BLE001 - a crash of any kind is what the trial looks for
         return traceback.format_exc()
     return ""
 

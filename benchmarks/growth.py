@@ -20,6 +20,7 @@ import time
 from collections.abc import Callable
 from importlib.metadata import version
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -183,12 +184,8 @@ def page(size: int) -> Work:
 
     history = _history(size, size * 4)
 
-    class _Run:
-        id, is_live = "run", True
-
-    run = _Run()
-    run.history = history  # type: ignore[attr-defined]
-    updates, ticks = Updates(run), iter(range(10**9))  # type: ignore[arg-type]
+    run: Any = SimpleNamespace(id="run", is_live=True, history=history)
+    updates, ticks = Updates(run), iter(range(10**9))
     updates.messages(0.0)
 
     def tick() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 import re
+from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -114,8 +115,8 @@ def load_documents(  # noqa: PLR0913 - as load_tree
     return _built(tree, documents, substitutions, faults, gaps)
 
 
-class Gaps:
-    """What is missing here of a tree that may run in another BehaviorTree.CPP process; nothing is, in this base."""
+class Gaps(ABC):
+    """What is missing here of a tree that may run in another BehaviorTree.CPP process."""
 
     def __init__(self) -> None:
         self.problems: list[Problem] = []
@@ -125,9 +126,9 @@ class Gaps:
         self.problems += [problem for problem in problems if problem.missing]
         problems[:] = [problem for problem in problems if not problem.missing]
 
+    @abstractmethod
     def fill(self, checker: Checker) -> None:
         """Give ``checker.misfits``, and trees that are not there, others in their place."""
-        raise NotImplementedError
 
 
 def _checked(

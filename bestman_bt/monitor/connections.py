@@ -31,7 +31,7 @@ class BoundedProtocol(H11Protocol):
     WebSockets have protocols of their own, stay.
     """
 
-    def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
+    def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]  # a socket's
         """Begin to wait for the request."""
         self._overdue = self.loop.call_later(HEADER_TIME, transport.abort)
         if len(self.connections) >= most_connections():

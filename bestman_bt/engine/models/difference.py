@@ -151,11 +151,8 @@ def _pair(old: Element | None, new: Element | None, prints: dict[int, int]) -> P
     for element in (old, new):
         if element is not None:
             _fingerprint(element, prints)
-    if old is None or new is None:
-        children = (old if old is not None else new).children  # type: ignore[union-attr]
-        below = [_pair(child, None, prints) if new is None else _pair(None, child, prints) for child in children]
-        return Pair(old, new, below)
-    return Pair(old, new, [_pair(one, two, prints) for one, two in _aligned(old.children, new.children, prints)])
+    before, after = ([] if element is None else element.children for element in (old, new))
+    return Pair(old, new, [_pair(one, two, prints) for one, two in _aligned(before, after, prints)])
 
 
 def _fingerprint(element: Element, prints: dict[int, int]) -> int:
