@@ -163,12 +163,12 @@ def simulate(  # noqa: PLR0913 - each by its name
                 tree.sleep(period)
             status = tree.tick_exactly_once()
             ticks += 1
+        if status == RUNNING:
+            tree.halt()
     except EngineError as failure:
         if scenario is None:
             raise
         error = str(failure)
-    if status == RUNNING:
-        tree.halt()
     tree.unsubscribe(listen)
     return SimulatedRun(status, clock.now(), changes, tree, ticks, error, leaves.simulated, transitions, invented)
 

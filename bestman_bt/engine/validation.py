@@ -8,24 +8,30 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from pathlib import Path
+from types import FunctionType
+from typing import Any
 
-from bestman_bt.engine import decorators
+from bestman_bt.engine import controls, decorators
 from bestman_bt.engine.core.node import Node
 from bestman_bt.engine.core.ports import key_of
+from bestman_bt.engine.core.strict_order import STRICT, upwards
 from bestman_bt.engine.core.tree import Tree
 from bestman_bt.engine.dataflow import SCRIPT_ATTRIBUTES, EntryUse, entry_uses
 from bestman_bt.engine.decorators.subtree import SubTree
 from bestman_bt.engine.errors import Problem, TreeLoadError
+from bestman_bt.engine.leaves.base import Condition, StatefulAction
 from bestman_bt.engine.loading import load_tree, main_tree_of
 from bestman_bt.engine.models.foreign import Placeholders, main_of, open_documents
 from bestman_bt.engine.models.package import Package
+from bestman_bt.engine.models.placeholders import is_placeholder
 from bestman_bt.engine.reachability import unreachable_children
 from bestman_bt.engine.registry import NodeRegistry
 from bestman_bt.engine.spelling import closest
 from bestman_bt.engine.unwritten import SubTrees, problem_at, unwritten_reads
 from bestman_bt.engine.xml.documents import Documents, read_documents
 
-_KNOWN_ATTRIBUTES = frozenset((*SCRIPT_ATTRIBUTES, "_autoremap", "_description", "_uid", "_fullpath"))
+_REACTIVE = (controls.ReactiveSequence, controls.ReactiveFallback)
+_KNOWN_ATTRIBUTES = frozenset((*SCRIPT_ATTRIBUTES, STRICT, "_autoremap", "_description", "_uid", "_fullpath"))
 
 
 def validate_file(
@@ -95,6 +101,7 @@ def ineffective_parts(tree: Tree) -> list[Problem]:
     never = [node for node in tree.nodes if isinstance(node, decorators.Timeout)]
     never = [node for node in never if str(node.attributes.get("msec")) == "0"]
     found += [_warning(node, "msec", "0 means that it never times out") for node in never]
+    found.extend(_unfit_below_reactive(tree))
     for child, sibling in unreachable_children(tree):
         message = f"it can never be ticked: '{sibling.name}' before it ends or blocks its parent"
         found.append(_warning(child, "", message))
@@ -128,6 +135,21 @@ def _shadowing(tree: Tree, written: set[int]) -> Iterator[Problem]:
             if id(node.board.slot(port)) in written:
                 message = "the literal shadows the entry of this name outside, which _autoremap would share"
                 yield _warning(node, port, message)
+
+
+def _unfit_below_reactive(tree: Tree) -> Iterator[Problem]:
+    """Leaves that a reactive node asks anew, or interrupts, and that are not made for it."""
+    for node in tree.nodes:
+        if STRICT in node.attributes and not isinstance(node, _REACTIVE):
+            yield _warning(node, STRICT, "it means something to ReactiveSequence and ReactiveFallback alone")
+        if node.children or is_placeholder(node) or not any(isinstance(above, _REACTIVE) for above in upwards(node)):
+            continue
+        kind: Any = type(node)
+        if isinstance(node, Condition):
+            if isinstance(kind.on_tick, FunctionType) and "RUNNING" in kind.on_tick.__code__.co_names:
+                yield _warning(node, "", "a condition that may return RUNNING holds up the reactive node above it")
+        elif isinstance(node, StatefulAction) and kind.on_halted is StatefulAction.on_halted:
+            yield _warning(node, "", "a reactive node may interrupt it, and it defines no on_halted()")
 
 
 def _unread(tree: Tree) -> Iterator[Problem]:

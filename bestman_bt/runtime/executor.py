@@ -210,6 +210,7 @@ class Executor:
             finally:
                 if status == IDLE:
                     self.tree.halt()
+                    self.tree.wait_until_stopped(self.period)
                 self._shut_down()
                 self._refuse_tasks()
                 self._stepped.set()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import itertools
 import json
 import subprocess
 import sys
@@ -10,6 +11,10 @@ from pathlib import Path
 from types import ModuleType
 
 import pytest
+
+from bestman_bt.engine import TreeLoadError
+from bestman_bt.engine.models.scenario import Scenario
+from bestman_bt.engine.simulation import simulate
 
 HERE = Path(__file__).parent
 
@@ -61,3 +66,45 @@ def test_runner_fails_and_names_the_level_of_a_wrong_trace(tmp_path: Path) -> No
     assert finished.returncode == 1
     assert [(f["id"], f["level"]) for f in summary["failed"]] == [("s01_sequence_index_memory", 2)]
     assert (summary["L1"], summary["L2"]) == (1, 0)
+
+
+def test_each_case_passes_through_simulate_up_to_its_first_change_from_outside(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(runner._Recorded, "emit", lambda node, *event: node.context.append([*event]))
+    differences, ended = {}, 0
+    for case in CASES:
+        steps = case.get("steps") or [{"op": "tick"}] * runner.MAX_TICKS
+        sets = list(itertools.takewhile(lambda step: step["op"] == "set", steps))
+        ticks = len(list(itertools.takewhile(lambda step: step["op"] == "tick", steps[len(sets) :])))
+        wanted = case["expected"].get("steps", [])[len(sets) : len(sets) + ticks]
+        known = case["id"] in DEVIATIONS or "async_timer" in case["tags"] or "external_blackboard" in case
+        if known or not wanted or any("error" in step for step in wanted):
+            continue
+        last = next((i for i, step in enumerate(wanted) if step["returned"] != "RUNNING"), len(wanted) - 1)
+        events: list[list] = []
+        rules = case.get("substitutions")
+        run = simulate(
+            case["xml"], runner.registry_of_cases(case.get("enums")), context=events, period=1e-6,
+            limit=max(last - 0.5, 0.5) * 1e-6, entries={step["key"]: step["value"] for step in sets},
+            substitutions=runner.SubstitutionRules.from_json(rules) if rules else None,
+        )  # fmt: skip
+        leaves = [event for step in wanted[: last + 1] for event in step["events"] if event[0] != "status"]
+        got: tuple = (events[: len(leaves)],)
+        expected: tuple = (leaves,)
+        if wanted[last]["returned"] != "RUNNING":
+            ended += 1
+            got += (runner.status_name(run.status), run.ticks)
+            expected += (wanted[last]["returned"], last + 1)
+        if got != expected:
+            differences[case["id"]] = (got, expected)
+    assert not differences
+    assert ended > 100
+
+
+def test_each_case_that_loads_is_simulated_without_its_leaves() -> None:
+    for case in CASES:
+        try:
+            run = simulate(case["xml"], scenario=Scenario(enums=case.get("enums") or {}), limit=5.0)
+        except TreeLoadError:
+            assert "load_error" in case["expected"] or case["id"] in DEVIATIONS, case["id"]
+        else:
+            assert run.ticks or run.error, case["id"]

@@ -33,6 +33,7 @@ from bestman_bt.engine.core.around_tick import (
 from bestman_bt.engine.core.ports import declare_typed_ports, make_reader, make_writer
 from bestman_bt.engine.core.py_trees_face import PyTreesFace
 from bestman_bt.engine.core.status import FAILURE, IDLE, RUNNING, SKIPPED, STATUS_NAMES, SUCCESS
+from bestman_bt.engine.core.strict_order import Order, in_order
 from bestman_bt.engine.errors import NodeError
 from bestman_bt.engine.own_files import in_words
 
@@ -174,6 +175,10 @@ class Node(PyTreesFace):
     """True for leaves that must not return RUNNING."""
     CHECKED_AT_TICK: ClassVar[bool] = False
     """True where BehaviorTree.CPP misses a port or child only when the node is ticked; so do we, but for `validate`."""
+    STOPS_OVER_TICKS: ClassVar[bool] = False
+    """True for actions that define ``on_stopping``."""
+    STOP_TIMEOUT: ClassVar[float] = 5.0
+    """Seconds of the tree's clock for which others wait for such an action to stop."""
 
     tick_bare: ClassVar[Callable[..., int] | None] = None
     """The tick while nobody listens, where a class has a faster one than ``on_tick``."""
@@ -186,6 +191,8 @@ class Node(PyTreesFace):
     pairs: list[tuple[Tick, Node]]
     only: tuple[Tick, Node]
     conditions: Conditions | None
+    order: Order | None = None
+    """What the node waits for; None of nearly all."""
 
     uid: int
     place: Place | None
@@ -204,6 +211,7 @@ class Node(PyTreesFace):
     def __init_subclass__(cls, **options: Any) -> None:
         super().__init_subclass__(**options)
         declare_typed_ports(cls)
+        cls.STOPS_OVER_TICKS = cls.on_stopping is not Node.on_stopping
 
     def __init__(self, *args: Any, name: str | None = None, **attributes: Any) -> None:
         name, children = split_arguments(type(self), args, name, attributes)
@@ -230,6 +238,10 @@ class Node(PyTreesFace):
     def on_tick(self) -> int:
         """Do one tick and return a status."""
         raise NotImplementedError(f"{type(self).__name__} does not define on_tick()")
+
+    def on_stopping(self) -> int:
+        """Of an action that was halted: RUNNING as long as it is still stopping; asked at once, and at each tick."""
+        return IDLE
 
     def halt(self) -> None:
         """Interrupt the node: children first, then itself."""
@@ -404,6 +416,13 @@ class Node(PyTreesFace):
 
     def halt_node(self) -> None:
         """Interrupt the node, then run its ``_onHalted`` script."""
+        order = self.order
+        if order is not None:
+            order.withheld = None
+            if order.waiting:  # it has not started
+                order.waiting = False
+                self.reset_status()
+                return
         self.halt()
         if self.conditions is not None and self.conditions.on_halted is not None:
             self.conditions.on_halted()
@@ -435,7 +454,8 @@ class Node(PyTreesFace):
             visited: receives every node that was ticked, for py_trees' visitors; None without them.
         """
         self.log = log
-        if log is None and visited is None and self.hooks is None and self.conditions is None:
+        order = self.order
+        if log is None and visited is None and self.hooks is None and self.conditions is None and order is None:
             self.bind_children(None)
             self.run = self.bound(self.tick_bare or self.on_tick)
             return
@@ -444,6 +464,8 @@ class Node(PyTreesFace):
         if log is not None:
             base = self.uid * 8
             self.ev = (base, base + 1, base + 2, base + 3)
+        if order is not None:
+            core = in_order(self, core, order)
         hooks = self.hooks
         if hooks is not None and (hooks.pre or hooks.monitor):
             core = with_pre_hooks(self, core, hooks)

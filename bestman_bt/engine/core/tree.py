@@ -19,6 +19,7 @@ from bestman_bt.engine.blackboard import Blackboard
 from bestman_bt.engine.clock import Clock, WakeableClock, WallClock
 from bestman_bt.engine.core.node import Node, wrapped
 from bestman_bt.engine.core.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS, NodeStatus
+from bestman_bt.engine.core.strict_order import Stopping, set_order
 from bestman_bt.engine.errors import EngineError, NodeError
 
 if TYPE_CHECKING:
@@ -96,6 +97,7 @@ class Tree:
         self.origin: tuple[str | Path, tuple[Path, ...]] | None = None
         self.left_out: set[str] = set()
         self.shared: SharedEntries | None = None
+        self.stopping = Stopping()
         self._status: int = IDLE
         self._root: Node | None = None
         self._wake = threading.Event()
@@ -125,6 +127,7 @@ class Tree:
         The interpreter's recursion limit is raised where a tree of this depth, with hooks and conditions, needs it.
         """
         self._root = root
+        set_order(self)
         self.shared = shared
         self._set_up = shared is None
         needed = FRAMES_PER_LEVEL * depth + FRAMES_AROUND
@@ -345,6 +348,8 @@ class Tree:
     def _begin(self) -> None:
         store = self.blackboard.store
         store.now = self.clock.now()
+        if self.stopping.until:
+            self.stopping.ask(store.now)
         store.observed = PyTreesBlackboard.activity_stream is not None or bool(store.watchers)
 
     def _finished(self, status: int) -> int:
@@ -368,6 +373,12 @@ class Tree:
         for node in self.nodes:
             node._s = IDLE
         self._status = IDLE
+
+    def wait_until_stopped(self, period: float = 0.05) -> None:
+        """After a halt: let time pass until no action is still stopping, or none is waited for any longer."""
+        while self.stopping.until:
+            self.clock.sleep(period)
+            self._begin()
 
     # ---- py_trees' side
 

@@ -39,7 +39,8 @@ class StatefulAction(Leaf):
     """An action that takes several ticks.
 
     Implement ``on_start()`` (the first tick), ``on_running()`` (the ticks after it while RUNNING) and
-    ``on_halted()`` (somebody interrupts it: leave nothing moving).
+    ``on_halted()`` (somebody interrupts it: leave nothing moving). Where stopping takes several ticks, define
+    ``on_stopping()``, too: who has halted it waits, ``STOP_TIMEOUT`` seconds at most.
     """
 
     def on_start(self) -> int:
@@ -66,6 +67,8 @@ class StatefulAction(Leaf):
         """Call ``on_halted`` if the action runs, and become idle."""
         if self._s == RUNNING:
             self.on_halted()
+            if self.STOPS_OVER_TICKS and self.on_stopping() == RUNNING:
+                self.owner.stopping.add(self, self.clock.now() + self.STOP_TIMEOUT)
         self.reset_status()
 
 

@@ -14,6 +14,7 @@ from bestman_bt.engine.catalogue import EXTENSIONS
 from bestman_bt.engine.conversion import UNTYPED, cast, partly_read, type_name
 from bestman_bt.engine.core.ports import key_of
 from bestman_bt.engine.core.status import NodeStatus
+from bestman_bt.engine.core.strict_order import STRICT
 from bestman_bt.engine.errors import ConversionError, Problem, ScriptError
 from bestman_bt.engine.leaves.blackboard import names_entry
 from bestman_bt.engine.leaves.function import class_name
@@ -27,6 +28,7 @@ EXPLICIT: Final = frozenset(("Action", "Condition", "Control", "Decorator"))
 PRE_CONDITIONS: Final = ("_failureIf", "_successIf", "_skipIf", "_while")
 POST_CONDITIONS: Final = ("_onHalted", "_onSuccess", "_onFailure", "_post")
 SCRIPTS: Final = frozenset((*PRE_CONDITIONS, *POST_CONDITIONS))
+_BOOLS: Final = frozenset(("true", "false", "1", "0", "True", "False", "TRUE", "FALSE"))
 
 Report = Callable[[str, str, str], None]
 """Called with the attribute, what is wrong with it, and a suggestion."""
@@ -193,7 +195,7 @@ class Checker:
         for key, text in element.attributes.items():
             if key in SCRIPTS:
                 self._check_script(element, key, text)
-            elif key == "_autoremap" and text not in ("true", "false", "1", "0", "True", "False", "TRUE", "FALSE"):
+            elif key == "_autoremap" and text not in _BOOLS:
                 self._report(element, key, f"'{text}' is not a bool", "", self._wrong)
         model = self.documents.models.get(tree_id or "", {})
         if model and element.attributes.get("_autoremap") not in ("true", "1", "True", "TRUE"):
@@ -207,6 +209,8 @@ class Checker:
             self._check_script(element, key, text)
         elif key == "ID" and element.tag in EXPLICIT:
             return
+        elif key == STRICT and text not in _BOOLS:
+            self._report(element, key, f"'{text}' is not a bool", "", self._wrong)
         elif key[0] != "_" and ":" not in key and "." not in key:  # those are no port names, and are ignored
             message, suggestion = unknown_port(info, key)
             severity = "warning" if info.known_from else self._wrong

@@ -14,6 +14,7 @@ RENAMED: Final = {
 }
 SIGNS: Final = frozenset((*RENAMED, *(f"BlackboardCheck{kind}" for kind in ("Int", "Double", "String", "Bool"))))
 _SIGN_ATTRIBUTES: Final = ("__shared_blackboard", "__autoremap")
+_SIGNS_OF_PARALLEL: Final = ("success_threshold", "failure_threshold")
 
 
 def old_version(root: Element, file: str) -> Problem | None:
@@ -26,7 +27,8 @@ def old_version(root: Element, file: str) -> Problem | None:
     trees = [tree for tree in root.children if tree.tag == "BehaviorTree"] if not sign else []
     for element in (element for tree in trees for element in tree.iter()):
         names = {element.tag, element.attributes.get("ID", ""), *element.attributes}
-        found = [name for name in (*SIGNS, *_SIGN_ATTRIBUTES) if name in names]
+        parallel = _SIGNS_OF_PARALLEL if "Parallel" in names else ()
+        found = [name for name in (*SIGNS, *_SIGN_ATTRIBUTES, *parallel) if name in names]
         if found:
             sign, line = found[0], element.line
             break

@@ -1,0 +1,151 @@
+"""Strict order of reactive nodes (``_strict="true"``), and halts that need several ticks.
+
+Beneath a strict node, the child that runs is halted before an asynchronous leaf of another child starts. An action
+whose ``on_stopping`` returns RUNNING is still stopping: the node that halted it keeps its result back until then, and
+what displaces it beneath a strict node starts then. Nodes that have neither below them are ticked as ever.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterable, Iterator
+from typing import TYPE_CHECKING, Final
+
+from bestman_bt.engine.core.status import IDLE, RUNNING
+
+if TYPE_CHECKING:
+    from bestman_bt.engine.core.around_tick import Tick
+    from bestman_bt.engine.core.node import Node
+    from bestman_bt.engine.core.tree import Tree
+
+STRICT: Final = "_strict"
+TRUE: Final = frozenset(("true", "1", "True", "TRUE", True))
+_LOG = logging.getLogger(__name__)
+
+
+class Order:
+    """What one node waits for.
+
+    Attributes:
+        gates: of an asynchronous leaf, the strict nodes above it, outermost first, each with its child on the way.
+        slow: the leaves whose stopping this node waits for.
+        waiting: the leaf is to start as soon as they have stopped.
+        withheld: the result that the node has as soon as they have stopped.
+    """
+
+    __slots__ = ("gates", "slow", "waiting", "withheld")
+
+    def __init__(self) -> None:
+        self.gates: list[tuple[Node, Node]] = []
+        self.slow: set[Node] = set()
+        self.waiting = False
+        self.withheld: int | None = None
+
+
+class Stopping:
+    """The actions of a tree that were halted and are still stopping; ``until``: when nobody waits any longer."""
+
+    def __init__(self) -> None:
+        self.until: dict[Node, float] = {}
+
+    def add(self, leaf: Node, until: float) -> None:
+        """Ask ``leaf`` at each tick from now on."""
+        self.until[leaf] = until
+
+    def any_of(self, leaves: set[Node]) -> bool:
+        """Whether one of ``leaves`` is still stopping."""
+        return bool(self.until) and not leaves.isdisjoint(self.until)
+
+    def ask(self, now: float) -> None:
+        """Forget those that have stopped, and those that have taken too long."""
+        for leaf, until in list(self.until.items()):
+            del self.until[leaf]
+            if leaf.on_stopping() == RUNNING:
+                if now < until:
+                    self.until[leaf] = until
+                else:
+                    _LOG.warning(
+                        "%s: it has not stopped within %g s; what waits for it goes on", leaf.path, leaf.STOP_TIMEOUT
+                    )
+
+
+def set_order(tree: Tree) -> None:
+    """Give the nodes of a new tree their orders, where it has strict nodes or actions that stop over several ticks."""
+    for node in tree.nodes:
+        if node.STOPS_OVER_TICKS:
+            for above in upwards(node):
+                _order(above).slow.add(node)
+    for node in tree.nodes:  # parents come before what is below them, so outer gates before inner ones
+        if STRICT in node.attributes and hasattr(node, "replace_runner") and node.attributes[STRICT] in TRUE:
+            for child in node.nodes_below():
+                for leaf in _starting_leaves(child):
+                    order = _order(leaf)
+                    order.gates.append((node, child))
+                    if node.order is not None:
+                        order.slow |= node.order.slow
+
+
+def in_order(node: Node, core: Tick, order: Order) -> Tick:
+    """The tick of a node that may have to wait."""
+    return _leaf_in_order(node, core, order) if not node.children else _parent_in_order(node, core, order)
+
+
+def _leaf_in_order(node: Node, core: Tick, order: Order) -> Tick:
+    stopping = node.owner.stopping
+
+    def run() -> int:
+        if node._s > IDLE and not order.waiting:
+            return core()
+        for strict, child in order.gates:
+            if strict.runner is not child:  # type: ignore[attr-defined]  # strict nodes have one
+                strict.replace_runner(None)  # type: ignore[attr-defined]
+        if stopping.any_of(order.slow):
+            order.waiting = True
+            return RUNNING
+        if not order.waiting:
+            return core()
+        order.waiting = False
+        node._s = IDLE  # it has only been said to run
+        status = core()
+        node._s = RUNNING
+        return status
+
+    return run
+
+
+def _parent_in_order(node: Node, core: Tick, order: Order) -> Tick:
+    stopping = node.owner.stopping
+
+    def run() -> int:
+        status = order.withheld
+        if status is None:
+            status = core()
+        if status == RUNNING or not stopping.any_of(order.slow):
+            order.withheld = None
+            return status
+        order.withheld = status
+        return RUNNING
+
+    return run
+
+
+def _order(node: Node) -> Order:
+    if node.order is None:
+        node.order = Order()
+    return node.order
+
+
+def upwards(node: Node) -> Iterator[Node]:
+    """Yield the node and all above it."""
+    above: Node | None = node
+    while above is not None:
+        yield above
+        above = above.parent  # type: ignore[assignment]  # parents of nodes are nodes, or native
+
+
+def _starting_leaves(node: Node) -> Iterable[Node]:
+    if node.children:
+        for child in node.nodes_below():
+            yield from _starting_leaves(child)
+    elif node.KIND == "Action" and not node.SYNCHRONOUS:
+        yield node
