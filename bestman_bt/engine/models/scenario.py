@@ -16,7 +16,7 @@ from typing import Any, ClassVar, Final
 
 from bestman_bt.engine.core.node import Node
 from bestman_bt.engine.core.ports import Port, key_of
-from bestman_bt.engine.core.status import FAILURE, RUNNING, STATUS_NAMES, SUCCESS
+from bestman_bt.engine.core.status import FAILURE, RUNNING, STATUS_NAMES, SUCCESS, NodeStatus
 from bestman_bt.engine.errors import EngineError
 from bestman_bt.engine.leaves.base import StatefulAction
 from bestman_bt.engine.models.foreign import Placeholders
@@ -218,6 +218,8 @@ class SimulatedCondition(SimulatedAction):
 
 def stand_in(port: Port) -> Any:
     """A value for an entry that nobody has given one, after the name of the port's type."""
+    if port.data_type is NodeStatus:
+        return NodeStatus(SUCCESS)
     name = port.type_name.lower()
     if any(word in name for word in ("vector", "list", "queue", "[]", "path")):
         return []
