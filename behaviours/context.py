@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from bestman_bt.perception.detection import Detector
     from bestman_bt.perception.grasp_pose import GraspPlanner
     from bestman_bt.perception.occupancy import OccupancyMapper
-    from bestman_bt.perception.pose_estimation import MultiView, Observation
+    from bestman_bt.perception.pose_estimation import MultiView, ViewObservation
     from bestman_bt.perception.segmentation import SupportSurfaces
     from bestman_bt.perception.tracking import Tracker
     from bestman_bt.perception.view_planning import ViewPlanner
@@ -90,7 +90,7 @@ class SkillContext:
     failures: list[NodeFailure] = field(default_factory=list)
     contacts: list[Contact] = field(default_factory=list)
     handled: str | None = None
-    observations: dict[str, list[Observation]] = field(default_factory=dict)
+    observations: dict[str, list[ViewObservation]] = field(default_factory=dict)
     _for_arms: dict[str, SkillContext] = field(default_factory=dict)
 
     base: BaseController = field(init=False)

@@ -9,7 +9,7 @@ from importlib.metadata import EntryPoint
 
 import pytest
 
-from bestman_bt.engine import Clock, ManualClock, Node
+from bestman_bt.engine import EngineClock, ManualClock, Node
 from bestman_bt.registry import (
     ALGORITHMS,
     BEHAVIOURS,
@@ -122,7 +122,7 @@ def test_classes_of_a_kind_are_named_by_what_comes_after_it_and_others_are_left_
         "clocks/wall": "bestman_bt.engine:WallClock",
     }
     registry = Registry("bestman_bt.nothing", "thing", entries)
-    assert registry.of_kind("clock", Clock) == {"manual": ManualClock}
+    assert registry.of_kind("clock", EngineClock) == {"manual": ManualClock}
     registry.add("clock/more", "bestman_bt.engine:WallClock")
     assert "clock/more" not in entries
 

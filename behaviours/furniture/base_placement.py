@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from behaviours.context import DRIVEN
-from behaviours.furniture.close import BEFORE, Push, pushes
+from behaviours.furniture.close import BEFORE, FrontPush, pushes
 from behaviours.furniture.leaf import (
     SAME_STAND,
     UNKNOWN_ARTICULATION,
-    Leaf,
+    FurnitureLeaf,
     LeafWay,
     find_leaf,
     find_stands,
@@ -69,10 +69,10 @@ class FindCloseStand(OnArm, Skill):
         self.stand = best
         self.feedback_message = f"stand at {best.x:.2f}, {best.y:.2f}, {np.degrees(best.theta):.0f}°"
 
-    def _rank(self, leaf: Leaf) -> Sequence[StandAlong]:
+    def _rank(self, leaf: FurnitureLeaf) -> Sequence[StandAlong]:
         return find_stands(self.skills, leaf, self._ways(leaf))
 
-    def _ways(self, leaf: Leaf) -> Iterator[LeafWay]:
+    def _ways(self, leaf: FurnitureLeaf) -> Iterator[LeafWay]:
         skills = self.skills
         is_base_free = None
         around: dict[tuple[float, ...], list[Pose2D]] = {}
@@ -87,7 +87,7 @@ class FindCloseStand(OnArm, Skill):
         return all(stand.distance_to(tried) > SAME_STAND for tried in self._tried)
 
 
-def _around(push: Push) -> tuple[Pose2D, ...]:
+def _around(push: FrontPush) -> tuple[Pose2D, ...]:
     from bestman_bt.manipulation.kinematics import stands_around
 
     middle = push.start / 2

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from behaviours.contacts import handle
 from behaviours.context import SkillContext
-from behaviours.furniture.leaf import Leaf, find_leaf, free_along, world_at_leaf
+from behaviours.furniture.leaf import FurnitureLeaf, find_leaf, free_along, world_at_leaf
 from behaviours.furniture.leaf_motion import LEAF_FAILS, error_code, followed, tare_wrist, withdraw, withdraw_after
 from behaviours.manipulation.arm_motion import move_free
 from behaviours.skill import (
@@ -69,14 +69,14 @@ POINTS = 6
 
 
 @dataclass(frozen=True, eq=False)
-class Push:
+class FrontPush:
     """One way to push: ``point`` (3,) on the front, in the front board's frame (x inwards), and how the hand is held.
 
     ``tip``: metres from the tool frame to the finger tips, along z of the tool. ``palm``: (N, 3) metres, points all
     over the palm in the tool frame. ``handles``: what stands out of the front, in the front board's frame.
     """
 
-    leaf: Leaf
+    leaf: FurnitureLeaf
     start: float
     point: NDArray[np.float64]
     roll: float
@@ -185,7 +185,7 @@ def _about(axis: object, angle: float) -> Pose:
     return Pose(np.zeros(3), np.append(math.sin(angle / 2) * direction, math.cos(angle / 2)))
 
 
-def pushes(skills: SkillContext, leaf: Leaf) -> Iterator[Push]:
+def pushes(skills: SkillContext, leaf: FurnitureLeaf) -> Iterator[FrontPush]:
     """Ways to push a leaf shut, best places first: far from its hinge, or in the middle of a drawer; no handle near."""
     start = max(0.0, skills.world.articulations.get(leaf.articulation, 0.0))
     tip, palm = skills.gripper_model.part.pad_size[1] / 2, _palm(skills.gripper_model)
@@ -194,7 +194,7 @@ def pushes(skills: SkillContext, leaf: Leaf) -> Iterator[Push]:
     handles = tuple(PlacedShape(bar.shape, map_from_front.inverse() @ bar.pose) for bar in seen)
     points = _points(leaf, handles)
     for pitch in PITCHES:
-        here = ([Push(leaf, start, point, roll, pitch, tip, palm, handles) for roll in ROLLS] for point in points)
+        here = ([FrontPush(leaf, start, point, roll, pitch, tip, palm, handles) for roll in ROLLS] for point in points)
         free = ([push for push in held if push.tilts] for held in here)
         for held in islice(filter(None, free), POINTS):
             yield from held
@@ -219,7 +219,7 @@ def _distance(placed: PlacedShape, points: NDArray[np.float64]) -> NDArray[np.fl
     return distance
 
 
-def _points(leaf: Leaf, handles: Sequence[PlacedShape]) -> list[NDArray[np.float64]]:
+def _points(leaf: FurnitureLeaf, handles: Sequence[PlacedShape]) -> list[NDArray[np.float64]]:
     front = leaf.leaf.shapes[0]
     assert isinstance(front.shape, Box)
     thickness, width, height = front.shape.size
@@ -251,7 +251,7 @@ FELT = 0.02
 
 @dataclass(frozen=True, eq=False)
 class _Plan:
-    push: Push
+    push: FrontPush
     approach: Approach
     guide: FollowGuide
     score: float
@@ -304,7 +304,7 @@ class Close(OnArm, Skill):
         self.left = left
         self.feedback_message = f"{leaf.articulation} closed, to {left:.3f} by the map"
 
-    def _plan(self, leaf: Leaf) -> _Plan | None:
+    def _plan(self, leaf: FurnitureLeaf) -> _Plan | None:
         from bestman_bt.manipulation.kinematics import ArcSearch
         from bestman_bt.manipulation.motion_planning import ApproachPoses, approaches
 
@@ -336,10 +336,10 @@ class Close(OnArm, Skill):
                 return max(plans, key=lambda plan: plan.score)
         return None
 
-    def _tip(self, push: Push, base_from_tool: Pose) -> Pose:
+    def _tip(self, push: FrontPush, base_from_tool: Pose) -> Pose:
         return self.skills.map_from_base @ base_from_tool @ Pose(np.array([0.0, 0.0, push.tip]))
 
-    def _touch(self, push: Push) -> StepsTo[float]:
+    def _touch(self, push: FrontPush) -> StepsTo[float]:
         """Go on straight until the front is felt; how far the leaf is open there."""
         skills = self.skills
         tool = skills.base_from_tool()
@@ -385,7 +385,7 @@ class Close(OnArm, Skill):
             raise SkillFailure(code, f"{leaf.articulation} is still open by {left:.2f}: {failure}", failure.failure)
         return left
 
-    def _uncertainty(self, push: Push) -> float:
+    def _uncertainty(self, push: FrontPush) -> float:
         """How far from shut, by the map, the end stop may be felt, metres or radians."""
         piece = push.leaf.furniture
         turned = piece.heading_error * (1.0 if push.leaf.leaf.kind == "revolute" else 0.0)

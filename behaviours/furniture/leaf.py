@@ -37,7 +37,7 @@ UNKNOWN_ARTICULATION = {"unknown_articulation": "name a door or drawer of the ma
 
 
 @dataclass(frozen=True, eq=False)
-class Leaf:
+class FurnitureLeaf:
     """A door or drawer: ``articulation`` is its name, ``furniture/leaf``."""
 
     articulation: str
@@ -73,7 +73,7 @@ class Leaf:
         return float(np.linalg.norm(np.cross(axis, position - point)))
 
 
-def find_leaf(skills: SkillContext, articulation: str) -> Leaf:
+def find_leaf(skills: SkillContext, articulation: str) -> FurnitureLeaf:
     """The door or drawer ``furniture/leaf`` of the map; SkillFailure names what there is."""
     known = skills.world.map.furniture
     name, _, part = articulation.partition("/")
@@ -81,12 +81,12 @@ def find_leaf(skills: SkillContext, articulation: str) -> Leaf:
     if leaf is None:
         there = ", ".join(f"{piece.name}/{one.name}" for piece in known.values() for one in piece.leaves)
         raise SkillFailure("unknown_articulation", f"no door or drawer {articulation!r} in the map; there are {there}")
-    return Leaf(articulation, known[name], leaf)
+    return FurnitureLeaf(articulation, known[name], leaf)
 
 
 def world_at_leaf(
     skills: SkillContext,
-    leaf: Leaf,
+    leaf: FurnitureLeaf,
     position: float,
     touching: Touching,
     stand: Pose2D | None = None,
@@ -110,7 +110,7 @@ def world_at_leaf(
 
 def _scene_at_leaf(
     skills: SkillContext,
-    leaf: Leaf,
+    leaf: FurnitureLeaf,
     position: float,
     touching: Touching,
     stand: Pose2D | None,
@@ -140,7 +140,7 @@ def _scene_at_leaf(
     ).allowing(*allowed)
 
 
-def _seen_with(world: WorldModel, leaf: Leaf, base_from_map: Pose) -> PlacedShape:
+def _seen_with(world: WorldModel, leaf: FurnitureLeaf, base_from_map: Pose) -> PlacedShape:
     """A box, base frame, around the leaf and what is in it, where they are believed to be: that goes along."""
     opened = base_from_map @ leaf.furniture.pose.to_pose() @ world.opening_of(leaf.furniture, leaf.leaf)
     return PlacedShape(leaf.leaf.hull.shape, opened @ leaf.leaf.hull.pose)
@@ -148,7 +148,7 @@ def _seen_with(world: WorldModel, leaf: Leaf, base_from_map: Pose) -> PlacedShap
 
 def free_along(
     skills: SkillContext,
-    leaf: Leaf,
+    leaf: FurnitureLeaf,
     positions: Sequence[float],
     touching: Touching,
     stand: Pose2D | None = None,
@@ -186,7 +186,7 @@ ACROSS = np.linspace(-0.5, 0.5, 9)
 """Places on a front, as shares of its width, that stand for all of it."""
 
 
-def room_beside(skills: SkillContext, leaf: Leaf, positions: Sequence[float]) -> Callable[[Pose2D], bool]:
+def room_beside(skills: SkillContext, leaf: FurnitureLeaf, positions: Sequence[float]) -> Callable[[Pose2D], bool]:
     """Whether the base has room at a stand (map frame) and its body is where the leaf does not pass at ``positions``.
 
     Body and head may be below or above the leaf; the arm is not looked at.
@@ -213,7 +213,7 @@ def room_beside(skills: SkillContext, leaf: Leaf, positions: Sequence[float]) ->
     return is_free
 
 
-def swept_by(leaf: Leaf, positions: Sequence[float]) -> NDArray[np.float64]:
+def swept_by(leaf: FurnitureLeaf, positions: Sequence[float]) -> NDArray[np.float64]:
     """Points (N, 2) of the map over which the front passes."""
     front = leaf.leaf.shapes[0]
     assert isinstance(front.shape, Box)
@@ -235,7 +235,7 @@ class LeafWay:
     skip: int = 0
 
 
-def find_stands(skills: SkillContext, leaf: Leaf, ways: Iterable[LeafWay]) -> list[StandAlong]:
+def find_stands(skills: SkillContext, leaf: FurnitureLeaf, ways: Iterable[LeafWay]) -> list[StandAlong]:
     """Stands from which the arm follows the whole of one of ``ways``, best first; empty if there is none.
 
     The arm's reachability map says which stands are looked at, so that few paths are searched in vain.
@@ -265,7 +265,7 @@ def find_stands(skills: SkillContext, leaf: Leaf, ways: Iterable[LeafWay]) -> li
 
 def stands_along_leaf(
     skills: SkillContext,
-    leaf: Leaf,
+    leaf: FurnitureLeaf,
     way: LeafWay,
     worlds: LeafWorlds,
     search: ArcStands,

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from behaviours.furniture.leaf import Leaf
+from behaviours.furniture.leaf import FurnitureLeaf
 from behaviours.furniture.opening import Opening
 from bestman_bt.messages import Box, Handle, PlacedShape, Pose, Pose2D, Shape, wrap_angle
 from bestman_bt.world_model import MapFurniture, MapLeaf, Obstacle, WorldModel, handle_shape
@@ -197,7 +197,7 @@ BOARD_SEEN = 0.25
 """Shares of a board's width and height that have to be seen."""
 
 
-def opening_seen(leaf: Leaf, handle: Handle) -> float | None:
+def opening_seen(leaf: FurnitureLeaf, handle: Handle) -> float | None:
     """How far ``leaf`` is open if ``handle`` (map frame) is on it, radians or metres; None if it cannot be on it.
 
     A door tells by the direction that its handle faces, a drawer by how far it stands out; the map's error is allowed
@@ -221,7 +221,7 @@ def opening_seen(leaf: Leaf, handle: Handle) -> float | None:
     return _rounded(leaf, position)
 
 
-def opening_by_board(leaf: Leaf, plane: SupportPlane) -> float | None:
+def opening_by_board(leaf: FurnitureLeaf, plane: SupportPlane) -> float | None:
     """How far ``leaf`` is open if ``plane`` (map frame) is the front or the back of its board, radians or metres.
 
     None if it cannot be that. A door that is seen at a flat angle shows its board where its handle is not recognised.
@@ -245,13 +245,13 @@ def opening_by_board(leaf: Leaf, plane: SupportPlane) -> float | None:
     return None
 
 
-def _error(leaf: Leaf) -> float:
+def _error(leaf: FurnitureLeaf) -> float:
     """By how much the map may be wrong about how far a leaf is open, radians or metres."""
     piece = leaf.furniture
     return piece.heading_error if leaf.leaf.kind == "revolute" else 1.5 * piece.position_error
 
 
-def _position(leaf: Leaf, on_front: NDArray[np.float64], outward: NDArray[np.float64]) -> float | None:
+def _position(leaf: FurnitureLeaf, on_front: NDArray[np.float64], outward: NDArray[np.float64]) -> float | None:
     """How far ``leaf`` is open if its front faces ``outward`` and goes through ``on_front``, (3,) each, map frame.
 
     None beyond where it can be.
@@ -272,12 +272,12 @@ def _position(leaf: Leaf, on_front: NDArray[np.float64], outward: NDArray[np.flo
     return position if -error - SHUT[leaf.leaf.kind] <= position <= leaf.leaf.upper + error else None
 
 
-def _rounded(leaf: Leaf, position: float) -> float:
+def _rounded(leaf: FurnitureLeaf, position: float) -> float:
     """0 where it counts as shut; no farther than it opens."""
     return 0.0 if position < _error(leaf) + SHUT[leaf.leaf.kind] else min(position, leaf.leaf.upper)
 
 
-def opening_since(leaf: Leaf, believed: float, known: Handle, seen: Handle) -> float | None:
+def opening_since(leaf: FurnitureLeaf, believed: float, known: Handle, seen: Handle) -> float | None:
     """How far ``leaf`` is open by how its handle has moved since it was ``known`` and the leaf open by ``believed``.
 
     Other than what ``opening_seen`` tells, that does not depend on where exactly the map has the piece. Handles are in

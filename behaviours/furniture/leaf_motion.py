@@ -8,7 +8,7 @@ import numpy as np
 
 from behaviours.computation import Until
 from behaviours.context import SkillContext
-from behaviours.furniture.leaf import UNKNOWN_ARTICULATION, Leaf, world_at_leaf
+from behaviours.furniture.leaf import UNKNOWN_ARTICULATION, FurnitureLeaf, world_at_leaf
 from behaviours.furniture.leaf_measurement import grown
 from behaviours.manipulation.arm_motion import ARM_PLANNING_FAILS, follow_path, move_free
 from behaviours.skill import ALGORITHM_ERRORS, Skill, SkillFailure, Steps, StepsTo
@@ -46,7 +46,7 @@ UNSURE = {"revolute": 0.06, "prismatic": 0.015}
 """By how much a leaf may be open more or less than the hand's way has told, radians or metres."""
 
 
-def withdraw(skill: Skill, leaf: Leaf, posture: str, felt: Obstacle | None = None) -> Steps:
+def withdraw(skill: Skill, leaf: FurnitureLeaf, posture: str, felt: Obstacle | None = None) -> Steps:
     """Go straight back, and take the arm to the named posture.
 
     ``felt``: where the leaf is, by feel; without it the arm goes by the map. The hand may be closer to the leaf than
@@ -68,7 +68,7 @@ def withdraw(skill: Skill, leaf: Leaf, posture: str, felt: Obstacle | None = Non
     yield from move_free(skill, [skills.robot.posture(posture, skills.arm_model.joint_names)], around)
 
 
-def _around(skills: SkillContext, leaf: Leaf, position: float, felt: Obstacle | None) -> CollisionWorld:
+def _around(skills: SkillContext, leaf: FurnitureLeaf, position: float, felt: Obstacle | None) -> CollisionWorld:
     """What the arm keeps clear of on its way home: a leaf that was felt, lest it is pushed.
 
     Where the arm would be within that, the leaf is not there: the grip was lost before, and the hand went on alone.
@@ -90,7 +90,9 @@ def _around(skills: SkillContext, leaf: Leaf, position: float, felt: Obstacle | 
     return around
 
 
-def withdraw_after(skill: Skill, leaf: Leaf, posture: str, failure: Exception, felt: Obstacle | None = None) -> Steps:
+def withdraw_after(
+    skill: Skill, leaf: FurnitureLeaf, posture: str, failure: Exception, felt: Obstacle | None = None
+) -> Steps:
     """Withdraw; where that fails, too, what went wrong first is what is told."""
     try:
         yield from withdraw(skill, leaf, posture, felt)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from behaviours.context import SkillContext
 from behaviours.furniture.leaf import (
     MEASURED,
-    Leaf,
+    FurnitureLeaf,
     LeafWay,
     LeafWorlds,
     Touching,
@@ -56,7 +56,7 @@ class Opening:
     far it is believed to be open already. ``most_tilt``: radians by which the hand may be turned beside the door.
     """
 
-    leaf: Leaf
+    leaf: FurnitureLeaf
     handle: Handle
     asked: float
     start: float

@@ -23,7 +23,7 @@ from bestman_bt.world_model import ObjectBelief
 if TYPE_CHECKING:
     from bestman_bt.control.rgbd import RGBDSensor, RGBDView
     from bestman_bt.perception.detection import DetectedScene
-    from bestman_bt.perception.pose_estimation import Observation, PoseHypothesis
+    from bestman_bt.perception.pose_estimation import PoseHypothesis, ViewObservation
     from bestman_bt.perception.view_planning import RankedView
 
 
@@ -119,7 +119,7 @@ class SecondLook(OnArm, Skill):
         yield from move_free(self, [postures[-1]])
 
     def _look(self, belief: ObjectBelief, camera: RGBDSensor) -> StepsTo[ObjectBelief]:
-        from bestman_bt.perception.pose_estimation import Observation
+        from bestman_bt.perception.pose_estimation import ViewObservation
 
         skills = self.skills
         view: RGBDView = camera.capture()
@@ -136,7 +136,7 @@ class SecondLook(OnArm, Skill):
         found = only_nearest(scene, belief, base_from_object).detections
         if not found:
             raise SkillFailure("object_lost", f"the second look does not show the {belief.name}")
-        seen = Observation(found[0].cluster.seen_from(view.map_from_base), view.in_map)
+        seen = ViewObservation(found[0].cluster.seen_from(view.map_from_base), view.in_map)
         remember_view(skills, belief.name, seen)
         joined = yield self.compute("pose_estimation", self._joined, belief, skills.observations[belief.name])
         if not joined or joined[0].confidence < self.min_confidence:
@@ -151,5 +151,5 @@ class SecondLook(OnArm, Skill):
             stamp=view.stamp,
         )
 
-    def _joined(self, belief: ObjectBelief, observations: Sequence[Observation]) -> tuple[PoseHypothesis, ...]:
+    def _joined(self, belief: ObjectBelief, observations: Sequence[ViewObservation]) -> tuple[PoseHypothesis, ...]:
         return self.skills.multi_view.estimate(observations, [belief.model])

@@ -19,7 +19,7 @@ from bestman_bt.world_model import ObjectBelief
 if TYPE_CHECKING:
     from bestman_bt.control.rgbd import RGBDView
     from bestman_bt.perception.detection import DetectedScene, Detection
-    from bestman_bt.perception.pose_estimation import Observation
+    from bestman_bt.perception.pose_estimation import ViewObservation
     from bestman_bt.perception.segmentation import Cluster
 
 
@@ -83,7 +83,7 @@ def believe_objects(
     skills: SkillContext, view: RGBDView, scene: DetectedScene, surface: str | None = None
 ) -> tuple[str, ...]:
     """Explain what was seen by what is believed; returns the identities: of the detections, then of the unknown."""
-    from bestman_bt.perception.pose_estimation import Observation
+    from bestman_bt.perception.pose_estimation import ViewObservation
 
     world = skills.world
     things = [cluster for cluster in scene.unknown if not _part_of_furniture(skills, view, cluster, surface)]
@@ -102,11 +102,11 @@ def believe_objects(
     world.changes += tracked.changes
     _forget_views(skills, [change.name for change in tracked.changes])
     for name, cluster in zip(tracked.identities, clusters, strict=True):
-        remember_view(skills, name, Observation(cluster.seen_from(view.map_from_base), view.in_map))
+        remember_view(skills, name, ViewObservation(cluster.seen_from(view.map_from_base), view.in_map))
     return tracked.identities
 
 
-def remember_view(skills: SkillContext, name: str, observation: Observation) -> None:
+def remember_view(skills: SkillContext, name: str, observation: ViewObservation) -> None:
     """Keep what was seen of an object, in the map frame, to be joined with other views of it."""
     skills.observations[name] = [*skills.observations.get(name, []), observation][-REMEMBERED_VIEWS:]
 

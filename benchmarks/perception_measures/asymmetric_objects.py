@@ -21,7 +21,7 @@ from bestman_bt.messages import ObjectModel, Pose
 from bestman_bt.messages.pose import wrap_angle
 from bestman_bt.perception import PerceptionError, View
 from bestman_bt.perception.detection import ColorShape, DetectedScene, Detection, Detector
-from bestman_bt.perception.pose_estimation import AMBIGUOUS_YAW, MultiView, Observation, PoseHypothesis
+from bestman_bt.perception.pose_estimation import AMBIGUOUS_YAW, MultiView, PoseHypothesis, ViewObservation
 from bestman_bt.perception.pose_estimation.model_surface import model_surface
 from bestman_bt.perception.pose_estimation.point_to_plane import TurnedSurface, turned_surface
 from bestman_bt.perception.segmentation import Cluster, PlaneDbscan
@@ -128,7 +128,7 @@ class _Bench:
         second = self._second_view(scene, planned.frame_from_camera, rng)
         cluster = self._same_thing(second, scene, first, rng)
         if cluster is not None:
-            both = [Observation(detection.cluster, scene.view), Observation(cluster, second)]
+            both = [ViewObservation(detection.cluster, scene.view), ViewObservation(cluster, second)]
             fused = self.fusion.estimate(both, [item.model])
             if fused:
                 look.second_held, look.second_width, look.second_error = _judged(fused[0], item)

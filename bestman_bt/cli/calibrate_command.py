@@ -48,7 +48,7 @@ class Method(StrEnum):
     DANIILIDIS = "daniilidis"
 
 
-class Lens(StrEnum):
+class LensCoefficients(StrEnum):
     """Which coefficients of a lens are estimated."""
 
     NONE = "none"
@@ -80,7 +80,9 @@ def command(
     method: Annotated[Method, typer.Option(help="The closed form that a hand-eye calibration begins with.")] = (
         Method.PARK_MARTIN
     ),
-    lens: Annotated[Lens, typer.Option(help="Which coefficients of the lens are estimated.")] = Lens.FOUR,
+    lens: Annotated[
+        LensCoefficients, typer.Option(help="Which coefficients of the lens are estimated.")
+    ] = LensCoefficients.FOUR,
     out: Annotated[
         Path | None, typer.Option(help="Folder for calibration.yaml and residuals.png; else that of the views.")
     ] = None,
@@ -116,7 +118,7 @@ def _simulate(kind: Kind, asked: SimulatedViews, folder: Path, report: Report) -
     return simulate(kind, asked.robot, settings, asked.camera, views, asked.seed, folder, report)
 
 
-def _solve(kind: Kind, folder: Path, method: Method, lens: Lens, report: Report) -> CalibrationResult:
+def _solve(kind: Kind, folder: Path, method: Method, lens: LensCoefficients, report: Report) -> CalibrationResult:
     recorded = load_dataset(folder)
     if kind == "intrinsics":
         return solve_intrinsics(recorded, IntrinsicsCalibration(lens=lens.value), report)

@@ -26,7 +26,7 @@ from bestman_bt.evaluation.comparison import within
 from bestman_bt.evaluation.evaluation import Evaluation
 from bestman_bt.evaluation.markdown import accuracy_words, markdown, own_targets, verdict
 from bestman_bt.evaluation.result import RunResult
-from bestman_bt.evaluation.suite import Entry, Suite, make_suite
+from bestman_bt.evaluation.suite import Suite, SuiteEntry, make_suite
 from bestman_bt.evaluation.summary import spread_words
 
 # An evaluation on the terminal: a table that fills while it goes on, a line per episode elsewhere.
@@ -62,7 +62,7 @@ class EvaluationView:
             self._live.update(self._picture(), refresh=True)
             self._live.stop()
 
-    def told(self, entry: Entry, result: RunResult) -> None:
+    def told(self, entry: SuiteEntry, result: RunResult) -> None:
         """One more episode is done."""
         if not result.success and not entry.control:
             why = result.failure.why if result.failure else str(result.outcome)

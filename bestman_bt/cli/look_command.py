@@ -17,7 +17,7 @@ from bestman_bt.extras import is_installed, require_extra
 from bestman_bt.perception.clouds import write_cloud
 from bestman_bt.registry import suggestion
 from bestman_bt.runtime import Setup, prepare
-from bestman_bt.runtime.looking import Look, furniture_to_look_at, look_at, standing_before, unseen
+from bestman_bt.runtime.looking import LookResult, furniture_to_look_at, look_at, standing_before, unseen
 from bestman_bt.scene import SceneError
 from bestman_bt.visualization.annotated_image import annotated_image
 from bestman_bt.visualization.rerun.look import RecordedLook, write_look
@@ -94,7 +94,7 @@ def _make_folder(path: Path) -> None:
         raise ConfigurationError([Problem("--save", None, "", message)]) from error
 
 
-def _save(look: Look, folder: Path, clouds: bool) -> list[Path]:
+def _save(look: LookResult, folder: Path, clouds: bool) -> list[Path]:
     """An annotated picture of each view, its cloud if asked for, and one recording of all where rerun is installed."""
     files = []
     for number, view in enumerate(look.views):
@@ -115,7 +115,7 @@ def _save(look: Look, folder: Path, clouds: bool) -> list[Path]:
     return files
 
 
-def _print(look: Look, files: list[Path]) -> None:
+def _print(look: LookResult, files: list[Path]) -> None:
     print(f"{look.furniture}:")
     for found in look.marks.objects:
         x, y, z = found.pose.position
@@ -132,7 +132,7 @@ def _print(look: Look, files: list[Path]) -> None:
         print(f"  {file}")
 
 
-def _document(look: Look, files: list[Path]) -> dict[str, Any]:
+def _document(look: LookResult, files: list[Path]) -> dict[str, Any]:
     return {
         "furniture": look.furniture,
         "objects": [

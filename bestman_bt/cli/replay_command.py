@@ -15,7 +15,7 @@ from bestman_bt.visualization import RecordingError, ViewerError
 from bestman_bt.visualization.rerun import (
     RECORDING_NAME,
     Display,
-    Viewer,
+    RerunViewer,
     ViewerOptions,
     check_recording,
     has_window_system,
@@ -39,7 +39,7 @@ def command(
         signal.signal(number, signal.default_int_handler)
     with tempfile.TemporaryFile("w+") as output:
         try:
-            viewer = Viewer(ViewerOptions(display, page_port=port), recordings, output)
+            viewer = RerunViewer(ViewerOptions(display, page_port=port), recordings, output)
         except ViewerError as error:
             raise ConfigurationError([Problem("bestman-bt replay", None, "", str(error))]) from error
         try:

@@ -59,7 +59,14 @@ from bestman_bt.monitor.groot2 import Groot2Error, Groot2Publisher, check_servab
 from bestman_bt.runtime import Session, Setup
 from bestman_bt.runtime.tree_checks import ALWAYS_FILLED
 from bestman_bt.visualization import ViewerError
-from bestman_bt.visualization.rerun import RECORDING_NAME, Display, LiveFeed, Viewer, ViewerOptions, has_window_system
+from bestman_bt.visualization.rerun import (
+    RECORDING_NAME,
+    Display,
+    LiveFeed,
+    RerunViewer,
+    ViewerOptions,
+    has_window_system,
+)
 from hal.parts import ConnectionFailedError
 from hal.twins.remote_truth import RemoteTruth
 
@@ -113,13 +120,13 @@ def shown_live(recording: Path) -> Iterator[None]:
     window = has_window_system()
     ended = threading.Event()
     with tempfile.TemporaryFile("w+") as output:
-        relay = Viewer(ViewerOptions(Display.RELAY if window else Display.BROWSER, fed=True), (), output)
+        relay = RerunViewer(ViewerOptions(Display.RELAY if window else Display.BROWSER, fed=True), (), output)
 
         def open_viewer() -> None:
             try:
                 relay.wait_until_up(START_WAIT)
                 if window:
-                    Viewer(ViewerOptions(Display.WINDOW, source=relay.address), (), output)
+                    RerunViewer(ViewerOptions(Display.WINDOW, source=relay.address), (), output)
                 else:
                     print(f"live: {relay.page}", file=sys.stderr, flush=True)
             except ViewerError as error:

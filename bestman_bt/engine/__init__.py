@@ -9,7 +9,7 @@ from py_trees.ports import PortInformation
 from bestman_bt.engine.authoring import build_tree, load_python_tree
 from bestman_bt.engine.blackboard import Blackboard, Entry
 from bestman_bt.engine.bounds import BoundedPort, NotZero, OneOf
-from bestman_bt.engine.clock import Clock, ManualClock, WakeableClock, WallClock
+from bestman_bt.engine.clock import EngineClock, ManualClock, WakeableClock, WallClock
 from bestman_bt.engine.controls import (
     AsyncFallback,
     AsyncSequence,
@@ -118,7 +118,6 @@ __all__ = [
     "BlackboardBackup",
     "BlackboardError",
     "BoundedPort",
-    "Clock",
     "Condition",
     "ConsumeQueue",
     "Context",
@@ -128,6 +127,7 @@ __all__ = [
     "CoroutineAction",
     "Decorator",
     "Delay",
+    "EngineClock",
     "EngineError",
     "Entry",
     "EntryUse",

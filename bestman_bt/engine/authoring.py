@@ -20,8 +20,8 @@ from typing import TYPE_CHECKING, Any
 from py_trees.behaviour import Behaviour
 
 from bestman_bt.engine.blackboard import Blackboard, SharedEntries, forget_dropped_trees
-from bestman_bt.engine.clock import Clock
-from bestman_bt.engine.core.node import Node, Place
+from bestman_bt.engine.clock import EngineClock
+from bestman_bt.engine.core.node import Node, NodePlace
 from bestman_bt.engine.core.tree import Tree
 from bestman_bt.engine.decorators.subtree import SubTree
 from bestman_bt.engine.errors import Problem, TreeLoadError
@@ -46,7 +46,7 @@ def build_tree(  # noqa: PLR0913 - all that may be said of a tree, each by its n
     *,
     registry: NodeRegistry | None = None,
     context: Any = None,
-    clock: Clock | None = None,
+    clock: EngineClock | None = None,
     blackboard: Blackboard | None = None,
     substitutions: SubstitutionRules | None = None,
     tree_id: str = "MainTree",
@@ -69,7 +69,7 @@ def build_tree(  # noqa: PLR0913 - all that may be said of a tree, each by its n
     if has_native:
         board.share()
     adopter = _Adopter(tree, [], None, substitutions)
-    node = adopter.adopt(root, Place(tree, board, "", (tree_id,), file))
+    node = adopter.adopt(root, NodePlace(tree, board, "", (tree_id,), file))
     if faults is not None:
         faults += adopter.problems
         adopter.problems.clear()
@@ -132,9 +132,9 @@ class _Adopter(Builder):
 
     def __init__(self, *arguments: Any) -> None:
         super().__init__(*arguments)
-        self._places: dict[tuple[Place, str], Place] = {}
+        self._places: dict[tuple[NodePlace, str], NodePlace] = {}
 
-    def adopt(self, behaviour: Behaviour, place: Place, depth: int = 1, parent: Node | None = None) -> Node:
+    def adopt(self, behaviour: Behaviour, place: NodePlace, depth: int = 1, parent: Node | None = None) -> Node:
         made = behaviour if isinstance(behaviour, Node) else adapted(behaviour)
         if made.place is not None or (made is not behaviour and is_taken(behaviour)):
             self._report(made, f"'{made.name}' is part of a tree already; make a new node")
@@ -173,7 +173,7 @@ class _Adopter(Builder):
             if problem.line == node.line:
                 node.attributes.pop(problem.field, None)
 
-    def _read(self, node: SubTree, loaded: Tree | Path, place: Place, depth: int) -> Node:
+    def _read(self, node: SubTree, loaded: Tree | Path, place: NodePlace, depth: int) -> Node:
         """Make what a SubTree's XML says, with the values that its loaded tree's entries were given."""
         registry, wanted = self.tree.registry, None
         source, search_path = (loaded, ()) if isinstance(loaded, Path) else (loaded.origin or ("", ()))
@@ -213,16 +213,18 @@ class _Adopter(Builder):
             report("", f"it has {count} children but needs {wanted}", "")
         check_values(info, node.attributes, self.tree.registry, self.tree.compiler, report)
 
-    def _where_made(self, node: Node, place: Place) -> Place:
+    def _where_made(self, node: Node, place: NodePlace) -> NodePlace:
         """The place, with the file that has made the node, where that is known."""
         if not node.line:
             return place
         file = named_from(self.tree.file, node.made_in)
         if file == place.file:
             return place
-        return self._places.setdefault((place, file), Place(place.tree, place.board, place.path, place.ancestors, file))
+        return self._places.setdefault(
+            (place, file), NodePlace(place.tree, place.board, place.path, place.ancestors, file)
+        )
 
-    def _enter(self, node: SubTree, place: Place, file: str) -> Place:
+    def _enter(self, node: SubTree, place: NodePlace, file: str) -> NodePlace:
         if node.tree_id in place.ancestors:
             self._report(node, f"the tree '{node.tree_id}' contains itself")
             raise TreeLoadError(self.problems)

@@ -8,7 +8,7 @@ from typing import Protocol, runtime_checkable
 
 
 @runtime_checkable
-class Clock(Protocol):
+class EngineClock(Protocol):
     """What a clock owes the engine."""
 
     def now(self) -> float:
@@ -21,7 +21,7 @@ class Clock(Protocol):
 
 
 @runtime_checkable
-class WakeableClock(Clock, Protocol):
+class WakeableClock(EngineClock, Protocol):
     """A clock whose sleep can be cut short, so that a wake-up starts the next tick at once."""
 
     def wait(self, dt: float, wake: threading.Event) -> None:

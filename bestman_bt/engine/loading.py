@@ -11,10 +11,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from bestman_bt.engine.blackboard import Blackboard
-from bestman_bt.engine.clock import Clock
+from bestman_bt.engine.clock import EngineClock
 from bestman_bt.engine.conversion import number_from_text
 from bestman_bt.engine.core.around_tick import Conditions
-from bestman_bt.engine.core.node import Node, Place
+from bestman_bt.engine.core.node import Node, NodePlace
 from bestman_bt.engine.core.ports import key_of, outer_key_of
 from bestman_bt.engine.core.tree import Tree
 from bestman_bt.engine.decorators.subtree import SubTree
@@ -42,7 +42,7 @@ def load_tree(  # noqa: PLR0913 - all that may be said of a tree, each by its na
     registry: NodeRegistry | None = None,
     *,
     context: Any = None,
-    clock: Clock | None = None,
+    clock: EngineClock | None = None,
     main_tree: str | None = None,
     blackboard: Blackboard | None = None,
     search_path: Iterable[Path] = (),
@@ -91,7 +91,7 @@ def load_documents(  # noqa: PLR0913 - as load_tree
     registry: NodeRegistry,
     *,
     context: Any = None,
-    clock: Clock | None = None,
+    clock: EngineClock | None = None,
     main_tree: str | None = None,
     blackboard: Blackboard | None = None,
     substitutions: SubstitutionRules | None = None,
@@ -176,7 +176,9 @@ def _built(
     definition = documents.trees[main]
     builder.under_way.append(definition)
     try:
-        root = builder.build(definition.element.children[0], Place(tree, tree.blackboard, "", (main,), definition.file))
+        root = builder.build(
+            definition.element.children[0], NodePlace(tree, tree.blackboard, "", (main,), definition.file)
+        )
     except TreeLoadError as error:
         raise TreeLoadError(_in_order([*(faults or ()), *error.problems])) from None
     if gaps is not None:
@@ -332,7 +334,7 @@ class Builder:
         self.tree.compiler.forget()
         self.tree.complete(root, self.depth, shared)
 
-    def build(self, element: Element, place: Place, depth: int = 1) -> Node:
+    def build(self, element: Element, place: NodePlace, depth: int = 1) -> Node:
         """Make the node of an element and all below it."""
         info: NodeInfo = element.info
         attributes: dict[str, Any] = element.attributes
@@ -383,7 +385,7 @@ class Builder:
             except BlackboardError as error:
                 self._report(node, str(error), port)
 
-    def install(self, node: Node, info: NodeInfo, place: Place) -> Node:
+    def install(self, node: Node, info: NodeInfo, place: NodePlace) -> Node:
         """Give a node that exists already its number, place, entries and scripts; a substitution may replace it."""
         node.info = info
         node.place = place
@@ -444,7 +446,7 @@ class Builder:
         known = node.info is not None and node.info.builtin
         self.problems.append(Problem(file, node.line, node.type_id, field, message, missing=not known))
 
-    def _build_subtree(self, node: SubTree, element: Element, place: Place, depth: int) -> None:
+    def _build_subtree(self, node: SubTree, element: Element, place: NodePlace, depth: int) -> None:
         assert self.documents is not None
         attributes = element.attributes
         tree_id = node.tree_id = attributes["ID"]
@@ -469,8 +471,8 @@ class Builder:
         child.parent = node
 
     def enter(
-        self, node: SubTree, named: bool, ports: dict[str, Any], autoremap: bool, place: Place, file: str
-    ) -> Place:
+        self, node: SubTree, named: bool, ports: dict[str, Any], autoremap: bool, place: NodePlace, file: str
+    ) -> NodePlace:
         """Make the blackboard of a SubTree and return the place inside it."""
         step = node.name if named else f"{node.tree_id}::{node.uid}"
         path = place.prefix + step
@@ -492,7 +494,7 @@ class Builder:
         self.tree.blackboards[path] = board
         self.tree.subtree_ids[path] = node.tree_id
         node.subtree_path = path
-        return Place(self.tree, board, path, (*place.ancestors, node.tree_id), file)
+        return NodePlace(self.tree, board, path, (*place.ancestors, node.tree_id), file)
 
 
 _FIELDS = {"_onSuccess": "on_success", "_onFailure": "on_failure", "_onHalted": "on_halted", "_post": "post"}

@@ -19,8 +19,8 @@ from bestman_bt.evaluation.comparison_text import p_words, sentences
 from bestman_bt.evaluation.finished_evaluation import FinishedEntry
 from bestman_bt.evaluation.paired_comparison import (
     SIGNIFICANCE,
-    Comparison,
     MetricComparison,
+    PairedComparison,
     SuccessComparison,
     compare_runs,
 )
@@ -34,7 +34,7 @@ UP, DOWN, SAME = "#d95f02", "#1b7f8c", "#9a9a9a"
 MAX_NAME = 22
 
 
-def draw_comparison(path: Path, comparison: Comparison, first: str, second: str, title: str = "") -> None:
+def draw_comparison(path: Path, comparison: PairedComparison, first: str, second: str, title: str = "") -> None:
     """Write a PNG or SVG file, as the ending of ``path`` says: a panel for success and one per metric."""
     panels = 1 + len(comparison.metrics)
     rows = math.ceil(panels / COLUMNS)
@@ -105,7 +105,7 @@ class ComparedEntries:
     names: tuple[str, str]
 
     @cached_property
-    def comparison(self) -> Comparison:
+    def comparison(self) -> PairedComparison:
         """The statistics; ConfigurationError where the two have no seed in common."""
         try:
             return compare_runs(self.first.results, self.second.results)

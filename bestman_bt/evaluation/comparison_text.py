@@ -6,8 +6,8 @@ from bestman_bt.evaluation.interval import decimals_of
 from bestman_bt.evaluation.paired_comparison import (
     FEWEST_PAIRS,
     SIGNIFICANCE,
-    Comparison,
     MetricComparison,
+    PairedComparison,
     SuccessComparison,
 )
 
@@ -15,7 +15,7 @@ MOST_PAIRS = 1000
 """Numbers of pairs above it are not told: nobody runs them."""
 
 
-def sentences(comparison: Comparison, first: str, second: str) -> list[str]:
+def sentences(comparison: PairedComparison, first: str, second: str) -> list[str]:
     """About success, each metric in its order, and what did not count. ``first``, ``second``: names of the two."""
     told = [success_sentence(comparison.success, first, second)]
     told += [metric_sentence(metric, first, second) for metric in comparison.metrics]

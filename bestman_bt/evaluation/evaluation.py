@@ -14,12 +14,12 @@ from bestman_bt.evaluation.finished_evaluation import FinishedEntry
 from bestman_bt.evaluation.journal import EpisodeKey, Journal
 from bestman_bt.evaluation.parallel import run_episodes
 from bestman_bt.evaluation.result import Outcome, RunResult
-from bestman_bt.evaluation.suite import Entry, Suite
+from bestman_bt.evaluation.suite import Suite, SuiteEntry
 from bestman_bt.evaluation.summary import summarize
 from bestman_bt.evaluation.targets import check_targets
 from bestman_bt.evaluation.versions import versions
 
-OnResult = Callable[[Entry, RunResult], None]
+OnResult = Callable[[SuiteEntry, RunResult], None]
 
 
 class Evaluation:
@@ -100,10 +100,10 @@ class Evaluation:
             if not entry.control
         ]
 
-    def _results_of(self, entry: Entry) -> list[RunResult]:
+    def _results_of(self, entry: SuiteEntry) -> list[RunResult]:
         return [result for _, result in sorted(self.results[entry.name].items())]
 
-    def entry_document(self, entry: Entry) -> dict[str, Any]:
+    def entry_document(self, entry: SuiteEntry) -> dict[str, Any]:
         """The summary of one entry; ``met``: all its episodes are done, and its targets met or else all successful."""
         results = self._results_of(entry)
         busy = sum(result.wall_time_s for result in results)
@@ -121,7 +121,7 @@ class Evaluation:
             **summary,
         }
 
-    def _missing(self) -> Iterator[tuple[Entry, RunConfig]]:
+    def _missing(self) -> Iterator[tuple[SuiteEntry, RunConfig]]:
         for entry in self.suite.entries:
             for config in entry.configs():
                 if config.seed not in self.results[entry.name]:
@@ -144,7 +144,7 @@ class Evaluation:
             end = "and count all the same" if self._keep_old else "and are run again; --keep-old counts them"
             self.notes.append(f"{kept} finished episodes were run with other code {end}")
 
-    def _finish(self, entry: Entry, result: RunResult) -> None:
+    def _finish(self, entry: SuiteEntry, result: RunResult) -> None:
         self.results[entry.name][result.seed] = result
         if self._journal is not None:
             key = EpisodeKey(self._configs[entry.name], result.seed, self._code)

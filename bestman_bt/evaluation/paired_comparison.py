@@ -76,7 +76,7 @@ class MetricComparison:
 
 
 @dataclass(frozen=True)
-class Comparison:
+class PairedComparison:
     """``unpaired``: seeds that only one side has run; they do not count."""
 
     success: SuccessComparison
@@ -84,14 +84,14 @@ class Comparison:
     unpaired: tuple[int, ...]
 
 
-def compare_runs(first: Sequence[RunResult], second: Sequence[RunResult]) -> Comparison:
+def compare_runs(first: Sequence[RunResult], second: Sequence[RunResult]) -> PairedComparison:
     """Compare runs of the same seeds; ValueError where no seed is in both. Cancelled runs do not count."""
     firsts, seconds = ({r.seed: r for r in side if r.outcome is not Outcome.CANCELLED} for side in (first, second))
     seeds = sorted(firsts.keys() & seconds.keys())
     if not seeds:
         raise ValueError("no seed is in both: runs are compared pair by pair, and need the same first seed")
     pairs = [(firsts[seed], seconds[seed]) for seed in seeds]
-    return Comparison(
+    return PairedComparison(
         compare_successes([(a.success, b.success) for a, b in pairs]),
         _compare_metrics([(a, b) for a, b in pairs if a.success and b.success]),
         tuple(sorted(firsts.keys() ^ seconds.keys())),

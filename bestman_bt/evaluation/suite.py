@@ -94,7 +94,7 @@ class SuiteConfig:
 
 
 @dataclass(frozen=True)
-class Entry:
+class SuiteEntry:
     """What is run and asked of one line of a suite: seeds ``config.seed`` … ``config.seed + episodes - 1``."""
 
     name: str
@@ -125,7 +125,7 @@ class Suite:
     """Entries in their order."""
 
     name: str
-    entries: tuple[Entry, ...]
+    entries: tuple[SuiteEntry, ...]
     description: str = ""
     file: str = ""
     """The file of a user that it was read from; empty of a shipped suite, and where it was made of tasks."""
@@ -163,7 +163,7 @@ def make_suite(
             faults.problems.append(Problem(name, None, "", f"unknown; did you mean the suite {suite[0]!r}?"))
             continue
         with faults.step():
-            entries.append(Entry(name, _config(replace(asked, task=name, seed=seed or 0)), episodes or 10))
+            entries.append(SuiteEntry(name, _config(replace(asked, task=name, seed=seed or 0)), episodes or 10))
     faults.raise_if_any()
     file = str(Path(tasks[0]).resolve()) if len(entries) == 1 and Path(tasks[0]).is_file() else ""
     return Suite("+".join(Path(name).stem for name in dict.fromkeys(tasks)), tuple(entries), file=file)
@@ -201,7 +201,7 @@ def load_suite(
             with faults.step():
                 config = _prepared(path, Entered(document, kind, key, entry), seed, tuple(settings))
                 number = entry.episodes or episodes or asked.episodes
-                entries.append(Entry(key, config, number, entry, kind == "controls"))
+                entries.append(SuiteEntry(key, config, number, entry, kind == "controls"))
     faults.raise_if_any()
     own = "" if str(name) in data_names("evaluation") else str(path.resolve())
     return Suite(Path(name).stem, tuple(entries), asked.description, own)

@@ -53,7 +53,7 @@ from bestman_bt.world_model import SemanticMap
 
 
 @dataclass(frozen=True)
-class Slot:
+class AlgorithmSlot:
     """What a slot of ``algorithms:`` holds: a subclass of ``base``, registered as ``kind/NAME``.
 
     ``given``: fields of the algorithm that the session fills: the robot, the map, other algorithms. All its other
@@ -65,31 +65,31 @@ class Slot:
     given: tuple[str, ...] = ()
 
 
-SLOTS: dict[str, Slot] = {
-    "segmentation": Slot(Segmentation, "segmentation"),
-    "surfaces": Slot(SupportSurfaces, "segmentation"),
-    "pose_estimation": Slot(PoseEstimator, "pose_estimation"),
-    "multi_view": Slot(MultiView, "pose_estimation"),
-    "detection": Slot(Detector, "detection", ("segmentation", "pose_estimator")),
-    "tracking": Slot(Tracker, "tracking"),
-    "view_planning": Slot(ViewPlanner, "view_planning"),
-    "affordance": Slot(HandleDetector, "affordance"),
-    "occupancy": Slot(OccupancyMapper, "occupancy"),
-    "grasp_pose": Slot(GraspPlanner, "grasp_pose"),
-    "unknown_grasp_pose": Slot(GraspPlanner, "grasp_pose"),
-    "handle_grasp_pose": Slot(GraspPlanner, "grasp_pose"),
-    "kinematics": Slot(InverseKinematics, "kinematics", ("robot", "arm", "fixed")),
-    "collision": Slot(CollisionModel, "collision", ("robot",)),
-    "motion_planning": Slot(MotionPlanner, "motion_planning"),
-    "trajectory": Slot(TimeParametrization, "trajectory"),
-    "costmap": Slot(LayeredCostmap, "global_planning"),
-    "global_planning": Slot(GlobalPlanner, "global_planning"),
-    "local_planning": Slot(PathFollower, "local_planning"),
-    "localization": Slot(Localizer, "localization", ("planar_map",)),
-    "slam": Slot(Slam, "slam"),
-    "exploration": Slot(FrontierExplorer, "slam"),
-    "global_localization": Slot(GlobalLocalizer, "localization"),
-    "odometry": Slot(OdometryFilter, "localization"),
+SLOTS: dict[str, AlgorithmSlot] = {
+    "segmentation": AlgorithmSlot(Segmentation, "segmentation"),
+    "surfaces": AlgorithmSlot(SupportSurfaces, "segmentation"),
+    "pose_estimation": AlgorithmSlot(PoseEstimator, "pose_estimation"),
+    "multi_view": AlgorithmSlot(MultiView, "pose_estimation"),
+    "detection": AlgorithmSlot(Detector, "detection", ("segmentation", "pose_estimator")),
+    "tracking": AlgorithmSlot(Tracker, "tracking"),
+    "view_planning": AlgorithmSlot(ViewPlanner, "view_planning"),
+    "affordance": AlgorithmSlot(HandleDetector, "affordance"),
+    "occupancy": AlgorithmSlot(OccupancyMapper, "occupancy"),
+    "grasp_pose": AlgorithmSlot(GraspPlanner, "grasp_pose"),
+    "unknown_grasp_pose": AlgorithmSlot(GraspPlanner, "grasp_pose"),
+    "handle_grasp_pose": AlgorithmSlot(GraspPlanner, "grasp_pose"),
+    "kinematics": AlgorithmSlot(InverseKinematics, "kinematics", ("robot", "arm", "fixed")),
+    "collision": AlgorithmSlot(CollisionModel, "collision", ("robot",)),
+    "motion_planning": AlgorithmSlot(MotionPlanner, "motion_planning"),
+    "trajectory": AlgorithmSlot(TimeParametrization, "trajectory"),
+    "costmap": AlgorithmSlot(LayeredCostmap, "global_planning"),
+    "global_planning": AlgorithmSlot(GlobalPlanner, "global_planning"),
+    "local_planning": AlgorithmSlot(PathFollower, "local_planning"),
+    "localization": AlgorithmSlot(Localizer, "localization", ("planar_map",)),
+    "slam": AlgorithmSlot(Slam, "slam"),
+    "exploration": AlgorithmSlot(FrontierExplorer, "slam"),
+    "global_localization": AlgorithmSlot(GlobalLocalizer, "localization"),
+    "odometry": AlgorithmSlot(OdometryFilter, "localization"),
 }
 
 

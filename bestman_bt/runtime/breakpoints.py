@@ -9,7 +9,7 @@ from typing import Any, Literal
 from bestman_bt.engine import FAILURE, IDLE, RUNNING, SUCCESS, EngineError, Node
 from bestman_bt.engine.spelling import closest
 from bestman_bt.errors import Error
-from bestman_bt.runtime.executor import Executor, Hold
+from bestman_bt.runtime.executor import Executor, PauseReason
 
 When = Literal["before", "after"]
 RESULTS = {"SUCCESS": SUCCESS, "FAILURE": FAILURE}
@@ -122,7 +122,7 @@ class Breakpoints:
             del self._breakpoints[node, when]
             self._changed()
             self._executor.between_ticks(lambda: self._unhook(node))
-        self._executor.hold(Hold("breakpoint", node.path, when))
+        self._executor.hold(PauseReason("breakpoint", node.path, when))
 
     def _hook(self, node: Node) -> None:
         if node.hooks is None or self._before not in node.hooks.pre:

@@ -6,7 +6,7 @@ import threading
 from collections.abc import Callable
 
 from bestman_bt.control.planned_motion import PlannedMotion
-from bestman_bt.runtime.executor import Executor, Hold
+from bestman_bt.runtime.executor import Executor, PauseReason
 
 
 class Confirmation:
@@ -38,7 +38,7 @@ class Confirmation:
             for tell in self.asked:
                 tell(planned)
             swept = [[(round(x, 3), round(y, 3)) for x, y in outline.tolist()] for outline in planned.swept]
-            self.executor.hold(Hold("confirm", words=str(planned), swept=swept))
+            self.executor.hold(PauseReason("confirm", words=str(planned), swept=swept))
             return not self._declined
         finally:
             with self._lock:

@@ -39,7 +39,7 @@ from bestman_bt.monitor.control_client import socket_folder
 from bestman_bt.records.events import TOPICS, BreakpointsEvent, Topic
 from bestman_bt.runtime.breakpoints import BreakpointError, Breakpoints
 from bestman_bt.runtime.confirmation import Confirmation
-from bestman_bt.runtime.executor import Executor, Hold
+from bestman_bt.runtime.executor import Executor, PauseReason
 from bestman_bt.runtime.outbox import Outbox
 from bestman_bt.runtime.telemetry import Telemetry
 
@@ -60,7 +60,7 @@ KNOWN = (
 Request = dict[str, Any]
 
 
-class RefusedError(Error):
+class RequestRefusedError(Error):
     """A request cannot be carried out."""
 
 
@@ -116,7 +116,7 @@ class ControlChannel:
         try:
             more = self._do(message)
         except (
-            RefusedError,
+            RequestRefusedError,
             BreakpointError,
             EngineError,
             ValueError,
@@ -125,7 +125,7 @@ class ControlChannel:
             return {"ok": False, "error": str(error)}
         executor = self._executor
         paused = executor.paused
-        held_at = (executor.held_at or Hold()) if paused else None
+        held_at = (executor.held_at or PauseReason()) if paused else None
         return {
             "ok": True,
             "task": self._telemetry.run.task,
@@ -179,16 +179,18 @@ class ControlChannel:
                 executor.resume()
             case "decline":
                 if not self._confirmation.decline():
-                    raise RefusedError("no motion waits to be confirmed")
+                    raise RequestRefusedError("no motion waits to be confirmed")
             case "step":
                 self._speed.go_on()
                 executor.step()
                 if not executor.wait_for_step(TASK_WAIT):
-                    raise RefusedError(f"the tick is still under way after {TASK_WAIT:g} s; it pauses at its end")
+                    raise RequestRefusedError(
+                        f"the tick is still under way after {TASK_WAIT:g} s; it pauses at its end"
+                    )
 
     def _set_speed(self, share: Any) -> None:
         if isinstance(share, bool) or not isinstance(share, int | float):
-            raise RefusedError(f"speed wants a share, a number from {SLOWEST:g} to 1")
+            raise RequestRefusedError(f"speed wants a share, a number from {SLOWEST:g} to 1")
         self._speed.set(share)
 
     def _change_breakpoints(self, what: str, message: Any) -> None:
@@ -211,7 +213,7 @@ class ControlChannel:
                 self._drive(what)
             case "set":
                 if "value" not in message:
-                    raise RefusedError("set wants a key (text) and a value")
+                    raise RequestRefusedError("set wants a key (text) and a value")
                 return self._set(message.get("key"), message.get("value"), message.get("scope") or "")
             case "breakpoint" | "clear_breakpoint" | "force":
                 self._between_ticks(lambda: self._change_breakpoints(what, message))
@@ -222,15 +224,15 @@ class ControlChannel:
             case "breakpoints":
                 pass
             case _:
-                raise RefusedError(f"unknown request {what!r}; known: {KNOWN}")
+                raise RequestRefusedError(f"unknown request {what!r}; known: {KNOWN}")
         return {}
 
     def _set(self, key: Any, value: Any, scope: Any) -> dict[str, str]:
         if not isinstance(key, str) or not key:
-            raise RefusedError("set wants a key (text) and a value")
+            raise RequestRefusedError("set wants a key (text) and a value")
         board = self._executor.tree.blackboards.get(scope) if isinstance(scope, str) else None
         if board is None:
-            raise RefusedError(f"there is no SubTree {scope!r}")
+            raise RequestRefusedError(f"there is no SubTree {scope!r}")
 
         notes: dict[str, str] = {}
         key = board.shared_key(key)
@@ -258,13 +260,13 @@ class ControlChannel:
             asked.result(TASK_WAIT)
         except (CancelledError, TimeoutError) as error:
             asked.cancel()
-            raise RefusedError("the tree does not tick any more") from error
+            raise RequestRefusedError("the tree does not tick any more") from error
 
     def _tell_breakpoints(self) -> None:
         self._telemetry.tell(BreakpointsEvent(self._breakpoints.documents()))
 
 
-def _told(hold: Hold) -> dict[str, Any]:
+def _told(hold: PauseReason) -> dict[str, Any]:
     """What is planned is told only where something is."""
     return {name: value for name, value in asdict(hold).items() if value or name not in ("words", "swept")}
 
@@ -272,7 +274,7 @@ def _told(hold: Hold) -> dict[str, Any]:
 def _topics(message: Request) -> frozenset[Topic]:
     topics = message.get("topics", list(TOPICS))
     if not isinstance(topics, list) or not all(topic in TOPICS for topic in topics):
-        raise RefusedError(f"topics is a list of some of {', '.join(TOPICS)}")
+        raise RequestRefusedError(f"topics is a list of some of {', '.join(TOPICS)}")
     return frozenset(topics)
 
 

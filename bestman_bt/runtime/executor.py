@@ -16,7 +16,7 @@ from types import FrameType
 from typing import Literal, Protocol
 
 from bestman_bt.engine import IDLE, RUNNING, EngineError, Tree, status_name
-from bestman_bt.engine.clock import Clock
+from bestman_bt.engine.clock import EngineClock
 from bestman_bt.engine.own_files import in_words
 from bestman_bt.errors import InputError
 from hal.api import RobotError
@@ -58,7 +58,7 @@ class Execution:
 
 
 @dataclass(frozen=True)
-class Hold:
+class PauseReason:
     """Why an execution waits: ``node`` (path) and ``when`` where that is a breakpoint.
 
     ``words`` and ``swept`` (outlines in the map frame) of a motion that a person is to confirm.
@@ -77,7 +77,7 @@ class ExecutionWatcher(Protocol):
     def after_tick(self) -> None:
         """A tick has ended."""
 
-    def held(self, hold: Hold | None) -> None:
+    def held(self, hold: PauseReason | None) -> None:
         """The execution waits now; None: it goes on. Need not be defined."""
         return
 
@@ -93,7 +93,7 @@ class Executor:
     def __init__(
         self,
         tree: Tree,
-        clock: Clock,
+        clock: EngineClock,
         *,
         period: float = 0.05,
         time_limit: float | None = None,
@@ -111,7 +111,7 @@ class Executor:
         self._interrupted_at: float | None = None  # monotonic seconds
         self._go = threading.Event()
         self._go.set()
-        self._hold: Hold | None = None
+        self._hold: PauseReason | None = None
         self._step = False
         self._stepping = False  # whether the tick under way is the step that was asked for
         self._stepped = threading.Event()
@@ -151,11 +151,11 @@ class Executor:
         return not self._go.is_set()
 
     @property
-    def held_at(self) -> Hold | None:
+    def held_at(self) -> PauseReason | None:
         """Where and why the execution waits now; None while it goes on."""
         return self._hold
 
-    def hold(self, hold: Hold) -> None:
+    def hold(self, hold: PauseReason) -> None:
         """Wait here, within a tick, until ``resume`` or ``step``: for what is called in the executor's thread.
 
         In simulation the clock stands still; on hardware motions that are under way wait, as in a pause.
@@ -258,7 +258,7 @@ class Executor:
             self._wake_ups = 0
             self.clock.sleep(self.period)
 
-    def _wait_for_turn(self, hold: Hold = Hold()) -> None:
+    def _wait_for_turn(self, hold: PauseReason = PauseReason()) -> None:
         """Do what is to be done between ticks; while paused, wait."""
         waits, begun = False, self.clock.now()
         while True:
@@ -273,7 +273,7 @@ class Executor:
             self._waited += self.clock.now() - begun
             self._tell(None)
 
-    def _tell(self, hold: Hold | None) -> None:
+    def _tell(self, hold: PauseReason | None) -> None:
         self._hold = hold
         for watcher in self.watchers:
             watcher.held(hold)

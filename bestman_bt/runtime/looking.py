@@ -35,7 +35,7 @@ TREE = "look"
 
 
 @dataclass(frozen=True, eq=False)
-class Look:
+class LookResult:
     """What one stand before ``furniture`` gave: the views in the order taken, all marks in the map frame, failures."""
 
     furniture: str
@@ -50,7 +50,7 @@ def furniture_to_look_at(asked: RunRequest) -> dict[str, MapFurniture]:
     return dict(semantic_map(draw_world(load_scene(config.task.scene, config.scene_settings), asked.seed)).furniture)
 
 
-def look_at(furniture: MapFurniture, stand: RunConfig | Setup, views: int = 1) -> Look:
+def look_at(furniture: MapFurniture, stand: RunConfig | Setup, views: int = 1) -> LookResult:
     """Run the tree ``look`` on a robot that is ``standing_before`` the furniture; raises as ``prepare``."""
     with open_session(stand) as session:
         under = session.skills.world.map.standing_under(furniture.name)
@@ -68,12 +68,12 @@ def look_at(furniture: MapFurniture, stand: RunConfig | Setup, views: int = 1) -
             "views": views,
         }
         session.run(TREE)
-        return Look(furniture.name, tuple(seen), scene_marks(session.skills), tuple(session.skills.failures))
+        return LookResult(furniture.name, tuple(seen), scene_marks(session.skills), tuple(session.skills.failures))
 
 
-def unseen(furniture: str, code: str, why: Exception) -> Look:
+def unseen(furniture: str, code: str, why: Exception) -> LookResult:
     """What is told of furniture that could not be looked at."""
-    return Look(furniture, (), SceneMarks(), (NodeFailure("", code, str(why)),))
+    return LookResult(furniture, (), SceneMarks(), (NodeFailure("", code, str(why)),))
 
 
 def standing_before(furniture: MapFurniture, asked: RunRequest) -> RunConfig:

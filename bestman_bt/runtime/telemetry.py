@@ -33,7 +33,7 @@ from bestman_bt.records.keeping import Keeping
 from bestman_bt.records.writer import RunLogWriter
 from bestman_bt.runtime.blackboard_changes import BlackboardChanges, blackboard_event
 from bestman_bt.runtime.event_stream import LOGS, EventStream, Tell
-from bestman_bt.runtime.executor import Ending, Execution, Executor, Hold
+from bestman_bt.runtime.executor import Ending, Execution, Executor, PauseReason
 from bestman_bt.runtime.failure_lines import FailureLines, failure_codes
 from bestman_bt.runtime.outbox import Outbox
 
@@ -319,7 +319,7 @@ class Telemetry:
         if self._attached:
             self._tell_blackboard(self.now(), self._executor.ticks)
 
-    def held(self, hold: Hold | None) -> None:
+    def held(self, hold: PauseReason | None) -> None:
         """As a watcher of the executor."""
         if hold is None:
             self.tell(ResumedEvent(self.now()))

@@ -85,7 +85,7 @@ class MotionWriter:
 
 
 @dataclass(frozen=True, eq=False)
-class Motion:
+class MotionRecord:
     """A run's moments.
 
     ``times``: (N,) seconds since the first, rising. ``ticks``: (N,). ``base``: (N, 7) position and quaternion xyzw,
@@ -131,7 +131,7 @@ def _between(before: NDArray[np.float64], after: NDArray[np.float64], share: flo
     return Pose((1.0 - share) * before[:3] + share * after[:3], quaternion / np.linalg.norm(quaternion))
 
 
-def read_motion(path: Path) -> Motion:
+def read_motion(path: Path) -> MotionRecord:
     """Read a file; of a run that was killed, up to the last whole line.
 
     Raises RecordingError where it is none, or damaged.
@@ -159,7 +159,7 @@ def read_motion(path: Path) -> Motion:
     except (ValueError, TypeError, KeyError, RecursionError) as error:
         raise RecordingError(f"{path}:{number}: no motion of a run: {error}") from error
     poses = 9 + len(joints)
-    return Motion(
+    return MotionRecord(
         joints,
         bodies,
         rows[:, 0],

@@ -23,13 +23,13 @@ from scipy.spatial import cKDTree
 
 from bestman_bt.messages.shapes import Count, Positive, Share, WholeNumber
 from bestman_bt.navigation.global_planning.polyline_planner import PolylinePlanner
-from bestman_bt.navigation.global_planning.room import Room
+from bestman_bt.navigation.global_planning.room import FreeSpace
 
 _NEAR = 0.3
 """Metres beyond the distance at which the base can turn that count as near an obstacle."""
 
 
-def turning_places(room: Room, count: int, near_obstacles: float, rng: np.random.Generator) -> NDArray[np.float64]:
+def turning_places(room: FreeSpace, count: int, near_obstacles: float, rng: np.random.Generator) -> NDArray[np.float64]:
     """Up to ``count`` points (N, 2), metres; a share of ``near_obstacles`` is drawn near these.
 
     In doorways samples are rare otherwise (Boor, Overmars and van der Stappen, "The Gaussian sampling strategy for
@@ -68,7 +68,7 @@ class RRTStar(PolylinePlanner):
 
     TURNS_EVERYWHERE = (False,)
 
-    def way(self, start: NDArray[np.float64], goal: NDArray[np.float64], room: Room) -> NDArray[np.float64] | None:
+    def way(self, start: NDArray[np.float64], goal: NDArray[np.float64], room: FreeSpace) -> NDArray[np.float64] | None:
         """See the base class."""
         samples = turning_places(room, self.samples, self.near_obstacles, np.random.default_rng(self.seed))
         tree = _Tree(start, len(samples) + len(samples) // self.goal_every + 2, room, self)
@@ -82,7 +82,7 @@ class RRTStar(PolylinePlanner):
 
 
 class _Tree:
-    def __init__(self, root: NDArray[np.float64], size: int, room: Room, planner: RRTStar) -> None:
+    def __init__(self, root: NDArray[np.float64], size: int, room: FreeSpace, planner: RRTStar) -> None:
         self._room, self._planner = room, planner
         self._points = np.empty((size, 2))
         self._points[0] = root
@@ -160,7 +160,7 @@ class PRM(PolylinePlanner):
 
     TURNS_EVERYWHERE = (False,)
 
-    def way(self, start: NDArray[np.float64], goal: NDArray[np.float64], room: Room) -> NDArray[np.float64] | None:
+    def way(self, start: NDArray[np.float64], goal: NDArray[np.float64], room: FreeSpace) -> NDArray[np.float64] | None:
         """See the base class."""
         rng = np.random.default_rng(self.seed)
         places = np.vstack([start, goal, turning_places(room, self.samples, self.near_obstacles, rng)])

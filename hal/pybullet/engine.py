@@ -16,7 +16,7 @@ from hal.pybullet.package import pybullet
 from hal.pybullet.parameters import PhysicsParameters
 from hal.pybullet.pictures import photo, projection_matrix, view_matrices
 from hal.pybullet.world_builder import build_world
-from hal.simulation import Contact, Engine, LinkMotion, Viewpoint
+from hal.simulation import ContactPoint, Engine, LinkMotion, Viewpoint
 from hal.simulation.bodies import JointStates, Quaternion, Vector
 
 Array = NDArray[np.float64]
@@ -134,11 +134,13 @@ class PyBulletEngine(Engine):
         states = self._free.getLinkStates(body, list(links), computeLinkVelocity=1)
         return [LinkMotion(state[0], state[6], state[7]) for state in states]
 
-    def contacts(self, body: int | None = None, link: int | None = None, other: int | None = None) -> Sequence[Contact]:
+    def contacts(
+        self, body: int | None = None, link: int | None = None, other: int | None = None
+    ) -> Sequence[ContactPoint]:
         """Bullet's points, without their first field, a flag."""
         which = {"bodyA": body, "linkIndexA": link, "bodyB": other}
         found = self._free.getContactPoints(**{key: value for key, value in which.items() if value is not None})
-        return [Contact._make(point[1:]) for point in found]
+        return [ContactPoint._make(point[1:]) for point in found]
 
     def gaps(self, body: int, other: int, within: float, link: int | None = None) -> Sequence[float]:
         """Between convex parts."""

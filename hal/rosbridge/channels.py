@@ -9,7 +9,7 @@ from bestman_bt.messages import Pose2D, Twist2D, wrap_angle
 from hal.parts import BaseChannel, BaseReading, JointChannel, JointReading
 from hal.rosbridge import decoding
 from hal.rosbridge.decoding import Message
-from hal.rosbridge.link import RosLink, Stream
+from hal.rosbridge.link import RosLink, TopicStream
 from hal.rosbridge.options import RosbridgeOptions
 
 Array = NDArray[np.float64]
@@ -20,7 +20,9 @@ REACH_PERIODS = 1.5
 class RosBase(BaseChannel):
     """Publishes ``Twist`` or ``TwistStamped``; a base of ROS lets velocities lapse by itself, as this stack's do."""
 
-    def __init__(self, link: RosLink, topic: str, options: RosbridgeOptions, odometry: Stream[BaseReading]) -> None:
+    def __init__(
+        self, link: RosLink, topic: str, options: RosbridgeOptions, odometry: TopicStream[BaseReading]
+    ) -> None:
         self._link, self._topic, self._options, self._odometry = link, topic, options, odometry
 
     @property
@@ -98,7 +100,7 @@ class RosJoints(JointChannel):
         topic: str,
         ros_names: tuple[str, ...],
         options: RosbridgeOptions,
-        states: Stream[JointReading],
+        states: TopicStream[JointReading],
     ) -> None:
         self._link, self._topic, self._names, self._states = link, topic, ros_names, states
         nanoseconds = int(1e9 * REACH_PERIODS / options.rate)

@@ -33,7 +33,7 @@ from hal.hardware.sensors import is_another_camera, lens_differences
 from hal.parts import ConnectionFailedError, DrivenBase, JointReading, StopLatch, StreamedJointGroup
 from hal.rosbridge import decoding
 from hal.rosbridge.channels import RosBase, RosJoints, TransformOdometry, joint_reading
-from hal.rosbridge.link import RosLink, Stream
+from hal.rosbridge.link import RosLink, TopicStream
 from hal.rosbridge.options import TOPICS, RosbridgeOptions
 
 # An RGB-D camera behind ROS: compressed colour and depth, subscribed to only while somebody waits for an image.
@@ -59,12 +59,12 @@ class RosCamera:
         self._lock = threading.Lock()
         ros_time = RemoteTime()
 
-        def stream(what: str, decode: Any) -> Stream[Any]:
-            return Stream(name, options.topic("camera", name, what), decode, clock, ros_time, longest_age=2.0)
+        def stream(what: str, decode: Any) -> TopicStream[Any]:
+            return TopicStream(name, options.topic("camera", name, what), decode, clock, ros_time, longest_age=2.0)
 
-        self.info: Stream[CameraIntrinsics] = stream("info", lambda message, at: decoding.intrinsics(message))
-        self._color: Stream[Mapping[str, Any]] = stream("color", lambda message, at: message)
-        self._depth: Stream[Mapping[str, Any]] = stream("depth", lambda message, at: message)
+        self.info: TopicStream[CameraIntrinsics] = stream("info", lambda message, at: decoding.intrinsics(message))
+        self._color: TopicStream[Mapping[str, Any]] = stream("color", lambda message, at: message)
+        self._depth: TopicStream[Mapping[str, Any]] = stream("depth", lambda message, at: message)
 
     def check(self) -> tuple[str, ...]:
         """In what its lens differs from the robot file's; ConnectionFailedError where it is another camera."""
@@ -146,9 +146,9 @@ class RosbridgeConnection(Connection):
         options: RosbridgeOptions = self.options
         self._stale_after = self.limits.watchdog + STALE_TIME
         self._link = RosLink(self.name, self.clock)
-        self._frames: list[tuple[Stream[Any], str]] = []  # and the frames that they are to be in
-        self._streams: list[tuple[Stream[Any], str, float]] = []  # with message types and periods
-        self._watched: list[Stream[Any]] = []
+        self._frames: list[tuple[TopicStream[Any], str]] = []  # and the frames that they are to be in
+        self._streams: list[tuple[TopicStream[Any], str, float]] = []  # with message types and periods
+        self._watched: list[TopicStream[Any]] = []
         self._cameras: list[RosCamera] = []
         self._outputs: dict[str, str] = {}
         self._driven: list[DrivenBase | StreamedJointGroup] = []
@@ -259,7 +259,7 @@ class RosbridgeConnection(Connection):
         model = self.model.of(JointGroupModel)[name]
         ros_names = tuple(options.joints.get(joint, joint) for joint in model.joint_names)
         topic = options.topic("joint_group", name, "states")
-        states: Stream[JointReading] = self._stream(
+        states: TopicStream[JointReading] = self._stream(
             name, topic, lambda message, at: joint_reading(ros_names, message), self._stale_after
         )
         self._listen(states, "sensor_msgs", "JointState", watched=True)
@@ -288,11 +288,11 @@ class RosbridgeConnection(Connection):
         part: Part = make(name, models[name], self.latch, stream.read)
         return part
 
-    def _stream(self, part: str, topic: str, decode: Any, longest_age: float, header: Any = None) -> Stream[Any]:
+    def _stream(self, part: str, topic: str, decode: Any, longest_age: float, header: Any = None) -> TopicStream[Any]:
         keywords = {} if header is None else {"header": header}
-        return Stream(part, topic, decode, self.clock, RemoteTime(), longest_age, **keywords)
+        return TopicStream(part, topic, decode, self.clock, RemoteTime(), longest_age, **keywords)
 
-    def _expect_frame(self, stream: Stream[Any], part: str, frame: str) -> None:
+    def _expect_frame(self, stream: TopicStream[Any], part: str, frame: str) -> None:
         self._frames.append((stream, self.options.frames.get(part, frame)))
 
     def _check_frames(self) -> None:
@@ -304,7 +304,9 @@ class RosbridgeConnection(Connection):
                     f"if both are the same place, write {what}: {stream.frame!r}"
                 )
 
-    def _listen(self, stream: Stream[Any], package: str, kind: str, watched: bool = False, period: float = 0.0) -> None:
+    def _listen(
+        self, stream: TopicStream[Any], package: str, kind: str, watched: bool = False, period: float = 0.0
+    ) -> None:
         self._streams.append((stream, self.options.message_type(package, kind), period))
         if watched:
             self._watched.append(stream)

@@ -22,7 +22,7 @@ from hal.rosbridge.decoding import Message, stamp
 Value = TypeVar("Value")
 
 
-class Stream(Generic[Value]):
+class TopicStream(Generic[Value]):
     """One topic. ``decode(message, stamp)`` gives its value, None where the message is about something else.
 
     ``ros_time``: shared by the streams of a part, whose stamps are compared. ``longest_age``: seconds after which the

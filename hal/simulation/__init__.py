@@ -1,7 +1,7 @@
 """A simulated robot over any physics engine: channels, sensors, and who watches that a run is honest."""
 
 from hal.simulation.audit_record import AuditRecord, ContactIncident, DisturbanceEvent, Finding, Ledger, Penetration
-from hal.simulation.bodies import BuiltWorld, Contact, LinkMotion, SimulationError, Viewpoint
+from hal.simulation.bodies import BuiltWorld, ContactPoint, LinkMotion, SimulationError, Viewpoint
 from hal.simulation.camera import ScenePhotographer
 from hal.simulation.disturbance_injector import DisturbanceInjector
 from hal.simulation.engine import Engine
@@ -15,8 +15,8 @@ from hal.simulation.sensor_pipeline import SensorFault, SimulatedSensor
 __all__ = [
     "AuditRecord",
     "BuiltWorld",
-    "Contact",
     "ContactIncident",
+    "ContactPoint",
     "DisturbanceEvent",
     "DisturbanceInjector",
     "Engine",

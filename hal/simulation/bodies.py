@@ -101,7 +101,7 @@ class LinkMotion(NamedTuple):
     angular: Vector
 
 
-class Contact(NamedTuple):
+class ContactPoint(NamedTuple):
     """One point in which two bodies touch or nearly do; metres, newtons and unit vectors in the map frame.
 
     ``normal``: of the second body, towards the first. ``distance``: negative where they overlap. Forces on the first

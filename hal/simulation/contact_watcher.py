@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from bestman_bt.robot_model import BaseModel, GripperModel, LeggedBaseModel, SuctionPart, WheeledBaseModel
 from hal.simulation.audit_record import Body, ContactIncident, Penetration
-from hal.simulation.bodies import BodyState, BuiltWorld, Contact
-from hal.simulation.observation import Observation
+from hal.simulation.bodies import BodyState, BuiltWorld, ContactPoint
+from hal.simulation.observation import SimulationState
 from hal.simulation.simulation import Simulation
 
 FORCE_THRESHOLD = 1.0
@@ -56,7 +56,7 @@ class ContactWatcher:
         self.robot_forces: defaultdict[int, float] = defaultdict(float)
         self.touched: set[int] = set()
 
-    def watch(self, observation: Observation, falling: Collection[str] = ()) -> None:
+    def watch(self, observation: SimulationState, falling: Collection[str] = ()) -> None:
         """Take in one observation.
 
         ``falling``: objects on their way out of the hand: how hard they hit what they fall on is not the robot's doing.
@@ -199,7 +199,7 @@ class ApproachWatcher:
         self._before: BodyState | None = None
         self._touches: dict[Pair, _Touch] = {}
 
-    def take(self, contact: Contact, observation: Observation, period: float) -> None:
+    def take(self, contact: ContactPoint, observation: SimulationState, period: float) -> None:
         """A contact between the robot and a walker, whichever of them comes first."""
         body_a, body_b, link_a, link_b, on_a, _, normal_on_b, *_ = contact
         first = body_a == self._robot
@@ -223,7 +223,7 @@ class ApproachWatcher:
         touch = self._touches.get((link, other))
         return touch is None or touch.ours
 
-    def look_ends(self, observation: Observation) -> None:
+    def look_ends(self, observation: SimulationState) -> None:
         """The next contacts belong to the next look."""
         self._before = observation.bodies[self._robot]
 

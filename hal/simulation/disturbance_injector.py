@@ -9,7 +9,7 @@ import numpy as np
 from bestman_bt.messages import Pose
 from hal.simulation.audit_record import DisturbanceEvent, Finding
 from hal.simulation.bodies import among
-from hal.simulation.doors import Hand, Push
+from hal.simulation.doors import DoorPush, Hand
 from hal.simulation.guards import ReadPurpose
 from hal.simulation.robot import SimulatedRobot
 
@@ -36,7 +36,7 @@ PUSH_EFFORT = {"prismatic": 30.0, "revolute": 10.0}
 @dataclass
 class _Push:
     event: DisturbanceEvent
-    push: Push
+    push: DoorPush
     until: float
 
 
@@ -105,7 +105,7 @@ class DisturbanceInjector:
         leaf = self._leaves[articulation]
         if any(running.push.place == place for running in self._pushes) or self._near_robot(*place):
             return None
-        push = Push(place, leaf, 0.0, speed, PUSH_EFFORT[leaf.kind])
+        push = DoorPush(place, leaf, 0.0, speed, PUSH_EFFORT[leaf.kind])
         until, text = self._now + PUSH_TIME, f"somebody pushes {articulation} shut"
         event = DisturbanceEvent(self._now, until + ENDS_WITHIN, "push", articulation, text)
         self._pushes.append(_Push(event, push, until))

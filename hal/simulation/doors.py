@@ -68,7 +68,7 @@ ARRIVED: dict[JointKind, float] = {"revolute": math.radians(1.0), "prismatic": 0
 
 
 @dataclass(frozen=True)
-class Push:
+class DoorPush:
     """``place``: body and joint. It moves ``to`` (radians or metres open) at ``speed`` (per second).
 
     ``effort``: N m or N at most, beyond the friction of the joint.
@@ -87,7 +87,7 @@ class Hand:
     def __init__(self, engine: Engine) -> None:
         self._engine = engine
 
-    def push(self, push: Push) -> bool:
+    def push(self, push: DoorPush) -> bool:
         """Push on for one control period; True, and lets go, once it has arrived."""
         left = push.to - _position(self._engine, push.place)
         if abs(left) < ARRIVED[push.leaf.kind]:
@@ -96,13 +96,13 @@ class Hand:
         self._turn(push, math.copysign(push.speed, left), push.leaf.friction + push.effort)
         return False
 
-    def rest(self, push: Push) -> None:
+    def rest(self, push: DoorPush) -> None:
         """Let go of it: its friction, and near the closed position its latch, are what holds it again."""
         leaf = push.leaf
         caught = abs(_position(self._engine, push.place)) < LATCH_TRAVEL[leaf.kind]
         self._turn(push, 0.0, leaf.friction + leaf.latch if caught else leaf.friction)
 
-    def _turn(self, push: Push, speed: float, effort: float) -> None:
+    def _turn(self, push: DoorPush, speed: float, effort: float) -> None:
         body, joint = push.place
         self._engine.turn(body, [joint], [speed], [effort])
 
@@ -118,7 +118,7 @@ class _Script:
     """``middle``: of its frame, x and y in the map. ``phase``: 0 waits, 1 moves, 2 rests."""
 
     door: MovingDoor
-    push: Push
+    push: DoorPush
     middle: tuple[float, float]
     phase: int = 0
 
@@ -133,7 +133,7 @@ class MovingDoors:
             piece = next(p for p in world.furniture if p.name == door.leaf.partition("/")[0])
             leaf = next(a for a in piece.model.articulations if a.name == door.leaf.partition("/")[2])
             middle = (piece.actual.x, piece.actual.y)
-            push = Push(engine.built.articulations[door.leaf], leaf, door.to, door.speed, door.torque)
+            push = DoorPush(engine.built.articulations[door.leaf], leaf, door.to, door.speed, door.torque)
             self._scripts.append(_Script(door, push, middle))
         self.log: list[Finding] = []
 

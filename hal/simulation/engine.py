@@ -11,7 +11,16 @@ from numpy.typing import NDArray
 
 from bestman_bt.messages import CameraIntrinsics, Pose
 from hal.simulation.audit_record import Ledger
-from hal.simulation.bodies import Array, BuiltWorld, Contact, JointStates, LinkMotion, Quaternion, Vector, Viewpoint
+from hal.simulation.bodies import (
+    Array,
+    BuiltWorld,
+    ContactPoint,
+    JointStates,
+    LinkMotion,
+    Quaternion,
+    Vector,
+    Viewpoint,
+)
 
 
 class Engine(ABC):
@@ -82,7 +91,9 @@ class Engine(ABC):
         """Of links other than the root, as the latest step left them."""
 
     @abstractmethod
-    def contacts(self, body: int | None = None, link: int | None = None, other: int | None = None) -> Sequence[Contact]:
+    def contacts(
+        self, body: int | None = None, link: int | None = None, other: int | None = None
+    ) -> Sequence[ContactPoint]:
         """All contacts, or those of a body, which is the first in them then: of one of its links, with one other."""
 
     @abstractmethod

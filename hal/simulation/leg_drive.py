@@ -9,7 +9,7 @@ from bestman_bt.messages import Twist2D
 from bestman_bt.robot_model import LeggedBaseModel, Payload
 from hal.api import Imu, NoDataError
 from hal.parts import BaseChannel, BaseReading
-from hal.parts.legged import Walker
+from hal.parts.legged import TrotGait
 from hal.simulation.parameters import SimulationParameters
 from hal.simulation.simulation import SimulatedChannel, Simulation
 
@@ -67,6 +67,6 @@ class LegDrive(SimulatedChannel, BaseChannel):
         simulation.torques[self._slots] = torques
         self.motors.exert(self._indices, torques)
 
-    def _new_walker(self) -> Walker:
+    def _new_walker(self) -> TrotGait:
         legs = self._model.legs
-        return Walker(legs, self._model.part.stand_height - legs[0].foot_radius, self._body)
+        return TrotGait(legs, self._model.part.stand_height - legs[0].foot_radius, self._body)

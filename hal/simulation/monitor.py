@@ -16,7 +16,7 @@ from hal.simulation.contact_watcher import ContactWatcher
 from hal.simulation.door_watcher import DoorWatcher
 from hal.simulation.guards import Reader, ReadPurpose
 from hal.simulation.motion_watcher import MotionWatcher
-from hal.simulation.observation import Observation, Observer
+from hal.simulation.observation import Observer, SimulationState
 from hal.simulation.simulation import Simulation
 
 # Watches for objects that move with a hand that does not press on them: glue, whatever it is made of.
@@ -48,14 +48,14 @@ class AttachmentCheck:
         self._leaves = set(built.articulations.values())
         self._joint_states = reader.joint_states
         length = max(2, round(WINDOW * parameters.step_rate / parameters.monitor_every))
-        self._history: deque[tuple[Observation, dict[int, float]]] = deque(maxlen=length)
+        self._history: deque[tuple[SimulationState, dict[int, float]]] = deque(maxlen=length)
         self._drawers: deque[dict[int, tuple[Leaf, float]]] = deque(maxlen=length)
         self._following: set[int] = set()
         self._looks = 0
         self.findings: list[Finding] = []
 
     def watch(
-        self, observation: Observation, robot_forces: Mapping[int, float], put_down: Collection[int] = ()
+        self, observation: SimulationState, robot_forces: Mapping[int, float], put_down: Collection[int] = ()
     ) -> None:
         """Take in one observation and the normal forces of the robot on each body.
 
@@ -85,7 +85,7 @@ class AttachmentCheck:
                 text = f"{self._names[body]} moved {1e3 * moved:.1f} mm with {self._link_names[finger]}, unpressed"
                 self.findings.append(Finding(observation.stamp, text))
 
-    def _finger_that_moved_alike(self, body: int, then: Observation, now: Observation) -> int | None:
+    def _finger_that_moved_alike(self, body: int, then: SimulationState, now: SimulationState) -> int | None:
         object_motion = _difference(now.bodies[body].position, then.bodies[body].position)
         for finger, position in now.fingers.items():
             finger_motion = _difference(position, then.fingers[finger])
@@ -98,7 +98,7 @@ class AttachmentCheck:
         mean = sum(forces.get(body, 0.0) for _, forces in self._history) / len(self._history)
         return bool(mean > PRESSING_SHARE * self._weights[body])
 
-    def _drawers_below(self, observation: Observation) -> dict[int, tuple[Leaf, float]]:
+    def _drawers_below(self, observation: SimulationState) -> dict[int, tuple[Leaf, float]]:
         """For objects that touch a door or drawer: which, and how far that is open."""
         below: dict[int, tuple[Leaf, float]] = {}
         if not self._leaves:
@@ -116,7 +116,7 @@ class AttachmentCheck:
         return len(seen) > 1 and seen[0][0] == seen[-1][0] and abs(seen[-1][1] - seen[0][1]) > MOVED / 2
 
     @staticmethod
-    def _is_rolling(body: int, now: Observation) -> bool:
+    def _is_rolling(body: int, now: SimulationState) -> bool:
         return math.hypot(*now.bodies[body].angular) > ROLLING
 
 
@@ -274,7 +274,7 @@ class AuditMonitor:
             if event.kind == kind and event.stamp <= now <= event.until and not self.disturbance_log.rests(event)
         )
 
-    def _put_down(self, observation: Observation) -> set[int]:
+    def _put_down(self, observation: SimulationState) -> set[int]:
         """The objects that somebody has put, since the look before, where they are now."""
         objects = self._simulation.built.objects
         new, self._new = self._new, []

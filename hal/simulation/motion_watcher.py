@@ -12,7 +12,7 @@ from bestman_bt.robot_model import ArmModel, GripperModel, JointGroupModel, Legg
 from hal.simulation.audit_record import Finding
 from hal.simulation.bodies import BodyState
 from hal.simulation.guards import Reader
-from hal.simulation.observation import Observation
+from hal.simulation.observation import SimulationState
 from hal.simulation.simulation import Simulation
 
 # Metres, radians, seconds. A body is integrated in every step while it is awake; one that rests has WAKING to begin to
@@ -68,7 +68,7 @@ class MotionWatcher:
         # Infinite for the wheels, which have no limits: they slip and stutter, and no pose hangs on them.
         period = simulation.parameters.monitor_every * self._time_step
         self._stutter = JOINT_JUMP + STUTTER * period * speed
-        self._before: Observation | None = None
+        self._before: SimulationState | None = None
         self._drift: dict[int, list[float]] = {body: [0.0] * 3 for body in self._names}
         self.awake: list[int] = list(self._names)
         self._awake_until = dict.fromkeys(self._names, 0.0)
@@ -82,7 +82,7 @@ class MotionWatcher:
 
     def watch(
         self,
-        observation: Observation,
+        observation: SimulationState,
         touched: set[int],
         robot_forces: Mapping[int, float],
         put_down: Collection[int] = (),
@@ -121,7 +121,7 @@ class MotionWatcher:
             path[2] += z * step
             path[3] += (a * a + b * b + c * c) ** 0.5 * step
 
-    def _begin_anew(self, put_down: Collection[int], observation: Observation) -> Observation | None:
+    def _begin_anew(self, put_down: Collection[int], observation: SimulationState) -> SimulationState | None:
         """The look before, as if what was put down since then had always been where it is."""
         if self._before is None:
             return None
@@ -133,7 +133,7 @@ class MotionWatcher:
         there = {body: observation.bodies[body] for body in put_down}
         return self._before._replace(bodies={**self._before.bodies, **there})
 
-    def _wake(self, observation: Observation, robot_forces: Mapping[int, float]) -> None:
+    def _wake(self, observation: SimulationState, robot_forces: Mapping[int, float]) -> None:
         """Bodies that moved or that the robot touched a moment ago are integrated in every step until the next look."""
         for body, state in observation.bodies.items():
             speed = math.hypot(*state.linear) + 0.1 * math.hypot(*state.angular)
@@ -177,7 +177,7 @@ class MotionWatcher:
             self.jumps.append(Finding(stamp, text))
 
     def _watch_free_fall(
-        self, body: int, old: BodyState, observation: Observation, time: float, touched: set[int]
+        self, body: int, old: BodyState, observation: SimulationState, time: float, touched: set[int]
     ) -> None:
         """What touches nothing falls with g."""
         if body in touched or body in self._touched_before:
@@ -196,7 +196,7 @@ class MotionWatcher:
         if self._afloat[body] == RESTS_ON_NOTHING:
             self.unexplained_forces.append(Finding(stamp, f"{self._objects[body]} rests on nothing and does not fall"))
 
-    def _watch_joints(self, before: Observation, observation: Observation, time: float) -> None:
+    def _watch_joints(self, before: SimulationState, observation: SimulationState, time: float) -> None:
         """Motors and bumps make joints stutter between two looks, but not faster than their top speed."""
         old, new = before.joints, observation.joints
         change = new[:2] - old[:2]
@@ -207,7 +207,7 @@ class MotionWatcher:
                 text = f"{self._joint_names[slot]} jumped by {change[0, slot]:.4f}"
                 self.jumps.append(Finding(observation.stamp, text))
 
-    def _watch_limits(self, observation: Observation) -> None:
+    def _watch_limits(self, observation: SimulationState) -> None:
         states = observation.joints[:2]
         beyond = (states < self._least) | (states > self._most)
         if beyond.any():

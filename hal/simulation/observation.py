@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.robot_model import GripperModel
-from hal.simulation.bodies import BodyState, Contact, Vector
+from hal.simulation.bodies import BodyState, ContactPoint, Vector
 from hal.simulation.guards import Reader
 from hal.simulation.simulation import Simulation
 
 
-class Observation(NamedTuple):
+class SimulationState(NamedTuple):
     """``bodies``: objects and the robot's root link, by body. ``contacts``: all.
 
     ``joints``: rows position, velocity, effort of the driven joints. ``fingers``: link → position (3,).
@@ -22,7 +22,7 @@ class Observation(NamedTuple):
 
     stamp: float
     bodies: dict[int, BodyState]
-    contacts: Sequence[Contact]
+    contacts: Sequence[ContactPoint]
     joints: NDArray[np.float64]
     fingers: dict[int, Vector]
 
@@ -43,13 +43,13 @@ class Observer:
         self._pose, self._velocity, self._links = reader.body_pose, reader.body_velocity, reader.link_motions
         self._reader = reader
 
-    def observe(self) -> Observation:
+    def observe(self) -> SimulationState:
         """Look now."""
         simulation = self._simulation
         pose, velocity = self._pose, self._velocity
         bodies = {body: BodyState(*pose(body), *velocity(body)) for body in self._bodies}
         links = self._links(self._robot, self._fingers) if self._fingers else ()
-        return Observation(
+        return SimulationState(
             stamp=simulation.elapsed,
             bodies=bodies,
             contacts=simulation.contacts(self._reader),

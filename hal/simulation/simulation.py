@@ -16,7 +16,7 @@ from bestman_bt.robot_model import BaseModel, GripperModel, JointedModel, RobotM
 from bestman_bt.scene import Walker, World
 from hal.api import NotConnectedError
 from hal.simulation.audit_record import Finding
-from hal.simulation.bodies import Array, Contact, SimulationError
+from hal.simulation.bodies import Array, ContactPoint, SimulationError
 from hal.simulation.doors import Latches, MovingDoors
 from hal.simulation.engine import Engine
 from hal.simulation.guards import GuardedEngine, Reader, ReadPurpose
@@ -184,7 +184,7 @@ class Simulation:
         self._states: Array = np.zeros((3, len(self._joints)))
         self.torques: Array = np.full(len(self._joints), np.nan)
         self._read_at = -1
-        self._contacts: Sequence[Contact] = ()
+        self._contacts: Sequence[ContactPoint] = ()
         self._contacts_at = -1
         self.ledger.seal()
 
@@ -253,7 +253,7 @@ class Simulation:
         """What motors exert at the driven joints; where torques are commanded, the engine's own figure is stale."""
         return np.where(np.isnan(self.torques), self.joint_states()[2], self.torques)
 
-    def contacts(self, reader: Reader) -> Sequence[Contact]:
+    def contacts(self, reader: Reader) -> Sequence[ContactPoint]:
         """All contacts; read once per step at most, for all who ask.
 
         To ask for those of the robot alone costs as much.

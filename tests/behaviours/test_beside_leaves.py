@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from behaviours.furniture.close import ROOM, pushes
-from behaviours.furniture.leaf import BASE_GAP, SAME_STAND, Leaf, LeafWay, room_beside, world_at_leaf
+from behaviours.furniture.leaf import BASE_GAP, SAME_STAND, FurnitureLeaf, LeafWay, room_beside, world_at_leaf
 from behaviours.furniture.leaf_motion import UNSURE, withdraw
 from bestman_bt.engine import SUCCESS
 from bestman_bt.manipulation.kinematics import body_between
@@ -22,7 +22,7 @@ from tests.behaviours.test_leaf_seen import leaf_and_handle
 DRAWER, DOOR = ("drawer_chest", "drawer_2"), ("fridge", "upper_door")
 
 
-def standing_at(name: str, part: str, position: float = 0.0) -> tuple[Any, Leaf, Handle]:
+def standing_at(name: str, part: str, position: float = 0.0) -> tuple[Any, FurnitureLeaf, Handle]:
     """Skills on whose map the leaf is, as open as is said, with its handle."""
     leaf, handle = leaf_and_handle(name, part, position)
     skills = scripted_skills("fetch_from_drawer")
@@ -78,7 +78,7 @@ def test_a_base_stands_where_its_body_is_clear_of_where_the_leaf_passes(
 def test_asked_again_it_gives_another_stand(leaf_name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     skills, leaf, handle = standing_at(*DRAWER, 0.2)
 
-    def first(skills_of_leaf: Any, leaf_of_way: Leaf, ways: Any) -> list[SimpleNamespace]:
+    def first(skills_of_leaf: Any, leaf_of_way: FurnitureLeaf, ways: Any) -> list[SimpleNamespace]:
         way: LeafWay = next(iter(ways))
         return [SimpleNamespace(pose=way.stands[0])]
 

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from behaviours.furniture.close import Push, pushes
-from behaviours.furniture.leaf import Leaf, find_leaf
+from behaviours.furniture.close import FrontPush, pushes
+from behaviours.furniture.leaf import FurnitureLeaf, find_leaf
 from bestman_bt.messages import Box, Pose
 from bestman_bt.perception.grasp_pose import HandShape, HandSize
 from bestman_bt.scene import read_furniture
@@ -21,7 +21,7 @@ from tests.behaviours.scripted import scripted_skills
 CLOSED_FINGERS = np.zeros(1)
 
 
-def standing_open(task: str, articulation: str, position: float, handle_seen: bool = True) -> tuple[Any, Leaf]:
+def standing_open(task: str, articulation: str, position: float, handle_seen: bool = True) -> tuple[Any, FurnitureLeaf]:
     """Skills that believe a leaf to be open by ``position``, with its handle where it truly is on it."""
     skills = scripted_skills(task)
     leaf = find_leaf(skills, articulation)
@@ -48,12 +48,12 @@ def surface(box: Box, pose: Pose) -> np.ndarray:
     return pose.apply(np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 3))
 
 
-def hands_of(push: Push) -> list[Pose]:
+def hands_of(push: FrontPush) -> list[Pose]:
     """The hand in the map frame with each tilt, with the leaf where it is first."""
     return push.stations()[0]
 
 
-def tilts_of_level_hands(skills: Any, leaf: Leaf) -> dict[tuple[tuple[float, ...], float], tuple[float, ...]]:
+def tilts_of_level_hands(skills: Any, leaf: FurnitureLeaf) -> dict[tuple[tuple[float, ...], float], tuple[float, ...]]:
     """By pushed point and roll of the hand."""
     level = takewhile(lambda push: push.pitch == 0.0, pushes(skills, leaf))
     return {(tuple(push.point), push.roll): push.tilts for push in level}

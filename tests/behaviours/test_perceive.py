@@ -102,7 +102,7 @@ def test_views_that_fit_together_less_surely_than_is_asked_change_no_belief(
     monkeypatch.setattr(
         "behaviours.manipulation.second_look.only_nearest", lambda *_: SimpleNamespace(detections=(seen,))
     )
-    monkeypatch.setattr("bestman_bt.perception.pose_estimation.Observation", lambda *_: None)
+    monkeypatch.setattr("bestman_bt.perception.pose_estimation.ViewObservation", lambda *_: None)
     assert run(skills, load(skills, '<SecondLook object="cup" min_confidence="0.6"/>')) == status
     assert (skills.world.objects["cup"] is before) is (status == FAILURE)
     assert codes(skills) == (["object_lost"] if status == FAILURE else [])

@@ -10,7 +10,7 @@ from bestman_bt.configuration import load_run
 from bestman_bt.evaluation.code_version import code_fingerprint, config_fingerprint
 from bestman_bt.evaluation.evaluation import Evaluation
 from bestman_bt.evaluation.journal import EpisodeKey, Journal
-from bestman_bt.evaluation.suite import Entry, EntryConfig, Suite
+from bestman_bt.evaluation.suite import EntryConfig, Suite, SuiteEntry
 from tests.evaluation.test_summary import result
 
 
@@ -19,7 +19,7 @@ def finished_evaluation(folder: Path, entries: Mapping[str, str], episodes: int 
     made = []
     for name, setting in entries.items():
         config = load_run("fetch_cup", seed=first_seed, settings=[setting])
-        made.append(Entry(name, config, episodes, EntryConfig(settings=(setting,))))
+        made.append(SuiteEntry(name, config, episodes, EntryConfig(settings=(setting,))))
     with Journal(folder / "episodes.jsonl") as journal:
         for entry in made:
             for seed in range(first_seed, first_seed + episodes):

@@ -17,7 +17,7 @@ from bestman_bt.evaluation.episode_measures import DrivenPath, MotionLog
 from bestman_bt.evaluation.evaluation import Evaluation
 from bestman_bt.evaluation.markdown import markdown
 from bestman_bt.evaluation.result import Outcome, RunResult
-from bestman_bt.evaluation.suite import Entry, EntryConfig, Successes, Suite
+from bestman_bt.evaluation.suite import EntryConfig, Successes, Suite, SuiteEntry
 from bestman_bt.messages import Pose, Pose2D
 from bestman_bt.visualization.motion_file import read_motion
 from hal.simulation import SceneSnapshot
@@ -77,7 +77,7 @@ def suite(*successes: Successes | None, settings: tuple[str, ...] = ()) -> Suite
     for number, asked in enumerate(successes):
         config = load_run("fetch_cup", seed=5, settings=(f"time_limit={10 + number} s", *settings))
         wanted = None if asked is None else EntryConfig(asked)
-        entries.append(Entry(f"entry{number}", config, 3, wanted, number > 0))
+        entries.append(SuiteEntry(f"entry{number}", config, 3, wanted, number > 0))
     return Suite("mine", tuple(entries))
 
 

@@ -10,14 +10,14 @@ from behaviours.navigation.navigate import NavigateTo
 from behaviours.perception.perceive import DetectObject
 from behaviours.skill import Skill
 from bestman_bt.engine import RUNNING, SUCCESS, NodeRegistry, StatefulAction, load_tree
-from bestman_bt.engine.clock import Clock
+from bestman_bt.engine.clock import EngineClock
 from bestman_bt.evaluation.episode_measures import Durations, duration_of
 
 UNCOUNTED = {"Skill", "ClearStop", "Wait"}
 """Shipped skills that neither drive nor move the arm nor perceive nor plan."""
 
 
-class SteppedClock(Clock):
+class SteppedClock(EngineClock):
     def __init__(self) -> None:
         self.time = 0.0
 

@@ -14,7 +14,7 @@ import pytest
 from bestman_bt.configuration import RunConfig, load_run
 from bestman_bt.evaluation.evaluation import Evaluation
 from bestman_bt.evaluation.result import RunResult
-from bestman_bt.evaluation.suite import Entry, Suite
+from bestman_bt.evaluation.suite import Suite, SuiteEntry
 
 LOOK = """<root BTCPP_format="4"><BehaviorTree ID="Look"><Sequence>
   <LookAt surface="table"/>
@@ -75,7 +75,7 @@ def run_all(
     on_result: Callable[[RunResult], None] = lambda result: None,
 ) -> dict[str, Any]:
     """The document of an evaluation's only entry; run folders come into ``folder / "runs"``."""
-    suite = Suite(config.name, (Entry(config.name, config, episodes),))
+    suite = Suite(config.name, (SuiteEntry(config.name, config, episodes),))
     with Evaluation(suite, folder) as evaluation:
         document: dict[str, Any] = evaluation.run(jobs, lambda _, result: on_result(result))["entries"][0]
         return document

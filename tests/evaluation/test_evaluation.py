@@ -17,7 +17,7 @@ from bestman_bt.evaluation.markdown import markdown
 from bestman_bt.evaluation.report.page import groups_by_name
 from bestman_bt.evaluation.report.run_reader import read_story, run_folders
 from bestman_bt.evaluation.result import RunResult
-from bestman_bt.evaluation.suite import Entry, is_suite, load_suite
+from bestman_bt.evaluation.suite import SuiteEntry, is_suite, load_suite
 
 pytestmark = pytest.mark.slow
 
@@ -52,7 +52,7 @@ def evaluate(path: Path, folder: Path, stop_after: int = 99, **options: Any) -> 
     """Which episodes were run, and the document."""
     ran: list[str] = []
 
-    def told(entry: Entry, result: RunResult) -> None:
+    def told(entry: SuiteEntry, result: RunResult) -> None:
         ran.append(f"{entry.name} {result.seed}")
         if len(ran) == stop_after:
             os.kill(os.getpid(), signal.SIGINT)

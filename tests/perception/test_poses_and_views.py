@@ -10,7 +10,7 @@ import pytest
 from bestman_bt.messages import Box, CameraIntrinsics, Cylinder, ObjectModel, PlacedShape, PointCloud, Pose, RGBDImage
 from bestman_bt.perception import View
 from bestman_bt.perception.camera_model import DepthCorrection
-from bestman_bt.perception.pose_estimation.evidence import ConfidenceModel, Evidence
+from bestman_bt.perception.pose_estimation.evidence import ConfidenceModel, PoseEvidence
 from bestman_bt.perception.pose_estimation.model_surface import model_surface
 from bestman_bt.perception.pose_estimation.multi_start import covariance_in_frame
 from bestman_bt.perception.pose_estimation.multi_view import pooled
@@ -285,7 +285,7 @@ def test_a_covariance_on_a_plane_is_turned_into_the_frame() -> None:
 
 
 def test_evidence_of_several_views_is_weighed_and_each_part_of_it_counts() -> None:
-    good, bad = Evidence(0.001, 1.0, 1.0, 0.0, 0.0, 0.002), Evidence(0.003, 0.6, 0.5, 0.2, 0.4, 0.004)
+    good, bad = PoseEvidence(0.001, 1.0, 1.0, 0.0, 0.0, 0.002), PoseEvidence(0.003, 0.6, 0.5, 0.2, 0.4, 0.004)
     mean = pooled([good, bad], np.array([0.75, 0.25]))
     assert mean.rmse == pytest.approx(math.sqrt(0.75 * 1e-6 + 0.25 * 9e-6))
     assert (mean.explained, mean.visible_fraction, mean.floating) == pytest.approx((0.9, 0.875, 0.05))
@@ -293,11 +293,11 @@ def test_evidence_of_several_views_is_weighed_and_each_part_of_it_counts() -> No
     model = ConfidenceModel()
     assert model.logit(good, 0.0) == model.bias
     parts = [
-        (Evidence(0.001, 0.99, 1.0, 0.0, 0.0, 0.002), 0.0, -1.6),
-        (Evidence(0.001, 1.0, 0.9, 0.0, 0.0, 0.002), 0.0, -0.3),
-        (Evidence(0.001, 1.0, 1.0, 0.02, 0.0, 0.002), 0.0, -1.0),
-        (Evidence(0.001, 1.0, 1.0, 0.0, 0.1, 0.002), 0.0, -0.5),
-        (Evidence(0.003, 1.0, 1.0, 0.0, 0.0, 0.002), 0.0, -1.5),
+        (PoseEvidence(0.001, 0.99, 1.0, 0.0, 0.0, 0.002), 0.0, -1.6),
+        (PoseEvidence(0.001, 1.0, 0.9, 0.0, 0.0, 0.002), 0.0, -0.3),
+        (PoseEvidence(0.001, 1.0, 1.0, 0.02, 0.0, 0.002), 0.0, -1.0),
+        (PoseEvidence(0.001, 1.0, 1.0, 0.0, 0.1, 0.002), 0.0, -0.5),
+        (PoseEvidence(0.003, 1.0, 1.0, 0.0, 0.0, 0.002), 0.0, -1.5),
         (good, 0.1, -3.0),
     ]
     for evidence, color, loss in parts:

@@ -18,7 +18,7 @@ from bestman_bt.monitor.control_client import ControlError, request
 from bestman_bt.records.events import RunEvent, from_line
 from bestman_bt.runtime import ControlChannel, Ending, Execution, Executor
 from bestman_bt.runtime.breakpoints import BreakpointError, Breakpoints
-from bestman_bt.runtime.executor import Hold
+from bestman_bt.runtime.executor import PauseReason
 from bestman_bt.runtime.telemetry import Telemetry
 
 TREE = """<root BTCPP_format="4"><BehaviorTree ID="Main">
@@ -279,7 +279,7 @@ class Scripted:
         self.executor.run()
         return self.holds
 
-    def held(self, hold: Hold | None) -> None:
+    def held(self, hold: PauseReason | None) -> None:
         if hold is not None:
             self.holds.append((hold.node, hold.when))
             self.at_hold()
@@ -385,7 +385,7 @@ def test_who_goes_on_from_a_breakpoint_within_a_step_is_not_stopped_after_it() -
     scripted.breakpoints.add("work", "before", once=True)
     scripted.executor.pause()
 
-    def held(hold: Hold | None) -> None:
+    def held(hold: PauseReason | None) -> None:
         if hold is not None:
             scripted.holds.append((hold.node, hold.when))
             scripted.executor.step() if hold.node is None else scripted.executor.resume()

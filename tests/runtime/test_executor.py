@@ -32,7 +32,7 @@ from bestman_bt.engine import (
     load_tree,
 )
 from bestman_bt.runtime import Ending, Executor
-from bestman_bt.runtime.executor import MAX_TASKS, Hold
+from bestman_bt.runtime.executor import MAX_TASKS, PauseReason
 from bestman_bt.runtime.failure_lines import FailureLines, failure_codes
 from hal.api import CommandRefusedError
 
@@ -243,7 +243,7 @@ def test_watchers_are_told_of_each_pause_with_its_reason_and_of_its_end() -> Non
         def after_tick(self) -> None:
             self.told.append(executor.ticks)
 
-        def held(self, hold: Hold | None) -> None:
+        def held(self, hold: PauseReason | None) -> None:
             self.told.append(hold)
             if hold is not None:
                 executor.step() if executor.ticks < 2 else executor.cancel()
@@ -253,7 +253,7 @@ def test_watchers_are_told_of_each_pause_with_its_reason_and_of_its_end() -> Non
     executor.watchers.append(watching)
     executor.pause()
     executor.run()
-    assert watching.told == [Hold(), None, 1, Hold(), None, 2, Hold(), None]
+    assert watching.told == [PauseReason(), None, 1, PauseReason(), None, 2, PauseReason(), None]
 
 
 def test_what_is_asked_for_is_done_in_its_order_and_some_of_a_flood_waits_for_the_next_turn() -> None:

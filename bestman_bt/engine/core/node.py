@@ -39,7 +39,7 @@ from bestman_bt.engine.own_files import in_words
 
 if TYPE_CHECKING:
     from bestman_bt.engine.blackboard import Blackboard
-    from bestman_bt.engine.clock import Clock
+    from bestman_bt.engine.clock import EngineClock
     from bestman_bt.engine.core.tree import Tree
     from bestman_bt.engine.registry import NodeInfo
 
@@ -117,7 +117,7 @@ def _child(cls: type[Node], found: Any) -> Behaviour:
 # Where a node of a loaded tree belongs: its tree, its blackboard and the SubTrees around it.
 
 
-class Place:
+class NodePlace:
     """One SubTree instance, shared by all its nodes.
 
     Attributes:
@@ -195,7 +195,7 @@ class Node(PyTreesFace):
     """What the node waits for; None of nearly all."""
 
     uid: int
-    place: Place | None
+    place: NodePlace | None
     info: NodeInfo | None
     line: int
     made_in: str
@@ -274,7 +274,7 @@ class Node(PyTreesFace):
         return self._place.board
 
     @property
-    def _place(self) -> Place:
+    def _place(self) -> NodePlace:
         place = self.place
         if place is None:
             raise NodeError("the node is not part of a tree yet; build one with build_tree()", node=self.name)
@@ -286,7 +286,7 @@ class Node(PyTreesFace):
         return self.owner.context
 
     @property
-    def clock(self) -> Clock:
+    def clock(self) -> EngineClock:
         """The tree's clock."""
         return self.owner.clock
 

@@ -16,7 +16,7 @@ from py_trees.trees import setup as set_up_within
 from py_trees.visitors import VisitorBase
 
 from bestman_bt.engine.blackboard import Blackboard
-from bestman_bt.engine.clock import Clock, WakeableClock, WallClock
+from bestman_bt.engine.clock import EngineClock, WakeableClock, WallClock
 from bestman_bt.engine.core.node import Node, wrapped
 from bestman_bt.engine.core.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS, NodeStatus
 from bestman_bt.engine.core.strict_order import Stopping, set_order
@@ -81,13 +81,13 @@ class Tree:
         blackboard: Blackboard,
         tree_id: str,
         context: Any = None,
-        clock: Clock | None = None,
+        clock: EngineClock | None = None,
     ) -> None:
         self.registry = registry
         self.compiler = compiler
         self.tree_id = tree_id
         self.context = context
-        self.clock: Clock = clock if clock is not None else WallClock()
+        self.clock: EngineClock = clock if clock is not None else WallClock()
         self.nodes: list[Node] = []
         self.blackboard = blackboard
         self.blackboards: dict[str, Blackboard] = {"": blackboard}
@@ -188,7 +188,7 @@ class Tree:
 
         return SubTree(self)
 
-    def bind(self, context: Any, clock: Clock) -> None:
+    def bind(self, context: Any, clock: EngineClock) -> None:
         """Give the nodes another context and clock; not while it runs."""
         self.context, self.clock = context, clock
         self.blackboard.store.now = clock.now()

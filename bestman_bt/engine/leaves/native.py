@@ -24,7 +24,7 @@ from bestman_bt.engine.core.node import Node, line_that_makes
 from bestman_bt.engine.core.status import FAILURE, RUNNING, SKIPPED, SUCCESS, TO_PY_TREES, from_py_trees
 
 if TYPE_CHECKING:
-    from bestman_bt.engine.clock import Clock
+    from bestman_bt.engine.clock import EngineClock
 
 
 class PyTreesBehaviour(Node, Behaviour):
@@ -225,7 +225,9 @@ def _ticked_by_native_parent(behaviour: Behaviour, node: Node) -> Iterator[Behav
     yield behaviour
 
 
-_clock: ContextVar[Clock | None] = ContextVar("the clock of the tree whose native behaviour is ticked", default=None)
+_clock: ContextVar[EngineClock | None] = ContextVar(
+    "the clock of the tree whose native behaviour is ticked", default=None
+)
 
 
 class _TreeTime:

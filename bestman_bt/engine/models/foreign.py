@@ -24,7 +24,7 @@ from bestman_bt.engine.xml.elements import Element
 
 if TYPE_CHECKING:
     from bestman_bt.engine.blackboard import Blackboard
-    from bestman_bt.engine.clock import Clock
+    from bestman_bt.engine.clock import EngineClock
     from bestman_bt.engine.substitution import SubstitutionRules
 
 
@@ -35,7 +35,7 @@ def open_tree(  # noqa: PLR0913 - as load_tree, each by its name
     models: Models | None = None,
     search_path: Iterable[Path] = (),
     context: Any = None,
-    clock: Clock | None = None,
+    clock: EngineClock | None = None,
     main_tree: str | None = None,
     blackboard: Blackboard | None = None,
     substitutions: SubstitutionRules | None = None,

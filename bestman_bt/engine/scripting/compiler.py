@@ -17,8 +17,8 @@ from bestman_bt.engine.scripting.parser import (
     Assignment,
     Binary,
     Comparison,
+    Constant,
     Expression,
-    Literal,
     Name,
     Ternary,
     Unary,
@@ -86,7 +86,7 @@ class ScriptCompiler:
         return None
 
     def _expression(self, expression: Expression, board: Blackboard) -> Closure:
-        if isinstance(expression, Literal):
+        if isinstance(expression, Constant):
             value = expression.value
             return lambda: value
         if isinstance(expression, Name):
@@ -112,7 +112,7 @@ class ScriptCompiler:
 
     def _constant(self, expression: Expression) -> float | None:
         """Return the number that an expression always has, else None."""
-        if isinstance(expression, Literal) and not isinstance(expression.value, str):
+        if isinstance(expression, Constant) and not isinstance(expression.value, str):
             return float(expression.value)
         if isinstance(expression, Name) and expression.name in self.enums:
             return float(self.enums[expression.name])

@@ -109,7 +109,7 @@ _POWERS: Final[dict[int | float | str, int]] = {
 
 
 @dataclass(frozen=True, slots=True)
-class Literal:
+class Constant:
     """A number or a string."""
 
     value: int | float | str
@@ -165,7 +165,7 @@ class Assignment:
     value: Expression
 
 
-Expression = Literal | Name | Unary | Binary | Comparison | Ternary | Assignment
+Expression = Constant | Name | Unary | Binary | Comparison | Ternary | Assignment
 
 
 def parse_script(source: str) -> list[Expression]:
@@ -262,7 +262,7 @@ class _Parser:
     def _prefix(self) -> Expression:
         kind, value = self._next()
         if kind == "value":
-            return Literal(value)
+            return Constant(value)
         if kind == "name":
             return Name(str(value))
         if kind == "operator":

@@ -15,7 +15,7 @@ from bestman_bt.records.reader import RecordError, has_record, read
 from bestman_bt.robot_model import RobotModel, load_robot_model
 from bestman_bt.scene import World, draw_world, load_scene, semantic_map
 from bestman_bt.visualization import RecordingError
-from bestman_bt.visualization.motion_file import MOTION_NAME, Motion, read_motion
+from bestman_bt.visualization.motion_file import MOTION_NAME, MotionRecord, read_motion
 from bestman_bt.world_model import WorldModel
 
 
@@ -30,7 +30,7 @@ class FilmedRun:
     config: RunConfig
     robot_model: RobotModel
     world: World
-    motion: Motion
+    motion: MotionRecord
     subjects: tuple[str, ...]
     doings: tuple[tuple[float, str], ...]
 

@@ -62,7 +62,7 @@ class _Insertion(_Message):
 
 
 class _Hook:
-    """A hook that stands; guarded by the lock of ``Hooks``."""
+    """A hook that stands; guarded by the lock of ``Groot2Hooks``."""
 
     def __init__(self, asked: _Insertion, run: Callable[[_Hook], int | None]) -> None:
         self.uid, self.position = asked.uid, asked.position
@@ -86,7 +86,7 @@ class _Hook:
         }
 
 
-class Hooks:
+class Groot2Hooks:
     """The hooks on the nodes of ``tree``. ``reached``: told, in the ticking thread, of each node whose hook is met."""
 
     def __init__(self, tree: Tree, reached: Callable[[int], None]) -> None:

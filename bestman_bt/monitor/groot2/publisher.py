@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 from bestman_bt.engine import IDLE, StateChanges, Tree
 from bestman_bt.engine.xml.writer import XmlError, full_tree_xml
 from bestman_bt.extras import install_command
-from bestman_bt.monitor.groot2.hooks import Hooks
+from bestman_bt.monitor.groot2.hooks import Groot2Hooks
 from bestman_bt.monitor.groot2.protocol import (
     DEFAULT_PORT,
     Groot2Error,
@@ -128,7 +128,7 @@ class Groot2Publisher:
         self._states: ObservedStates
         self._uuid = uuid.uuid4().bytes
         self._xml = b""
-        self._hooks = Hooks(self.tree, self._tell_of_breakpoint)
+        self._hooks = Groot2Hooks(self.tree, self._tell_of_breakpoint)
         self._identifiers = itertools.count(1)
         self._telling = threading.Lock()
         self._closing = threading.Event()

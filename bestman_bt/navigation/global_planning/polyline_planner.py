@@ -28,7 +28,7 @@ from bestman_bt.navigation.global_planning.base import (
 from bestman_bt.navigation.global_planning.costmap import Costmap
 from bestman_bt.navigation.global_planning.grid_search import cheapest_way
 from bestman_bt.navigation.global_planning.hybrid_astar import HybridAStar
-from bestman_bt.navigation.global_planning.room import Room
+from bestman_bt.navigation.global_planning.room import FreeSpace
 from bestman_bt.navigation.global_planning.straight_ends import StraightEnds, StraightPieces
 
 _ASIDE = (0.0, 1.0, 0.5, 1.5)
@@ -59,7 +59,7 @@ class PolylinePlanner(StraightPieces, GlobalPlanner):
     """The kinds of room in which a way is sought, one after the other."""
 
     @abstractmethod
-    def way(self, start: NDArray[np.float64], goal: NDArray[np.float64], room: Room) -> NDArray[np.float64] | None:
+    def way(self, start: NDArray[np.float64], goal: NDArray[np.float64], room: FreeSpace) -> NDArray[np.float64] | None:
         """Points (N, 2), metres, on a way in ``room`` from near ``start`` (2,) to near ``goal`` (2,); None without."""
 
     def plan(self, start: Pose2D, goal: Pose2D, costmap: Costmap) -> Path2D | PlanningFailure:
@@ -73,7 +73,7 @@ class PolylinePlanner(StraightPieces, GlobalPlanner):
             return self._without_turning(start, goal, costmap) if ends.reason in NO_ROOM_TO_TURN else ends
         exit_point, backwards, approach = ends
         for turns_everywhere in self.TURNS_EVERYWHERE:
-            room = Room(costmap, turning_distance, self.slack, turns_everywhere)
+            room = FreeSpace(costmap, turning_distance, self.slack, turns_everywhere)
             way = self.way(exit_point, approach, room)
             if way is None:
                 continue
@@ -92,7 +92,7 @@ class PolylinePlanner(StraightPieces, GlobalPlanner):
         )
         return curves.plan(start, goal, costmap)
 
-    def _polyline(self, points: NDArray[np.float64], room: Room) -> NDArray[np.float64] | None:
+    def _polyline(self, points: NDArray[np.float64], room: FreeSpace) -> NDArray[np.float64] | None:
         """The cheapest polyline through some of ``points`` (N, 2) that keeps the first and the last."""
         limit = self.vertex_limit
         if len(points) < limit:
@@ -140,7 +140,7 @@ class PolylinePlanner(StraightPieces, GlobalPlanner):
 class GridAStar(PolylinePlanner):
     """The cheapest way over the cells, 8-connected (Hart, Nilsson and Raphael 1968); deterministic."""
 
-    def way(self, start: NDArray[np.float64], goal: NDArray[np.float64], room: Room) -> NDArray[np.float64] | None:
+    def way(self, start: NDArray[np.float64], goal: NDArray[np.float64], room: FreeSpace) -> NDArray[np.float64] | None:
         """See the base class."""
         return cheapest_way(start, goal, room.field, room.lethal_distance, room.lethal_slack)
 

@@ -14,7 +14,7 @@ _SPARSE = 8  # one of so many
 
 
 @dataclass(frozen=True)
-class Room:
+class FreeSpace:
     """The free part of a costmap for a base that drives straight and turns where it stands.
 
     ``turning_distance``: metres from obstacles at which it can turn, less ``slack`` where there is no more, at the

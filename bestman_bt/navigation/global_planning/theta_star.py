@@ -16,14 +16,14 @@ from numpy.typing import NDArray
 
 from bestman_bt.navigation.global_planning.grid_search import Cell, cheapest_way, search_in_corridor
 from bestman_bt.navigation.global_planning.polyline_planner import PolylinePlanner
-from bestman_bt.navigation.global_planning.room import Room
+from bestman_bt.navigation.global_planning.room import FreeSpace
 
 
 @dataclass(frozen=True)
 class ThetaStar(PolylinePlanner):
     """Lazy Theta* on the costmap; deterministic."""
 
-    def way(self, start: NDArray[np.float64], goal: NDArray[np.float64], room: Room) -> NDArray[np.float64] | None:
+    def way(self, start: NDArray[np.float64], goal: NDArray[np.float64], room: FreeSpace) -> NDArray[np.float64] | None:
         """See the base class."""
         lethal = room.lethal_distance, room.lethal_slack
         vertices = search_in_corridor(theta_cells, start, goal, room.field, *lethal)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from bestman_bt.messages import Handle, Pose
 from bestman_bt.messages.handle import HandleKind, HingeSide, JointKind
-from bestman_bt.perception.affordance.fronts import Front, FrontSearch
+from bestman_bt.perception.affordance.fronts import FrontPlane, FrontSearch
 from bestman_bt.perception.affordance.grooves import GrooveSearch
 from bestman_bt.perception.affordance.panel_borders import BorderSearch, PanelBorders, Side
 from bestman_bt.perception.affordance.protrusions import HandleOnFront, ProtrusionSearch
@@ -188,7 +188,7 @@ class FrontHandles(HandleDetector):
         fronts = self.fronts.find(view)
         if not fronts:
             return HandleScene((), (), "no upright plane in view")
-        found: list[tuple[Front, RectifiedFront, HandleOnFront]] = []
+        found: list[tuple[FrontPlane, RectifiedFront, HandleOnFront]] = []
         for front in fronts:
             around = relief(view, front, self.fronts)
             rectified = rectify(view, front, around)
@@ -196,7 +196,7 @@ class FrontHandles(HandleDetector):
             found += [(front, rectified, one) for one in on_front if one.confidence >= self.min_confidence]
         # A part of a bar may look like a shorter one: the longest first.
         found.sort(key=lambda entry: -entry[2].confidence * entry[2].length)
-        kept: list[tuple[Front, RectifiedFront, HandleOnFront]] = []
+        kept: list[tuple[FrontPlane, RectifiedFront, HandleOnFront]] = []
         for front, rectified, one in found:
             position = front.frame_from_front.apply(one.centre[None])[0]
             near = np.linalg.norm(position - view.viewpoint) <= self.max_distance
@@ -211,7 +211,7 @@ class FrontHandles(HandleDetector):
         return HandleScene(tuple(handles), tuple(_plane(front) for front in fronts), reason)
 
     def _handle(
-        self, front: Front, rectified: RectifiedFront, one: HandleOnFront, others: list[HandleOnFront]
+        self, front: FrontPlane, rectified: RectifiedFront, one: HandleOnFront, others: list[HandleOnFront]
     ) -> Handle:
         frame_from_front = front.frame_from_front
         turn = frame_from_front.rotation
@@ -243,7 +243,7 @@ class FrontHandles(HandleDetector):
         )
 
 
-def _distance(point: NDArray[np.float64], front: Front, handle: HandleOnFront) -> float:
+def _distance(point: NDArray[np.float64], front: FrontPlane, handle: HandleOnFront) -> float:
     """From the line along a handle on ``front``."""
     frame_from_handle = front.frame_from_front @ Pose.from_xyz_rpy(handle.centre, (0.0, 0.0, handle.angle))
     along, across, out = frame_from_handle.inverse().apply(point[None])[0]
@@ -258,7 +258,7 @@ def _panel(frame_from_front: Pose, borders: PanelBorders) -> tuple[Pose | None, 
     return frame_from_front @ middle, (right - left, top - bottom)
 
 
-def _plane(front: Front) -> SupportPlane:
+def _plane(front: FrontPlane) -> SupportPlane:
     size = front.high - front.low
     centre = Pose(np.array([*(front.low + front.high) / 2, 0.0]))
     return SupportPlane(front.frame_from_front @ centre, (float(size[0]), float(size[1])), front.inliers, front.rms)

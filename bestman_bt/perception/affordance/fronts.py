@@ -121,7 +121,7 @@ class FrontSearch:
         noise: NDArray[np.float64] = self.noise_base + self.noise_quadratic * beyond**2
         return noise
 
-    def find(self, view: View) -> list[Front]:
+    def find(self, view: View) -> list[FrontPlane]:
         """All upright planes, largest (by seen windows) first."""
         intrinsics = view.image.intrinsics
         scale = intrinsics.width / 640.0
@@ -133,7 +133,7 @@ class FrontSearch:
         points = planes.points @ rotation.T + eye
         area = _window_areas(planes, intrinsics.fx)
         usable = self._upright(planes, normals)
-        fronts: list[Front] = []
+        fronts: list[FrontPlane] = []
         for _ in range(3 * self.max_fronts):
             if usable.sum() < 6 or len(fronts) >= self.max_fronts:
                 break
@@ -219,7 +219,7 @@ class FrontSearch:
         planes: LocalPlanes,
         shape: tuple[int, ...],
         focal: float,
-    ) -> Front:
+    ) -> FrontPlane:
         inliers = points[part]
         centre = inliers.mean(axis=0)
         mean_normal = normals[part].mean(axis=0)
@@ -237,7 +237,7 @@ class FrontSearch:
         matrix = np.eye(4)
         matrix[:3, :3], matrix[:3, 3] = rotation, centre
         rms = float(np.sqrt(np.mean(local[:, 2] ** 2)))
-        return Front(Pose.from_matrix(matrix), low, high, self._region(part, planes, shape, focal), inliers, rms)
+        return FrontPlane(Pose.from_matrix(matrix), low, high, self._region(part, planes, shape, focal), inliers, rms)
 
     def _region(
         self, part: NDArray[np.bool_], planes: LocalPlanes, shape: tuple[int, ...], focal: float
@@ -259,7 +259,7 @@ class FrontSearch:
 
 
 @dataclass(frozen=True, eq=False)
-class Front:
+class FrontPlane:
     """An upright plane and where it is in the image.
 
     ``frame_from_front``: x to the right as seen from the front, y up, z out of the front; origin amid what was seen.

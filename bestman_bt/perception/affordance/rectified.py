@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from bestman_bt.perception.affordance.fronts import Front, FrontSearch
+from bestman_bt.perception.affordance.fronts import FrontPlane, FrontSearch
 from bestman_bt.perception.view import View
 
 # What stands out of a front, and what lies behind it, pixel by pixel.
@@ -24,7 +24,7 @@ class Relief:
     ``rays``: (h, w, 3), the directions of the pixels' rays; ``eye``: (3,) where they start.
     """
 
-    front: Front
+    front: FrontPlane
     rows: slice
     columns: slice
     height: NDArray[np.float64]
@@ -60,7 +60,7 @@ class Relief:
         return float(np.linalg.norm(self.eye) * np.linalg.norm(self.rays[0, 1] - self.rays[0, 0]))
 
 
-def relief(view: View, front: Front, search: FrontSearch, margin: float = 0.08) -> Relief:
+def relief(view: View, front: FrontPlane, search: FrontSearch, margin: float = 0.08) -> Relief:
     """The relief of ``front``, with ``margin`` metres around it."""
     k = view.image.intrinsics
     grow = max(
@@ -137,7 +137,12 @@ class RectifiedFront:
 
 
 def rectify(
-    view: View, front: Front, relief: Relief, margin: float = 0.11, finest: float = 0.0025, most_cells: int = 250_000
+    view: View,
+    front: FrontPlane,
+    relief: Relief,
+    margin: float = 0.11,
+    finest: float = 0.0025,
+    most_cells: int = 250_000,
 ) -> RectifiedFront:
     """The front and ``margin`` metres around it, in cells about as large as a pixel, at least ``finest``
     metres."""

@@ -15,7 +15,7 @@ from bestman_bt.perception.view import View
 
 
 @dataclass(frozen=True)
-class Evidence:
+class PoseEvidence:
     """Metres and shares as in PoseHypothesis; ``rmse`` counts the points on the model only.
 
     ``outside``: share of the model's camera-side surface that lies beyond the image's border. ``noise``: the depth
@@ -45,7 +45,7 @@ class ConfidenceModel:
     rmse_ratio: float = -3.0
     color: float = -30.0
 
-    def logit(self, evidence: Evidence, color: float) -> float:
+    def logit(self, evidence: PoseEvidence, color: float) -> float:
         """log(p / (1 - p)) that model and pose are right."""
         ratio = max(0.0, evidence.rmse / evidence.noise - 1.0)
         return (
@@ -66,7 +66,7 @@ def judge(
     cluster: Cluster,
     view: View,
     noise: float,
-) -> Evidence:
+) -> PoseEvidence:
     """Compare a placed model with the cluster (``residuals``: distance of each point) and with the depth image."""
     on_model = np.abs(residuals) < max(0.006, 3 * noise)
     rmse = float(np.sqrt(np.mean(residuals[on_model] ** 2))) if on_model.any() else 1.0
@@ -87,7 +87,7 @@ def judge(
     tolerance = max(0.008, 4 * noise)
     difference = measured[known] - depth[known]
     count = max(1, int(known.sum()))
-    return Evidence(
+    return PoseEvidence(
         rmse=rmse,
         explained=float(on_model.mean()),
         visible_fraction=float((np.abs(difference) <= tolerance).sum() / count),

@@ -22,7 +22,7 @@ from scipy.special import expit
 
 from bestman_bt.messages import Box, ObjectModel, Pose, YawSet
 from bestman_bt.perception.pose_estimation.base import PoseEstimator, PoseHypothesis
-from bestman_bt.perception.pose_estimation.evidence import ConfidenceModel, Evidence, color_distance, judge
+from bestman_bt.perception.pose_estimation.evidence import ConfidenceModel, PoseEvidence, color_distance, judge
 from bestman_bt.perception.pose_estimation.model_surface import (
     ModelSurface,
     color_distances,
@@ -164,7 +164,7 @@ class MultiStart(Registration, PoseEstimator):
 
     def _fit_some_starts(self, surface: ModelSurface, seen: SeenCluster, turns: int, color: float) -> _Candidate:
 
-        def judged(start: NDArray[np.float64]) -> tuple[float, Fit, Evidence]:
+        def judged(start: NDArray[np.float64]) -> tuple[float, Fit, PoseEvidence]:
             fit = self.refined_fit(surface, seen.points, seen.eye, start, turns)
             evidence = seen.judge(surface, fit)
             return self.confidence.logit(evidence, color), fit, evidence
@@ -209,7 +209,7 @@ class _Candidate:
     logit: float
     surface: ModelSurface
     fit: Fit
-    evidence: Evidence
+    evidence: PoseEvidence
     yaws: YawSet
 
 
@@ -241,7 +241,7 @@ class SeenCluster:
         high_enough = missing <= tolerance or self.cluster.at_border
         return missing >= -tolerance and high_enough and math.hypot(*box.size[:2]) <= surface.reach + tolerance
 
-    def judge(self, surface: ModelSurface, fit: Fit) -> Evidence:
+    def judge(self, surface: ModelSurface, fit: Fit) -> PoseEvidence:
         """Compare the fit, whose first residuals are the cluster's, with points and image."""
         frame_from_object = fit.frame_from_object(self.cluster.plane.frame_from_plane, surface)
         return judge(surface, frame_from_object, fit.residuals[: len(self.points)], self.cluster, self.view, self.noise)

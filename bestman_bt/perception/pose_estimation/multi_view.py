@@ -19,7 +19,7 @@ from scipy.special import expit
 from bestman_bt.messages import ObjectModel, Pose, YawSet
 from bestman_bt.perception.errors import PerceptionError
 from bestman_bt.perception.pose_estimation.base import PoseHypothesis
-from bestman_bt.perception.pose_estimation.evidence import Evidence, color_distance
+from bestman_bt.perception.pose_estimation.evidence import PoseEvidence, color_distance
 from bestman_bt.perception.pose_estimation.model_surface import ModelSurface, model_palette
 from bestman_bt.perception.pose_estimation.multi_start import (
     MultiStart,
@@ -33,7 +33,7 @@ from bestman_bt.perception.view import View
 
 
 @dataclass(frozen=True, eq=False)
-class Observation:
+class ViewObservation:
     """What one view shows of the object; cluster and view of all observations are given in one frame."""
 
     cluster: Cluster
@@ -53,7 +53,7 @@ class MultiView:
     camera_yaw_std: Annotated[float, "rad"] = 0.005
 
     def estimate(
-        self, observations: Sequence[Observation], models: Sequence[ObjectModel]
+        self, observations: Sequence[ViewObservation], models: Sequence[ObjectModel]
     ) -> tuple[PoseHypothesis, ...]:
         """The best pose of each model that could be what all ``observations`` show, most confident first.
 
@@ -142,7 +142,7 @@ class MultiView:
         all_points: Sequence[NDArray[np.float64]],
         start: NDArray[np.float64],
         turns: int,
-    ) -> tuple[Fit, Evidence]:
+    ) -> tuple[Fit, PoseEvidence]:
         """The fits of all views in one, and the evidence for it, weighed by the views' points."""
         information, weighted = np.zeros((3, 3)), np.zeros(3)
         widening = np.diag([self.camera_position_std**2, self.camera_position_std**2, self.camera_yaw_std**2])
@@ -185,7 +185,7 @@ class MultiView:
         return profile.open_yaws(self.single.yaw.margin, float(fit.pose[2]), fit.yaw_std)
 
 
-def _seen_on(plane: SupportPlane, observation: Observation, single: MultiStart) -> SeenCluster:
+def _seen_on(plane: SupportPlane, observation: ViewObservation, single: MultiStart) -> SeenCluster:
     """Cluster and view lifted or lowered until the plane under the cluster is ``plane``: camera heights err."""
     cluster, view = observation.cluster, observation.view
     x, y, _ = cluster.points.mean(axis=0)
@@ -195,11 +195,11 @@ def _seen_on(plane: SupportPlane, observation: Observation, single: MultiStart) 
     return SeenCluster.of(moved, View(view.image, camera), single)
 
 
-def pooled(evidence: Sequence[Evidence], weights: NDArray[np.float64]) -> Evidence:
+def pooled(evidence: Sequence[PoseEvidence], weights: NDArray[np.float64]) -> PoseEvidence:
     """The mean of several views' evidence; ``weights``: their shares."""
     mean = {
         name: float(np.dot(weights, [getattr(item, name) for item in evidence]))
         for name in ("explained", "visible_fraction", "floating", "outside", "noise")
     }
     rmse = math.sqrt(float(np.dot(weights, [item.rmse**2 for item in evidence])))
-    return Evidence(rmse=rmse, **mean)
+    return PoseEvidence(rmse=rmse, **mean)

@@ -11,7 +11,7 @@ import numpy as np
 
 from bestman_bt.messages import Pose2D
 from bestman_bt.scene.apartment_generator.floor_plan import Doorway, FloorPlan, Room
-from bestman_bt.scene.apartment_generator.options import Placed
+from bestman_bt.scene.apartment_generator.options import ApartmentPiece
 from bestman_bt.scene.furniture_file import read_furniture
 from bestman_bt.scene.furniture_generator import FURNITURE_KINDS, generate_furniture
 from bestman_bt.scene.scene import FurnitureModel
@@ -58,7 +58,7 @@ class _Furnisher:
     rng: np.random.Generator
     wall_thickness: float
     taken: list[_Extent]
-    placed: list[Placed] = field(default_factory=list)
+    placed: list[ApartmentPiece] = field(default_factory=list)
 
     def along_walls(self, room: Room, kind: str) -> bool:
         """Put a piece with its back to one of the walls; False where it finds no place."""
@@ -107,12 +107,12 @@ class _Furnisher:
             if west - gap < x_max and x_min < east + gap and south - gap < y_max and y_min < north + gap:
                 return False
         same = sum(placed.name.rstrip("_0123456789") == kind for placed in self.placed)
-        self.placed.append(Placed(f"{kind}_{same + 1}" if same else kind, model, at))
+        self.placed.append(ApartmentPiece(f"{kind}_{same + 1}" if same else kind, model, at))
         self.taken.append(extent)
         return True
 
 
-def furnish(plan: FloorPlan, wall_thickness: float, rng: np.random.Generator) -> list[Placed] | None:
+def furnish(plan: FloorPlan, wall_thickness: float, rng: np.random.Generator) -> list[ApartmentPiece] | None:
     """Furniture for all rooms, the largest first; None where something that is needed found no place."""
     furnisher = _Furnisher(rng, wall_thickness, [*_before_doorways(plan.doorways, wall_thickness)])
     for room, furnishing in zip(_largest_first(plan.rooms), _furnishings(len(plan.rooms), rng), strict=True):

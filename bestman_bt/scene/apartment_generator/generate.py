@@ -13,7 +13,7 @@ from bestman_bt.errors import Error
 from bestman_bt.messages import Pose2D
 from bestman_bt.scene.apartment_generator.floor_plan import Doorway, FloorPlan, Line, Room, floor_plan
 from bestman_bt.scene.apartment_generator.furnish import OFFSET, TURN, furnish
-from bestman_bt.scene.apartment_generator.options import ApartmentOptions, Placed
+from bestman_bt.scene.apartment_generator.options import ApartmentOptions, ApartmentPiece
 from bestman_bt.scene.floor_grid import FloorGrid
 from bestman_bt.scene.furniture_generator import HandleOptions, generate_furniture
 from bestman_bt.scene.placing import body_outlines, leaf_outlines, standing_outlines
@@ -31,14 +31,14 @@ _BEFORE_WALL = 0.092  # half the depth of the frame: the leaf swings before the 
 
 
 def hang_doors(
-    plan: FloorPlan, furniture: Sequence[Placed], options: ApartmentOptions, rng: np.random.Generator
-) -> list[Placed] | None:
+    plan: FloorPlan, furniture: Sequence[ApartmentPiece], options: ApartmentOptions, rng: np.random.Generator
+) -> list[ApartmentPiece] | None:
     """A door for each doorway that shall have one; None where a leaf finds no room."""
     standing: list[Points] = [
         wall_rectangle(Wall(*line, options.wall_height, options.wall_thickness)) for line in plan.walls
     ]
     standing += [piece.outline for piece in furniture]
-    doors: list[Placed] = []
+    doors: list[ApartmentPiece] = []
     for doorway in plan.doorways:
         if doorway.has_door:
             door = _hung(f"room_door_{len(doors) + 1}", doorway, standing, options, rng)
@@ -49,14 +49,14 @@ def hang_doors(
     return doors
 
 
-def as_standing(piece: Placed) -> PlacedFurniture:
+def as_standing(piece: ApartmentPiece) -> PlacedFurniture:
     """The piece exactly where it shall stand."""
     return PlacedFurniture(piece.name, piece.model, piece.at, piece.at, open=piece.open)
 
 
 def _hung(
     name: str, doorway: Doorway, standing: Sequence[Points], options: ApartmentOptions, rng: np.random.Generator
-) -> Placed | None:
+) -> ApartmentPiece | None:
     for _ in range(_TRIES):
         hinge = "left" if rng.random() < 0.5 else "right"
         turn = math.pi * int(rng.integers(2)) + (math.pi / 2 if doorway.along == 0 else 0.0)
@@ -70,13 +70,15 @@ def _hung(
             hinge=hinge,
             handle=HandleOptions(kind="bar"),
         )
-        door = Placed(name, model, Pose2D(*doorway.at, turn), {"door": position})
+        door = ApartmentPiece(name, model, Pose2D(*doorway.at, turn), {"door": position})
         if not any(polygons_overlap(leaf, other) for leaf in leaf_outlines(as_standing(door)) for other in standing):
             return door
     return None
 
 
-def moved_doors(doors: Sequence[Placed], options: ApartmentOptions, rng: np.random.Generator) -> list[Placed]:
+def moved_doors(
+    doors: Sequence[ApartmentPiece], options: ApartmentOptions, rng: np.random.Generator
+) -> list[ApartmentPiece]:
     """The doors as they stand now: some were opened otherwise since the map was made."""
     return [
         replace(door, open={"door": float(rng.uniform(_HALF_OPEN[0], _OPEN[1]))})
@@ -105,9 +107,9 @@ class Apartment:
     rooms: tuple[Room, ...]
     doorways: tuple[Doorway, ...]
     walls: tuple[Line, ...]
-    furniture: tuple[Placed, ...]
-    doors: tuple[Placed, ...] = ()
-    doors_now: tuple[Placed, ...] = ()
+    furniture: tuple[ApartmentPiece, ...]
+    doors: tuple[ApartmentPiece, ...] = ()
+    doors_now: tuple[ApartmentPiece, ...] = ()
 
 
 def generate_apartment(options: ApartmentOptions, seed: int, passage: float = 0.37) -> Apartment:
@@ -143,7 +145,11 @@ def _within(room: Room, points: Points) -> NDArray[np.bool_]:
 
 
 def _is_connected(
-    plan: FloorPlan, furniture: list[Placed], doors: list[Placed], options: ApartmentOptions, passage: float
+    plan: FloorPlan,
+    furniture: list[ApartmentPiece],
+    doors: list[ApartmentPiece],
+    options: ApartmentOptions,
+    passage: float,
 ) -> bool:
     """Whether all doorways and enough floor of each room belong to one area."""
     outlines = [wall_rectangle(Wall(*line, options.wall_height, options.wall_thickness)) for line in plan.walls]

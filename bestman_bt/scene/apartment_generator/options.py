@@ -22,7 +22,7 @@ from bestman_bt.scene.scene import FurnitureModel
 
 
 @dataclass(frozen=True)
-class Placed:
+class ApartmentPiece:
     """``open``: how far its doors are open, radians by their names."""
 
     name: str

@@ -6,15 +6,15 @@ from bestman_bt.task_planning.builders.plan_tree import PlanTree
 from bestman_bt.task_planning.builders.reactive import ReactiveBuilder
 from bestman_bt.task_planning.builders.regression import Ready, kernels, staircase
 from bestman_bt.task_planning.builders.sequence import SequenceBuilder
-from bestman_bt.task_planning.builders.steps import Step, steps_one_by_one, steps_side_by_side
+from bestman_bt.task_planning.builders.steps import PlanStep, steps_one_by_one, steps_side_by_side
 
 __all__ = [
     "BackchainBuilder",
+    "PlanStep",
     "PlanTree",
     "ReactiveBuilder",
     "Ready",
     "SequenceBuilder",
-    "Step",
     "TreeBuilder",
     "kernels",
     "staircase",

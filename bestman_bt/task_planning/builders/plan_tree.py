@@ -10,7 +10,7 @@ from typing import Any
 from bestman_bt.configuration.data import shipped_trees
 from bestman_bt.engine import NodeRegistry, Tree, XmlDocument, XmlElement, load_tree, tree_to_xml
 from bestman_bt.engine.xml.document import XmlItem, XmlText
-from bestman_bt.task_planning.builders.steps import Step
+from bestman_bt.task_planning.builders.steps import PlanStep
 from bestman_bt.task_planning.symbolic import Action, Literal, TaskPlan
 
 ABILITIES_FILE = "subtrees/abilities.xml"
@@ -66,7 +66,7 @@ class Writer:
         ways = [self.holds(f"{name}_{letter}", way) for letter, way in zip(ascii_lowercase, alternatives, strict=False)]
         return self.node("Fallback", name, ways)
 
-    def step(self, number: int, step: Step) -> XmlElement:
+    def step(self, number: int, step: PlanStep) -> XmlElement:
         """What carries out a step: one action, or several side by side."""
         actions = [self.action(number, action) for action in step.actions]
         if len(actions) == 1:

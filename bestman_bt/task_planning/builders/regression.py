@@ -12,14 +12,14 @@ import operator
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import NamedTuple
 
-from bestman_bt.task_planning.builders.steps import Step
+from bestman_bt.task_planning.builders.steps import PlanStep
 from bestman_bt.task_planning.symbolic import Fact, Literal, PlanningError
 
 Kernel = frozenset[Literal]
 """What must hold, all of it."""
 
 
-def kernels(steps: Sequence[Step], goal: Iterable[Literal]) -> tuple[Kernel, ...]:
+def kernels(steps: Sequence[PlanStep], goal: Iterable[Literal]) -> tuple[Kernel, ...]:
     """One kernel more than steps: with ``kernels[i]``, the steps from ``i`` on reach the goal; the last is the goal.
 
     Raises PlanningError where a step undoes what a later one, or the goal, needs.
@@ -30,7 +30,7 @@ def kernels(steps: Sequence[Step], goal: Iterable[Literal]) -> tuple[Kernel, ...
     return tuple(reversed(found))
 
 
-def kernel(step: Step, after: Kernel) -> Kernel:
+def kernel(step: PlanStep, after: Kernel) -> Kernel:
     """What must hold before a step for ``after`` to hold after it. Raises PlanningError where nothing can."""
     effects = step.effects
     undone = sorted(literal for literal in after if ~literal in effects)
@@ -46,7 +46,7 @@ def kernel(step: Step, after: Kernel) -> Kernel:
 class Ready(NamedTuple):
     """A step, and when it leads to the goal: where any of ``ways`` holds."""
 
-    step: Step
+    step: PlanStep
     ways: tuple[Kernel, ...]
 
     def holds_in(self, state: Collection[Fact]) -> bool:
@@ -54,7 +54,7 @@ class Ready(NamedTuple):
         return any(all(literal.holds_in(state) for literal in way) for way in self.ways)
 
 
-def staircase(steps: Sequence[Step], goal: Iterable[Literal], most_ways: int) -> tuple[Ready, ...]:
+def staircase(steps: Sequence[PlanStep], goal: Iterable[Literal], most_ways: int) -> tuple[Ready, ...]:
     """When each step leads to the goal, where some of those after it may be left out. The last that is ready is best.
 
     After a step any later one may follow, or the goal be reached: who holds the mug need not care whether the drawer,

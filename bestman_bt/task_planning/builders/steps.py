@@ -8,7 +8,7 @@ from bestman_bt.task_planning.symbolic import Action, Fact, Literal, TaskPlan
 
 
 @dataclass(frozen=True)
-class Step:
+class PlanStep:
     """What is done at a time: one action, or several that are independent of each other."""
 
     actions: tuple[Action, ...]
@@ -27,17 +27,17 @@ class Step:
         return frozenset().union(*(action.effects for action in self.actions))
 
     @property
-    def alone(self) -> tuple[Step, ...]:
+    def alone(self) -> tuple[PlanStep, ...]:
         """Each of several actions as a step of its own, for when the others are done; none of a single one."""
-        return tuple(Step((action,)) for action in self.actions) if len(self.actions) > 1 else ()
+        return tuple(PlanStep((action,)) for action in self.actions) if len(self.actions) > 1 else ()
 
 
-def steps_one_by_one(plan: TaskPlan) -> tuple[Step, ...]:
+def steps_one_by_one(plan: TaskPlan) -> tuple[PlanStep, ...]:
     """Each action is a step of its own."""
-    return tuple(Step((action,)) for action in plan.actions)
+    return tuple(PlanStep((action,)) for action in plan.actions)
 
 
-def steps_side_by_side(plan: TaskPlan) -> tuple[Step, ...]:
+def steps_side_by_side(plan: TaskPlan) -> tuple[PlanStep, ...]:
     """Each action goes into the earliest step before which everything that it depends on is done.
 
     The order of any two actions that depend on each other, or need the same part, stays that of the plan.
@@ -48,7 +48,7 @@ def steps_side_by_side(plan: TaskPlan) -> tuple[Step, ...]:
         if last + 1 == len(steps):
             steps.append([])
         steps[last + 1].append(action)
-    return tuple(Step(tuple(step)) for step in steps)
+    return tuple(PlanStep(tuple(step)) for step in steps)
 
 
 def depend(first: Action, second: Action) -> bool:

@@ -7,8 +7,8 @@ from bestman_bt.task_planning.language.errors import (
     EndpointReplyError,
     EndpointUnreachableError,
     LanguageError,
+    ModelRefusedError,
     NoValidAnswerError,
-    RefusedError,
     TranscriptError,
 )
 from bestman_bt.task_planning.language.from_text import GoalReader, LanguagePlanner, Proposal, plan_from_text
@@ -28,10 +28,10 @@ __all__ = [
     "LanguageError",
     "LanguagePlanner",
     "Message",
+    "ModelRefusedError",
     "NoValidAnswerError",
     "Proposal",
     "RecordingEndpoint",
-    "RefusedError",
     "ReplayEndpoint",
     "TranscriptError",
     "Usage",

@@ -10,7 +10,7 @@ from pydantic import ValidationError
 
 from bestman_bt.errors import Error
 from bestman_bt.task_planning.language.chat import ChatEndpoint, ChatReply, ChatRequest, Message, Usage
-from bestman_bt.task_planning.language.errors import NoValidAnswerError, RefusedError, quoted
+from bestman_bt.task_planning.language.errors import ModelRefusedError, NoValidAnswerError, quoted
 from bestman_bt.task_planning.language.prompt import fault_message
 from bestman_bt.task_planning.language.schema import GoalAnswer, faults_of
 
@@ -60,7 +60,7 @@ def ask_until_valid(
 
 def _parsed(reply: ChatReply, model: type[Answer]) -> Answer:
     if reply.refusal:
-        raise RefusedError(quoted(reply.refusal))
+        raise ModelRefusedError(quoted(reply.refusal))
     if not reply.complete:
         raise FaultyAnswerError(["the answer was cut off at the limit of its length; give a shorter one"])
     if reply.tools and not reply.text:
@@ -70,7 +70,7 @@ def _parsed(reply: ChatReply, model: type[Answer]) -> Answer:
     except ValidationError as error:
         raise FaultyAnswerError(faults_of(error)) from None
     if answer.refusal and answer.refusal.strip():
-        raise RefusedError(quoted(answer.refusal))
+        raise ModelRefusedError(quoted(answer.refusal))
     return answer
 
 

@@ -38,7 +38,7 @@ class TranscriptError(LanguageError):
     """A recorded conversation cannot be read, or is not the one that is held now."""
 
 
-class RefusedError(LanguageError):
+class ModelRefusedError(LanguageError):
     """The model says, in words, that it will not or cannot do what was asked."""
 
 

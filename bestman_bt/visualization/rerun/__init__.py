@@ -7,7 +7,7 @@ from bestman_bt.visualization.rerun.sensed import SensorRecording
 from bestman_bt.visualization.rerun.viewer import (
     Display,
     LiveFeed,
-    Viewer,
+    RerunViewer,
     ViewerOptions,
     check_recording,
     has_window_system,
@@ -21,8 +21,8 @@ __all__ = [
     "RecordedCamera",
     "RecordingSetup",
     "RerunRecorder",
+    "RerunViewer",
     "SensorRecording",
-    "Viewer",
     "ViewerOptions",
     "check_recording",
     "eye_on",

@@ -149,7 +149,7 @@ def write_belief(recording: rr.RecordingStream) -> None:
     )
 
 
-class DrivenPath:
+class BaseTrail:
     """The trail of the base: grows by a point when the base has moved by ``step`` metres."""
 
     def __init__(self, step: float = 0.05) -> None:

@@ -113,7 +113,7 @@ class _Joint:
         return self.origin.position, quaternion
 
 
-class RecordedRobot:
+class RobotEntities:
     """A URDF robot: ``urdf`` is its text with absolute mesh paths, ``base_frame`` the link whose pose is given."""
 
     def __init__(self, urdf: str, base_frame: str) -> None:
@@ -259,14 +259,14 @@ class OpenRecording:
 
     def __init__(self, stream: rr.RecordingStream, setup: RecordingSetup) -> None:
         self.stream = stream
-        self.robot = RecordedRobot(setup.urdf, setup.base_frame)
+        self.robot = RobotEntities(setup.urdf, setup.base_frame)
         self.transforms = FrameTransforms(stream)
         self.history = _history(setup.tree)
         self.graph = TreeGraph(stream, self.history.nodes)
         self.lanes = StateLanes(stream, self.history.nodes)
         self.joints = TimeSeries(stream, entities.JOINTS, tuple(setup.plotted_joints))
         self.widths = TimeSeries(stream, entities.GRIPPERS, tuple(f"{name} width" for name in setup.grippers))
-        self.driven = bodies.DrivenPath()
+        self.driven = bodies.BaseTrail()
         self.has_belief = False
         self.objects: dict[str, str] = {}
         """Entities of the objects that are believed in."""

@@ -135,7 +135,7 @@ class ViewerOptions:
     start_timeout: float = 30.0
 
 
-class Viewer:
+class RerunViewer:
     """A viewer that runs; ``stop`` ends it. ViewerError where it does not start, with what it said,
     MissingExtraError if rerun is not installed.
 

@@ -101,7 +101,7 @@ class LegOdometry:
 
 
 @dataclass(eq=False)
-class Walker:
+class TrotGait:
     """Stands and trots. Joint angles, speeds and torques are (4, 3): front right, front left, rear right, rear left.
 
     ``height``: of the trunk's frame above the feet's middles. ``body``: mass and centre of mass of the whole robot as

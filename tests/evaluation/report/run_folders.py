@@ -9,7 +9,7 @@ from PIL import Image
 
 from behaviours.failure import NodeFailure
 from bestman_bt.engine import load_tree
-from bestman_bt.engine.clock import Clock
+from bestman_bt.engine.clock import EngineClock
 from bestman_bt.engine.core.status import RUNNING
 from bestman_bt.evaluation.result import Outcome, RunResult
 from bestman_bt.records.events import EndEvent, Event, ImageEvent, LogEvent, RunEvent, StatesEvent
@@ -40,7 +40,7 @@ AUDIT = {
 }
 
 
-class SteppedClock(Clock):
+class SteppedClock(EngineClock):
     """Time passes where the tree sleeps, and nowhere else."""
 
     def __init__(self) -> None:

@@ -11,7 +11,7 @@ import pytest
 from hal.api import NoDataError
 from hal.hardware import LatencyMonitor, RemoteTime
 from hal.parts import SimulatedClock
-from hal.rosbridge.link import Stream
+from hal.rosbridge.link import TopicStream
 
 
 class Clock(SimulatedClock):
@@ -33,11 +33,11 @@ def clock() -> Clock:
 
 
 @pytest.fixture
-def stream(clock: Clock) -> Stream[int]:
-    return Stream("lidar", "/scan", lambda told, at: told["value"], clock, RemoteTime(), longest_age=0.4)
+def stream(clock: Clock) -> TopicStream[int]:
+    return TopicStream("lidar", "/scan", lambda told, at: told["value"], clock, RemoteTime(), longest_age=0.4)
 
 
-def test_a_silent_sensor_has_no_reading_once_its_last_one_is_too_old(stream: Stream[int], clock: Clock) -> None:
+def test_a_silent_sensor_has_no_reading_once_its_last_one_is_too_old(stream: TopicStream[int], clock: Clock) -> None:
     with pytest.raises(NoDataError, match="nothing has come on /scan yet"):
         stream.read()
     stream.take(message(7.0, 1), 100.0)
@@ -57,7 +57,7 @@ def test_a_silent_sensor_has_no_reading_once_its_last_one_is_too_old(stream: Str
     assert stream.age == float("inf")
 
 
-def test_a_message_that_was_long_under_way_is_as_old_as_its_stamp_says(stream: Stream[int], clock: Clock) -> None:
+def test_a_message_that_was_long_under_way_is_as_old_as_its_stamp_says(stream: TopicStream[int], clock: Clock) -> None:
     stream.take(message(7.0, 1), 100.0)
     clock.time = 101.0
     stream.take(message(7.5, 2), 101.0)  # of 100.5 by our clock
@@ -70,7 +70,7 @@ def test_a_message_that_was_long_under_way_is_as_old_as_its_stamp_says(stream: S
     assert stream.age == 0.0
 
 
-def test_messages_that_come_late_for_a_while_are_late(stream: Stream[int], clock: Clock) -> None:
+def test_messages_that_come_late_for_a_while_are_late(stream: TopicStream[int], clock: Clock) -> None:
     stream.take(message(7.0), 100.0)
     for step in range(1, 60):
         clock.time = 100.0 + 0.01 * step + (0.2 if step > 20 else 0.0)
@@ -80,7 +80,7 @@ def test_messages_that_come_late_for_a_while_are_late(stream: Stream[int], clock
             assert (late is not None) is (step > 36)
 
 
-def test_a_new_connection_is_not_late_for_what_the_one_before_it_was(stream: Stream[int], clock: Clock) -> None:
+def test_a_new_connection_is_not_late_for_what_the_one_before_it_was(stream: TopicStream[int], clock: Clock) -> None:
     stream.take(message(7.0), 100.0)
     for step in range(21):
         clock.time = 100.5 + 0.01 * step
@@ -93,7 +93,7 @@ def test_a_new_connection_is_not_late_for_what_the_one_before_it_was(stream: Str
     assert stream.late(0.1) is None  # late, but not for a while
 
 
-def test_a_clock_that_is_set_back_is_followed_at_once(stream: Stream[int], clock: Clock) -> None:
+def test_a_clock_that_is_set_back_is_followed_at_once(stream: TopicStream[int], clock: Clock) -> None:
     for step in range(100):
         clock.time = 100.0 + 0.02 * step
         stream.take(message(7.0 + 0.02 * step - (0.5 if step > 20 else 0.0), step), clock.time)
@@ -103,7 +103,7 @@ def test_a_clock_that_is_set_back_is_followed_at_once(stream: Stream[int], clock
 
 
 def test_what_says_nothing_of_a_part_and_what_is_malformed_does_not_set_its_clock(
-    stream: Stream[int], clock: Clock
+    stream: TopicStream[int], clock: Clock
 ) -> None:
     stream.take(message(7.0), 100.0)
     stream.take(message(8.0, None), 100.0)  # dated ahead by a second, about something else
@@ -129,7 +129,7 @@ def test_a_single_late_message_is_none_and_counting_begins_anew() -> None:
     assert watch.late(0.1, 31.0) is None
 
 
-def test_who_waits_for_something_newer_gets_nothing_older(stream: Stream[int]) -> None:
+def test_who_waits_for_something_newer_gets_nothing_older(stream: TopicStream[int]) -> None:
     stream.take(message(7.0, 1), 100.0)
     assert stream.newer_than(99.9, time.monotonic()) == (1, 100.0)
     assert stream.newer_than(100.0, time.monotonic() + 0.01) is None

@@ -17,7 +17,16 @@ from bestman_bt.messages import CameraIntrinsics, Pose, Pose2D
 from bestman_bt.robot_model import RobotModel, WheeledBaseModel
 from bestman_bt.robot_model.urdf_elements import child_of
 from bestman_bt.scene import World
-from hal.simulation import BuiltWorld, Contact, Engine, Ledger, LinkMotion, SimulatedRobot, SimulationError, Viewpoint
+from hal.simulation import (
+    BuiltWorld,
+    ContactPoint,
+    Engine,
+    Ledger,
+    LinkMotion,
+    SimulatedRobot,
+    SimulationError,
+    Viewpoint,
+)
 from hal.simulation.wheel_drive import make_drives
 
 FLOOR, ROBOT = 0, 1
@@ -125,7 +134,9 @@ class KinematicEngine(Engine):
         """Their frames stand for their centres of mass."""
         return [LinkMotion(tuple(self.link_pose(body, link).position), STILL, STILL) for link in links]
 
-    def contacts(self, body: int | None = None, link: int | None = None, other: int | None = None) -> Sequence[Contact]:
+    def contacts(
+        self, body: int | None = None, link: int | None = None, other: int | None = None
+    ) -> Sequence[ContactPoint]:
         """None."""
         return ()
 

@@ -7,7 +7,7 @@ import pytest
 
 from hal.simulation.bodies import BodyState
 from hal.simulation.contact_watcher import ApproachWatcher
-from hal.simulation.observation import Observation
+from hal.simulation.observation import SimulationState
 
 ROBOT, WALKER, LINK = 1, 2, 4
 PERIOD = 1 / 60
@@ -22,7 +22,7 @@ def is_blamed(contact: tuple[object, ...], *motions: tuple[float, int]) -> bool:
     for speed, looks in motions:
         for _ in range(looks):
             bodies = {ROBOT: BodyState(ORIGIN, UPRIGHT, (speed, 0.0, 0.0), ORIGIN)}
-            observation = Observation(look * PERIOD, bodies, [contact], np.zeros((3, 0)), {})
+            observation = SimulationState(look * PERIOD, bodies, [contact], np.zeros((3, 0)), {})
             watcher.take(contact, observation, PERIOD)
             watcher.look_ends(observation)
             look += 1

@@ -11,7 +11,7 @@ from bestman_bt.scene import draw_world, load_scene
 from hal.pybullet import PyBulletRobot
 from hal.simulation.bodies import BodyState
 from hal.simulation.monitor import AttachmentCheck
-from hal.simulation.observation import Observation
+from hal.simulation.observation import SimulationState
 from hal.simulation.simulation import Simulation
 
 STEP = 0.0005
@@ -46,7 +46,9 @@ def findings(simulation: Simulation, touches: str, drawer_step: float) -> list[s
         place = (STEP * look, 0.0, 0.0)
         slide.position = drawer_step * look
         state = BodyState(place, (0.0, 0.0, 0.0, 1.0), still, still)
-        watcher.watch(Observation(look / 60, {cup: state}, contacts, simulation.joint_states(), {finger: place}), {})
+        watcher.watch(
+            SimulationState(look / 60, {cup: state}, contacts, simulation.joint_states(), {finger: place}), {}
+        )
     return [finding.text for finding in watcher.findings]
 
 

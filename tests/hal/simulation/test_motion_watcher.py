@@ -8,7 +8,7 @@ from bestman_bt.robot_model import ArmModel
 from hal.pybullet import PyBulletRobot
 from hal.simulation.guards import ReadPurpose
 from hal.simulation.motion_watcher import LIMIT_TOLERANCE, MotionWatcher
-from hal.simulation.observation import Observation
+from hal.simulation.observation import SimulationState
 
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
@@ -23,5 +23,5 @@ def test_a_joint_beyond_its_limits_is_told_once_whichever_limit_that_is(
         joints = simulation.joint_states().copy()
         joints[0, slot] = limit + side * beyond * LIMIT_TOLERANCE
         joints[1, slot] = (1.0 + 0.1 * (beyond > 1.0)) * speed
-        watcher._watch_limits(Observation(0.0, {}, [], joints, {}))
+        watcher._watch_limits(SimulationState(0.0, {}, [], joints, {}))
         assert (len(watcher.joint_limits), len(watcher.velocity_limits)) == (count, count)

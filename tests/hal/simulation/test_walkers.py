@@ -18,7 +18,7 @@ from hal.pybullet import PyBulletRobot
 from hal.simulation import GroundTruth
 from hal.simulation.bodies import BodyState
 from hal.simulation.contact_watcher import ContactWatcher
-from hal.simulation.observation import Observation
+from hal.simulation.observation import SimulationState
 from hal.simulation.scene_recorder import SceneRecorder
 
 START = Pose2D(-1.5, 0.0, 0.0)
@@ -192,7 +192,7 @@ def test_a_robot_that_pushes_on_into_who_came_into_it_is_blamed_for_that(
             for look in range(60):
                 velocity = (speed if look > 20 else 0.0, 0.0, 0.0)
                 bodies = {built.robot: BodyState((0.0, 0.0, 0.0), upright, velocity, (0.0, 0.0, 0.0))}
-                watcher.watch(Observation(look / 60, bodies, [pressing], simulation.joint_states(), {}))
+                watcher.watch(SimulationState(look / 60, bodies, [pressing], simulation.joint_states(), {}))
             assert [incident.by_walker for incident in watcher.incidents()] == [not blamed]
 
 
@@ -208,7 +208,7 @@ def test_a_contact_is_as_hard_and_as_deep_as_it_was_at_most_and_after_a_quarter_
         watcher = ContactWatcher(simulation)
         for stamp, force in ((0.0, 2.0), (0.1, 30.0), (0.2, 5.0), (0.4, 4.0), (0.66, 0.0), (0.7, 8.0), (0.8, 0.9)):
             pressing = (built.robot, walker, link, -1, front, front, (-1.0, 0.0, 0.0), -1e-4 * force, force)
-            watcher.watch(Observation(stamp, bodies, [pressing], simulation.joint_states(), {}))
+            watcher.watch(SimulationState(stamp, bodies, [pressing], simulation.joint_states(), {}))
         found = [(incident.start, incident.end, incident.peak_force) for incident in watcher.incidents()]
         (deepest,) = watcher.penetrations()
     assert found == [(0.0, 0.4, 30.0), (0.7, 0.7, 8.0)]
@@ -233,9 +233,9 @@ def test_what_two_fingers_press_on_is_held_and_what_presses_on_that_is_noted_whi
         contacts += [pressing(walker, -1, cup) if walker_first else pressing(cup, -1, walker)]
         bodies = {built.robot: BodyState(still, (0.0, 0.0, 0.0, 1.0), still, still)}
         watcher = ContactWatcher(simulation)
-        watcher.watch(Observation(0.0, bodies, contacts, simulation.joint_states(), {}))
+        watcher.watch(SimulationState(0.0, bodies, contacts, simulation.joint_states(), {}))
         fallen, deep = ContactWatcher(simulation), [(*c[:7], -0.004, 5.0) for c in contacts]
-        fallen.watch(Observation(0.0, bodies, deep, simulation.joint_states(), {}), falling=("cup",))
+        fallen.watch(SimulationState(0.0, bodies, deep, simulation.joint_states(), {}), falling=("cup",))
         overlaps = {overlap.first for overlap in fallen.penetrations()}
         found = {(incident.first, incident.second) for incident in watcher.incidents()}
     held = {("cup", "walker_1")} if fingers == 2 else set()

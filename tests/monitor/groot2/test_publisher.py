@@ -15,7 +15,7 @@ import pytest
 from bestman_bt.engine import FAILURE, RUNNING, SUCCESS, EngineError, ManualClock, NodeRegistry, Tree, load_tree
 from bestman_bt.messages import Pose2D
 from bestman_bt.monitor.groot2 import Groot2Error, Groot2Publisher
-from bestman_bt.monitor.groot2.hooks import Hooks
+from bestman_bt.monitor.groot2.hooks import Groot2Hooks
 from bestman_bt.monitor.groot2.protocol import dump_blackboards
 from bestman_bt.monitor.groot2.publisher import ObservedStates
 from bestman_bt.runtime import Ending, Execution, Executor
@@ -204,7 +204,7 @@ def test_values_of_all_kinds_are_shown_on_the_blackboard(tree: Tree) -> None:
 
 def test_a_breakpoint_is_not_let_go_by_what_was_asked_while_the_hook_replaced_a_result() -> None:
     tree = load_tree('<root BTCPP_format="4"><BehaviorTree ID="Main"><AlwaysSuccess/></BehaviorTree></root>')
-    hooks = Hooks(tree, lambda uid: tree.refuse_ticks() if breaks else None)
+    hooks = Groot2Hooks(tree, lambda uid: tree.refuse_ticks() if breaks else None)
     breaks = False
     hooks.insert(json.dumps(hook(1, 1, "FAILURE")).encode())
     assert tree.tick_once() == FAILURE
@@ -224,7 +224,7 @@ def test_a_breakpoint_that_was_let_go_holds_the_next_time() -> None:
         met.append(uid)
         hooks.unlock(let_go) if len(met) == 1 else tree.refuse_ticks()
 
-    hooks = Hooks(tree, reached)
+    hooks = Groot2Hooks(tree, reached)
     hooks.insert(json.dumps(hook(1, 0)).encode())
     assert tree.tick_once() == SUCCESS
     with pytest.raises(EngineError, match="cancelled"):  # it was held up until the execution was cancelled

@@ -9,14 +9,14 @@ import pytest
 from benchmarks.perception_measures.distractors import Parts, block
 from benchmarks.rendering import render_view
 from bestman_bt.messages import Pose
-from bestman_bt.perception.affordance.fronts import Front, FrontSearch
+from bestman_bt.perception.affordance.fronts import FrontPlane, FrontSearch
 from bestman_bt.perception.affordance.rectified import relief
 
 CameraBefore = Callable[[np.ndarray, float, float, float], Pose]
 GREY = (0.6, 0.6, 0.6)
 
 
-def fronts_of(parts: Parts, pose: Pose) -> list[Front]:
+def fronts_of(parts: Parts, pose: Pose) -> list[FrontPlane]:
     return FrontSearch().find(render_view(parts, pose, np.random.default_rng(0)))
 
 

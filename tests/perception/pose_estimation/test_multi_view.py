@@ -10,7 +10,7 @@ from benchmarks.rendered_table import TrueObject
 from bestman_bt.messages import Pose
 from bestman_bt.messages.pose import wrap_angle
 from bestman_bt.perception import PerceptionError, View
-from bestman_bt.perception.pose_estimation import MultiStart, MultiView, Observation
+from bestman_bt.perception.pose_estimation import MultiStart, MultiView, ViewObservation
 from bestman_bt.perception.view_planning import looking_at
 
 from .seen_objects import MAST, cluster_of, photographed, shipped, standing
@@ -19,14 +19,14 @@ FUSION = MultiView()
 
 
 @cache
-def looks(name: str, yaw: float, lifted: float = 0.0) -> tuple[TrueObject, Observation, Observation]:
+def looks(name: str, yaw: float, lifted: float = 0.0) -> tuple[TrueObject, ViewObservation, ViewObservation]:
     """From the mast, and from 0.4 m to the side; that camera is believed ``lifted`` metres higher than it is."""
     item = standing(shipped(name), -0.1, 0.0, yaw)
     beside = looking_at(item.pose.position, math.pi / 2, math.radians(45.0), 0.4)
     views = [photographed([item], MAST), photographed([item], beside, seed=1)]
     raised = Pose(beside.position + np.array([0.0, 0.0, lifted]), beside.quaternion)
     views[1] = View(views[1].image, raised)
-    first, second = (Observation(cluster_of(view, item), view) for view in views)
+    first, second = (ViewObservation(cluster_of(view, item), view) for view in views)
     return item, first, second
 
 

@@ -9,8 +9,8 @@ import pytest
 from bestman_bt.registry import PLANNERS, UnknownNameError
 from bestman_bt.task_planning.language import (
     EndpointNotSetError,
+    ModelRefusedError,
     NoValidAnswerError,
-    RefusedError,
     plan_from_text,
 )
 from bestman_bt.task_planning.limits import LimitsExceededError, PlanLimits, plan_within
@@ -94,7 +94,7 @@ def test_limits_hold_for_the_symbolic_planners_steps(ask: Callable[[Server], Non
 def test_a_refusal_and_a_model_that_finds_no_goal_end_without_a_plan(ask: Callable[[Server], None]) -> None:
     with serving(reads([], "There is no mug in sight.")) as server:
         ask(server)
-        with pytest.raises(RefusedError, match="There is no mug in sight"):
+        with pytest.raises(ModelRefusedError, match="There is no mug in sight"):
             plan_from_text(INSTRUCTION, kitchen(), "symbolic")
     with serving(reads([])) as server:
         ask(server)

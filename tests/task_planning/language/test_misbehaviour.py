@@ -9,8 +9,8 @@ from bestman_bt.task_planning.language.endpoint import EndpointAddress, Endpoint
 from bestman_bt.task_planning.language.errors import (
     EndpointUnreachableError,
     LanguageError,
+    ModelRefusedError,
     NoValidAnswerError,
-    RefusedError,
 )
 from bestman_bt.task_planning.language.from_text import LanguagePlanner, Proposal
 from bestman_bt.task_planning.symbolic import PlanningError, parse_literals
@@ -140,14 +140,14 @@ def test_a_whole_day_of_faults_ends_after_the_allowed_questions() -> None:
 @pytest.mark.parametrize("way", [says(answer([], [], "I may not touch knives.")), refuses("I may not touch knives.")])
 def test_a_refusal_is_told_in_the_models_words(way: Way) -> None:
     with serving(way) as server:
-        with pytest.raises(RefusedError, match=r"^I may not touch knives\.$"):
+        with pytest.raises(ModelRefusedError, match=r"^I may not touch knives\.$"):
             planner(server).propose(kitchen())
         assert len(server.questions) == 1
 
 
 def test_what_a_model_says_cannot_move_the_terminals_cursor_nor_fill_it() -> None:
     refusal = says(answer([], [], "\x1b[2J\x1b[H all\ndone " + "x" * 9999))
-    with serving(refusal) as server, pytest.raises(RefusedError) as refused:
+    with serving(refusal) as server, pytest.raises(ModelRefusedError) as refused:
         planner(server).propose(kitchen())
     assert str(refused.value).startswith("[2J [H all done xxx")
     assert len(str(refused.value)) < 400

@@ -26,7 +26,7 @@ from bestman_bt.visualization.rerun import (
     LiveFeed,
     RecordingSetup,
     RerunRecorder,
-    Viewer,
+    RerunViewer,
     ViewerOptions,
     check_recording,
 )
@@ -42,9 +42,9 @@ needs_vulkan = pytest.mark.skipif(
 
 
 @contextmanager
-def viewer(options: ViewerOptions, *recordings: Path) -> Iterator[Viewer]:
+def viewer(options: ViewerOptions, *recordings: Path) -> Iterator[RerunViewer]:
     with tempfile.TemporaryFile("w+") as output:
-        started = Viewer(options, recordings, output)
+        started = RerunViewer(options, recordings, output)
         try:
             yield started
         finally:
