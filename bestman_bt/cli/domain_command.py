@@ -55,6 +55,9 @@ def command(
     with json_output(as_json) as tell:
         if pddl:
             _write(problem, output)
+            if goal is None:
+                forms = 'facts come from --goal, as "on(cup, table)", or from a task of that kind of goal'
+                print(f"the goal is empty: {forms}", file=sys.stderr)
         elif not as_json:
             _show_domain(domain)
             _show_problem(problem)

@@ -21,7 +21,7 @@ from bestman_bt.engine import (
     render_text,
 )
 from bestman_bt.engine.errors import Problem as TreeProblem
-from bestman_bt.engine.models.foreign import missing_nodes, open_tree
+from bestman_bt.engine.models.foreign import Placeholders, missing_nodes, open_tree
 from bestman_bt.engine.models.overview import models_svg, models_text, overview_dot, overview_svg, overview_text
 from bestman_bt.engine.models.package import Package
 from bestman_bt.runtime.plugins import node_registry
@@ -58,7 +58,10 @@ def command(  # noqa: PLR0913 - its options, each by its name
         return
     registry = node_registry([str(plugin) for plugin in plugins or ()])
     faults: list[TreeProblem] = []
-    loaded = open_tree(path, registry, main_tree=tree_id, search_path=shipped_trees(), faults=faults, package=package)
+    gaps = Placeholders()
+    loaded = open_tree(
+        path, registry, main_tree=tree_id, search_path=shipped_trees(), faults=faults, package=package, gaps=gaps
+    )
     if svg is not None:
         _print(render_svg(loaded), svg)
     elif dot:
@@ -67,10 +70,9 @@ def command(  # noqa: PLR0913 - its options, each by its name
         _print(render_paths(loaded))
     else:
         _print(render_ports(loaded) if ports else render_text(loaded))
-    _tell_placeholders(loaded)
-    wrong = [fault for fault in faults if fault.severity == "error"]
-    if wrong:
-        raise TreeLoadError(wrong)
+    _report_placeholders(loaded, [gap for gap in gaps.problems if gap.node in registry])
+    if faults:
+        raise TreeLoadError(faults)
 
 
 def _print(text: str, file: Path | None = None) -> None:
@@ -89,11 +91,19 @@ def _nodes_of_a_file_without_trees(path: Path) -> list[NodeInfo]:
     return [] if any(package.trees()) else list(package.models.values())
 
 
-def _tell_placeholders(tree: Tree) -> None:
-    """On standard error, what has no code here, and where it is known from."""
-    missing = missing_nodes(tree)
+def _report_placeholders(tree: Tree, misfits: list[TreeProblem]) -> None:
+    """On standard error, what has no code here and where it is known from, then what does not fit the code here."""
+    sys.stdout.flush()
+    wrong = {misfit.node for misfit in misfits}
+    missing = {name: info for name, info in missing_nodes(tree).items() if name not in wrong}
     if missing:
-        sys.stdout.flush()
-        print(f"{len(missing)} types of nodes have no code here:", file=sys.stderr)
-        for name, info in sorted(missing.items()):
-            print(f"  {name} ({info.kind}): {info.known_from}", file=sys.stderr)
+        print(
+            f"{len(missing)} type{'s of nodes have' if len(missing) > 1 else ' of node has'} no code here:",
+            file=sys.stderr,
+        )
+    for name, info in sorted(missing.items()):
+        print(f"  {name} ({info.kind}): {info.known_from}", file=sys.stderr)
+    if misfits:
+        print("drawn as placeholders, as they do not fit the nodes of their name here:", file=sys.stderr)
+    for misfit in misfits:
+        print(f"  {misfit}", file=sys.stderr)

@@ -75,7 +75,11 @@ def command(
 
 def _check_file(file: str, registry: NodeRegistry, package: Package, model: RobotModel | None) -> int:
     if Path(file).suffix in (".yaml", ".yml"):
-        print(f"{file}: is no tree (.xml or .py); --robot checks a robot, and run a task", file=sys.stderr)
+        print(
+            f"{file}: validate checks trees (.xml, .py); for a robot there is bestman-bt robot check {file}, "
+            f"and a task is checked by bestman-bt run --task {file} before anything starts",
+            file=sys.stderr,
+        )
         return 2
     try:
         path = find_data("tree", file)

@@ -55,6 +55,13 @@ class Document:
         source, line = self.origin(path)
         return Problem(source, line, dotted(path), message)
 
+    def count(self, path: FieldPath) -> int | None:
+        """How many entries the list at ``path`` has as written, the wrong ones too; None where there is no list."""
+        written: Any = self.data
+        for key in path:
+            written = written.get(key) if isinstance(written, dict) else None
+        return len(written) if isinstance(written, list) else None
+
     def merged(self, other: Document) -> Document:
         """This document with ``other`` laid over it: mappings merge, anything else is replaced."""
         data = copy.deepcopy(self.data)

@@ -75,7 +75,7 @@ def _without_unit(number: float, value: object, owed: tuple[str, ...]) -> float:
         units = list({_UNITS[owed[0]][unit]: unit for unit in reversed(_UNITS[owed[0]])}.values())[::-1]
         units = units[:2] + [next(iter(_UNITS[dimension])) for dimension in owed[1:]]
         forms = " or ".join(f"'{str(value).strip()} {unit}'" for unit in units)
-        raise _error(f"a limit needs its unit: {forms}, got {value!r}", "unit")
+        raise _error(f"needs its unit: {forms}, got {value!r}", "unit")
     return number
 
 

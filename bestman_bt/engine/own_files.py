@@ -6,6 +6,7 @@ Modules of two folders do not meet: each ``helpers.py`` is found by the files be
 from __future__ import annotations
 
 import ast
+import dis
 import importlib
 import importlib.util
 import inspect
@@ -165,8 +166,11 @@ def homes_of(name: str) -> list[str]:
 
 
 def import_elsewhere(module: str, name: str) -> None:
-    """ImportError for a skill that ``module`` is asked for and another one has."""
-    homes = [home for home in (homes_of(name) if name[:1].isupper() else ()) if home.startswith("behaviours.")]
+    """ImportError for a skill that another module has, where ``from module import name`` asks, not ``hasattr``."""
+    code, at = (asking := sys._getframe(2)).f_code.co_code, asking.f_lasti
+    asked_by_import = dis.opname[code[at]] == "IMPORT_FROM"
+    is_skill = asked_by_import and name[:1].isupper()
+    homes = [home for home in (homes_of(name) if is_skill else ()) if home.startswith("behaviours.")]
     if homes:
         raise ImportError(f"{module} has no {name!r}: from {homes[0]} import {name}", name=module)
 

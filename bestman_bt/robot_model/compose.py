@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from difflib import get_close_matches
 from pathlib import Path
@@ -286,18 +286,24 @@ def _postures(
             if part is None:
                 message = f"unknown part; {suggestion(part_name, names)}"
                 problems.append(document.problem(field, message))
-            elif len(positions) != len(joints):
-                message = f"should have {len(joints)} positions, one per joint, got {len(positions)}"
+            elif (count := document.count(field)) not in (None, len(joints)):
+                message = f"should have {len(joints)} positions, one per joint, got {count}"
                 problems.append(document.problem(field, message))
-            else:
+            elif len(positions) == len(joints):
                 postures[posture] |= dict(zip(joints, positions, strict=True))
                 problems += _limit_problems(document, field, part.config, positions)
-    for part in placed.values():
+    for state, joint, position in _states(placed.values()):
+        postures.setdefault(state, {}).setdefault(joint, position)
+    return postures
+
+
+def _states(placed: Iterable[PlacedPart]) -> Iterator[tuple[str, str, float]]:
+    """State, joint and position of each state of a part; where fewer positions were read than it has, that is told."""
+    for part in placed:
         if isinstance(part.config, JointedPart):
             for state, positions in part.config.states.items():
-                for joint, position in zip(part.config.joints, positions, strict=True):
-                    postures.setdefault(state, {}).setdefault(joint, position)
-    return postures
+                for joint, position in zip(part.config.joints, positions, strict=False):
+                    yield state, joint, position
 
 
 def _limit_problems(

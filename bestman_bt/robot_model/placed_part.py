@@ -346,21 +346,20 @@ def _wrong_counts(config: PartConfig, document: Document) -> Iterator[Problem]:
     limits = getattr(config, "limits", None)
     if limits is not None:
         for each in dataclasses.fields(limits):
-            count, expected = len(getattr(limits, each.name)), len(getattr(config, "joints", ()))
-            written = document.data.get("limits", {}).get(each.name)
-            misread = isinstance(written, list) and len(written) != count  # which is told
-            if count != expected and not misread:
-                message = f"should have {expected} entries, one per joint, got {count}"
-                yield document.problem(("limits", each.name), message)
+            field = ("limits", each.name)
+            count, expected = document.count(field), len(getattr(config, "joints", ()))
+            if count not in (None, expected):
+                yield document.problem(field, f"should have {expected} entries, one per joint, got {count}")
     if isinstance(config, ArmPart | JointGroupPart):
         for joint in config.constraints.joints:
             if joint not in config.joints:
                 message = f"the part has no joint {joint!r}; {suggestion(joint, list(config.joints))}"
                 yield document.problem(("constraints", "joints", joint), message)
     if isinstance(config, JointedPart):
-        for state, positions in config.states.items():
-            if len(positions) != len(config.joints):
-                message = f"should have {len(config.joints)} positions, one per joint, got {len(positions)}"
+        for state in config.states:
+            count = document.count(("states", state))
+            if count not in (None, len(config.joints)):
+                message = f"should have {len(config.joints)} positions, one per joint, got {count}"
                 yield document.problem(("states", state), message)
 
 

@@ -52,6 +52,18 @@ TREES = {
         tree('<Action ID="Grap"/>'),
         "t.xml:3: <Grap>: unknown node 'Grap' (did you mean 'Grasp'?)",
     ),
+    "shipped tree as a node": (
+        tree('<Pick_Up object="cup"/>'),
+        "t.xml:3: <Pick_Up>: unknown node 'Pick_Up' (the shipped tree PickUp is used by <SubTree ID=\"PickUp\"/> and",
+    ),
+    "shipped tree that is not included": (
+        tree('<SubTree ID="PickUp" object="cup"/>'),
+        "t.xml:3: <SubTree> 'ID': there is no tree 'PickUp' (the shipped one needs, under <root>, <include path=",
+    ),
+    "no limit in words of a number": (
+        tree("<Sequence><Script code=\"door := 'a/b'\"/><IsOpen articulation='{door}' at_most='inf'/></Sequence>"),
+        "t.xml:3: <IsOpen> port 'at_most': inf is not accepted, but a finite number of 0 or more (metres or ",
+    ),
     "unknown port": (
         tree('<NavigateTo goal="1;2;0" max_replan="3"/>'),
         "t.xml:3: <NavigateTo>: unknown port 'max_replan' (did you mean 'max_replans'?)",

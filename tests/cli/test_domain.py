@@ -63,6 +63,8 @@ def test_without_a_folder_both_files_are_printed(bestman_bt: Command, folder: Pa
     assert answer.code == 0, answer.err
     assert answer.out.count("(define ") == 2
     assert list(folder.glob("*.pddl")) == []
+    assert "the goal is empty: facts come from --goal" in answer.err
+    assert "goal is empty" not in bestman_bt("domain", "--pddl", *TASK, "--goal", GOAL).err
 
 
 def test_a_folder_is_for_pddl_only(bestman_bt: Command) -> None:

@@ -35,6 +35,17 @@ def test_show_draws_a_tree_with_faults_and_tells_them(bestman_bt: Command, folde
     assert "unknown port 'ms'" in answer.err
 
 
+def test_show_lists_each_fault_that_validate_lists(bestman_bt: Command, folder: Path) -> None:
+    written(
+        folder / "t.xml",
+        '<Sequence><DetectObject object="cup"/>\n<LookAt sufrace="table"/>\n<Sleep ms="3"/></Sequence>',
+    )
+    found = bestman_bt("validate", "t.xml").err.splitlines()
+    shown = [line.removeprefix("bestman-bt: ").strip() for line in bestman_bt("show", "t.xml").err.splitlines()]
+    assert [fault for fault in found if fault not in shown and "warning" not in fault] == []
+    assert "no code here" not in "".join(shown)
+
+
 def test_show_of_a_folder_and_of_models_alone(bestman_bt: Command, folder: Path) -> None:
     written(folder / "a.xml", '<SubTree ID="B"/>')
     written(folder / "b.xml", "<AlwaysSuccess/>", "B")

@@ -55,7 +55,7 @@ def test_every_literal_out_of_bounds_is_told_at_once() -> None:
     assert [(problem.field, problem.message) for problem in refused.value.problems] == [
         ("share", "1.5 is not accepted, but a finite number from 0 to 1"),
         ("coats", "0 is not accepted, but a whole number of 1 or more"),
-        ("width", "inf is not accepted, but a finite number"),
+        ("width", "inf is not accepted, but a finite number (metres)"),
         ("colour", "there is no 'gren'; did you mean 'green'? (known: 'green', 'red')"),
     ]
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import sys
 from pathlib import Path
 
@@ -92,6 +93,11 @@ def test_a_skill_that_is_imported_from_where_it_is_not_is_told_with_its_module(
     (problem,) = raised.value.problems
     assert problem.message.endswith(told)
     assert problem.line == 1
+
+
+@pytest.mark.parametrize("module", ["bestman_bt", "bestman_bt.engine", "behaviours"])
+def test_a_module_that_is_asked_whether_it_has_a_skill_of_another_says_no(module: str) -> None:
+    assert not hasattr(importlib.import_module(module), "NavigateTo")
 
 
 def test_a_tree_that_loads_a_tree_of_another_folder_keeps_its_own_helpers(two: list[Path]) -> None:

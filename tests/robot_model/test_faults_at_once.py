@@ -7,9 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from bestman_bt.configuration import ConfigurationError
+from bestman_bt.configuration import ConfigurationError, data_root
 from bestman_bt.robot_model import load_robot_model
 
+ARM = data_root() / "assets" / "robots" / "panda_arm.yaml"
 PAGE = Path(__file__).parents[2] / "docs" / "robots.md"
 WHOLE = """parts:
   base: {part: differential_base}
@@ -56,7 +57,7 @@ def test_a_name_that_is_a_number_is_told_with_its_line(tmp_path: Path) -> None:
         ("wheel_radius: -10 cm", "parts.base.set.wheel_radius: should be greater than 0, got '-10 cm'"),
         ("track: 0", "parts.base.set.track: should be greater than 0"),
         ("max_vx: 0.6 kg", "parts.base.set.max_vx: expected a speed"),
-        ("max_wz: 90", "parts.base.set.max_wz: a limit needs its unit: '90 rad/s' or '90 deg/s', got 90"),
+        ("max_wz: 90", "parts.base.set.max_wz: needs its unit: '90 rad/s' or '90 deg/s', got 90"),
         ("wheel_joints:", "parts.base.set.wheel_joints: should be a list, got nothing"),
     ],
 )
@@ -71,13 +72,36 @@ def test_a_list_of_limits_without_units_is_one_fault(tmp_path: Path) -> None:
     (tmp_path / "head.yaml").write_text(fields)
     faults = faults_of(tmp_path, f"{WHOLE}  head: {{part: {tmp_path}/head.yaml, mount: base}}\n")
     assert [fault.removeprefix("1: limits.") for fault in faults if fault.startswith("1: limits.")] == [
-        "lower[0]: a limit needs its unit: '-1.5 rad' or '-1.5 deg' or '-1.5 m', got -1.5",
-        "upper[0]: a limit needs its unit: '2 rad' or '2 deg' or '2 m', got 2; the same goes for 1 more of this list",
-        "velocity[0]: a limit needs its unit: '1 rad/s' or '1 deg/s' or '1 m/s', got 1",
+        "lower[0]: needs its unit: '-1.5 rad' or '-1.5 deg' or '-1.5 m', got -1.5",
+        "upper[0]: needs its unit: '2 rad' or '2 deg' or '2 m', got 2; the same goes for 1 more of this list",
+        "velocity[0]: needs its unit: '1 rad/s' or '1 deg/s' or '1 m/s', got 1",
         "velocity[2]: should be greater than 0, got 0",
         "acceleration: is missing",
         "effort: is missing",
     ]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "field"),
+    [
+        (r"velocity: .*", "velocity: 2 rad", "limits.velocity"),
+        (r"velocity: .2.175 rad/s", "velocity: [2 rad", "limits.velocity[0]"),
+        (r"home: .0,", "home: [abc,", "states.home[0]"),
+        (r"home: .0,", "home: [", "states.home"),
+    ],
+)
+def test_an_entry_that_cannot_be_read_is_no_fault_of_their_number(
+    tmp_path: Path, old: str, new: str, field: str
+) -> None:
+    (tmp_path / "arm.yaml").write_text(re.sub(old, new, ARM.read_text()))
+    faults = faults_of(tmp_path, f"{WHOLE}  second: {{part: {tmp_path}/arm.yaml, mount: base_link}}\n")
+    assert [fault.split(": ")[1] for fault in faults] == [field]
+
+
+def test_a_posture_with_an_entry_that_cannot_be_read_is_one_fault(tmp_path: Path) -> None:
+    postures = "postures: {carry: {arm: [abc, 0, 0, 0, 0, 0]}}\n"
+    (fault,) = faults_of(tmp_path, f"{WHOLE}{postures}")
+    assert fault.startswith("5: postures.carry.arm[0]: expected an angle")
 
 
 @pytest.mark.parametrize(

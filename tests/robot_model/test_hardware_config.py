@@ -127,8 +127,8 @@ def test_a_load_up_to_what_the_arm_may_carry_is_taken() -> None:
         ({"safety": {"joint_speed": 0}}, ["safety.joint_speed", "above 0"]),
         ({"safety": {"tool_speed": "3 N"}}, ["safety.tool_speed", "m/s", "'N' is a unit of force"]),
         ({"safety": {"watchdog": 0}}, ["safety.watchdog"]),
-        ({"safety": {"base_turn": 90}}, ["safety.base_turn: a limit needs its unit: '90 rad/s' or '90 deg/s', got 90"]),
-        ({"safety": {"watchdog": 250}}, ["safety.watchdog: a limit needs its unit: '250 s' or '250 ms'"]),
+        ({"safety": {"base_turn": 90}}, ["safety.base_turn: needs its unit: '90 rad/s' or '90 deg/s', got 90"]),
+        ({"safety": {"watchdog": 250}}, ["safety.watchdog: needs its unit: '250 s' or '250 ms'"]),
         (
             {"safety": {"workspace": {"lower": [0, 0, "1 m"], "upper": ["1 m"] * 3}}},
             ["safety.workspace", "lower z = 1 m should be below upper z = 1 m"],

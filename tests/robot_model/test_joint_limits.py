@@ -161,7 +161,7 @@ def test_tolerances_are_the_parts_and_those_of_single_joints_also_of_two_equal_a
 @pytest.mark.parametrize(
     ("written", "told"),
     [
-        ("{trajectory: 0.1}", "constraints.trajectory: a limit needs its unit"),
+        ("{trajectory: 0.1}", "constraints.trajectory: needs its unit"),
         ("{goal: 0 rad}", "constraints.goal: should be greater than 0"),
         ("{goal_time: -1 s}", "constraints.goal_time: should be greater than 0"),
         ("{goal: 3 kg}", "constraints.goal: expected an angle in rad"),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Mapping
+from functools import cached_property
 from pathlib import Path
 from typing import Any, Final
 
@@ -129,6 +130,16 @@ class Checker:
                 kind = f"of type {info.ports[key].type_name}"
                 self._report(element, key, "it is required but not given", kind, severity)
 
+    @cached_property
+    def _shipped(self) -> dict[str, str]:
+        """How each tree is included that lies in a folder of the search path."""
+        files = [(folder, file) for folder in self.documents.search_path for file in sorted(folder.glob("*/*.xml"))]
+        return {
+            tree_id: f'<include path="{file.relative_to(folder)}"/>'
+            for folder, file in files
+            for tree_id in re.findall(r'<BehaviorTree ID="(\w+)"', file.read_text("utf-8", "replace"))
+        }
+
     def _remedy(self, name: str) -> str:
         """What may help against an unknown node: the file beside the tree that defines it, or the closest name."""
         if name in self.documents.trees:
@@ -137,8 +148,16 @@ class Checker:
             defined = re.findall(r"^(?:class|def) (\w+)", path.read_text("utf-8", "replace"), re.MULTILINE)
             if name in defined or name in map(class_name, defined):
                 return f"{path} defines one: bring it with --plugin {path}"
-        hint = closest(name, [known for known, info in self._infos.items() if not info.known_from])
+        hint = closest(name, [*(known for known, info in self._infos.items() if not info.known_from), *self._shipped])
+        if hint in self._shipped:
+            return f'the shipped tree {hint} is used by <SubTree ID="{hint}"/> and, under <root>, {self._shipped[hint]}'
         return f"did you mean '{hint}'?" if hint else "a node of your own comes with --plugin FILE.py"
+
+    def _tree_remedy(self, tree_id: str) -> str:
+        if tree_id in self._shipped:
+            return f"the shipped one needs, under <root>, {self._shipped[tree_id]}"
+        hint = closest(tree_id, self.documents.trees)
+        return f"did you mean '{hint}'?" if hint else ""
 
     def _check_attributes(self, element: Element, info: NodeInfo) -> None:
         ports = info.ports
@@ -184,10 +203,8 @@ class Checker:
         if not tree_id:
             self._report(element, "ID", "the attribute is missing; it names the tree")
         elif tree_id not in self.documents.trees:
-            hint = closest(tree_id, self.documents.trees)
-            suggestion = f"did you mean '{hint}'?" if hint else ""
             self._missing = True
-            self._report(element, "ID", f"there is no tree '{tree_id}'", suggestion, self._wrong)
+            self._report(element, "ID", f"there is no tree '{tree_id}'", self._tree_remedy(tree_id), self._wrong)
             self._missing = False
         if element.children:
             self._report(element, "", "a <SubTree> has no children of its own")
@@ -260,11 +277,12 @@ def literal_message(info: NodeInfo, key: str, value: Any, registry: NodeRegistry
         return f"{value!r} is not a number"
     if port.bounds is None:
         return ""
+    means = f" ({port.description})" if port.description else ""
     if isinstance(value, str) and partly_read(value, port.data_type):
         number = "a whole number" if port.data_type is int else "a number"
-        means = f" ({port.description})" if port.description else ""
         return f"{value!r} is not accepted, but {number} alone, without a unit{means}"
-    return refusal(typed, port.bounds)
+    wrong = refusal(typed, port.bounds)
+    return wrong + means if typed in (math.inf, -math.inf) else wrong
 
 
 def _holds_nan(value: Any) -> bool:

@@ -69,6 +69,7 @@ class Documents:
     problems: list[Problem] = field(default_factory=list)
     old: list[Problem] = field(default_factory=list)
     files: list[str] = field(default_factory=list)
+    search_path: tuple[Path, ...] = ()
 
     def unused_trees(self) -> list[str]:
         """Return the IDs of the main file's trees that none of its other trees consists of."""
@@ -110,12 +111,12 @@ def read_documents(source: str | Path, search_path: Iterable[Path] = ()) -> Docu
     """
     if isinstance(source, str) and source.lstrip("\ufeff \t\r\n").startswith("<"):
         reader = _Reader(None, search_path)
-        documents = Documents("<text>", source)
+        documents = Documents("<text>", source, search_path=tuple(search_path))
         reader.read(parse_xml(source, "<text>"), "<text>", None, documents, main=True)
         return documents
     path = Path(source)
     data = read_file(path, str(path))
-    documents = Documents(str(path), data.decode("utf-8", "replace"))
+    documents = Documents(str(path), data.decode("utf-8", "replace"), search_path=tuple(search_path))
     reader = _Reader(path.resolve().parent, search_path)
     reader.open_files.append(path.resolve())
     reader.read(parse_xml(data, str(path)), str(path), path.resolve(), documents, main=True)
