@@ -30,6 +30,7 @@ from bestman_bt.cli.options import (
     Plugins,
     Robot,
     Scene,
+    Search,
     Seed,
     Settings,
     grouped_options,
@@ -50,6 +51,7 @@ from bestman_bt.configuration import (
 )
 from bestman_bt.control.planned_motion import PlannedMotion
 from bestman_bt.engine import Tree
+from bestman_bt.engine.models.package import Package
 from bestman_bt.engine.validation import validate_file
 from bestman_bt.evaluation.episode import RECORDING_OVER, Watcher, prepare_episode, run_episode
 from bestman_bt.evaluation.result import Outcome, RunResult
@@ -165,6 +167,43 @@ class RunOptions:
 
 
 @dataclass(frozen=True)
+class DriverOptions:
+    """What single drivers take."""
+
+    recording: Annotated[
+        Path | None, typer.Option(metavar="RUN", help="With --driver replay: a run folder made with --record.")
+    ] = None
+    judge: Annotated[
+        Path | None, typer.Option(metavar="SOCKET", help="With --driver hardware on twins: the judge that they told.")
+    ] = None
+
+
+@dataclass(frozen=True)
+class TreeOptions:
+    """What of the tree is not here, and what to do about it."""
+
+    search: Search = None
+    pretend: Annotated[
+        bool, typer.Option("--pretend", help="Simulate leaves without code here; the run is never a success.")
+    ] = False
+    scenario: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE.yaml", help="With --pretend: what they do, as of simulate; else at random."),
+    ] = None
+
+    def of(self, config: RunConfig) -> RunConfig:
+        """The run with them; ConfigurationError where they do not fit it."""
+        if self.scenario is not None and not self.pretend:
+            raise ConfigurationError([Problem("--scenario", None, "", "is of --pretend: give that, too")])
+        if self.pretend and config.driver != "pybullet":
+            message = f"is for simulated runs, not for {config.driver}"
+            raise ConfigurationError([Problem("--pretend", None, "", message)])
+        folders = tuple(str(folder.resolve()) for folder in self.search or ()) or config.search
+        file = config.scenario if self.scenario is None else str(self.scenario.resolve())
+        return config.changed(search=folders, pretend=self.pretend or config.pretend, scenario=file)
+
+
+@dataclass(frozen=True)
 class ViewOptions:
     """How a run may be watched."""
 
@@ -196,13 +235,9 @@ def command(
         str | None, typer.Argument(metavar="[TREE]", help="A shipped tree, or an XML or Python file.")
     ] = None,
     asked: RunOptions = RunOptions(),
-    recording: Annotated[
-        Path | None, typer.Option(metavar="RUN", help="With --driver replay: a run folder made with --record.")
-    ] = None,
-    judge: Annotated[
-        Path | None, typer.Option(metavar="SOCKET", help="With --driver hardware on twins: the judge that they told.")
-    ] = None,
+    driven: DriverOptions = DriverOptions(),
     runs: Annotated[Path, typer.Option(help="Where run folders are made.")] = Path("runs"),
+    trees: TreeOptions = TreeOptions(),
     view: ViewOptions = ViewOptions(),
     page: MonitorOptions = MonitorOptions(),
     as_json: Json = False,
@@ -211,19 +246,22 @@ def command(
     view.check(asked.driver)
     with json_output(as_json) as tell:
         faults: list[Problem] = []
-        if recording is not None:
-            config = _replayed(recording, tree, asked.driver)
+        if driven.recording is not None:
+            config = _replayed(driven.recording, tree, asked.driver)
         else:
             config = run_of_options(_request(tree, asked), faults)
-        if judge is not None:
-            _ask_judge(judge, config.driver)
+        if driven.judge is not None:
+            _ask_judge(driven.judge, config.driver)
+        config = trees.of(config)
         if view.confirm:
-            config = config.with_confirmation()
+            config = config.changed(confirm=True)
         setup = prepare_episode(config, faults)
         filled = (*setup.entries, *ALWAYS_FILLED)
         file = find_data("tree", setup.config.task.tree)
-        for warning in validate_file(file, setup.registry, search_path=shipped_trees(), given=filled):
-            print(warning, file=sys.stderr)
+        package = Package.open(config.search, shipped_trees()) if config.search else None
+        for problem in validate_file(file, setup.registry, search_path=shipped_trees(), given=filled, package=package):
+            if not (config.pretend and problem.missing):
+                print(problem, file=sys.stderr)
         if setup.slow_arms:
             print(SLOW_ARMS.format(why=setup.slow_arms), file=sys.stderr)
         if asked.record and asked.driver != "pybullet":
@@ -235,7 +273,7 @@ def command(
             print(f"--record: writes {kept}: the world is seen in simulation alone", file=sys.stderr)
         if page.monitor:
             show_in_monitor(page.monitor_port)
-        result, _ = execute(setup, runs, view, judge)
+        result, _ = execute(setup, runs, view, driven.judge)
         tell(result.to_document())
     if RESULT_NAME in result.not_kept and not as_json:
         print(json.dumps(result.to_document(), allow_nan=False))

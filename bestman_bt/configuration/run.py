@@ -33,8 +33,9 @@ class RunConfig:
     ``scene_settings``, ``robot_settings``: dotted keys → values for
     ``load_scene`` and ``load_robot_model``. ``driver``: which implementation of the Robotics API; ``recording``: the
     run folder that the driver ``replay`` plays. ``entry``: of the suite that the run belongs to; changes nothing in it.
-    ``confirm``: a person is asked before each motion. ``written``: the task as it was written and where, for messages;
-    not part of the run.
+    ``confirm``: a person is asked before each motion. ``search``: folders that have SubTrees of the tree. ``pretend``:
+    leaves without code here are simulated, as the file ``scenario`` says, or at random. ``written``: the task as it was
+    written and where, for messages; not part of the run.
     """
 
     name: str
@@ -48,10 +49,13 @@ class RunConfig:
     entry: str = ""
     written: Document = field(default_factory=lambda: Document({}), init=False, repr=False, compare=False)
     confirm: bool = False
+    search: tuple[str, ...] = ()
+    pretend: bool = False
+    scenario: str = ""
 
-    def with_confirmation(self) -> RunConfig:
-        """The same run, of which a person confirms each motion."""
-        return _remembering(dataclasses.replace(self, confirm=True), self.written)
+    def changed(self, **fields: Any) -> RunConfig:
+        """The same run with other values of these fields."""
+        return _remembering(dataclasses.replace(self, **fields), self.written)
 
     def problem(self, path: FieldPath, message: str) -> Problem:
         """A fault of the task's field at ``path``, with the file and line, or the option, that gave it."""

@@ -28,6 +28,7 @@ from bestman_bt.engine.xml.elements import MAX_DEPTH, NO_CHILDREN, Element
 
 if TYPE_CHECKING:
     from bestman_bt.engine.blackboard import SharedEntries
+    from bestman_bt.engine.models.package import Package
     from bestman_bt.engine.substitution import SubstitutionRules
 
 MAX_NODES = 65_535
@@ -48,6 +49,7 @@ def load_tree(  # noqa: PLR0913 - all that may be said of a tree, each by its na
     search_path: Iterable[Path] = (),
     substitutions: SubstitutionRules | None = None,
     faults: list[Problem] | None = None,
+    package: Package | None = None,
 ) -> Tree:
     """Load a tree from a file (``.xml``, or ``.py`` that defines ``build() -> Node``) or from XML text.
 
@@ -62,6 +64,7 @@ def load_tree(  # noqa: PLR0913 - all that may be said of a tree, each by its na
         substitutions: nodes to be replaced by others, for tests.
         faults: errors of the tree are added here, those too that only a tick would meet; what is wrong is left out of
             it, so that the rest can be checked further. A tree that has some is not to be ticked.
+        package: other files that have SubTrees.
 
     Raises:
         TreeLoadError: with everything that is wrong in ``problems``; with ``faults``, only where no tree is left.
@@ -77,8 +80,13 @@ def load_tree(  # noqa: PLR0913 - all that may be said of a tree, each by its na
             )  # fmt: skip
     folders = tuple(search_path)
     with without_garbage_collection():
+        documents = read_documents(source, folders)
+        if package is not None:
+            if len(documents.trees) == 1:
+                main_tree = main_tree or next(iter(documents.trees))
+            package.complete(documents)
         tree = load_documents(
-            read_documents(source, folders), registry or NodeRegistry(),
+            documents, registry or NodeRegistry(),
             context=context, clock=clock, main_tree=main_tree, blackboard=blackboard,
             substitutions=substitutions, faults=faults,
         )  # fmt: skip

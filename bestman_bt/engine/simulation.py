@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import random
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -20,7 +19,7 @@ from bestman_bt.engine.leaves.blackboard import WasEntryUpdated
 from bestman_bt.engine.loading import load_tree
 from bestman_bt.engine.models.foreign import open_tree
 from bestman_bt.engine.models.package import Package
-from bestman_bt.engine.models.scenario import Improvisation, Scenario, SimulatedLeaves, stand_in
+from bestman_bt.engine.models.scenario import Scenario, SimulatedLeaves, stand_in
 from bestman_bt.engine.registry import NodeRegistry
 from bestman_bt.engine.substitution import SubstitutionRules
 from bestman_bt.engine.unwritten import unwritten_reads
@@ -115,7 +114,7 @@ def simulate(  # noqa: PLR0913 - each by its name
         source: a file, XML text, or the root of a tree made in Python.
         registry: the nodes that it may name.
         entries: root entries that are set before the first tick.
-        context: handed to the nodes; not with a scenario.
+        context: handed to the nodes.
         substitutions: nodes to be replaced, for instance by TestNodes with delays.
         period: simulated seconds between ticks.
         limit: simulated seconds after which the tree is halted; its status is then RUNNING.
@@ -130,7 +129,7 @@ def simulate(  # noqa: PLR0913 - each by its name
         TreeLoadError: the tree does not load.
     """
     clock = ManualClock()
-    leaves = SimulatedLeaves()
+    leaves = SimulatedLeaves(scenario or Scenario(), seed)
     if scenario is None:
         options: dict[str, Any] = {"context": context, "clock": clock, "substitutions": substitutions}
         if isinstance(source, Node):
@@ -138,10 +137,9 @@ def simulate(  # noqa: PLR0913 - each by its name
         else:
             tree = load_tree(source, registry, main_tree=main_tree, search_path=search_path, **options)
     else:
-        generator = random.Random(seed)  # noqa: S311 - no secrets
         tree = open_tree(
             _as_xml(source, registry), _with_enums(registry, scenario), gaps=leaves, clock=clock, package=package,
-            context=Improvisation(scenario, generator), search_path=search_path, main_tree=main_tree,
+            context=context, search_path=search_path, main_tree=main_tree,
             substitutions=substitutions or scenario.substitutions,
         )  # fmt: skip
     for key, value in {**(scenario.entries if scenario else {}), **(entries or {})}.items():

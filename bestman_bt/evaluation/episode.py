@@ -16,6 +16,7 @@ from py_trees.behaviour import Behaviour
 from behaviours.failure import NodeFailure
 from bestman_bt.configuration import Problem, RunConfig, told_to_programs
 from bestman_bt.engine import FAILURE, RUNNING, Node, StateChanges, Tree
+from bestman_bt.engine.models.foreign import missing_nodes
 from bestman_bt.evaluation.audit import Audit, audit
 from bestman_bt.evaluation.declared_contacts import ContactLog
 from bestman_bt.evaluation.disturbances import Disturbances
@@ -205,9 +206,10 @@ class JudgedSession:
         observers, wall_start, keeping = self._observers, time.perf_counter(), keeping or Keeping()
         setup = self.session.setup_for(tree)
         session = replace(self.session, setup=setup, entries=self.session.entries_of(setup))
-        judge = find_judge(setup.config)
         with ExitStack() as stack:
             loaded = session.load(tree)
+            pretended = {name: info.known_from for name, info in missing_nodes(loaded).items()}
+            judge = None if pretended else find_judge(setup.config)
             durations, failed = Durations(loaded), _FailedLeaf(loaded)
             if observers.truth is not None and self._watch_contacts is None:
                 self._watch_contacts = observers.watch_contacts(session)
@@ -245,6 +247,7 @@ class JudgedSession:
                 held_at_start=at_start.holds if at_start is not None else None,
                 moved_by_others=_moved_by_others(setup, observers.script, record) if record is not None else [],
             )
+            result = _pretended(result, pretended)
             if recorded is not None and recorded.why:
                 result = replace(
                     result,
@@ -436,6 +439,18 @@ def _judge(
         wall_time_s=round(wall_time, 3),
         versions=versions(),
         not_judged=_why_not_judged(config, execution) if verdict is None else "",
+    )
+
+
+def _pretended(result: RunResult, types: dict[str, str]) -> RunResult:
+    """The result of a run whose leaves of these types, if any, were simulated: no success, whatever came of it."""
+    if not types:
+        return result
+    why = f"leaves without code here were simulated: {', '.join(types)}"
+    failure = result.failure or NodeFailure("", "pretended", why)
+    outcome = Outcome.FAILURE if result.success else result.outcome
+    return replace(
+        result, success=False, outcome=outcome, failure=failure, pretended=types, not_judged=f"not judged: {why}"
     )
 
 

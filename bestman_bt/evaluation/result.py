@@ -37,6 +37,7 @@ class RunResult:
     the first tick, None where nobody judged. ``moved_by_others``: objects, doors and drawers of the goal that a
     disturbance moved and the robot never touched.
     ``interventions``: what somebody changed by hand while it ran: entries that were set, results that were forced.
+    ``pretended``: types of leaves that were simulated, since they have no code here, and where each is known from.
     ``not_kept``: what of the run could not be written down to its end, such as ``motion.jsonl`` → why.
     ``audit``: see ``evaluation.audit``. ``metrics``: name → value, for example ``place_error_mm``.
     ``durations``: simulated seconds by kind of work (``evaluation.durations``); of kinds that overlap, in both.
@@ -60,6 +61,7 @@ class RunResult:
     moved_by_others: list[str] = field(default_factory=list)
     not_kept: dict[str, str] = field(default_factory=dict)
     interventions: list[str] = field(default_factory=list)
+    pretended: dict[str, str] = field(default_factory=dict)
 
     @property
     def judged(self) -> bool:

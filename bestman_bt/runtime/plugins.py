@@ -13,6 +13,7 @@ from py_trees.behaviour import Behaviour
 
 from bestman_bt.configuration import ConfigurationError, Problem, find_data, shipped_trees
 from bestman_bt.engine import Node, NodeRegistry, Tree, build_tree, load_tree
+from bestman_bt.engine.models.foreign import Placeholders, open_tree
 from bestman_bt.engine.own_files import described, importable, load_file, plugin_module
 from bestman_bt.registry import ALGORITHMS, BEHAVIOURS, PREDICATES, Registry, slot_fault
 
@@ -47,17 +48,19 @@ def node_registry(plugins: Iterable[str] = ()) -> NodeRegistry:
     return registry
 
 
-def read_tree(source: str | Path | Behaviour, registry: NodeRegistry, **options: Any) -> Tree:
+def read_tree(
+    source: str | Path | Behaviour, registry: NodeRegistry, *, gaps: Placeholders | None = None, **options: Any
+) -> Tree:
     """Load a tree: a shipped name, a file, XML text, a node or a py_trees behaviour.
 
-    ``options``: as of ``engine.load_tree``, which it raises as; ConfigurationError where there is no such tree.
+    ``gaps``: fills what has no code here; without it, that is an error. ``options``: as of ``engine.load_tree``, which
+    it raises as; ConfigurationError where there is no such tree.
     """
     if isinstance(source, Behaviour):
         return build_tree(source, registry=registry, **options)
     options.setdefault("search_path", shipped_trees())
-    if isinstance(source, str) and source.lstrip().startswith("<"):
-        return load_tree(source, registry, **options)
-    return load_tree(find_data("tree", source), registry, **options)
+    found = source if isinstance(source, str) and source.lstrip().startswith("<") else find_data("tree", source)
+    return load_tree(found, registry, **options) if gaps is None else open_tree(found, registry, gaps=gaps, **options)
 
 
 def _load(plugin: str, registry: NodeRegistry) -> Problem | None:

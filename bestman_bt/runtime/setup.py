@@ -23,9 +23,12 @@ from bestman_bt.configuration import (
     UnreadError,
     as_far_as_read,
     load_run,
+    shipped_trees,
 )
 from bestman_bt.engine import NodeRegistry, Tree, TreeLoadError
 from bestman_bt.engine.errors import Problem as TreeProblem
+from bestman_bt.engine.models.package import Package
+from bestman_bt.engine.models.scenario import Scenario, SimulatedLeaves
 from bestman_bt.extras import install_command
 from bestman_bt.facts.evidence import DrawnTask
 from bestman_bt.facts.goals.goal import Goal, entries_of, goals_of
@@ -284,6 +287,12 @@ def load_for(setup: Setup, tree: str | Path | Behaviour | None = None, **options
         raise ConfigurationError(
             [Problem("session", None, "tree", "give a tree: this session has no task to bring one")]
         )
+    config = setup.config
+    if config.search and not isinstance(source, Behaviour):
+        options["package"] = Package.open(config.search, shipped_trees())
+    if config.pretend:
+        scenario = Scenario.load(config.scenario) if config.scenario else Scenario()
+        options["gaps"] = SimulatedLeaves(scenario, config.seed, missing=True)
     return read_tree(source, setup.registry, **options)
 
 

@@ -6,6 +6,8 @@ import json
 from collections.abc import Callable
 from pathlib import Path
 
+import pytest
+
 from tests.cli.command_line import Answer
 
 Command = Callable[..., Answer]
@@ -141,3 +143,32 @@ def test_convert_writes_version_4_and_tells_what_to_look_at(bestman_bt: Command,
     assert (answer.code, answer.out) == (0, "new.xml\n")
     assert answer.err.startswith("old.xml:2: the SubTree 'B' had the blackboard of its parent")
     assert '    <BehaviorTree ID="A">\n        <SubTree ID="B" _autoremap="true"/>' in (folder / "new.xml").read_text()
+
+
+@pytest.mark.slow
+def test_a_pretended_run_moves_the_robot_simulates_the_rest_and_is_no_success(
+    bestman_bt: Command, folder: Path
+) -> None:
+    written(
+        folder / "t.xml", '<Sequence><SubTree ID="Greet"/>\n<Wait wait_duration="1"/>\n<Wave hand="left"/></Sequence>'
+    )
+    (folder / "more").mkdir()
+    written(folder / "more" / "greet.xml", '<Sing text="hello"/>', "Greet")
+    (folder / "s.yaml").write_text("nodes: {Wave: {result: SUCCESS, duration: 2}, Sing: SUCCESS}")
+    refused = bestman_bt("run", "t.xml", "--search", "more")
+    assert refused.code == 2
+    assert "greet.xml:3: <Sing>: unknown node" in refused.err
+    answer = bestman_bt("run", "t.xml", "--search", "more", "--pretend", "--scenario", "s.yaml", "--json")
+    assert answer.code == 1
+    result = answer.document
+    assert (result["success"], result["outcome"], result["tree_status"]) == (False, "failure", "SUCCESS")
+    assert result["pretended"] == dict.fromkeys(("Sing", "Wave"), "a guess from its use")
+    assert (result["failure"]["error_code"], result["predicate"]) == ("pretended", None)
+    assert 3.0 <= result["sim_time_s"] < 3.3
+
+
+def test_pretending_is_for_simulated_runs(bestman_bt: Command, folder: Path) -> None:
+    written(folder / "t.xml", "<Wave/>")
+    answer = bestman_bt("run", "t.xml", "--pretend", "--driver", "hardware")
+    assert (answer.code, "--pretend: is for simulated runs, not for hardware" in answer.err) == (2, True)
+    assert "--scenario: is of --pretend" in bestman_bt("run", "t.xml", "--scenario", "s.yaml").err

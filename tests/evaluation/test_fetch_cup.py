@@ -64,7 +64,7 @@ def test_the_result_has_the_fields_that_a_run_owes(fetch: Fetch) -> None:
     assert list(result) == [
         "task", "seed", "success", "outcome", "tree_status", "predicate", "failure", "audit", "metrics",
         "sim_time_s", "wall_time_s", "durations", "not_judged", "held_at_start", "moved_by_others",
-        "not_kept", "interventions", "judged", "real_time_factor", "versions",
+        "not_kept", "interventions", "pretended", "judged", "real_time_factor", "versions",
     ]  # fmt: skip
     assert (result["task"], result["seed"]) == ("fetch_cup", SEED)
     assert 10.0 < result["sim_time_s"] < 120.0

@@ -172,19 +172,29 @@ def _is_number(value: Any) -> bool:
 # Leaves that do what a scenario says.
 
 
+@dataclass
+class Improvisation:
+    """What simulated leaves ask."""
+
+    scenario: Scenario
+    generator: random.Random
+
+
 class SimulatedAction(StatefulAction):
-    """Stands for a leaf; its ``context`` is the ``Improvisation`` that it asks what to do."""
+    """Stands for a leaf; it asks the ``Improvisation`` of its class what to do."""
+
+    improvisation: ClassVar[Improvisation]
 
     def on_load(self) -> None:
         """Look up what to do."""
-        self.script = self.context.scenario.script_of(self)
+        self.script = self.improvisation.scenario.script_of(self)
         self.turn = 0
         self.end = 0.0
         self.result = SUCCESS
 
     def on_start(self) -> int:
         """Draw a result and how long it takes."""
-        self.result, seconds = self.script.draw(self.turn, self.context.generator)
+        self.result, seconds = self.script.draw(self.turn, self.improvisation.generator)
         self.turn += 1
         if seconds <= 0:
             return self._done()
@@ -230,14 +240,6 @@ def stand_in(port: Port) -> Any:
     return 0
 
 
-@dataclass
-class Improvisation:
-    """What simulated leaves ask, as their ``context``."""
-
-    scenario: Scenario
-    generator: random.Random
-
-
 _STANDING_FOR: Final[dict[str, type[Node]]] = {
     "Action": SimulatedAction,
     "Condition": SimulatedCondition,
@@ -247,13 +249,16 @@ _STANDING_FOR: Final[dict[str, type[Node]]] = {
 
 
 class SimulatedLeaves(Placeholders):
-    """Puts simulated nodes where a node is not one of the engine's own, known here or not.
+    """Puts simulated nodes where a node is not one of the engine's own, known here or not; or ``missing`` ones alone.
 
     A control node ticks its children as a Sequence then, a decorator gives back its child's result.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, scenario: Scenario, seed: int, *, missing: bool = False) -> None:
         super().__init__()
+        self.missing = missing
+        asked = {"improvisation": Improvisation(scenario, random.Random(seed))}  # noqa: S311 - no secrets
+        self._kinds = {kind: type(cls.__name__, (cls,), asked) for kind, cls in _STANDING_FOR.items()}
         self.simulated: dict[str, str] = {}
         self._infos: dict[int, tuple[NodeInfo, NodeInfo]] = {}
 
@@ -263,7 +268,7 @@ class SimulatedLeaves(Placeholders):
         for definition in checker.documents.trees.values():
             for element in definition.element.iter():
                 info = element.info
-                if info is not None and not info.builtin:
+                if info is not None and not info.builtin and (info.known_from or not self.missing):
                     element.info = self._simulated(info)
                     element.entries = [(port, key, Any) for port, key, _ in element.entries or ()] or None
 
@@ -271,7 +276,7 @@ class SimulatedLeaves(Placeholders):
         found = self._infos.get(id(info))
         if found is None:
             self.simulated[info.name] = info.known_from or "the registry"
-            made = make_info(info.name, _STANDING_FOR[info.kind], builtin=False)
+            made = make_info(info.name, self._kinds[info.kind], builtin=False)
             ports = {
                 port.name: replace(port, data_type=Any, required=False, bounds=None, written_type=port.type_name)
                 for port in info.ports.values()
