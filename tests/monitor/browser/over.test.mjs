@@ -94,6 +94,21 @@ test("beside another run both trees are seen whole, without map and legend, and 
   assert.equal(await page.locator(".tabs .letter").innerText(), "B");
 });
 
+test("on a phone what is told of two runs side by side lies each in the pane of its run", async () => {
+  const { page } = await open([over("a", "success"), over("b", "success")], { width: 400, height: 740 });
+  await page.locator(".run-button").click();
+  await page.locator(".run-line").first().click();
+  await page.locator(".run-button").click();
+  await page.getByRole("button", { name: /Compare with/ }).first().click();
+  await page.locator(".phone-tabs").getByRole("button", { name: "Tree" }).click();
+  await page.locator(".tree-pane").nth(1).waitFor();
+  const outside = await page.$$eval(".tree-bar > *", (parts) => parts
+    .filter((part) => part.getClientRects().length > 0)
+    .filter((part) => part.getBoundingClientRect().right > part.parentElement.getBoundingClientRect().right + 0.5)
+    .map((part) => part.outerHTML.slice(0, 80)));
+  assert.deepEqual(outside, []);
+});
+
 test("an empty text and an entry without a value are told apart", async () => {
   const run = errand();
   const empty = { type: "string", text: "", changed_at: 0 };
