@@ -15,18 +15,26 @@ import sys
 from functools import cache
 from pathlib import Path
 from types import FunctionType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Unpack
 
 from py_trees.behaviour import Behaviour
 
-from bestman_bt.engine.blackboard import Blackboard, SharedEntries, forget_dropped_trees
-from bestman_bt.engine.clock import EngineClock
+from bestman_bt.engine.blackboard import SharedEntries, forget_dropped_trees
 from bestman_bt.engine.core.node import Node, NodePlace
 from bestman_bt.engine.core.tree import Tree
 from bestman_bt.engine.decorators.subtree import SubTree
 from bestman_bt.engine.errors import Problem, TreeLoadError
 from bestman_bt.engine.leaves.native import PyTreesBehaviour, adapted, is_taken, lines_noted, take_over
-from bestman_bt.engine.loading import MAX_NODES, Builder, check_documents, main_tree_of, raise_if_any, words_of
+from bestman_bt.engine.loading import (
+    MAX_NODES,
+    Builder,
+    TreeOptions,
+    check_documents,
+    main_tree_of,
+    new_tree,
+    raise_if_any,
+    words_of,
+)
 from bestman_bt.engine.own_files import described, importable, load_file
 from bestman_bt.engine.registry import NodeRegistry
 from bestman_bt.engine.scripting import ScriptCompiler
@@ -41,30 +49,25 @@ if TYPE_CHECKING:
 _SUBTREE_RESERVED = frozenset(("name", "ID"))
 
 
-def build_tree(  # noqa: PLR0913 - all that may be said of a tree, each by its name
+def build_tree(
     root: Behaviour,
     *,
     registry: NodeRegistry | None = None,
-    context: Any = None,
-    clock: EngineClock | None = None,
-    blackboard: Blackboard | None = None,
     substitutions: SubstitutionRules | None = None,
     tree_id: str = "MainTree",
     file: str = "<python>",
     faults: list[Problem] | None = None,
+    **options: Unpack[TreeOptions],
 ) -> Tree:
     """Make a tree of nodes that were made in Python; native py_trees behaviours among them get nodes of their own.
 
-    ``faults``: as of ``load_tree``.
+    ``faults`` and ``options``: as of ``load_tree``.
 
     Raises:
         TreeLoadError: with everything that is wrong in ``problems``.
     """
-    registry = registry or NodeRegistry()
-    compiler = ScriptCompiler(registry.enums)
-    board = blackboard or Blackboard(tree_id, converters=registry.converters)
-    tree = Tree(registry=registry, compiler=compiler, blackboard=board, tree_id=tree_id, context=context, clock=clock)
-    tree.file = file
+    tree = new_tree(registry or NodeRegistry(), tree_id, file, **options)
+    board = tree.blackboard
     has_native = any(not isinstance(node, Node) for node in root.iterate())
     if has_native:
         board.share()

@@ -8,7 +8,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 
 from bestman_bt.engine.blackboard import Blackboard
 from bestman_bt.engine.clock import EngineClock
@@ -38,33 +38,40 @@ _RESERVED = frozenset(("ID", "name", "_autoremap"))
 _TRUE = frozenset(("true", "1", "True", "TRUE"))
 
 
-def load_tree(  # noqa: PLR0913 - all that may be said of a tree, each by its name
+class TreeOptions(TypedDict, total=False):
+    """What every loader of trees takes beside its source: the arguments of ``new_tree``, by name."""
+
+    context: Any
+    """Handed to every node as ``self.context``."""
+    clock: EngineClock | None
+    """What Timeout, Delay, Sleep and the tick loop read; wall time by default."""
+    blackboard: Blackboard | None
+    """The root blackboard; a new one by default. Give it a parent to add entries above, for ``@key``."""
+
+
+def load_tree(
     source: str | Path,
     registry: NodeRegistry | None = None,
     *,
-    context: Any = None,
-    clock: EngineClock | None = None,
     main_tree: str | None = None,
-    blackboard: Blackboard | None = None,
     search_path: Iterable[Path] = (),
     substitutions: SubstitutionRules | None = None,
     faults: list[Problem] | None = None,
     package: Package | None = None,
+    **options: Unpack[TreeOptions],
 ) -> Tree:
     """Load a tree from a file (``.xml``, or ``.py`` that defines ``build() -> Node``) or from XML text.
 
     Args:
         source: a path, or text that begins with ``<``.
         registry: the nodes that the file may name; the built-in ones by default.
-        context: handed to every node as ``self.context``.
-        clock: what Timeout, Delay, Sleep and the tick loop read; wall time by default.
         main_tree: the tree to run, where the file holds several; overrides ``main_tree_to_execute``.
-        blackboard: the root blackboard; a new one by default. Give it a parent to add entries above, for ``@key``.
         search_path: folders that ``<include>`` may reach beside the file's own.
         substitutions: nodes to be replaced by others, for tests.
         faults: errors of the tree are added here, those too that only a tick would meet; what is wrong is left out of
             it, so that the rest can be checked further. A tree that has some is not to be ticked.
         package: other files that have SubTrees.
+        options: ``context``, ``clock`` and ``blackboard``, see ``TreeOptions``.
 
     Raises:
         TreeLoadError: with everything that is wrong in ``problems``; with ``faults``, only where no tree is left.
@@ -75,8 +82,8 @@ def load_tree(  # noqa: PLR0913 - all that may be said of a tree, each by its na
             from bestman_bt.engine.authoring import build_tree, load_python_tree
 
             return build_tree(
-                load_python_tree(path), registry=registry, context=context, clock=clock, blackboard=blackboard,
-                substitutions=substitutions, tree_id=path.stem, file=str(path), faults=faults,
+                load_python_tree(path), registry=registry, substitutions=substitutions, tree_id=path.stem,
+                file=str(path), faults=faults, **options,
             )  # fmt: skip
     folders = tuple(search_path)
     with without_garbage_collection():
@@ -86,25 +93,22 @@ def load_tree(  # noqa: PLR0913 - all that may be said of a tree, each by its na
                 main_tree = main_tree or next(iter(documents.trees))
             package.complete(documents)
         tree = load_documents(
-            documents, registry or NodeRegistry(),
-            context=context, clock=clock, main_tree=main_tree, blackboard=blackboard,
-            substitutions=substitutions, faults=faults,
+            documents, registry or NodeRegistry(), main_tree=main_tree,
+            substitutions=substitutions, faults=faults, **options,
         )  # fmt: skip
         tree.origin = (source, folders)
         return tree
 
 
-def load_documents(  # noqa: PLR0913 - as load_tree
+def load_documents(
     documents: Documents,
     registry: NodeRegistry,
     *,
-    context: Any = None,
-    clock: EngineClock | None = None,
     main_tree: str | None = None,
-    blackboard: Blackboard | None = None,
     substitutions: SubstitutionRules | None = None,
     faults: list[Problem] | None = None,
     gaps: Gaps | None = None,
+    **options: Unpack[TreeOptions],
 ) -> Tree:
     """Make a tree of documents that were read; raises and fills ``faults`` as ``load_tree``.
 
@@ -115,12 +119,28 @@ def load_documents(  # noqa: PLR0913 - as load_tree
         raise TreeLoadError(documents.old)
     compiler = ScriptCompiler(registry.enums)
     main, left_out = _checked(documents, registry, compiler, main_tree, faults, gaps)
-    board = blackboard or Blackboard(main, converters=registry.converters)
-    tree = Tree(registry=registry, compiler=compiler, blackboard=board, tree_id=main, context=context, clock=clock)
-    tree.file = documents.file
+    tree = new_tree(registry, main, documents.file, compiler, **options)
     tree.source = documents.source
     tree.left_out = left_out
     return _built(tree, documents, substitutions, faults, gaps)
+
+
+def new_tree(
+    registry: NodeRegistry,
+    tree_id: str,
+    file: str,
+    compiler: ScriptCompiler | None = None,
+    *,
+    context: Any = None,
+    clock: EngineClock | None = None,
+    blackboard: Blackboard | None = None,
+) -> Tree:
+    """Make a tree without nodes."""
+    compiler = compiler or ScriptCompiler(registry.enums)
+    board = blackboard or Blackboard(tree_id, converters=registry.converters)
+    tree = Tree(registry=registry, compiler=compiler, blackboard=board, tree_id=tree_id, context=context, clock=clock)
+    tree.file = file
+    return tree
 
 
 class Gaps(ABC):

@@ -8,12 +8,12 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Unpack
 
 from bestman_bt.engine.core.ports import key_of
 from bestman_bt.engine.core.tree import Tree
 from bestman_bt.engine.errors import Problem
-from bestman_bt.engine.loading import Gaps, load_documents, load_tree, without_garbage_collection
+from bestman_bt.engine.loading import Gaps, TreeOptions, load_documents, load_tree, without_garbage_collection
 from bestman_bt.engine.models.node_models import Models, seen_ports, with_foreign
 from bestman_bt.engine.models.package import Package
 from bestman_bt.engine.models.placeholders import is_placeholder, placeholder
@@ -23,57 +23,55 @@ from bestman_bt.engine.xml.documents import Documents, TreeDefinition, read_docu
 from bestman_bt.engine.xml.elements import Element
 
 if TYPE_CHECKING:
-    from bestman_bt.engine.blackboard import Blackboard
-    from bestman_bt.engine.clock import EngineClock
     from bestman_bt.engine.substitution import SubstitutionRules
 
 
-def open_tree(  # noqa: PLR0913 - as load_tree, each by its name
+class OpenOptions(TreeOptions, total=False):
+    """Arguments of ``load_tree`` that ``open_tree`` hands on."""
+
+    main_tree: str | None
+    substitutions: SubstitutionRules | None
+    faults: list[Problem] | None
+
+
+def open_tree(
     source: str | Path,
     registry: NodeRegistry | None = None,
     *,
-    models: Models | None = None,
-    search_path: Iterable[Path] = (),
-    context: Any = None,
-    clock: EngineClock | None = None,
-    main_tree: str | None = None,
-    blackboard: Blackboard | None = None,
-    substitutions: SubstitutionRules | None = None,
-    faults: list[Problem] | None = None,
-    gaps: Gaps | None = None,
     package: Package | None = None,
+    search_path: Iterable[Path] = (),
+    gaps: Gaps | None = None,
+    **options: Unpack[OpenOptions],
 ) -> Tree:
     """Load a tree as ``load_tree`` does, with placeholders for the nodes, ports and trees that are not here.
 
-    ``gaps`` keeps what is missing; ``package`` has the SubTrees that the file does not. Where a file holds several
-    trees and says of none that it is the main one, it is the first that no other uses.
+    ``gaps`` keeps what is missing; ``package`` has the SubTrees and models that the file does not. Where a file holds
+    several trees and says of none that it is the main one, it is the first that no other uses.
 
     Raises:
         TreeLoadError: as ``load_tree``, for what is wrong in every BehaviorTree.CPP.
     """
     path = str(source)
     if not path.lstrip("\ufeff \t\r\n").startswith("<") and Path(path).suffix == ".py":
-        return load_tree(
-            source, registry, context=context, clock=clock, blackboard=blackboard, substitutions=substitutions,
-            faults=faults,
-        )  # fmt: skip
+        return load_tree(source, registry, **options)
     folders = tuple(search_path)
     with without_garbage_collection():
         documents = read_documents(source, folders)
         if package is not None:
             package.complete(documents)
-            models = {**package.models, **(models or {})}
-        tree = open_documents(
-            documents, registry or NodeRegistry(), models or {}, context=context, clock=clock,
-            main_tree=main_tree or main_of(documents), blackboard=blackboard, substitutions=substitutions,
-            faults=faults, gaps=gaps,
-        )  # fmt: skip
+        options["main_tree"] = options.get("main_tree") or main_of(documents)
+        models = package.models if package is not None else {}
+        tree = open_documents(documents, registry or NodeRegistry(), models, gaps, **options)
         tree.origin = (source, folders)
         return tree
 
 
 def open_documents(
-    documents: Documents, registry: NodeRegistry, models: Models, gaps: Gaps | None = None, **options: Any
+    documents: Documents,
+    registry: NodeRegistry,
+    models: Models,
+    gaps: Gaps | None = None,
+    **options: Unpack[OpenOptions],
 ) -> Tree:
     """Make a tree of documents that were read, as ``open_tree``; ``options`` are those of ``load_documents``."""
     return load_documents(documents, with_foreign(registry, documents, models), gaps=gaps or Placeholders(), **options)
