@@ -19,10 +19,10 @@ from pathlib import Path
 
 from bestman_bt.configuration import shipped_trees
 from bestman_bt.engine import EngineError, TreeLoadError, render_svg, render_text
+from bestman_bt.engine.core.registry import NodeRegistry
 from bestman_bt.engine.models.conversion import convert
 from bestman_bt.engine.models.foreign import open_tree
 from bestman_bt.engine.models.scenario import Scenario
-from bestman_bt.engine.registry import NodeRegistry
 from bestman_bt.engine.simulation import simulate
 from bestman_bt.engine.validation import validate_file
 from bestman_bt.runtime.plugins import node_registry

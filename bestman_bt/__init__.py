@@ -11,12 +11,11 @@ bt.plan("on(cup, counter)", scene="kitchen_furnished").run()
 from __future__ import annotations
 
 import logging
-import sys
 from importlib import import_module
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from bestman_bt.errors import Error
+from bestman_bt.extras import hides, hiding_files, refuse_hidden_packages
 
 if TYPE_CHECKING:
     from bestman_bt.api import Session, evaluate, load_tree, nodes
@@ -33,25 +32,8 @@ _HOMES = {
 }
 
 
-def _hiding_files() -> list[str]:
-    """The files beside the script that hide a package of ours."""
-    beside = Path(sys.path[0] if sys.path else "").resolve()
-    names = ("behaviours", "hal") if beside != Path(__file__).parents[1] else ()
-    return [str(beside / f"{name}.py") for name in names if (beside / f"{name}.py").is_file()]
-
-
-def _told(file: str) -> str:
-    return f"{file} hides the package '{Path(file).stem}' of bestman-bt, which robots and skills need: rename that file"
-
-
-for _file in _hiding_files():
-    logging.getLogger(__name__).warning(_told(_file))
-
-
-def refuse_hidden_packages() -> None:
-    """Raise ImportError where a file beside the script hides a package of ours."""
-    for file in _hiding_files():
-        raise ImportError(_told(file), path=file)
+for _file in hiding_files():
+    logging.getLogger(__name__).warning(hides(_file))
 
 
 def __dir__() -> list[str]:

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import ctypes
 import json
+import sys
 from functools import cache
 from importlib import import_module
 from importlib.util import find_spec
+from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 from urllib.request import url2pathname
@@ -63,3 +65,21 @@ def open3d() -> Any:
     except (ImportError, OSError) as error:
         libraries = "sudo apt-get install -y libegl1 libgl1 libgomp1 libudev1 libx11-6"
         raise MissingExtraError(f"open3d cannot be loaded: {error}. On Debian this may help: {libraries}") from error
+
+
+def hiding_files() -> list[str]:
+    """The files beside the script that hide a package of ours."""
+    beside = Path(sys.path[0] if sys.path else "").resolve()
+    names = ("behaviours", "hal") if beside != Path(__file__).parents[1] else ()
+    return [str(beside / f"{name}.py") for name in names if (beside / f"{name}.py").is_file()]
+
+
+def hides(file: str) -> str:
+    """What is said of such a file."""
+    return f"{file} hides the package '{Path(file).stem}' of bestman-bt, which robots and skills need: rename that file"
+
+
+def refuse_hidden_packages() -> None:
+    """Raise ImportError where a file beside the script hides a package of ours."""
+    for file in hiding_files():
+        raise ImportError(hides(file), path=file)

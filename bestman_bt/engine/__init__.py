@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from py_trees.ports import PortInformation
 
+import bestman_bt.engine.catalogue  # noqa: F401 - fills the table of built-in nodes
 from bestman_bt.engine.authoring import build_tree, load_python_tree
 from bestman_bt.engine.blackboard import Blackboard, Entry
 from bestman_bt.engine.bounds import BoundedPort, NotZero, OneOf
@@ -37,6 +38,7 @@ from bestman_bt.engine.controls import (
 from bestman_bt.engine.conversion import ConverterRegistry
 from bestman_bt.engine.core.node import Node
 from bestman_bt.engine.core.ports import In, InOut, Out, Port
+from bestman_bt.engine.core.registry import NodeInfo, NodeRegistry, RegistryError
 from bestman_bt.engine.core.status import (
     FAILURE,
     IDLE,
@@ -96,7 +98,6 @@ from bestman_bt.engine.leaves.native import PyTreesBehaviour
 from bestman_bt.engine.leaves.script import Script, ScriptCondition, TestNode, TestNodeConfig
 from bestman_bt.engine.loading import NoMainTree, load_tree
 from bestman_bt.engine.own_files import import_elsewhere
-from bestman_bt.engine.registry import NodeInfo, NodeRegistry, RegistryError
 from bestman_bt.engine.simulation import SimulatedRun, simulate
 from bestman_bt.engine.snapshot import BlackboardBackup, backup, from_json, restore, to_json
 from bestman_bt.engine.substitution import SubstitutionError, SubstitutionRules

@@ -21,6 +21,7 @@ from py_trees.behaviour import Behaviour
 
 from bestman_bt.engine.blackboard import SharedEntries, forget_dropped_trees
 from bestman_bt.engine.core.node import Node, NodePlace
+from bestman_bt.engine.core.registry import NodeRegistry
 from bestman_bt.engine.core.tree import Tree
 from bestman_bt.engine.decorators.subtree import SubTree
 from bestman_bt.engine.errors import Problem, TreeLoadError
@@ -36,14 +37,13 @@ from bestman_bt.engine.loading import (
     words_of,
 )
 from bestman_bt.engine.own_files import described, importable, load_file
-from bestman_bt.engine.registry import NodeRegistry
 from bestman_bt.engine.scripting import ScriptCompiler
 from bestman_bt.engine.xml.checking import check_values
 from bestman_bt.engine.xml.documents import read_documents
 from bestman_bt.engine.xml.elements import MAX_DEPTH
 
 if TYPE_CHECKING:
-    from bestman_bt.engine.registry import NodeInfo
+    from bestman_bt.engine.core.registry import NodeInfo
     from bestman_bt.engine.substitution import SubstitutionRules
 
 _SUBTREE_RESERVED = frozenset(("name", "ID"))

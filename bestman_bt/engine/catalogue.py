@@ -1,11 +1,11 @@
-"""The built-in nodes by name."""
+"""The built-in nodes: every registry has them from the start."""
 
 from __future__ import annotations
 
 from typing import Final
 
 from bestman_bt.engine import controls, decorators
-from bestman_bt.engine.core.node import Node
+from bestman_bt.engine.core.registry import BUILTIN_NODES
 from bestman_bt.engine.leaves.base import AlwaysFailure, AlwaysSuccess, Sleep
 from bestman_bt.engine.leaves.blackboard import (
     PopFromQueue,
@@ -36,7 +36,7 @@ _FAMILIES: Final = [
     if name not in ("Control", "Decorator")
 ]
 
-BUILTIN_NODES: Final[dict[str, type[Node]]] = {cls.__name__: cls for cls in (*_FAMILIES, *_LEAVES)}
+BUILTIN_NODES.update((cls.__name__, cls) for cls in (*_FAMILIES, *_LEAVES))
 
 EXTENSIONS: Final = frozenset((
     "ConsumeQueue", "ForEach", "ManualSelector", "PipelineSequence", "PopFromQueue", "QueueSize", "RateController",

@@ -16,10 +16,10 @@ from bestman_bt.engine.conversion import number_from_text
 from bestman_bt.engine.core.around_tick import Conditions
 from bestman_bt.engine.core.node import Node, NodePlace
 from bestman_bt.engine.core.ports import key_of, outer_key_of
+from bestman_bt.engine.core.registry import NodeInfo, NodeRegistry
 from bestman_bt.engine.core.tree import Tree
 from bestman_bt.engine.decorators.subtree import SubTree
 from bestman_bt.engine.errors import BlackboardError, EngineError, Problem, TreeLoadError
-from bestman_bt.engine.registry import NodeInfo, NodeRegistry
 from bestman_bt.engine.scripting import ScriptCompiler
 from bestman_bt.engine.spelling import closest
 from bestman_bt.engine.xml.checking import PRE_CONDITIONS, Checker

@@ -18,8 +18,8 @@ from bestman_bt.engine.errors import EngineError
 from bestman_bt.engine.leaves.script import TestNode, TestNodeConfig
 
 if TYPE_CHECKING:
+    from bestman_bt.engine.core.registry import NodeInfo
     from bestman_bt.engine.core.tree import Tree
-    from bestman_bt.engine.registry import NodeInfo
 
 
 class SubstitutionError(EngineError):

@@ -14,6 +14,7 @@ from typing import Any
 from bestman_bt.engine import controls, decorators
 from bestman_bt.engine.core.node import Node
 from bestman_bt.engine.core.ports import key_of
+from bestman_bt.engine.core.registry import NodeRegistry
 from bestman_bt.engine.core.strict_order import STRICT, upwards
 from bestman_bt.engine.core.tree import Tree
 from bestman_bt.engine.dataflow import SCRIPT_ATTRIBUTES, EntryUse, entry_uses
@@ -25,7 +26,6 @@ from bestman_bt.engine.models.foreign import Placeholders, main_of, open_documen
 from bestman_bt.engine.models.package import Package
 from bestman_bt.engine.models.placeholders import is_placeholder
 from bestman_bt.engine.reachability import unreachable_children
-from bestman_bt.engine.registry import NodeRegistry
 from bestman_bt.engine.spelling import closest
 from bestman_bt.engine.unwritten import SubTrees, problem_at, unwritten_reads
 from bestman_bt.engine.xml.documents import Documents, read_documents

@@ -8,7 +8,7 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from bestman_bt import refuse_hidden_packages
+from bestman_bt.extras import refuse_hidden_packages
 
 if TYPE_CHECKING:
     from bestman_bt.runtime.control_channel import ControlChannel

@@ -8,10 +8,10 @@ from typing import Any
 import pytest
 
 from bestman_bt.engine import FAILURE, SUCCESS, StatefulAction, SubstitutionRules, TestNodeConfig
+from bestman_bt.engine.core.registry import NodeRegistry
 from bestman_bt.engine.coverage import Coverage
 from bestman_bt.engine.models.package import Package
 from bestman_bt.engine.models.scenario import Scenario, ScenarioError
-from bestman_bt.engine.registry import NodeRegistry
 from bestman_bt.engine.simulation import SimulatedRun, simulate
 
 

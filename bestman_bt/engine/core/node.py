@@ -40,8 +40,8 @@ from bestman_bt.engine.own_files import in_words
 if TYPE_CHECKING:
     from bestman_bt.engine.blackboard import Blackboard
     from bestman_bt.engine.clock import EngineClock
+    from bestman_bt.engine.core.registry import NodeInfo
     from bestman_bt.engine.core.tree import Tree
-    from bestman_bt.engine.registry import NodeInfo
 
 
 # Errors of nodes whose tick went wrong: what their authors are told.

@@ -24,8 +24,7 @@ from bestman_bt.engine.errors import EngineError, NodeError
 
 if TYPE_CHECKING:
     from bestman_bt.engine.blackboard import SharedEntries
-    from bestman_bt.engine.decorators.subtree import SubTree
-    from bestman_bt.engine.registry import NodeInfo, NodeRegistry
+    from bestman_bt.engine.core.registry import NodeInfo, NodeRegistry
     from bestman_bt.engine.scripting import ScriptCompiler
 
 
@@ -182,7 +181,7 @@ class Tree:
 
         return tree_to_xml(self)
 
-    def as_subtree(self) -> SubTree:
+    def as_subtree(self) -> Node:
         """Return what stands for this tree among the children of a node that is made in Python."""
         from bestman_bt.engine.decorators.subtree import SubTree
 

@@ -11,13 +11,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Unpack
 
 from bestman_bt.engine.core.ports import key_of
+from bestman_bt.engine.core.registry import NodeInfo, NodeRegistry
 from bestman_bt.engine.core.tree import Tree
 from bestman_bt.engine.errors import Problem
 from bestman_bt.engine.loading import Gaps, TreeOptions, load_documents, load_tree, without_garbage_collection
 from bestman_bt.engine.models.node_models import Models, seen_ports, with_foreign
 from bestman_bt.engine.models.package import Package
 from bestman_bt.engine.models.placeholders import is_placeholder, placeholder
-from bestman_bt.engine.registry import NodeInfo, NodeRegistry
 from bestman_bt.engine.xml.checking import Checker
 from bestman_bt.engine.xml.documents import Documents, TreeDefinition, read_documents
 from bestman_bt.engine.xml.elements import Element

@@ -9,8 +9,8 @@ from collections.abc import Iterable, Mapping
 from typing import Final
 
 from bestman_bt.engine.core.ports import Port, key_of
+from bestman_bt.engine.core.registry import NodeInfo, NodeRegistry
 from bestman_bt.engine.models.placeholders import KINDS, placeholder, untyped_port
-from bestman_bt.engine.registry import NodeInfo, NodeRegistry
 from bestman_bt.engine.xml.documents import Documents
 from bestman_bt.engine.xml.elements import Element
 

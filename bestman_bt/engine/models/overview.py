@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
+from bestman_bt.engine.core.registry import NodeInfo
 from bestman_bt.engine.graphics import Box, quoted, render_boxes
 from bestman_bt.engine.models.package import Package
-from bestman_bt.engine.registry import NodeInfo
 from bestman_bt.engine.xml.documents import TreeDefinition
 
 

@@ -11,9 +11,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
+from bestman_bt.engine.core.registry import NodeInfo
 from bestman_bt.engine.errors import Problem, TreeLoadError
 from bestman_bt.engine.models.node_models import Models, model_info
-from bestman_bt.engine.registry import NodeInfo
 from bestman_bt.engine.spelling import closest
 from bestman_bt.engine.xml.documents import Documents, TreeDefinition, read_documents, read_file, read_root
 from bestman_bt.engine.xml.elements import Element, parse_xml

@@ -11,9 +11,9 @@ from typing import Any, Final
 
 from bestman_bt.engine.conversion import ConverterRegistry
 from bestman_bt.engine.core.ports import Port, key_of
+from bestman_bt.engine.core.registry import NodeInfo
 from bestman_bt.engine.errors import ConversionError, Problem, TreeLoadError
 from bestman_bt.engine.leaves.base import Condition, StatefulAction
-from bestman_bt.engine.registry import NodeInfo
 
 _TYPES: Final[dict[str, Any]] = {
     "int": int,

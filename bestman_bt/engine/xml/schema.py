@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from bestman_bt.engine.registry import NodeInfo, NodeRegistry
+from bestman_bt.engine.core.registry import NodeInfo, NodeRegistry
 from bestman_bt.engine.xml.checking import EXPLICIT, SCRIPTS
 from bestman_bt.engine.xml.writer import escape
 

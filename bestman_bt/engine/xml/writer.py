@@ -15,8 +15,8 @@ from bestman_bt.engine.leaves.native import PyTreesBehaviour
 if TYPE_CHECKING:
     from bestman_bt.engine.core.node import Node
     from bestman_bt.engine.core.ports import Port
+    from bestman_bt.engine.core.registry import NodeInfo, NodeRegistry
     from bestman_bt.engine.core.tree import Tree
-    from bestman_bt.engine.registry import NodeInfo, NodeRegistry
 
 _CPP_TYPES = {
     int: "int",

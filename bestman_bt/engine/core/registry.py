@@ -6,14 +6,17 @@ import inspect
 from collections.abc import Iterable, Iterator
 from copy import copy
 from dataclasses import dataclass
+from typing import Final
 
-from bestman_bt.engine import catalogue
 from bestman_bt.engine.conversion import UNTYPED, ConverterRegistry
 from bestman_bt.engine.core.node import Node
 from bestman_bt.engine.core.ports import Port, declared_ports
 from bestman_bt.engine.errors import EngineError
 from bestman_bt.engine.spelling import closest
 from bestman_bt.errors import InputError
+
+BUILTIN_NODES: Final[dict[str, type[Node]]] = {}
+"""The engine's own nodes by name; ``engine.catalogue`` fills it, which ``bestman_bt.engine`` imports."""
 
 
 class RegistryError(EngineError, InputError):
@@ -67,7 +70,7 @@ class NodeRegistry:
         self.converters = ConverterRegistry()
         self._infos: dict[str, NodeInfo] = {}
         self._by_class: dict[type[Node], NodeInfo] = {}
-        for name, cls in catalogue.BUILTIN_NODES.items():
+        for name, cls in BUILTIN_NODES.items():
             self._add(name, cls, builtin=True)
 
     @property
