@@ -62,17 +62,15 @@ def _slot(slot: str, algorithms: dict[str, type[Any]]) -> str:
 
 
 def _rows(parameters: Any, kind: type[Any], path: str, prefix: str = "") -> Iterator[tuple[str, ...]]:
-    """``kind``: the class whose docstring and annotations describe the fields of ``parameters``."""
+    """``kind``: the class whose docstring and annotations describe the fields of ``parameters``; KeyError without."""
     described = _descriptions(kind)
     for field in dataclasses.fields(parameters):
         value = getattr(parameters, field.name)
         if dataclasses.is_dataclass(value):
             yield from _rows(value, type(value), f"{path}.{field.name}", f"{prefix}{field.name}.")
             continue
-        told = described.get(field.name, "")
-        words = told or field.name.replace("_", " ")
         unit = _unit(kind, field.name)
-        yield f"`{prefix}{field.name}`", f"`{_value(value)}`", unit, words, f"`{path}.{field.name}=`"
+        yield f"`{prefix}{field.name}`", f"`{_value(value)}`", unit, described[field.name], f"`{path}.{field.name}=`"
 
 
 def _unit(kind: type[Any], field: str) -> str:
@@ -92,17 +90,23 @@ def _value(value: Any) -> str:
 
 
 def _descriptions(kind: type[Any]) -> dict[str, str]:
-    """Field → what the docstrings of the class and its bases say after `` ``field``: ``."""
+    """Field → what the docstrings of the class and its bases say after `` ``field``: ``, else in their sentence."""
     found: dict[str, str] = {}
     for base in reversed(kind.__mro__):
         text = " ".join((base.__dict__.get("__doc__") or "").split())
+        for sentence in re.split(r"(?<=[.;]) ", text):
+            for name in re.findall(r"``(\w+)``", sentence):
+                found.setdefault(name, _words(sentence))
         matches = list(_NAMES.finditer(text))
         ends = [*(following.start() for following in matches[1:]), len(text)]
         for match, end in zip(matches, ends, strict=False):
-            words = text[match.end() : end].strip().rstrip(".;,")
             for name in re.findall(r"``(\w+)``", match[1]):
-                found[name] = words.replace("|", "\\|").replace("``", "`")
+                found[name] = _words(text[match.end() : end])
     return found
+
+
+def _words(text: str) -> str:
+    return text.strip().rstrip(".;,").replace("|", "\\|").replace("``", "`")
 
 
 def _first_paragraph(algorithm: type[Any]) -> str:

@@ -43,6 +43,7 @@ class DampedLeastSquares(InverseKinematics):
     ``tolerance``: m and rad, every component of the error. ``damping``: added to J Jᵀ, in proportion to the
     error where that is below ``fade``, m and rad. ``max_step``: rad per joint.
 
+    ``max_iterations``: of one attempt.
     ``limit_margin``: rad kept from the joint limits. ``attempts``: start positions: the reference, then
     ``near_attempts`` within ``near_std`` rad of it, then anywhere. ``distinct``: rad by which two solutions differ in
     at least one joint. ``track_step``: rad that a joint may move in one ``track``; a descent that is ever farther off

@@ -41,10 +41,11 @@ class Rasterization:
 
     ``resolution``: metres per cell. ``clearance``: metres kept from every outline. ``furniture_position_error``
     (metres, each way) and ``furniture_heading_error`` (radians): how far furniture may be from where the map has it; a
-    piece that is known better (``MapFurniture.position_error``) is as far off as that.
-    ``cost_weight``: extra cost of a metre driven at the lethal distance, ``cost_decay``: metres beyond it at which
-    that has fallen to 1/e. ``floor_height``: metres; obstacles that end below or begin above ``robot_height`` are left
-    out.
+    piece that is known better (``MapFurniture.position_error``) is as far off as that. ``cost_weight``: extra cost of a
+    metre driven at the lethal distance, ``cost_decay``: metres beyond it at which that has fallen to 1/e, in place of
+    an inflation radius. ``floor_height``: metres; obstacles that end below or begin above ``robot_height`` are left
+    out. ``static``: whether walls are in it. ``furniture``: whether furniture is. ``doors``: whether doors and their
+    frames are.
     """
 
     resolution: Annotated[Positive, "m per cell"] = 0.05

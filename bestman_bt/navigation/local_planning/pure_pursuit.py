@@ -51,6 +51,8 @@ class PurePursuit(PathFollower):
 
     Lengths in metres, speeds in m/s and rad/s, accelerations in m/s² and rad/s².
 
+    ``max_speed``, ``max_turn_rate``, ``acceleration``, ``turn_acceleration``: at most, and never more than the base
+    has. ``creep_speed``: at least, until the end is reached. ``still``: below it the base counts as standing.
     ``lookahead_time``: seconds driven to the point that is steered for, between ``min_lookahead`` and
     ``max_lookahead``. ``lateral_acceleration``: slows down in curves. ``deceleration``: plans the stop at the end.
     It brakes with twice that at most, before the end of a leg with twice the ``acceleration``.

@@ -36,17 +36,18 @@ class ScanToMap(Localizer):
 
     Lengths in metres, angles in radians.
 
-    ``iterations`` of the match; hits farther than ``gate_first * gate_decay**k + gate_last`` from everything in the map
-    are left out of iteration k. Which line a hit belongs to is asked again after a step of more than
+    ``iterations`` of the match; hits farther than ``gate_first`` · ``gate_decay``ᵏ + ``gate_last`` from everything in
+    the map are left out of iteration k. Which line a hit belongs to is asked again after a step of more than
     ``associate_again`` (metres, radians). ``robust_scale``: residual at which a hit counts half. ``range_std``: noise
     of a beam. ``wall_std``, ``furniture_std``: error of a wall and of a piece of furniture as a whole. ``slip``,
-    ``turn_slip``, ``turn_shift``, ``drift``: see ``OdometryNoise``; ``dragged_turn_slip``, ``dragged_turn_shift``: of a
-    base that drags its wheels in turns. A match is refused with less than ``min_inlier_ratio`` of the hits
-    explained, unless most others end more than ``early_by`` metres before the map: then ``min_seen_ratio`` of the hits
-    will do if they are ``min_consistent_ratio`` of those that do not end early. It is also refused when it lies more
-    than ``max_deviation`` standard deviations from the prediction; if it explains ``sure_inlier_ratio`` of the hits all
-    the same, the wheels have slipped, and the variances grow by ``surprise`` until it is believed. Nothing is matched
-    where the pose is less certain than ``unknown_std``: a place that fits is then no more than one of many.
+    ``turn_slip``, ``turn_shift``, ``drift``: variance that the odometry gains; ``dragged_turn_slip``,
+    ``dragged_turn_shift``: of a base that drags its wheels in turns. A match is refused with less than
+    ``min_inlier_ratio`` of the hits explained, unless most others end more than ``early_by`` metres before the map:
+    then ``min_seen_ratio`` of the hits will do if they are ``min_consistent_ratio`` of those that do not end early. It
+    is also refused when it lies more than ``max_deviation`` standard deviations from the prediction; if it explains
+    ``sure_inlier_ratio`` of the hits all the same, the wheels have slipped, and the variances grow by ``surprise``
+    until it is believed. Nothing is matched where the pose is less certain than ``unknown_std``: a place that fits is
+    then no more than one of many.
     """
 
     planar_map: PlanarMap

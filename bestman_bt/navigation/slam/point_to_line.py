@@ -24,10 +24,11 @@ from bestman_bt.navigation.slam.oriented_points import OrientedPoints
 class PointToLine:
     """How scans are matched. Lengths in metres.
 
-    ``iterations`` at most; hits farther than ``gate_first * gate_decay**k + gate_last`` from everything are left out of
-    iteration k. ``robust_scale``: residual at which a hit counts half, ``range_std``: noise of a beam and of what it is
-    matched to. ``turning``: how much a normal that points the other way counts as distance, halved. ``neighbours``:
-    points that a reference line is fitted to. ``inlier_distance``: from a reference line, of a hit that it explains.
+    ``iterations`` at most; hits farther than ``gate_first`` · ``gate_decay``ᵏ + ``gate_last`` from everything are left
+    out of iteration k. ``robust_scale``: residual at which a hit counts half, ``range_std``: noise of a beam and of
+    what it is matched to. ``turning``: how much a normal that points the other way counts as distance, halved.
+    ``neighbours``: points that a reference line is fitted to. ``inlier_distance``: from a reference line, of a hit that
+    it explains.
     """
 
     iterations: Count = 12

@@ -83,7 +83,7 @@ class LogOddsGrid:
     ``resolution``: metres per cell. ``hit``, ``miss``: log odds that a scan adds to a cell that it hits or passes.
 
     ``limit``: they never exceed it, each way, so that what has changed is believed after a while. A cell is occupied
-    from ``occupied`` on (one hit), free from ``-free`` on (one pass). ``keep``: metres before a hit that a beam does
+    from ``occupied`` on (one hit), free from -``free`` on (one pass). ``keep``: metres before a hit that a beam does
     not clear: its noise, and a grazed wall. ``border``: metres of unknown that are kept around all that was seen, for
     there is something beyond it, to look for and not to drive into.
     """
@@ -165,12 +165,12 @@ class PoseGraphSlam(Slam):
     ``loop_closure``: False leaves only scan matching, as a control. A scan becomes a keyframe after
     ``keyframe_distance`` or ``keyframe_angle``; a submap has ``submap_keyframes``, and its second half is the first
     half of the next. ``cell``: points of a submap that are nearer are one. ``min_hits``: on lines, that a scan needs.
-    ``slip`` to ``drift``: see ``OdometryNoise``, here of wheels that slip by a tenth between two scans;
-    ``rest_std``, ``rest_heading_std``: what is left at rest. Where a match explains less than ``min_inlier_ratio`` of
-    the hits, ``recovery_distance`` and ``recovery_angle`` around are searched; what is found there has to explain
-    ``sure_inlier_ratio`` and be known to ``sure_std`` in each direction. Else the match counts if it explains
-    ``least_inlier_ratio``, as where a new room comes into view, and lies within ``max_deviation`` of the odometry.
-    ``position_std``, ``heading_std``: error of a match beside the noise of the hits. ``redraw_distance``,
+    ``slip``, ``turn_slip``, ``turn_shift``, ``drift``: variance that the odometry gains, of wheels that slip by a
+    tenth; ``rest_std``, ``rest_heading_std``: what is left at rest. Where a match explains less than
+    ``min_inlier_ratio`` of the hits, ``recovery_distance`` and ``recovery_angle`` around are searched; what is found
+    there has to explain ``sure_inlier_ratio`` and be known to ``sure_std`` in each direction. Else the match counts if
+    it explains ``least_inlier_ratio``, as where a new room comes into view, and lies within ``max_deviation`` of the
+    odometry. ``position_std``, ``heading_std``: error of a match beside the noise of the hits. ``redraw_distance``,
     ``redraw_angle``: a keyframe that a loop closure moves farther has the grid drawn anew.
     """
 

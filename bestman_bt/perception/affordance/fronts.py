@@ -98,6 +98,7 @@ class FrontSearch:
     ``max_range``: of fronts from the camera. ``yaw_bin``, ``offset_bin``: of the votes. ``yaw_window``: of windows
     that vote for one direction. ``offset_window``: windows within it belong to a front.
     ``min_area``: that its windows cover, square metres. ``max_gap``: holes and gaps up to it belong to the front.
+    ``max_fronts``: of a view, at most.
     """
 
     noise_base: Annotated[float, "m"] = 0.0012

@@ -23,7 +23,8 @@ class BorderSearch:
 
     ``span``: metres to either side of the handle that first tell where borders may be. ``share``: least share of a
     border's length that shows it, first near the handle, then along the whole panel.
-    ``before``: metres; what stands out more tells nothing about borders.
+    ``before``: metres; what stands out more tells nothing about borders. ``clear``: metres beyond the handle's ends and
+    sides from which borders are looked for.
     """
 
     contrast: float = 14.0

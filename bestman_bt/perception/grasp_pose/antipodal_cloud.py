@@ -178,6 +178,7 @@ class AntipodalCloud(GraspPlanner):
     quality that a tilt of 45° costs.
     ``patch_depth``: noise of the cloud and give of the pads. ``object_clearance``, ``surroundings_clearance``,
     ``support_clearance``: of the open hand. ``apart``, ``apart_angle``: two grasps nearer than both count as one.
+    ``max_candidates``: grasps that are returned, at most.
     """
 
     contacts: int = 320

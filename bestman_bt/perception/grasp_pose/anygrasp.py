@@ -38,7 +38,7 @@ class AnyGraspAdapter(GraspPlanner):
     detector, an object with ``get_grasp`` or a callable with its signature. It is loaded when first needed.
     ``region``: around the target's points, in which grasps are asked for; ``on_target``: at most this far from one of
     them must the middle between the finger tips be. ``max_tilt``: of the approach from straight down, radians.
-    ``object_clearance``, ``surroundings_clearance``: of the open hand.
+    ``object_clearance``, ``surroundings_clearance``: of the open hand. ``max_candidates``: grasps returned, at most.
     """
 
     network: str = ""

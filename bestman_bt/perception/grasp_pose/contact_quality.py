@@ -126,7 +126,7 @@ def _side(
 class ContactQuality:
     """Tells how likely a grasp holds, by what the pads meet.
 
-    Weights of the log-odds.
+    Weights of the log-odds. ``bias``: of a grasp without fault.
 
     ``angle``: per radian between closing direction and the patch's normal, at the worse side. ``across``, ``along``: of
     the smaller patch's spread over the pad's, 0 to 1. ``offset``: per width of a pad between the two patches. ``tip``:

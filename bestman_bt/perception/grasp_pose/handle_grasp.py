@@ -41,7 +41,7 @@ class HandleGrasp(GraspPlanner):
     ``front_clearance``: between open hand and front. ``back``: how far the tool frame may stay short of the handle.
     ``lip``: from the handle's origin to the lip's free edge. What is assumed of a recess: ``recess_width`` beyond that
     edge, ``recess_depth`` behind the lip, and ``pocket`` behind it from the origin on.
-    ``opened_by``: how far the handle has moved at ``lift``.
+    ``opened_by``: how far the handle has moved at ``lift``. ``surroundings_clearance``: of the open hand.
     """
 
     bar_tilts: Annotated[tuple[float, ...], "rad"] = tuple(math.radians(angle) for angle in (0, 20, -20, 40, -40))

@@ -34,7 +34,11 @@ class PoseEvidence:
 class ConfidenceModel:
     """Logistic regression on the evidence, fitted on rendered scenes (see docs/perception.md).
 
-    ``outside`` is set by hand: of what the border cuts off nothing is known.
+    ``bias``: log-odds of a fit without fault. The others are added for each unit of what they weigh. ``unexplained``:
+    share of the points that are not on the model. ``floating``: share of its surface that the camera sees through.
+    ``hidden``: share of it that is not seen. ``rmse_ratio``: rms of the residuals beyond the noise, in multiples of
+    that. ``color``: distance of colours. ``outside``: share beyond the image's border; set by hand, since of what the
+    border cuts off nothing is known.
     """
 
     bias: float = 5.5
