@@ -266,7 +266,8 @@ class Stepping:
 
 @pytest.fixture
 def decorated(tmp_path: Path) -> Iterator[Path]:
-    before = [(registry, dict(registry._entries)) for registry in (ALGORITHMS, PLANNERS, BUILDERS, PREDICATES)]
+    registries = (ALGORITHMS, PLANNERS, BUILDERS, PREDICATES)
+    before = [(registry, {name: registry._entries[name] for name in registry.names()}) for registry in registries]
     (tmp_path / "mine.py").write_text(DECORATED)
     (tmp_path / "stepping.py").write_text(BESIDE)
     yield tmp_path / "mine.py"
