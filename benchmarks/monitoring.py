@@ -37,9 +37,9 @@ from bestman_bt.engine import (
     WallClock,
     load_tree,
 )
+from bestman_bt.monitor.event_stream import Tell
 from bestman_bt.records.events import RobotEvent, RunEvent, Topic
 from bestman_bt.runtime import ControlChannel, Executor
-from bestman_bt.runtime.event_stream import Tell
 from bestman_bt.runtime.telemetry import Telemetry
 
 RATE = 20.0

@@ -23,7 +23,7 @@ class Format(StrEnum):
 
 
 def command(
-    run: Annotated[Path, typer.Argument(metavar="RUN", help="A run folder, or a .btlog file.")],
+    run: Annotated[Path, typer.Argument(metavar="RUN", help="A run folder, or a .btlog or .db3 file.")],
     form: Annotated[
         Format,
         typer.Option(

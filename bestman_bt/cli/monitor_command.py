@@ -1,4 +1,4 @@
-"""Examples: bestman-bt monitor; bestman-bt monitor runs/ --read-only; bestman-bt monitor --host 0.0.0.0."""
+"""Examples: bestman-bt monitor; bestman-bt monitor runs/ --read-only; bestman-bt monitor --connect groot2://127.0.0.1:1667."""
 
 from __future__ import annotations
 
@@ -6,20 +6,57 @@ import ipaddress
 import socket
 import sys
 import webbrowser
+from collections.abc import Iterable
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from bestman_bt.cli.option_values import wrong_input
-from bestman_bt.cli.options import MONITOR_PORT
+from bestman_bt.cli.options import MONITOR_PORT, grouped_options, refuse_unwritable_folder
 from bestman_bt.monitor.control_client import TOKEN_VARIABLE, page_address
 
+if TYPE_CHECKING:
+    from bestman_bt.monitor.groot2.watcher import Groot2Watcher
 
+
+@dataclass(frozen=True)
+class Connections:
+    """Processes of others that are watched."""
+
+    connect: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="groot2://HOST:PORT",
+            help="Watch and record a process of BehaviorTree.CPP 4 with a Groot2Publisher; may be given several times.",
+        ),
+    ] = None
+    runs: Annotated[Path, typer.Option(help="Where --connect makes run folders.")] = Path("runs")
+
+    def watchers(self) -> list[Groot2Watcher]:
+        """One for each process, not started yet."""
+        if not self.connect:
+            return []
+        from bestman_bt.monitor.groot2.client import parse_address
+        from bestman_bt.monitor.groot2.protocol import Groot2Error
+        from bestman_bt.monitor.groot2.watcher import Groot2Watcher
+
+        try:
+            places = [parse_address(address) for address in dict.fromkeys(self.connect)]
+        except Groot2Error as error:
+            raise wrong_input("--connect", str(error)) from error
+        refuse_unwritable_folder(self.runs, "--runs")
+        return [Groot2Watcher(*place, self.runs) for place in places]
+
+
+@grouped_options
 def command(
     folders: Annotated[
-        list[Path] | None, typer.Argument(metavar="[RUN]...", help="Run folders, or folders that hold some.")
+        list[Path] | None,
+        typer.Argument(metavar="[RUN]...", help="Run folders, folders that hold some, .btlog and .db3 files."),
     ] = None,
+    others: Connections = Connections(),
     port: Annotated[int, typer.Option(min=0, max=65535, help="0 for any free one.")] = MONITOR_PORT,
     host: Annotated[str, typer.Option(help="Address to listen on; any but loopback demands a token.")] = "127.0.0.1",
     token: Annotated[
@@ -38,20 +75,16 @@ def command(
     ] = None,
 ) -> None:
     """Show running executors, and recorded runs, in the browser."""
-    from bestman_bt.monitor.recorded import identity_of, run_folders
+    from bestman_bt.monitor.recorded import identity_of
     from bestman_bt.monitor.security import SHORTEST_TOKEN, is_loopback, new_token
     from bestman_bt.monitor.server import MonitorServer, ServerConfig, bind
 
-    recorded = []
-    for folder in folders or ():
-        found = run_folders(folder)
-        if not found:
-            raise wrong_input(str(folder), "is no run folder, and holds none")
-        recorded += found
+    recorded = _recorded(folders or ())
     if token is not None and len(token) < SHORTEST_TOKEN:
         raise wrong_input("--token", f"a token has at least {SHORTEST_TOKEN} characters, or others guess it")
     if token is None and not is_loopback(host):
         token = new_token()
+    watchers = others.watchers()
     try:
         listening = bind(host, port)
     except OSError as error:
@@ -63,12 +96,30 @@ def command(
         address += "#" + "&".join(identity_of(folder) for folder in recorded)
 
     def started() -> None:
+        for watcher in watchers:
+            watcher.start()
         print(f"monitor: {address}", flush=True)
         if not no_browser and is_loopback(host):
             webbrowser.open(address)
 
-    MonitorServer(config).run(listening, started)
+    try:
+        MonitorServer(config).run(listening, started)
+    finally:
+        for watcher in watchers:
+            watcher.stop()
     sys.exit(0)
+
+
+def _recorded(given: Iterable[Path]) -> list[Path]:
+    from bestman_bt.monitor.recorded import run_folders
+
+    found: list[Path] = []
+    for path in given:
+        those = run_folders(path)
+        if not those:
+            raise wrong_input(str(path), "is no run folder or log, and holds none")
+        found += those
+    return found
 
 
 def _is_any(host: str) -> bool:

@@ -25,7 +25,9 @@ def _writable_html(path: Path | None) -> Path | None:
 
 
 def command(
-    runs: Annotated[list[Path], typer.Argument(metavar="RUN", help="Run folders, or folders that hold some.")],
+    runs: Annotated[
+        list[Path], typer.Argument(metavar="RUN", help="Run folders, folders that hold some, .btlog and .db3 files.")
+    ],
     out: Annotated[
         Path | None,
         typer.Option(
@@ -51,7 +53,7 @@ def command(
     if not stories:
         raise ReportError("\n".join(map(str, faults)))
     if out is None:
-        out = folders[0] / REPORT_NAME if len(folders) == 1 else Path(REPORT_NAME)
+        out = folders[0] / REPORT_NAME if len(folders) == 1 and folders[0].is_dir() else Path(REPORT_NAME)
     page = report_page(stories, datetime.now())
     try:
         out.write_text(page, encoding="utf-8")

@@ -6,7 +6,7 @@ from datetime import datetime
 from pathlib import Path
 
 from bestman_bt.configuration import ConfigurationError, Problem, RunConfig, dump_run
-from bestman_bt.records.writer import EVENTS_FILE, LOG_FILE, STATES_FILE
+from bestman_bt.records.writer import EVENTS_FILE, LOG_FILE, STATES_FILE, make_folder
 
 RESULT_NAME = "result.json"
 
@@ -16,20 +16,14 @@ def make_run_folder(config: RunConfig, parent: Path = Path("runs")) -> Path:
 
     Raises ConfigurationError where ``parent`` cannot hold it.
     """
-    stem = f"{datetime.now().strftime('%Y%m%d-%H%M%S')}-{config.name}-{config.seed}"
-    folder = parent / stem
-    number = 1
-    while True:
-        try:
-            folder.mkdir(parents=True)
-            (folder / "config.yaml").write_text(dump_run(config, absolute=True), encoding="utf-8")
-            return folder
-        except FileExistsError:
-            number += 1
-            folder = parent / f"{stem}-{number}"
-        except OSError as error:
-            message = f"no run folder can be made there: {error.strerror}"
-            raise ConfigurationError([Problem(f"--runs {parent}", None, "", message)]) from error
+    stem = f"{datetime.now():%Y%m%d-%H%M%S}-{config.name}-{config.seed}"
+    try:
+        folder = make_folder(parent, stem)
+        (folder / "config.yaml").write_text(dump_run(config, absolute=True), encoding="utf-8")
+    except OSError as error:
+        message = f"no run folder can be made there: {error.strerror}"
+        raise ConfigurationError([Problem(f"--runs {parent}", None, "", message)]) from error
+    return folder
 
 
 def claim_run_folder(folder: Path) -> None:

@@ -14,15 +14,15 @@ from bestman_bt.engine.logs.segmented_file import read_regular
 from bestman_bt.monitor.run import MonitoredRun, RunError
 from bestman_bt.records.events import LogEvent, RunEvent
 from bestman_bt.records.history import RunHistory
-from bestman_bt.records.reader import RecordError, first_event, has_record, read, read_picture
+from bestman_bt.records.reader import RecordError, first_event, has_record, is_log, read, read_picture
 
 RESULT_FILE = "result.json"
 LARGEST_RESULT = 1 << 20
 
 
 def run_folders(given: Path) -> list[Path]:
-    """The run folders that a path means: itself, or those in it."""
-    if has_record(given):
+    """The run folders that a path means: itself, or those in it; or a log of BehaviorTree.CPP."""
+    if has_record(given) or is_log(given):
         return [given]
     return sorted(path for path in given.iterdir() if has_record(path)) if given.is_dir() else []
 

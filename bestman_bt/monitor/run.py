@@ -10,7 +10,7 @@ from typing import Any
 from bestman_bt.errors import Error
 from bestman_bt.records.history import RunHistory
 
-TOLD = ("task", "tree", "scene", "robot", "seed", "pid", "folder", "started", "tick_rate", "clock")
+TOLD = ("task", "tree", "scene", "robot", "seed", "pid", "folder", "started", "tick_rate", "clock", "source")
 
 
 class RunError(Error):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import get_args
 
 from bestman_bt.engine import EngineError, Node, StateChanges, Tree, TreeLoadError
@@ -9,8 +10,9 @@ from bestman_bt.engine.conversion import text_of
 from bestman_bt.engine.core.status import IDLE
 from bestman_bt.engine.decorators.subtree import SubTree
 from bestman_bt.engine.logs import LogError
+from bestman_bt.engine.models.placeholders import is_placeholder
 from bestman_bt.engine.xml.elements import Element, parse_xml
-from bestman_bt.engine.xml.writer import XmlError, full_tree_xml
+from bestman_bt.engine.xml.writer import XmlError, escape, full_tree_xml
 from bestman_bt.records.events import MAIN_TREE, Category, DescribedNode, StatesEvent, TreeEvent
 
 LONGEST_PORT = 500
@@ -45,7 +47,9 @@ def _described(node: Node) -> DescribedNode:
     ports = {key: _text(value) for key, value in node.attributes.items() if key not in ("name", "ID")}
     scope = "" if node.place is None else node.place.path
     kind = node.tree_id if isinstance(node, SubTree) else node.type_id
-    return DescribedNode(node.uid, parent, node.name, kind, category_of(node), node.path, ports, scope, node.where)
+    return DescribedNode(
+        node.uid, parent, node.name, kind, category_of(node), node.path, ports, scope, node.where, is_placeholder(node)
+    )
 
 
 def _text(value: object) -> str:
@@ -53,6 +57,10 @@ def _text(value: object) -> str:
         text = text_of(value)
     except EngineError:
         text = type(value).__name__
+    return _shortened(text)
+
+
+def _shortened(text: str) -> str:
     return text if len(text) <= LONGEST_PORT else text[: LONGEST_PORT - 1] + "…"
 
 
@@ -102,8 +110,30 @@ def _logged(element: Element, parent: int | None, scope: str, palette: dict[str,
     if not path:
         own = name if name != kind else f"{name}::{uid}"
         path = f"{scope}/{own}" if scope else own
-    ports = {key: value for key, value in attributes.items() if key not in ("name", "ID", "_uid", "_fullpath")}
+    ports = {
+        key: _shortened(value) for key, value in attributes.items() if key not in ("name", "ID", "_uid", "_fullpath")
+    }
     known = _CATEGORIES.get("subtree" if is_subtree else palette.get(element.tag, ""))
     return DescribedNode(
         uid, parent, name, kind, known or ("control" if element.children else "action"), path, ports, scope
     )
+
+
+def xml_of(nodes: Sequence[DescribedNode], tree_id: str) -> str:
+    """Nodes without SubTrees, parents before children, as ``full_tree_xml`` writes them; what XML has not becomes ?."""
+    lines = [f'<root BTCPP_format="4"><BehaviorTree ID="{_escaped(tree_id)}" _fullpath="">']
+    open_nodes: list[DescribedNode] = []
+    for node in nodes:
+        while open_nodes and open_nodes[-1].uid != node.parent:
+            lines.append(f"</{open_nodes.pop().type}>")
+        lines.append(f'<{node.type} name="{_escaped(node.name)}" _uid="{node.uid}">')
+        open_nodes.append(node)
+    lines += [f"</{node.type}>" for node in reversed(open_nodes)]
+    lines.append("</BehaviorTree><TreeNodesModel>")
+    models = {node.type: node.category.capitalize() for node in nodes}
+    lines += [f'<{category} ID="{kind}"/>' for kind, category in models.items()]
+    return "\n".join([*lines, "</TreeNodesModel></root>", ""])
+
+
+def _escaped(text: str) -> str:
+    return escape("".join(letter if letter.isprintable() else "?" for letter in text))

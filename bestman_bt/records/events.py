@@ -38,7 +38,8 @@ class EventError(Error, ValueError):
 class RunEvent:
     """What runs: the first event. ``started``: seconds since the epoch; ``tick_rate``: hertz.
 
-    ``folder``: of the run, absolute; empty where nothing is kept.
+    ``folder``: of the run, absolute; empty where nothing is kept. ``source``: of an executor that is not ours, such as
+    ``groot2://127.0.0.1:1667``: it is only watched, and begins anew as another run.
     """
 
     task: str
@@ -52,6 +53,7 @@ class RunEvent:
     tick_rate: TickRate
     clock: Literal["simulated", "real"]
     version: int = VERSION
+    source: str = ""
     event: Literal["run"] = "run"
 
 
@@ -60,7 +62,7 @@ class DescribedNode:
     """A node. ``type``: as in XML, of a SubTree its tree's; ``parent``: the uid of the node above, None for the root.
 
     ``path``: unique in its tree; ``ports``: port or attribute → text; ``scope``: path of its SubTree. ``where``: what
-    people call it, its name with file and line; empty where no file defines it.
+    people call it, its name with file and line; empty where no file defines it. ``placeholder``: its code is not here.
     """
 
     uid: int
@@ -72,6 +74,7 @@ class DescribedNode:
     ports: dict[str, str]
     scope: str
     where: str = ""
+    placeholder: bool = False
 
     @property
     def is_leaf(self) -> bool:

@@ -1,4 +1,4 @@
-"""Reads the record of a run from its folder, whatever state it was left in, or from a ``.btlog`` file alone."""
+"""Reads the record of a run from its folder, whatever state it was left in, or from a log of BehaviorTree.CPP alone."""
 
 from __future__ import annotations
 
@@ -11,13 +11,16 @@ from typing import get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from bestman_bt.engine.core.status import FAILURE, SUCCESS
 from bestman_bt.engine.errors import EngineError
 from bestman_bt.engine.logs import BtLog, Transitions, read_btlog
 from bestman_bt.engine.logs.segmented_file import first_segment, read_regular, read_segment, read_segments
+from bestman_bt.engine.logs.sqlite_log import is_sqlite, read_sqlite
 from bestman_bt.errors import InputError
 from bestman_bt.records.described_tree import describe_xml
 from bestman_bt.records.events import (
     MAIN_TREE,
+    EndEvent,
     Event,
     EventError,
     Level,
@@ -35,16 +38,24 @@ MOST_READ = 64 << 20
 """Bytes that are read of one full segment, and of all together."""
 LARGEST_FILE = 32 << 20
 """Bytes of one log that are read; executors cut theirs long before."""
+LOG_SUFFIXES = (".btlog", ".db3", ".btdb")
 LONGEST_FIRST_LINE = 64 << 10
 LARGEST_PICTURE = 8 << 20
 PICTURES_FOLDER = "pictures"
 PICTURE_SUFFIXES = (".jpg", ".jpeg", ".png")
 MOST_FAULTS, LONGEST_FAULT = 20, 300
+OUTCOMES = {SUCCESS: "success", FAILURE: "failure"}
+"""Of a tree that nobody judges, after what its root returned last."""
 _LEVELS = get_args(Level)
 
 
 class RecordError(InputError):
     """A record, or a part of it, cannot be read."""
+
+
+def is_log(path: Path) -> bool:
+    """Whether it is a file by whose name one knows a log of BehaviorTree.CPP."""
+    return path.suffix in LOG_SUFFIXES and path.is_file()
 
 
 def has_record(folder: Path) -> bool:
@@ -53,7 +64,7 @@ def has_record(folder: Path) -> bool:
 
 
 def read(path: Path, left_out: Collection[str] = ()) -> RunHistory:
-    """What a run folder, or a ``.btlog`` file, tells of a run; what is damaged or missing is among its ``faults``.
+    """What a run folder, or a log of BehaviorTree.CPP, tells of a run; what is damaged is among its ``faults``.
 
     ``left_out``: kinds of events that are not wanted, such as ``robot``: they are many.
 
@@ -66,7 +77,7 @@ def read(path: Path, left_out: Collection[str] = ()) -> RunHistory:
     history, changes, log = RunHistory(), _Changes(), None
     if _is_read(states, history.faults):
         try:
-            log = read_btlog(states)
+            log = read_sqlite(states) if path.is_file() and is_sqlite(states) else read_btlog(states)
         except (OSError, EngineError) as error:
             _add_fault(history.faults, states.name, error)
     if not path.is_file() and _is_read(path / EVENTS_FILE, history.faults):
@@ -78,6 +89,8 @@ def read(path: Path, left_out: Collection[str] = ()) -> RunHistory:
         history.take_changes(history.with_answers(told), ticks)
     if not path.is_file() and _is_read(path / LOG_FILE, history.faults):
         _take_all(history, LOG_FILE, read_log(path))
+    if path.is_file() and len(history.states.now) and (outcome := OUTCOMES.get(int(history.states.now.results[1]))):
+        history.take(EndEvent(history.last, outcome, outcome.upper(), "the end of the log"))
     if history.faults and not history.version:
         raise RecordError(f"{path.name} cannot be read: {'; '.join(history.faults)}")
     return history

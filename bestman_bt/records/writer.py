@@ -7,8 +7,10 @@
 from __future__ import annotations
 
 import json
+from contextlib import suppress
 from dataclasses import asdict, replace
 from datetime import UTC, datetime
+from itertools import count
 from pathlib import Path
 
 from bestman_bt.engine import Tree
@@ -35,10 +37,21 @@ KEPT_EVERY = {"robot": 0.19, "scan": 1.9}
 """Seconds between those that are kept: of robot states that come each 0.1 s every other."""
 
 
-class RunLogWriter:
-    """Writes the events of one execution into ``folder``; from one thread."""
+def make_folder(parent: Path, stem: str) -> Path:
+    """Make a new folder for a run, with a number where the name is taken; OSError where ``parent`` cannot hold it."""
+    parent.mkdir(parents=True, exist_ok=True)
+    for number in count(1):
+        folder = parent / (stem if number == 1 else f"{stem}-{number}")
+        with suppress(FileExistsError):
+            folder.mkdir()
+            break
+    return folder
 
-    def __init__(self, folder: Path, tree: Tree, run: RunEvent) -> None:
+
+class RunLogWriter:
+    """Writes the events of one execution into ``folder``; from one thread. ``tree``: as of ``BtLogWriter``."""
+
+    def __init__(self, folder: Path, tree: Tree | str, run: RunEvent) -> None:
         self._started = run.started
         self._states = BtLogWriter(tree, folder / STATES_FILE, start=run.started, listen=False).open()
         self._events = SegmentedFile(folder / EVENTS_FILE, segment=SEGMENT, keep=KEEP_EVENTS)

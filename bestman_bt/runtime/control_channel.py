@@ -18,15 +18,10 @@ One JSON object a line in each direction. Requests, which are answered by ``{"ok
 
 from __future__ import annotations
 
-import contextlib
-import json
 import os
-import socketserver
-import threading
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from concurrent.futures import CancelledError
-from contextlib import contextmanager
+from contextlib import AbstractContextManager
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -34,18 +29,14 @@ from typing import Any
 from bestman_bt.control.operator_speed import SLOWEST, OperatorSpeed
 from bestman_bt.engine import RUNNING, EngineError, status_name
 from bestman_bt.engine.spelling import closest
-from bestman_bt.errors import Error
-from bestman_bt.monitor.control_client import socket_folder
-from bestman_bt.records.events import TOPICS, BreakpointsEvent, Topic
+from bestman_bt.monitor.control_socket import Request, RequestRefusedError, serve, topics_of
+from bestman_bt.monitor.outbox import Outbox
+from bestman_bt.records.events import BreakpointsEvent
 from bestman_bt.runtime.breakpoints import BreakpointError, Breakpoints
 from bestman_bt.runtime.confirmation import Confirmation
 from bestman_bt.runtime.executor import Executor, PauseReason
-from bestman_bt.runtime.outbox import Outbox
 from bestman_bt.runtime.telemetry import Telemetry
 
-MAX_REQUEST = 65536
-REQUEST_PAUSE = 0.005
-"""Seconds between requests of one connection: who floods it with them leaves the executor its time."""
 LONGEST_MARK = 200
 """Characters of what was changed by hand, as the result tells it."""
 TASK_WAIT = 2.0
@@ -56,12 +47,6 @@ KNOWN = (
     "breakpoints, force, halt, stop"
 )
 """Requests, for people."""
-
-Request = dict[str, Any]
-
-
-class RequestRefusedError(Error):
-    """A request cannot be carried out."""
 
 
 class ControlChannel:
@@ -87,29 +72,9 @@ class ControlChannel:
         self._robot_state = robot_state
         self._breakpoints = Breakpoints(executor, self._tell_breakpoints)
 
-    @contextmanager
-    def serving(self, run_folder: Path | None = None) -> Iterator[Path]:
+    def serving(self, run_folder: Path | None = None) -> AbstractContextManager[Path]:
         """Serve until the context ends; ``control.sock`` in ``run_folder`` links to the socket."""
-        path = socket_folder() / f"{os.getpid()}-{id(self):x}.sock"
-        path.unlink(missing_ok=True)
-        mask = os.umask(0o177)
-        try:
-            server = _Server(str(path), self)
-        finally:
-            os.umask(mask)
-        thread = threading.Thread(target=server.serve_forever, args=(0.1,), name="control-channel", daemon=True)
-        thread.start()
-        link = run_folder / "control.sock" if run_folder is not None else None
-        if link is not None:
-            link.symlink_to(path)
-        try:
-            yield path
-        finally:
-            server.shutdown()
-            server.server_close()
-            path.unlink(missing_ok=True)
-            if link is not None:
-                link.unlink(missing_ok=True)
+        return serve(self, run_folder)
 
     def answer(self, message: Any) -> dict[str, Any]:
         """Carry out one request; what ``subscribe`` asks for begins with ``subscribe``."""
@@ -154,7 +119,7 @@ class ControlChannel:
 
     def subscribe(self, message: Request, outbox: Outbox) -> None:
         """Let the events come that a request has asked for, which ``answer`` has agreed to."""
-        self._telemetry.subscribe(outbox, _topics(message))
+        self._telemetry.subscribe(outbox, topics_of(message))
 
     def forget(self, outbox: Outbox) -> None:
         """Tell somebody nothing more."""
@@ -218,7 +183,7 @@ class ControlChannel:
             case "breakpoint" | "clear_breakpoint" | "force":
                 self._between_ticks(lambda: self._change_breakpoints(what, message))
             case "subscribe":
-                _topics(message)
+                topics_of(message)
             case "status":
                 return self._standing()
             case "breakpoints":
@@ -269,47 +234,3 @@ class ControlChannel:
 def _told(hold: PauseReason) -> dict[str, Any]:
     """What is planned is told only where something is."""
     return {name: value for name, value in asdict(hold).items() if value or name not in ("words", "swept")}
-
-
-def _topics(message: Request) -> frozenset[Topic]:
-    topics = message.get("topics", list(TOPICS))
-    if not isinstance(topics, list) or not all(topic in TOPICS for topic in topics):
-        raise RequestRefusedError(f"topics is a list of some of {', '.join(TOPICS)}")
-    return frozenset(topics)
-
-
-class _Server(socketserver.ThreadingUnixStreamServer):
-    daemon_threads = True
-
-    def __init__(self, path: str, channel: ControlChannel) -> None:
-        self.channel = channel
-        super().__init__(path, _Handler)
-
-
-class _Handler(socketserver.StreamRequestHandler):
-    server: _Server
-
-    def handle(self) -> None:
-        outbox = Outbox(self.connection)
-        with contextlib.suppress(OSError):
-            for line in iter(lambda: self.rfile.readline(MAX_REQUEST), b""):
-                self._carry_out(line, outbox)
-                time.sleep(REQUEST_PAUSE)
-        self.server.channel.forget(outbox)
-        outbox.close()
-
-    def _carry_out(self, line: bytes, outbox: Outbox) -> None:
-        channel = self.server.channel
-        try:
-            message = json.loads(line)
-        except (ValueError, RecursionError):
-            outbox.send(_answer_line({"ok": False, "error": "a request is one JSON object a line"}))
-            return
-        answer = channel.answer(message)
-        outbox.send(_answer_line(answer))
-        if answer["ok"] and message["do"] == "subscribe":
-            channel.subscribe(message, outbox)
-
-
-def _answer_line(answer: dict[str, Any]) -> bytes:
-    return json.dumps(answer).encode() + b"\n"

@@ -13,8 +13,8 @@ from PIL import Image
 
 from behaviours.context import SkillContext
 from bestman_bt.control.rgbd import RGBDView
+from bestman_bt.monitor.event_stream import Tell
 from bestman_bt.records.events import ImageEvent, Topic
-from bestman_bt.runtime.event_stream import Tell
 
 FOLDER = "pictures"
 MOST_PICTURES = 50

@@ -13,9 +13,9 @@ from bestman_bt.control.joint_state import JointStateError, JointStateSensor
 from bestman_bt.control.operator_speed import OperatorSpeed
 from bestman_bt.control.wheeled.localisation_cycle import PlacedScan
 from bestman_bt.messages import Path2D, Pose2D
+from bestman_bt.monitor.event_stream import Tell
 from bestman_bt.records.events import MapEvent, MapPiece, PathEvent, RobotEvent, ScanEvent, Topic
 from bestman_bt.robot_model import RobotModel
-from bestman_bt.runtime.event_stream import Tell
 from bestman_bt.world_model import BasePose, SemanticMap
 from hal.api import Robot
 

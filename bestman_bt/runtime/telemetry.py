@@ -16,6 +16,8 @@ from typing import Protocol
 
 from behaviours.failure import NodeFailure
 from bestman_bt.engine import RUNNING, Node, StateChanges, Tree
+from bestman_bt.monitor.event_stream import LOGS, EventStream, Tell
+from bestman_bt.monitor.outbox import Outbox
 from bestman_bt.records.described_tree import describe_tree
 from bestman_bt.records.events import (
     MAIN_TREE,
@@ -32,10 +34,8 @@ from bestman_bt.records.events import (
 from bestman_bt.records.keeping import Keeping
 from bestman_bt.records.writer import RunLogWriter
 from bestman_bt.runtime.blackboard_changes import BlackboardChanges, blackboard_event
-from bestman_bt.runtime.event_stream import LOGS, EventStream, Tell
 from bestman_bt.runtime.executor import Ending, Execution, Executor, PauseReason
 from bestman_bt.runtime.failure_lines import FailureLines, failure_codes
-from bestman_bt.runtime.outbox import Outbox
 
 # Listens to one tree for the telemetry.
 

@@ -17,8 +17,10 @@ from bestman_bt.engine import (
     load_tree,
 )
 from bestman_bt.engine.logs import LogError
+from bestman_bt.engine.models.foreign import open_tree
 from bestman_bt.engine.xml.writer import full_tree_xml
-from bestman_bt.records.described_tree import describe_changes, describe_tree, describe_xml
+from bestman_bt.records.described_tree import describe_changes, describe_tree, describe_xml, xml_of
+from bestman_bt.records.events import DescribedNode
 from bestman_bt.records.history import RunHistory
 from bestman_bt.records.palette import look_of
 
@@ -129,3 +131,25 @@ def test_changes_of_a_tick_carry_what_the_nodes_say():
     tree.tick_exactly_once()
     assert history.message_at(uids["to the sink"], 0.0) == "arrived"
     assert look_of(now, uids["main"]).word == "succeeded"
+
+
+def test_what_has_no_code_here_is_a_placeholder() -> None:
+    tree = open_tree(
+        '<root BTCPP_format="4"><BehaviorTree ID="A"><Sequence><Unheard/></Sequence></BehaviorTree></root>'
+    )
+    assert [node.placeholder for node in describe_tree(tree).nodes] == [False, True]
+
+
+def test_described_nodes_become_xml_that_describes_the_same() -> None:
+    nodes = [
+        DescribedNode(1, None, 'all "of" <it>', "Sequence", "control", "", {}, ""),
+        DescribedNode(2, 1, "no\x01t", "Inverter", "decorator", "", {}, ""),
+        DescribedNode(3, 2, "ask", "Ask", "condition", "", {}, ""),
+        DescribedNode(4, 1, "do", "Do", "action", "", {}, ""),
+    ]
+    told = describe_xml(xml_of(nodes, "Main & more"))
+    assert told.id == "Main & more"
+    assert [(node.uid, node.parent, node.type, node.category) for node in told.nodes] == [
+        (node.uid, node.parent, node.type, node.category) for node in nodes
+    ]
+    assert [node.name for node in told.nodes] == ['all "of" <it>', "no?t", "ask", "do"]

@@ -18,6 +18,8 @@ import pytest
 from behaviours.failure import NodeFailure
 from bestman_bt.engine import FAILURE, IDLE, RUNNING, ManualClock, NodeRegistry, StatefulAction, Tree, load_tree
 from bestman_bt.engine.logs.btlog import read_btlog
+from bestman_bt.monitor.event_stream import EventStream
+from bestman_bt.monitor.outbox import Outbox
 from bestman_bt.records.events import (
     BlackboardEvent,
     DroppedEvent,
@@ -30,8 +32,6 @@ from bestman_bt.records.events import (
 )
 from bestman_bt.records.reader import read_events, read_log
 from bestman_bt.runtime import Executor
-from bestman_bt.runtime.event_stream import EventStream
-from bestman_bt.runtime.outbox import Outbox
 from bestman_bt.runtime.telemetry import Telemetry
 
 TREE = """<root BTCPP_format="4" main_tree_to_execute="Main">

@@ -148,19 +148,26 @@ class BtLogWriter:
     """
 
     def __init__(
-        self, tree: Tree, path: str | Path, *, start: float | None = None, listen: bool = True, segment: int = SEGMENT
+        self,
+        tree: Tree | str,
+        path: str | Path,
+        *,
+        start: float | None = None,
+        listen: bool = True,
+        segment: int = SEGMENT,
     ) -> None:
         """Describe the log; the file is made when it is opened.
 
         Args:
-            tree: the tree to listen to.
+            tree: the tree to listen to, or the XML, with numbers of nodes, of one that ``write`` tells of.
             path: the file; it is replaced.
             start: seconds since the epoch that the log's times count from; now by default.
             listen: False for one who calls ``write`` on its own.
             segment: bytes of transitions after which a new segment begins.
         """
         self.path = Path(path)
-        self._tree = tree
+        self._tree = None if isinstance(tree, str) else tree
+        self._xml = tree if isinstance(tree, str) else ""
         self._start = start
         self._listens = listen
         self._segment = segment
@@ -172,14 +179,16 @@ class BtLogWriter:
     def open(self) -> BtLogWriter:
         """Make the file and begin to listen."""
         start = time.time() if self._start is None else self._start
-        self._origin = self._tree.clock.now()
-        xml = full_tree_xml(self._tree).encode()
+        xml = self._xml.encode()
+        if self._tree is not None:
+            self._origin = self._tree.clock.now()
+            xml = full_tree_xml(self._tree).encode()
         head = MAGIC + struct.pack("<Bi", PROTOCOL, len(xml)) + xml + struct.pack("<q", round(start * 1e6))
         self._states = {}
         self._file = SegmentedFile(
             self.path, segment=self._segment, keep=KEEP, head=lambda: head + self._records(self._standing())
         )
-        if self._listens:
+        if self._tree is not None and self._listens:
             self._tree.subscribe(self._listen)
         return self
 
@@ -213,7 +222,8 @@ class BtLogWriter:
 
     def close(self) -> None:
         """Stop listening and close the file."""
-        self._tree.unsubscribe(self._listen)
+        if self._tree is not None:
+            self._tree.unsubscribe(self._listen)
         if self._file is not None:
             self._file.close()
             self._file = None

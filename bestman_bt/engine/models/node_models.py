@@ -17,7 +17,7 @@ from bestman_bt.engine.xml.elements import Element
 GUESS: Final = "a guess from its use"
 """Where a node is known from that no model describes."""
 _DIRECTIONS: Final = {"input_port": "input", "output_port": "output", "inout_port": "inout"}
-_LIKE_CONDITIONS: Final = ("Is", "Has", "Are", "Can", "Check")
+LIKE_CONDITIONS: Final = ("Is", "Has", "Are", "Can", "Check")
 
 Models = Mapping[str, NodeInfo]
 """Name → what a TreeNodesModel says of a node."""
@@ -83,7 +83,7 @@ def guessed_info(name: str, uses: list[Element]) -> NodeInfo:
     elif told:
         kind = told[0]
     else:
-        kind = "Condition" if name.startswith(_LIKE_CONDITIONS) else "Action"
+        kind = "Condition" if name.startswith(LIKE_CONDITIONS) else "Action"
     return placeholder(name, kind, seen_ports(uses), GUESS)
 
 

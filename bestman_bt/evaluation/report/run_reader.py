@@ -20,7 +20,7 @@ from bestman_bt.evaluation.result import RunResult
 from bestman_bt.messages.black_box import PATTERN, BlackBox, BlackBoxError
 from bestman_bt.records.events import LogEvent
 from bestman_bt.records.history import Picture, RunHistory
-from bestman_bt.records.reader import RecordError, has_record, read
+from bestman_bt.records.reader import RecordError, has_record, is_log, read
 from bestman_bt.records.timeline import activities
 from bestman_bt.records.writer import EVENTS_FILE, LOG_FILE, STATES_FILE
 
@@ -46,7 +46,9 @@ class ReportError(InputError):
 
 
 def run_folders(given: Path, depth: int = 4) -> list[Path]:
-    """The run folders that a path means: itself, or all below it; ReportError where there is none."""
+    """The run folders that a path means: itself, or all below it, or a log; ReportError where there is none."""
+    if is_log(given):
+        return [given]
     if not given.is_dir():
         raise ReportError(f"{given} is no folder")
     found = list(_below(given, depth))
@@ -74,7 +76,7 @@ def read_story(folder: Path) -> RunStory:
     config: str = _part(folder, CONFIG, _read_config, notes) or ""
     about: dict[str, Any] = _part(folder, CONFIG, lambda path: _read_about(config), notes if config else []) or {}
     history = RunHistory()
-    if has_record(folder):
+    if has_record(folder) or is_log(folder):
         try:
             history = read(folder, LEFT_OUT)
         except RecordError as error:

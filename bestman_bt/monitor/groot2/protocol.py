@@ -16,6 +16,7 @@ from typing import Any
 
 from bestman_bt.engine import Blackboard, Tree
 from bestman_bt.errors import Error
+from bestman_bt.extras import install_command
 from bestman_bt.records.shown_value import show_value
 
 # What goes wrong between Groot2 and a tree.
@@ -27,6 +28,16 @@ class Groot2Error(Error):
 
 class RequestError(Error):
     """A request cannot be answered; its text is told to the one who asked."""
+
+
+def import_zmq() -> Any:
+    """ZeroMQ, where MessagePack is there, too; Groot2Error that names the extra where they are not."""
+    try:
+        import msgpack  # noqa: F401
+        import zmq
+    except ImportError as error:
+        raise Groot2Error(f"Groot2 needs the extra groot2: {install_command('groot2')}") from error
+    return zmq
 
 
 # Blackboards as Groot2 asks for them: MessagePack, byte for byte as BehaviorTree.CPP writes it by nlohmann::json.

@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Any
 
 from bestman_bt.engine import IDLE, StateChanges, Tree
 from bestman_bt.engine.xml.writer import XmlError, full_tree_xml
-from bestman_bt.extras import install_command
 from bestman_bt.monitor.groot2.hooks import Groot2Hooks
 from bestman_bt.monitor.groot2.protocol import (
     DEFAULT_PORT,
@@ -25,6 +24,7 @@ from bestman_bt.monitor.groot2.protocol import (
     breakpoint_message,
     dump_blackboards,
     error_reply,
+    import_zmq,
     reply,
 )
 
@@ -240,7 +240,7 @@ def _bound(
     port: int, host: str, most_bytes: int = MOST_BYTES
 ) -> tuple[zmq.Context[Any], zmq.Socket[Any], zmq.Socket[Any]]:
     """A context, the socket that answers and the one that tells of breakpoints."""
-    zmq = _import_zmq()
+    zmq = import_zmq()
     context = zmq.Context()
     sockets = []
     for kind, number in ((zmq.REP, port), (zmq.PUB, port + 1)):
@@ -254,13 +254,3 @@ def _bound(
             raise Groot2Error(f"Groot2 cannot be served at {address}: {error}") from error
         sockets.append(socket)
     return context, sockets[0], sockets[1]
-
-
-def _import_zmq() -> Any:
-    """ZeroMQ, where MessagePack is there, too; Groot2Error that names the extra where they are not."""
-    try:
-        import msgpack  # noqa: F401
-        import zmq
-    except ImportError as error:
-        raise Groot2Error(f"Groot2 needs the extra groot2: {install_command('groot2')}") from error
-    return zmq

@@ -1,47 +1,18 @@
 // The page before the real server and a real executor: what the buttons do reaches the tree.
 
 import assert from "node:assert/strict";
-import { spawn } from "node:child_process";
-import { mkdtemp, rm } from "node:fs/promises";
-import { tmpdir } from "node:os";
-import { join } from "node:path";
-import { createInterface } from "node:readline";
 import { afterEach, beforeEach, test } from "node:test";
 import { fileURLToPath } from "node:url";
 import { chooseNode, eventually, look, shownStates } from "./harness.mjs";
+import { programs, START } from "./programs.mjs";
 
-const PYTHON = process.env.PYTHON ?? "python3";
 const EXECUTOR = fileURLToPath(new URL("real_executor.py", import.meta.url));
-const START = 90_000; // ms; Python starts slowly on a busy machine
-let runtime;
-let children = [];
-
-/** Starts a Python program; `said` collects its lines. */
-function start(...words) {
-  const child = spawn(PYTHON, words, { env: { ...process.env, XDG_RUNTIME_DIR: runtime }, stdio: ["ignore", "pipe", "pipe"] });
-  const said = [];
-  let complaints = "";
-  child.stderr.on("data", (text) => (complaints += text));
-  createInterface({ input: child.stdout }).on("line", (line) => said.push(line));
-  const ended = new Promise((resolve) => child.on("exit", resolve));
-  children.push(child);
-  return { child, said, ended, complaints: () => complaints };
-}
-
-async function said(program, pattern) {
-  for (const deadline = Date.now() + START; Date.now() < deadline; ) {
-    const line = program.said.find((candidate) => pattern.test(candidate));
-    if (line !== undefined) return line;
-    assert.equal(program.child.exitCode, null, program.complaints());
-    await new Promise((resolve) => setTimeout(resolve, 50));
-  }
-  assert.fail(`it never said ${pattern}: ${program.complaints()}`);
-}
+const world = programs();
 
 async function monitored() {
-  const monitor = start("-m", "bestman_bt.cli.main", "monitor", "--port", "0", "--no-browser");
-  const executor = start(EXECUTOR);
-  const url = /http\S+/.exec(await said(monitor, /http:/))[0];
+  const monitor = world.start("-m", "bestman_bt.cli.main", "monitor", "--port", "0", "--no-browser");
+  const executor = world.start(EXECUTOR);
+  const url = /http\S+/.exec(await world.said(monitor, /http:/))[0];
   const page = await look(url);
   await page.getByRole("heading", { name: "errand", level: 1 }).waitFor({ timeout: START });
   await page.getByTestId("tick").waitFor();
@@ -50,12 +21,8 @@ async function monitored() {
 
 const ticks = (page) => page.getByTestId("tick").innerText().then((text) => Number(text.replace("tick ", "")));
 
-beforeEach(async () => (runtime = await mkdtemp(join(tmpdir(), "monitor-"))));
-afterEach(async () => {
-  children.filter((child) => child.exitCode === null).forEach((child) => child.kill("SIGKILL"));
-  children = [];
-  await rm(runtime, { recursive: true });
-});
+beforeEach(() => world.begin());
+afterEach(() => world.end());
 
 test("states, pause, step, set, breakpoint, force and halt, on a real executor", async () => {
   const { page, executor } = await monitored();
@@ -107,7 +74,7 @@ test("states, pause, step, set, breakpoint, force and halt, on a real executor",
 test("the emergency stop reaches the robot and ends a real execution", async () => {
   const { page, executor } = await monitored();
   await page.getByRole("button", { name: "Emergency stop" }).click();
-  await said(executor, /stopped/);
+  await world.said(executor, /stopped/);
   await executor.ended;
   assert.equal(JSON.parse(executor.said.at(-1)).ending, "CANCELLED");
 });

@@ -44,7 +44,7 @@ export function Dialogs() {
 function Runs() {
   const words = useSignal("");
   const fits = (run: RunSummary): boolean =>
-    `${run.task} ${run.tree} ${run.robot} ${run.scene} ${run.seed} ${run.state} ${run.outcome} ${run.folder}`.toLowerCase().includes(words.value.toLowerCase());
+    `${run.task} ${run.tree} ${run.source} ${run.robot} ${run.scene} ${run.seed} ${run.state} ${run.outcome} ${run.folder}`.toLowerCase().includes(words.value.toLowerCase());
   const fitting = runs.value.filter(fits);
   const going = fitting.filter((run) => run.kind === "live");
   const recorded = fitting.filter((run) => run.kind === "recorded");
@@ -83,7 +83,7 @@ function Line({ run }: { run: RunSummary }) {
         <RunChip run={run} />
         <strong>{run.task ?? run.tree ?? run.id}</strong>
         <span class="run-details">
-          {[run.robot, run.scene, run.seed === null || run.seed === undefined ? null : `seed ${run.seed}`].filter(Boolean).join(" · ")}
+          {[run.source, run.robot, run.scene, run.source || run.seed === null || run.seed === undefined ? null : `seed ${run.seed}`].filter(Boolean).join(" · ")}
           {run.folder && <span class="run-folder" title={run.folder}>{run.folder.split("/").findLast(Boolean)}</span>}
         </span>
         <span class="numbers run-when">{[run.time ? seconds(run.time) : null, run.started ? calendar(run.started) : null].filter(Boolean).join(", ")}</span>

@@ -46,18 +46,20 @@ function Facts({ run }: { run: Run }) {
     <div class="run-facts">
       <RunChip run={info} />
       {info.robot && <span class="fact">{info.robot}</span>}
+      {info.source && <span class="fact">{info.source}</span>}
       {info.scene && <span class="fact">{info.scene}</span>}
-      {info.seed !== null && info.seed !== undefined && <span class="fact">seed {info.seed}</span>}
+      {!info.source && info.seed !== null && info.seed !== undefined && <span class="fact">seed {info.seed}</span>}
       <span class="fact numbers" data-testid="clock">{seconds(run.time)}</span>
-      {info.kind === "live" && <span class="fact numbers" data-testid="tick">tick {run.tick}</span>}
+      {info.kind === "live" && !info.source?.startsWith("groot2") && <span class="fact numbers" data-testid="tick">tick {run.tick}</span>}
     </div>
   );
 }
 
 function Controls({ run }: { run: Run }) {
-  const reason = barred(run);
+  const reason = barred(run, "ticks");
   const paused = run.paused.value !== null;
   const off = reason !== null;
+  const fixed = barred(run, "process");
   return (
     <div class="group controls" role="toolbar" aria-label="Controls of the execution" title={reason ?? undefined}>
       <button type="button" class="button" disabled={off} title={paused ? "Resume (Space)" : "Pause (Space)"} aria-label={paused ? "Resume" : "Pause"} aria-keyshortcuts="Space" onClick={() => pauseOrResume(run)}>
@@ -66,10 +68,10 @@ function Controls({ run }: { run: Run }) {
       <button type="button" class="button" disabled={off} title="One tick (N)" aria-label="Step one tick" aria-keyshortcuts="N" onClick={() => step(run)}>
         <Icon name="step" /><span>Step</span>
       </button>
-      <button type="button" class="button" disabled={off} title="Halt the run (Shift H)" aria-label="Halt the run" aria-keyshortcuts="Shift+H" onClick={() => halt(run)}>
+      <button type="button" class="button" disabled={fixed !== null} title={fixed ?? "Halt the run (Shift H)"} aria-label="Halt the run" aria-keyshortcuts="Shift+H" onClick={() => halt(run)}>
         <Icon name="halt" /><span>Halt</span>
       </button>
-      <Speed run={run} off={off} />
+      <Speed run={run} off={fixed !== null} />
     </div>
   );
 }
@@ -90,7 +92,7 @@ function Speed({ run, off }: { run: Run; off: boolean }) {
 }
 
 function Stop({ run }: { run: Run }) {
-  const reason = barred(run);
+  const reason = barred(run, "process");
   return (
     <button
       type="button" class="emergency" disabled={reason !== null} title={reason ?? "Emergency stop (Shift X): the robot stops at once"}
@@ -108,7 +110,7 @@ export function Standing() {
   const tree = run?.tree.value;
   if (run === null || paused === null || !tree) return <div class="standing" role="status" hidden />;
   if (paused.reason === "confirm") {
-    const off = barred(run) !== null;
+    const off = barred(run, "process") !== null;
     return (
       <div class="standing" role="status">
         <Icon name="pause" />

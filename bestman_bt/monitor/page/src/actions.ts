@@ -1,15 +1,22 @@
 // What buttons and keys do to an execution. Only what cannot be undone asks first; the emergency stop never asks.
 
-import { control, isLive, readOnly } from "./monitor";
+import { control, isLive, readOnly, summary } from "./monitor";
 import type { Breakpoint } from "./protocol";
 import type { Run } from "./run";
 import type { TreeNode } from "./tree";
 import { question } from "./view_options";
 
+/** What a control acts on: the ticks of the tree, one of its nodes, or the process with its robot and blackboard. */
+export type Reach = "ticks" | "node" | "process";
+
 /** Null when controls act on this run, else the reason why not. */
-export function barred(run: Run): string | null {
+export function barred(run: Run, reach: Reach): string | null {
   if (readOnly.value) return "This monitor was started with --read-only";
   if (!isLive(run)) return "This run is over";
+  const source = summary(run)?.source;
+  if (source && (reach === "process" || (reach === "node" && source.startsWith("py_trees")))) {
+    return `${source} is only watched: its own process has to do this`;
+  }
   return null;
 }
 

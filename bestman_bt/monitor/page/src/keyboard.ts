@@ -1,6 +1,6 @@
 // Every key of the page in one table, which the help lists too.
 
-import { barred, emergencyStop, halt, pauseOrResume, step, toggleBreakpoint } from "./actions";
+import { barred, type Reach, emergencyStop, halt, pauseOrResume, step, toggleBreakpoint } from "./actions";
 import { current, focused, goLive, isLive, seek, shown } from "./monitor";
 import { turnTheme } from "./theme";
 import type { Run } from "./run";
@@ -11,7 +11,7 @@ interface Key {
   label: string;
   words: string;
   /** Controls act on the execution and are off where it cannot be controlled. */
-  controls?: boolean;
+  controls?: Reach;
   act: (run: Run) => void;
 }
 
@@ -28,11 +28,11 @@ function breakHere(run: Run): void {
 }
 
 export const KEYS: Key[] = [
-  { keys: ["X"], label: "Shift X", words: "Emergency stop", controls: true, act: emergencyStop },
-  { keys: [" "], label: "Space", words: "Pause or resume", controls: true, act: pauseOrResume },
-  { keys: ["n"], label: "N", words: "One tick", controls: true, act: step },
-  { keys: ["H"], label: "Shift H", words: "Halt the run (asks first)", controls: true, act: halt },
-  { keys: ["b"], label: "B", words: "Breakpoint before the chosen node", controls: true, act: breakHere },
+  { keys: ["X"], label: "Shift X", words: "Emergency stop", controls: "process", act: emergencyStop },
+  { keys: [" "], label: "Space", words: "Pause or resume", controls: "ticks", act: pauseOrResume },
+  { keys: ["n"], label: "N", words: "One tick", controls: "ticks", act: step },
+  { keys: ["H"], label: "Shift H", words: "Halt the run (asks first)", controls: "process", act: halt },
+  { keys: ["b"], label: "B", words: "Breakpoint before the chosen node", controls: "node", act: breakHere },
   { keys: [","], label: ",", words: "Back by one second", act: (run) => seek(run, run.time - 1) },
   { keys: ["."], label: ".", words: "On by one second", act: (run) => seek(run, run.time + 1) },
   { keys: ["["], label: "[", words: "Previous mark of the timeline", act: (run) => byMark(run, -1) },
@@ -81,7 +81,7 @@ export function startKeyboard(): void {
     const free = ["r", "t", "?"].includes(event.key);
     if (run === null && !free) return;
     event.preventDefault();
-    if (run !== null && key.controls && barred(run) !== null) return;
+    if (run !== null && key.controls && barred(run, key.controls) !== null) return;
     key.act(run!);
   });
 }

@@ -142,6 +142,15 @@ function begin(run: Run): void {
 
 function takeRuns(list: RunSummary[]): void {
   runs.value = list;
+  const ids = shown.peek().map((run) => successor(run)?.id ?? run.id);
+  if (ids.some((id, place) => shown.peek()[place]?.id !== id)) show([...new Set(ids)]);
+}
+
+/** A process that is only watched and begins anew is another run: who looks at its present goes on with that one. */
+function successor(run: Run): RunSummary | undefined {
+  const info = summary(run);
+  if (!info?.source || isLive(run) || !run.live.peek()) return undefined;
+  return runs.peek().find((other) => other.source === info.source && other.state === "running" && (other.started ?? 0) > (info.started ?? 0));
 }
 
 function reopen(): void {

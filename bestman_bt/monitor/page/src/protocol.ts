@@ -18,6 +18,8 @@ export interface RunSummary {
   time?: number | null;
   ticks?: number | null;
   started?: number | null;
+  /** Of a process that is not ours: it is only watched, and begins anew as another run. */
+  source?: string | null;
 }
 
 export type Category = "action" | "condition" | "control" | "decorator" | "subtree";
@@ -31,6 +33,8 @@ export interface NodeRecord {
   path: string;
   ports?: Record<string, string>;
   scope?: string;
+  /** Its code is not here: it stands for a node of another process. */
+  placeholder?: boolean;
 }
 
 export interface Polygon {

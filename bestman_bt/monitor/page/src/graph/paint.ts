@@ -127,7 +127,7 @@ function paintCard(context: CanvasRenderingContext2D, card: Card, picture: Pictu
   context.fill();
   context.lineWidth = state === IDLE ? 1 : 1.5;
   context.strokeStyle = state === IDLE ? colours.faint : colours.states[state]!;
-  if (node.category === "subtree") context.setLineDash([5, 3]);
+  if (node.category === "subtree" || node.placeholder) context.setLineDash([5, 3]);
   context.stroke();
   context.setLineDash([]);
   const result = picture.results[card.index]!;

@@ -44,7 +44,7 @@ export function BlackboardPanel({ run }: { run: Run }) {
 function Row({ run, scope, name, entry }: { run: Run; scope: string; name: string; entry: Entry }) {
   const editing = useSignal(false);
   const age = entry.changed_at === undefined ? Infinity : run.time - entry.changed_at;
-  const reason = barred(run);
+  const reason = barred(run, "process");
   return (
     <tr class={age >= 0 && age < FRESH ? "fresh" : undefined} data-key={name}>
       <th scope="row"><span class="key">{name}</span><span class="entry-type">{entry.type}</span></th>

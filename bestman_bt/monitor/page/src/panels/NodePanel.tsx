@@ -89,7 +89,7 @@ function Chosen({ run, tree, node }: { run: Run; tree: Tree; node: TreeNode }) {
         <StateShape state={run.shownState(node.index)} faint={run.isFaint(node.index)} />
         <div>
           <h3 class="node-name">{node.name}</h3>
-          <p class="node-kind">{kindSign(node.type, node.category)} {node.type} · {node.category}</p>
+          <p class="node-kind">{kindSign(node.type, node.category)} {node.type} · {node.category}{node.placeholder && " · its code is not here"}</p>
         </div>
         <span class={`chip chip-${stateName(state).toLowerCase()}`} data-node-state={stateName(state)}>{stateName(state)}</span>
       </header>
@@ -151,7 +151,7 @@ function resolved(run: Run, node: TreeNode, text: string): string {
 function Actions({ run, node }: { run: Run; node: TreeNode }) {
   const condition = useSignal("");
   const once = useSignal(false);
-  const reason = barred(run);
+  const reason = barred(run, "node");
   return (
     <fieldset class="node-actions" disabled={reason !== null} title={reason ?? undefined}>
       <legend>Break and force</legend>

@@ -10,6 +10,7 @@ from collections.abc import Callable, Collection, Iterable, Iterator
 from dataclasses import dataclass, field
 
 from bestman_bt.engine import IDLE
+from bestman_bt.monitor.outbox import Outbox
 from bestman_bt.records.events import (
     BlackboardEvent,
     BreakpointsEvent,
@@ -33,7 +34,6 @@ from bestman_bt.records.events import (
 )
 from bestman_bt.records.keeping import Keeping
 from bestman_bt.records.writer import RunLogWriter
-from bestman_bt.runtime.outbox import Outbox
 
 # How an execution stands: what one is told who begins to watch it, or has missed something.
 

@@ -6,7 +6,7 @@ import socket
 import threading
 import time
 
-from bestman_bt.runtime.outbox import Outbox
+from bestman_bt.monitor.outbox import Outbox
 
 
 def test_what_overflows_is_dropped_and_counted_and_the_rest_arrives_before_the_end() -> None:

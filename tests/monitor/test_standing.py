@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from bestman_bt.monitor.event_stream import Standing
 from bestman_bt.records.events import (
     BlackboardEvent,
     PausedEvent,
@@ -11,7 +12,6 @@ from bestman_bt.records.events import (
     ScanEvent,
     ShownEntry,
 )
-from bestman_bt.runtime.event_stream import Standing
 
 RUN = RunEvent("fetch", "Main", "", "", 0, "", 1, 1000.0, 20.0, "simulated")
 PAUSED = PausedEvent(1.0, "asked")

@@ -1,0 +1,115 @@
+"""The answering side of a control channel: a Unix socket in this user's folder, one JSON object a line."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import socketserver
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, Protocol
+
+from bestman_bt.errors import Error
+from bestman_bt.monitor.control_client import socket_folder
+from bestman_bt.monitor.outbox import Outbox
+from bestman_bt.records.events import TOPICS, Topic
+
+MAX_REQUEST = 65536
+REQUEST_PAUSE = 0.005
+"""Seconds between requests of one connection: who floods it with them leaves the executor its time."""
+Request = dict[str, Any]
+
+
+class RequestRefusedError(Error):
+    """A request cannot be carried out."""
+
+
+class Channel(Protocol):
+    """Answers requests; called from threads of the socket."""
+
+    def answer(self, message: Any) -> dict[str, Any]:
+        """Carry out one request."""
+
+    def subscribe(self, message: Request, outbox: Outbox) -> None:
+        """Let the events come that a request has asked for, which ``answer`` has agreed to."""
+
+    def forget(self, outbox: Outbox) -> None:
+        """Send somebody nothing more."""
+
+
+@contextmanager
+def serve(channel: Channel, run_folder: Path | None = None) -> Iterator[Path]:
+    """Serve until the context ends; ``control.sock`` in ``run_folder`` links to the socket.
+
+    Raises:
+        ControlError: the folder of sockets is not this user's own.
+    """
+    path = socket_folder() / f"{os.getpid()}-{id(channel):x}.sock"
+    path.unlink(missing_ok=True)
+    mask = os.umask(0o177)
+    try:
+        server = _Server(str(path), channel)
+    finally:
+        os.umask(mask)
+    thread = threading.Thread(target=server.serve_forever, args=(0.1,), name="control-channel", daemon=True)
+    thread.start()
+    link = run_folder / "control.sock" if run_folder is not None else None
+    if link is not None:
+        link.symlink_to(path)
+    try:
+        yield path
+    finally:
+        server.shutdown()
+        server.server_close()
+        path.unlink(missing_ok=True)
+        if link is not None:
+            link.unlink(missing_ok=True)
+
+
+class _Server(socketserver.ThreadingUnixStreamServer):
+    daemon_threads = True
+
+    def __init__(self, path: str, channel: Channel) -> None:
+        self.channel = channel
+        super().__init__(path, _Handler)
+
+
+class _Handler(socketserver.StreamRequestHandler):
+    server: _Server
+
+    def handle(self) -> None:
+        outbox = Outbox(self.connection)
+        with contextlib.suppress(OSError):
+            for line in iter(lambda: self.rfile.readline(MAX_REQUEST), b""):
+                self._carry_out(line, outbox)
+                time.sleep(REQUEST_PAUSE)
+        self.server.channel.forget(outbox)
+        outbox.close()
+
+    def _carry_out(self, line: bytes, outbox: Outbox) -> None:
+        channel = self.server.channel
+        try:
+            message = json.loads(line)
+        except (ValueError, RecursionError):
+            outbox.send(_answer_line({"ok": False, "error": "a request is one JSON object a line"}))
+            return
+        answer = channel.answer(message)
+        outbox.send(_answer_line(answer))
+        if answer["ok"] and message["do"] == "subscribe":
+            channel.subscribe(message, outbox)
+
+
+def _answer_line(answer: dict[str, Any]) -> bytes:
+    return json.dumps(answer).encode() + b"\n"
+
+
+def topics_of(message: Request) -> frozenset[Topic]:
+    """What a request subscribes to; RequestRefusedError for what is no topic."""
+    topics = message.get("topics", list(TOPICS))
+    if not isinstance(topics, list) or not all(topic in TOPICS for topic in topics):
+        raise RequestRefusedError(f"topics is a list of some of {', '.join(TOPICS)}")
+    return frozenset(topics)

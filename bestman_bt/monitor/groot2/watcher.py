@@ -1,0 +1,398 @@
+"""Watches a process by Groot2's protocol, again and again as it restarts, and shows each execution as one of ours."""
+
+from __future__ import annotations
+
+import json
+import sys
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Any, Literal
+
+from bestman_bt.engine.logs import Transitions
+from bestman_bt.errors import Error
+from bestman_bt.monitor.control_socket import Request, RequestRefusedError
+from bestman_bt.monitor.groot2.client import Groot2Client, TreeChangedError
+from bestman_bt.monitor.groot2.hooks import Mode, Position
+from bestman_bt.monitor.groot2.protocol import Groot2Error, RequestError
+from bestman_bt.monitor.groot2.publisher import MOST_TRANSITIONS
+from bestman_bt.monitor.watched import WatchedExecution, file_name
+from bestman_bt.records.described_tree import describe_xml
+from bestman_bt.records.events import (
+    BlackboardEvent,
+    BreakpointsEvent,
+    DescribedNode,
+    PausedEvent,
+    ResumedEvent,
+    RunEvent,
+    ShownEntry,
+    TreeEvent,
+)
+from bestman_bt.records.nodes import NodeList
+from bestman_bt.records.shown_value import REMOVED, show_value
+
+POLL = 0.02
+"""Seconds between two looks at the transitions: 1,000 are kept, so that 50,000 a second could come."""
+LOOK = 0.05
+"""Seconds between two looks at the states of a process that records no transitions (BehaviorTree.CPP before 4.3)."""
+BLACKBOARD_PERIOD = 1.0
+BLACKBOARD_SHARE = 20
+"""The process answers nothing else while it writes its blackboards out: they are asked for so many times as rarely."""
+RETRY = 0.5
+"""Seconds between two attempts to reach a process."""
+ONE_MOMENT = 1e-3
+"""Seconds: transitions that are nearer are told as one moment."""
+ROOT = 1
+_WHEN: dict[Position, Literal["before", "after"]] = {Position.BEFORE: "before", Position.AFTER: "after"}
+_POSITIONS = {when: position for position, when in _WHEN.items()}
+
+
+class Groot2Watcher:
+    """Watches the process at ``host``:``port`` between ``start`` and ``stop``, in a thread of its own.
+
+    ``runs``: where run folders are made, and the breakpoints of each tree are kept; nothing is kept without.
+    ``say``: is given what goes wrong, once for as long as it lasts.
+    """
+
+    def __init__(
+        self, host: str, port: int, runs: Path | None, say: Callable[[str], None] = lambda words: _print(words)
+    ) -> None:
+        self._host, self._port, self._runs, self._say = host, port, runs, say
+        self._stopping = threading.Event()
+        self._thread = threading.Thread(target=self._watch, name=f"groot2 {host}:{port}", daemon=True)
+
+    def start(self) -> None:
+        """Begin to look for the process."""
+        self._thread.start()
+
+    def stop(self) -> None:
+        """End the executions that are watched; the process goes on."""
+        self._stopping.set()
+        if self._thread.ident is not None:
+            self._thread.join()
+
+    def _watch(self) -> None:
+        said, address = "", f"groot2://{self._host}:{self._port}"
+        while not self._stopping.is_set():
+            try:
+                client = Groot2Client(self._host, self._port)
+                try:
+                    said = ""
+                    _Session(client, address, self._runs, self._stopping).follow()
+                finally:
+                    client.close()
+            except TreeChangedError:
+                continue
+            except (Error, OSError) as error:
+                if str(error) != said:
+                    said = str(error)
+                    self._say(f"{address}: {said}; trying again")
+            self._stopping.wait(RETRY)
+
+
+def _print(words: str) -> None:
+    sys.stderr.write(f"bestman-bt: {words}\n")
+    sys.stderr.flush()
+
+
+class _Session:
+    """One execution, from the first answer of a process to its last."""
+
+    def __init__(self, client: Groot2Client, address: str, runs: Path | None, stopping: threading.Event) -> None:
+        self._client, self._stopping, self._runs = client, stopping, runs
+        tree = read_tree(client.full_tree(), address)
+        self._recorded, started = True, time.time()
+        try:
+            started = client.record()
+        except RequestError:
+            self._recorded = False
+        self._began = time.monotonic()
+        self._tree = tree
+        self._scopes = {node.scope or tree.id: node.scope for node in tree.nodes}
+        self._nodes = {node.uid: node for node in tree.nodes}
+        self._standing: dict[int, int] | None = client.states()
+        self._entries: dict[tuple[str, str], ShownEntry] = {}
+        self._blackboards_due = 0.0
+        self._points = _Breakpoints(client, self._nodes, runs and runs / f"{file_name(tree.id)}.breakpoints.json")
+        run = RunEvent(tree.id, tree.id, "", "", 0, "", 0, started, 0.0, "real", source=address)
+        self._shown = WatchedExecution(run, tree, runs, self._control)
+        self._points.tell = self._shown.tell
+
+    def follow(self) -> None:
+        """Until the process is gone, has another tree, or the watching ends; raises what ends it."""
+        with self._shown as shown:
+            shown.say("info", f"watching {shown.run.source}: {len(self._nodes)} nodes")
+            why = "the watching ended"
+            try:
+                self._listen()
+                while not self._stopping.wait(POLL if self._recorded else LOOK):
+                    self._take_changes()
+                    self._take_breakpoints()
+                    self._take_blackboards()
+                if self._recorded:
+                    self._client.stop_recording()
+            except (Error, OSError) as error:
+                why = str(error)
+                raise
+            finally:
+                self._points.forget_pause()
+                shown.end(why)
+
+    def _listen(self) -> None:
+        try:
+            self._client.listen()
+        except Groot2Error as error:
+            self._shown.say("warning", f"nothing is heard of breakpoints: {error}")
+        self._points.restore(self._client.hooks())
+        if not self._recorded:
+            self._shown.say("warning", "this process records no transitions: what is short is not seen")
+
+    def _now(self) -> float:
+        return time.monotonic() - self._began
+
+    def _take_changes(self) -> None:
+        """What changed since the last look: how all stood at the beginning or after a gap, then what was recorded."""
+        if not self._recorded:
+            self._tell_standing(self._client.states(), set())
+            return
+        news = self._client.transitions()
+        while len(news) >= MOST_TRANSITIONS:
+            self._shown.say(
+                "warning", f"a gap: {len(news)} changes at once, as many as the process keeps; some are lost"
+            )
+            self._tell_changes(news)
+            self._standing = self._client.states()
+            news = self._client.transitions()
+        if self._standing is not None:
+            standing, self._standing = self._standing, None
+            self._tell_standing(standing, set(news.uids.tolist()))
+        self._tell_changes(news)
+
+    def _tell_standing(self, standing: dict[int, int], but: set[int]) -> None:
+        """How all stand, ``but`` those whose changes follow."""
+        shown = self._shown.states
+        changes = [(uid, state) for uid, state in standing.items() if uid not in but and shown.get(uid, state) != state]
+        if changes:
+            self._shown.tell_states(self._now(), changes)
+
+    def _tell_changes(self, news: Transitions) -> None:
+        begin, moment = 0, list(zip(news.uids.tolist(), news.statuses.tolist(), strict=True))
+        times = news.times.tolist()
+        for end in range(1, len(times) + 1):
+            if end == len(times) or times[end] - times[begin] > ONE_MOMENT:
+                self._shown.tell_states(times[begin], moment[begin:end])
+                begin = end
+
+    def _take_breakpoints(self) -> None:
+        while (uid := self._client.reached()) is not None:
+            self._points.reached(uid, self._shown.time)
+
+    def _take_blackboards(self) -> None:
+        began = time.monotonic()
+        if began < self._blackboards_due:
+            return
+        told = self._client.blackboards(list(self._scopes))
+        passed = time.monotonic() - began
+        self._blackboards_due = began + max(BLACKBOARD_PERIOD, BLACKBOARD_SHARE * passed)
+        now = {
+            (self._scopes.get(name, name), str(key)): show_value(value)
+            for name, entries in told.items()
+            for key, value in entries.items()
+        }
+        news = {place: entry for place, entry in now.items() if self._entries.get(place) != entry}
+        news |= {place: REMOVED for place in self._entries if place not in now}
+        self._entries = now
+        boards: dict[str, dict[str, ShownEntry]] = {}
+        for (scope, key), entry in news.items():
+            boards.setdefault(scope, {})[key] = entry
+        if boards:
+            self._shown.tell(BlackboardEvent(max(self._shown.time, self._now()), self._shown.tick, boards))
+
+    def _control(self, asked: Request) -> None:
+        """What is asked of the execution, from any thread."""
+        node, when = asked.get("node"), asked.get("when", "before")
+        match asked.get("do"):
+            case "pause":
+                self._points.pause()
+            case "resume":
+                self._points.resume()
+            case "step":
+                self._points.step()
+            case "breakpoints":
+                pass
+            case "breakpoint":
+                if asked.get("condition"):
+                    raise RequestRefusedError("Groot2's protocol has no breakpoints with a condition")
+                self._points.add(self._found(node), _position(when), bool(asked.get("once")))
+            case "clear_breakpoint":
+                uid = None if node is None else self._found(node)
+                self._points.clear(uid, None if asked.get("when") is None else _position(when))
+            case "force":
+                self._points.force(self._found(node), str(asked.get("result")))
+                self._shown.say("warning", f"by hand: {node} was forced to return {asked.get('result')}")
+            case what:
+                raise RequestRefusedError(
+                    f"Groot2's protocol has no {what!r}: it has to be asked of the process itself"
+                )
+
+    def _found(self, node: Any) -> int:
+        named = [uid for uid, known in self._nodes.items() if node in (uid, known.path)]
+        if len(named) != 1:
+            raise RequestRefusedError(f"{len(named) or 'no'} nodes have the path or number {node!r}")
+        return named[0]
+
+
+def read_tree(xml: str, address: str) -> TreeEvent:
+    """The tree as events have it; raises what the reading of logs does, and EventError for numbers out of order."""
+    tree = describe_xml(xml, address)
+    NodeList().add(tree)
+    return tree
+
+
+def _position(when: Any) -> Position:
+    if when not in _POSITIONS:
+        raise RequestRefusedError("when is 'before' or 'after'")
+    return _POSITIONS[when]
+
+
+class _Breakpoints:
+    """Those that were set from here, kept in ``file`` by path, and where the tree waits. May be used from any thread.
+
+    A pause is a breakpoint before the root, and a step lets one tick go on.
+    """
+
+    def __init__(self, client: Groot2Client, nodes: dict[int, DescribedNode], file: Path | None) -> None:
+        self._client, self._nodes, self._file = client, nodes, file
+        self._set: dict[tuple[int, Position], bool] = {}
+        self._forced: dict[int, str] = {}
+        self._holding: deque[tuple[int, Position]] = deque()
+        self._last: dict[int, Position] = {}
+        self._pausing = False
+        self._lock = threading.RLock()
+        self.tell: Callable[[Any], Any] = lambda event: None
+        self._time = 0.0
+
+    def restore(self, standing: Iterable[dict[str, Any]]) -> None:
+        """Set those again that were kept; what others have set is listed, too."""
+        with self._lock:
+            for hook in standing:
+                uid, position = hook.get("uid"), hook.get("position")
+                if hook.get("mode") == Mode.BREAKPOINT and uid in self._nodes and position in tuple(Position):
+                    self._set[uid, Position(position)] = bool(hook.get("once"))
+            places = {node.path: node.uid for node in self._nodes.values()}
+            for path, when, once in self._kept():
+                uid, position = places.get(path), _POSITIONS[when]
+                if uid is not None and (uid, position) not in self._set:
+                    self._client.insert_hook(uid, position, Mode.BREAKPOINT, once)
+                    self._set[uid, position] = once
+            if self._set:
+                self._changed()
+
+    def add(self, uid: int, position: Position, once: bool) -> None:
+        """Hold before or after a node."""
+        with self._lock:
+            self._client.insert_hook(uid, position, Mode.BREAKPOINT, once)
+            self._set[uid, position] = once
+            self._changed()
+
+    def clear(self, uid: int | None, position: Position | None) -> None:
+        """Clear those of a node, or all; what waits there goes on."""
+        with self._lock:
+            for place in [(u, p) for u, p in self._set if uid in (None, u) and position in (None, p)]:
+                self._client.remove_hook(*place)
+                del self._set[place]
+                self._let_go(place)
+            self._changed()
+
+    def force(self, uid: int, result: str) -> None:
+        """Let a node that waits return ``result`` now, another one when it is ticked next."""
+        with self._lock:
+            if (uid, Position.BEFORE) in self._holding:
+                self._client.unlock(uid, Position.BEFORE, result, self._set.get((uid, Position.BEFORE), False))
+                self._let_go((uid, Position.BEFORE))
+            elif (uid, Position.BEFORE) in self._set:
+                raise RequestRefusedError(
+                    "there is a breakpoint before this node: force it where it waits there, or clear it"
+                )
+            else:
+                self._client.insert_hook(uid, Position.BEFORE, Mode.REPLACE, True, result)
+                self._forced[uid] = result
+
+    def pause(self) -> None:
+        """Hold before the next tick."""
+        with self._lock:
+            if (ROOT, Position.BEFORE) not in self._set:
+                self._client.insert_hook(ROOT, Position.BEFORE, Mode.BREAKPOINT, False)
+                self._pausing = True
+
+    def resume(self) -> None:
+        """Let go what waits."""
+        with self._lock:
+            if self._pausing:
+                self._client.remove_hook(ROOT, Position.BEFORE)
+                self._pausing = False
+                self._let_go((ROOT, Position.BEFORE))
+            self._unlock()
+
+    def step(self) -> None:
+        """One tick."""
+        with self._lock:
+            self.pause()
+            self._unlock()
+
+    def reached(self, uid: int, now: float) -> None:
+        """A tick has come to a hook on a node."""
+        with self._lock:
+            self._time = now
+            if self._forced.pop(uid, None) is not None:  # its result was replaced: nothing waits
+                return
+            places = [(uid, p) for p in Position if (uid, p) in self._set or (self._pausing and (uid, p) == (ROOT, 0))]
+            if not places:
+                return
+            # Where there is one before and one after, they are met in turn.
+            place = places[0] if len(places) == 1 or self._last.get(uid) != Position.BEFORE else places[1]
+            self._last[uid] = place[1]
+            self._holding.append(place)
+            asked = self._pausing and place == (ROOT, Position.BEFORE)
+            node = self._nodes[uid]
+            held = PausedEvent(now, "breakpoint", node.path, _WHEN[place[1]])
+            self.tell(PausedEvent(now, "asked") if asked else held)
+            if self._set.get(place):  # once
+                del self._set[place]
+                self._changed()
+
+    def forget_pause(self) -> None:
+        """The process is gone, and waits no more."""
+        if self._holding:
+            self.tell(ResumedEvent(self._time))
+
+    def _unlock(self) -> None:
+        for uid, position in list(self._holding):
+            self._client.unlock(uid, position, "SKIPPED", False)
+            self._let_go((uid, position))
+
+    def _let_go(self, place: tuple[int, Position]) -> None:
+        if place in self._holding:
+            self._holding.remove(place)
+            self.tell(ResumedEvent(self._time))
+
+    def _changed(self) -> None:
+        told = [
+            {"node": uid, "path": self._nodes[uid].path, "when": _WHEN[position], "condition": None, "once": once}
+            for (uid, position), once in self._set.items()
+        ]
+        self.tell(BreakpointsEvent(told))
+        if self._file is not None:
+            kept = [[point["path"], point["when"], point["once"]] for point in told]
+            self._file.write_text(json.dumps(kept, ensure_ascii=False) + "\n", encoding="utf-8")
+
+    def _kept(self) -> list[tuple[str, Literal["before", "after"], bool]]:
+        try:
+            told = json.loads(self._file.read_text(encoding="utf-8")) if self._file is not None else []
+            return [(str(path), when, once is True) for path, when, once in told if when in _POSITIONS]
+        except FileNotFoundError:
+            return []
+        except (OSError, ValueError, TypeError, RecursionError) as error:
+            raise Groot2Error(f"{self._file} holds no breakpoints: {error}; remove it") from error

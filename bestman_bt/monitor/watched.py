@@ -1,0 +1,161 @@
+"""An execution of a tree that is not ours, shown and recorded as one of ours: run folder, control channel, events."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable
+from contextlib import ExitStack
+from dataclasses import replace
+from datetime import datetime
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+from bestman_bt.engine.core.status import IDLE, RUNNING, STATUS_NAMES
+from bestman_bt.errors import Error
+from bestman_bt.monitor.control_socket import Request, RequestRefusedError, serve, topics_of
+from bestman_bt.monitor.event_stream import EventStream
+from bestman_bt.monitor.outbox import Outbox
+from bestman_bt.records.events import (
+    BreakpointsEvent,
+    EndEvent,
+    Event,
+    Level,
+    LogEvent,
+    PausedEvent,
+    ResumedEvent,
+    RunEvent,
+    StatesEvent,
+    TreeEvent,
+)
+from bestman_bt.records.reader import OUTCOMES
+from bestman_bt.records.writer import RunLogWriter, make_folder
+
+LONGEST_NAME = 60
+
+
+class WatchedExecution:
+    """A context: found by every monitor of this user while it lasts, and recorded below ``runs`` where that is given.
+
+    ``control``: carries out what is asked but ``status``, or raises RequestRefusedError; called from other threads.
+
+    Raises:
+        OSError: the folder cannot be made.
+    """
+
+    def __init__(self, run: RunEvent, tree: TreeEvent, runs: Path | None, control: Callable[[Request], None]) -> None:
+        log = None
+        if runs is not None:
+            folder = make_folder(runs.absolute(), f"{datetime.now():%Y%m%d-%H%M%S}-{file_name(run.task)}")
+            run = replace(run, folder=str(folder))
+            log = RunLogWriter(folder, tree.xml, run)
+        self.run, self.tree = run, tree
+        self.time = 0.0
+        """Of the newest event, seconds since the start."""
+        self.tick = 0
+        self.states = {node.uid: IDLE for node in tree.nodes}
+        self._result = IDLE
+        self._paused: PausedEvent | None = None
+        self._breakpoints: list[dict[str, Any]] = []
+        self._control = control
+        self._stack = ExitStack()
+        self._stream = EventStream()
+        self._stream.start(log)
+        self.tell(run)
+        self.tell(tree)
+
+    def __enter__(self) -> WatchedExecution:
+        folder = Path(self.run.folder) if self.run.folder else None
+        self._stack.enter_context(serve(self, folder))
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._stack.close()
+        self._stream.close()
+
+    def tell(self, event: Event) -> bool:
+        """Publish and record an event; False where it was lost."""
+        if isinstance(event, (PausedEvent, ResumedEvent)):
+            self._paused = event if isinstance(event, PausedEvent) else None
+        elif isinstance(event, BreakpointsEvent):
+            self._breakpoints = event.breakpoints
+        return self._stream.tell(lambda: (event,))
+
+    def tell_states(self, time: float, changes: list[tuple[int, int]], messages: dict[int, str] | None = None) -> bool:
+        """What changed at one moment, ``time`` in seconds since the start, in order; False where it was lost."""
+        self.time, self.tick = max(self.time, time), self.tick + 1
+        self.states.update(changes)
+        for uid, state in changes:
+            if uid == 1 and state != IDLE:
+                self._result = state
+        return self.tell(StatesEvent(self.time, self.tick, changes, messages or {}))
+
+    def say(self, level: Level, message: str) -> None:
+        """A line of the log."""
+        self.tell(LogEvent(self.time, level, message, logger=__name__))
+
+    def end(self, why: str) -> None:
+        """It is over: it succeeded or failed if its root did last, else it was cut off."""
+        outcome = OUTCOMES.get(self._result, "cancelled")
+        self.say("info" if outcome == "success" else "warning", f"{self.run.task} ends: {outcome}: {why}")
+        self.tell(EndEvent(self.time, outcome, STATUS_NAMES[self._result], why))
+
+    # ---- as a channel
+
+    def answer(self, message: Any) -> dict[str, Any]:
+        """Carry out one request of the control channel."""
+        what = message.get("do") if isinstance(message, dict) else None
+        try:
+            if what == "subscribe":
+                topics_of(message)
+            elif what != "status":
+                self._control(message if isinstance(message, dict) else {})
+        except Error as error:
+            return {"ok": False, "error": str(error)}
+        return {
+            "ok": True,
+            "task": self.run.task,
+            "pid": self.run.pid,
+            "ticks": self.tick,
+            "time": self.time,
+            "paused": self._paused is not None,
+            "speed": 1.0,
+            "held_at": None if self._paused is None else _held_at(self._paused),
+            "breakpoints": self._breakpoints,
+            "root": STATUS_NAMES[self.states[1]],
+            "run": Path(self.run.folder).name,
+            "folder": self.run.folder,
+            "active": [node.path for node in self._running_leaves()],
+            "last_failure": None,
+            "parts": {},
+            "robot": {},
+        }
+
+    def subscribe(self, message: Request, outbox: Outbox) -> None:
+        """Let the events come that a request has asked for."""
+        self._stream.add(outbox, topics_of(message))
+
+    def forget(self, outbox: Outbox) -> None:
+        """Send somebody nothing more."""
+        self._stream.forget(outbox)
+
+    def _running_leaves(self) -> Iterable[Any]:
+        return (node for node in self.tree.nodes if node.is_leaf and self.states[node.uid] == RUNNING)
+
+
+def file_name(text: str) -> str:
+    """``text`` as a part of a file's name."""
+    return re.sub(r"[^\w.-]+", "_", text)[:LONGEST_NAME].strip(".") or "tree"
+
+
+def _held_at(paused: PausedEvent) -> dict[str, Any]:
+    return {"reason": paused.reason, "node": paused.node, "when": paused.when}
+
+
+def refuse(message: Request) -> None:
+    """Of an execution that can only be looked at."""
+    raise RequestRefusedError(
+        f"this execution is only watched: {message.get('do')!r} has to be asked of its own process"
+    )

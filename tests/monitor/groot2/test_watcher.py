@@ -1,0 +1,237 @@
+"""A BehaviorTree.CPP process is watched and recorded as one of our executors, through its publisher alone."""
+
+from __future__ import annotations
+
+import contextlib
+import socket
+import struct
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from bestman_bt.engine import RUNNING, SUCCESS, ManualClock, load_tree
+from bestman_bt.errors import Error
+from bestman_bt.monitor.control_client import ControlError, request, running_executors
+from bestman_bt.monitor.groot2 import Groot2Publisher
+from bestman_bt.monitor.groot2.client import Groot2Client
+from bestman_bt.monitor.groot2.protocol import Groot2Error
+from bestman_bt.monitor.groot2.watcher import Groot2Watcher, read_tree
+from bestman_bt.monitor.groot2.zmtp import _GREETING, _frame
+from bestman_bt.records.reader import read
+from tests.monitor.conftest import wait_until
+from tests.monitor.groot2.wire_client import free_ports
+
+XML = """<root BTCPP_format="4" main_tree_to_execute="Main"><BehaviorTree ID="Main"><Sequence name="main">
+<Script name="init" code="i := 3; s := 'text'"/><SubTree ID="Sub" name="sub" x="{i}"/></Sequence></BehaviorTree>
+<BehaviorTree ID="Sub"><Sequence name="do"><AlwaysSuccess name="yes"/><Work name="work"/></Sequence></BehaviorTree>
+</root>"""
+OURS = """<root BTCPP_format="4"><BehaviorTree ID="Main"><Repeat name="again" num_cycles="-1"><Sequence name="main">
+<AlwaysSuccess name="first"/><AlwaysSuccess name="second"/></Sequence></Repeat></BehaviorTree></root>"""
+
+
+class CppProcess:
+    def __init__(self, folder: Path, port: int, xml: str = XML) -> None:
+        file = folder / "tree.xml"
+        file.write_text(xml)
+        script = str(Path(__file__).with_name("behaviortreepy_publisher.py"))
+        command = [sys.executable, script, str(file), str(port)]
+        self.process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+        assert self.line() == "ready"
+
+    def line(self) -> str:
+        assert self.process.stdout is not None
+        return self.process.stdout.readline().strip()
+
+    def begin_tick(self) -> None:
+        assert self.process.stdin is not None
+        self.process.stdin.write("tick\n")
+        self.process.stdin.flush()
+
+    def tick(self) -> str:
+        self.begin_tick()
+        return self.line()
+
+    def kill(self) -> None:
+        self.process.kill()
+        self.process.communicate()
+
+
+@contextmanager
+def watched(port: int, runs: Path | None, said: list[str] | None = None) -> Iterator[None]:
+    watcher = Groot2Watcher("127.0.0.1", port, runs, ([] if said is None else said).append)
+    watcher.start()
+    try:
+        yield
+    finally:
+        watcher.stop()
+
+
+def ask(what: str, **more: Any) -> dict[str, Any]:
+    (executor,) = running_executors()
+    return request(executor, {"do": what, **more})
+
+
+def tasks() -> list[str]:
+    told = []
+    for executor in running_executors():
+        with contextlib.suppress(ControlError):  # it has just gone
+            told.append(str(request(executor, {"do": "status"})["task"]))
+    return told
+
+
+def is_watched() -> bool:
+    return len(running_executors()) == 1
+
+
+def folders(runs: Path) -> list[Path]:
+    return sorted(path for path in runs.iterdir() if path.is_dir())
+
+
+def entries_of(runs: Path) -> dict[str, Any]:
+    return read(folders(runs)[0]).blackboard_at(1e6)
+
+
+@pytest.mark.slow
+def test_a_process_of_behaviortree_cpp_is_watched_held_and_recorded(tmp_path: Path) -> None:
+    pytest.importorskip("behaviortreepy", reason="the C++ engine's binding has no wheel for this platform")
+    port, runs = free_ports(), tmp_path / "runs"
+    cpp = CppProcess(tmp_path, port)
+    with watched(port, runs):
+        wait_until(is_watched, "the process is found")
+        cpp.tick()
+        wait_until(lambda: ask("status")["active"] == ["sub/work"], "the running leaf is seen")
+        ask("breakpoint", node="sub/work", when="before")
+        cpp.begin_tick()
+        wait_until(lambda: ask("status")["paused"], "it waits at the breakpoint")
+        assert ask("status")["held_at"] == {"reason": "breakpoint", "node": "sub/work", "when": "before"}
+        ask("force", node="sub/work", result="FAILURE")  # of the node that waits
+        assert cpp.line() == "FAILURE"
+        ask("clear_breakpoint", node="sub/work")
+        ask("force", node="main", result="SUCCESS")
+        assert cpp.tick() == "SUCCESS"
+        ask("pause")
+        cpp.begin_tick()
+        wait_until(lambda: ask("status")["paused"], "it waits before the tick")
+        ask("resume")
+        cpp.line()
+        with pytest.raises(ControlError, match="no 'stop': it has to be asked of the process itself"):
+            ask("stop")
+        with pytest.raises(ControlError, match="no breakpoints with a condition"):
+            ask("breakpoint", node="sub/work", when="before", condition="i > 2")
+        ask("breakpoint", node="sub/work", when="after")
+        wait_until(lambda: bool(entries_of(runs).get("")), "the blackboard is seen")
+        assert {key: entry["value"] for key, entry in entries_of(runs)[""].items()} == {"i": 3, "s": "text"}
+        cpp.kill()
+        wait_until(lambda: not running_executors(), "its end is seen")
+        cpp = CppProcess(tmp_path, port)
+        wait_until(is_watched, "it is found again")
+        wait_until(lambda: bool(ask("status")["breakpoints"]), "its breakpoints are set again")
+        assert [point["path"] for point in ask("status")["breakpoints"]] == ["sub/work"]
+        cpp.kill()
+    first, second = (read(folder) for folder in folders(runs))
+    assert [node.path for node in first.nodes][-1] == "sub/work"
+    assert first.about["source"] == f"groot2://127.0.0.1:{port}"
+    assert first.end is not None
+    assert second.states.now.states[1:].tolist() == [0] * len(second.nodes)
+    told = [(first.nodes.path_of(change.uid), change.status) for change in first.states.changes()][:5]
+    assert told == [("main", RUNNING), ("init", SUCCESS), ("sub", RUNNING), ("sub/do", RUNNING), ("sub/yes", SUCCESS)]
+
+
+@pytest.mark.slow
+def test_no_transition_is_lost_and_more_than_the_process_keeps_is_a_gap(tmp_path: Path) -> None:
+    port, told = free_ports(), []
+    tree = load_tree(OURS, clock=ManualClock())
+    with Groot2Publisher(tree, port, poll=0.001), watched(port, tmp_path):
+        wait_until(is_watched, "the process is found")
+        wait_until(lambda: ask("status")["ticks"] >= 0, "it answers")
+        tree.subscribe(lambda changes: told.extend(changes))
+        for _ in range(60):
+            tree.tick_exactly_once()
+            time.sleep(0.01)
+        wait_until(lambda: ask("status")["root"] == "RUNNING", "the states come")
+    history = read(folders(tmp_path)[0])
+    assert [(change.uid, change.status) for change in history.states.changes()] == told
+    assert not [line for _, line in history.log if line.message.startswith("a gap")]
+
+
+@pytest.mark.slow
+def test_a_tree_that_changes_begins_another_run(tmp_path: Path) -> None:
+    port = free_ports()
+    with watched(port, tmp_path):
+        for name in ("One", "Other"):
+            xml = OURS.replace("Main", name)
+            with Groot2Publisher(load_tree(xml, clock=ManualClock()), port):
+                wait_until(lambda name=name: name in tasks(), f"{name} is watched")
+    assert [read(folder).about["tree"] for folder in folders(tmp_path)] == ["One", "Other"]
+
+
+HEAD = struct.pack("<BBI", 2, ord("T"), 1) + bytes(16)
+READY = _frame(b"\x05READY", 4)
+
+
+def answer(*parts: bytes) -> bytes:
+    return b"".join(_frame(part, 1) for part in (b"", *parts[:-1])) + _frame(parts[-1], 0)
+
+
+@pytest.mark.parametrize(
+    ("sent", "complaint"),
+    [
+        (b"", "has closed the connection"),
+        (b"HTTP/1.1 400 Bad Request\r\n" * 9, "does not speak ZeroMQ"),
+        (_GREETING.replace(b"NULL", b"CURV"), "demands the security"),
+        (_GREETING + _frame(b"\x05ERROR\x03no!", 4), "refuses the connection"),
+        (_GREETING + READY + answer(HEAD[:9]), "does not speak Groot2's protocol"),
+        (_GREETING + READY + answer(b"\x01" + HEAD[1:], b"<root/>"), "version 1 of Groot2's protocol"),
+        (_GREETING + READY + answer(HEAD[:2] + b"\x09" + HEAD[3:], b"<root/>"), "answers another request"),
+        (_GREETING + READY + answer(HEAD, b"<root"), "cannot be read"),
+        (_GREETING + READY + answer(HEAD, b"\xff\xfe"), "no UTF-8"),
+        (
+            _GREETING + READY + answer(HEAD, b"<root><BehaviorTree ID='A'><Sequence _uid='7'/></BehaviorTree></root>"),
+            "out of order",
+        ),
+        (_GREETING + READY + answer(b"error", b"go away"), "go away"),
+        (_GREETING + READY + b"\x03" + (1 << 30).to_bytes(8, "big"), "1073741824 bytes"),
+        (_GREETING + READY + _frame(b"", 1) * 100, "more than 8 parts"),
+        (_GREETING + READY + answer(HEAD, b"x" * 300)[:-50], "within a message"),
+    ],
+    ids=range(14),
+)
+def test_a_hostile_server_ends_in_a_clear_message(sent: bytes, complaint: str) -> None:
+    with served(sent) as port, pytest.raises(Error, match=complaint) as found:
+        read_tree(Groot2Client("127.0.0.1", port, timeout=5.0).full_tree(), "the process")
+    assert len(str(found.value)) < 400
+
+
+def test_half_a_message_is_not_waited_for_without_end() -> None:
+    with (
+        served(_GREETING + READY + answer(HEAD, b"x" * 300)[:-50], stays=True) as port,
+        pytest.raises(Groot2Error, match=r"not sent a whole message within 0\.1 s"),
+    ):
+        Groot2Client("127.0.0.1", port, timeout=0.1).full_tree()
+
+
+@contextmanager
+def served(sent: bytes, stays: bool = False) -> Iterator[int]:
+    """Whoever connects is sent these bytes, whatever is asked."""
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        over = threading.Event()
+
+        def serve() -> None:
+            connection, _ = server.accept()
+            with connection:
+                connection.sendall(sent)
+                connection.shutdown(socket.SHUT_WR) if not stays else None
+                over.wait(10.0)
+
+        thread = threading.Thread(target=serve, daemon=True)
+        thread.start()
+        yield server.getsockname()[1]
+        over.set()
+        thread.join(10.0)
