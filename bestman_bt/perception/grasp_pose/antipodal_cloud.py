@@ -39,7 +39,9 @@ class CloudCompletion:
     Metres. ``voxel``: to which the cloud is thinned, coarser where more than ``max_points`` would remain.
 
     ``neighbours``: of a point that make its normal, within ``radius``. ``cell``: of the plan in which the outline is
-    found; ``column_step``: between the points assumed below it. ``least``: points that an object has at least.
+    found, half of the gaps between points where that is more; ``column_step``: between the points assumed below it.
+    ``around``: neighbours of a point, itself among them, to which the surface goes on; ``bridge``: between the points
+    that are assumed on the way there. ``least``: points that an object has at least.
     """
 
     voxel: Annotated[float, "m"] = 0.004
@@ -48,6 +50,8 @@ class CloudCompletion:
     radius: Annotated[float, "m"] = 0.014
     cell: Annotated[float, "m"] = 0.005
     column_step: Annotated[float, "m"] = 0.006
+    around: int = 9
+    bridge: Annotated[float, "m"] = 0.010
     least: int = 25
 
     def complete(
@@ -63,10 +67,23 @@ class CloudCompletion:
             thinned = _thinned(points, voxel)
         if len(thinned) < self.least:
             return None
+        gap = float(np.median(cKDTree(points).query(thinned, k=5)[0][:, -1]))
         points, normals = self._smoothed(points, thinned)
-        centre, walls, wall_normals = self._walls(points, support_height)
+        # Where cells are smaller than the gaps between points, each point would be a pillar with walls of its own.
+        apart = float(np.median(cKDTree(points[:, :2]).query(points[:, :2], k=self.around)[0][:, -1]))
+        centre, walls, wall_normals = self._walls(points, support_height, max(self.cell, apart / 2))
         normals *= _signs(points, normals, viewpoints, centre)[:, None]
-        return CompletedCloud(np.concatenate([points, walls]), np.concatenate([normals, wall_normals]), centre)
+        points, normals = np.concatenate([points, walls]), np.concatenate([normals, wall_normals])
+        return CompletedCloud(points, normals, centre, self._bridged(points), max(0.0, gap - 2.0 * self.voxel))
+
+    def _bridged(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The points with more on the lines to their neighbours, so that no finger passes between them."""
+        distances, index = cKDTree(points).query(points, k=self.around)
+        first, column = np.nonzero((distances > self.bridge) & (distances < 3.0 * np.median(distances[:, -1])))
+        ends, counts = index[first, column], np.ceil(distances[first, column] / self.bridge).astype(np.intp)
+        step = np.concatenate([np.arange(1, count) / count for count in counts]) if len(counts) else np.zeros(0)
+        first, ends = np.repeat(first, counts - 1), np.repeat(ends, counts - 1)
+        return np.concatenate([points, points[first] + step[:, None] * (points[ends] - points[first])])
 
     def _smoothed(
         self, points: NDArray[np.float64], thinned: NDArray[np.float64]
@@ -87,10 +104,10 @@ class CloudCompletion:
         return thinned - normals * offsets[:, None], normals
 
     def _walls(
-        self, points: NDArray[np.float64], support_height: float
+        self, points: NDArray[np.float64], support_height: float, cell: float
     ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
         """Centre of mass (3,), and points and normals (M, 3) of walls from the outline down to the support."""
-        cell, border = self.cell, 3
+        border = 3
         origin = points[:, :2].min(axis=0) - border * cell
         cells = np.floor((points[:, :2] - origin) / cell).astype(np.intp)
         shape = tuple(cells.max(axis=0) + border + 1)
@@ -121,12 +138,16 @@ class CloudCompletion:
 class CompletedCloud:
     """``points``, ``normals``: (N, 3) outward, the measured ones first, then the assumed ones.
 
-    ``centre_of_mass``: (3,) of a body of equal density under what was seen.
+    ``centre_of_mass``: (3,) of a body of equal density under what was seen. ``bridged``: (M, 3), the points and more
+    between those that lie far apart: what a hand must not touch. ``unseen``: metres by which the thing may reach
+    farther than its points, since these lie far apart.
     """
 
     points: NDArray[np.float64]
     normals: NDArray[np.float64]
     centre_of_mass: NDArray[np.float64]
+    bridged: NDArray[np.float64]
+    unseen: float
 
 
 def _thinned(points: NDArray[np.float64], voxel: float) -> NDArray[np.float64]:
@@ -235,10 +256,10 @@ class AntipodalCloud(GraspPlanner):
         quality = self._quality(hands, contacts, cloud, gripper)
         order = np.argsort(-quality, kind="stable")
         order = order[quality[order] > 0.0]
-        openings = self.hand.openings(contacts.width, gripper)
+        openings = self.hand.openings(contacts.width + 2.0 * cloud.unseen, gripper)
         tried = hands.selected(order)
         lowest = shape.lowest(tried, openings[order]) - support_height
-        free = ~shape.touches(tried, openings[order], cloud.points, self.object_clearance)
+        free = ~shape.touches(tried, openings[order], cloud.bridged, self.object_clearance + cloud.unseen)
         free &= lowest >= self.support_clearance - 1e-6
         others = surroundings_of(target, support_height, shape.reach + float(np.ptp(cloud.points, axis=0).max()))
         around = shape.clearances(tried, openings[order], others)
@@ -247,7 +268,11 @@ class AntipodalCloud(GraspPlanner):
         clearances[order] = np.minimum(around, lowest)
         chosen = different_hands(hands, order[free], self.max_candidates, self.apart, self.apart_angle)
         return tuple(
-            self._candidate(hands.pose(index), contacts.width[index], quality[index], clearances[index], gripper)
+            replace(
+                self._candidate(hands.pose(index), contacts.width[index], quality[index], gripper),
+                opening=float(openings[index]),
+                clearance=float(clearances[index]),
+            )
             for index in chosen
         )
 
@@ -322,12 +347,9 @@ class AntipodalCloud(GraspPlanner):
         tilt = np.arccos(np.clip(-hands.rotations[:, 2, 2], -1.0, 1.0))
         return quality * (1.0 - self.tilt_weight * tilt / (math.pi / 4))
 
-    def _candidate(
-        self, tool: Pose, width: float, quality: float, clearance: float, gripper: GripperModel
-    ) -> GraspCandidate:
+    def _candidate(self, tool: Pose, width: float, quality: float, gripper: GripperModel) -> GraspCandidate:
         rotation = tool.rotation
         kind = "top" if rotation[2, 2] < -math.cos(math.pi / 4) else "side"
-        candidate = self.hand.candidate(
+        return self.hand.candidate(
             tool.position, rotation[:, 2], rotation[:, 1], float(width), float(quality), kind, gripper
         )
-        return replace(candidate, clearance=float(clearance))

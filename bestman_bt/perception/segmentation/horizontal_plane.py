@@ -66,7 +66,8 @@ class HorizontalPlane:
 
     ``min_plane_points``: pixels that a surface must at least fill; at most about ``max_plane_points`` are used.
     ``max_tilt``: of the plane. ``ransac_samples``, ``ransac_points``: triples tried, points that judge them;
-    ``ransac_distance``: of an inlier.
+    ``ransac_distance``: of an inlier. ``lower_share``: of the points, and of what the plane covers, that another plane
+    further down needs to be the surface: what is largest then lies on it, a tray or a board.
     """
 
     min_plane_points: Annotated[int, "pixels"] = 1500
@@ -75,11 +76,12 @@ class HorizontalPlane:
     ransac_samples: int = 100
     ransac_points: int = 1500
     ransac_distance: Annotated[float, "m"] = 0.008
+    lower_share: float = 0.15
 
     def find_plane(
         self, local: NDArray[np.float64], region: Region, rng: np.random.Generator, pixels_per_point: int = 1
     ) -> SupportPlane:
-        """The plane through the points (N, 3) of the region's own frame that lie near the expected height.
+        """The lowest plane through enough points (N, 3) of the region's own frame that lie near the expected height.
 
         The result is in the frame of the region's pose. Raises NoSurfaceError, in words, where there is none.
         """
@@ -88,16 +90,40 @@ class HorizontalPlane:
             raise NoSurfaceError(_no_surface(region, len(band) * pixels_per_point, self.min_plane_points))
         step = max(1, len(band) // self.max_plane_points)
         band, pixels_per_point = band[::step], pixels_per_point * step
-        plane, found = self.fit_plane(band, rng, self.min_plane_points // pixels_per_point)
+        needed = self.min_plane_points // pixels_per_point
+        plane, found = self.fit_plane(band, rng, needed)
         if plane is None:
             raise NoSurfaceError(_no_surface(region, found * pixels_per_point, self.min_plane_points))
+        lying = band[:0]
+        while (lower := self._lower_plane(band, plane, rng, needed)) is not None:
+            lying = np.concatenate([lying, band[np.abs(above_plane(band, plane)) < self.ransac_distance]])
+            plane = lower
         residuals = above_plane(band, plane)
         inlier = np.abs(residuals) < self.ransac_distance
         tall = local[above_plane(local, plane) > 2 * self.ransac_distance]
-        surface_from_plane, size = rectangle(_beside(band[inlier], tall, 0.012), plane)
+        surface_from_plane, size = rectangle(np.concatenate([_beside(band[inlier], tall, 0.012), lying]), plane)
         inliers = region.frame_from_surface.apply(band[inlier])
         rms = float(np.sqrt(np.mean(residuals[inlier] ** 2)))
         return SupportPlane(region.frame_from_surface @ surface_from_plane, size, inliers, rms)
+
+    def _lower_plane(
+        self, band: NDArray[np.float64], plane: NDArray[np.float64], rng: np.random.Generator, needed: int
+    ) -> NDArray[np.float64] | None:
+        """A plane (a, b, c) clearly below ``plane`` with its share of the points (N, 3) and of the extent."""
+        heights = above_plane(band, plane)
+        below = band[heights < -2.0 * self.ransac_distance]
+        needed = max(needed, math.ceil(self.lower_share * len(band)))
+        lower, _ = self.fit_plane(below, rng, needed) if len(below) >= needed else (None, 0)
+        if lower is None:
+            return None
+        covered, of_plane = (
+            cv2.contourArea(footprint(points[:, :2]))
+            for points in (
+                below[np.abs(above_plane(below, lower)) < self.ransac_distance],
+                band[np.abs(heights) < self.ransac_distance],
+            )
+        )
+        return lower if covered >= self.lower_share * of_plane else None
 
     def fit_plane(
         self, points: NDArray[np.float64], rng: np.random.Generator, needed: int
@@ -115,9 +141,9 @@ class HorizontalPlane:
         if len(planes) == 0:
             return None, 0
         distances = np.abs(planes[:, :2] @ judges[:, :2].T + planes[:, 2:] - judges[:, 2])
-        return self.refined_plane(
-            planes[int(np.argmax((distances < self.ransac_distance).sum(axis=1)))], points, needed
-        )
+        # By how near the points lie (Torr and Zisserman, "MLESAC", 2000): a slanted plane across a step has as many near it.
+        fits = np.maximum(1.0 - np.square(distances / self.ransac_distance), 0.0).sum(axis=1)
+        return self.refined_plane(planes[int(np.argmax(fits))], points, needed)
 
     def refined_plane(
         self, plane: NDArray[np.float64], points: NDArray[np.float64], needed: int

@@ -16,7 +16,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from bestman_bt.messages import PointCloud
-from bestman_bt.perception.clouds import density_clusters, estimated_normals, largest_plane, thinned, without_outliers
+from bestman_bt.perception.clouds import density_clusters, estimated_normals, thinned, without_outliers
 from bestman_bt.perception.segmentation.base import (
     Cluster,
     Region,
@@ -176,10 +176,8 @@ class Open3DDbscan(PlaneDbscan):
         level = thin[estimated_normals(thin, _UP, self.normal_radius)[:, 2] >= np.cos(self.max_normal_tilt)]
         if len(level) < 3:
             return None, len(level)
-        a, b, c, d = largest_plane(level, self.ransac_distance, self.ransac_samples, int(rng.integers(2**31)))
-        if abs(c) < np.cos(self.max_tilt):
-            return None, 0
-        return self.refined_plane(np.array([-a / c, -b / c, -d / c]), points, needed)
+        plane, found = super().fit_plane(level, rng, 3)
+        return (None, found) if plane is None else self.refined_plane(plane, points, needed)
 
     def _thinned(self, cloud: PointCloud) -> PointCloud:
         if len(cloud) == 0:

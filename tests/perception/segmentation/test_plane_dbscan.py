@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 
 from benchmarks.rendered_table import RenderedTable, TrueObject
-from bestman_bt.messages import Pose, RGBDImage
+from bestman_bt.messages import Box, PlacedShape, Pose, RGBDImage
 from bestman_bt.perception import NoSurfaceError, View
 from bestman_bt.perception.segmentation import Open3DDbscan, PlaneDbscan, Region, SegmentedScene
 from bestman_bt.perception.segmentation.plane_dbscan import dbscan
+from tests.perception.seen_boxes import looking_at, view_of
 
 Tables = Callable[..., RenderedTable]
 Segment = Callable[[RenderedTable], SegmentedScene]
@@ -137,3 +138,18 @@ def test_dbscan_parts_what_is_farther_apart_than_its_distance() -> None:
 def test_dbscan_joins_what_is_nearer() -> None:
     blob = np.random.default_rng(0).uniform(0.0, 0.03, (400, 3))
     assert set(dbscan(np.concatenate([blob, blob + np.array([0.035, 0.0, 0.0])]), 0.015, 4)) == {0}
+
+
+@pytest.mark.parametrize(("board", "at"), [((0.5, 0.7), 0.0), ((0.5, 0.9), 0.0), ((0.3, 1.0), -0.15)])
+def test_a_board_on_most_of_a_table_is_a_thing_on_it_and_not_the_surface(
+    algorithm: type[PlaneDbscan], board: tuple[float, float], at: float
+) -> None:
+    table = PlacedShape(Box((0.6, 1.0, 0.04)), Pose(np.array([0.8, 0.0, 0.73])))
+    tray = PlacedShape(Box((*board, 0.03)), Pose(np.array([0.8 + at, 0.0, 0.765])))
+    view = view_of([table, tray], looking_at((0.0, 0.1, 1.5), (0.8, 0.0, 0.75)), rng=np.random.default_rng(2))
+    region = Region(Pose(np.array([0.8, 0.0, 0.76])), (0.64, 1.04))
+    scene = algorithm().segment(view, region, np.random.default_rng(0))
+    assert scene.planes[0].height_at(0.8, 0.0) == pytest.approx(0.75, abs=0.002)
+    np.testing.assert_allclose(scene.planes[0].size, (0.6, 1.0), atol=0.02)
+    (thing,) = scene.clusters
+    assert float(thing.points[:, 2].max()) == pytest.approx(0.78, abs=0.008)
