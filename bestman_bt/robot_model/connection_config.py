@@ -6,11 +6,12 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from bestman_bt.configuration.quantity import (
-    AngularSpeedLimit,
+    AngularSpeedLimitOrNone,
     ForceLimit,
     LengthLimit,
     Share,
     SpeedLimit,
+    SpeedLimitOrNone,
     TimeLimit,
     WholeNumber,
 )
@@ -78,8 +79,8 @@ class SafetyConfig:
     joint_speed: Share | None = None
     tool_speed: SpeedLimit | None = None
     gripper_force: ForceLimit | None = None
-    base_speed: SpeedLimit | None = None
-    base_turn: AngularSpeedLimit | None = None
+    base_speed: SpeedLimitOrNone | None = None
+    base_turn: AngularSpeedLimitOrNone | None = None
     workspace: WorkspaceConfig | None = None
     watchdog: TimeLimit = 0.25
     heartbeat: TimeLimit = 0.2

@@ -7,10 +7,11 @@ from dataclasses import dataclass, field
 from typing import ClassVar, Literal, TypeAlias
 
 from bestman_bt.configuration.quantity import (
-    Acceleration,
-    AngularAcceleration,
+    AccelerationLimit,
+    AngularAccelerationLimit,
     AngularJerk,
     AngularSpeedLimit,
+    AngularSpeedLimitOrNone,
     Factor,
     ForceLimit,
     Friction,
@@ -25,6 +26,7 @@ from bestman_bt.configuration.quantity import (
     PositiveLengthLimit,
     Size2,
     SpeedLimit,
+    SpeedLimitOrNone,
     TorqueLimit,
 )
 from bestman_bt.robot_model.part_fields import (
@@ -48,10 +50,10 @@ class MobilePart(PartConfig):
     payload: MassLimit | None = None
     turning_drift: Length = 0.0
     max_vx: SpeedLimit
-    max_vy: SpeedLimit = 0.0
+    max_vy: SpeedLimitOrNone = 0.0
     max_wz: AngularSpeedLimit
-    max_acceleration: Acceleration
-    max_angular_acceleration: AngularAcceleration
+    max_acceleration: AccelerationLimit
+    max_angular_acceleration: AngularAccelerationLimit
     max_jerk: Jerk = 2.0
     max_angular_jerk: AngularJerk = 10.0
 
@@ -87,7 +89,7 @@ class BasePart(MobilePart):
     caster_links: tuple[str, ...] = ()
     steering_joints: tuple[str, ...] = ()
     steering_torque: TorqueLimit = 0.0
-    steering_speed: AngularSpeedLimit = 0.0
+    steering_speed: AngularSpeedLimitOrNone = 0.0
     deck: FrameConfig | None = None
     encoders: EncodersConfig = field(default_factory=EncodersConfig)
 

@@ -56,6 +56,9 @@ def test_a_name_that_is_a_number_is_told_with_its_line(tmp_path: Path) -> None:
     [
         ("wheel_radius: -10 cm", "parts.base.set.wheel_radius: should be greater than 0, got '-10 cm'"),
         ("track: 0", "parts.base.set.track: should be greater than 0"),
+        ("max_vx: 0", "parts.base.set.max_vx: should be greater than 0, got 0"),
+        ("max_acceleration: 0", "parts.base.set.max_acceleration: should be greater than 0, got 0"),
+        ("max_angular_acceleration: 0", "parts.base.set.max_angular_acceleration: should be greater than 0, got 0"),
         ("max_vx: 0.6 kg", "parts.base.set.max_vx: expected a speed"),
         ("max_wz: 90", "parts.base.set.max_wz: needs its unit: '90 rad/s' or '90 deg/s', got 90"),
         ("wheel_joints:", "parts.base.set.wheel_joints: should be a list, got nothing"),

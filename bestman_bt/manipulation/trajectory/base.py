@@ -79,6 +79,15 @@ class SpeedScale:
             if not 0.0 < value <= 1.0:
                 raise TrajectoryError(f"SpeedScale {name} should be above 0 and at most 1 but is {value}")
 
+    def of(self, limits: JointLimits) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Velocities and accelerations (n,) that a motion may use. Raises TrajectoryError where that is none."""
+        for name in ("velocity", "acceleration"):
+            values = np.asarray(getattr(limits, name), dtype=float)
+            for joint, value in zip(limits.joint_names, values, strict=True):
+                if not 0.0 < value < math.inf:
+                    raise TrajectoryError(f"the {name} limit of {joint} should be above 0 and finite but is {value}")
+        return limits.velocity * self.velocity, limits.acceleration * self.acceleration
+
 
 class TimeParametrization(ABC):
     """Gives a path its time; at rest at both ends."""

@@ -59,7 +59,7 @@ class RuckigStateToState:
             joint_vector(rest if start_velocity is None else start_velocity, count, "start_velocity"),
             joint_vector(rest if goal_velocity is None else goal_velocity, count, "goal_velocity"),
         )
-        fastest = limits.velocity * scale.velocity
+        fastest, hardest = scale.of(limits)
         for speed, what in zip(speeds, ("start", "goal"), strict=True):
             _check_speed(speed, fastest, limits, what)
         if np.array_equal(*ends) and not np.any(speeds):
@@ -68,7 +68,7 @@ class RuckigStateToState:
         request.current_position, request.target_position = ends[0].tolist(), ends[1].tolist()
         request.current_velocity, request.target_velocity = speeds[0].tolist(), speeds[1].tolist()
         request.max_velocity = fastest.tolist()
-        request.max_acceleration = (limits.acceleration * scale.acceleration).tolist()
+        request.max_acceleration = hardest.tolist()
         request.max_jerk = self.jerk_limits(limits, scale).tolist()
         if self.straight:
             request.synchronization = ruckig.Synchronization.Phase

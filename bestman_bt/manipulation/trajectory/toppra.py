@@ -48,8 +48,7 @@ class Toppra(TimeParametrization):
         waypoints = _densified(joint_path(path, count, "path"), self.waypoint_spacing)
         if len(waypoints) < 2:
             return JointTrajectory(limits.joint_names, np.zeros(1), waypoints, np.zeros((1, count)))
-        scale = scale or SpeedScale()
-        velocity, acceleration = limits.velocity * scale.velocity, limits.acceleration * scale.acceleration
+        velocity, acceleration = (scale or SpeedScale()).of(limits)
         motion = self._solve(waypoints, velocity, acceleration)
         stretch = self._overshoot(motion, velocity, acceleration)
         duration = motion.duration * stretch

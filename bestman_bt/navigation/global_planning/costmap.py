@@ -31,9 +31,6 @@ from bestman_bt.navigation.global_planning.layers import (
 )
 from bestman_bt.world_model import Obstacle, SemanticMap
 
-_FAR = 1e3
-"""Metres to the next obstacle where there is none at all."""
-
 
 @dataclass(frozen=True)
 class Rasterization:
@@ -63,7 +60,7 @@ class Rasterization:
 
 @dataclass(frozen=True, eq=False)
 class Costmap:
-    """``distance``: (rows, columns) metres from each cell's centre to the next obstacle, negative inside one.
+    """``distance``: (rows, columns) metres from each cell's centre to the next obstacle or the border, negative inside.
 
     Row 0 is at the smallest y. ``origin``: (2,) metres in the map frame, the outer corner of cell (0, 0).
     Margins for what the map does not know exactly are already taken off. ``tall``: the same for obstacles that reach up
@@ -78,6 +75,8 @@ class Costmap:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "distance", frozen_array(self.distance, (None, None), "Costmap distance"))
+        if min(self.distance.shape) < 2:
+            raise ValueError(f"Costmap distance should have 2 rows and columns or more but has {self.distance.shape}")
         if (self.tall is None) != (self.footprint.overhang is None):
             raise ValueError("Costmap tall should be given where its footprint has an overhang, and only there")
         if self.tall is not None:
@@ -123,7 +122,9 @@ class Costmap:
         p = rasterization
         x, y = (origin[axis] + (np.arange(shape[1 - axis]) + 0.5) * p.resolution for axis in (0, 1))
         centres = np.stack(np.meshgrid(x, y)).reshape(2, -1)
-        distance = np.full(centres.shape[1], _FAR)
+        # No base may stand out over the border.
+        inward = np.minimum(centres.T - origin, origin + np.array(shape[::-1]) * p.resolution - centres.T)
+        distance: NDArray[np.float64] = inward.min(axis=1)
         overhang = footprint.overhang
         tall = None if overhang is None else distance.copy()
         for layer in layers:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -24,6 +25,18 @@ class CalibrationError(PerceptionError):
 
 class DegenerateMotionError(CalibrationError):
     """The recorded motions leave a part of the unknowns undetermined, however many views there are."""
+
+
+class ContradictingViewsError(CalibrationError):
+    """So many views contradict the others that nobody can tell which are right; ``views``: their indices."""
+
+    def __init__(self, views: Sequence[int], names: Sequence[str]) -> None:
+        self.views = tuple(views)
+        super().__init__(
+            f"{len(self.views)} of {len(names)} views contradict the others: "
+            f"{', '.join(names[view] for view in self.views)}; see that the poses belong to the images, that the board "
+            "stands still where it should, and record them again"
+        )
 
 
 @dataclass(frozen=True, eq=False)

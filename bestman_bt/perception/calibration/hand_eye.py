@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
@@ -12,8 +13,12 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from bestman_bt.messages import Pose
-from bestman_bt.perception.calibration.boards import CalibrationError, DegenerateMotionError
-from bestman_bt.perception.calibration.hand_eye_refinement import HandEyeNoise, Refined, refine
+from bestman_bt.perception.calibration.boards import (
+    CalibrationError,
+    ContradictingViewsError,
+    DegenerateMotionError,
+)
+from bestman_bt.perception.calibration.hand_eye_refinement import HandEyeNoise, Refined, mean_target, refine, whitened
 
 LARGEST_ANGLE = math.radians(170.0)
 """Motions that turn further are left out: near half a turn the sign of their axis is chance."""
@@ -25,7 +30,7 @@ class HandEyeResult:
 
     ``covariance``: (6, 6) of ``carrier_from_eye``: position (metres), then rotation vector (radians), both in the
     carrier frame. ``position_residuals`` (N,) metres and ``rotation_residuals`` (N,) radians: of the target as each
-    view saw it.
+    view saw it. ``left_out``: indices of the views that contradict the others, and were not used.
     """
 
     carrier_from_eye: Pose
@@ -33,6 +38,7 @@ class HandEyeResult:
     covariance: NDArray[np.float64]
     position_residuals: NDArray[np.float64]
     rotation_residuals: NDArray[np.float64]
+    left_out: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,8 +55,9 @@ class HandEye(ABC):
 
     ``refine``: whether least squares follow the closed form. ``noise``: of the poses, weighs the residuals.
     ``min_views``: fewer are refused. ``min_second_rotation``: radians (root mean square, between views) about the
-    second axis. ``max_angle_mismatch``: radians by which the median motion of the camera may turn differently from its
-    carrier.
+    second axis. ``max_angle_mismatch``: radians by which most motions of the camera may turn differently from their
+    carrier's. ``outlier``: standard deviations, and ``outlier_ratio``: times the median view, by which a view is off
+    to be left out; what agrees is found by ``subsets`` of four views (least median of squares, Rousseeuw 1984).
     """
 
     refine: bool = True
@@ -58,6 +65,9 @@ class HandEye(ABC):
     min_views: int = 4
     min_second_rotation: float = math.radians(3.0)
     max_angle_mismatch: float = math.radians(3.0)
+    outlier: float = 6.0
+    outlier_ratio: float = 3.0
+    subsets: int = 60
 
     @abstractmethod
     def closed_form(self, motions: RelativeMotions) -> Pose:
@@ -90,11 +100,56 @@ class HandEye(ABC):
             raise CalibrationError(
                 f"at least {self.min_views} views are needed, got {len(world_from_carrier)}; 15 to 25 are good"
             )
-        motions = relative_motions(world_from_carrier, eye_from_target)
-        self._check(motions, what_moves)
-        start = self.closed_form(motions)
-        refined = refine(world_from_carrier, eye_from_target, start, self.noise, move=self.refine)
-        return _result(refined)
+        self._check(relative_motions(world_from_carrier, eye_from_target), what_moves)
+        refined, used = self._agreeing(world_from_carrier, eye_from_target)
+        if not used.all():
+            self._check(relative_motions(*_chosen(used, world_from_carrier, eye_from_target)), what_moves)
+        residuals = refined.residuals
+        return HandEyeResult(
+            refined.carrier_from_eye,
+            refined.world_from_target,
+            refined.covariance,
+            np.linalg.norm(residuals[:, :3], axis=1),
+            np.linalg.norm(residuals[:, 3:], axis=1),
+            tuple(np.flatnonzero(~used).tolist()),
+        )
+
+    def _agreeing(
+        self, world_from_carrier: Sequence[Pose], eye_from_target: Sequence[Pose]
+    ) -> tuple[Refined, NDArray[np.bool_]]:
+        """The result by the views that agree, with residuals of all, and which these are (N,)."""
+        count, poses = len(world_from_carrier), (world_from_carrier, eye_from_target)
+        used = np.ones(count, dtype=bool)
+        refined, off = self._by(used, *poses)
+        if off.max() > self.outlier:
+            rng, best = np.random.default_rng(0), off
+            for _ in range(self.subsets):
+                some = _chosen(rng.permutation(count) < 4, *poses)
+                try:
+                    end = self.closed_form(relative_motions(*some))
+                except (CalibrationError, np.linalg.LinAlgError):
+                    continue
+                best = min(best, whitened(*poses, end, mean_target(*some, end), self.noise), key=np.median)
+            off = best
+        for _ in range(5):
+            agree = off <= max(self.outlier, self.outlier_ratio * float(np.median(off)))
+            if (agree == used).all():
+                break
+            if agree.sum() < max(self.min_views, 2 * count / 3):
+                raise ContradictingViewsError(np.flatnonzero(~agree).tolist(), [str(view) for view in range(count)])
+            used = agree
+            refined, off = self._by(used, *poses)
+        return refined.of_all(*poses), used
+
+    def _by(
+        self, used: NDArray[np.bool_], world_from_carrier: Sequence[Pose], eye_from_target: Sequence[Pose]
+    ) -> tuple[Refined, NDArray[np.float64]]:
+        """The result by the views that are used, and how far off all are, in standard deviations (N,)."""
+        chosen = _chosen(used, world_from_carrier, eye_from_target)
+        start = self.closed_form(relative_motions(*chosen))
+        found = refine(*chosen, start, self.noise, move=self.refine)
+        ends = found.carrier_from_eye, found.world_from_target
+        return found, whitened(world_from_carrier, eye_from_target, *ends, self.noise)
 
     def _check(self, motions: RelativeMotions, what_moves: str) -> None:
         turns = Rotation.from_matrix(motions.carrier[:, :3, :3]).as_rotvec()
@@ -106,10 +161,11 @@ class HandEye(ABC):
                 "that are not parallel"
             )
         seen = Rotation.from_matrix(motions.eye[:, :3, :3]).magnitude()
-        mismatch = float(np.median(np.abs(np.linalg.norm(turns, axis=1) - seen)))
+        # Of ten views three may be wrong, which are in more than half of the pairs.
+        mismatch = float(np.quantile(np.abs(np.linalg.norm(turns, axis=1) - seen), 0.3))
         if mismatch > self.max_angle_mismatch:
             raise CalibrationError(
-                "camera and carrier turn by different angles between the same views (median "
+                "camera and carrier turn by different angles between the same views (most of them more than "
                 f"{math.degrees(mismatch):.1f}° apart): poses and images do not belong together, or the target moved"
             )
 
@@ -126,15 +182,10 @@ def relative_motions(world_from_carrier: Sequence[Pose], eye_from_target: Sequen
     return RelativeMotions(carrier[usable], eye[usable])
 
 
-def _result(refined: Refined) -> HandEyeResult:
-    residuals = refined.residuals
-    return HandEyeResult(
-        refined.carrier_from_eye,
-        refined.world_from_target,
-        refined.covariance,
-        np.linalg.norm(residuals[:, :3], axis=1),
-        np.linalg.norm(residuals[:, 3:], axis=1),
-    )
+def _chosen(
+    used: NDArray[np.bool_], first: Sequence[Pose], second: Sequence[Pose]
+) -> tuple[Sequence[Pose], Sequence[Pose]]:
+    return list(itertools.compress(first, used)), list(itertools.compress(second, used))
 
 
 # Hand-eye calibration on the Euclidean group.

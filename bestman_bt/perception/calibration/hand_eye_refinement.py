@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,6 +38,22 @@ class Refined:
     covariance: NDArray[np.float64]
     residuals: NDArray[np.float64]
 
+    def of_all(self, world_from_carrier: Sequence[Pose], eye_from_target: Sequence[Pose]) -> Refined:
+        """The same with the residuals of these views."""
+        carriers, seen = (np.array([pose.matrix for pose in poses]) for poses in (world_from_carrier, eye_from_target))
+        return replace(self, residuals=_residuals(carriers, seen, self.carrier_from_eye, self.world_from_target))
+
+
+def mean_target(world_from_carrier: Sequence[Pose], eye_from_target: Sequence[Pose], end: Pose) -> Pose:
+    """Where the views put the target, in the mean, with the camera at ``end`` on its carrier."""
+    placed = np.array(
+        [
+            carrier.matrix @ end.matrix @ seen.matrix
+            for carrier, seen in zip(world_from_carrier, eye_from_target, strict=True)
+        ]
+    )
+    return Pose(placed[:, :3, 3].mean(axis=0), Rotation.from_matrix(placed[:, :3, :3]).mean().as_quat())
+
 
 def refine(
     world_from_carrier: Sequence[Pose],
@@ -49,7 +65,7 @@ def refine(
     """Minimise the weighted residuals from ``start``; without ``move`` only the target is placed, at its mean."""
     seen = np.array([pose.matrix for pose in eye_from_target])
     carriers = np.array([pose.matrix for pose in world_from_carrier])
-    target = _mean(carriers @ start.matrix @ seen)
+    target = mean_target(world_from_carrier, eye_from_target, start)
     weights = _weights(seen, start, noise)
 
     def weighted(x: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -64,6 +80,16 @@ def refine(
     variance = 2.0 * solved.cost / freedom
     covariance = variance * np.linalg.inv(solved.jac.T @ solved.jac)[:6, :6]
     return Refined(end, target, covariance, _residuals(carriers, seen, end, target))
+
+
+def whitened(
+    world_from_carrier: Sequence[Pose], eye_from_target: Sequence[Pose], end: Pose, target: Pose, noise: HandEyeNoise
+) -> NDArray[np.float64]:
+    """(N,) how far off each view is, in standard deviations: the norm of its six residuals over their noise."""
+    seen = np.array([pose.matrix for pose in eye_from_target])
+    residuals = _residuals(np.array([pose.matrix for pose in world_from_carrier]), seen, end, target)
+    norms: NDArray[np.float64] = np.linalg.norm(np.einsum("nij,nj->ni", _weights(seen, end, noise), residuals), axis=1)
+    return norms
 
 
 def changed(pose: Pose, x: NDArray[np.float64]) -> Pose:
@@ -100,8 +126,3 @@ def _weights(seen: NDArray[np.float64], end: Pose, noise: HandEyeNoise) -> NDArr
 
 def _cross(v: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
-
-
-def _mean(matrices: NDArray[np.float64]) -> Pose:
-    rotation = Rotation.from_matrix(matrices[:, :3, :3]).mean()
-    return Pose(matrices[:, :3, 3].mean(axis=0), rotation.as_quat())

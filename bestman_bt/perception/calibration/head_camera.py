@@ -22,6 +22,7 @@ from bestman_bt.messages import CameraIntrinsics, Pose
 from bestman_bt.perception.calibration.boards import (
     BoardSighting,
     CalibrationError,
+    ContradictingViewsError,
     DegenerateMotionError,
     board_pose,
     project,
@@ -67,19 +68,38 @@ class ChainCalibration:
     ``outlier``: pixels from which on a corner counts less (soft L1). ``min_views``: fewer are refused.
 
     ``worst_deviation``: metres and radians (as one number) of the least certain direction that are accepted.
+    ``view_outlier``: pixels, and ``outlier_ratio``: times the median view, by which a view must be off to be left out.
     """
 
     outlier: float = 1.0
     min_views: int = 4
     worst_deviation: float = 0.02
+    view_outlier: float = 3.0
+    outlier_ratio: float = 4.0
 
     def calibrate(
         self, views: Sequence[BoardView], intrinsics: CameraIntrinsics, start: ChainPoses, free: Sequence[Unknown]
     ) -> ChainResult:
-        """Find the ``free`` poses from ``start``; the others stay.
+        """Find the ``free`` poses from ``start``; the others stay. Views that contradict the others are left out.
 
         Raises CalibrationError, or DegenerateMotionError if the views do not determine them.
         """
+        used = list(range(len(views)))
+        while True:
+            found = self._by([views[index] for index in used], intrinsics, start, free)
+            worst = int(np.argmax(found.errors))
+            if found.errors[worst] <= max(self.view_outlier, self.outlier_ratio * float(np.median(found.errors))):
+                break
+            # The worst alone: it makes others look wrong.
+            del used[worst]
+            if len(used) < max(self.min_views, 2 * len(views) / 3):
+                left = sorted(set(range(len(views))) - set(used))
+                raise ContradictingViewsError(left, [str(view) for view in range(len(views))])
+        return replace(found, left_out=tuple(sorted(set(range(len(views))) - set(used))))
+
+    def _by(
+        self, views: Sequence[BoardView], intrinsics: CameraIntrinsics, start: ChainPoses, free: Sequence[Unknown]
+    ) -> ChainResult:
         if len(views) < self.min_views:
             raise CalibrationError(f"at least {self.min_views} views of the board are needed, got {len(views)}")
 
@@ -132,13 +152,15 @@ class ChainCalibration:
 class ChainResult:
     """``poses``; ``covariance``: unknown → (6, 6), metres and radians in the frame that its pose is given in.
 
-    ``errors``: root mean square reprojection error of each view, pixels; ``offsets``: (N, 2) of each view, pixels.
+    ``errors``: root mean square reprojection error of each view that was used, pixels; ``offsets``: (N, 2) of each,
+    pixels. ``left_out``: indices of the views that contradict the others, and were not used.
     """
 
     poses: ChainPoses
     covariance: dict[Unknown, NDArray[np.float64]]
     errors: NDArray[np.float64]
     offsets: tuple[NDArray[np.float64], ...]
+    left_out: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -74,7 +74,7 @@ class CloudCompletion:
         centre, walls, wall_normals = self._walls(points, support_height, max(self.cell, apart / 2))
         normals *= _signs(points, normals, viewpoints, centre)[:, None]
         points, normals = np.concatenate([points, walls]), np.concatenate([normals, wall_normals])
-        return CompletedCloud(points, normals, centre, self._bridged(points), max(0.0, gap - 2.0 * self.voxel))
+        return CompletedCloud(points, normals, centre, self._bridged(points), max(0.0, gap - self.voxel))
 
     def _bridged(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """The points with more on the lines to their neighbours, so that no finger passes between them."""

@@ -90,12 +90,11 @@ class HorizontalPlane:
             raise NoSurfaceError(_no_surface(region, len(band) * pixels_per_point, self.min_plane_points))
         step = max(1, len(band) // self.max_plane_points)
         band, pixels_per_point = band[::step], pixels_per_point * step
-        needed = self.min_plane_points // pixels_per_point
-        plane, found = self.fit_plane(band, rng, needed)
+        plane, found = self.fit_plane(band, rng, self.min_plane_points // pixels_per_point)
         if plane is None:
             raise NoSurfaceError(_no_surface(region, found * pixels_per_point, self.min_plane_points))
         lying = band[:0]
-        while (lower := self._lower_plane(band, plane, rng, needed)) is not None:
+        while (lower := self._lower_plane(band, plane, rng)) is not None:
             lying = np.concatenate([lying, band[np.abs(above_plane(band, plane)) < self.ransac_distance]])
             plane = lower
         residuals = above_plane(band, plane)
@@ -107,12 +106,12 @@ class HorizontalPlane:
         return SupportPlane(region.frame_from_surface @ surface_from_plane, size, inliers, rms)
 
     def _lower_plane(
-        self, band: NDArray[np.float64], plane: NDArray[np.float64], rng: np.random.Generator, needed: int
+        self, band: NDArray[np.float64], plane: NDArray[np.float64], rng: np.random.Generator
     ) -> NDArray[np.float64] | None:
         """A plane (a, b, c) clearly below ``plane`` with its share of the points (N, 3) and of the extent."""
         heights = above_plane(band, plane)
         below = band[heights < -2.0 * self.ransac_distance]
-        needed = max(needed, math.ceil(self.lower_share * len(band)))
+        needed = math.ceil(self.lower_share * len(band))
         lower, _ = self.fit_plane(below, rng, needed) if len(below) >= needed else (None, 0)
         if lower is None:
             return None
@@ -141,7 +140,7 @@ class HorizontalPlane:
         if len(planes) == 0:
             return None, 0
         distances = np.abs(planes[:, :2] @ judges[:, :2].T + planes[:, 2:] - judges[:, 2])
-        # By how near the points lie (Torr and Zisserman, "MLESAC", 2000): a slanted plane across a step has as many near it.
+        # By how near the points lie (Torr and Zisserman, "MLESAC", 2000): a slanted plane across a step has as many.
         fits = np.maximum(1.0 - np.square(distances / self.ransac_distance), 0.0).sum(axis=1)
         return self.refined_plane(planes[int(np.argmax(fits))], points, needed)
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,12 @@ import numpy as np
 from bestman_bt.configuration import ConfigurationError
 from bestman_bt.manipulation.errors import ManipulationError
 from bestman_bt.messages import CameraIntrinsics, Pose
-from bestman_bt.perception.calibration import BoardSighting, CalibrationError, DepthCalibration
+from bestman_bt.perception.calibration import (
+    BoardSighting,
+    CalibrationError,
+    ContradictingViewsError,
+    DepthCalibration,
+)
 from bestman_bt.robot_model import ArmModel, JointGroupModel, load_robot_model
 from bestman_bt.runtime.calibration.dataset import Dataset, Progress, RecordedView, pose_of
 from bestman_bt.runtime.calibration.result import CalibrationResult
@@ -20,12 +26,31 @@ from bestman_bt.runtime.calibration.robot_chain import RobotChain
 
 @dataclass(frozen=True, eq=False)
 class Seen:
-    """The views that show the board, and the camera that took them."""
+    """The views that show the board, and the camera that took them; ``left_out``: names of those that contradict."""
 
     views: tuple[RecordedView, ...]
     sightings: tuple[BoardSighting, ...]
     intrinsics: CameraIntrinsics
     recorded: int
+    left_out: tuple[str, ...] = ()
+
+    def without(self, indices: Sequence[int]) -> Seen:
+        """The others; these are left out."""
+        kept = [index for index in range(len(self.views)) if index not in indices]
+        return replace(
+            self,
+            views=tuple(self.views[index] for index in kept),
+            sightings=tuple(self.sightings[index] for index in kept),
+            left_out=tuple(self.views[index].name for index in indices),
+        )
+
+    @contextmanager
+    def named(self) -> Iterator[None]:
+        """Views that contradict the others are told by their names."""
+        try:
+            yield
+        except ContradictingViewsError as error:
+            raise ContradictingViewsError(error.views, [view.name for view in self.views]) from None
 
 
 def chain_of(dataset: Dataset) -> RobotChain | None:
@@ -123,7 +148,10 @@ def result_of(
 ) -> CalibrationResult:
     """The result, with a note on the views that were of no use."""
     errors = np.array([np.sqrt(np.mean(np.sum(offset**2, axis=1))) for offset in offsets])
-    without = seen.recorded - len(seen.views)
+    without = seen.recorded - len(seen.views) - len(seen.left_out)
+    if seen.left_out:
+        which = ", ".join(seen.left_out)
+        notes = [*notes, f"left out, since what the other views say contradicts them: {which}; look at pose and image"]
     if without:
         notes = [*notes, f"{without} of {seen.recorded} views do not show enough of the board"]
     return CalibrationResult(

@@ -102,14 +102,16 @@ def solve_head(dataset: Dataset, progress: Progress) -> CalibrationResult:
         for sighting, positions, holder in zip(seen.sightings, joints, holders, strict=True)
     ]
     measured = dataset.config.board_pose
-    found = calibrate_head_camera(
-        views,
-        seen.intrinsics,
-        chain.kinematics.pose(root, {}),
-        chain.carrier_from_camera(),
-        pose_of(measured) if measured is not None else None,
-        chain.head_axes(head),
-    )
+    with seen.named():
+        found = calibrate_head_camera(
+            views,
+            seen.intrinsics,
+            chain.kinematics.pose(root, {}),
+            chain.carrier_from_camera(),
+            pose_of(measured) if measured is not None else None,
+            chain.head_axes(head),
+        )
+    seen = seen.without(found.chain.left_out)
     poses = found.chain.poses
     parts: dict[str, dict[str, Any]] = {}
     if "mount" in found.free:
@@ -125,7 +127,8 @@ def solve_head(dataset: Dataset, progress: Progress) -> CalibrationResult:
         "standard_deviations": {name: deviations(block) for name, block in found.chain.covariance.items()},
         "covariance": {name: block for name, block in found.chain.covariance.items() if name != "board"},
     }
-    notes = add_depth(seen, [poses.board_in_camera(view) for view in views], settings, figures)
+    used = [view for index, view in enumerate(views) if index not in found.chain.left_out]
+    notes = add_depth(seen, [poses.board_in_camera(view) for view in used], settings, figures)
     if settings:
         parts[chain.camera]["set"] = settings
     if "mount" not in found.free:
@@ -145,10 +148,12 @@ def solve_hand_eye(dataset: Dataset, method: str, progress: Progress) -> Calibra
     in_camera = [board_pose(sighting, seen.intrinsics).eye_from_board for sighting in seen.sightings]
     world_from_carrier = [holder.inverse() @ carrier for holder, carrier in zip(holders, carriers, strict=True)]
     algorithm = ALGORITHMS.resolve(f"calibration/{method}")()
-    first = algorithm.calibrate(world_from_carrier, in_camera)
     views = [BoardView(*view) for view in zip(seen.sightings, carriers, holders, strict=True)]
-    start = ChainPoses(Pose(), first.carrier_from_eye, first.world_from_target)
-    refined = ChainCalibration().calibrate(views, seen.intrinsics, start, ("camera", "board"))
+    with seen.named():
+        first = algorithm.calibrate(world_from_carrier, in_camera)
+        start = ChainPoses(Pose(), first.carrier_from_eye, first.world_from_target)
+        refined = ChainCalibration().calibrate(views, seen.intrinsics, start, ("camera", "board"))
+    seen = seen.without(refined.left_out)
     camera = refined.poses.camera
     settings: dict[str, Any] = {}
     figures: dict[str, Any] = {
@@ -162,7 +167,8 @@ def solve_hand_eye(dataset: Dataset, method: str, progress: Progress) -> Calibra
             "apart_deg": _degrees(first.carrier_from_eye, camera),
         },
     }
-    seen_poses = [refined.poses.board_in_camera(view) for view in views]
+    used = [view for index, view in enumerate(views) if index not in refined.left_out]
+    seen_poses = [refined.poses.board_in_camera(view) for view in used]
     notes = add_depth(seen, seen_poses, settings, figures)
     part: dict[str, Any] = chain.camera_mount(camera) if chain is not None else written(camera)
     if settings:

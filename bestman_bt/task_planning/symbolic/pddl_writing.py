@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable
+from typing import TypeVar
 
 from bestman_bt.task_planning.symbolic.problem import (
     EQUAL,
@@ -16,6 +17,8 @@ from bestman_bt.task_planning.symbolic.problem import (
     Problem,
 )
 
+Key = TypeVar("Key")
+
 RENAMED = {"object": "item"}
 """PDDL's ``object`` is the type of everything."""
 
@@ -24,7 +27,7 @@ class PddlText:
     """A problem as a ``domain`` and a ``problem`` file.
 
     PDDL knows neither slashes nor upper case nor things of two types: a drawer is written as two objects, as a place
-    and as a container; ``action`` finds the way back.
+    and as a container, and of ``Mug`` and ``mug`` the second has a number; ``action`` finds the way back.
     """
 
     def __init__(self, problem: Problem, name: str = "bestman") -> None:
@@ -36,8 +39,11 @@ class PddlText:
             | {kind for types in self._signatures.values() for kind in types}
         )
         named = [(kind, name) for kind in self._types for name in problem.of_type(kind)]
-        self._objects = {(kind, name): self._object(kind, name) for kind, name in named}
-        self._operators = {_word(operator.name): operator for operator in problem.operators}
+        self._objects = _apart({(kind, name): self._object(kind, name) for kind, name in named})
+        self._kinds = _apart({kind: _word(RENAMED.get(kind, kind)) for kind in self._types})
+        self._predicates = _apart({name: _word(name) for name in sorted(self._signatures)})
+        self._names = _apart({operator.name: _word(operator.name) for operator in problem.operators})
+        self._operators = {self._names[operator.name]: operator for operator in problem.operators}
 
     def domain(self) -> str:
         """The domain file."""
@@ -45,9 +51,12 @@ class PddlText:
             f"(define (domain {self._name})",
             "  (:requirements :strips :typing :negative-preconditions :equality :universal-preconditions "
             ":conditional-effects :action-costs)",
-            f"  (:types {' '.join(map(_type, self._types))})",
+            f"  (:types {' '.join(self._kinds.values())})",
             "  (:predicates",
-            *(f"    ({_word(name)}{_typed(types)})" for name, types in sorted(self._signatures.items())),
+            *(
+                f"    ({self._predicates[name]}{self._typed(types)})"
+                for name, types in sorted(self._signatures.items())
+            ),
             "  )",
             "  (:functions (total-cost) - number)",
         ]
@@ -57,7 +66,7 @@ class PddlText:
 
     def problem(self) -> str:
         """The problem file."""
-        objects = [f"    {name} - {_type(kind)}" for (kind, _), name in self._objects.items()]
+        objects = [f"    {name} - {self._kinds[kind]}" for (kind, _), name in self._objects.items()]
         state = [f"    {self._fact(fact)}" for fact in sorted(self._problem.state)]
         goal = " ".join(self._condition(literal) for literal in self._problem.goal)
         return "\n".join([
@@ -74,7 +83,7 @@ class PddlText:
         """Name and arguments of an action as the files have them."""
         kinds = action.operator.parameters.values()
         names = (self._objects[key] for key in zip(kinds, action.arguments, strict=True))
-        return _word(action.name), tuple(names)
+        return self._names[action.name], tuple(names)
 
     def action(self, name: str, arguments: Iterable[str]) -> tuple[Operator, tuple[str, ...]]:
         """Which operator, and which things of the problem, are meant by names of the files."""
@@ -87,11 +96,11 @@ class PddlText:
         return f"{_word(name)}__{_type(kind)}" if other else _word(name)
 
     def _action(self, operator: Operator) -> list[str]:
-        parameters = " ".join(f"?{_word(name)} - {_type(kind)}" for name, kind in operator.parameters.items())
+        parameters = " ".join(f"?{_word(name)} - {self._kinds[kind]}" for name, kind in operator.parameters.items())
         pre = " ".join(map(self._condition, (*operator.pre, *operator.hold)))
         effects = " ".join(map(self._condition, operator.effects))
         return [
-            f"  (:action {_word(operator.name)}",
+            f"  (:action {self._names[operator.name]}",
             f"    :parameters ({parameters})",
             f"    :precondition (and {pre})",
             f"    :effect (and {effects} (increase (total-cost) {operator.cost:g}))",
@@ -108,7 +117,11 @@ class PddlText:
         inner = self._condition(condition.then)
         if condition.given is not None:
             inner = f"(imply {self._fact(condition.given)} {inner})"
-        return f"(forall ({_variable(condition.variable)} - {_type(condition.type)}) {inner})"
+        kind = self._kinds.get(condition.type, _type(condition.type))
+        return f"(forall ({_variable(condition.variable)} - {kind}) {inner})"
+
+    def _typed(self, types: Iterable[str]) -> str:
+        return "".join(f" ?x{number} - {self._kinds[kind]}" for number, kind in enumerate(types))
 
     def _fact(self, fact: Fact) -> str:
         types = self._signatures.get(fact.predicate, ("",) * len(fact.arguments))
@@ -116,7 +129,7 @@ class PddlText:
             _variable(name) if name.startswith("{") else self._objects.get((kind, name), _word(name))
             for name, kind in zip(fact.arguments, types, strict=True)
         ]
-        return f"({' '.join([_word(fact.predicate) if fact.predicate != EQUAL else EQUAL, *words])})"
+        return f"({' '.join([EQUAL if fact.predicate == EQUAL else self._predicates[fact.predicate], *words])})"
 
 
 def signatures(problem: Problem) -> dict[str, tuple[str, ...]]:
@@ -138,12 +151,22 @@ def signatures(problem: Problem) -> dict[str, tuple[str, ...]]:
     return known
 
 
-def _typed(types: Iterable[str]) -> str:
-    return "".join(f" ?x{number} - {_type(kind)}" for number, kind in enumerate(types))
-
-
 def _variable(name: str) -> str:
     return f"?{_word(name[1:-1])}"
+
+
+def _apart(words: dict[Key, str]) -> dict[Key, str]:
+    """The same with a number behind each word that another has already."""
+    apart: dict[Key, str] = {}
+    taken: set[str] = set()
+    for key, word in words.items():
+        number, own = 1, word
+        while own in taken:
+            number += 1
+            own = f"{word}__{number}"
+        taken.add(own)
+        apart[key] = own
+    return apart
 
 
 def _type(kind: str) -> str:

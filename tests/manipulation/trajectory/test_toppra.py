@@ -1,11 +1,13 @@
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from bestman_bt.manipulation.errors import ManipulationError
 from bestman_bt.manipulation.motion_planning.checked_edges import dense_points
-from bestman_bt.manipulation.trajectory import SpeedScale, Toppra, TrajectoryError
+from bestman_bt.manipulation.trajectory import RuckigStateToState, SpeedScale, Toppra, TrajectoryError
 
 # Sharp corners, a reversal and a repeated waypoint.
 CORNERS = np.array(
@@ -85,3 +87,16 @@ def test_bad_requests_are_refused_by_name(arm, ready):
         Toppra().parametrize([ready, ready * np.nan], arm)
     with pytest.raises(TrajectoryError, match=r"velocity should be above 0 and at most 1 but is 1\.5"):
         SpeedScale(velocity=1.5)
+
+
+@pytest.mark.parametrize("name", ["velocity", "acceleration"])
+@pytest.mark.parametrize("value", [0.0, -1.0, np.nan, np.inf])
+@pytest.mark.parametrize(
+    "timing", [Toppra().parametrize, lambda path, limits: RuckigStateToState().plan(*path, limits)]
+)
+def test_limits_that_allow_no_motion_are_named(arm, name, value, timing):
+    given = {key: np.array(getattr(arm, key)) for key in ("lower", "upper", "velocity", "acceleration")}
+    given[name][2] = value
+    limits = SimpleNamespace(joint_names=arm.joint_names, **given)
+    with pytest.raises(TrajectoryError, match=f"the {name} limit of panda_joint3 should be above 0 and finite but is"):
+        timing(CORNERS[:2], limits)

@@ -11,6 +11,8 @@ from bestman_bt.messages.grids import FREE, OCCUPIED
 from bestman_bt.navigation.global_planning import (
     Costmap,
     Footprint,
+    GridAStar,
+    HybridAStar,
     LayeredCostmap,
     Rasterization,
 )
@@ -111,9 +113,25 @@ def test_cells_that_nobody_has_seen_are_obstacles_as_long_as_their_layer_is_on(f
     careful, bold = (LayeredCostmap(unknown=unknown).of_grid(grid, footprint) for unknown in (True, False))
     assert careful.distance_at([1.475, 1.5]) == pytest.approx(0.02, abs=1e-6)
     assert careful.distance_at([1.7, 1.5]) < 0.0
-    assert bold.distance_at([1.7, 1.5]) > 0.5
+    assert bold.distance_at([1.7, 1.5]) > 0.25
     assert careful.distance_at([0.525, 0.525]) < 0.0
     assert bold.distance_at([0.525, 0.525]) < 0.0
+
+
+@pytest.mark.parametrize("planner", [GridAStar, HybridAStar])
+def test_no_footprint_leaves_a_map_without_walls(footprint, planner):
+    known = Costmap.from_grid(OccupancyGrid(np.zeros((60, 60), dtype=np.int8), 0.05, np.zeros(2)), footprint)
+    path = planner().plan(Pose2D(0.5, 0.5, 2.4), Pose2D(0.5, 2.5, 2.4), known)
+    ahead = np.diff(path.points, axis=0)
+    poses = np.column_stack([path.points[:-1], np.arctan2(ahead[:, 1], ahead[:, 0])])
+    assert known.footprint_clearance(poses).min() > 0.0
+    assert known.distance_at([0.1, 1.5]) == pytest.approx(0.1 - known.rasterization.clearance)
+
+
+@pytest.mark.parametrize("shape", [(0, 0), (1, 1), (1, 40)])
+def test_a_map_of_a_row_or_less_is_refused(footprint, shape):
+    with pytest.raises(ValueError, match=r"2 rows and columns or more but has \(\d, \d+\)"):
+        Costmap.from_grid(OccupancyGrid(np.zeros(shape, dtype=np.int8), 0.05, np.zeros(2)), footprint)
 
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
@@ -166,7 +184,7 @@ def test_cells_nearer_than_is_lethal_cost_the_most_within_the_slack(costmap):
 
 
 @pytest.mark.parametrize("seed", [1, 2])
-def test_distances_to_cells_are_those_to_their_squares(seed: int, footprint: Footprint) -> None:
+def test_distances_to_cells_are_those_to_their_squares_or_to_the_border(seed: int, footprint: Footprint) -> None:
     rng = np.random.default_rng(seed)
     data = np.where(rng.random((17, 23)) < 0.06, OCCUPIED, FREE).astype(np.int8)
     costmap = Costmap.from_grid(OccupancyGrid(data, 0.1, np.array([-1.0, 2.0])), footprint)
@@ -174,5 +192,7 @@ def test_distances_to_cells_are_those_to_their_squares(seed: int, footprint: Foo
     free = costmap.grid_points(np.argwhere(data == FREE))
     for cells, others, sign in ((free, blocked, 1.0), (blocked, free, -1.0)):
         aside = np.maximum(np.abs(cells[:, None] - others[None]) - 0.05, 0.0)
-        exact = sign * np.linalg.norm(aside, axis=-1).min(axis=1) - costmap.rasterization.clearance
+        exact = sign * np.linalg.norm(aside, axis=-1).min(axis=1)
+        inward = np.minimum(cells - [-1.0, 2.0], [1.3, 3.7] - cells).min(axis=1)
+        exact = np.minimum(exact, inward) - costmap.rasterization.clearance
         np.testing.assert_allclose(costmap.distance_at(cells), exact, atol=1e-9)

@@ -144,3 +144,28 @@ def test_residuals_are_those_of_the_noise():
     result = ParkMartin().eye_in_hand(truth.world_from_carrier, truth.eye_from_target)
     assert 0.0003 < np.sqrt(np.mean(result.position_residuals**2)) < 0.0015
     assert math.radians(0.05) < np.sqrt(np.mean(result.rotation_residuals**2)) < math.radians(0.2)
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("wrong", [(3,), (0, 7, 9)])
+def test_views_that_contradict_the_others_are_left_out_and_named(method, wrong):
+    truth = hand_eye_recording(6, views=10)
+    hands = list(truth.world_from_carrier)
+    for number, view in enumerate(wrong):
+        hands[view] = hands[view] @ Pose(np.array([0.03, 0.01 * number, -0.02])) @ turned(np.array([0.3, 0.2, number]))
+    found = method().eye_in_hand(hands, truth.eye_from_target)
+    millimetres, degrees = errors(found.carrier_from_eye, truth.carrier_from_eye)
+    assert found.left_out == wrong
+    assert millimetres < 1.5
+    assert degrees < 0.2
+    assert min(found.position_residuals[list(wrong)]) > 5.0 * np.median(found.position_residuals)
+
+
+def test_views_many_of_which_contradict_the_others_are_refused():
+    truth = hand_eye_recording(6, views=10)
+    hands = [
+        pose @ Pose(np.array([0.01 * view, 0.03, 0.0])) if view in (1, 4, 6, 9) else pose
+        for view, pose in enumerate(truth.world_from_carrier)
+    ]
+    with pytest.raises(CalibrationError, match=r"4 of 10 views contradict the others: 1, 4, 6, 9; .*record them again"):
+        ParkMartin().eye_in_hand(hands, truth.eye_from_target)

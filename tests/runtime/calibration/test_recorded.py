@@ -68,6 +68,20 @@ def test_views_without_the_board_are_noted(dataset: Write) -> None:
     assert "3" not in result.views
 
 
+def test_one_view_with_the_pose_of_another_is_left_out_and_named(dataset: Write) -> None:
+    folder = dataset()
+
+    def swap(document: dict[str, Any]) -> None:
+        document["views"][5]["hand"] = document["views"][2]["hand"]
+
+    result = solve_hand_eye(load_dataset(changed(folder, swap)), "park_martin", silent)
+    millimetres, degrees = errors(found_pose(result.parts["my_camera"]), HAND_FROM_EYE)
+    assert millimetres < 0.5
+    assert degrees < 0.1
+    assert result.notes[0].startswith("left out, since what the other views say contradicts them: 5;")
+    assert len(result.views) == 7
+
+
 def changed(folder: Path, change: Callable[[dict[str, Any]], None]) -> Path:
     file = folder / "dataset.yaml"
     document = yaml.safe_load(file.read_text())

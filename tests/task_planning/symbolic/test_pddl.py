@@ -79,6 +79,21 @@ def test_a_problem_is_read_from_pddl_and_solved(files):
     assert plan.cost == 2.0
 
 
+def test_names_that_differ_in_case_alone_stay_two_things_in_pddl(tmp_path):
+    """As do those that PDDL's letters cannot tell apart."""
+    names = ("Mug", "mug", "mug__2", "tea cup", "tea_cup")
+    lift = Operator("Lift", {"Thing": "item"}, (Literal(Fact("Low", ("{Thing}",))),), add=(Fact("low", ("{Thing}",)),))
+    state = frozenset(Fact("Low", (name,)) for name in names)
+    problem = Problem(dict.fromkeys(names, "item"), state, (Literal(Fact("low", ("mug",))),), (lift,))
+    text = PddlText(problem)
+    (tmp_path / "d.pddl").write_text(text.domain())
+    (tmp_path / "p.pddl").write_text(text.problem())
+    again = read_pddl(tmp_path / "d.pddl", tmp_path / "p.pddl")
+    assert len(again.objects) == len(again.state) == len(names)
+    (action,) = SymbolicPlanner().plan(again).actions
+    assert text.action(action.name, action.arguments) == (lift, ("mug",))
+
+
 def test_what_is_written_is_read_as_the_same_problem(tmp_path):
     problem = drawer_problem("on(cup, Table/Top) and not open(chest/drawer)")
     text = PddlText(problem)
