@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from bestman_bt.configuration.task import load_task
 from bestman_bt.evaluation.interval import wilson_interval
 from bestman_bt.evaluation.versions import versions
 from hal.twins import TwinProcess
@@ -44,7 +45,7 @@ def main() -> int:
 
 def episode(arguments: argparse.Namespace, seed: int) -> dict[str, Any]:
     """Start twins, run the task on them, judge it with their truth."""
-    with TwinProcess(arguments.robot, arguments.task, seed) as twin:
+    with TwinProcess(arguments.robot, load_task(arguments.task).scene, seed) as twin:
         command = [
             sys.executable,
             "-m",
@@ -70,7 +71,7 @@ def episode(arguments: argparse.Namespace, seed: int) -> dict[str, Any]:
 def summary(arguments: argparse.Namespace, episodes: list[dict[str, Any]]) -> dict[str, Any]:
     """Counts, errors of the places, and what they were measured with."""
     placed = sum(bool(told["success"]) for told in episodes)
-    errors = [told["metrics"]["place_error_mm"] for told in episodes if told["success"]]
+    errors = [told["metrics"].get("place_error_mm", np.nan) for told in episodes if told["success"]]
     low, high = wilson_interval(placed, len(episodes))
     median, worst = (float(np.median(errors)), float(np.max(errors))) if errors else (None, None)
     return {

@@ -1,6 +1,6 @@
 """Real robots: one clock, one stop, one watchdog and one set of limits over the controllers of several vendors."""
 
-from hal.hardware.clock import LatencyMonitor, RealTimeClock, RemoteTime, StampOrder
+from hal.hardware.clock import LatencyMonitor, RealTimeClock, RemoteTime, StampOrder, SynchronisedTime
 from hal.hardware.connection import Connection
 from hal.hardware.control_loop import ControlLoop
 from hal.hardware.controller_facts import ArmFacts, Identity
@@ -32,4 +32,5 @@ __all__ = [
     "RealTimeClock",
     "RemoteTime",
     "StampOrder",
+    "SynchronisedTime",
 ]

@@ -52,6 +52,26 @@ class RemoteTime:
         return min(received - stamp, self._offset + LONGEST_DRIFT * max(0.0, received - self._updated))
 
 
+FARTHEST_AHEAD, FARTHEST_BEHIND = 0.02, 0.4
+"""Seconds by which a message may be stamped later, or earlier, than it comes where clocks count as synchronised."""
+
+
+class SynchronisedTime(RemoteTime):
+    """Stamps of a clock that PTP or NTP keeps with this machine's are believed, whatever a message's latency is.
+
+    ``ahead``: seconds by which the last message was stamped later than it came.
+    """
+
+    def __init__(self, clock: Clock) -> None:
+        super().__init__()
+        self._clock, self.ahead = clock, 0.0
+
+    def _offset_with(self, stamp: float, received: float) -> float:
+        offset = self._clock.now() - time.time()
+        self.ahead = stamp + offset - received
+        return min(offset, received - stamp)
+
+
 LONGEST_REORDERING = 0.05
 """Seconds by which one source may stamp a message before the one that it sent earlier."""
 

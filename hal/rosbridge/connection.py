@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any, ClassVar
@@ -27,7 +27,6 @@ from hal.hardware import (
     HardwareForceTorque,
     HardwareImu,
     HardwareLidar,
-    RemoteTime,
 )
 from hal.hardware.sensors import is_another_camera, lens_differences
 from hal.parts import ConnectionFailedError, DrivenBase, JointReading, StopLatch, StreamedJointGroup
@@ -57,7 +56,7 @@ class RosCamera:
         self.lens, self.part = model.intrinsics, HardwareCamera(name, model, latch, self.take)
         self._name, self._model, self._link, self._clock, self._options = name, model, link, clock, options
         self._lock = threading.Lock()
-        ros_time = RemoteTime()
+        ros_time = options.ros_time(clock)
 
         def stream(what: str, decode: Any) -> TopicStream[Any]:
             return TopicStream(name, options.topic("camera", name, what), decode, clock, ros_time, longest_age=2.0)
@@ -187,6 +186,10 @@ class RosbridgeConnection(Connection):
             self._link.subscribe(stream.topic, message_type, stream.take, period)
         self._await(deadline)
         self._check_frames()
+        while unlike := self._unlike_clock([stream for stream, _, _ in self._streams]):
+            if time.monotonic() > deadline:
+                raise ConnectionFailedError(f"{self.name}: {unlike}")
+            time.sleep(0.02)
         try:
             self.remarks = tuple(remark for camera in self._cameras for remark in camera.check())
             for camera in self._cameras:
@@ -212,6 +215,8 @@ class RosbridgeConnection(Connection):
             return Failure(MotionErrorCode.FAULT, self._link.complaint)
         if self.clock.now() - self.heard() > self.limits.watchdog:
             return None  # silence is the watchdog's
+        if unlike := self._unlike_clock(self._watched):
+            return Failure(MotionErrorCode.TIMEOUT, unlike)
         for stream in self._watched:
             if (age := stream.age) > stream.longest_age:
                 text = f"what came last on {stream.topic} is {age:.2f} s old"
@@ -224,7 +229,8 @@ class RosbridgeConnection(Connection):
         """Go on if what was wrong is over; ConnectionFailedError if it is not."""
         self._link.complaint = ""
         for stream, _, _ in self._streams:
-            stream.forget_time()
+            if self.options.clock == "estimated":
+                stream.forget_time()
         deadline = time.monotonic() + self.options.connect_timeout
         while (fault := self.reported_fault()) is not None:
             if time.monotonic() > deadline:
@@ -290,7 +296,7 @@ class RosbridgeConnection(Connection):
 
     def _stream(self, part: str, topic: str, decode: Any, longest_age: float, header: Any = None) -> TopicStream[Any]:
         keywords = {} if header is None else {"header": header}
-        return TopicStream(part, topic, decode, self.clock, RemoteTime(), longest_age, **keywords)
+        return TopicStream(part, topic, decode, self.clock, self.options.ros_time(self.clock), longest_age, **keywords)
 
     def _expect_frame(self, stream: TopicStream[Any], part: str, frame: str) -> None:
         self._frames.append((stream, self.options.frames.get(part, frame)))
@@ -303,6 +309,11 @@ class RosbridgeConnection(Connection):
                     f"{self.name}: {stream.topic} is in the frame {stream.frame!r}, but should be in {frame!r}; "
                     f"if both are the same place, write {what}: {stream.frame!r}"
                 )
+
+    def _unlike_clock(self, streams: Sequence[TopicStream[Any]]) -> str:
+        """What shows that clocks that should be synchronised are not; empty where nothing does."""
+        cure = "synchronise the robot's clock with this machine's (PTP, NTP), or write options.clock: estimated"
+        return next((f"{stream.topic} {unlike}: {cure}" for stream in streams if (unlike := stream.unlike_clock)), "")
 
     def _listen(
         self, stream: TopicStream[Any], package: str, kind: str, watched: bool = False, period: float = 0.0

@@ -11,7 +11,8 @@ from types import ModuleType
 from typing import Any, Generic, TypeVar
 
 from hal.api import Clock, NoDataError
-from hal.hardware import LatencyMonitor, RemoteTime, StampOrder
+from hal.hardware import LatencyMonitor, RemoteTime, StampOrder, SynchronisedTime
+from hal.hardware.clock import FARTHEST_AHEAD, FARTHEST_BEHIND
 from hal.hardware.control_loop import take_real_time_priority
 from hal.parts import ConnectionFailedError
 from hal.rosbridge.decoding import Message, stamp
@@ -103,6 +104,16 @@ class TopicStream(Generic[Value]):
         """Seconds since the newest value was stamped."""
         newest = self._newest
         return self._clock.now() - newest[1] if newest is not None else float("inf")
+
+    @property
+    def unlike_clock(self) -> str:
+        """How the newest stamp cannot be of a clock that is synchronised with ours, if that is said; else empty."""
+        if not isinstance(self._ros_time, SynchronisedTime):
+            return ""
+        if (ahead := self._ros_time.ahead) > FARTHEST_AHEAD:
+            return f"is stamped {ahead:.2f} s later than it comes"
+        late = self._lateness.lag
+        return f"is stamped {late:.2f} s before it comes" if late > FARTHEST_BEHIND else ""
 
     def late(self, longest_delay: float) -> float | None:
         """By how much messages have come late for a while, if that is more than ``longest_delay``, else None."""

@@ -9,6 +9,8 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from bestman_bt.configuration.quantity import Frequency, PositiveTime
+from hal.api import Clock
+from hal.hardware.clock import RemoteTime, SynchronisedTime
 
 TOPICS: Mapping[str, Mapping[str, str]] = {
     "base": {"velocity": "/cmd_vel", "odometry": "/odom", "transforms": "/tf"},
@@ -37,6 +39,8 @@ class RosbridgeOptions:
     ``odometry``: whether poses come as ``nav_msgs/Odometry`` or as the transform from ``odom_frame`` to ``base_frame``,
     ROS's names of frames. ``frames``: part → ROS's name of the frame that its messages are in, where that is not the
     robot model's; they are compared at connecting.
+    ``clock``: ``synchronised`` with this machine's by PTP or NTP, so that stamps are believed, or ``estimated`` of each
+    part by its fastest message, whose own latency stays unknown.
     ``stamped_velocity``: the base takes ``TwistStamped``. ``rate``: hertz of velocities and of
     set-points. ``longest_delay``: seconds that readings may come late for a while. ``image_time``: seconds to wait for
     an image. ``pairing``: seconds between the stamps of a colour and of a depth image that belong together.
@@ -50,6 +54,7 @@ class RosbridgeOptions:
     odom_frame: str = "odom"
     base_frame: str = "base_link"
     frames: Mapping[str, str] = field(default_factory=dict)
+    clock: Literal["synchronised", "estimated"] = "estimated"
     stamped_velocity: bool = False
     rate: Rate = 50.0
     longest_delay: PositiveTime = 0.15
@@ -57,6 +62,10 @@ class RosbridgeOptions:
     pairing: PositiveTime = 0.02
     secure: bool = False
     connect_timeout: PositiveTime = 5.0
+
+    def ros_time(self, clock: Clock) -> RemoteTime:
+        """Of a source of stamps, on ``clock``."""
+        return SynchronisedTime(clock) if self.clock == "synchronised" else RemoteTime()
 
     def topic(self, kind: str, part: str, stream: str) -> str:
         """Where a stream of a part is."""

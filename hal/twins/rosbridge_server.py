@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import math
 import threading
 import time
 from collections import deque
@@ -126,6 +127,8 @@ class TwinJoints:
 PORT = 9090
 STATE_RATE, INFO_RATE = 50.0, 30.0
 IDLE = 0.5
+HANDING_OVER = 0.005
+"""Seconds until a reading that has come is published: a physics step at least."""
 LOCALISATION_RATE, POST_DATED, CLOCK_STEP = 10.0, 1.0, 0.5
 SENSORS: Mapping[str, tuple[str, str, str, str, Callable[[Message, Any], Message]]] = {
     "lidar": ("scan", "scan", "sensor_msgs", "LaserScan", ros_messages.laser_scan),
@@ -138,11 +141,20 @@ SENSORS: Mapping[str, tuple[str, str, str, str, Callable[[Message, Any], Message
 
 @dataclass
 class Output:
-    """What is published ``rate`` times a second: topic → how its message is made, in the world's thread."""
+    """What is published ``rate`` times a second: topic → how its message is made, in the world's thread.
+
+    ``delay``: seconds of each period until its reading has come.
+    """
 
     rate: float
     messages: dict[str, Callable[[], Message]]
-    due: float = 0.0
+    delay: float = 0.0
+    _periods: int = -1
+
+    def due(self, now: float) -> bool:
+        """Whether another period has begun."""
+        before, self._periods = self._periods, math.floor((now - self.delay) * self.rate + 1e-6)
+        return self._periods != before
 
 
 class RosbridgeTwin:
@@ -153,7 +165,8 @@ class RosbridgeTwin:
     ``silent_odometry`` (none), ``fresh_odometry``; ``silent_scan``, ``fresh_scan``; ``stuck`` (the base does not move),
     ``free``; ``no_dead_man`` (it drives on when commands cease), ``dead_man``;
     ``other_wrench_sign`` (what the hand does to the world), ``wrench_sign``; ``blind`` (no pictures), ``sighted``;
-    ``restart`` (all clients are cut off); ``clock_back`` (its clock is set back by half a second, as by a step of NTP).
+    ``restart`` (all clients are cut off); ``clock_back`` (its clock is half a second behind, as after a step of NTP),
+    ``clock_right``.
     Beside the base's transforms come those of a localisation that
     dates them ahead: AMCL adds ``transform_tolerance``, 1.0 s by default ("time with which to post-date the transform
     that is published", Nav2's configuration guide).
@@ -215,7 +228,8 @@ class RosbridgeTwin:
                 "blind": functools.partial(self._set_blind, True),
                 "sighted": functools.partial(self._set_blind, False),
                 "restart": self._server.close_clients,
-                "clock_back": self._set_clock_back,
+                "clock_back": functools.partial(setattr, self, "_set_back", CLOCK_STEP),
+                "clock_right": functools.partial(setattr, self, "_set_back", 0.0),
             }
         )
         world.ticks.append(self._tick)
@@ -242,7 +256,7 @@ class RosbridgeTwin:
         def fresh(what: str, make: Callable[[Message], Message]) -> Message:
             """The message of now, or the one that a stale driver repeats."""
             if not self._stale_odometry or what not in kept:
-                kept[what] = make(self._header(options.odom_frame))
+                kept[what] = make(self._header(options.odom_frame, self._world.now()))
             return kept[what]
 
         def odometry(header: Message) -> Message:
@@ -262,7 +276,7 @@ class RosbridgeTwin:
                 LOCALISATION_RATE,
                 {
                     list(outputs)[1]: lambda: ros_messages.transform(
-                        self._header("map", POST_DATED), options.odom_frame, map_from_odom
+                        self._header("map", self._world.now() + POST_DATED), options.odom_frame, map_from_odom
                     )
                 },
             )
@@ -281,7 +295,7 @@ class RosbridgeTwin:
 
         def states() -> Message:
             columns = [group.positions().tolist(), group.velocities().tolist(), group.efforts().tolist()]
-            return ros_messages.joint_states(self._header(""), joints.ros_names, columns)
+            return ros_messages.joint_states(self._header("", self._world.now()), joints.ros_names, columns)
 
         self._outputs.append(Output(STATE_RATE, {topic: states}))
         commands = self._declare("joint_group", name, "commands", "trajectory_msgs", "JointTrajectory")
@@ -296,12 +310,12 @@ class RosbridgeTwin:
             reading = getattr(part, read)()
             if kind == "force_torque" and self._turned_wrench:
                 reading = Wrench(-reading.force, -reading.torque, reading.stamp)
-            return write(self._version.header(frame, reading.stamp + self._offset), reading)
+            return write(self._header(frame, reading.stamp), reading)
 
         topic = self._declare(kind, name, stream, package, message)
         if kind == "lidar":
             self._scan_topics.add(topic)
-        self._outputs.append(Output(rate, {topic: make}))
+        self._outputs.append(Output(rate, {topic: make}, getattr(model, "latency", 0.0) + HANDING_OVER))
 
     def _add_camera(self, name: str) -> None:
         model = self._model.of(CameraPart)[name]
@@ -310,7 +324,8 @@ class RosbridgeTwin:
         topic = self._declare("camera", name, "info", "sensor_msgs", "CameraInfo")
 
         def info() -> Message:
-            return ros_messages.camera_info(self._header(model.optical_frame), model.intrinsics, self._version)
+            header = self._header(model.optical_frame, self._world.now())
+            return ros_messages.camera_info(header, model.intrinsics, self._version)
 
         self._outputs.append(Output(INFO_RATE, {topic: info}))
 
@@ -319,8 +334,9 @@ class RosbridgeTwin:
         self._types[topic] = self._options.message_type(package, message)
         return topic
 
-    def _header(self, frame: str, ahead: float = 0.0) -> Message:
-        return self._version.header(frame, self._world.now() + self._offset - self._set_back + ahead)
+    def _header(self, frame: str, at: float) -> Message:
+        """``at``: simulated time."""
+        return self._version.header(frame, at + self._offset - self._set_back)
 
     # Time
 
@@ -333,8 +349,7 @@ class RosbridgeTwin:
         for base in self._bases:
             base.tick()
         for output in self._outputs:
-            if now >= output.due:
-                output.due = max(output.due + 1.0 / output.rate, now - 1.0 / output.rate)
+            if output.due(now):
                 for topic, make in output.messages.items():
                     if topic not in self._silent:
                         self._server.publish(topic, make)
@@ -370,9 +385,6 @@ class RosbridgeTwin:
         self._stale_odometry = stale
         self._silent.difference_update(self._odometry_topics)
         self._silent.update(silent)
-
-    def _set_clock_back(self) -> None:
-        self._set_back += CLOCK_STEP
 
     def _set_stuck(self, stuck: bool) -> None:
         for base in self._bases:

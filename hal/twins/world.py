@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import queue
 import threading
 import time
@@ -11,7 +10,7 @@ from concurrent.futures import Future
 from typing import TypeVar
 
 from bestman_bt.messages import RGBDImage
-from bestman_bt.robot_model import LidarPart, RobotModel
+from bestman_bt.robot_model import RobotModel
 from bestman_bt.scene import World
 from hal.pybullet import PhysicsParameters, PyBulletRobot
 from hal.simulation import GroundTruth
@@ -45,7 +44,7 @@ class TwinWorld:
         parameters: PhysicsParameters | None = None,
     ) -> None:
         parameters = parameters or PhysicsParameters(control_every=1, stream_reserve=DRIVE_RESERVE)
-        self.robot = PyBulletRobot(_prompt(model), world, seed=seed, parameters=parameters)
+        self.robot = PyBulletRobot(model, world, seed=seed, parameters=parameters)
         self.ticks: list[Callable[[float], None]] = []
         self.watch = MachineWatch(lambda words: None)
         self.without_power: set[str] = set()  # arms whose flange powers no tool
@@ -138,9 +137,3 @@ class TwinWorld:
             self.watch.given_up -= ahead
             return time.monotonic()
         return due
-
-
-def _prompt(model: RobotModel) -> RobotModel:
-    """The robot with lidars that are not late: a client cannot tell a constant latency from an offset of the clocks."""
-    prompt = {name: dataclasses.replace(lidar, latency=0.0) for name, lidar in model.of(LidarPart).items()}
-    return dataclasses.replace(model, parts={**model.parts, **prompt})

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bestman_bt.robot_model import RobotModel
+from bestman_bt.robot_model import LidarPart, RobotModel, load_robot_model
 from hal.api import (
     Camera,
     CommandRefusedError,
@@ -20,14 +20,17 @@ from hal.api import (
     NoDataError,
 )
 from hal.hardware import HardwareRobot, IsolatedRobot
+from hal.parts import ConnectionFailedError
 from hal.twins import TwinProcess
 from tests.hal.twinned import (
     WATCHDOG,
     client_program,
+    disconnected,
     ended,
     stays_stopped_while_away,
     stopped_within,
     strike,
+    twin_settings,
     wait_for,
     wait_in_twin,
     works_again,
@@ -35,6 +38,7 @@ from tests.hal.twinned import (
 
 pytestmark = pytest.mark.real_time
 PLATFORM = "platform"
+ROBOT = Path(__file__).parent / "ros_robot.yaml"
 
 
 def turn(robot: HardwareRobot) -> Motion:
@@ -101,6 +105,28 @@ def test_a_clock_of_ros_that_is_set_back_and_transforms_that_are_dated_ahead_sto
         base.odometry()
         robot.part("lidar", Lidar).scan()
     assert not robot.stopped, robot.faults
+
+
+@pytest.mark.slow
+def test_scans_of_a_synchronised_robot_are_as_old_as_they_are_and_clocks_that_step_are_told(
+    robot: HardwareRobot, twin: TwinProcess
+) -> None:
+    model = load_robot_model(ROBOT, twin_settings(twin, connections__platform__options__clock="synchronised"))
+    with disconnected(robot), HardwareRobot(model) as believing:
+        lidar, ages = believing.part("lidar", Lidar), []
+        for _ in range(40):
+            believing.clock.sleep(0.02)
+            ages.append(believing.clock.now() - lidar.scan().stamp)
+        assert -0.002 < min(ages) - model.of(LidarPart)["lidar"].latency < 0.04
+        twin.fault(PLATFORM, "clock_back")
+        wait_for(lambda: believing.stopped, "the robot stops")
+        with pytest.raises(ConnectionFailedError, match=r"/odom is stamped 0\.\d\d s before it comes"):
+            believing.clear_stop()
+        believing.disconnect()
+        with pytest.raises(
+            ConnectionFailedError, match=r"stamped 0\.\d\d s before it comes: .*options\.clock: estimated"
+        ):
+            believing.connect()
 
 
 @pytest.mark.slow

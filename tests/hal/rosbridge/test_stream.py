@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from hal.api import NoDataError
-from hal.hardware import LatencyMonitor, RemoteTime
+from hal.hardware import LatencyMonitor, RemoteTime, SynchronisedTime
 from hal.parts import SimulatedClock
 from hal.rosbridge.link import TopicStream
 
@@ -144,3 +144,28 @@ def test_the_other_clock_is_that_of_the_fastest_message_and_may_drift_a_little()
     assert remote.here(1006.0, 1101.2) == pytest.approx(1101.2, abs=0.01)  # 0.1 s in 1000 s
     remote.forget()
     assert remote.here(5.0, 100.3) == pytest.approx(100.3)
+
+
+def test_stamps_of_a_synchronised_clock_are_believed_and_those_that_cannot_be_of_one_are_told(
+    clock: Clock, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(time, "time", lambda: clock.time + 1000.0)
+    stream = TopicStream("lidar", "/scan", lambda told, at: at, clock, SynchronisedTime(clock), longest_age=0.4)
+    for _ in range(20):  # always 40 ms late, which an estimate would take for the clocks' difference
+        clock.time += 0.1
+        stream.take(message(clock.time + 999.96), clock.time)
+        assert stream.age == pytest.approx(0.04, abs=1e-3)
+        assert stream.read() == pytest.approx(clock.time - 0.04, abs=1e-3)
+        assert stream.unlike_clock == ""
+    stream.take(message(clock.time + 1000.01), clock.time)  # synchronised to some milliseconds
+    assert stream.unlike_clock == ""
+    assert stream.age == pytest.approx(0.0, abs=1e-3)
+    stream.take(message(clock.time + 1000.3), clock.time)
+    assert stream.unlike_clock == "is stamped 0.30 s later than it comes"
+    stream.take(message(clock.time + 999.5), clock.time)
+    assert stream.unlike_clock == "is stamped 0.50 s before it comes"
+    stream.take(message(clock.time + 999.7), clock.time)  # late, not another clock
+    assert stream.unlike_clock == ""
+    stream.forget_time()
+    stream.take(message(clock.time + 999.9), clock.time)
+    assert stream.age == pytest.approx(0.1, abs=1e-3)
