@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from behaviours.clear_stop import ClearStop
 from behaviours.manipulation.grasp import Grasp, Holding, PlanGrasp, Reachable
 from behaviours.manipulation.move_arm import MoveArm, Retreat
 from behaviours.manipulation.place import FindPlacePose, PlaceOn, Release
@@ -23,6 +24,7 @@ def pick_and_place() -> Node:
     bring = Sequence(
         "bring",
         [
+            ClearStop(),
             have_object(),
             SubTree(
                 place, tree_id="Place", name="place", object="{object}", surface="{target}", goal="{goal}", arm="{arm}"

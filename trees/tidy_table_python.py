@@ -5,6 +5,7 @@ bestman-bt run tidy_table_python --task tidy_table
 
 from __future__ import annotations
 
+from behaviours.clear_stop import ClearStop
 from behaviours.manipulation.move_arm import MoveArm
 from behaviours.navigation.base_placement import FindStandPose
 from behaviours.perception.look import LookAt
@@ -66,6 +67,7 @@ def put_away() -> Node:
     put_one_away = Sequence(
         "put_away",
         [
+            ClearStop(),
             have_object(),
             choose_place,
             from_here_or_elsewhere,

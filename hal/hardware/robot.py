@@ -31,6 +31,8 @@ PLANNER = "the program that plans"
 """Its name among faults."""
 STOP_INPUT = "stop input"
 """Its name among faults."""
+HELD_UP, HELD_UP_WITHIN = 0.05, 1.0
+"""Seconds by which the watchdog was late, so that this process lacked the processor; within which that may be why."""
 FOUND_AGAIN_TIME = 1.0
 """Seconds within which signs of life come again of a program that is back."""
 
@@ -71,6 +73,7 @@ class HardwareRobot(Robot):
         self._watchdog_ended = False
         self._objection: str | None = None  # of the stop input, as of the watchdog's last look
         self.stopped_at: float | None = None
+        self._held_up = 0.0, -HELD_UP_WITHIN  # seconds of the longest time lately, and when it ended
         self.connections = {name: self._make(name) for name in model.connections}
         parts: dict[str, Part] = {}
         for connection in self.connections.values():
@@ -239,6 +242,9 @@ class HardwareRobot(Robot):
     def _watch(self, elapsed: float) -> None:
         """A controller with a fault stops the robot, once; so does a program that plans no more."""
         self._recorder.look()
+        now = self.clock.now()
+        if elapsed > HELD_UP and (elapsed > self._held_up[0] or now > self._held_up[1] + HELD_UP_WITHIN):
+            self._held_up = elapsed, now
         self._objection = None if self._stop_input is None else self._stop_input.look()
         if self._objection is not None and STOP_INPUT not in self._faults:
             self._faults[STOP_INPUT] = asked = Failure(MotionErrorCode.STOPPED, self._objection)
@@ -254,13 +260,23 @@ class HardwareRobot(Robot):
             try:
                 fault = connection.fault()
                 if fault is not None and name not in self._faults:
-                    self._faults[name] = fault
+                    self._faults[name] = fault = self._of_whom(fault)
                     if connection.stops_robot:
                         self._stop(replace(fault, part=fault.part or name), partial(connection.fail, fault))
                     else:
                         connection.fail(fault)
             finally:
                 self._lock.release()
+
+    def _of_whom(self, fault: Failure) -> Failure:
+        """Silence and lateness may be of the machine that this runs on: it says so, where it was held up itself."""
+        lasted, ended = self._held_up
+        if fault.code not in (MotionErrorCode.DISCONNECTED, MotionErrorCode.TIMEOUT):
+            return fault
+        if self.clock.now() > ended + HELD_UP_WITHIN:
+            return fault
+        text = f"{fault.text}, and this program was itself held up for {lasted:.2f} s: this machine may be too busy"
+        return replace(fault, text=text)
 
     def _watchdog_crashed(self, error: Exception) -> None:
         self._watchdog_ended = True

@@ -10,7 +10,6 @@ from functools import cached_property
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from bestman_bt.messages import CameraIntrinsics, Pose, RGBDImage
 from bestman_bt.robot_model import CameraPart
@@ -53,6 +52,7 @@ def smooth(rgb: NDArray[np.uint8], oversampling: int) -> NDArray[np.uint8]:
 
 
 EDGE_CURVATURE = 0.03
+NEIGHBOURS = cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3))
 MOVED = 5e-4
 """Metres, or radians, that a camera has moved by between an image and its rendering before that counts."""
 
@@ -128,7 +128,8 @@ def spoil_depth(depth: NDArray[np.float64], model: CameraPart, rng: np.random.Ge
     """Systematic error, noise that grows with the square of the distance, holes at edges and at random, steps."""
     deviation = model.noise_base + model.noise_quadratic * np.clip(depth - 0.4, 0.0, None) ** 2
     noisy = model.depth_scale * depth + model.depth_offset + rng.standard_normal(depth.shape) * deviation
-    edges = ndimage.binary_dilation(np.abs(ndimage.laplace(depth)) > EDGE_CURVATURE)
+    curved = np.abs(cv2.Laplacian(depth, cv2.CV_64F, borderType=cv2.BORDER_REFLECT)) > EDGE_CURVATURE
+    edges = cv2.dilate(curved.view(np.uint8), NEIGHBOURS) > 0
     holes = rng.random(depth.shape) < np.where(edges, model.edge_dropout, model.dropout)
     noisy[holes | (depth <= 0.0)] = 0.0
     if model.depth_step > 0.0:

@@ -9,8 +9,10 @@ import os
 import signal
 import threading
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
+from typing import TypeVar
 
 from bestman_bt.messages import RGBDImage
 from bestman_bt.robot_model import CameraPart, RobotModel
@@ -24,6 +26,7 @@ START_TIME = 60.0
 FRAME_TIME = 10.0
 REAL_TIME_PRIORITY = 1
 """Below the controllers' own; a real camera does not wait for the robot's computer either."""
+Packed = TypeVar("Packed")
 RawPose = tuple[tuple[float, ...], tuple[float, ...]]
 
 
@@ -83,11 +86,14 @@ class CameraRenderProcess:
             self.close()
             raise TwinError("the camera_render_process for the cameras did not start")
 
-    def render(self, camera: str, state: WorldState) -> RGBDImage:
-        """The picture; LookupError for an unknown camera, TwinError where the camera_render_process is gone."""
+    def render(self, camera: str, state: WorldState, pack: Callable[[RGBDImage], Packed]) -> Packed:
+        """What ``pack`` makes of the picture, in the other process, too, which gets it by its name.
+
+        LookupError for an unknown camera, TwinError where the process is gone.
+        """
         with self._lock:
             try:
-                self._wire.send((camera, state))
+                self._wire.send((camera, state, pack))
                 if not self._wire.poll(FRAME_TIME):
                     raise TwinError(f"no picture of {camera} within {FRAME_TIME:g} s")
                 answer = self._wire.recv()
@@ -95,8 +101,8 @@ class CameraRenderProcess:
                 raise TwinError("the camera_render_process is gone") from error
         if isinstance(answer, Exception):
             raise answer
-        image: RGBDImage = answer
-        return image
+        packed: Packed = answer
+        return packed
 
     def close(self) -> None:
         """End the process; idempotent."""
@@ -118,17 +124,18 @@ def _work(wire: Connection, model: RobotModel, world: World, seed: int) -> None:
             os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(REAL_TIME_PRIORITY))
         wire.send("ready")
         while True:
-            camera, state = wire.recv()
-            wire.send(_picture(robot, camera, state))
+            wire.send(_picture(robot, *wire.recv()))
 
 
-def _picture(robot: PyBulletRobot, camera: str, state: WorldState) -> RGBDImage | Exception:
+def _picture(
+    robot: PyBulletRobot, camera: str, state: WorldState, pack: Callable[[RGBDImage], Packed]
+) -> Packed | Exception:
     try:
         _put(robot, state)
         image = robot.part(camera, Camera).capture()
+        return pack(dataclasses.replace(image, stamp=state.stamp))
     except Exception as error:  # noqa: BLE001 - it belongs to the one who asked
         return error
-    return dataclasses.replace(image, stamp=state.stamp)
 
 
 def _put(robot: PyBulletRobot, state: WorldState) -> None:

@@ -17,7 +17,6 @@ from bestman_bt.messages import CameraIntrinsics, LaserScan, Pose2D, RGBDImage, 
 from hal.api import BatteryReading, ImuReading
 
 JPEG_QUALITY = 95
-PNG_COMPRESSION = 1
 INVERSE_DEPTH = 0
 CHARGING, DISCHARGING = 1, 2
 Message = dict[str, Any]
@@ -134,18 +133,23 @@ def camera_info(header: Message, k: CameraIntrinsics, version: RosVersion) -> Me
     return {"header": header, "height": k.height, "width": k.width, "distortion_model": "plumb_bob", **values}
 
 
-def color_image(header: Message, image: RGBDImage) -> Message:
+def image_messages(image: RGBDImage) -> tuple[Message, Message]:
+    """Colour and depth as ``sensor_msgs/CompressedImage`` without headers."""
+    return color_image(image), depth_image(image)
+
+
+def color_image(image: RGBDImage) -> Message:
     """``sensor_msgs/CompressedImage``: JPEG."""
     packed = _packed(".jpg", image.rgb[:, :, ::-1], [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
-    return {"header": header, "format": "rgb8; jpeg compressed bgr8", "data": packed}
+    return {"format": "rgb8; jpeg compressed bgr8", "data": packed}
 
 
-def depth_image(header: Message, image: RGBDImage) -> Message:
+def depth_image(image: RGBDImage) -> Message:
     """``sensor_msgs/CompressedImage`` as compressed_depth_image_transport has it: a header, then millimetres as PNG."""
     millimetres = np.clip(np.round(image.depth * 1000.0), 0, 65535).astype(np.uint16)
     before = struct.pack("<iff", INVERSE_DEPTH, 0.0, 0.0)
-    packed = _packed(".png", millimetres, [cv2.IMWRITE_PNG_COMPRESSION, PNG_COMPRESSION], before)
-    return {"header": header, "format": "16UC1; compressedDepth png", "data": packed}
+    packed = _packed(".png", millimetres, [cv2.IMWRITE_PNG_STRATEGY, cv2.IMWRITE_PNG_STRATEGY_RLE], before)
+    return {"format": "16UC1; compressedDepth png", "data": packed}
 
 
 def _packed(kind: str, pixels: NDArray[Any], settings: list[int], before: bytes = b"") -> str:

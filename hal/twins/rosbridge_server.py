@@ -127,6 +127,8 @@ class TwinJoints:
 PORT = 9090
 STATE_RATE, INFO_RATE = 50.0, 30.0
 IDLE = 0.5
+FRAME_PAUSE = 0.1
+"""Seconds after a frame: who wanted one has it by then, and another would only keep the processors busy."""
 HANDING_OVER = 0.005
 """Seconds until a reading that has come is published: a physics step at least."""
 LOCALISATION_RATE, POST_DATED, CLOCK_STEP = 10.0, 1.0, 0.5
@@ -365,14 +367,16 @@ class RosbridgeTwin:
                     self._closing.wait(0.02)
             for name in wanted:
                 try:
-                    image, exposed = self._world.photograph(name)
+                    images, exposed = self._world.photograph(name, ros_messages.image_messages)
                 except (TwinError, TimeoutError):
                     return  # the world ends
                 frame = self._model.of(CameraPart)[name].optical_frame
-                header = self._version.header(frame, exposed - self._set_back)
-                topics = [self._options.topic("camera", name, stream) for stream in ("color", "depth")]
-                for topic, make in zip(topics, (ros_messages.color_image, ros_messages.depth_image), strict=True):
-                    self._server.publish(topic, functools.partial(make, header, image))
+                header = {"header": self._version.header(frame, exposed - self._set_back)}
+                for stream, image in zip(("color", "depth"), images, strict=True):
+                    make: Callable[[], Message] = functools.partial(dict, image, **header)
+                    self._server.publish(self._options.topic("camera", name, stream), make)
+            if wanted:
+                self._closing.wait(FRAME_PAUSE)
 
     def _is_watched(self, camera: str) -> bool:
         return any(

@@ -10,7 +10,7 @@ from concurrent.futures import Future
 from typing import TypeVar
 
 from bestman_bt.messages import RGBDImage
-from bestman_bt.robot_model import RobotModel
+from bestman_bt.robot_model import CameraPart, RobotModel
 from bestman_bt.scene import World
 from hal.pybullet import PhysicsParameters, PyBulletRobot
 from hal.simulation import GroundTruth
@@ -87,17 +87,18 @@ class TwinWorld:
         self._work.put(do)
         return future.result(timeout)
 
-    def photograph(self, camera: str) -> tuple[RGBDImage, float]:
-        """What a camera sees now, and the machine's wall time of the capture; from any thread but the world's.
+    def photograph(self, camera: str, pack: Callable[[RGBDImage], Result]) -> tuple[Result, float]:
+        """What ``pack``, a module's function, makes of what a camera sees now; the machine's wall time of the capture.
 
-        Physics goes on meanwhile: it takes about 0.2 s.
+        From any thread but the world's. Physics goes on meanwhile: it takes about 0.2 s.
         """
         if self._capture is None or self._renderer is None:
             raise TwinError("this world was made without cameras, or does not run yet")
         state = self.call(self._capture.take)
-        image = self._renderer.render(camera, state)
-        self.watch.frame(camera, time.time() - state.wall_time, image.depth.size)
-        return image, state.wall_time
+        packed = self._renderer.render(camera, state, pack)
+        lens = self._drawing[0].of(CameraPart)[camera].intrinsics
+        self.watch.frame(camera, time.time() - state.wall_time, lens.width * lens.height)
+        return packed, state.wall_time
 
     def run(self, ready: Callable[[], None]) -> None:
         """Build the world, call ``ready``, and step until ``close()``."""

@@ -101,7 +101,7 @@ def test_the_programs_of_a_session_run(capsys: pytest.CaptureFixture[str]) -> No
     _, ticked, without_robot = fences("docs/running.md", "python")
     for text in (ticked, without_robot):
         exec(compile(text, "running.md", "exec"), {})
-    assert capsys.readouterr().out == "SUCCESS []\nFetch 56 x;y;theta in the map frame, metres and radians\n"
+    assert capsys.readouterr().out == "SUCCESS []\nFetch 57 x;y;theta in the map frame, metres and radians\n"
 
 
 @pytest.mark.slow

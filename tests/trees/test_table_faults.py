@@ -9,6 +9,7 @@ from behaviours.pick_and_place import pick_and_place, put_aside
 from bestman_bt.configuration import load_run
 from bestman_bt.engine import FAILURE, RUNNING, SUCCESS, Fallback, SubTree
 from bestman_bt.messages import Pose
+from hal.api import RobotError
 from tests.behaviours.at_the_table import PERIOD, failures_of, tick
 from tests.behaviours.truth import known_world, table_with
 
@@ -48,6 +49,29 @@ def test_a_cup_that_is_lost_on_the_way_is_found_and_brought_all_the_same(tmp_pat
         told = [(failure.node.split("/")[-1].split("::")[0], failure.error_code) for failure in session.skills.failures]
         assert ("Holding", "object_lost") in told
         assert np.linalg.norm(truth.object_pose("cup").position[:2] - goal[:2]) < 0.02
+
+
+@pytest.mark.slow
+def test_a_controller_that_is_lost_for_a_while_is_waited_for(tmp_path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without waiting, all attempts of the tree would be spent within a second."""
+    with known_world(table_with(tmp_path, seed=3, heading=0.0, cup=("cup", -0.2, 0.0, 0.0))) as (session, truth):
+        tree, robot = session.load(bring_the_cup()), session.robot
+        tree.blackboard.set("goal", Pose(truth.object_pose("cup").position + np.array([0.0, 0.25, 0.0])))
+        clear, lost = robot.clear_stop, []
+
+        def clear_stop() -> None:
+            if robot.clock.now() < lost[0] + 8.0:
+                raise RobotError("arm_controller: no answer")
+            clear()
+
+        monkeypatch.setattr(robot, "clear_stop", clear_stop)
+        while (status := tree.tick_once()) == RUNNING:
+            if not lost and session.skills.held is not None:
+                lost.append(robot.clock.now())
+                robot.stop()
+            tree.sleep(PERIOD)
+        assert status == SUCCESS, session.skills.failures
+        assert [failure.error_code for failure in session.skills.failures].count("still_stopped") == 0
 
 
 @pytest.mark.slow

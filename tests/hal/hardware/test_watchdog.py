@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 import threading
+import time
 from collections.abc import Iterator
 from dataclasses import replace
 
@@ -36,6 +38,7 @@ class Controller(Connection):
     """Reports ``told``; whoever commands its base as soon as its motion has failed is an impatient program."""
 
     told: Failure | Exception | None = None
+    busy, looked = 0.0, 0
     answer: CommandRefusedError | None = None
 
     def make_parts(self) -> dict[str, Part]:
@@ -53,6 +56,8 @@ class Controller(Connection):
         return self.clock.now()
 
     def reported_fault(self) -> Failure | None:
+        time.sleep(self.busy)
+        self.looked += 1
         if isinstance(self.told, Exception):
             raised, self.told = self.told, None
             raise raised
@@ -102,6 +107,30 @@ def test_a_robot_whose_watchdog_has_ended_by_an_error_is_stopped_and_gets_a_new_
     motion = robot.part("base", MobileBase).rotate(1.0)
     controller.told = Failure(MotionErrorCode.FAULT, "a wheel is blocked")
     wait_for(lambda: motion.done, "the new watchdog sees the fault")
+
+
+def test_silence_while_this_program_was_held_up_itself_is_told_apart_from_a_controllers(
+    robot: HardwareRobot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    controller = robot.connections["platform"]
+    assert isinstance(controller, Controller)
+
+    def told(code: MotionErrorCode, held_up: float) -> str:
+        monkeypatch.setattr("hal.hardware.robot.HELD_UP", held_up)
+        controller.busy, controller.looked = 0.06, 0
+        wait_for(lambda: controller.looked > 1, "the watchdog is held up")
+        controller.busy, controller.told = 0.0, Failure(code, "nothing was heard")
+        wait_for(lambda: robot.stopped, "the fault stops the robot")
+        words = robot.faults["platform"].text
+        robot.clear_stop()
+        return words
+
+    assert told(MotionErrorCode.TIMEOUT, held_up=10.0) == "nothing was heard"
+    assert told(MotionErrorCode.FAULT, held_up=0.05) == "nothing was heard"
+    assert re.fullmatch(
+        r"nothing was heard, and this program was itself held up for 0\.\d\d s: this machine may be too busy",
+        told(MotionErrorCode.TIMEOUT, held_up=0.05),
+    )
 
 
 class Signs(Heartbeat):

@@ -48,13 +48,13 @@ def picture() -> RGBDImage:
 
 
 def test_colours_keep_their_order_through_jpeg() -> None:
-    rgb = decoding.color_image(ros_messages.color_image({}, picture()))
+    rgb = decoding.color_image(ros_messages.color_image(picture()))
     assert rgb.shape == (40, 60, 3)
     assert np.max(np.abs(rgb[20, 5].astype(int) - (200, 30, 10))) < 12
 
 
 def test_depth_in_millimetres_has_a_header_of_twelve_bytes() -> None:
-    message = ros_messages.depth_image({}, picture())
+    message = ros_messages.depth_image(picture())
     assert base64.b64decode(message["data"])[12:16] == b"\x89PNG"
     depth = decoding.depth_image(message)
     assert depth.dtype == np.float32
@@ -76,7 +76,7 @@ def test_depth_in_metres_is_quantised_as_inverse_depth() -> None:
 
 
 def test_a_depth_image_in_another_packing_is_refused_in_words() -> None:
-    message = ros_messages.depth_image({}, picture()) | {"format": "16UC1; compressedDepth rvl"}
+    message = ros_messages.depth_image(picture()) | {"format": "16UC1; compressedDepth rvl"}
     with pytest.raises(ValueError, match="16UC1; compressedDepth rvl"):
         decoding.depth_image(message)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Iterator
+from copy import copy
 
 import numpy as np
 import pytest
@@ -82,7 +83,7 @@ def test_a_picture_is_that_of_the_simulated_camera_and_physics_goes_on(
     went_on = []
     for _ in range(5):
         before, asked = world.now(), time.time()
-        image, exposed = world.photograph("head_camera")
+        image, exposed = world.photograph("head_camera", copy)
         assert exposed - asked == pytest.approx(image.stamp - before, abs=LONGEST_DELAY)  # not when it was developed
         went_on.append(world.now() > before)
         assert image.stamp == pytest.approx(before, abs=0.1)
@@ -97,4 +98,4 @@ def test_a_picture_is_that_of_the_simulated_camera_and_physics_goes_on(
 
 def test_an_unknown_camera_is_told(world: TwinWorld) -> None:
     with pytest.raises(LookupError, match="no camera"):
-        world.photograph("rear_camera")
+        world.photograph("rear_camera", copy)
