@@ -166,11 +166,11 @@ def homes_of(name: str) -> list[str]:
 
 
 def import_elsewhere(module: str, name: str) -> None:
-    """ImportError for a skill that another module has, where ``from module import name`` asks, not ``hasattr``."""
+    """ImportError for a class that another module has, where ``from module import name`` asks, not ``hasattr``."""
     code, at = (asking := sys._getframe(2)).f_code.co_code, asking.f_lasti
     asked_by_import = dis.opname[code[at]] == "IMPORT_FROM"
-    is_skill = asked_by_import and name[:1].isupper()
-    homes = [home for home in (homes_of(name) if is_skill else ()) if home.startswith("behaviours.")]
+    is_class = asked_by_import and name[:1].isupper()
+    homes = [home for home in (homes_of(name) if is_class else ()) if home != module]
     if homes:
         raise ImportError(f"{module} has no {name!r}: from {homes[0]} import {name}", name=module)
 
