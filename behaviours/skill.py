@@ -289,6 +289,11 @@ class Skill(Explained, StatefulAction):
             self._steps.close()
             self._steps = None
 
+    def cancel(self) -> None:
+        """For other nodes: cancel what this skill waits for; it then ends as that does."""
+        if self._pending is not None:
+            self._pending.cancel()
+
     def _not_awaited(self, steps: Steps, value: object) -> NodeError:
         """The error for a yielded value that is no Motion, with file and line."""
         inner: Any = steps

@@ -1,4 +1,4 @@
-"""DockAt: the final approach to a pose, to a centimetre and a degree."""
+"""DockAt, and Nav2's DockRobot and UndockRobot: the final approach to a pose, to a centimetre and a degree."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from behaviours.nav2.ports import SERVER, Nav2Errors, without_meaning
 from behaviours.navigation.navigate import DRIVING_FAILS
 from behaviours.skill import Declaration, FurnitureName, Skill, SkillFailure, Steps, StepsTo
 from bestman_bt.engine import In, Out
@@ -17,49 +18,39 @@ from bestman_bt.world_model import MapFurniture
 
 STAGED, STAGED_HEADING = 0.05, math.radians(5.0)
 """Metres and radians from the staging pose within which the base need not drive there first."""
+ATTEMPTS, UNDOCKING = 3, 0.5
+"""Approaches, and metres that it drives back, of Nav2's docking leaves."""
 LOOKS, LOOK_PERIOD = 5, 0.1
 """Scans of a front that are taken at rest, and the seconds between them: their noise is independent."""
 
 
-class DockAt(Skill):
-    """Drive to a pose as exactly as the base can: from a place straight behind it, slowly, and once more if need be.
-
-    The pose is reached by the map. Where ``furniture`` names a piece that the lidar sees, the pose is taken to be given
-    by where the map has that piece, and is corrected by where its front is seen: the distance from it and the angle to
-    it are then right, whereas along the front the map has the word.
-    """
+class _Docking(Skill):
+    """The approach, to a pose as the one who docks says."""
 
     REQUIRES = ("base", "lidar")
-    goal = In(Pose2D, "x;y;theta in the map frame, metres and radians")
-    furniture = In[str](FurnitureName, "whose front it is", default="")
     approach = In[float](Positive, "metres, driven straight", default=0.5)
     tolerance = In[float](Positive, "metres", default=0.006)
     heading_tolerance = In[float](Positive, "radians", default=math.radians(0.6))
-    attempts = In[int](Count, "approaches at most", default=3)
-    docked = Out(Pose2D, "the goal, by where the furniture was seen")
     FAILS: ClassVar = {
         **DRIVING_FAILS,
         "not_docked": "BackUp, then DockAt again",
         "not_found": "DockAt without furniture",
     }
-    DECLARATION = Declaration(effects=("at({goal})",))
 
-    def execute(self) -> Steps:
-        """Get behind the goal, look, approach, judge."""
+    def dock(self, pose: Pose2D, piece: MapFurniture | None, attempts: int) -> StepsTo[tuple[Pose2D, int]]:
+        """Dock; the pose by where ``piece`` was seen, and the approaches that it took."""
         from bestman_bt.navigation.local_planning import PurePursuit
 
         # Slow, and steering for a near point: what is off at the side goes away on the way.
         docking = PurePursuit(min_lookahead=0.12, max_lookahead=0.2, max_speed=0.2, position_tolerance=0.002)
-        skills = self.skills
-        goal, piece = self.goal, self._piece()
-        approach, attempts = self.approach, self.attempts
+        skills, goal = self.skills, pose
         why = ""
-        for _ in range(attempts):
-            yield from self._stage(goal @ Pose2D(-approach, 0.0, 0.0))
+        for attempt in range(1, attempts + 1):
+            yield from self._stage(goal @ Pose2D(-self.approach, 0.0, 0.0))
             if piece is not None:
-                goal = yield from self._seen(piece, self.goal)
+                goal = yield from self._seen(piece, pose)
             begin = skills.world.base.pose
-            axis = goal @ Pose2D(-approach / 2, 0.0, 0.0)
+            axis = goal @ Pose2D(-self.approach / 2, 0.0, 0.0)
             path = Path2D(np.array([begin.xy, axis.xy, goal.xy]), goal)
             try:
                 yield skills.base.follow(path, None, docking)
@@ -68,18 +59,8 @@ class DockAt(Skill):
                     raise
             why = yield from self._improve(goal)
             if not why:
-                self.docked = goal
-                return
+                return goal, attempt
         raise SkillFailure("not_docked", f"after {attempts} approaches the base is {why}")
-
-    def _piece(self) -> MapFurniture | None:
-        name, known = self.furniture, self.skills.world.map.furniture
-        if not name:
-            return None
-        if name not in known or not known[name].solid_at_lidar:
-            seen = ", ".join(sorted(n for n, piece in known.items() if piece.solid_at_lidar)) or "none"
-            raise SkillFailure("bad_input", f"furniture is {name!r}; a lidar sees the front of {seen}")
-        return known[name]
 
     def _stage(self, staging: Pose2D) -> StepsTo[None]:
         """Drive to the staging pose, by the shortest way if the base stands before it."""
@@ -126,3 +107,68 @@ class DockAt(Skill):
             if turn > turning:
                 yield base.rotate_to(goal.theta)
         return f"{1e3 * math.hypot(off.x, off.y):.0f} mm and {math.degrees(turn):.1f}° from its goal"
+
+
+class DockAt(_Docking):
+    """Drive to a pose as exactly as the base can: from a place straight behind it, slowly, and once more if need be.
+
+    The pose is reached by the map. Where ``furniture`` names a piece that the lidar sees, the pose is taken to be given
+    by where the map has that piece, and is corrected by where its front is seen: the distance from it and the angle to
+    it are then right, whereas along the front the map has the word.
+    """
+
+    goal = In(Pose2D, "x;y;theta in the map frame, metres and radians")
+    furniture = In[str](FurnitureName, "whose front it is", default="")
+    attempts = In[int](Count, "approaches at most", default=3)
+    docked = Out(Pose2D, "the goal, by where the furniture was seen")
+    DECLARATION = Declaration(effects=("at({goal})",))
+
+    def execute(self) -> Steps:
+        """Get behind the goal, look, approach, judge."""
+        self.docked, _ = yield from self.dock(self.goal, self._piece(), self.attempts)
+
+    def _piece(self) -> MapFurniture | None:
+        name, known = self.furniture, self.skills.world.map.furniture
+        if not name:
+            return None
+        if name not in known or not known[name].solid_at_lidar:
+            seen = ", ".join(sorted(n for n, piece in known.items() if piece.solid_at_lidar)) or "none"
+            raise SkillFailure("bad_input", f"furniture is {name!r}; a lidar sees the front of {seen}")
+        return known[name]
+
+
+class DockRobot(Nav2Errors, _Docking):
+    """Dock at ``dock_pose``, where the base then stands; docks by a name are not kept here."""
+
+    INPUT_PORTS: ClassVar = {
+        **SERVER, **without_meaning("dock_id", "dock_type", "max_staging_time", "navigate_to_staging_pose"),
+    }  # fmt: skip
+    use_dock_id = In(bool, "true is refused: there is no list of docks here", default=True)
+    dock_pose = In(Pose2D, "x;y;theta in the map frame, metres and radians", required=False)
+    success = Out(bool, "whether it is docked")
+    num_retries = Out(int, "approaches beyond the first")
+    FAILS: ClassVar = {"no_docks": 'use_dock_id="false" and a dock_pose'}
+
+    def execute(self) -> Steps:
+        """As DockAt."""
+        self.success = False
+        if self.use_dock_id or self.dock_pose is None:
+            raise SkillFailure("no_docks", "there is no list of docks here: a dock_pose is needed")
+        _, attempts = yield from self.dock(self.dock_pose, None, ATTEMPTS)
+        self.num_retries = attempts - 1
+        self.success = True
+
+
+class UndockRobot(Nav2Errors, Skill):
+    """Drive straight back by half a metre, away from a dock."""
+
+    REQUIRES = ("base", "lidar")
+    INPUT_PORTS: ClassVar = {**SERVER, **without_meaning("dock_type", "max_undocking_time")}
+    success = Out(bool, "whether it is undocked")
+    FAILS: ClassVar = DRIVING_FAILS
+
+    def execute(self) -> Steps:
+        """Drive."""
+        self.success = False
+        yield self.skills.base.drive(-UNDOCKING)
+        self.success = True

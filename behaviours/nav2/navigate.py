@@ -179,13 +179,13 @@ class FollowPath(Nav2Errors, Skill):
 class NavigateToPose(Nav2Errors, NavigateTo):
     """Drive to a pose in the map frame: plan a path, follow it, plan again where it is blocked."""
 
-    INPUT_PORTS: ClassVar = SERVER
+    INPUT_PORTS: ClassVar = {**SERVER, **without_meaning("behavior_tree")}
 
 
 class NavigateThroughPoses(Nav2Errors, NavigateTo):
     """Drive to several poses in the map frame, one after the other, as ``NavigateToPose`` does to each."""
 
-    INPUT_PORTS: ClassVar = {**SERVER, **without_meaning("goal")}
+    INPUT_PORTS: ClassVar = {**SERVER, **without_meaning("goal", "behavior_tree")}
     goals = In(Goals, "x;y;theta;x;y;theta in the map frame, metres and radians")
     FAILS: ClassVar = {"no_goals": "give a pose"}
     DECLARATION = Declaration()

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any, ClassVar
 
+import numpy as np
 from py_trees.ports import PortInformation
 
-from behaviours.nav2.ports import FRAMES, are_literals, nothing_written, without_meaning
+from behaviours.nav2.ports import FRAMES, SERVICE, are_literals, nothing_written, without_meaning
 from behaviours.navigation.navigate import At
-from behaviours.skill import InstantSkill, OnRobot, SkillCondition
-from bestman_bt.engine import IDLE, RUNNING, SKIPPED, SUCCESS, Decorator, In, Out
+from behaviours.skill import InstantSkill, OnRobot, SkillCondition, SkillFailure
+from bestman_bt.engine import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS, Decorator, In, Out, StatefulAction
 from bestman_bt.engine.core.ports import key_of
 from bestman_bt.messages import Goals, Path2D, Pose2D
-from bestman_bt.messages.shapes import NonNegative, Positive
+from bestman_bt.messages.shapes import Count, NonNegative, Positive, WholeNumber
 
 # Asking of goals, and keeping them up to date: GoalReached, GoalUpdated, GlobalUpdatedGoal, RemovePassedGoals, …
 
@@ -22,6 +24,10 @@ WATCHED: dict[str, PortInformation] = {
     "goal": PortInformation(object, required=False, default_value="{goal}", description="what is watched"),
     "goals": PortInformation(object, required=False, default_value="{goals}", description="watched, too"),
 }
+
+
+OCCUPANCY = without_meaning("cost_threshold", "use_footprint", "consider_unknown_as_obstacle")
+"""The footprint is asked for, always."""
 
 
 class GoalReached(At):
@@ -91,6 +97,159 @@ class RemovePassedGoals(InstantSkill):
         while passed < len(goals) - 1 and pose.distance_to(goals[passed]) <= self.radius:
             passed += 1
         self.output_goals = Goals(goals[passed:])
+
+
+class RemoveInCollisionGoals(InstantSkill):
+    """Take the poses out of a list at which the base would touch what is known or seen."""
+
+    REQUIRES = ("base", "lidar")
+    INPUT_PORTS: ClassVar = {**SERVICE, **OCCUPANCY, **without_meaning("input_waypoint_statuses")}
+    OUTPUT_PORTS: ClassVar = nothing_written("output_waypoint_statuses")
+    input_goals = In(Goals, "x;y;theta;x;y;theta")
+    output_goals = Out(Goals, "those that are left", required=True)
+
+    def act(self) -> None:
+        """Ask the costmap."""
+        goals: Goals = self.input_goals
+        free = _is_free(self, goals)
+        self.output_goals = Goals(goal for goal, kept in zip(goals, free, strict=True) if kept)
+
+
+class CheckPoseOccupancy(InstantSkill):
+    """Whether the base could stand at a pose, by what is known and seen; fails where it would touch something."""
+
+    REQUIRES = ("base", "lidar")
+    INPUT_PORTS: ClassVar = {**SERVICE, **OCCUPANCY}
+    pose = In(Pose2D, "x;y;theta in the map frame")
+    FAILS: ClassVar = {"goal_blocked": "another pose"}
+
+    def act(self) -> None:
+        """Ask the costmap."""
+        pose: Pose2D = self.pose
+        if not _is_free(self, (pose,))[0]:
+            raise SkillFailure("goal_blocked", f"the base would touch something at ({pose.x:.2f}, {pose.y:.2f}) m")
+
+
+def _is_free(node: OnRobot, poses: Sequence[Pose2D]) -> list[bool]:
+    """At which poses the base touches nothing."""
+    if not poses:
+        return []
+    rows = np.array([[pose.x, pose.y, pose.theta] for pose in poses])
+    return [bool(clear) for clear in node.skills.seen_costmap().footprint_clearance(rows) > 0.0]
+
+
+class GetNextFewGoals(InstantSkill):
+    """The first poses of a list."""
+
+    num_goals = In[int](Count, "how many, at most")
+    input_goals = In(Goals, "x;y;theta;x;y;theta, in driving order")
+    output_goals = Out(Goals, "the first of them")
+    FAILS: ClassVar = {"no_goals": "give a pose"}
+
+    def act(self) -> None:
+        """Cut."""
+        goals: Goals = self.input_goals
+        if not goals:
+            raise SkillFailure("no_goals", "there is no pose")
+        self.output_goals = Goals(goals[: self.num_goals])
+
+
+class AppendGoalPoseToGoals(InstantSkill):
+    """A list of poses with one more at its end."""
+
+    goal_pose = In(Pose2D, "x;y;theta")
+    input_goals = In(Goals, "x;y;theta;x;y;theta; none is an empty list", required=False)
+    output_goals = Out(Goals, "with it")
+
+    def act(self) -> None:
+        """Append."""
+        self.output_goals = Goals((*(self.input_goals or ()), self.goal_pose))
+
+
+class GetCurrentPose(InstantSkill):
+    """Where the base believes to be, in the map frame."""
+
+    INPUT_PORTS: ClassVar = {**FRAMES}
+    current_pose = Out(Pose2D, "x;y;theta")
+
+    def act(self) -> None:
+        """Ask the localisation."""
+        self.current_pose = self.skills.world.base.pose
+
+
+class CheckStopStatus(OnRobot, StatefulAction):
+    """SUCCESS once the base has stood for ``duration_stopped``; RUNNING while it stands, FAILURE where it moves."""
+
+    REQUIRES = ("base", "lidar")
+    velocity_threshold = In[float](Positive, "m/s and rad/s", default=0.01)
+    duration_stopped = In[int](WholeNumber, "milliseconds", default=1000)
+
+    def on_start(self) -> int:
+        """Note the time."""
+        self._since = self.clock.now()
+        return self.on_running()
+
+    def on_running(self) -> int:
+        """Look at the measured velocity."""
+        velocity = self.skills.base.velocity()
+        if max(math.hypot(velocity.vx, velocity.vy), abs(velocity.wz)) > self.velocity_threshold:
+            return FAILURE
+        return SUCCESS if self.clock.now() - self._since >= self.duration_stopped * 1e-3 else RUNNING
+
+    def on_halted(self) -> None:
+        """Nothing moves by looking."""
+
+
+class DistanceTraveled(SkillCondition):
+    """True once the base has come ``distance`` metres farther than where this was true, or asked the first time."""
+
+    INPUT_PORTS: ClassVar = {**FRAMES}
+    distance = In[float](Positive, "metres, Euclidean distance", default=1.0)
+    FAILS: ClassVar = {"not_travelled": "nothing is wrong"}
+
+    def on_load(self) -> None:
+        """Begin nowhere."""
+        self._from: Pose2D | None = None
+
+    def halt(self) -> None:
+        """Forget where it began."""
+        self._from = None
+        super().halt()
+
+    def check(self) -> tuple[str, str] | None:
+        """Compares."""
+        pose = self.skills.world.base.pose
+        self._from = self._from or pose
+        travelled = pose.distance_to(self._from)
+        if travelled < self.distance:
+            return "not_travelled", f"{travelled:.2f} m so far"
+        self._from = pose
+        return None
+
+
+class TimeExpired(SkillCondition):
+    """True once ``seconds`` after this was true, or asked the first time."""
+
+    seconds = In[float](Positive, "seconds", default=1.0)
+    FAILS: ClassVar = {"not_expired": "nothing is wrong"}
+
+    def on_load(self) -> None:
+        """Begin with no time running."""
+        self._since: float | None = None
+
+    def halt(self) -> None:
+        """Forget when it began."""
+        self._since = None
+        super().halt()
+
+    def check(self) -> tuple[str, str] | None:
+        """Looks at the clock."""
+        now = self.clock.now()
+        self._since = now if self._since is None else self._since
+        if now - self._since < self.seconds:
+            return "not_expired", f"{now - self._since:.1f} s so far"
+        self._since = now
+        return None
 
 
 class GoalUpdater(Decorator):

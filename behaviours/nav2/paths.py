@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 from py_trees.ports import PortInformation
 
-from behaviours.nav2.ports import FRAMES, SERVER, SERVICE, Nav2Errors, SmootherName, without_meaning
-from behaviours.skill import InstantSkill, SkillCondition
+from behaviours.nav2.ports import FRAMES, SERVER, SERVICE, Nav2Errors, SmootherName, nothing_written, without_meaning
+from behaviours.skill import InstantSkill, OnRobot, SkillCondition, SkillFailure
 from bestman_bt.engine import In, Out
-from bestman_bt.messages import Goals, Path2D, Pose2D
+from bestman_bt.messages import Goals, Path2D, Pose2D, wrap_angle
 from bestman_bt.messages.shapes import NonNegative, Positive
 
 if TYPE_CHECKING:
@@ -19,13 +19,23 @@ if TYPE_CHECKING:
 
 LEAVES = 1e-3
 """Metres by which interpolation may make a place that is left seem nearer."""
-PATH = PortInformation(Path2D, description="the path")
+PATH = PortInformation(Path2D, required=False, description="the path")
+NO_PATH = {"no_path": "ComputePathToPose first"}
+
+
+def path_at(node: OnRobot, port: str) -> Path2D:
+    """The path of a port; SkillFailure (``no_path``) where there is none yet."""
+    path: Path2D | None = node.get_input(port)
+    if path is None:
+        raise SkillFailure("no_path", "there is no path yet")
+    return path
 
 
 class TruncatePath(InstantSkill):
     """Cut a path at the last point ``distance`` metres (Euclidean) from its end; it then ends facing that end."""
 
     INPUT_PORTS: ClassVar = {"input_path": PATH}
+    FAILS: ClassVar = NO_PATH
     OUTPUT_PORTS: ClassVar = {"output_path": PATH}
     distance = In(float, "metres from the end", default=1.0)
 
@@ -33,7 +43,7 @@ class TruncatePath(InstantSkill):
         """Cut."""
         from bestman_bt.navigation.path_pieces import before_goal
 
-        path: Path2D = self.get_input("input_path")
+        path = path_at(self, "input_path")
         whole = len(path.points) < 2 or self.distance <= 0.0
         self.set_output("output_path", path if whole else before_goal(path, self.distance))
 
@@ -46,6 +56,7 @@ class TruncatePathLocal(InstantSkill):
         **without_meaning("transform_tolerance", "angular_distance_weight"),
         "input_path": PATH,
     }
+    FAILS: ClassVar = NO_PATH
     OUTPUT_PORTS: ClassVar = {"output_path": PATH}
     distance_forward = In(float, "metres ahead; below 0: to its end", default=8.0)
     distance_backward = In[float](NonNegative, "metres behind", default=4.0)
@@ -62,7 +73,7 @@ class TruncatePathLocal(InstantSkill):
         """Cut."""
         from bestman_bt.navigation.path_pieces import piece
 
-        path: Path2D = self.get_input("input_path")
+        path = path_at(self, "input_path")
         pose = self.pose or self.skills.world.base.pose
         if len(path.points) > 1:
             at = self._progress.find(path, pose, self.max_robot_pose_search_dist)
@@ -77,7 +88,8 @@ class SmoothPath(Nav2Errors, InstantSkill):
 
     REQUIRES = ("base", "lidar")
     INPUT_PORTS: ClassVar = {**SERVER, **without_meaning("max_smoothing_duration"), "unsmoothed_path": PATH}
-    OUTPUT_PORTS: ClassVar = {"smoothed_path": PATH}
+    FAILS: ClassVar = NO_PATH
+    OUTPUT_PORTS: ClassVar = {"smoothed_path": PATH, **nothing_written("smoothing_duration")}
     check_for_collisions = In(bool, "keep the path as it was where it would touch", default=False)
     smoother_id = In[str](SmootherName, "simple_smoother", default="")
     was_completed = Out(bool, "false: the path is as it was")
@@ -87,11 +99,102 @@ class SmoothPath(Nav2Errors, InstantSkill):
         from bestman_bt.navigation.path_pieces import PathSmoother
 
         self.get_input("smoother_id")  # read to be checked where it is an entry: it must name what there is
-        path: Path2D = self.get_input("unsmoothed_path")
+        path = path_at(self, "unsmoothed_path")
         smoothed = PathSmoother().smooth(path)
         touches = self.check_for_collisions and first_contact(smoothed, self.skills.seen_costmap()) is not None
         self.set_output("smoothed_path", path if touches else smoothed)
         self.was_completed = not touches
+
+
+class ConcatenatePaths(InstantSkill):
+    """One path after the other; either may be missing, not both."""
+
+    input_path1 = In(Path2D, "the first", required=False)
+    input_path2 = In(Path2D, "what comes after it", required=False)
+    output_path = Out(Path2D, "both")
+    FAILS: ClassVar = NO_PATH
+
+    def act(self) -> None:
+        """Join."""
+        from bestman_bt.navigation.path_pieces import joined
+
+        paths = [path for path in (self.input_path1, self.input_path2) if path is not None]
+        if not paths:
+            raise SkillFailure("no_path", "there is no path to join")
+        self.output_path = joined(paths)
+
+
+class GetPoseFromPath(InstantSkill):
+    """A pose of a path by its number; the last one is the path's goal."""
+
+    INPUT_PORTS: ClassVar = {"path": PATH}
+    FAILS: ClassVar = NO_PATH
+    index = In(int, "from 0; below 0: from the end, -1 is the last", default=0)
+    pose = Out(Pose2D, "the pose; it faces along the path")
+
+    def act(self) -> None:
+        """Look it up."""
+        path = path_at(self, "path")
+        count = len(path.points)
+        at = self.index + count if self.index < 0 else self.index
+        if not 0 <= at < count:
+            raise SkillFailure("bad_input", f"index is {self.index}; the path has {count} points")
+        if at == count - 1:
+            self.pose = path.goal
+        else:
+            (x, y), (dx, dy) = path.points[at], path.points[at + 1] - path.points[at]
+            self.pose = Pose2D(float(x), float(y), math.atan2(dy, dx))
+
+
+class PathExpiringTimer(SkillCondition):
+    """True once ``seconds`` after the path has changed, or this was true; not when asked the first time."""
+
+    path_ = In(Path2D, "the path", required=False, port="path")
+    seconds = In[float](Positive, "seconds", default=1.0)
+    FAILS: ClassVar = {"not_expired": "nothing is wrong"}
+
+    def on_load(self) -> None:
+        """Begin with no time running."""
+        self._since: float | None = None
+        self._path: Path2D | None = None
+
+    def check(self) -> tuple[str, str] | None:
+        """Looks at the clock."""
+        now, path = self.clock.now(), self.path_
+        if self._since is None or path is not self._path:
+            self._since, self._path = now, path
+        if now - self._since < self.seconds:
+            return "not_expired", "the path is new"
+        self._since = now
+        return None
+
+
+class IsWithinPathTrackingBounds(SkillCondition):
+    """Whether the base is beside the path that it drives by no more than so many metres and radians."""
+
+    REQUIRES = ("base", "lidar")
+    INPUT_PORTS: ClassVar = without_meaning("tracking_feedback")
+    max_error_left = In[float](NonNegative, "metres", default=0.5)
+    max_error_right = In[float](NonNegative, "metres", default=0.5)
+    max_error_heading = In[float](NonNegative, "radians", default=3.14)
+    FAILS: ClassVar = {"off_path": "ComputePathToPose again"}
+
+    def check(self) -> tuple[str, str] | None:
+        """Compares where the base is with the path; where none is driven, nothing is off it."""
+        path, pose = self.skills.base.path, self.skills.world.base.pose
+        if path is None or len(path.points) < 2:
+            return None
+        steps = np.diff(path.points, axis=0)
+        length = np.maximum(np.linalg.norm(steps, axis=1), 1e-9)
+        along = np.clip(np.einsum("ij,ij->i", pose.xy - path.points[:-1], steps) / length**2, 0.0, 1.0)
+        off = pose.xy - (path.points[:-1] + along[:, None] * steps)
+        nearest = int(np.argmin(np.linalg.norm(off, axis=1)))
+        (dx, dy), (ox, oy) = steps[nearest], off[nearest]
+        left = float(dx * oy - dy * ox) / float(length[nearest])
+        turn = abs(wrap_angle(pose.theta - math.atan2(dy, dx)))
+        if -self.max_error_right <= left <= self.max_error_left and turn <= self.max_error_heading:
+            return None
+        return "off_path", f"{left:+.2f} m to the left of the path, {math.degrees(turn):.0f}° from its heading"
 
 
 class IsPathValid(SkillCondition):
@@ -106,13 +209,13 @@ class IsPathValid(SkillCondition):
     }
     max_lookahead_distance = In(float, "metres ahead that are looked at; below 0: all", default=-1.0)
     collision_poses = Out(Goals, "where it would touch first, if anywhere")
-    FAILS: ClassVar = {"path_blocked": "ComputePathToPose again"}
+    FAILS: ClassVar = {**NO_PATH, "path_blocked": "ComputePathToPose again"}
 
     def check(self) -> tuple[str, str] | None:
         """Asks the costmap."""
         from bestman_bt.navigation.path_pieces import nearest_along, piece
 
-        path: Path2D = self.get_input("path")
+        path = path_at(self, "path")
         ahead = self.max_lookahead_distance
         if len(path.points) > 1:
             at = nearest_along(path, self.skills.world.base.pose.xy)
@@ -125,7 +228,9 @@ class IsPathValid(SkillCondition):
 
 
 class ValidatePath(IsPathValid):
-    """IsPathValid by the name of newer releases of Nav2."""
+    """IsPathValid by the name of newer releases of Nav2, where it is an action."""
+
+    KIND: ClassVar = "Action"
 
 
 class IsGoalNearby(SkillCondition):

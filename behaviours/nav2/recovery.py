@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from behaviours.nav2.ports import SERVICE, without_meaning
+from behaviours.navigation.localise import Relocalise
 from behaviours.skill import InstantSkill, SkillCondition
 from bestman_bt.engine import BoundedPort, In, InOut
 from bestman_bt.messages import Pose2D
@@ -105,6 +106,24 @@ class WouldAControllerRecoveryHelp(AreErrorCodesPresent):
     """Whether driving failed for a reason that may go away."""
 
     CODES: ClassVar = ("blocked", "tolerance", "no_path", "path_blocked")
+
+
+class ReinitializeGlobalLocalization(Relocalise):
+    """Relocalise by Nav2's name: where the base is is sought on the whole map."""
+
+    INPUT_PORTS: ClassVar = {**SERVICE}
+
+
+class WouldASmootherRecoveryHelp(AreErrorCodesPresent):
+    """Whether smoothing failed for a reason that may go away."""
+
+    CODES: ClassVar = ("failed", "path_blocked", "timeout")
+
+
+class WouldARouteRecoveryHelp(AreErrorCodesPresent):
+    """Whether a route failed for a reason that may go away."""
+
+    CODES: ClassVar = ("no_path", "timeout")
 
 
 class IsStuck(SkillCondition):

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar
 
 import numpy as np
 from annotated_types import Gt, Lt
+from py_trees.ports import PortInformation
 
 from behaviours.skill import Declaration, Skill, SkillCondition, SkillFailure, Steps
 from bestman_bt.engine import In, Out
@@ -87,6 +88,9 @@ class InitialPoseReceived(SkillCondition):
     """Whether the base has a pose on the map to go on from: it was told one, or has found it, and has not lost it."""
 
     REQUIRES = ("base", "lidar")
+    INPUT_PORTS: ClassVar = {
+        "initial_pose_received": PortInformation(bool, False, "without meaning here; accepted for Nav2's files")
+    }
     max_position_std = In[float](Positive, "metres, of the believed position", default=KNOWN_POSITION_STD)
     FAILS: ClassVar = {
         "no_pose": "Relocalise",

@@ -17,7 +17,7 @@ from typing import Annotated, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from bestman_bt.messages import Path2D, Pose2D
+from bestman_bt.messages import Path2D, Pose2D, wrap_angle
 from bestman_bt.messages.shapes import NonNegative, Several
 from bestman_bt.navigation.global_planning.base import (
     GlobalPlanner,
@@ -36,6 +36,10 @@ _ASIDE = (0.0, 1.0, 0.5, 1.5)
 of what stands out above it is beside its own. Ways over cells are rarely in the middle of a gap themselves."""
 NO_ROOM_TO_TURN = frozenset((PlanningFailureReason.START_BLOCKED, PlanningFailureReason.GOAL_BLOCKED))
 """What an end is said to be that has no place to turn near it, or where the base touches something."""
+ARRIVED = 0.02
+ALMOST_ALONG, SMALL_TURN = 0.1, 0.3
+"""Metres within which a base is on a line; how far, in radians, a line may be from a heading, and a base may turn near
+what it would touch in a full turn."""
 _AHEAD = 4
 """Points of a way over which its direction is measured."""
 
@@ -72,6 +76,8 @@ class PolylinePlanner(StraightPieces, GlobalPlanner):
         if isinstance(ends, PlanningFailure):
             return self._without_turning(start, goal, costmap) if ends.reason in NO_ROOM_TO_TURN else ends
         exit_point, backwards, approach = ends
+        if self._enters(start, goal, costmap, turning_distance):
+            return Path2D(np.array([start.xy, goal.xy]), goal)
         for turns_everywhere in self.TURNS_EVERYWHERE:
             room = FreeSpace(costmap, turning_distance, self.slack, turns_everywhere)
             way = self.way(exit_point, approach, room)
@@ -84,6 +90,24 @@ class PolylinePlanner(StraightPieces, GlobalPlanner):
                     points, reverse = _joined(start.xy, middle, goal.xy, backwards)
                     return Path2D(points, goal, reverse)
         return PlanningFailure.no_path(start, goal)
+
+    def _enters(self, start: Pose2D, goal: Pose2D, costmap: Costmap, turning_distance: float) -> bool:
+        """Whether the base is on the straight way into the goal already, and may drive straight on.
+
+        Otherwise who plans again and again would go back to the beginning of that way, and, there, turn for ever into
+        the direction of a segment of millimetres.
+        """
+        place, way = goal.inverse() @ start, goal.xy - start.xy
+        if not -self.straight - ARRIVED <= place.x < 0.0 or abs(place.y) > min(ARRIVED, -ALMOST_ALONG * place.x):
+            return False
+        heading = math.atan2(way[1], way[0])
+        turns = bool(costmap.for_turning.distance_at(start.xy[None])[0] >= turning_distance)
+        if not turns and abs(wrap_angle(start.theta - heading)) > SMALL_TURN:
+            return False
+        share = np.linspace(0.0, 1.0, 2 + round(float(np.linalg.norm(way)) / self.step))
+        on_the_way = np.column_stack([start.xy + share[:, None] * way, np.full_like(share, heading)])
+        poses = np.vstack([[*start.xy, start.theta], on_the_way])
+        return bool((costmap.footprint_clearance(poses) > 0.0).all())
 
     def _without_turning(self, start: Pose2D, goal: Pose2D, costmap: Costmap) -> Path2D | PlanningFailure:
         """A way by curves, where there is no place to turn on the spot near an end: a hallway that is too narrow."""

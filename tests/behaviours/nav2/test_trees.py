@@ -6,7 +6,7 @@ import pytest
 
 from bestman_bt.engine import RUNNING, SUCCESS
 from bestman_bt.messages import Goals, Path2D, Pose2D
-from tests.behaviours.at_the_table import PERIOD, fastest, tick
+from tests.behaviours.at_the_table import PERIOD, fastest, tick, tree_of
 from tests.behaviours.truth import audited
 
 pytestmark = pytest.mark.slow
@@ -63,6 +63,20 @@ def test_a_goal_that_is_changed_on_the_way_is_driven_to_instead(kitchen) -> None
     status, poses, _ = drive(session, truth, tree)
     assert status == SUCCESS
     assert poses[-1].distance_to(instead) < 0.02
+
+
+def test_a_path_that_is_planned_anew_each_second_is_driven_to_its_end(kitchen) -> None:
+    session, truth = kitchen(seed=11)
+    body = (
+        '<PipelineSequence><RateController hz="1.0"><ComputePathToPose goal="{goal}" path="{path}"/></RateController>'
+        '<FollowPath path="{path}"/></PipelineSequence>'
+    )
+    tree = session.load(tree_of(body))
+    goal = Pose2D(2.46, -0.512, 0.0)
+    tree.blackboard.set("goal", goal)
+    status, poses, _ = drive(session, truth, tree, seconds=60.0)
+    assert status == SUCCESS
+    assert poses[-1].distance_to(goal) < 0.02
 
 
 def test_halted_it_leaves_nothing_moving(kitchen) -> None:

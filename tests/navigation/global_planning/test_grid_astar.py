@@ -107,3 +107,24 @@ def test_what_cannot_be_planned_is_answered_with_the_reason(costmap, start, goal
 def test_equal_questions_have_equal_answers(costmap):
     first, second = (GridAStar().plan(START, AT_COUNTER, costmap) for _ in range(2))
     np.testing.assert_array_equal(first.points, second.points)
+
+
+@pytest.mark.parametrize(
+    ("ahead", "aside", "turned", "goes_on"),
+    [(-0.41, 0.003, 2.0, True), (-0.3, 0.003, 0.4, True), (-0.06, 0.003, 0.4, False), (-0.06, -0.003, 0.2, True),
+     (-0.06, 0.01, 0.2, False), (-0.3, 0.03, 0.2, False), (-0.6, 0.0, 0.0, False)],
+)  # fmt: skip
+def test_on_the_straight_way_into_a_goal_the_base_goes_on(costmap, ahead, aside, turned, goes_on):
+    start = AT_TABLE @ Pose2D(ahead, aside, turned)
+    path = GridAStar().plan(start, AT_TABLE, costmap)
+    assert isinstance(path, Path2D)
+    assert (len(path.points) == 2) == goes_on
+
+
+def test_the_straight_way_into_a_goal_is_no_reason_to_touch_something(kitchen, footprint):
+    place = AT_TABLE @ Pose2D(-0.09, 0.32, 0.0)
+    crate = Obstacle("crate", (PlacedShape(Box((0.06, 0.06, 1.0)), Pose.from_xyz_rpy((place.x, place.y, 0.5))),), 0.0)
+    path = GridAStar().plan(
+        AT_TABLE @ Pose2D(-0.3, -0.01, 0.25), AT_TABLE, Costmap.from_map(kitchen, footprint, [crate])
+    )
+    assert isinstance(path, PlanningFailure) or len(path.points) > 2
