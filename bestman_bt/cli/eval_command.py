@@ -6,6 +6,7 @@ import json
 import sys
 import time
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
@@ -26,6 +27,7 @@ from bestman_bt.evaluation.comparison import within
 from bestman_bt.evaluation.evaluation import Evaluation
 from bestman_bt.evaluation.markdown import accuracy_words, markdown, own_targets, verdict
 from bestman_bt.evaluation.result import RunResult
+from bestman_bt.evaluation.shards import KnownDurations, Shard
 from bestman_bt.evaluation.suite import Suite, SuiteEntry, make_suite
 from bestman_bt.evaluation.summary import spread_words
 
@@ -81,7 +83,7 @@ class EvaluationView:
         return sum(len(results) for results in self._evaluation.results.values())
 
     def _picture(self) -> RenderableType:
-        total = sum(entry.episodes for entry in self._evaluation.suite.entries)
+        total = self._evaluation.asked.total()
         done, passed = self._done(), time.perf_counter() - self._began
         line = f"{done} of {total} episodes, {passed / 60:.0f} min"
         if done > self._finished_before:
@@ -104,7 +106,7 @@ def table(evaluation: Evaluation) -> Table:
         begun = document["episodes"] > 0
         shown.add_row(
             f"{entry.name} [dim](control)" if entry.control else entry.name,
-            f"{document['episodes']}/{entry.episodes}",
+            f"{document['episodes']}/{document['asked_episodes']}",
             str(document["succeeded"]),
             f"{low:.0%}–{high:.0%}" if begun else "",
             str(document["false_successes"]),
@@ -149,11 +151,40 @@ class EpisodeOptions:
         return make_suite(tasks, self.episodes, self.seed, asked)
 
 
+@dataclass(frozen=True)
+class ExecutionOptions:
+    """How many processes run the episodes, and on which machines."""
+
+    jobs: Annotated[int, typer.Option(min=1, help="Processes that run at the same time.")] = 1
+    shard: Annotated[
+        str | None,
+        typer.Option(metavar="K/N", help="Run part K of N; slurm: that of this array task.", show_default=False),
+    ] = None
+    balance: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="Deal by the wall times of an earlier evaluation.", show_default=False),
+    ] = None
+    merge: Annotated[
+        list[Path] | None,
+        typer.Option(metavar="DIR…", help="Run nothing: one summary of the shards below.", show_default=False),
+    ] = None
+
+    def check(self) -> None:
+        """ConfigurationError where they do not go together."""
+        problems = []
+        if self.merge and self.shard:
+            problems.append(Problem("--merge", None, "", "takes all shards together; leave --shard out"))
+        if self.balance and not self.shard:
+            problems.append(Problem("--balance", None, "", "deals the episodes of shards; give --shard K/N"))
+        if problems:
+            raise ConfigurationError(problems)
+
+
 @grouped_options
 def command(
     tasks: Annotated[list[str], typer.Argument(help="Shipped tasks or YAML files, or one suite such as manipulation.")],
     asked: EpisodeOptions = EpisodeOptions(),
-    jobs: Annotated[int, typer.Option(min=1, help="Processes that run at the same time.")] = 1,
+    execution: ExecutionOptions = ExecutionOptions(),
     out: Annotated[
         Path | None,
         typer.Option(help="Keep everything here and go on where it stopped.", show_default="runs/evaluations/NAME"),
@@ -169,26 +200,40 @@ def command(
 ) -> None:
     """Run seeds SEED … SEED + EPISODES - 1 of each task and summarise."""
     with json_output(as_json) as tell:
-        suite = asked.suite(tasks)
+        execution.check()
+        merged = [*(execution.merge or ()), *(Path(task) for task in tasks if execution.merge and Path(task).is_dir())]
+        suite = asked.suite([task for task in tasks if Path(task) not in merged])
         if compare and sum(not entry.control for entry in suite.entries) < 2:
             raise ConfigurationError([Problem("--compare", None, "", f"needs two entries, {suite.name} has one")])
         if page.monitor:
             show_in_monitor(page.monitor_port)
-        document = _evaluate(suite, out or Path("runs/evaluations") / suite.name, jobs, keep_old, compare)
+        folder = out or Path("runs/evaluations") / suite.name
+        shard = None if execution.shard is None else Shard.parse(execution.shard)
+        balance = None if execution.balance is None else KnownDurations(execution.balance)
+        if shard is not None:
+            folder = folder / "shards" / f"{shard.number}_of_{shard.of}"
+        _refuse_other_suite(folder / "summary.json", suite)
+        evaluation = Evaluation(suite, folder, keep_old, shard, balance)
+        document = _evaluate(evaluation, folder, execution.jobs, compare, merged)
         tell(document)
     if not as_json:
         tell_in_words(document)
     sys.exit(130 if document["interrupted"] else 0 if document["met"] else 1)
 
 
-def _evaluate(suite: Suite, folder: Path, jobs: int, keep_old: bool, compare: bool) -> dict[str, Any]:
-    """Run what is not finished with a table on standard error; write ``summary.json``, ``summary.md``, comparisons."""
-    _refuse_other_suite(folder / "summary.json", suite)
-    with Evaluation(suite, folder, keep_old) as evaluation:
+def _evaluate(evaluation: Evaluation, folder: Path, jobs: int, compare: bool, merged: Sequence[Path]) -> dict[str, Any]:
+    """Run what is not finished with a table on standard error; write ``summary.json``, ``summary.md``, comparisons.
+
+    ``merged``: folders of shards; nothing is run then.
+    """
+    with evaluation:
         CONSOLE.print(f"kept in {folder}", highlight=False, soft_wrap=True)
-        told = len(evaluation.notes)
-        with EvaluationView(evaluation, CONSOLE) as view:
-            document = evaluation.run(jobs, view.told)
+        told = 0 if merged else len(evaluation.notes)
+        if merged:
+            document = evaluation.merge(merged)
+        else:
+            with EvaluationView(evaluation, CONSOLE) as view:
+                document = evaluation.run(jobs, view.told)
         for note in evaluation.notes[told:]:
             CONSOLE.print(f"note: {note}", highlight=False)
         compared = within(evaluation.finished_entries()) if compare and not document["interrupted"] else []
@@ -216,6 +261,17 @@ def _refuse_other_suite(summary: Path, suite: Suite) -> None:
         raise ConfigurationError([Problem(str(summary.parent), None, "", message)])
 
 
+def ranges(numbers: Sequence[int]) -> str:
+    """``7000 to 7004, 7009``, of numbers in their order."""
+    parts: list[list[int]] = []
+    for number in numbers:
+        if parts and number == parts[-1][-1] + 1:
+            parts[-1].append(number)
+        else:
+            parts.append([number])
+    return ", ".join(str(part[0]) if len(part) == 1 else f"{part[0]} to {part[-1]}" for part in parts)
+
+
 def tell_in_words(document: dict[str, Any]) -> None:
     """Print what an evaluation has come to."""
     episodes = "" if document["interrupted"] else f"{document['episodes']} episodes, "
@@ -224,7 +280,11 @@ def tell_in_words(document: dict[str, Any]) -> None:
         f"{document['false_successes']} false successes, {document['unearned']} unearned successes, "
         f"audit {'clean' if document['audit_clean'] else 'NOT CLEAN'}"
     )
+    for contradiction in document["contradictions"]:
+        print(f"ERROR: one episode has two results: {contradiction}")
     for entry in document["entries"]:
+        if entry["missing"]:
+            print(f"{entry['name']}: missing are the seeds {ranges(entry['missing'])}")
         if not entry["episodes"]:
             print(f"{entry['name']}: none of {entry['asked_episodes']} episodes was completed")
             continue

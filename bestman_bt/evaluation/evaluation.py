@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack, closing, suppress
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from bestman_bt.configuration import RunConfig
+from bestman_bt.configuration import ConfigurationError, Problem, RunConfig
 from bestman_bt.evaluation.code_version import code_fingerprint, commit, config_fingerprint
 from bestman_bt.evaluation.finished_evaluation import FinishedEntry
-from bestman_bt.evaluation.journal import EpisodeKey, Journal
+from bestman_bt.evaluation.journal import EpisodeKey, Journal, read_episodes
 from bestman_bt.evaluation.parallel import run_episodes
 from bestman_bt.evaluation.result import Outcome, RunResult
+from bestman_bt.evaluation.shards import Contradiction, KnownDurations, Shard, gathered, journals
 from bestman_bt.evaluation.suite import Suite, SuiteEntry
 from bestman_bt.evaluation.summary import summarize
 from bestman_bt.evaluation.targets import check_targets
@@ -27,17 +29,34 @@ class Evaluation:
 
     ``folder``: of the journal ``episodes.jsonl`` and, below ``runs``, of a run folder per episode; None keeps nothing.
     ``keep_old``: finished episodes of other code count, too, where their configuration is the same.
+    ``shard``: only its part of the episodes is planned, dealt by the wall times in ``balance`` where that is given.
     """
 
-    def __init__(self, suite: Suite, folder: Path | None = None, keep_old: bool = False) -> None:
+    def __init__(
+        self,
+        suite: Suite,
+        folder: Path | None = None,
+        keep_old: bool = False,
+        shard: Shard | None = None,
+        balance: KnownDurations | None = None,
+    ) -> None:
         self.suite = suite
         self.results: dict[str, dict[int, RunResult]] = {entry.name: {} for entry in suite.entries}
         """Entry → seed → result."""
         self.notes: list[str] = []
         """What a reader of the figures has to know, in words."""
-        self._folder, self._keep_old = folder, keep_old
+        self.contradictions: list[Contradiction] = []
+        self._folder, self._keep_old, self._shard = folder, keep_old, shard
         self._code, self._commit = code_fingerprint(), commit()
         self._configs = {entry.name: config_fingerprint(entry.config) for entry in suite.entries}
+        self._planned = [(entry, config) for entry in suite.entries for config in entry.configs()]
+        if shard is not None:
+            seconds = None
+            if balance is not None:
+                seconds = [balance.seconds(self._configs[one.name], config.seed) for one, config in self._planned]
+            self._planned = shard.part(self._planned, seconds)
+        self.asked = Counter(entry.name for entry, _ in self._planned)
+        """Entry → how many episodes are planned."""
         self._journal: Journal | None = None
         self._stack = ExitStack()
         self._interrupted = False
@@ -46,6 +65,7 @@ class Evaluation:
         """Open the journal and count what was finished; ConfigurationError where it cannot be used."""
         if self._folder is not None:
             self._journal = self._stack.enter_context(Journal(self._folder / "episodes.jsonl"))
+            self.notes += self._journal.notes
             self._take_finished(self._journal)
         return self
 
@@ -72,14 +92,48 @@ class Evaluation:
             self.notes.append("the code was changed while the evaluation ran: run it again for figures that count")
         return self.document()
 
+    def merge(self, folders: Iterable[Path]) -> dict[str, Any]:
+        """Take over the episodes of all journals below the folders, and tell how all stands.
+
+        Raises:
+            ConfigurationError: one holds episodes of another suite, or, without ``keep_old``, of other code.
+        """
+        assert self._folder is not None
+        assert self._journal is not None
+        mine = self._folder / "episodes.jsonl"
+        others = {path: read_episodes(path) for path in journals(folders) if path.resolve() != mine.resolve()}
+        wanted = {(self._configs[entry.name], config.seed) for entry, config in self._planned}
+        problems = []
+        for path, keys in others.items():
+            foreign = sum((key.config, key.seed) not in wanted for key in keys)
+            if foreign:
+                why = f"{foreign} of {len(keys)} episodes are not of this suite, its settings, its seeds or its files"
+                problems.append(Problem(str(path), None, "", why))
+            codes = {key.code for key in keys} - {self._code}
+            if codes and not self._keep_old:
+                why = f"was run with other code ({', '.join(sorted(codes))}, here {self._code}); --keep-old counts it"
+                problems.append(Problem(str(path), None, "", why))
+        if problems:
+            raise ConfigurationError(problems)
+        found, self.contradictions = gathered({mine: self._journal.results, **others})
+        for key, result in found.items():
+            if key not in self._journal.results:
+                self._journal.add(key, self._commit, result)
+        self._take_finished(self._journal)
+        return self.document()
+
     def document(self) -> dict[str, Any]:
         """How it stands: totals, and each entry's summary with its targets, met or missed."""
-        entries = [self.entry_document(entry) for entry in self.suite.entries]
+        missing: dict[str, list[int]] = {entry.name: [] for entry in self.suite.entries}
+        for entry, config in self._missing():
+            missing[entry.name].append(config.seed)
+        entries = [{**self.entry_document(entry), "missing": missing[entry.name]} for entry in self.suite.entries]
         return {
             "evaluation": self.suite.name,
             "description": self.suite.description,
             "file": self.suite.file,
-            "met": all(entry["met"] for entry in entries),
+            "shard": None if self._shard is None else str(self._shard),
+            "met": all(entry["met"] for entry in entries) and not self.contradictions,
             "interrupted": self._interrupted,
             "episodes": sum(entry["episodes"] for entry in entries),
             "false_successes": sum(entry["false_successes"] for entry in entries),
@@ -88,6 +142,7 @@ class Evaluation:
             "code": self._code,
             "commit": self._commit,
             "notes": list(self.notes),
+            "contradictions": [str(one) for one in self.contradictions],
             "entries": entries,
             "versions": versions(),
         }
@@ -115,17 +170,16 @@ class Evaluation:
             "control": entry.control,
             "config": self._configs[entry.name],
             "settings": entry.settings,
-            "asked_episodes": entry.episodes,
-            "met": met and len(results) == entry.episodes,
+            "asked_episodes": self.asked[entry.name],
+            "met": met and len(results) == self.asked[entry.name],
             "targets": [asdict(target) for target in targets],
             **summary,
         }
 
     def _missing(self) -> Iterator[tuple[SuiteEntry, RunConfig]]:
-        for entry in self.suite.entries:
-            for config in entry.configs():
-                if config.seed not in self.results[entry.name]:
-                    yield entry, config
+        for entry, config in self._planned:
+            if config.seed not in self.results[entry.name]:
+                yield entry, config
 
     def _take_finished(self, journal: Journal) -> None:
         old: dict[tuple[str, int], RunResult] = {

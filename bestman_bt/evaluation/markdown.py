@@ -50,6 +50,8 @@ def verdict(document: dict[str, Any]) -> str:
     """Whether all targets were met; of tasks without a suite, whether all episodes succeeded."""
     if document["interrupted"]:
         return f"interrupted, {document['episodes']} of {_asked(document)} episodes completed"
+    if any(entry["missing"] for entry in document["entries"]):
+        return f"incomplete, {document['episodes']} of {_asked(document)} episodes completed"
     if not any(entry["targets"] for entry in document["entries"]):
         return "all episodes succeeded" if document["met"] else "not all episodes succeeded"
     if document["met"] and not any(own_targets(entry) for entry in document["entries"]):

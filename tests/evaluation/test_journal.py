@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import errno
+import os
+import socket
 from pathlib import Path
 
 import pytest
 
 from bestman_bt.configuration import ConfigurationError
-from bestman_bt.evaluation.journal import EpisodeKey, Journal
+from bestman_bt.evaluation.journal import EpisodeKey, Journal, read_episodes
 from tests.evaluation.test_summary import result
 
 KEY = EpisodeKey("c0ffee", 7, "abc")
@@ -48,3 +51,62 @@ def test_a_second_writer_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "episodes.jsonl"
     with Journal(path), pytest.raises(ConfigurationError, match="another evaluation is writing it"):
         Journal(path).__enter__()
+
+
+@pytest.mark.parametrize("damage", [b"\xff\xfe\x00", b"", b'{"seed": 7}'])
+def test_a_line_damaged_in_the_middle_is_left_out_and_the_file_as_it_was_is_kept(tmp_path: Path, damage: bytes) -> None:
+    path = tmp_path / "episodes.jsonl"
+    others = [EpisodeKey("c0ffee", seed, "abc") for seed in (8, 9)]
+    with Journal(path) as journal:
+        for key in (KEY, *others):
+            journal.add(key, "", result(key.seed))
+    lines = path.read_bytes().split(b"\n")
+    path.write_bytes(b"\n".join([lines[0], damage, *lines[2:]]))
+    broken = path.read_bytes()
+    with pytest.raises(ConfigurationError, match=r"episodes.jsonl: line 2 is no finished episode"):
+        read_episodes(path)
+    with Journal(path) as mended:
+        assert list(mended.results) == [KEY, others[1]]
+        copy = tmp_path / "episodes.jsonl.damaged"
+        assert mended.notes == [f"{path}: damaged lines were left out (2); the file as it was: {copy}"]
+        assert copy.read_bytes() == broken
+        mended.add(others[0], "", result(8))
+    assert list(read_episodes(path)) == [KEY, others[1], others[0]]
+
+
+def test_the_disk_has_an_episode_half_a_second_later_and_at_the_end(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    synced: list[float] = []
+    now = 100.0
+    monkeypatch.setattr("bestman_bt.evaluation.journal.time.monotonic", lambda: now)
+    monkeypatch.setattr("bestman_bt.evaluation.journal.os.fsync", lambda file: synced.append(now))
+    with Journal(tmp_path / "episodes.jsonl") as journal:
+        for step in range(5):
+            now = 100.0 + 0.2 * step
+            journal.add(KEY, "", result(7))
+            assert list(read_episodes(tmp_path / "episodes.jsonl")) == [KEY]  # the operating system has it at once
+    assert synced == pytest.approx([100.0, 100.6, 100.8])
+
+
+def test_a_lock_file_takes_the_place_of_locks_where_the_file_system_has_none(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def flock(*_: object) -> None:
+        raise OSError(errno.ENOLCK, "No locks available")
+
+    monkeypatch.setattr("bestman_bt.evaluation.journal.fcntl.flock", flock)
+    path, lock = tmp_path / "episodes.jsonl", tmp_path / "episodes.lock"
+    with (
+        Journal(path),
+        pytest.raises(ConfigurationError, match=rf"another evaluation .* if that has ended, delete {lock}"),
+    ):
+        Journal(path).__enter__()
+    assert not lock.exists()
+    lock.write_text(f"process 0 on {socket.gethostname()}")  # there is no process 0: its evaluation was killed
+    with Journal(path):
+        assert f"process {os.getpid()} on" in lock.read_text()
+    lock.write_text("process 1 on another-machine")
+    with pytest.raises(ConfigurationError, match="process 1 on another-machine"):
+        Journal(path).__enter__()
+    assert lock.exists()

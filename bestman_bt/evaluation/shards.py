@@ -1,0 +1,136 @@
+"""An evaluation in parts, for many machines: which episodes a shard runs, and what the journals of all shards hold."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from statistics import fmean
+from typing import Any, TypeVar
+
+from bestman_bt.configuration import ConfigurationError, Problem
+from bestman_bt.evaluation.journal import EpisodeKey, read_episodes
+from bestman_bt.evaluation.result import RunResult
+
+T = TypeVar("T")
+
+SLURM = "slurm"
+TIMES = ("wall_time_s", "real_time_factor")
+"""What differs between two runs of one episode."""
+
+
+@dataclass(frozen=True)
+class Shard:
+    """One part of an evaluation: ``number`` of 1 to ``of``."""
+
+    number: int
+    of: int
+
+    @classmethod
+    def parse(cls, text: str, environment: Mapping[str, str] = os.environ) -> Shard:
+        """``3/16``, or ``slurm``: the task of the array job that this process belongs to; ConfigurationError."""
+        if text == SLURM:
+            return cls._of_slurm(environment)
+        number, _, of = text.partition("/")
+        if not (number.isdecimal() and of.isdecimal() and 1 <= int(number) <= int(of)):
+            raise _problem(f"should be K/N with 1 ≤ K ≤ N, such as 3/16, or {SLURM}, got '{text}'")
+        return cls(int(number), int(of))
+
+    @classmethod
+    def _of_slurm(cls, environment: Mapping[str, str]) -> Shard:
+        names = [f"SLURM_ARRAY_TASK_{what}" for what in ("ID", "MIN", "MAX", "STEP")]
+        missing = [name for name in names[:3] if not environment.get(name, "").isdecimal()]
+        if missing:
+            raise _problem(f"{SLURM} needs an array job (sbatch --array=1-16): {', '.join(missing)} is not set")
+        task, first, last = (int(environment[name]) for name in names[:3])
+        step = int(environment.get(names[3], "1"))
+        if (task - first) % step or not first <= task <= last:
+            raise _problem(f"{SLURM}: task {task} is none of {first} to {last} in steps of {step}")
+        return cls((task - first) // step + 1, (last - first) // step + 1)
+
+    def part(self, episodes: Sequence[T], seconds: Sequence[float] | None = None) -> list[T]:
+        """What this shard runs, in the order of ``episodes``: every ``of``-th one.
+
+        With the ``seconds`` that each takes, the longest first, each goes to the shard that has least to do.
+        """
+        if seconds is None:
+            return list(episodes[self.number - 1 :: self.of])
+        busy = [0.0] * self.of
+        mine = []
+        for index in sorted(range(len(episodes)), key=lambda index: (-seconds[index], index)):
+            shard = min(range(self.of), key=busy.__getitem__)
+            busy[shard] += seconds[index]
+            if shard == self.number - 1:
+                mine.append(index)
+        return [episodes[index] for index in sorted(mine)]
+
+    def __str__(self) -> str:
+        return f"{self.number}/{self.of}"
+
+
+class KnownDurations:
+    """Wall times of the episodes below a folder, to deal those that are to be run."""
+
+    def __init__(self, folder: Path) -> None:
+        self._episodes: dict[tuple[str, int], float] = {}
+        self._configs: dict[str, list[float]] = {}
+        for path in journals([folder]):
+            for key, result in read_episodes(path).items():
+                self._episodes[key.config, key.seed] = result.wall_time_s
+                self._configs.setdefault(key.config, []).append(result.wall_time_s)
+        self._all = fmean(self._episodes.values()) if self._episodes else 1.0
+
+    def seconds(self, config: str, seed: int) -> float:
+        """Of this episode, else the mean of its configuration, else that of all."""
+        return self._episodes.get((config, seed), fmean(self._configs.get(config, [self._all])))
+
+
+@dataclass(frozen=True)
+class Contradiction:
+    """Two results of one episode that should be the same: the simulation is not deterministic, or a disk is broken."""
+
+    key: EpisodeKey
+    journals: tuple[str, str]
+    fields: tuple[str, ...]
+
+    def __str__(self) -> str:
+        return f"{' and '.join(self.journals)} differ in {', '.join(self.fields)}"
+
+
+def journals(folders: Iterable[Path]) -> list[Path]:
+    """Every journal below the folders; ConfigurationError where one has none."""
+    found: dict[Path, None] = {}
+    problems = []
+    for folder in folders:
+        below = sorted(folder.rglob("episodes.jsonl"))
+        if not below or not any(path.stat().st_size for path in below):
+            problems.append(Problem(str(folder), None, "", "has no journal episodes.jsonl with episodes"))
+        found |= dict.fromkeys(below)
+    if problems:
+        raise ConfigurationError(problems)
+    return list(found)
+
+
+def gathered(
+    episodes: Mapping[Path, Mapping[EpisodeKey, RunResult]],
+) -> tuple[dict[EpisodeKey, RunResult], list[Contradiction]]:
+    """The episodes of all journals, of each the first one, and which contradict one another."""
+    results: dict[EpisodeKey, RunResult] = {}
+    origins: dict[EpisodeKey, Path] = {}
+    contradictions = []
+    for path, found in episodes.items():
+        for key, result in found.items():
+            if key not in results:
+                results[key], origins[key] = result, path
+            elif differing := tuple(_differing(results[key].to_document(), result.to_document())):
+                contradictions.append(Contradiction(key, (str(origins[key]), str(path)), differing))
+    return results, contradictions
+
+
+def _differing(one: Mapping[str, Any], other: Mapping[str, Any]) -> Iterator[str]:
+    return (name for name in one if name not in TIMES and one[name] != other.get(name))
+
+
+def _problem(message: str) -> ConfigurationError:
+    return ConfigurationError([Problem("--shard", None, "", message)])
