@@ -8,7 +8,6 @@ if not TYPE_CHECKING:
 
     def __getattr__(name):
         """Tell which module has a skill."""
-        from bestman_bt.engine.own_files import import_elsewhere
+        from bestman_bt.engine.own_files import raise_no_such_name
 
-        import_elsewhere(__name__, name)
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        raise_no_such_name(__name__, name)

@@ -97,7 +97,7 @@ from bestman_bt.engine.leaves.function import Context, FunctionLeafError, Output
 from bestman_bt.engine.leaves.native import PyTreesBehaviour
 from bestman_bt.engine.leaves.script import Script, ScriptCondition, TestNode, TestNodeConfig
 from bestman_bt.engine.loading import NoMainTree, load_tree
-from bestman_bt.engine.own_files import import_elsewhere
+from bestman_bt.engine.own_files import raise_no_such_name
 from bestman_bt.engine.simulation import SimulatedRun, simulate
 from bestman_bt.engine.snapshot import BlackboardBackup, backup, from_json, restore, to_json
 from bestman_bt.engine.substitution import SubstitutionError, SubstitutionRules
@@ -244,5 +244,4 @@ if not TYPE_CHECKING:
 
     def __getattr__(name):
         """Tell where a skill is that is looked for among the engine's nodes."""
-        import_elsewhere(__name__, name)
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        raise_no_such_name(__name__, name)

@@ -17,8 +17,10 @@ import traceback
 import zlib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import lru_cache
 from pathlib import Path
 from types import ModuleType
+from typing import NoReturn
 
 PACKAGES = ("bestman_bt", "behaviours", "hal")
 """The importable packages of this project."""
@@ -151,6 +153,7 @@ def _right_places(error: ImportError) -> list[str]:
     return [f"there is {module}" for module in modules if module.rpartition(".")[2] in called]
 
 
+@lru_cache
 def homes_of(name: str) -> list[str]:
     """The modules of ours from which a class, function or constant is imported, skills first."""
     defined = re.compile(rf"^(?:class |def |){name}\b", re.MULTILINE)
@@ -165,14 +168,17 @@ def homes_of(name: str) -> list[str]:
     return list(dict.fromkeys(found))
 
 
-def import_elsewhere(module: str, name: str) -> None:
-    """ImportError for a class that another module has, where ``from module import name`` asks, not ``hasattr``."""
-    code, at = (asking := sys._getframe(2)).f_code.co_code, asking.f_lasti
-    asked_by_import = dis.opname[code[at]] == "IMPORT_FROM"
-    is_class = asked_by_import and name[:1].isupper()
-    homes = [home for home in (homes_of(name) if is_class else ()) if home != module]
-    if homes:
+def raise_no_such_name(module: str, name: str) -> NoReturn:
+    """Raise AttributeError, with the module that has ``name``; ImportError for classes, where a ``from`` import asks.
+
+    A ``from`` import would drop the words of an AttributeError.
+    """
+    asking = sys._getframe(2)
+    homes = [home for home in (homes_of(name) if name[:1].isupper() else ()) if home != module]
+    if homes and dis.opname[asking.f_code.co_code[asking.f_lasti]] == "IMPORT_FROM":
         raise ImportError(f"{module} has no {name!r}: from {homes[0]} import {name}", name=module)
+    hint = f": from {homes[0]} import {name}" if homes else ""
+    raise AttributeError(f"module {module!r} has no attribute {name!r}{hint}")
 
 
 def _modules() -> dict[str, Path]:

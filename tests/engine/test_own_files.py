@@ -98,7 +98,10 @@ def test_a_skill_that_is_imported_from_where_it_is_not_is_told_with_its_module(
 
 @pytest.mark.parametrize("module", ["bestman_bt", "bestman_bt.engine", "behaviours"])
 def test_a_module_that_is_asked_whether_it_has_a_skill_of_another_says_no(module: str) -> None:
-    assert not hasattr(importlib.import_module(module), "NavigateTo")
+    asked = importlib.import_module(module)
+    assert not hasattr(asked, "NavigateTo")
+    with pytest.raises(AttributeError, match="no attribute 'Grasp': from behaviours.manipulation.grasp import Grasp$"):
+        _ = asked.Grasp
 
 
 def test_a_tree_that_loads_a_tree_of_another_folder_keeps_its_own_helpers(two: list[Path]) -> None:
