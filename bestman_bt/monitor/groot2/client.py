@@ -113,8 +113,8 @@ class Groot2Client:
 
         content = self.ask(RequestKind.BLACKBOARD, ";".join(names).encode())
         try:
-            told = msgpack.unpackb(content, strict_map_key=False) if content else None
-        except (ValueError, RecursionError) as error:
+            told = msgpack.unpackb(content) if content else None
+        except (ValueError, TypeError, RecursionError) as error:
             raise Groot2Error(f"{self._address} sends blackboards that are no MessagePack: {error!r}") from error
         boards = told if isinstance(told, dict) else {}
         return {str(name): entries for name, entries in boards.items() if isinstance(entries, dict)}

@@ -36,7 +36,7 @@ from bestman_bt.records.shown_value import REMOVED, show_value
 POLL = 0.02
 """Seconds between two looks at the transitions: 1,000 are kept, so that 50,000 a second could come."""
 LOOK = 0.05
-"""Seconds between two looks at the states of a process that records no transitions (BehaviorTree.CPP before 4.3)."""
+"""Seconds between two looks at the states of a process that records no transitions, as early releases do."""
 BLACKBOARD_PERIOD = 1.0
 BLACKBOARD_SHARE = 20
 """The process answers nothing else while it writes its blackboards out: they are asked for so many times as rarely."""
@@ -74,7 +74,8 @@ class Groot2Watcher:
             self._thread.join()
 
     def _watch(self) -> None:
-        said, address = "", f"groot2://{self._host}:{self._port}"
+        said, place = "", f"{self._host}:{self._port}"
+        address = f"groot2://{place}"
         while not self._stopping.is_set():
             try:
                 client = Groot2Client(self._host, self._port)
@@ -88,7 +89,7 @@ class Groot2Watcher:
             except (Error, OSError) as error:
                 if str(error) != said:
                     said = str(error)
-                    self._say(f"{address}: {said}; trying again")
+                    self._say(f"{'' if place in said else f'{address}: '}{said}; trying again")
             self._stopping.wait(RETRY)
 
 

@@ -16,12 +16,13 @@ from typing import Any
 
 import pytest
 
-from bestman_bt.engine import RUNNING, SUCCESS, ManualClock, load_tree
+from bestman_bt.engine import RUNNING, SUCCESS, ManualClock, Tree, load_tree
 from bestman_bt.errors import Error
 from bestman_bt.monitor.control_client import ControlError, request, running_executors
 from bestman_bt.monitor.groot2 import Groot2Publisher
 from bestman_bt.monitor.groot2.client import Groot2Client
-from bestman_bt.monitor.groot2.protocol import Groot2Error
+from bestman_bt.monitor.groot2.protocol import Groot2Error, RequestError
+from bestman_bt.monitor.groot2.publisher import ObservedStates
 from bestman_bt.monitor.groot2.watcher import Groot2Watcher, read_tree
 from bestman_bt.monitor.groot2.zmtp import _GREETING, _frame
 from bestman_bt.records.reader import read
@@ -144,21 +145,65 @@ def test_a_process_of_behaviortree_cpp_is_watched_held_and_recorded(tmp_path: Pa
     assert told == [("main", RUNNING), ("init", SUCCESS), ("sub", RUNNING), ("sub/do", RUNNING), ("sub/yes", SUCCESS)]
 
 
-@pytest.mark.slow
-def test_no_transition_is_lost_and_more_than_the_process_keeps_is_a_gap(tmp_path: Path) -> None:
-    port, told = free_ports(), []
-    tree = load_tree(OURS, clock=ManualClock())
+@pytest.fixture
+def begun(tmp_path: Path) -> Iterator[Tree]:
+    """A tree of four nodes whose publisher is watched, with run folders in ``tmp_path``."""
+    port, tree = free_ports(), load_tree(OURS, clock=ManualClock())
     with Groot2Publisher(tree, port, poll=0.001), watched(port, tmp_path):
-        wait_until(is_watched, "the process is found")
-        wait_until(lambda: ask("status")["ticks"] >= 0, "it answers")
-        tree.subscribe(lambda changes: told.extend(changes))
-        for _ in range(60):
-            tree.tick_exactly_once()
-            time.sleep(0.01)
-        wait_until(lambda: ask("status")["root"] == "RUNNING", "the states come")
-    history = read(folders(tmp_path)[0])
-    assert [(change.uid, change.status) for change in history.states.changes()] == told
-    assert not [line for _, line in history.log if line.message.startswith("a gap")]
+        wait_until(lambda: tasks() == ["Main"], "the process is found")
+        yield tree
+
+
+@pytest.mark.slow
+def test_no_transition_is_lost(begun: Tree, tmp_path: Path) -> None:
+    told: list[tuple[int, int]] = []
+    begun.subscribe(lambda changes: told.extend(changes))
+    for _ in range(60):
+        begun.tick_exactly_once()
+        time.sleep(0.01)
+    wait_until(lambda: changes_of(tmp_path) == told, "all of them are recorded")
+    assert len(told) > 200
+    assert not gaps_of(tmp_path)
+
+
+@pytest.mark.slow
+def test_more_changes_than_the_process_keeps_are_a_gap_after_which_all_states_are_right(
+    begun: Tree, tmp_path: Path
+) -> None:
+    told: list[tuple[int, int]] = []
+    begun.subscribe(lambda changes: told.extend(changes))
+    for _ in range(600):
+        begun.tick_exactly_once()
+    wait_until(lambda: bool(gaps_of(tmp_path)), "the gap is told")
+    standing = [node.state for node in begun.nodes]
+    wait_until(lambda: read(folders(tmp_path)[0]).states.now.states[1:].tolist() == standing, "all states are right")
+    assert len(changes_of(tmp_path)) < len(told)
+
+
+@pytest.mark.slow
+def test_of_a_process_that_records_nothing_the_states_are_looked_at(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(*_: object) -> None:
+        raise RequestError("Request not recognized")
+
+    monkeypatch.setattr(ObservedStates, "start_recording", refuse)
+    port, tree = free_ports(), load_tree(OURS, clock=ManualClock())
+    with Groot2Publisher(tree, port), watched(port, tmp_path):
+        wait_until(lambda: tasks() == ["Main"], "the process is found")
+        tree.tick_exactly_once()
+        wait_until(lambda: ask("status")["root"] == "RUNNING", "its states are seen")
+    (history,) = (read(folder) for folder in folders(tmp_path))
+    assert any("records no transitions" in line.message for _, line in history.log)
+
+
+def changes_of(runs: Path) -> list[tuple[int, int]]:
+    return [(change.uid, change.status) for change in read(folders(runs)[0]).states.changes()]
+
+
+def gaps_of(runs: Path) -> list[str]:
+    log = read(folders(runs)[0]).log
+    return [line.message for _, line in log if line.message.startswith("a gap")]
 
 
 @pytest.mark.slow

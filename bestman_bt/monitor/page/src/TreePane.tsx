@@ -8,7 +8,7 @@ import type { Run } from "./run";
 import { seconds } from "./describe";
 import { RunChip } from "./RunChip";
 import { TreeGraph } from "./graph/TreeGraph";
-import { form, searching } from "./view_options";
+import { following, form, searching } from "./view_options";
 
 export function TreePane({ run, place }: { run: Run; place: number }) {
   const at = useRef(-1);
@@ -19,6 +19,7 @@ export function TreePane({ run, place }: { run: Run; place: number }) {
   const next = (way: number): void => {
     if (found.length === 0) return;
     at.current = (at.current + way + found.length) % found.length;
+    following.value = false; // else what runs would take the view away from what was found
     run.show(found[at.current]!);
   };
   return (
