@@ -1,4 +1,4 @@
-"""Watches a tree of py_trees from inside its process, by a visitor and handlers around its ticks."""
+"""Watches a tree of py_trees from inside its process, by handlers around its ticks."""
 
 from __future__ import annotations
 
@@ -15,7 +15,6 @@ from py_trees.common import Status
 from py_trees.composites import Composite
 from py_trees.decorators import Decorator
 from py_trees.trees import BehaviourTree
-from py_trees.visitors import VisitorBase
 
 from bestman_bt.engine.core.status import FAILURE, IDLE, RUNNING, SUCCESS
 from bestman_bt.engine.models.node_models import LIKE_CONDITIONS
@@ -53,7 +52,6 @@ class PyTreesWatch:
 
     def __init__(self, tree: BehaviourTree, name: str, runs: Path | None) -> None:
         self._tree, self._name, self._runs = tree, name, runs
-        self._visitor = _Visitor()
         self._pace = threading.Condition()
         self._is_paused, self._steps = False, 0
         self._nodes: list[Behaviour] = []
@@ -61,7 +59,6 @@ class PyTreesWatch:
         self._shown: WatchedExecution | None = None
         self._begin()
         tree.add_pre_tick_handler(self._before)
-        tree.add_visitor(self._visitor)
         tree.add_post_tick_handler(self._after)
         atexit.register(self.close)
 
@@ -71,7 +68,6 @@ class PyTreesWatch:
             return
         atexit.unregister(self.close)
         self._tree.pre_tick_handlers.remove(self._before)
-        self._tree.visitors.remove(self._visitor)
         self._tree.post_tick_handlers.remove(self._after)
         self._end("the watching ended")
         self._control({"do": "resume"})
@@ -85,13 +81,13 @@ class PyTreesWatch:
         self.close()
 
     def _begin(self) -> None:
-        self._nodes = list(_depth_first(self._tree.root))
+        self._nodes = _depth_first(self._tree.root)
         if len(self._nodes) > MOST_NODES:
             raise PyTreesWatchError(f"the tree has {len(self._nodes)} nodes; at most {MOST_NODES} can be watched")
         described = _described(self._nodes)
         name = self._name or self._tree.root.name
-        self._uids = {id(node): uid for uid, node in enumerate(self._nodes, 1)}
-        self._conditions = {node.uid for node in described if node.category != "action"}
+        self._statuses = [Status.INVALID] * len(self._nodes)
+        self._order = _order_of_ticks(described)
         self._began, self._looked = time.monotonic(), 0.0
         run = RunEvent(
             name, name, "", "", 0, "", os.getpid(), time.time(), 0.0, "real", source=f"py_trees process {os.getpid()}"
@@ -116,7 +112,6 @@ class PyTreesWatch:
 
     def _before(self, tree: BehaviourTree) -> None:
         """Wait while somebody has asked for a pause."""
-        self._visitor.seen.clear()
         with self._pace:
             if not self._is_paused or self._shown is None:
                 return
@@ -131,28 +126,28 @@ class PyTreesWatch:
 
     def _after(self, tree: BehaviourTree) -> None:
         """Tell what the tick changed."""
-        nodes = list(_depth_first(tree.root))
-        if len(nodes) != len(self._nodes) or any(a is not b for a, b in zip(nodes, self._nodes, strict=True)):
+        nodes = _depth_first(tree.root)
+        if nodes != self._nodes:
             self._end("its nodes were changed")
             self._begin()
         shown = self._shown
         if shown is None:
             return
-        now, states, uids = self._now(), shown.states, self._uids
-        changes, messages = [], {}
-        # In the order of the tick, then those that it has reset.
-        for node in [*self._visitor.seen, *self._nodes]:
-            uid, state = uids.get(id(node), 0), _STATES[node.status]
-            if uid and states[uid] != state:
-                changes.append((uid, state))
-                states[uid] = state
-                if node.feedback_message and state != IDLE:
-                    messages[uid] = str(node.feedback_message)[:LONGEST_MESSAGE]
+        now, before = self._now(), self._statuses
+        self._statuses = [node.status for node in self._nodes]
+        changed = [at for at, (one, other) in enumerate(zip(self._statuses, before, strict=True)) if one is not other]
+        changed.sort(key=self._order.__getitem__)
+        changes = [(at + 1, _STATES[self._statuses[at]]) for at in changed]
+        messages = {
+            uid: str(self._nodes[uid - 1].feedback_message)[:LONGEST_MESSAGE]
+            for uid, state in changes
+            if state != IDLE and self._nodes[uid - 1].feedback_message
+        }
         shown.tell_states(now, changes, messages)
         for uid, state in changes:
-            if state == FAILURE and uid not in self._conditions:
-                words, path = messages.get(uid, "failed"), shown.tree.nodes[uid - 1].path
-                shown.tell(LogEvent(now, "warning", words, node=path))
+            node = shown.tree.nodes[uid - 1]
+            if state == FAILURE and node.category == "action":
+                shown.tell(LogEvent(now, "warning", messages.get(uid, "failed"), node=node.path))
         if now - self._looked >= BLACKBOARD_PERIOD:
             self._looked = now
             self._look_at_blackboard(shown, now)
@@ -175,18 +170,6 @@ class PyTreesWatch:
             self._pace.notify_all()
 
 
-class _Visitor(VisitorBase):
-    """Collects the nodes that a tick comes to, in order."""
-
-    def __init__(self) -> None:
-        super().__init__(full=False)
-        self.seen: list[Behaviour] = []
-
-    def run(self, behaviour: Behaviour) -> None:
-        """A node was ticked."""
-        self.seen.append(behaviour)
-
-
 def _depth_first(root: Behaviour) -> list[Behaviour]:
     """Parents before children; ``iterate`` of py_trees is the other way round, and recursive."""
     found, pending = [], [root]
@@ -196,6 +179,17 @@ def _depth_first(root: Behaviour) -> list[Behaviour]:
         if node.children:
             pending += reversed(node.children)
     return found
+
+
+def _order_of_ticks(nodes: list[DescribedNode]) -> list[int]:
+    """When each node is done in a tick, by its place: after what is below it, which is done from left to right."""
+    below = [0] * (len(nodes) + 1)
+    depths = [0] * (len(nodes) + 1)
+    for node in reversed(nodes):
+        below[node.parent or 0] += below[node.uid] + 1
+    for node in nodes:
+        depths[node.uid] = depths[node.parent] + 1 if node.parent else 0
+    return [node.uid - 1 + below[node.uid] - depths[node.uid] for node in nodes]
 
 
 def _described(nodes: list[Behaviour]) -> list[DescribedNode]:

@@ -73,7 +73,7 @@ def test_states_messages_and_failures_are_recorded_in_the_order_of_the_tick(tmp_
     assert history.entry_at("", "cups", history.last) is not None
     assert history.end is not None
     assert history.end["outcome"] == "failure"
-    assert tree.post_tick_handlers == tree.visitors == tree.pre_tick_handlers == []
+    assert tree.post_tick_handlers == tree.pre_tick_handlers == []
 
 
 def test_nodes_that_a_tick_resets_are_idle_and_a_changed_tree_is_another_run(tmp_path: Path) -> None:
