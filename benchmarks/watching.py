@@ -1,6 +1,6 @@
 """What it takes to watch a process of BehaviorTree.CPP by Groot2's protocol: losses, lag, cost, restarts, hostility.
 
-    python benchmarks/watching.py [--seconds 10] [--pairs 10] [--restarts 50]
+    python benchmarks/watching.py [--seconds 10] [--pairs 10] [--restarts 50] [--only cost restarts]
 
 The process is behaviortreepy with its own C++ publisher: a tree of 1,000 nodes at 100 Hz in which about 10,000 states a
 second change. Lost: changes that the run folder lacks. Behind: from a change in the process to the message of the
@@ -319,23 +319,27 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=10.0)
     parser.add_argument("--pairs", type=int, default=10)
     parser.add_argument("--restarts", type=int, default=50)
+    parser.add_argument("--only", nargs="+", help="watched, cost, restarts, large, hostile")
     parser.add_argument("--serve", nargs=4, help=argparse.SUPPRESS)
     asked = parser.parse_args()
     if asked.serve:
         port, nodes, rate, leaves = asked.serve
         serve(int(port), int(nodes), float(rate), int(leaves))
         return
-    load = os.getloadavg()[0]
-    figures = {
-        "machine": {"cpu": platform.processor() or platform.machine(), "cpus": os.cpu_count(), "load": load},
+    parts = {
+        "watched": lambda: losses_and_lag(asked.seconds),
+        "cost": lambda: cost(asked.seconds, asked.pairs),
+        "restarts": lambda: restarts(asked.restarts),
+        "large": large,
+        "hostile": hostile,
+    }
+    cpu = {"cpu": platform.processor() or platform.machine(), "cpus": os.cpu_count(), "load": os.getloadavg()[0]}
+    figures: Message = {
+        "machine": cpu,
         "versions": {"python": platform.python_version(), "behaviortreepy": version("behaviortreepy")},
         "tree": {"nodes": NODES, "rate_hz": RATE},
-        "watched": losses_and_lag(asked.seconds),
-        "cost": cost(asked.seconds, asked.pairs),
-        "restarts": restarts(asked.restarts),
-        "large": large(),
-        "hostile": hostile(),
     }
+    figures |= {name: measure() for name, measure in parts.items() if name in (asked.only or parts)}
     print(json.dumps(figures, indent=2))
 
 
