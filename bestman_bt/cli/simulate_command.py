@@ -2,29 +2,41 @@
 
 from __future__ import annotations
 
+import os
 import sys
+import time
 from collections import Counter
 from collections.abc import Iterable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
 from bestman_bt.cli.json_output import json_output
-from bestman_bt.cli.options import Json, Models, Plugins, Search, Seed
+from bestman_bt.cli.options import Json, Models, MonitorOptions, Plugins, Search, Seed, grouped_options
+from bestman_bt.cli.started_monitor import show_in_monitor
 from bestman_bt.configuration import find_data, shipped_trees
-from bestman_bt.engine import FAILURE, IDLE, RUNNING, SUCCESS, Node, render_svg
+from bestman_bt.engine import FAILURE, IDLE, RUNNING, SUCCESS, EngineError, Node, Tree, WallClock, render_svg
+from bestman_bt.engine.core.status import STATUS_NAMES
 from bestman_bt.engine.coverage import Coverage
 from bestman_bt.engine.models.package import Package
 from bestman_bt.engine.models.scenario import Scenario, fits
 from bestman_bt.engine.simulation import LIMIT, SimulatedRun, simulate
+from bestman_bt.records.events import RunEvent
+from bestman_bt.runtime.control_channel import ControlChannel
+from bestman_bt.runtime.executor import Ending, Executor
 from bestman_bt.runtime.plugins import node_registry
+from bestman_bt.runtime.telemetry import Telemetry
 
+PAGE_LOOKS = 1.5
+"""Seconds before and after a run in which the page finds it, and is told how it has ended."""
 MOST_NAMES = 12
 """Paths that one line of the summary names."""
 
 
+@grouped_options
 def command(  # noqa: PLR0913 - its options, each by its name
     tree: Annotated[str, typer.Argument(help="A shipped tree, or an XML or Python file.")],
     scenario: Annotated[
@@ -41,6 +53,7 @@ def command(  # noqa: PLR0913 - its options, each by its name
     svg: Annotated[
         Path | None, typer.Option(metavar="FILE.svg", help="Write a picture, coloured by what the runs came to.")
     ] = None,
+    page: MonitorOptions = MonitorOptions(),
     models: Models = None,
     search: Search = None,
     plugins: Plugins = None,
@@ -51,6 +64,15 @@ def command(  # noqa: PLR0913 - its options, each by its name
         played = Scenario() if scenario is None else Scenario.load(scenario)
         played = replace(played, enums={**played.enums, **_enums(enums or ())})
         registry = node_registry([str(plugin) for plugin in plugins or ()])
+        shown: dict[str, Any] = {}
+        if page.monitor:
+            if runs > 1:
+                raise typer.BadParameter("shows one run: leave out --runs", param_hint="--monitor")
+            show_in_monitor(page.monitor_port)
+            shown = {
+                "clock": WallClock(),
+                "drive": partial(_run_shown, name=tree, seed=seed, period=period, limit=limit),
+            }
         package = Package.open([*(models or ()), *(search or ())], shipped_trees())
         path = find_data("tree", tree)
         results: list[tuple[int, SimulatedRun]] = []
@@ -58,7 +80,7 @@ def command(  # noqa: PLR0913 - its options, each by its name
         for number in range(seed, seed + runs):
             run = simulate(
                 path, registry, scenario=played, seed=number, period=period, limit=limit, package=package,
-                search_path=shipped_trees(), main_tree=tree_id,
+                search_path=shipped_trees(), main_tree=tree_id, **shown,
             )  # fmt: skip
             coverage = coverage or Coverage(run.tree)
             coverage.add(run.transitions)
@@ -73,6 +95,26 @@ def command(  # noqa: PLR0913 - its options, each by its name
         tell(document)
     outcomes = set(document["outcomes"])
     sys.exit(1 if outcomes & {"error", "time limit"} or (runs == 1 and outcomes != {"success"}) else 0)
+
+
+def _run_shown(tree: Tree, *, name: str, seed: int, period: float, limit: float) -> tuple[int, int]:
+    """Tick in real time, with the control channel that the live page connects to; the last status, and the ticks."""
+    executor = Executor(tree, tree.clock, period=period, time_limit=limit)
+    run = RunEvent(
+        task=f"simulation of {Path(name).stem}", tree=name, scene="", robot="", seed=seed, folder="", pid=os.getpid(),
+        started=time.time(), tick_rate=1.0 / period, clock="real",
+    )  # fmt: skip
+    telemetry = Telemetry(executor, run)
+    channel = ControlChannel(executor, partial(executor.cancel, "stopped"), telemetry)
+    with telemetry, channel.serving():
+        time.sleep(PAGE_LOOKS)
+        execution = executor.run()
+        telemetry.end_as(execution)
+        time.sleep(PAGE_LOOKS)
+    if execution.ending is Ending.ERROR:
+        raise EngineError(execution.why)
+    status = RUNNING if execution.ending is not Ending.FINISHED else STATUS_NAMES.index(execution.tree_status)
+    return status, execution.ticks
 
 
 def _enums(texts: Iterable[str]) -> dict[str, int]:

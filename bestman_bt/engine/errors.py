@@ -14,9 +14,15 @@ class EngineError(Error):
 
 
 class NodeError(EngineError):
-    """A node could not execute; ``node`` is its full path, ``where`` what the message calls it."""
+    """A node could not execute; ``node`` is its full path, ``where`` what the message calls it.
 
-    def __init__(self, message: str, *, node: str = "", node_type: str = "", where: str = "") -> None:
+    ``backtrace``: the nodes through which the tick came to it, the root first, itself last, each with type and place.
+    """
+
+    def __init__(
+        self, message: str, *, node: str = "", node_type: str = "", where: str = "", backtrace: Sequence[str] = ()
+    ) -> None:
+        self.backtrace = tuple(backtrace)
         self.node = node
         self.node_type = node_type
         self.reason = message

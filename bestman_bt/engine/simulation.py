@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
 from bestman_bt.engine.authoring import build_tree
-from bestman_bt.engine.clock import ManualClock
+from bestman_bt.engine.clock import EngineClock, ManualClock
 from bestman_bt.engine.core.node import Node
 from bestman_bt.engine.core.ports import key_of
 from bestman_bt.engine.core.registry import NodeRegistry
 from bestman_bt.engine.core.status import FAILURE, IDLE, RUNNING, SUCCESS
 from bestman_bt.engine.core.tree import StateChanges, Tree
-from bestman_bt.engine.errors import EngineError
+from bestman_bt.engine.errors import EngineError, NodeError
 from bestman_bt.engine.graphics import current_states, render_svg
 from bestman_bt.engine.leaves.blackboard import WasEntryUpdated
 from bestman_bt.engine.loading import load_tree
@@ -107,6 +107,8 @@ def simulate(  # noqa: PLR0913 - each by its name
     package: Package | None = None,
     search_path: Iterable[Path] = (),
     main_tree: str | None = None,
+    clock: EngineClock | None = None,
+    drive: Callable[[Tree], tuple[int, int]] | None = None,
 ) -> SimulatedRun:
     """Load a tree, tick it until it ends, and return what happened.
 
@@ -124,11 +126,15 @@ def simulate(  # noqa: PLR0913 - each by its name
         package: other files that have SubTrees, and models of nodes.
         search_path: folders that includes may reach.
         main_tree: the tree to run, where the file holds several.
+        clock: another than a simulated one, that of ``drive``.
+        drive: ticks the tree to its end in another way than by ``period`` and ``limit``, and returns its last status
+            and how many ticks that were.
 
     Raises:
         TreeLoadError: the tree does not load.
     """
-    clock = ManualClock()
+    clock = clock or ManualClock()
+    began = clock.now()
     leaves = SimulatedLeaves(scenario or Scenario(), seed)
     if scenario is None:
         options: dict[str, Any] = {"context": context, "clock": clock, "substitutions": substitutions}
@@ -156,19 +162,34 @@ def simulate(  # noqa: PLR0913 - each by its name
     tree.subscribe(listen)
     status, ticks, error = RUNNING, 0, ""
     try:
-        while status == RUNNING and ticks < MAX_TICKS and clock.now() < limit:
-            if ticks:
-                tree.sleep(period)
-            status = tree.tick_exactly_once()
-            ticks += 1
-        if status == RUNNING:
-            tree.halt()
+        status, ticks = _ticked(tree, period, limit) if drive is None else drive(tree)
     except EngineError as failure:
         if scenario is None:
             raise
-        error = str(failure)
+        error = in_words(failure)
     tree.unsubscribe(listen)
-    return SimulatedRun(status, clock.now(), changes, tree, ticks, error, leaves.simulated, transitions, invented)
+    seconds = clock.now() - began
+    return SimulatedRun(status, seconds, changes, tree, ticks, error, leaves.simulated, transitions, invented)
+
+
+def _ticked(tree: Tree, period: float, limit: float) -> tuple[int, int]:
+    """Tick until the tree ends, or the time is over."""
+    status, ticks = RUNNING, 0
+    while status == RUNNING and ticks < MAX_TICKS and tree.clock.now() < limit:
+        if ticks:
+            tree.sleep(period)
+        status = tree.tick_exactly_once()
+        ticks += 1
+    if status == RUNNING:
+        tree.halt()
+    return status, ticks
+
+
+def in_words(failure: EngineError) -> str:
+    """What ended a run, with the way of its last tick."""
+    if not isinstance(failure, NodeError) or not failure.backtrace:
+        return str(failure)
+    return f"{failure} (the tick went through {' > '.join(failure.backtrace)})"
 
 
 def _invent_entries(tree: Tree) -> list[str]:

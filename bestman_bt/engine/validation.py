@@ -21,6 +21,7 @@ from bestman_bt.engine.dataflow import SCRIPT_ATTRIBUTES, EntryUse, entry_uses
 from bestman_bt.engine.decorators.subtree import SubTree
 from bestman_bt.engine.errors import Problem, TreeLoadError
 from bestman_bt.engine.leaves.base import Condition, StatefulAction
+from bestman_bt.engine.leaves.native import PyTreesBehaviour
 from bestman_bt.engine.loading import load_tree, main_tree_of
 from bestman_bt.engine.models.foreign import Placeholders, main_of, open_documents
 from bestman_bt.engine.models.package import Package
@@ -84,6 +85,11 @@ def validate_file(
         found += [problem for problem in reads if (problem.file, problem.line, problem.field) not in told]
     else:
         found.extend(tree_warnings(tree, given))
+        found += [
+            _warning(node, "", "not portable: BehaviorTree.CPP has no leaves of py_trees")
+            for node in tree.nodes
+            if isinstance(node, PyTreesBehaviour) and not node.children
+        ]
     return _sorted(found)
 
 

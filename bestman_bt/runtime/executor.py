@@ -15,7 +15,7 @@ from enum import StrEnum
 from types import FrameType
 from typing import Literal, Protocol
 
-from bestman_bt.engine import IDLE, RUNNING, EngineError, Tree, status_name
+from bestman_bt.engine import IDLE, RUNNING, EngineError, NodeError, Tree, status_name
 from bestman_bt.engine.clock import EngineClock
 from bestman_bt.engine.own_files import in_words
 from bestman_bt.errors import InputError
@@ -198,6 +198,8 @@ class Executor:
                 raise
             except Exception as error:  # a user's code may raise anything; it is reported and logged below
                 known = isinstance(error, (EngineError, RobotError))
+                if isinstance(error, NodeError):
+                    logging.getLogger(__name__).error("the tick went through %s", " > ".join(error.backtrace))
                 ending, why = Ending.ERROR, str(error) if known else in_words(error)
                 if self._cancel_reason:
                     ending, why = Ending.CANCELLED, self._cancel_reason

@@ -3,11 +3,20 @@
 from __future__ import annotations
 
 import json
+import socket
+import threading
+import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import pytest
 
+from bestman_bt.cli import simulate_command
+from bestman_bt.engine import WallClock
+from bestman_bt.engine.models.scenario import Scenario
+from bestman_bt.engine.simulation import SimulatedRun, simulate
+from bestman_bt.monitor.control_client import socket_folder
 from tests.cli.command_line import Answer
 
 Command = Callable[..., Answer]
@@ -172,3 +181,32 @@ def test_pretending_is_for_simulated_runs(bestman_bt: Command, folder: Path) -> 
     answer = bestman_bt("run", "t.xml", "--pretend", "--driver", "hardware")
     assert (answer.code, "--pretend: is for simulated runs, not for hardware" in answer.err) == (2, True)
     assert "--scenario: is of --pretend" in bestman_bt("run", "t.xml", "--scenario", "s.yaml").err
+
+
+@pytest.mark.slow
+def test_a_simulation_can_be_watched_while_it_runs(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    monkeypatch.setattr(simulate_command, "PAGE_LOOKS", 0.0)
+    runs: list[SimulatedRun] = []
+    scenario = Scenario.from_mapping({"default": {"result": "SUCCESS", "duration": 30}})
+    text = '<root BTCPP_format="4"><BehaviorTree ID="M"><Fly/></BehaviorTree></root>'
+    drive = partial(simulate_command._run_shown, name="m.xml", seed=0, period=0.02, limit=60.0)
+    thread = threading.Thread(
+        target=lambda: runs.append(simulate(text, scenario=scenario, clock=WallClock(), drive=drive))
+    )
+    thread.start()
+    while not (found := list(socket_folder().glob("*.sock"))):
+        time.sleep(0.02)
+    with socket.socket(socket.AF_UNIX) as connection:
+        connection.settimeout(10.0)
+        connection.connect(str(found[0]))
+        stream = connection.makefile("rw")
+        for request in ("status", "halt"):
+            stream.write(json.dumps({"do": request}) + "\n")
+            stream.flush()
+            answer = json.loads(stream.readline())
+            assert answer["ok"], answer
+    thread.join(10.0)
+    (run,) = runs
+    assert (run.outcome, run.halted) == ("time limit", ["Fly::1"])
+    assert run.seconds < 20.0

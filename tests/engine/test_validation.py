@@ -13,6 +13,7 @@ from bestman_bt.engine import (
     FAILURE,
     RUNNING,
     SUCCESS,
+    NodeError,
     NodeRegistry,
     PortInformation,
     Sleep,
@@ -31,6 +32,7 @@ from bestman_bt.engine import (
     simulate,
     validate_file,
 )
+from bestman_bt.engine.models.scenario import Scenario
 
 
 class Grasp(StatefulAction):
@@ -404,3 +406,30 @@ def test_what_behaviortree_cpp_accepts_without_a_word_is_warned_of(tmp_path: Pat
         "what it writes to '{size}' does not reach '@size', which the SubTree maps it to (write to '{@size}' itself)",
     ):
         assert expected in told
+
+
+def test_what_no_behaviortree_cpp_takes_is_told_as_not_portable(tmp_path: Path) -> None:
+    path = file(
+        tmp_path, """<Sequence><Script code='a := "x"'/>\n<Script code="b := 'it said &quot;x&quot;'"/></Sequence>"""
+    )
+    told = [str(problem) for problem in validate_file(path)]
+    assert ["not portable" in line for line in told] == [True], told
+    (tmp_path / "t.py").write_text("import py_trees\n\ndef build():\n    return py_trees.behaviours.Success('yes')\n")
+    (problem,) = validate_file(tmp_path / "t.py")
+    assert (problem.severity, problem.message) == (
+        "warning",
+        "not portable: BehaviorTree.CPP has no leaves of py_trees",
+    )
+
+
+def test_an_error_of_a_node_has_the_way_of_the_tick(tmp_path: Path) -> None:
+    body = '<Sequence name="top"><Inverter><Script name="bad" code="missing = 1"/></Inverter></Sequence>'
+    path = file(tmp_path, body)
+    tree = load_tree(path)
+    with pytest.raises(NodeError) as error:
+        tree.tick_exactly_once()
+    kinds = [line.rpartition("[")[2].rstrip("]") for line in error.value.backtrace]
+    assert kinds == ["Sequence", "Inverter", "Script"]
+    assert all(path.name in line for line in error.value.backtrace)
+    run = simulate(path, scenario=Scenario())
+    assert "the tick went through top" in run.error

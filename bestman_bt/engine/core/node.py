@@ -33,7 +33,7 @@ from bestman_bt.engine.core.around_tick import (
 from bestman_bt.engine.core.ports import declare_typed_ports, make_reader, make_writer
 from bestman_bt.engine.core.py_trees_face import PyTreesFace
 from bestman_bt.engine.core.status import FAILURE, IDLE, RUNNING, SKIPPED, STATUS_NAMES, SUCCESS
-from bestman_bt.engine.core.strict_order import Order, in_order
+from bestman_bt.engine.core.strict_order import Order, in_order, upwards
 from bestman_bt.engine.errors import NodeError
 from bestman_bt.engine.own_files import in_words
 
@@ -329,8 +329,11 @@ class Node(PyTreesFace):
         return self.error(message)
 
     def error(self, message: str) -> NodeError:
-        """Return a ``NodeError`` that names this node."""
-        return NodeError(message, node=self.path, node_type=self.type_id, where=self.where)
+        """Return a ``NodeError`` that names this node, and those through which a tick came to it."""
+        trace = [f"{node.where or node.path} [{node.type_id}]" for node in upwards(self) if isinstance(node, Node)]
+        return NodeError(
+            message, node=self.path, node_type=self.type_id, where=self.where, backtrace=list(reversed(trace))
+        )
 
     @property
     def where(self) -> str:

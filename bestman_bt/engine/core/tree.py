@@ -181,6 +181,12 @@ class Tree:
 
         return tree_to_xml(self)
 
+    def _repr_svg_(self) -> str:
+        """The tree, coloured by what its nodes returned last: what notebooks show."""
+        from bestman_bt.engine.graphics import current_states, render_svg
+
+        return render_svg(self, current_states(self))
+
     def as_subtree(self) -> Node:
         """Return what stands for this tree among the children of a node that is made in Python."""
         from bestman_bt.engine.decorators.subtree import SubTree

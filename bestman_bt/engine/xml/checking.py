@@ -29,6 +29,7 @@ EXPLICIT: Final = frozenset(("Action", "Condition", "Control", "Decorator"))
 PRE_CONDITIONS: Final = ("_failureIf", "_successIf", "_skipIf", "_while")
 POST_CONDITIONS: Final = ("_onHalted", "_onSuccess", "_onFailure", "_post")
 SCRIPTS: Final = frozenset((*PRE_CONDITIONS, *POST_CONDITIONS))
+_SINGLE_QUOTED: Final = re.compile(r"'[^']*'")
 _BOOLS: Final = frozenset(("true", "false", "1", "0", "True", "False", "TRUE", "FALSE"))
 
 Report = Callable[[str, str, str], None]
@@ -245,6 +246,9 @@ class Checker:
         except ScriptError as error:
             self._report(element, key, str(error), "", self._wrong)
             return
+        if '"' in _SINGLE_QUOTED.sub("", text):
+            message = "not portable: BehaviorTree.CPP refuses strings in double quotes"
+            self._report(element, key, message, "write them in single ones", "warning")
         if any(assigns_to_no_key(statement) for statement in statements):
             self._report(element, key, f"only a blackboard key can be assigned to, in '{text[:80]}'", "", "latent")
 
