@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import json
+import re
 import sys
 import time
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
-from typing import Annotated, Any
+from typing import Annotated, Any, NoReturn
 
 import typer
 from rich.console import Console, Group, RenderableType
@@ -30,6 +31,7 @@ from bestman_bt.evaluation.result import RunResult
 from bestman_bt.evaluation.shards import KnownDurations, Shard
 from bestman_bt.evaluation.suite import Suite, SuiteEntry, make_suite
 from bestman_bt.evaluation.summary import spread_words
+from bestman_bt.evaluation.sweep import draw_settings
 
 # An evaluation on the terminal: a table that fills while it goes on, a line per episode elsewhere.
 
@@ -199,10 +201,24 @@ def command(
     as_json: Json = False,
 ) -> None:
     """Run seeds SEED … SEED + EPISODES - 1 of each task and summarise."""
+    evaluate(asked.suite, tasks, execution, out, page, as_json, compare, keep_old)
+
+
+def evaluate(
+    make: Callable[[list[str]], Suite],
+    tasks: Sequence[str],
+    execution: ExecutionOptions,
+    out: Path | None,
+    page: MonitorOptions,
+    as_json: bool,
+    compare: bool = False,
+    keep_old: bool = False,
+) -> NoReturn:
+    """Run, or merge, the suite that ``make`` gives for ``tasks``, print what it came to, and exit with its code."""
     with json_output(as_json) as tell:
         execution.check()
         merged = [*(execution.merge or ()), *(Path(task) for task in tasks if execution.merge and Path(task).is_dir())]
-        suite = asked.suite([task for task in tasks if Path(task) not in merged])
+        suite = make([task for task in tasks if Path(task) not in merged])
         if compare and sum(not entry.control for entry in suite.entries) < 2:
             raise ConfigurationError([Problem("--compare", None, "", f"needs two entries, {suite.name} has one")])
         if page.monitor:
@@ -245,7 +261,9 @@ def _evaluate(evaluation: Evaluation, folder: Path, jobs: int, compare: bool, me
             markdown(document) + ("\n".join(lines) if compared else ""), encoding="utf-8"
         )
         for one in compared:
-            one.draw(folder / f"{one.names[1]}_against_{one.names[0]}.svg".replace("/", "_"))
+            one.draw(folder / re.sub(r"[^\w.=-]+", "_", f"{one.names[1]}_against_{one.names[0]}.svg"))
+        if len(compared) > 1:
+            draw_settings(folder / "settings.svg", evaluation.finished_entries())
         CONSOLE.print(f"written: {folder / 'summary.md'}", highlight=False, soft_wrap=True)
     return document
 

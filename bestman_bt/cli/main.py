@@ -16,6 +16,7 @@ VERBS = {
     "run": "run a tree or a task once and judge it",
     "plan": "plan for a goal in words or facts, make a tree of the plan and check it",
     "eval": "run a task over many seeds and summarise",
+    "sweep": "run the same seeds with several settings and compare",
     "compare": "compare two evaluations seed by seed",
     "look": "show what the robot perceives of the furniture in a scene",
     "cloud": "show, thin, clean, convert and draw a cloud of points",
@@ -54,7 +55,7 @@ VERBS = {
 NUMBERS = {"int": "whole number", "int range": "whole number", "float": "number", "float range": "number"}
 """What typer calls the types of options → what people do."""
 
-STARTING = ("demo", "run", "plan", "eval", "look", "twin", "monitor", "render", "replay", "robot", "calibrate")
+STARTING = ("demo", "run", "plan", "eval", "sweep", "look", "twin", "monitor", "render", "replay", "robot", "calibrate")
 """Verbs that start something: where their input is wrong, they say that nothing was started."""
 
 
