@@ -164,6 +164,7 @@ def skills() -> Any:
     context.arm = SimpleNamespace(name="arm", carry=lambda mass, centre: None)
     context.joints = SimpleNamespace(positions=lambda: {"joint": 0.0})
     context.computation = InlineComputation(clock)
+    context.stop = SimpleNamespace(latched=False)
     context.costs = {"task_planning": 0.2, "bringing": 0.2}
     context.failures = []
     return context
