@@ -13,7 +13,7 @@ from bestman_bt.facts.on import ON
 from bestman_bt.facts.predicate import Beliefs, Predicate
 from bestman_bt.registry import suggestion
 from bestman_bt.task_planning.abilities import Ability, DeclarationError, abilities_of
-from bestman_bt.task_planning.state import SUPERTYPES, known_predicates, read_state, things
+from bestman_bt.task_planning.state import SUPERTYPES, TYPES, known_predicates, read_state, things
 from bestman_bt.task_planning.symbolic.facts import parse_conditions, parse_fact, parse_goal, parse_literals
 from bestman_bt.task_planning.symbolic.grounding import written_out
 from bestman_bt.task_planning.symbolic.problem import (
@@ -62,6 +62,14 @@ class Domain:
         return known
 
     def _check_types(self) -> None:
+        declared = {name: predicate.parameters for name, predicate in self.predicates.items()}
+        declared |= {ability.name: ability.operator.parameters for ability in self.abilities}
+        for name, parameters in declared.items():
+            for parameter, kind in parameters.items():
+                if kind not in TYPES:
+                    raise DeclarationError(
+                        f"{name}: {parameter} has the type {kind!r}; {suggestion(kind, list(TYPES))}"
+                    )
         for ability in self.abilities:
             for fact, types in _uses(ability.operator):
                 wanted = self.signatures[fact.predicate]

@@ -15,6 +15,7 @@ from bestman_bt.world_model import WorldModel
 
 T = TypeVar("T")
 
+TYPES = ("object", "place", "container", "drawer")
 SUPERTYPES: dict[str, tuple[str, ...]] = {"drawer": ("place", "container")}
 """A drawer goes by one name, whether something is put into it or it is opened."""
 

@@ -351,3 +351,9 @@ def test_a_predicate_with_other_arguments_than_declared_is_told():
     registry.register(Odd)
     with pytest.raises(DeclarationError, match="on takes object, place"):
         Domain.of(registry)
+
+
+def test_a_type_that_nothing_has_is_refused_with_the_closest() -> None:
+    tall = Predicate("tall", {"object": "objct"}, "the {object} is tall")
+    with pytest.raises(DeclarationError, match="tall: object has the type 'objct'; did you mean 'object'"):
+        Domain((), {"tall": tall})
