@@ -270,9 +270,10 @@ def served(sent: bytes, stays: bool = False) -> Iterator[int]:
 
         def serve() -> None:
             connection, _ = server.accept()
-            with connection:
+            with connection, contextlib.suppress(OSError):  # the client may have gone at the first wrong byte
                 connection.sendall(sent)
-                connection.shutdown(socket.SHUT_WR) if not stays else None
+                if not stays:
+                    connection.shutdown(socket.SHUT_WR)
                 over.wait(10.0)
 
         thread = threading.Thread(target=serve, daemon=True)
