@@ -8,6 +8,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterable
+from itertools import islice
 from pathlib import Path
 from typing import Any, Literal
 
@@ -42,11 +43,20 @@ BLACKBOARD_SHARE = 20
 """The process answers nothing else while it writes its blackboards out: they are asked for so many times as rarely."""
 RETRY = 0.5
 """Seconds between two attempts to reach a process."""
+WAS_FINE = 5.0
+"""Seconds of watching after which what ends it is said, also where the same was said before."""
+MOST_REACHED = 1000
+"""Breakpoints that are read at one look."""
 ONE_MOMENT = 1e-3
 """Seconds: transitions that are nearer are told as one moment."""
 ROOT = 1
 _WHEN: dict[Position, Literal["before", "after"]] = {Position.BEFORE: "before", Position.AFTER: "after"}
 _POSITIONS = {when: position for position, when in _WHEN.items()}
+
+
+def _print(words: str) -> None:
+    sys.stderr.write(f"bestman-bt: {words}\n")
+    sys.stderr.flush()
 
 
 class Groot2Watcher:
@@ -56,9 +66,7 @@ class Groot2Watcher:
     ``say``: is given what goes wrong, once for as long as it lasts.
     """
 
-    def __init__(
-        self, host: str, port: int, runs: Path | None, say: Callable[[str], None] = lambda words: _print(words)
-    ) -> None:
+    def __init__(self, host: str, port: int, runs: Path | None, say: Callable[[str], None] = _print) -> None:
         self._host, self._port, self._runs, self._say = host, port, runs, say
         self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._watch, name=f"groot2 {host}:{port}", daemon=True)
@@ -77,32 +85,27 @@ class Groot2Watcher:
         said, place = "", f"{self._host}:{self._port}"
         address = f"groot2://{place}"
         while not self._stopping.is_set():
+            began = time.monotonic()
             try:
                 client = Groot2Client(self._host, self._port)
                 try:
-                    said = ""
                     _Session(client, address, self._runs, self._stopping).follow()
                 finally:
                     client.close()
             except TreeChangedError:
                 continue
             except (Error, OSError) as error:
-                if str(error) != said:
+                if str(error) != said or time.monotonic() - began > WAS_FINE:
                     said = str(error)
                     self._say(f"{'' if place in said else f'{address}: '}{said}; trying again")
             self._stopping.wait(RETRY)
-
-
-def _print(words: str) -> None:
-    sys.stderr.write(f"bestman-bt: {words}\n")
-    sys.stderr.flush()
 
 
 class _Session:
     """One execution, from the first answer of a process to its last."""
 
     def __init__(self, client: Groot2Client, address: str, runs: Path | None, stopping: threading.Event) -> None:
-        self._client, self._stopping, self._runs = client, stopping, runs
+        self._client, self._stopping = client, stopping
         tree = read_tree(client.full_tree(), address)
         self._recorded, started = True, time.time()
         try:
@@ -110,7 +113,6 @@ class _Session:
         except RequestError:
             self._recorded = False
         self._began = time.monotonic()
-        self._tree = tree
         self._scopes = {node.scope or tree.id: node.scope for node in tree.nodes}
         self._nodes = {node.uid: node for node in tree.nodes}
         self._standing: dict[int, int] | None = client.states()
@@ -159,7 +161,7 @@ class _Session:
             self._tell_standing(self._client.states(), set())
             return
         news = self._client.transitions()
-        while len(news) >= MOST_TRANSITIONS:
+        while len(news) >= MOST_TRANSITIONS and not self._stopping.is_set():
             self._shown.say(
                 "warning", f"a gap: {len(news)} changes at once, as many as the process keeps; some are lost"
             )
@@ -187,7 +189,7 @@ class _Session:
                 begin = end
 
     def _take_breakpoints(self) -> None:
-        while (uid := self._client.reached()) is not None:
+        for uid in islice(iter(self._client.reached, None), MOST_REACHED):
             self._points.reached(uid, self._shown.time)
 
     def _take_blackboards(self) -> None:
