@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ipaddress
+import signal
 import socket
 import sys
 import webbrowser
@@ -102,6 +103,8 @@ def command(
         if not no_browser and is_loopback(host):
             webbrowser.open(address)
 
+    if watchers:  # the server ends in order and then gives the signal again, which must not keep them from their end
+        signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
     try:
         MonitorServer(config).run(listening, started)
     finally:

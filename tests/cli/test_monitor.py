@@ -17,8 +17,13 @@ import pytest
 
 from bestman_bt.cli.started_monitor import show_in_monitor
 from bestman_bt.configuration import ConfigurationError
+from bestman_bt.engine import load_tree
+from bestman_bt.monitor.groot2 import Groot2Publisher
 from bestman_bt.monitor.recorded import identity_of
-from tests.cli.command_line import Program
+from bestman_bt.records.reader import read
+from tests.cli.command_line import Program, wait_for
+from tests.monitor.conftest import wait_until
+from tests.monitor.groot2.wire_client import free_ports
 
 
 @pytest.fixture(autouse=True)
@@ -143,3 +148,28 @@ def test_one_or_two_recorded_runs_are_opened_at_once(tmp_path: Path) -> None:
     address = address_of(program)
     assert program.answer(60.0).code == 0
     assert address.endswith(f"/#{identity_of(runs[0])}&{identity_of(runs[1])}")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("ends_by", [signal.SIGTERM, signal.SIGINT])
+def test_a_process_that_is_watched_leaves_a_run_folder_with_an_end(tmp_path: Path, ends_by: signal.Signals) -> None:
+    xml = '<root BTCPP_format="4"><BehaviorTree ID="Nap"><Sleep name="nap" msec="60000"/></BehaviorTree></root>'
+    port, tree = free_ports(), load_tree(xml)
+    connected = ("--connect", f"groot2://127.0.0.1:{port}", "--runs", "kept")
+    with Groot2Publisher(tree, port):
+        program = Program("monitor", "--port", 0, "--no-browser", *connected, folder=tmp_path)
+        assert address_of(program)
+        tree.tick_exactly_once()
+        found = wait_for(tmp_path, "kept/*-Nap/transitions.btlog")
+        wait_until(lambda: read(found.parent).states.now.running() == [1], "the leaf runs")
+        program.process.send_signal(ends_by)
+        assert program.answer().code == {signal.SIGTERM: 0, signal.SIGINT: 130}[ends_by]
+    history = read(found.parent)
+    assert history.end is not None
+    assert (history.end["outcome"], history.end["why"]) == ("cancelled", "the watching ended")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("address", ["127.0.0.1:1667", "groot2://:1667", "groot2://robot:0", "groot1://robot:1667"])
+def test_an_address_that_is_none_starts_nothing(tmp_path: Path, address: str) -> None:
+    assert f"--connect: '{address}'" in refusal(tmp_path, "--connect", address)

@@ -294,7 +294,7 @@ def report_page(stories: Sequence[RunStory], now: datetime) -> str:
     tasks = list(dict.fromkeys(story.task for story in stories))
     first = stories[0]
     page = environment.get_template("page.html").render(
-        title=f"Runs of {', '.join(tasks[:4])}" if many else f"{first.task}, seed {first.seed}: {first.outcome}",
+        title=f"Runs of {', '.join(tasks[:4])}" if many else f"{first.title}: {first.outcome}",
         style=Markup(css_variables() + (TEMPLATES / "style.css").read_text(encoding="utf-8")),  # noqa: S704 - our own files
         version=version("bestman-bt"),
         made=now.strftime("%Y-%m-%d %H:%M"),

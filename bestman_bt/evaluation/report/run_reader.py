@@ -86,9 +86,10 @@ def read_story(folder: Path) -> RunStory:
         raise ReportError(f"{folder}: {'; '.join(notes) or 'nothing of a run is in it'}")
     task = about.get("task") if isinstance(about.get("task"), dict) else {}
     end = history.end["time"] if history.end else 0.0
+    name = _text(about.get("name") or history.about.get("task")) or folder.name
     return RunStory(
         folder=folder,
-        task=result.task if result is not None else _text(about.get("name")) or folder.name,
+        task=result.task if result is not None else name,
         seed=result.seed if result is not None else _number(about.get("seed")),
         robot=_text(task.get("robot") if task else ""),
         scene=_text(task.get("scene") if task else ""),
@@ -105,6 +106,7 @@ def read_story(folder: Path) -> RunStory:
         pictures=tuple(_pictures(folder, notes)),
         stops=tuple(_stops(folder, notes)),
         notes=tuple(notes),
+        source=_text(history.about.get("source")),
     )
 
 

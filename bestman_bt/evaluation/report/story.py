@@ -49,7 +49,7 @@ class RunStory:
     the epoch, None where nothing tells. ``duration``: seconds of the robot's clock up to the last thing that is known.
     ``entry``: of a suite, empty of other runs. ``settings``: what else decides the run, as ``--set`` names it → text.
     ``result``: None where the run never came to its end. ``stops``: what its black
-    boxes tell. ``notes``: what could not be read, in words.
+    boxes tell. ``notes``: what could not be read, in words. ``source``: the process of others that was watched.
     """
 
     folder: Path
@@ -70,6 +70,13 @@ class RunStory:
     pictures: tuple[StoryPicture, ...] = ()
     stops: tuple[StopChart, ...] = ()
     notes: tuple[str, ...] = field(default=())
+    source: str = ""
+
+    @property
+    def title(self) -> str:
+        """The task, and which of its runs this is."""
+        which = self.source if self.source or (self.result is None and not self.config) else f"seed {self.seed}"
+        return ", ".join(part for part in (self.task, which) if part)
 
     @property
     def scene_and_robot_settings(self) -> str:

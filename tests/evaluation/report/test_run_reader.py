@@ -246,3 +246,13 @@ def test_the_runs_below_a_folder_are_found_and_links_are_not_followed(tmp_path: 
 
 def test_hostile_names_are_kept_as_text(tmp_path: Path) -> None:
     assert HOSTILE in {node.name for node in read_story(write_run(tmp_path / "run")).nodes}
+
+
+def test_a_log_alone_and_a_process_of_others_are_titled_by_what_they_are(tmp_path: Path) -> None:
+    folder = write_run(tmp_path / "run", killed=True)
+    for part in ("config.yaml", "result.json"):
+        (folder / part).unlink(missing_ok=True)
+    assert read_story(folder / "transitions.btlog").title == "transitions.btlog"
+    events = folder / "events.jsonl"
+    events.write_text(events.read_text().replace('"source":""', '"source":"groot2://127.0.0.1:1667"', 1))
+    assert read_story(folder).title.endswith(", groot2://127.0.0.1:1667")
