@@ -23,7 +23,9 @@ class PeerPath:
     plan_ms: float
 
 
-def ompl_simplified(start, goal, world: CollisionWorld, arm: ArmModel, seed: int, seconds: float = 0.06) -> PeerPath:
+def ompl_simplified(
+    start, goal, world: CollisionWorld, arm: ArmModel, seed: int, seconds: float = 0.06, kind: str = "RRTConnect"
+) -> PeerPath:
     util.setLogLevel(util.LOG_NONE)
     util.RNG.setSeed(seed)
     count = len(arm.joint_names)
@@ -51,7 +53,7 @@ def ompl_simplified(start, goal, world: CollisionWorld, arm: ArmModel, seed: int
     targets.addState(ends[1])
     setup.addStartState(ends[0])
     setup.setGoal(targets)
-    setup.setPlanner(geometric.RRTConnect(information))
+    setup.setPlanner(getattr(geometric, kind)(information))
     begin = time.process_time()
     setup.solve(base.PlannerTerminationCondition(lambda: checks > MAX_CHECKS))
     plan_ms = 1e3 * (time.process_time() - begin)
