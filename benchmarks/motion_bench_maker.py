@@ -405,20 +405,11 @@ def measure(problems: list[Problem], robot: RobotModel, arm: ArmModel, solvers: 
             gc.collect()
             answers[name][problem.name] = answer = solve(problem, world, arm, seed + len(counted))
             free[name][problem.name] = judge.passes(answer)
-            if os.environ.get("MBM_TRACE"):
-                print(
-                    problem.name,
-                    name,
-                    round(answer.plan_ms, 1),
-                    free[name][problem.name],
-                    answer.error,
-                    file=sys.stderr,
-                )
     families: dict[str, list[str]] = {}
     for problem in counted:
         families.setdefault(problem.family, []).append(problem.name)
     everything = [problem.name for problem in counted]
-    base = answers["ompl_rrt_connect"] if "ompl_rrt_connect" in answers else answers["ours"]
+    base = answers.get("ompl_rrt_connect", dict.fromkeys(everything, Answer(0.0)))
     return {
         "problems": len(counted),
         "left_out": left_out,
@@ -458,7 +449,7 @@ def main() -> None:
     parser.add_argument("--every", type=int, default=1, metavar="N", help="only each N-th problem of a family")
     parser.add_argument("--only", default="", metavar="TEXT", help="only problems with this in their name")
     parser.add_argument("--ours-only", action="store_true", help="without OMPL's planners: no cost ratio")
-    parser.add_argument("--planner", default="portfolio", help="a name registered under motion_planning/")
+    parser.add_argument("--planner", default="rrt_connect", help="a name registered under motion_planning/")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--json", action="store_true", help="print one JSON document")
     arguments = parser.parse_args()

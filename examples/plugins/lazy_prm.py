@@ -39,13 +39,13 @@ class PRM(SamplingPlanner):
     samples: Count = 1500
     neighbours: Count = 15
 
-    def search(self, query: PlanningQuery, validity: CountedValidity, seed: int) -> NDArray[np.float64] | None:
+    def search(self, query: PlanningQuery, edges: CheckedEdges, seed: int) -> NDArray[np.float64] | None:
         """See the base class."""
+        validity = edges.is_valid
         last_check = validity.checks + self.max_checks
         rng = np.random.default_rng(seed)
         nodes = self._nodes(query, validity, rng, last_check)
         weights = _neighbours(nodes, self.neighbours)
-        edges = CheckedEdges(validity, self.check_step, self.check_step)
         goals = np.arange(1, len(query.goals) + 1)
         for _ in range(self.max_iterations):
             route = _shortest(weights, goals)

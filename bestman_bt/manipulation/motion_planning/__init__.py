@@ -8,8 +8,9 @@ from bestman_bt.manipulation.motion_planning.base import (
     PlanningError,
     PlanningErrorCode,
 )
-from bestman_bt.manipulation.motion_planning.ompl_planners import AORRTC, KPIECE, BITStar, RRTConnect, RRTStar
+from bestman_bt.manipulation.motion_planning.ompl_planners import AORRTC, KPIECE, BITStar, RRTStar
 from bestman_bt.manipulation.motion_planning.portfolio import Portfolio
+from bestman_bt.manipulation.motion_planning.rrt_connect import RRTConnect
 from bestman_bt.manipulation.motion_planning.timed_planner import Escape, TimedMotionPlanner, TimedPlan
 from bestman_bt.manipulation.motion_planning.upright import Upright
 

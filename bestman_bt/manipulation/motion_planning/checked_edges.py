@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from enum import IntEnum
 from functools import lru_cache
 from itertools import pairwise
@@ -87,12 +87,18 @@ class CheckedEdges:
     ``coarse``, ``fine``: rad (Euclidean) between the points of a coarse and a fine check, ends included.
     """
 
-    def __init__(self, is_valid: Callable[[NDArray[np.float64]], bool], coarse: float, fine: float) -> None:
-        self._is_valid = is_valid
+    def __init__(self, is_valid: CountedValidity, coarse: float, fine: float) -> None:
+        self.is_valid = is_valid
+        self._valid: set[bytes] = set()
         self._coarse = coarse
         self._ratio = max(1, math.ceil(coarse / fine - 1e-9))
         self._proofs: dict[tuple[bytes, bytes], Proof] = {}
         self._blocked: set[tuple[bytes, bytes]] = set()
+
+    @property
+    def checks(self) -> int:
+        """Configurations asked for so far."""
+        return self.is_valid.checks
 
     def is_free(self, a: NDArray[np.float64], b: NDArray[np.float64], fine: bool = False) -> bool:
         """Whether the straight way from ``a`` to ``b``, each (n,), is valid; blocked ways are found out coarsely."""
@@ -106,6 +112,7 @@ class CheckedEdges:
             self._blocked.add(key)
             return False
         self._proofs[key] = Proof.FINE if fine else Proof.COARSE
+        self._valid.update(key)
         return True
 
     def is_path_free(self, path: NDArray[np.float64]) -> bool:
@@ -124,9 +131,9 @@ class CheckedEdges:
     def _check(self, a: NDArray[np.float64], b: NDArray[np.float64], proof: Proof, fine: bool) -> bool:
         difference = b - a
         count = max(1, math.ceil(math.sqrt(difference.dot(difference)) / self._coarse))
-        is_valid = self._is_valid
+        is_valid = self.is_valid
         if proof is not Proof.COARSE:
-            if not (is_valid(b) and is_valid(a)):
+            if not all(point.tobytes() in self._valid or is_valid(point) for point in (b, a)):
                 return False
             if not all(is_valid(a + fraction * difference) for fraction in halving_order(count)):
                 return False
@@ -137,4 +144,6 @@ class CheckedEdges:
 
 
 def _key(a: NDArray[np.float64], b: NDArray[np.float64]) -> tuple[bytes, bytes]:
-    return a.tobytes(), b.tobytes()
+    """The same for both directions."""
+    one, other = a.tobytes(), b.tobytes()
+    return (one, other) if one < other else (other, one)

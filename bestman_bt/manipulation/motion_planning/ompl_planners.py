@@ -9,16 +9,16 @@ import math
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Annotated, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 from ompl import base, geometric, util
 
-from bestman_bt.manipulation.motion_planning.checked_edges import CountedValidity
+from bestman_bt.manipulation.motion_planning.checked_edges import CheckedEdges, CountedValidity
 from bestman_bt.manipulation.motion_planning.query import PlanningQuery
 from bestman_bt.manipulation.motion_planning.sampling_planner import SamplingPlanner
-from bestman_bt.messages.shapes import Count, Positive
+from bestman_bt.messages.shapes import Count
 
 # One search by a planner of OMPL: exact solutions only, seeded, ended by counts.
 # Sucan, Moll and Kavraki, "The Open Motion Planning Library", IEEE Robotics & Automation Magazine 2012.
@@ -111,10 +111,10 @@ class OmplPlanner(SamplingPlanner):
     longest: ClassVar[float | None] = None
     max_iterations: Count = 1_000_000
 
-    def search(self, query: PlanningQuery, validity: CountedValidity, seed: int) -> NDArray[np.float64] | None:
+    def search(self, query: PlanningQuery, edges: CheckedEdges, seed: int) -> NDArray[np.float64] | None:
         """See the base class."""
         counts = self.check_step, self.max_checks, self.max_iterations
-        return ompl_search(query, validity, seed, type(self).kind, self.longest, *counts)
+        return ompl_search(query, edges.is_valid, seed, type(self).kind, self.longest, *counts)
 
 
 @dataclass(frozen=True)
@@ -168,32 +168,3 @@ class RRTStar(OmplPlanner):
     longest = math.inf  # with OMPL's own range it did not reach the shelf in 40,000 checks
     max_checks: Count = 20_000
     attempts: Count = 3
-
-
-@dataclass(frozen=True)
-class RRTConnect(SamplingPlanner):
-    """Two trees that grow towards each other: first with short branches, then with long ones.
-
-    Kuffner and LaValle, "RRT-Connect: an efficient approach to single-query path planning", ICRA 2000.
-
-    ``short_range``: rad, the longest branch of a first search, which keeps paths short; ``short_checks``: collision
-    checks that it may take. Then branches may be of any length, which finds the way through narrow places.
-    """
-
-    max_checks: Count = 10_000
-    attempts: Count = 12
-    short_range: Annotated[Positive, "rad"] = 0.7
-    short_checks: Count = 1500
-
-    def search(self, query: PlanningQuery, validity: CountedValidity, seed: int) -> NDArray[np.float64] | None:
-        """See the base class."""
-        stages = ((self.short_range, min(self.short_checks, self.max_checks)), (math.inf, 0))
-        before = validity.checks
-        for longest, checks in stages:
-            left = self.max_checks - (validity.checks - before)
-            if left > 0:
-                counts = self.check_step, checks or left, self.max_iterations
-                found = ompl_search(query, validity, seed, geometric.RRTConnect, longest, *counts)
-                if found is not None:
-                    return found
-        return None

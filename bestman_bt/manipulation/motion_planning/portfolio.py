@@ -20,7 +20,8 @@ from bestman_bt.manipulation.motion_planning.base import (
     PlanningError,
     PlanningErrorCode,
 )
-from bestman_bt.manipulation.motion_planning.ompl_planners import AORRTC, KPIECE, BITStar, RRTConnect, RRTStar
+from bestman_bt.manipulation.motion_planning.ompl_planners import AORRTC, KPIECE, BITStar, RRTStar
+from bestman_bt.manipulation.motion_planning.rrt_connect import RRTConnect
 from bestman_bt.manipulation.motion_planning.sampling_planner import SamplingPlanner
 from bestman_bt.messages.shapes import Count
 
@@ -36,7 +37,7 @@ Member = Literal["aorrtc", "bit_star", "kpiece", "rrt_connect", "rrt_star"]
 
 @dataclass(frozen=True)
 class Portfolio(MotionPlanner):
-    """Asks its planners in turn, each with its own generator: RRT-Connect is quick and KPIECE gets through anything.
+    """Asks its planners in turn, each with its own generator: RRT-Connect is quick, KPIECE searches in another way.
 
     In turn and not at once: OMPL seeds all generators of a process from one, and a collision world answers one thread
     at a time, so planners that race would answer differently from run to run. Evaluations use a single planner all
@@ -49,7 +50,7 @@ class Portfolio(MotionPlanner):
 
     planners: Annotated[tuple[Member, ...], MinLen(1)] = ("rrt_connect", "kpiece")
     take: Literal["first", "best"] = "first"
-    impatience: Count = 3000
+    impatience: Count = 20_000
 
     @cached_property
     def members(self) -> Sequence[MotionPlanner]:

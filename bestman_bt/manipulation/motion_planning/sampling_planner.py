@@ -31,6 +31,8 @@ from bestman_bt.messages.shapes import Count, NonNegative, Positive, WholeNumber
 
 _LEAST_GAIN = 0.01
 """Radians; less is not worth the checks."""
+_SWEEPS = 5
+_PULLS = (0.7, 0.35, 0.15)
 
 
 def shortcut(
@@ -90,7 +92,34 @@ def _shorter(
         path = _without_repeats(np.concatenate([path[: i + 1], [a, b], path[j + 1 :]]))
         failures = 0
         yield path
+    for taut in _tauten(path, edges, fine) if attempts else ():
+        path = taut
+        yield path
     yield from _skip_waypoints(path, edges, fine)
+
+
+def _tauten(path: NDArray[np.float64], edges: CheckedEdges, fine: bool) -> Iterator[NDArray[np.float64]]:
+    """Pull each waypoint towards the straight line between its neighbours, as far as the two ways to them stay free."""
+    for _ in range(_SWEEPS):
+        before = _length(path)
+        for i in range(1, len(path) - 1):
+            a, point, b = path[i - 1 : i + 2]
+            along = b - a
+            foot = a + np.clip((point - a) @ along / max(along @ along, 1e-12), 0.0, 1.0) * along
+            for share in _PULLS:
+                pulled = point + share * (foot - point)
+                if _length(path[i - 1 : i + 2]) - _length(np.array([a, pulled, b])) < _LEAST_GAIN:
+                    break
+                if edges.is_free(a, pulled, fine) and edges.is_free(pulled, b, fine):
+                    path = np.concatenate([path[:i], [pulled], path[i + 1 :]])
+                    yield path
+                    break
+        if before - _length(path) < _LEAST_GAIN:
+            break
+
+
+def _length(path: NDArray[np.float64]) -> float:
+    return float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
 
 
 def _skip_waypoints(path: NDArray[np.float64], edges: CheckedEdges, fine: bool) -> Iterator[NDArray[np.float64]]:
@@ -128,7 +157,8 @@ class SamplingPlanner(MotionPlanner):
 
     The result depends on the arguments alone: every search is seeded from ``rng`` and ends by counts, not by time.
 
-    ``check_step``, ``final_check_step``: rad between checked points while planning, and of the finished path.
+    ``check_step``, ``final_check_step``: rad between checked points while planning, and of the finished path; where a
+    path does not stand the final check, the next attempt plans with half the step.
     ``max_checks``: collision checks after which an attempt ends; ``max_iterations``: of the search.
     ``attempts``: searches from fresh seeds. ``shortcut_attempts``, ``shortcut_patience``: see ``shortcut``.
     ``limit_tolerance``: rad by which the start may lie outside its limits (an arm that sags or overshoots).
@@ -146,8 +176,11 @@ class SamplingPlanner(MotionPlanner):
     wall_limit: Annotated[Positive, "s"] = 60.0
 
     @abstractmethod
-    def search(self, query: PlanningQuery, validity: CountedValidity, seed: int) -> NDArray[np.float64] | None:
-        """A path (N, n) from the query's start to one of its goals, or None within the limits of one attempt."""
+    def search(self, query: PlanningQuery, edges: CheckedEdges, seed: int) -> NDArray[np.float64] | None:
+        """A path (N, n) from the query's start to one of its goals, or None within the limits of one attempt.
+
+        Ways that ``edges`` already knows as free are not checked again when the path is shortened.
+        """
 
     def plan(
         self,
@@ -161,17 +194,20 @@ class SamplingPlanner(MotionPlanner):
         """Plan from ``start`` to any of ``goals``; see the base class."""
         query = check_query(start, goals, world, limits, constraint, self.limit_tolerance)
         validity = CountedValidity(world, constraint, self.wall_limit)
-        edges = CheckedEdges(validity, self.check_step, self.final_check_step)
+        step = self.check_step
+        edges = CheckedEdges(validity, step, self.final_check_step)
         for goal in sorted(query.goals, key=lambda q: float(np.linalg.norm(q - query.start))):
             if edges.is_free(query.start, goal, fine=True):
                 return MotionPlan(np.array([query.start, goal]), query.index_of(goal), validity.checks)
         for _ in range(self.attempts):
-            found = self.search(query, validity, int(rng.integers(1, 2**31 - 1)))
+            found = self.search(query, edges, int(rng.integers(1, 2**31 - 1)))
             if found is None:
                 continue
             path = self.shorten(found, edges, rng)
             if path is not None:
                 return MotionPlan(path, query.index_of(path[-1]), validity.checks)
+            step = max(step / 2, self.final_check_step)  # what is there is thin: look more closely
+            edges = CheckedEdges(validity, step, self.final_check_step)
         raise PlanningError(
             PlanningErrorCode.NO_PATH,
             f"{type(self).__name__} found no path to any of {len(query.goals)} goals after {validity.checks} "
