@@ -15,7 +15,8 @@ from behaviours.computation import Computation, TimeSource
 from behaviours.contacts import Contact
 from behaviours.failure import NodeFailure
 from behaviours.parts import PartKind
-from bestman_bt.messages import Pose
+from bestman_bt.errors import RobotError
+from bestman_bt.messages import Failure, MotionErrorCode, MotionObstacle, MotionStage, Pose
 from bestman_bt.world_model import HeldObject, WorldModel
 
 if TYPE_CHECKING:
@@ -47,6 +48,17 @@ if TYPE_CHECKING:
 
 SWAY = 0.01
 """Metres that an arm and what it holds may be beside where its encoders say while the base drives."""
+STRUCK = frozenset(
+    (
+        MotionErrorCode.TRACKING,
+        MotionErrorCode.BLOCKED,
+        MotionErrorCode.GUARDED,
+        MotionErrorCode.TIMEOUT,
+        MotionErrorCode.COLLISION,
+        MotionErrorCode.FAULT,
+    )
+)
+"""Codes of motions that something may have held up."""
 DRIVEN = "carry"
 """The posture in which trees have the arm driven to a stand, for whoever chooses one before."""
 
@@ -231,6 +243,22 @@ class SkillContext:
         return planning_scene_from_world_model(
             self.world, self.robot, self.arm.for_planning(self.joints.positions()), self.arm.name, ignore
         ).allowing(*allowed_pairs)
+
+    def met(self, failure: Failure) -> MotionObstacle | None:
+        """What a motion failed at: what its failure says, and of an arm or its hand the bodies that are nearest."""
+        arm = next((a for a in self.robot.arm_names if failure.part in (a, self.robot.gripper_of(a))), None)
+        known = failure.obstacle
+        if arm is None or failure.code not in STRUCK or (known is not None and known.pairs):
+            return known
+        skills = self.for_arm(arm)
+        try:
+            at = skills.arm_positions()
+            pair = skills.arm_world(skills.planning_scene()).nearest_pair(at)
+        except RobotError:  # its joints cannot be read
+            return known
+        positions = dict(zip(skills.arm_model.joint_names, at.tolist(), strict=True))
+        met = known or MotionObstacle(MotionStage.EXECUTION, positions=positions)
+        return met if pair is None else replace(met, pairs=(pair,))
 
     def footprint(self, posture: str | None = None) -> Footprint:
         """The outline of the base, with arm and held object where they stand out above it.

@@ -5,13 +5,15 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
+from bestman_bt.messages import MotionObstacle
+
 
 @dataclass(frozen=True)
 class NodeFailure:
     """``node``: its path in the tree, ``where``: its name with file and line. ``why``: in words.
 
     ``stamp``: seconds on the robot's clock. ``part`` and ``vendor_code``: as of ``messages.Failure``. ``error_code`` is
-    empty for a leaf that tells none.
+    empty for a leaf that tells none. ``obstacle``: what a motion failed at, where that is known.
     """
 
     node: str
@@ -21,6 +23,7 @@ class NodeFailure:
     stamp: float = 0.0
     part: str = ""
     vendor_code: str = ""
+    obstacle: MotionObstacle | None = None
 
     @property
     def named(self) -> str:

@@ -186,10 +186,11 @@ class Explained(OnRobot):
         self.feedback_message = why
         self.error_code = code
         self.error_message = why
-        part, vendor_code = (failure.part, failure.vendor_code) if failure is not None else ("", "")
         skills = self.robot_skills
-        now = skills.clock.now()
-        skills.failures.append(NodeFailure(self.path, code, why, self.where, now, part, vendor_code))
+        told = NodeFailure(self.path, code, why, self.where, skills.clock.now())
+        if failure is not None:
+            told = replace(told, part=failure.part, vendor_code=failure.vendor_code, obstacle=skills.met(failure))
+        skills.failures.append(told)
         return FAILURE
 
     def _mistake(self, method: Callable[..., object], what: str) -> NodeError:

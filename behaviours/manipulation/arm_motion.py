@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from itertools import islice
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 from behaviours.context import SkillContext
 from behaviours.skill import Skill, SkillFailure, Steps, StepsTo
 from bestman_bt.manipulation.trajectory import SpeedScale
-from bestman_bt.messages import JointTrajectory, MotionErrorCode
+from bestman_bt.messages import Failure, JointTrajectory, MotionErrorCode, MotionObstacle, MotionStage, Pose
 
 if TYPE_CHECKING:
     from bestman_bt.control import Motion
@@ -25,6 +26,8 @@ FREE_SPEED = SpeedScale(0.5, 0.35)
 CARRYING_SPEED = SpeedScale(0.4, 0.21)
 PLANS = 3
 """How often a way is planned while other arms move into it."""
+POSES_EXPLAINED = 12
+"""Tool poses that are looked at to say why the hand gets to none."""
 ESCAPE_SPEED = SpeedScale(0.05, 0.05)
 
 ARM_PLANNING_FAILS = {
@@ -130,3 +133,37 @@ def timed_path(
         "trajectory", skills.motion_planning.follow_path, waypoints, world, skills.arm_model, scale
     )
     return trajectory
+
+
+def unreached(
+    skills: SkillContext,
+    code: str,
+    text: str,
+    tool_poses: Iterable[Pose],
+    world: CollisionWorld | None = None,
+    stage: MotionStage = MotionStage.REACH,
+) -> SkillFailure:
+    """The failure of a skill whose hand gets to none of ``tool_poses`` (base frame): what is in its way, or how far.
+
+    ``world``: what is around the arm there, by default what is believed to be around it now.
+    """
+    from bestman_bt.manipulation.motion_planning.query import in_the_way
+
+    around = world if world is not None else skills.arm_world(skills.planning_scene())
+    now, (shoulder, reach) = skills.arm_positions(), skills.kinematics.reach
+    beyond = math.inf
+    obstacle: MotionObstacle | None = None
+    for pose in islice(tool_poses, POSES_EXPLAINED):
+        result = skills.kinematics.solve(pose, now, skills.rng, attempts=5)
+        if result.found:
+            obstacle = in_the_way(stage, around, result.best)
+            if obstacle.pairs:
+                break
+        else:
+            away = float(np.linalg.norm(pose.position - shoulder)) - reach
+            beyond = min(beyond, max(away, result.position_error))
+    if obstacle is None:
+        at = dict(zip(skills.arm_model.joint_names, now.tolist(), strict=True))
+        obstacle = MotionObstacle(stage, beyond=beyond if math.isfinite(beyond) else None, positions=at)
+    words = f"{text} ({obstacle})"
+    return SkillFailure(code, words, Failure(code, words, obstacle=obstacle))

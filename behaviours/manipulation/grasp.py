@@ -9,7 +9,14 @@ import numpy as np
 
 from behaviours.contacts import grasp as grasp_contact
 from behaviours.contacts import support, surface_below
-from behaviours.manipulation.arm_motion import ARM_PLANNING_FAILS, follow_path, hand_contacts, move_free, timed_path
+from behaviours.manipulation.arm_motion import (
+    ARM_PLANNING_FAILS,
+    follow_path,
+    hand_contacts,
+    move_free,
+    timed_path,
+    unreached,
+)
 from behaviours.manipulation.grasp_candidates import grasp_candidates
 from behaviours.skill import (
     ALGORITHM_ERRORS,
@@ -139,7 +146,12 @@ class PlanGrasp(OnArm, Skill):
             raise SkillFailure("not_found", f"the {name} has not been seen; detect it first")
         grasps = yield self.compute("grasp_planning", self._plan, belief, self.count)
         if not grasps:
-            raise SkillFailure("no_grasp", f"no grasp of the {name} is free and within reach from here")
+            raise unreached(
+                self.skills,
+                "no_grasp",
+                f"no grasp of the {name} is free and within reach from here",
+                (candidate.pre_grasp for candidate in grasp_candidates(self.skills, belief)),
+            )
         self.grasps = grasps
         self.feedback_message = f"{len(grasps)} grasps"
 

@@ -11,12 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from behaviours.context import DRIVEN
+from behaviours.manipulation.arm_motion import unreached
 from behaviours.manipulation.grasp_candidates import grasp_candidates
 from behaviours.manipulation.place import place_tool_poses
 from behaviours.perception.surfaces import UNKNOWN_SURFACE, find_surface, with_open_drawers
 from behaviours.skill import Declaration, ObjectName, OnArm, Skill, SkillFailure, Steps, StepsTo, SurfaceName
 from bestman_bt.engine import In, Out
-from bestman_bt.messages import Pose, Pose2D
+from bestman_bt.messages import Failure, MotionObstacle, MotionStage, Pose, Pose2D
 from bestman_bt.world_model import BasePose, MapFurniture, MapSurface
 
 if TYPE_CHECKING:
@@ -78,9 +79,7 @@ class FindStandPose(OnArm, Skill):
             self._tried = []
             stands = yield from self._first_reached(furniture, targets)
         if not stands:
-            raise SkillFailure(
-                "no_stand", f"the arm cannot reach its target from anywhere free at the {furniture.name}"
-            )
+            raise self._why_none(furniture, targets[0])
         best = stands[0].pose
         self._tried.append(best)
         self.stand = best
@@ -134,22 +133,38 @@ class FindStandPose(OnArm, Skill):
     def _rank(self, furniture: MapFurniture, target: StandTarget) -> tuple[StandPose, ...]:
         from bestman_bt.manipulation.kinematics import StandSearch
 
-        skills, search = self.skills, StandSearch()
-        corners = np.array(skills.base.model.footprint)
+        skills = self.skills
         costmap = skills.seen_costmap(DRIVEN)
-        candidates = [
-            stand
-            for stand in search.beside(with_open_drawers(skills, furniture), target.at, float(corners[:, 0].max()))
-            if all(stand.distance_to(tried) > SAME_STAND for tried in self._tried)
-        ]
-        return search.rank(
-            candidates,
+        return StandSearch().rank(
+            self._beside(furniture, target),
             target.tool_poses,
             skills.reaching_arm(),
             is_base_free=lambda pose: costmap.clearance_at(pose) > 0.0,
             world_at=self._world_at,
             current=skills.world.base.pose,
         )
+
+    def _beside(self, furniture: MapFurniture, target: StandTarget) -> list[Pose2D]:
+        """Stands at the furniture that have not been tried, free or not."""
+        from bestman_bt.manipulation.kinematics import StandSearch
+
+        front = float(np.array(self.skills.base.model.footprint)[:, 0].max())
+        beside = StandSearch().beside(with_open_drawers(self.skills, furniture), target.at, front)
+        return [stand for stand in beside if all(stand.distance_to(tried) > SAME_STAND for tried in self._tried)]
+
+    def _why_none(self, furniture: MapFurniture, target: StandTarget) -> SkillFailure:
+        """No room for the base, or what the arm meets from the free stand that is nearest to the target."""
+        skills, costmap = self.skills, self.skills.seen_costmap(DRIVEN)
+        text = f"the arm cannot reach its target from anywhere free at the {furniture.name}"
+        free = [stand for stand in self._beside(furniture, target) if costmap.clearance_at(stand) > 0.0]
+        if not free:
+            at = MotionObstacle(MotionStage.STAND, (("base", furniture.name),))
+            words = f"{text}: the base finds no room there"
+            return SkillFailure("no_stand", words, Failure("no_stand", words, obstacle=at))
+        nearest = min(free, key=lambda stand: float(np.hypot(stand.x - target.at[0], stand.y - target.at[1])))
+        base_from_map = nearest.to_pose().inverse()
+        poses = (base_from_map @ poses[-1] for poses in target.tool_poses)
+        return unreached(skills, "no_stand", text, poses, self._world_at(nearest), MotionStage.STAND)
 
     def _world_at(self, stand: Pose2D) -> CollisionWorld:
         """What the arm will have around it there, but for the target itself and for what stands on the surface.

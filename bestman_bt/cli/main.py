@@ -36,6 +36,7 @@ VERBS = {
     "twin": "stand in for a robot's controllers, over a simulated world in real time",
     "monitor": "show running executors, and recorded runs, in the browser",
     "report": "write a page that tells of a run, or of many",
+    "explain": "tell why a run failed: what was in the way, the pose tried last, a picture",
     "export": "write the state changes of a recorded run for other tools",
     "render": "make pictures and a film of a simulated run that has ended",
     "replay": "open what runs recorded in the Rerun viewer",

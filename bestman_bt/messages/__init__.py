@@ -1,6 +1,6 @@
 """Value types that travel between floors: frozen dataclasses over numpy arrays, SI units, quaternions xyzw."""
 
-from bestman_bt.messages.failure import Failure, MotionErrorCode
+from bestman_bt.messages.failure import Failure, MotionErrorCode, MotionObstacle, MotionStage
 from bestman_bt.messages.grids import VOXEL_FREE, VOXEL_OCCUPIED, VOXEL_UNKNOWN, OccupancyGrid, VoxelGrid
 from bestman_bt.messages.handle import Handle, HandleKind, HingeSide, JointKind
 from bestman_bt.messages.joint_trajectory import JointTrajectory, Path2D, joint_motion
@@ -26,6 +26,8 @@ __all__ = [
     "LaserScan",
     "Mesh",
     "MotionErrorCode",
+    "MotionObstacle",
+    "MotionStage",
     "ObjectGrasp",
     "ObjectModel",
     "OccupancyGrid",

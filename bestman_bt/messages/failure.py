@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from enum import StrEnum
 
 
@@ -29,17 +30,57 @@ class MotionErrorCode(StrEnum):
     FAULT = "fault"  # any other fault of the part
 
 
+class MotionStage(StrEnum):
+    """How far a motion had come when it failed."""
+
+    STAND = "base placement"
+    REACH = "inverse kinematics"
+    START = "start"
+    GOAL = "goal"
+    PATH = "path"
+    TIMED_MOTION = "timed motion"
+    EXECUTION = "execution"
+
+
+@dataclass(frozen=True)
+class MotionObstacle:
+    """What a motion failed at.
+
+    ``pairs``: names of bodies that are in each other's way, the most important first. ``joint``: the one at its limit,
+    or off its set-point. ``beyond``: how far the joint is there, or the target out of reach; radians or metres.
+    ``positions``: joint name → radians or metres, the pose that was tried last.
+    """
+
+    stage: MotionStage
+    pairs: tuple[tuple[str, str], ...] = ()
+    joint: str = ""
+    beyond: float | None = None
+    positions: Mapping[str, float] = field(default_factory=dict)
+
+    def __str__(self) -> str:
+        """In words: ``path: panda_hand and table are in each other's way``."""
+        if self.pairs:
+            said = "; ".join(f"{one} and {other} are in each other's way" for one, other in self.pairs[:3])
+        elif self.joint:
+            said = self.joint if self.beyond is None else f"{self.joint} is off by {self.beyond:.3f}"
+        else:
+            said = "nothing is known of it" if self.beyond is None else f"out of reach by {self.beyond:.3f} m"
+        return f"{self.stage}: {said}"
+
+
 @dataclass(frozen=True)
 class Failure:
     """``code`` for programs: a MotionErrorCode, or one that a skill declares; ``text`` for people.
 
     ``part``: the name of the robot's part, empty where none is meant. ``vendor_code``: the vendor's own, as ``C31``.
+    ``obstacle``: what a motion failed at, where that is known.
     """
 
     code: str
     text: str
     part: str = ""
     vendor_code: str = ""
+    obstacle: MotionObstacle | None = None
 
     def __str__(self) -> str:
         """In words: ``arm: the joints are held (C31)``."""

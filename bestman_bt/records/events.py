@@ -13,6 +13,7 @@ from typing import Annotated, Any, Literal, TypeAlias
 from pydantic import Field, TypeAdapter, ValidationError
 
 from bestman_bt.errors import Error
+from bestman_bt.messages import MotionObstacle
 
 VERSION = 1
 MAIN_TREE = 0
@@ -223,7 +224,8 @@ class ImageEvent:
 class LogEvent:
     """A line of the log; one a failure, with the path of the node, its code and its words.
 
-    ``where``: what people call the node, its name with file and line; empty where no file defines it.
+    ``where``: what people call the node, its name with file and line; empty where no file defines it. ``obstacle``:
+    what a motion failed at.
     """
 
     time: float
@@ -233,6 +235,7 @@ class LogEvent:
     code: str = ""
     logger: str = "tree"
     where: str = ""
+    obstacle: MotionObstacle | None = None
     event: Literal["log"] = "log"
 
 

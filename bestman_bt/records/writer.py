@@ -92,7 +92,7 @@ class RunLogWriter:
 
     def _log_line(self, event: LogEvent) -> bytes:
         when = datetime.fromtimestamp(self._started + event.time, UTC)
-        words = {name: value for name, value in asdict(event).items() if value != ""}
+        words = {name: value for name, value in asdict(event).items() if value not in ("", None)}
         del words["message"]
         stamp = when.isoformat(timespec="milliseconds").replace("+00:00", "Z")
         line = {**words, "timestamp": stamp, "event": event.message}

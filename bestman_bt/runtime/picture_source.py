@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import io
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
@@ -13,22 +14,29 @@ from PIL import Image
 
 from behaviours.context import SkillContext
 from bestman_bt.control.rgbd import RGBDView
+from bestman_bt.messages import MotionObstacle
 from bestman_bt.monitor.event_stream import Tell
 from bestman_bt.records.events import ImageEvent, Topic
+from bestman_bt.robot_model import ArmModel
 
 FOLDER = "pictures"
+SCENE = "scene"
+"""What the picture of a failed motion is called, in the place of a camera's name."""
 MOST_PICTURES = 50
 """Pictures that a run folder gets."""
-WIDEST_LIVE, WIDEST_KEPT = 480, 320
+WIDEST_LIVE, WIDEST_KEPT, WIDEST_SCENE = 480, 320, 840
 """Pixels that a picture is wide at most."""
 QUALITY = 80
 
 
 class PictureSource:
-    """Listens to the robot's cameras: no picture is taken for it. ``folder``: of the run, if there is one."""
+    """Listens to the robot's cameras: no picture is taken for it. ``folder``: of the run, if there is one.
+
+    Of a failed motion it draws the scene as the robot believes it to be, what was in the way in red.
+    """
 
     def __init__(self, skills: SkillContext, folder: Path | None) -> None:
-        self._folder = folder
+        self._skills, self._folder = skills, folder
         self._tell: Tell | None = None
         self._last: tuple[str, RGBDView] | None = None
         self._untold: dict[str, RGBDView] = {}
@@ -48,17 +56,43 @@ class PictureSource:
         self._untold.clear()
 
     def failed(self, time: float, node: str) -> None:
-        """Keep what was seen last, from whichever camera."""
-        if self._folder is None or self._tell is None or self._last is None:
+        """Keep what was seen last, from whichever camera, and the scene of a failed motion."""
+        if self._last is not None:
+            camera, view = self._last
+            self._keep(time, node, camera, view.stamp, lambda: view.image.rgb, WIDEST_KEPT)
+        failure = next((one for one in reversed(self._skills.failures) if one.node == node), None)
+        if failure is not None and failure.obstacle is not None and self._folder is not None:
+            drawn = self._drawn(failure.obstacle)
+            if drawn is not None:
+                self._keep(time, node, SCENE, time, drawn, WIDEST_SCENE)
+
+    def _keep(
+        self, time: float, node: str, camera: str, stamp: float, rgb: Callable[[], NDArray[np.uint8]], widest: int
+    ) -> None:
+        if self._folder is None or self._tell is None:
             return
-        camera, view = self._last
-        taken = (camera, view.stamp)
-        file = self._kept.get(taken)
+        file = self._kept.get((camera, stamp))
         if file is None:
             if len(self._kept) >= MOST_PICTURES:
                 return
-            file = self._kept[taken] = f"{FOLDER}/{len(self._kept) + 1:02}-{camera}.jpg"
-        self._tell(partial(_kept_events, time, camera, view.image.rgb, self._folder, file, node))
+            file = self._kept[camera, stamp] = f"{FOLDER}/{len(self._kept) + 1:02}-{camera}.jpg"
+        self._tell(partial(_kept_events, time, camera, rgb, self._folder, file, node, widest))
+
+    def _drawn(self, obstacle: MotionObstacle) -> Callable[[], NDArray[np.uint8]] | None:
+        """Draws the scene of the arm that failed, in the pose that was tried last; None for a robot without an arm."""
+        from bestman_bt.visualization.scene_picture import scene_picture
+
+        arms = self._skills.robot.of(ArmModel).items()
+        arm = next((name for name, model in arms if set(model.joint_names) <= set(obstacle.positions)), None)
+        if arm is None:
+            return None
+        skills = self._skills.for_arm(arm)
+        joints = skills.arm_model.joint_names
+        at = np.array([obstacle.positions[name] for name in joints])
+        scene = skills.planning_scene()
+        bodies = skills.arm_world(scene).bodies(at)
+        links = {name for name, _ in bodies} - {placed.name for placed in scene.obstacles}
+        return partial(scene_picture, bodies, links, obstacle)
 
     def _seen(self, camera: str, view: RGBDView) -> None:
         self._last = (camera, view)
@@ -71,9 +105,9 @@ def _live_events(time: float, camera: str, rgb: NDArray[np.uint8]) -> tuple[Imag
 
 
 def _kept_events(
-    time: float, camera: str, rgb: NDArray[np.uint8], folder: Path, file: str, node: str
+    time: float, camera: str, rgb: Callable[[], NDArray[np.uint8]], folder: Path, file: str, node: str, widest: int
 ) -> tuple[ImageEvent]:
-    width, height, jpeg = _jpeg(rgb, WIDEST_KEPT)
+    width, height, jpeg = _jpeg(rgb(), widest)
     path = folder / file
     if not path.exists():
         path.parent.mkdir(exist_ok=True)

@@ -376,6 +376,9 @@ class Telemetry:
         time = self.now()
         for line in self._failures.of(tree, uids):
             self.last_failure = line
-            self.tell(LogEvent(time, "warning", line.why, line.node, line.error_code, where=line.where))
+            obstacle = line.obstacle
+            self.tell(
+                LogEvent(time, "warning", line.why, line.node, line.error_code, where=line.where, obstacle=obstacle)
+            )
             for source in self._sources:
                 source.failed(time, line.node)

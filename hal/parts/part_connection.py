@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 
 from bestman_bt.errors import InputError
+from bestman_bt.messages import MotionObstacle
 from hal.api import CommandRefusedError, Failure, Motion, MotionErrorCode, MotionStatus, NotConnectedError, RobotError
 from hal.parts.stop_latch import StopLatch
 
@@ -67,10 +68,17 @@ class PartConnection:
         self.end_motion(MotionStatus.CANCELED, MotionErrorCode.SUPERSEDED, "a newer command took over")
         self._motion = motion
 
-    def end_motion(self, status: MotionStatus, code: str, text: str, vendor_code: str = "") -> None:
+    def end_motion(
+        self,
+        status: MotionStatus,
+        code: str,
+        text: str,
+        vendor_code: str = "",
+        obstacle: MotionObstacle | None = None,
+    ) -> None:
         """End the motion under way, if any."""
         if self._motion is not None:
-            self._motion.end(status, Failure(code, text, self.part_name, vendor_code))
+            self._motion.end(status, Failure(code, text, self.part_name, vendor_code, obstacle))
 
     def stop_motion(self) -> None:
         """The robot or the part was stopped: the motion under way, if any, is cancelled and told why."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from bestman_bt.messages import JointTrajectory
+from bestman_bt.messages import JointTrajectory, MotionObstacle, MotionStage
 from bestman_bt.robot_model import JointedModel
 from hal.api import CommandRefusedError, Failure, JointGroup, Motion, MotionErrorCode, MotionStatus
 from hal.parts.channels import JointChannel, StoppablePart
@@ -475,7 +475,8 @@ class StreamedJointGroup(StoppablePart, JointGroup):
         self._astray = self._astray + elapsed if error[worst] > tolerance[worst] else 0.0
         if self._astray > self._tracking.tracking_time:
             off = f"{self.joint_names[worst]} is {error[worst]:.3f} off its set-point"
-            self._give_up(MotionErrorCode.TRACKING, f"{off}, its tolerance is {tolerance[worst]:.3g}")
+            text = f"{off}, its tolerance is {tolerance[worst]:.3g}"
+            self._give_up(MotionErrorCode.TRACKING, text, self._off(worst, error))
             # Where they are, so that they press no longer on what holds them up; that is no jump of the set-points.
             model = self.model
             here = np.clip(self._channel.read().positions, model.lower, model.upper)
@@ -488,11 +489,11 @@ class StreamedJointGroup(StoppablePart, JointGroup):
         self._position = self._wanted = position
         self._velocity, self._setpoints = np.zeros_like(position), Hold(position)
 
-    def _give_up(self, code: MotionErrorCode, text: str) -> None:
+    def _give_up(self, code: MotionErrorCode, text: str, obstacle: MotionObstacle | None = None) -> None:
         self._note_fault(text)
         self._astray = self._slip = self._held = 0.0
         self._setpoints = self._braking()
-        self._connection.end_motion(MotionStatus.FAILED, code, text)
+        self._connection.end_motion(MotionStatus.FAILED, code, text, obstacle=obstacle)
 
     def _watch_settling(self, motion: Motion[None], elapsed: float) -> None:
         """The set-points have arrived: the motion succeeds when the joints have, too."""
@@ -511,7 +512,13 @@ class StreamedJointGroup(StoppablePart, JointGroup):
             off = f"{self.joint_names[worst]} is {error[worst]:.4f} off, its tolerance is {tolerance[worst]:.3g}"
             text = f"did not settle at the target within {constraints.goal_time:g} s: {off}, speed {speed:.4f}"
             self._note_fault(text)
-            self._connection.end_motion(MotionStatus.FAILED, MotionErrorCode.TIMEOUT, text)
+            off_by = self._off(worst, error)
+            self._connection.end_motion(MotionStatus.FAILED, MotionErrorCode.TIMEOUT, text, obstacle=off_by)
+
+    def _off(self, worst: int, error: NDArray[np.float64]) -> MotionObstacle:
+        """The joint that is farthest from where it should be."""
+        at = dict(zip(self.joint_names, self._channel.read().positions.tolist(), strict=True))
+        return MotionObstacle(MotionStage.EXECUTION, (), self.joint_names[worst], float(error[worst]), at)
 
     def _note_fault(self, text: str) -> None:
         if self.trace is not None and self._connection.motion is not None:

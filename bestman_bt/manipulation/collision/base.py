@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 
-from numpy.typing import ArrayLike
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from bestman_bt.manipulation.collision.planning_scene import PlanningScene
 
@@ -49,6 +51,20 @@ class CollisionWorld(ABC):
         Negative where ``is_free`` is false. A world that cannot tell the padding of its pairs gives the distance.
         """
         return self.distance(positions)
+
+    def nearest_pair(self, positions: ArrayLike) -> tuple[str, str] | None:
+        """The two bodies, one of them none of the robot's links, that are nearest to touching at ``positions`` (n,).
+
+        None where there are none. A world that cannot tell gives a pair that collides.
+        """
+        return next(iter(self.colliding_pairs(positions)), None)
+
+    def bodies(self, positions: ArrayLike) -> Sequence[tuple[str, NDArray[np.float64]]]:
+        """Name and corners (N, 3), metres in the base frame, of each convex body at ``positions`` (n,), for pictures.
+
+        None of a world that has no shapes to show.
+        """
+        return ()
 
 
 class CollisionModel(ABC):

@@ -10,6 +10,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import fields, is_dataclass, replace
 from functools import cached_property
+from itertools import product
 from typing import TypeAlias
 
 import coal
@@ -168,6 +169,7 @@ class CoalCollisionWorld(CollisionWorld):
         self._order = arm_order(model, arm)
         self._geometry = geometry
         self._owners: list[str] = [model.frames[body.parentFrame].name for body in geometry.geometryObjects]
+        self._links = len(self._owners)
         self._pairs: dict[tuple[int, int], float] = {}
         self._pair_up_links(robot, scene)
         self._add_obstacles(robot, scene, range(len(self._owners)))
@@ -208,12 +210,41 @@ class CoalCollisionWorld(CollisionWorld):
 
     def clearance(self, positions: ArrayLike) -> float:
         """The smallest distance beyond a pair's padding at ``positions`` (n,), metres."""
+        return min((clearance for clearance, _, _ in self._clearances(positions)), default=math.inf)
+
+    def nearest_pair(self, positions: ArrayLike) -> tuple[str, str] | None:
+        """The link or held object, and the body that is no link, that are nearest to touching at ``positions`` (n,)."""
+        others = [near for near in self._clearances(positions) if near[2] >= self._links]
+        if not others:
+            return None
+        _, first, second = min(others)
+        one, other = sorted((self._owners[first], self._owners[second]))
+        return one, other
+
+    def bodies(self, positions: ArrayLike) -> list[tuple[str, NDArray[np.float64]]]:
+        """Name and corners (N, 3) of each convex body at ``positions`` (n,), in the base frame."""
+        model, data = self._model, self._data
+        pinocchio.updateGeometryPlacements(
+            model, data, self._geometry, self._geometry_data, self._configuration(positions)
+        )
+        pinocchio.updateFramePlacements(model, data)
+        base = data.oMf[frame_index(model, self._robot.base_frame)]
+        placed = zip(self._owners, self._geometry.geometryObjects, self._geometry_data.oMg, strict=True)
+        return [
+            (name, corners @ (at := base.actInv(pose)).rotation.T + at.translation)
+            for name, body, pose in placed
+            if (corners := _corners(body.geometry)) is not None
+        ]
+
+    def _clearances(self, positions: ArrayLike) -> list[tuple[float, int, int]]:
+        """Metres beyond its padding, and the two bodies, of each pair."""
         q = self._configuration(positions)
         fresh = pinocchio.GeometryData(self._geometry)  # else the last digits depend on what was asked before
         pinocchio.computeDistances(self._model, self._data, self._geometry, fresh, q)
-        margins = (self._pairs[pair.first, pair.second] for pair in self._geometry.collisionPairs)
-        pairs = zip(fresh.distanceResults, margins, strict=True)
-        return min((result.min_distance - margin for result, margin in pairs), default=math.inf)
+        return [
+            (result.min_distance - self._pairs[pair.first, pair.second], pair.first, pair.second)
+            for result, pair in zip(fresh.distanceResults, self._geometry.collisionPairs, strict=True)
+        ]
 
     def _configuration(self, positions: ArrayLike) -> NDArray[np.float64]:
         q = np.asarray(positions, dtype=float)
@@ -336,6 +367,24 @@ def _coal_shape(shape: Shape, name: str) -> coal.CollisionGeometry:
     if not all(math.isfinite(size) and size > 0.0 for size in sizes):
         raise ManipulationError(f"shape of {name!r} should have positive finite sizes but is {shape}")
     return geometry
+
+
+def _corners(shape: coal.CollisionGeometry) -> NDArray[np.float64] | None:
+    """Points (N, 3) whose convex hull is the shape, or nearly; None of voxels."""
+    match shape:
+        case coal.ConvexBase():
+            return np.array(shape.points())
+        case coal.Box():
+            return np.array([shape.halfSide * sign for sign in product((-1.0, 1.0), repeat=3)])
+        case coal.Cylinder() | coal.Sphere():
+            turns = np.linspace(0.0, 2 * math.pi, 24, endpoint=False)
+            ring = shape.radius * np.stack([np.cos(turns), np.sin(turns), np.zeros(len(turns))], axis=1)
+            if isinstance(shape, coal.Sphere):
+                return np.concatenate([ring, ring[:, [1, 2, 0]], ring[:, [2, 0, 1]]])
+            top = np.array([0.0, 0.0, shape.halfLength])
+            return np.concatenate([ring + top, ring - top])
+        case _:
+            return None
 
 
 def _convex(mesh: coal.BVHModelBase) -> coal.ConvexBase:

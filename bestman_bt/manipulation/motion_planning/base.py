@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from bestman_bt.manipulation.collision.base import CollisionWorld
 from bestman_bt.manipulation.errors import ManipulationError
 from bestman_bt.manipulation.joint_values import JointLimits
+from bestman_bt.messages import Failure, MotionObstacle
 
 
 class PlanningErrorCode(StrEnum):
@@ -31,11 +32,14 @@ class PlanningErrorCode(StrEnum):
 
 
 class PlanningError(ManipulationError):
-    """There is no plan: ``code`` for programs, the message for people."""
+    """There is no plan: ``code`` for programs, the message for people, ``failure`` with what was in the way."""
 
-    def __init__(self, code: PlanningErrorCode, message: str) -> None:
+    code: PlanningErrorCode
+
+    def __init__(self, code: PlanningErrorCode, message: str, obstacle: MotionObstacle | None = None) -> None:
         super().__init__(message)
         self.code = code
+        self.failure = Failure(code, message, obstacle=obstacle)
 
 
 class PathConstraint(Protocol):

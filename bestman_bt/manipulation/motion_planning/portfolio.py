@@ -71,7 +71,7 @@ class Portfolio(MotionPlanner):
         constraint: PathConstraint | None = None,
     ) -> MotionPlan:
         """Plan from ``start`` to any of ``goals``; see the base class."""
-        failures: list[str] = []
+        failures: list[PlanningError] = []
         plans: list[MotionPlan] = []
         for planner, own in zip(self.members, rng.spawn(len(self.members)), strict=True):
             try:
@@ -79,10 +79,11 @@ class Portfolio(MotionPlanner):
             except PlanningError as error:
                 if error.code not in (PlanningErrorCode.NO_PATH, PlanningErrorCode.TIMEOUT):
                     raise
-                failures.append(str(error))
+                failures.append(error)
                 continue
             if self.take == "first":
                 break
         if not plans:
-            raise PlanningError(PlanningErrorCode.NO_PATH, "; ".join(failures))
+            last = failures[-1].failure.obstacle
+            raise PlanningError(PlanningErrorCode.NO_PATH, "; ".join(map(str, failures)), last)
         return min(plans, key=lambda plan: plan.length)

@@ -12,6 +12,7 @@ from bestman_bt.manipulation.collision.base import CollisionWorld
 from bestman_bt.manipulation.errors import ManipulationError
 from bestman_bt.manipulation.joint_values import JointLimits, joint_vector
 from bestman_bt.manipulation.motion_planning.base import PathConstraint, PlanningError, PlanningErrorCode
+from bestman_bt.messages import MotionObstacle, MotionStage
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,10 +79,16 @@ def _check_start(
 ) -> None:
     outside = _out_of_limits(start, limits, tolerance)
     if outside:
-        raise PlanningError(PlanningErrorCode.START_OUT_OF_LIMITS, f"the start is outside its limits: {outside}")
+        raise PlanningError(
+            PlanningErrorCode.START_OUT_OF_LIMITS,
+            f"the start is outside its limits: {outside}",
+            at_limit(MotionStage.START, start, limits),
+        )
     if not world.is_free(start):
         raise PlanningError(
-            PlanningErrorCode.START_IN_COLLISION, f"the start is in collision: {describe_contacts(world, start)}"
+            PlanningErrorCode.START_IN_COLLISION,
+            f"the start is in collision: {describe_contacts(world, start)}",
+            in_the_way(MotionStage.START, world, start),
         )
     if constraint is not None and not constraint.satisfied(start):
         raise PlanningError(PlanningErrorCode.START_VIOLATES_CONSTRAINT, f"the start breaks: {constraint.description}")
@@ -92,10 +99,16 @@ def _goal_refusal(
 ) -> PlanningError | None:
     outside = _out_of_limits(goal, limits, 1e-6)
     if outside:
-        return PlanningError(PlanningErrorCode.GOAL_OUT_OF_LIMITS, f"goal {index} is outside the limits: {outside}")
+        return PlanningError(
+            PlanningErrorCode.GOAL_OUT_OF_LIMITS,
+            f"goal {index} is outside the limits: {outside}",
+            at_limit(MotionStage.GOAL, goal, limits),
+        )
     if not world.is_free(goal):
         return PlanningError(
-            PlanningErrorCode.GOAL_IN_COLLISION, f"goal {index} is in collision: {describe_contacts(world, goal)}"
+            PlanningErrorCode.GOAL_IN_COLLISION,
+            f"goal {index} is in collision: {describe_contacts(world, goal)}",
+            in_the_way(MotionStage.GOAL, world, goal),
         )
     if constraint is not None and not constraint.satisfied(goal):
         return PlanningError(
@@ -107,6 +120,23 @@ def _goal_refusal(
 def describe_contacts(world: CollisionWorld, positions: NDArray[np.float64]) -> str:
     """The pairs that touch, in words: ``panda_hand with table``."""
     return ", ".join(f"{a} with {b}" for a, b in world.colliding_pairs(positions))
+
+
+def in_the_way(stage: MotionStage, world: CollisionWorld, positions: NDArray[np.float64]) -> MotionObstacle:
+    """The pairs that touch at ``positions`` (n,)."""
+    return MotionObstacle(stage, world.colliding_pairs(positions), positions=_named(world.joint_names, positions))
+
+
+def at_limit(stage: MotionStage, positions: NDArray[np.float64], limits: JointLimits) -> MotionObstacle:
+    """The joint that is farthest beyond its limits at ``positions`` (n,)."""
+    beyond = np.maximum(limits.lower - positions, positions - limits.upper)
+    worst = int(beyond.argmax())
+    named = _named(limits.joint_names, positions)
+    return MotionObstacle(stage, (), limits.joint_names[worst], float(beyond[worst]), named)
+
+
+def _named(names: Sequence[str], positions: NDArray[np.float64]) -> dict[str, float]:
+    return dict(zip(names, positions.tolist(), strict=True))
 
 
 def _out_of_limits(positions: NDArray[np.float64], limits: JointLimits, tolerance: float) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated
 
 import numpy as np
@@ -21,7 +21,8 @@ from bestman_bt.manipulation.motion_planning.base import (
     PlanningErrorCode,
 )
 from bestman_bt.manipulation.motion_planning.checked_edges import CheckedEdges, CountedValidity
-from bestman_bt.manipulation.motion_planning.query import PlanningQuery, check_query
+from bestman_bt.manipulation.motion_planning.query import PlanningQuery, check_query, in_the_way
+from bestman_bt.messages import MotionObstacle, MotionStage
 from bestman_bt.messages.shapes import Count, NonNegative, Positive, WholeNumber
 
 # Shortening a joint path: random shortcuts between any two of its points, checked lazily.
@@ -194,24 +195,32 @@ class SamplingPlanner(MotionPlanner):
         """Plan from ``start`` to any of ``goals``; see the base class."""
         query = check_query(start, goals, world, limits, constraint, self.limit_tolerance)
         validity = CountedValidity(world, constraint, self.wall_limit)
+        try:
+            path = self._found(query, validity, rng)
+        except PlanningError as late:
+            words, obstacle = _in_the_way(query, world)
+            raise PlanningError(late.code, f"{late}{words}", obstacle) from late
+        return MotionPlan(path, query.index_of(path[-1]), validity.checks)
+
+    def _found(self, query: PlanningQuery, validity: CountedValidity, rng: np.random.Generator) -> NDArray[np.float64]:
         step = self.check_step
         edges = CheckedEdges(validity, step, self.final_check_step)
         for goal in sorted(query.goals, key=lambda q: float(np.linalg.norm(q - query.start))):
             if edges.is_free(query.start, goal, fine=True):
-                return MotionPlan(np.array([query.start, goal]), query.index_of(goal), validity.checks)
+                return np.array([query.start, goal])
         for _ in range(self.attempts):
             found = self.search(query, edges, int(rng.integers(1, 2**31 - 1)))
             if found is None:
                 continue
             path = self.shorten(found, edges, rng)
             if path is not None:
-                return MotionPlan(path, query.index_of(path[-1]), validity.checks)
+                return path
             step = max(step / 2, self.final_check_step)  # what is there is thin: look more closely
             edges = CheckedEdges(validity, step, self.final_check_step)
         raise PlanningError(
             PlanningErrorCode.NO_PATH,
             f"{type(self).__name__} found no path to any of {len(query.goals)} goals after {validity.checks} "
-            f"collision checks{_in_the_way(query, world)}",
+            "collision checks",
         )
 
     def shorten(
@@ -221,12 +230,15 @@ class SamplingPlanner(MotionPlanner):
         return shortcut(found, edges, rng, self.shortcut_attempts, self.shortcut_patience)
 
 
-def _in_the_way(query: PlanningQuery, world: CollisionWorld) -> str:
-    """The pair that collides most often on the straight way to the nearest goal, in words; empty without one."""
+def _in_the_way(query: PlanningQuery, world: CollisionWorld) -> tuple[str, MotionObstacle | None]:
+    """The pair that collides most often on the straight way to the nearest goal; nothing without one."""
     nearest = min(query.goals, key=lambda goal: float(np.linalg.norm(goal - query.start)))
     way = np.linspace(query.start, nearest, WAY_SAMPLES)
-    pairs = Counter(pair for positions in way for pair in world.colliding_pairs(positions))
-    if not pairs:
-        return ""
-    (first, second), _ = pairs.most_common(1)[0]
-    return f"; on the straight way {first} and {second} collide"
+    found = [(pair, positions) for positions in way for pair in world.colliding_pairs(positions)]
+    if not found:
+        return "", None
+    pair, _ = Counter(pair for pair, _ in found).most_common(1)[0]
+    at = [positions for other, positions in found if other == pair]
+    obstacle = in_the_way(MotionStage.PATH, world, at[len(at) // 2])
+    pairs = (pair, *(other for other in obstacle.pairs if other != pair))
+    return f"; on the straight way {pair[0]} and {pair[1]} collide", replace(obstacle, pairs=pairs)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -18,8 +18,9 @@ from bestman_bt.manipulation.motion_planning.base import (
     PlanningError,
     PlanningErrorCode,
 )
+from bestman_bt.manipulation.motion_planning.query import in_the_way
 from bestman_bt.manipulation.trajectory.base import SpeedScale, TimeParametrization, dense_samples, first_touch
-from bestman_bt.messages import JointTrajectory
+from bestman_bt.messages import JointTrajectory, MotionStage
 
 # The way out of a start in collision: a small motion on which the clearance grows from step to step.
 # Ascent of the clearance, as medial-axis PRM retracts samples (Wilmarth, Amato and Stiller, "MAPRM", ICRA 1999), by
@@ -119,7 +120,8 @@ def _gradient(positions: NDArray[np.float64], clearance: float, world: Collision
 
 def _refusal(origin: NDArray[np.float64], world: CollisionWorld, why: str) -> PlanningError:
     pairs = ", ".join(f"{a} with {b}" for a, b in world.colliding_pairs(origin))
-    return PlanningError(PlanningErrorCode.START_IN_COLLISION, f"the start is in collision: {pairs}, {why}")
+    obstacle = in_the_way(MotionStage.START, world, origin)
+    return PlanningError(PlanningErrorCode.START_IN_COLLISION, f"the start is in collision: {pairs}, {why}", obstacle)
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,17 +160,16 @@ class TimedMotionPlanner:
 
         Raises PlanningError if there is no path, or (``timed_path_invalid``) no timed motion that keeps clear.
         """
-        reason = ""
+        fault: PlanningError | None = None
         for attempt in range(1, self.attempts + 1):
             plan = self.planner.plan(start, goals, world, limits, rng, constraint)
             trajectory = self.timing.parametrize(plan.path, limits, scale)
-            reason = why_invalid(trajectory, world, constraint)
-            if not reason:
+            fault = why_invalid(trajectory, world, constraint)
+            if fault is None:
                 return TimedPlan(trajectory, plan, attempt)
-        raise PlanningError(
-            PlanningErrorCode.TIMED_PATH_INVALID,
-            f"none of {self.attempts} timed motions keeps clear; the last {reason}",
-        )
+        assert fault is not None  # there is at least one attempt
+        message = f"none of {self.attempts} timed motions keeps clear; the last {fault}"
+        raise PlanningError(fault.code, message, fault.failure.obstacle)
 
     def escape(
         self,
@@ -202,19 +203,24 @@ class TimedMotionPlanner:
         Raises PlanningError (``timed_path_invalid``) if the timed motion touches.
         """
         trajectory = self.timing.parametrize(path, limits, scale)
-        reason = why_invalid(trajectory, world, constraint)
-        if reason:
-            raise PlanningError(PlanningErrorCode.TIMED_PATH_INVALID, f"the timed motion {reason}")
+        fault = why_invalid(trajectory, world, constraint)
+        if fault is not None:
+            raise PlanningError(fault.code, f"the timed motion {fault}", fault.failure.obstacle)
         return trajectory
 
 
-def why_invalid(trajectory: JointTrajectory, world: CollisionWorld, constraint: PathConstraint | None = None) -> str:
-    """What is wrong with a timed motion, in words; empty if nothing is."""
+def why_invalid(
+    trajectory: JointTrajectory, world: CollisionWorld, constraint: PathConstraint | None = None
+) -> PlanningError | None:
+    """What is wrong with a timed motion: ``touches ...``, or ``breaks at ...``; None if nothing is."""
     touch = first_touch(trajectory, world)
     if touch is not None:
-        return f"touches {touch}"
+        obstacle = in_the_way(MotionStage.TIMED_MOTION, world, trajectory.sample(touch.time)[0])
+        pairs = replace(obstacle, pairs=touch.pairs)
+        return PlanningError(PlanningErrorCode.TIMED_PATH_INVALID, f"touches {touch}", pairs)
     if constraint is not None:
         for time, positions in dense_samples(trajectory, 0.01, 0.01):
             if not constraint.tolerated(positions):
-                return f"breaks at {time:.2f} s: {constraint.description}"
-    return ""
+                words = f"breaks at {time:.2f} s: {constraint.description}"
+                return PlanningError(PlanningErrorCode.TIMED_PATH_INVALID, words)
+    return None
