@@ -60,7 +60,9 @@ class MotionObstacle:
     def __str__(self) -> str:
         """In words: ``path: panda_hand and table are in each other's way``."""
         if self.pairs:
-            said = "; ".join(f"{one} and {other} are in each other's way" for one, other in self.pairs[:3])
+            one, other = self.pairs[0]
+            more = f", as are {len(self.pairs) - 1} other pairs" if len(self.pairs) > 1 else ""
+            said = f"{one} and {other} are in each other's way{more}"
         elif self.joint:
             said = self.joint if self.beyond is None else f"{self.joint} is off by {self.beyond:.3f}"
         else:
