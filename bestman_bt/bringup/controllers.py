@@ -10,17 +10,13 @@ import numpy as np
 from bestman_bt.bringup.brought_up_robot import BroughtUpRobot, of_each
 from bestman_bt.bringup.finding import Finding, judged, not_applicable
 from bestman_bt.messages import Pose
-from bestman_bt.robot_model import ArmModel, flange_of, payload
+from bestman_bt.robot_model import ArmModel, RobotModel, flange_of
 from hal.api import Arm, JointGroup
 from hal.hardware import ArmFacts
+from hal.hardware.controller_facts import Comparison, compare_mounting, compare_payload, compare_tool
 
 RANGE_TOLERANCE = 0.01
-TOOL_TOLERANCE = 0.002
-"""Metres."""
 POSE_TOLERANCE, TURN_TOLERANCE = 0.002, math.radians(0.5)
-PAYLOAD_TOLERANCE = 0.5
-"""Kilograms: cables and what else no URDF weighs."""
-MOUNTING_TOLERANCE = math.radians(5.0)
 
 
 def identity(subject: BroughtUpRobot) -> Iterator[Finding]:
@@ -76,41 +72,18 @@ def _limits(subject: BroughtUpRobot, name: str, group: JointGroup) -> Finding:
     return judged(name, inside and within, text, **figures)
 
 
-def _tool(subject: BroughtUpRobot, arm: str, told: ArmFacts) -> Finding:
-    if told.tool_offset is None:
-        return not_applicable(arm, "its controller does not tell the offset of its tool")
-    ours = subject.pose(subject.model.of(ArmModel)[arm].tool_frame, flange_of(subject.model, arm)).position
-    theirs = told.tool_offset.position
-    apart, out = float(np.linalg.norm(theirs - ours)), float(np.linalg.norm(theirs))
-    shown = f"the controller's tool is {np.round(1e3 * theirs, 1).tolist()} mm from the flange"
-    if out <= TOOL_TOLERANCE:
-        return judged(arm, True, "the controller's tool is the flange", from_flange=out)
-    wanted = f"the file's is {np.round(1e3 * ours, 1).tolist()} mm: set that, or no offset"
-    return judged(arm, apart <= TOOL_TOLERANCE, f"{shown}; {wanted}", from_flange=out, apart=apart)
+def _agreed(
+    compare: Callable[[RobotModel, str, ArmFacts], Comparison | None], untold: str
+) -> Callable[[BroughtUpRobot], Iterator[Finding]]:
+    """The step that compares one thing that a controller may tell; ``untold``: what it does not tell."""
 
+    def look_at(subject: BroughtUpRobot, arm: str, told: ArmFacts) -> Finding:
+        found = compare(subject.model, arm, told)
+        if found is None:
+            return not_applicable(arm, f"its controller does not tell {untold}")
+        return judged(arm, found.agrees, found.text, **found.measured)
 
-def _payload(subject: BroughtUpRobot, arm: str, told: ArmFacts) -> Finding:
-    if told.payload is None:
-        return not_applicable(arm, "its controller does not tell what it carries")
-    ours = payload(subject.model, flange_of(subject.model, arm)).mass
-    text = f"the controller counts on {told.payload:.2f} kg at the flange, the file's hand has {ours:.2f} kg"
-    fits = abs(told.payload - ours) <= PAYLOAD_TOLERANCE
-    if not fits:
-        text += ": set it at the controller, or by the option 'payload'"
-    return judged(arm, fits, text, controller_kg=told.payload, model_kg=ours)
-
-
-def _mounting(subject: BroughtUpRobot, arm: str, told: ArmFacts) -> Finding:
-    if told.gravity is None:
-        return not_applicable(arm, "its controller does not tell how it is mounted")
-    base = subject.pose(subject.model.of(ArmModel)[arm].base_frame, subject.model.base_frame)
-    ours = base.rotation.T @ np.array([0.0, 0.0, -1.0])
-    angle = math.acos(float(np.clip(ours @ told.gravity / max(np.linalg.norm(told.gravity), 1e-9), -1.0, 1.0)))
-    text = (
-        f"gravity pulls along {np.round(told.gravity, 2).tolist()} by the controller, {np.round(ours, 2).tolist()} by "
-        f"the file: {math.degrees(angle):.1f}° apart"
-    )
-    return judged(arm, angle <= MOUNTING_TOLERANCE, text, apart_deg=math.degrees(angle))
+    return _of_each_arm(look_at)
 
 
 def _tool_pose(subject: BroughtUpRobot, arm: str, told: ArmFacts) -> Finding:
@@ -139,4 +112,7 @@ def turn_between(one: Pose, other: Pose) -> float:
 
 
 limits = of_each(JointGroup, "no joints are", _limits)
-tool, payload_mass, mounting, tool_pose = map(_of_each_arm, (_tool, _payload, _mounting, _tool_pose))
+tool = _agreed(compare_tool, "the offset of its tool")
+payload_mass = _agreed(compare_payload, "what it carries")
+mounting = _agreed(compare_mounting, "how it is mounted")
+tool_pose = _of_each_arm(_tool_pose)

@@ -213,7 +213,7 @@ class ViewOptions:
     live: Live = False
     confirm: Annotated[
         bool,
-        typer.Option("--confirm", help="Show each motion of bases and arms; Enter starts it, n and Enter refuses it."),
+        typer.Option("--confirm", help="Show each motion before it starts; Enter starts it, n and Enter refuses it."),
     ] = False
     real_time: Annotated[bool, typer.Option("--real-time", help="Simulate no faster than real time, to watch it.")] = (
         False

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from bestman_bt.control.motion import start_motion
+from bestman_bt.control.planned_motion import Confirm, PlannedMotion, declined
 from hal.api import Gripper, Motion
 
 
@@ -53,12 +54,14 @@ class GripperController:
 
     ``closing_speed``, ``release_speed``: m/s of the width at most; faster fingers push what they meet first aside, and
     drag along what they leave. ``release_clearance``: metres that a release opens beyond the present width.
+    ``confirm``: asks a person before each motion, which fails as DECLINED where they refuse.
     """
 
     gripper: Gripper
     closing_speed: float = 0.1
     release_speed: float = 0.02
     release_clearance: float = 0.016
+    confirm: Confirm | None = None
 
     def __post_init__(self) -> None:
         self.name, self.model = self.gripper.name, self.gripper.model
@@ -74,7 +77,7 @@ class GripperController:
     def open(self, width: float | None = None, speed: float | None = None) -> Motion[GripperOutcome]:
         """Open to ``width`` (fully by default) at ``speed`` m/s of the width (the gripper's own by default)."""
         target = self.model.max_width if width is None else width
-        return start_motion(self.name, lambda: self.gripper.move(target, speed=speed), self._outcome)
+        return self._move(f"open to {1e3 * target:.0f} mm", target, None, speed)
 
     def close(self, force: float | None = None, speed: float | None = None) -> Motion[GripperOutcome]:
         """Close until something blocks or the fingers meet; both are success, and the outcome tells which it was.
@@ -83,9 +86,7 @@ class GripperController:
         """
         if speed is None:
             speed = min(self.closing_speed, self.model.part.max_speed)
-        return start_motion(
-            self.name, lambda: self.gripper.move(self.model.part.min_width, force=force, speed=speed), self._outcome
-        )
+        return self._move("close", self.model.part.min_width, force, speed)
 
     def release(self) -> Motion[GripperOutcome]:
         """Let go: open a little and slowly, so that the object stays where it stands."""
@@ -112,6 +113,13 @@ class GripperController:
     def stop(self) -> None:
         """Stop the fingers at once; a grasp goes on pressing."""
         self.gripper.stop()
+
+    def _move(self, words: str, width: float, force: float | None, speed: float | None) -> Motion[GripperOutcome]:
+        duration = abs(width - self.width()) / (speed or self.model.part.max_speed) if self.confirm else None
+        refused = declined(self.confirm, lambda: PlannedMotion(self.name, words, duration))
+        if refused is not None:
+            return refused
+        return start_motion(self.name, lambda: self.gripper.move(width, force=force, speed=speed), self._outcome)
 
     def _outcome(self) -> GripperOutcome:
         return GripperOutcome(self.width(), self.pressing())

@@ -10,13 +10,17 @@ from scipy.optimize import least_squares
 
 from bestman_bt.control.joint_state import JointStateSensor
 from bestman_bt.control.motion import start_motion
+from bestman_bt.control.planned_motion import Confirm, PlannedMotion, declined
 from bestman_bt.manipulation.kinematics import ForwardKinematics
 from bestman_bt.messages import MotionErrorCode
 from hal.api import JointGroup, Motion
 
 
 class HeadController:
-    """Points the camera in ``optical_frame`` by the joints of one group, whatever their kinematics."""
+    """Points the camera in ``optical_frame`` by the joints of one group, whatever their kinematics.
+
+    ``confirm``: asks a person before each motion, which fails as DECLINED where they refuse.
+    """
 
     def __init__(
         self,
@@ -25,7 +29,9 @@ class HeadController:
         joints: JointStateSensor,
         optical_frame: str,
         tolerance: float = math.radians(3.0),
+        confirm: Confirm | None = None,
     ) -> None:
+        self._confirm = confirm
         self._group, self.name = group, group.name
         self._kinematics = kinematics
         self._joints = joints
@@ -51,6 +57,13 @@ class HeadController:
 
     def move_to(self, positions: ArrayLike, speed_scale: float = 1.0) -> Motion[None]:
         """Move the joints to ``positions`` (n,), radians; succeeds when they rest there."""
+
+        def planned() -> PlannedMotion:
+            named = zip(self._group.joint_names, np.asarray(positions, dtype=float).tolist(), strict=False)
+            return PlannedMotion(self.name, "to " + ", ".join(f"{joint} {at:.2f}" for joint, at in named))
+
+        if (refused := declined(self._confirm, planned)) is not None:
+            return refused
         return start_motion(self.name, lambda: self._group.move_to(positions, speed_scale))
 
     def stop(self) -> None:

@@ -5,10 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
+
+from bestman_bt.messages import MotionErrorCode
+from hal.api import Motion
 
 Array = NDArray[np.float64]
 
@@ -43,6 +47,15 @@ class PlannedMotion:
 
 Confirm = Callable[[PlannedMotion], bool]
 """Shows a motion and waits; whether it may start."""
+
+
+def declined(confirm: Confirm | None, planned: Callable[[], PlannedMotion]) -> Motion[Any] | None:
+    """A motion that has failed as DECLINED, where a person is asked before motions and refuses this one; else None."""
+    if confirm is None or confirm(shown := planned()):
+        return None
+    refused: Motion[Any] = Motion(shown.part)
+    refused.fail(MotionErrorCode.DECLINED, f"a person declined: {shown.words}")
+    return refused
 
 
 def outline(points: Array) -> Array:

@@ -92,7 +92,7 @@ class RobotParts:
     def head(self) -> HeadController:
         """Turns ``camera``."""
         group, optical_frame = self.first("head", JointGroup), self._camera.optical_frame
-        return HeadController(group, self.forward, self.joints, optical_frame)
+        return HeadController(group, self.forward, self.joints, optical_frame, confirm=self.confirm)
 
     @cached_property
     def camera(self) -> RGBDSensor:
@@ -188,7 +188,8 @@ class _ArmParts:
     @cached_property
     def gripper(self) -> GripperController:
         """Opens and closes the gripper of the arm."""
-        return GripperController(self._parts.first("gripper", Gripper, self._arm))
+        gripper = self._parts.first("gripper", Gripper, self._arm)
+        return GripperController(gripper, confirm=self._parts.confirm)
 
     @cached_property
     def wrist_camera(self) -> RGBDSensor | None:

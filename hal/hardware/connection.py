@@ -14,12 +14,12 @@ from types import ModuleType
 from typing import ClassVar
 
 from bestman_bt.extras import install_command
-from bestman_bt.robot_model import RobotModel
+from bestman_bt.robot_model import ArmModel, RobotModel
 from bestman_bt.robot_model.connection_config import ConnectionConfig, SafetyConfig
 from bestman_bt.runtime_folder import runtime_folder
 from hal.api import Battery, Camera, Clock, Failure, Imu, Lidar, MotionErrorCode, Part
 from hal.hardware.control_loop import ControlLoop
-from hal.hardware.controller_facts import ArmFacts, Identity
+from hal.hardware.controller_facts import COMPARISONS, ArmFacts, Identity
 from hal.parts import ConnectionFailedError, ControlledPart, StopLatch
 
 # One client to a controller: a second one of the same user on the same machine is refused before it connects.
@@ -125,7 +125,7 @@ class Connection(ABC):
         self._loops: list[ControlLoop] = []
         self._crash: Failure | None = None
         self.remarks: tuple[str, ...] = ()  # what people should know of it, though it works
-        self.connected = False
+        self.connected = self._compared = False
         self._only = ControllerLock(name, self.driver, settings.address) if self.one_client else None
         self.parts = self.make_parts()
 
@@ -201,12 +201,13 @@ class Connection(ABC):
         """Open the wire, start the loops; idempotent. ConnectionFailedError leaves nothing open."""
         if self.connected:
             return
-        self._crash = None
+        self._crash, self.remarks = None, ()
         if self._only is not None:
             self._only.take()
         try:
             self.open()
             self._check_serial_number()
+            self._compare_arm()
             for part in self._moving():
                 part.attach()
         except BaseException:
@@ -295,6 +296,22 @@ class Connection(ABC):
                 f"{self.name}: the controller's serial number is {told or 'not told'}, the bring-up was signed for "
                 f"{owed} ({self.model.bringup}): bring this robot up (bestman-bt robot bringup {self.model.name})"
             )
+
+    def _compare_arm(self) -> None:
+        """Tool, payload and mounting: other than at the bring-up is refused; before one, and for bring-up, remarked.
+
+        At the first connection: later on the hand may hold something.
+        """
+        told = None if self._compared else self.arm_facts()
+        if told is None:
+            return
+        arm = next(name for name in self.parts if name in self.model.of(ArmModel))
+        found = [comparison for compare in COMPARISONS if (comparison := compare(self.model, arm, told))]
+        unlike = tuple(f"{arm}: {comparison.text}" for comparison in found if not comparison.agrees)
+        if unlike and self.model.serial_numbers.get(self.name):
+            why = "this is not as it was when the robot was brought up"
+            raise ConnectionFailedError(f"{self.name}: {'; '.join(unlike)} ({why}: {self.model.bringup})")
+        self.remarks, self._compared = self.remarks + unlike, True
 
     def _crashed(self, error: Exception) -> None:
         self._crash = Failure(MotionErrorCode.FAULT, f"{self.name} stopped working: {type(error).__name__}: {error}")

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import math
+import xml.etree.ElementTree as ET
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.messages import Pose
+from bestman_bt.robot_model import ArmModel, RobotModel, flange_of, payload
+from bestman_bt.robot_model.finger_linkage import link_poses
 
 
 @dataclass(frozen=True)
@@ -34,3 +39,74 @@ class ArmFacts:
     joint_limits: NDArray[np.float64] | None = None
     payload: float | None = None
     gravity: NDArray[np.float64] | None = None
+
+
+TOOL_TOLERANCE = 0.002
+"""Metres."""
+PAYLOAD_TOLERANCE = 0.5
+"""Kilograms: cables and what else no URDF weighs."""
+MOUNTING_TOLERANCE = math.radians(5.0)
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Whether controller and robot file agree on one thing; ``text`` says what each has, ``measured`` the figures."""
+
+    agrees: bool
+    text: str
+    measured: Mapping[str, float]
+
+
+def compare_tool(model: RobotModel, arm: str, told: ArmFacts) -> Comparison | None:
+    """The controller's tool is the flange or the file's tool; None where it does not tell."""
+    if told.tool_offset is None:
+        return None
+    ours = _placed(model, model.of(ArmModel)[arm].tool_frame, flange_of(model, arm)).position
+    theirs = told.tool_offset.position
+    apart, out = float(np.linalg.norm(theirs - ours)), float(np.linalg.norm(theirs))
+    if out <= TOOL_TOLERANCE:
+        return Comparison(True, "the controller's tool is the flange", {"from_flange": out})
+    text = (
+        f"the controller's tool is {np.round(1e3 * theirs, 1).tolist()} mm from the flange; "
+        f"the file's is {np.round(1e3 * ours, 1).tolist()} mm: set that, or no offset"
+    )
+    return Comparison(apart <= TOOL_TOLERANCE, text, {"from_flange": out, "apart": apart})
+
+
+def compare_payload(model: RobotModel, arm: str, told: ArmFacts) -> Comparison | None:
+    """The controller counts on the mass of the file's hand; None where it does not tell."""
+    if told.payload is None:
+        return None
+    ours = payload(model, flange_of(model, arm)).mass
+    text = f"the controller counts on {told.payload:.2f} kg at the flange, the file's hand has {ours:.2f} kg"
+    agrees = abs(told.payload - ours) <= PAYLOAD_TOLERANCE
+    if not agrees:
+        text += ": set it at the controller, or by the option 'payload'"
+    return Comparison(agrees, text, {"controller_kg": told.payload, "model_kg": ours})
+
+
+def compare_mounting(model: RobotModel, arm: str, told: ArmFacts) -> Comparison | None:
+    """Gravity pulls the same way by the controller and by the file; None where it does not tell."""
+    if told.gravity is None:
+        return None
+    base = _placed(model, model.of(ArmModel)[arm].base_frame, model.base_frame)
+    ours = base.rotation.T @ np.array([0.0, 0.0, -1.0])
+    angle = math.acos(float(np.clip(ours @ told.gravity / max(np.linalg.norm(told.gravity), 1e-9), -1.0, 1.0)))
+    text = (
+        f"gravity pulls along {np.round(told.gravity, 2).tolist()} by the controller, {np.round(ours, 2).tolist()} by "
+        f"the file: {math.degrees(angle):.1f}° apart"
+    )
+    return Comparison(angle <= MOUNTING_TOLERANCE, text, {"apart_deg": math.degrees(angle)})
+
+
+COMPARISONS: tuple[Callable[[RobotModel, str, ArmFacts], Comparison | None], ...] = (
+    compare_tool,
+    compare_payload,
+    compare_mounting,
+)
+
+
+def _placed(model: RobotModel, link: str, reference: str) -> Pose:
+    """Of one link in another, all joints at zero."""
+    poses = link_poses(list(ET.fromstring(model.urdf)), {}, (link, reference))
+    return poses[reference].inverse() @ poses[link]

@@ -177,7 +177,7 @@ class XArmTwin:
             24: done(self._move_joint),
             29: done(lambda data: controller.servo(np.array(struct.unpack("<7f", data[:28])[:axes]))),
             35: done(lambda data: setattr(settings, "tool_offset", struct.unpack("<6f", data[:24]))),
-            36: done(lambda data: setattr(settings, "load", struct.unpack("<4f", data[:16]))),
+            36: done(settings.set_load),
             41: lambda data: self._pose(),
             42: self._joint_states,
             47: done(lambda data: setattr(controller, "reduced_tool_speed", struct.unpack("<f", data)[0])),

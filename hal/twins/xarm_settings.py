@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import struct
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
@@ -23,7 +24,8 @@ class XArmSettings:
 
     ``serial_number``: of the arm. ``tool_offset``: mm and rad, from the flange. ``load``: kg, and the centre of mass in
     mm. ``gravity``: its direction in the arm's base. ``length_error``: mm by which the flange is further out along its
-    own axis than the controller's own kinematics should say.
+    own axis than the controller's own kinematics should say. ``keeps_load``: another load is
+    acknowledged and not taken.
     """
 
     serial_number: str
@@ -31,6 +33,7 @@ class XArmSettings:
     tool_offset: tuple[float, ...] = (0.0,) * 6
     gravity: tuple[float, ...] = (0.0, 0.0, -1.0)
     length_error: float = 0.0
+    keeps_load: bool = False
     _as_built: tuple[object, ...] = field(init=False, repr=False, default=())
 
     def __post_init__(self) -> None:
@@ -47,6 +50,7 @@ class XArmSettings:
         return {
             "other_serial": lambda: setattr(self, "serial_number", self.serial_number[:-8] + OTHER_BATCH),
             "other_tool": lambda: setattr(self, "tool_offset", (0.0, 0.0, OTHER_OFFSET, 0.0, 0.0, 0.0)),
+            "kept_load": lambda: setattr(self, "keeps_load", True),
             "other_load": lambda: setattr(self, "load", (self.load[0] + OTHER_LOAD, *self.load[1:])),
             "other_mounting": lambda: setattr(self, "gravity", (0.0, 0.0, 1.0)),
             "other_length": lambda: setattr(self, "length_error", OTHER_LENGTH),
@@ -60,7 +64,13 @@ class XArmSettings:
         rotation: NDArray[np.float64] = tool.rotation
         return (*tool.translation.tolist(), *pinocchio.rpy.matrixToRpy(rotation).tolist())
 
+    def set_load(self, data: bytes) -> None:
+        """``set_tcp_load`` of the vendor's SDK: kg, and the centre of mass in mm, as the report tells them then."""
+        if not self.keeps_load:
+            self.load = struct.unpack("<4f", data[:16])
+
     def _restore(self) -> None:
+        self.keeps_load = False
         fields = ("serial_number", "load", "tool_offset", "gravity", "length_error")
         for name, value in zip(fields, self._as_built, strict=True):
             setattr(self, name, value)

@@ -8,15 +8,12 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from bestman_bt.messages import Pose
-from bestman_bt.robot_model import ArmModel, RobotModel, flange_of, payload
+from bestman_bt.robot_model import ArmModel, RobotModel, flange_of
 from hal.hardware import ArmFacts
+from hal.hardware.controller_facts import compare_payload
 
 FLANGE_TOLERANCE = 0.01
 """Metres: above what the calibration of a single arm moves its flange, and far below what two models differ by."""
-
-
-PAYLOAD_TOLERANCE = 0.5
-"""Kilograms: cables and what else no URDF weighs."""
 
 
 @dataclass(frozen=True)
@@ -47,13 +44,8 @@ class URIdentity:
                 f"another arm, or one that is calibrated otherwise ({told}). ur3e_arm, ur5e_arm and ur10e_arm are the "
                 "e-series; ur5_arm and ur10_arm are the arms before it"
             )
-        hand = payload(robot, flange_of(robot, arm)).mass
-        if abs(hand - self.payload) > PAYLOAD_TOLERANCE:
-            return (
-                f"the controller counts on {self.payload:.2f} kg at its flange, the robot file's hand has {hand:.2f} "
-                "kg: set it at the teach pendant, or the option 'payload'"
-            )
-        return None
+        weighed = compare_payload(robot, arm, self.arm_facts())
+        return weighed.text if weighed is not None and not weighed.agrees else None
 
     def arm_facts(self) -> ArmFacts:
         """The same in the frames of the URDF, whose base counts x and y the other way round."""

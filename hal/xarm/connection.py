@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any, ClassVar, TypeVar
@@ -112,6 +113,10 @@ def _set_position(arm: Any, pulses: int, turns: int) -> int:
     return code
 
 
+REPORTS, REPORT_PERIOD = 3, 0.1
+"""How many reports are waited for, which come five times a second; seconds between two looks."""
+COUNTS, PAYLOAD_STEP = "the controller counts on", 0.01
+"""Of what is read back of a payload, kg: it travels as a single-precision number."""
 BLIND = "a Lite 6's gripper has no encoder: it knows no widths between, nor whether it holds something or is empty"
 
 
@@ -243,6 +248,18 @@ class XArmConnection(Connection):
         whole = arm_payload(self.model, self._arm.name, mass, centre, hand)
         millimetres = (1e3 * whole.centre).tolist()
         self._wire.tell("payload", lambda arm: arm.set_tcp_load(whole.mass, millimetres, wait=False))
+        if words := self._other_payload(whole.mass):
+            self.remarks = (*(remark for remark in self.remarks if not remark.startswith(COUNTS)), words)
+
+    def _other_payload(self, mass: float) -> str:
+        """What the controller counts on, read back, where that is not ``mass``; empty where it is, or is not told."""
+        for _ in range(REPORTS):
+            told = read_report(self.settings.address, self.options.connect_timeout)
+            counted = None if told is None else told.payload
+            if counted is None or abs(counted - mass) <= PAYLOAD_STEP:
+                return ""
+            time.sleep(REPORT_PERIOD)
+        return f"{COUNTS} {counted:.2f} kg at the flange, though it was told {mass:.2f} kg"
 
     def _set_limits(self, options: XArmOptions) -> None:
         """What the controller is to hold itself to, beside what is enforced above it."""
@@ -253,6 +270,8 @@ class XArmConnection(Connection):
         if payload is not None:
             center = [1e3 * value for value in options.payload_center]
             wire.demand("the payload", lambda arm: arm.set_tcp_load(payload, center, wait=False))
+            if words := self._other_payload(payload):
+                raise ConnectionFailedError(f"{self.name}: {words}")
         if options.reduced_mode:
             joint_speed = float(np.max(self._arm.model.velocity))
             wire.demand("a joint speed", lambda arm: arm.set_reduced_max_joint_speed(joint_speed, is_radian=True))

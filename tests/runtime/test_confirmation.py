@@ -13,15 +13,24 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from behaviours.manipulation.move_arm import MoveArm
+from behaviours.perception.look import LookAt
+from behaviours.skill import Skill, Steps
 from bestman_bt.control.planned_motion import PlannedMotion
+from bestman_bt.engine import Fallback
 from bestman_bt.runtime import Ending, Session, open_session
 from bestman_bt.runtime.confirmation import Confirmation
 from bestman_bt.runtime.robot_session import session_config
-from hal.api import Arm
+from hal.api import Arm, Gripper, JointGroup
 
 TREE = """<root BTCPP_format="4"><BehaviorTree ID="Main"><Sequence>
   <DriveOnHeading dist_to_travel="0.2" speed="0.1"/><MoveArm posture="home"/>
 </Sequence></BehaviorTree></root>"""
+
+
+class OpenHand(Skill):
+    def execute(self) -> Steps:
+        yield self.skills.gripper.open(0.03)
 
 
 def asked(opened: Session, answer: Callable[[Confirmation, PlannedMotion], None]) -> list[PlannedMotion]:
@@ -73,15 +82,15 @@ def test_a_declined_motion_moves_nothing_and_a_stop_ends_the_question() -> None:
     config = dataclasses.replace(session_config(seed=3), confirm=True)
     with open_session(config) as opened:
         arm = opened.robot.part("arm", Arm)
-        before = arm.positions()
+        head, hand = opened.robot.part("head", JointGroup), opened.robot.part("gripper", Gripper)
+        before, width = np.concatenate([arm.positions(), head.positions()]), hand.width()
         seen = asked(opened, lambda confirmation, planned: until_taken(confirmation.decline))
-        execution = opened.run(
-            '<root BTCPP_format="4"><BehaviorTree ID="Main"><MoveArm posture="home"/></BehaviorTree></root>'
-        )
+        execution = opened.run(Fallback("all", [MoveArm(posture="home"), LookAt(surface="counter"), OpenHand()]))
         assert not execution.succeeded
-        assert len(seen) == 1
-        assert [failure.error_code for failure in opened.skills.failures] == ["declined"]
-        assert arm.positions() == pytest.approx(before, abs=0.01)
+        assert [planned.part for planned in seen] == ["arm", "head", "gripper"]
+        assert [failure.error_code for failure in opened.skills.failures] == ["declined"] * 3
+        assert np.concatenate([arm.positions(), head.positions()]) == pytest.approx(before, abs=0.01)
+        assert hand.width() == pytest.approx(width, abs=1e-3)
         assert opened.confirmation is not None
         assert not opened.confirmation.start()  # nothing waits any more
 

@@ -26,7 +26,7 @@ from bestman_bt.control.arm.guarded_move import (
 )
 from bestman_bt.control.joint_state import READING_ERRORS
 from bestman_bt.control.motion import start_motion
-from bestman_bt.control.planned_motion import Confirm, PlannedMotion, outline
+from bestman_bt.control.planned_motion import Confirm, PlannedMotion, declined, outline
 from bestman_bt.control.touch import WristWrench
 from bestman_bt.manipulation.kinematics import InverseKinematics
 from bestman_bt.messages import Failure, JointKind, JointTrajectory, MotionErrorCode
@@ -270,9 +270,7 @@ class ArmController:
         path: Callable[[], NDArray[np.float64]] | None,
         planned: Callable[[], PlannedMotion],
     ) -> Motion[Result]:
-        if self._confirm is not None and not self._confirm(shown := planned()):
-            refused: Motion[Result] = Motion(self.name)
-            refused.fail(MotionErrorCode.DECLINED, f"a person declined: {shown.words}")
+        if (refused := declined(self._confirm, planned)) is not None:
             return refused
         if self._ways is None:
             return start()

@@ -9,6 +9,7 @@ import pinocchio
 import pytest
 
 from bestman_bt.robot_model import ArmModel, RobotModel, arm_payload, load_robot_model, payload
+from hal.hardware.controller_facts import compare_tool
 from hal.twins.ur_kinematics import URKinematics
 from hal.ur.identity import URIdentity
 
@@ -62,3 +63,10 @@ def test_what_is_held_adds_to_the_hand_in_the_flange(robot: RobotModel) -> None:
     pinocchio.framesForwardKinematics(model, data, pinocchio.neutral(model))
     flange, tool = (data.oMf[model.getFrameId(name)] for name in ("arm_tool0", robot.of(ArmModel)["arm"].tool_frame))
     assert moment / 2.0 == pytest.approx(flange.actInv(tool).act(np.array([0.0, 0.0, 0.05])), abs=1e-6)
+
+
+def test_a_tool_that_is_neither_the_flange_nor_the_files_is_told(robot: RobotModel, told: URIdentity) -> None:
+    for tcp_offset, agrees in ((told.tcp_offset, False), ([0.0] * 6, True), ([0.0, 0.0, 0.0015, 0.0, 0.0, 0.0], True)):
+        compared = compare_tool(robot, "arm", replace(told, tcp_offset=tcp_offset).arm_facts())
+        assert compared is not None
+        assert compared.agrees is agrees

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import re
 import socket
 import threading
 from collections.abc import Iterator
@@ -17,9 +18,10 @@ import pytest
 from bestman_bt.control.arm import ArmController
 from bestman_bt.messages import JointTrajectory
 from bestman_bt.robot_model import load_robot_model
+from bestman_bt.robot_model.bringup_file import as_brought_up
 from hal.api import Arm, CommandRefusedError, MotionErrorCode, MotionStatus
 from hal.hardware import HardwareRobot
-from hal.parts import ToolLimits
+from hal.parts import ConnectionFailedError, ToolLimits
 from hal.twins import TwinProcess
 from hal.xarm.wire import discreet
 from tests.hal.twinned import twin_settings, wait_for
@@ -139,6 +141,48 @@ def test_in_reduced_mode_the_controller_watches_too(twin: TwinProcess) -> None:
         assert motion.failure.code is MotionErrorCode.FAULT
         assert motion.failure.vendor_code == "C24"
     twin.fault("arm_controller", "released")
+
+
+@pytest.mark.parametrize(
+    ("fault", "words"),
+    [
+        ("other_tool", r"tool is \[0\.0, 0\.0, 5\.0\] mm from the flange"),
+        ("other_load", r"counts on \d\.\d\d kg at the flange, the file's hand has"),
+        ("other_mounting", r"gravity pulls along \[0\.0, 0\.0, 1\.0\] by the controller"),
+    ],
+)
+def test_what_the_controller_knows_otherwise_is_told_and_refused_once_the_robot_was_brought_up(
+    twin: TwinProcess, fault: str, words: str
+) -> None:
+    model = load_robot_model(ROBOT, twin_settings(twin))
+    twin.fault("arm_controller", fault)
+    try:
+        with HardwareRobot(model) as robot:
+            assert re.search(words, robot.diagnostics()["arm_controller remarks"])
+        brought_up, _ = as_brought_up(model)
+        with pytest.raises(ConnectionFailedError, match=words):
+            HardwareRobot(brought_up).connect()
+        twin.fault("arm_controller", "as_built")
+        with HardwareRobot(brought_up) as robot:
+            assert "arm_controller remarks" not in robot.diagnostics()
+    finally:
+        twin.fault("arm_controller", "as_built")
+
+
+def test_a_payload_is_read_back(twin: TwinProcess) -> None:
+    try:
+        with connected(twin) as robot:
+            arm = robot.part("arm", Arm)
+            arm.carry(0.3, (0.0, 0.0, 0.02))
+            assert "arm_controller remarks" not in robot.diagnostics()
+            twin.fault("arm_controller", "kept_load")
+            arm.carry(0.0, (0.0, 0.0, 0.0))
+            assert "though it was told" in robot.diagnostics()["arm_controller remarks"]
+        settings = twin_settings(twin, connections__arm_controller__options={"payload": 0.8})
+        with pytest.raises(ConnectionFailedError, match=r"the controller counts on .* though it was told 0\.80 kg"):
+            HardwareRobot(load_robot_model(ROBOT, settings)).connect()
+    finally:
+        twin.fault("arm_controller", "as_built")
 
 
 def test_nothing_goes_on_after_the_robot_is_disconnected(twin: TwinProcess) -> None:
