@@ -10,8 +10,8 @@ class Part(ABC):
     """A part of a robot. Constructing one does no work; the robot's ``connect()`` does.
 
     ``name``: in its robot, for example ``arm``. Attributes can be read before connecting.
-    ``speed_share``: of its speed, 0 to 1, as an operator has set by ``Robot.set_speed``. Joints and bases run their
-    motions and velocities at it by themselves; who streams set-points by ``Arm.servo`` keeps to it.
+    ``speed_share``: of its speed, 0 to 1, as an operator has set by ``Robot.set_speed``. Joints, bases and
+    grippers run their motions and velocities at it by themselves; who streams set-points by ``Arm.servo`` keeps to it.
     """
 
     kind: ClassVar[str]

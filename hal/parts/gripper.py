@@ -62,6 +62,8 @@ class CommandedGripper(StoppablePart, Gripper):
         self._checks = GripperCommandChecks(name, model, gripping.usual_force, gripping.usual_speed)
         self._reading: GripperReading | None = None
         self._order: tuple[float, float, float] | None = None  # width, force, speed that are still to be sent
+        self._sent: tuple[float, float, float] | None = None  # of the motion under way, at full speed
+        self._share = 1.0  # of the speed, at which it was sent
         self._halting = False
         self._target = model.max_width
         self._closing = self._blocked = False
@@ -134,12 +136,16 @@ class CommandedGripper(StoppablePart, Gripper):
     def cycle(self, elapsed: float) -> None:
         """Send what is to be sent, and look how far the fingers are."""
         with self._connection.lock:
-            order, halting = self._order, self._halting
+            order, halting, share = self._order, self._halting, self.speed_share
             self._order, self._halting = None, False
-        if halting:
+            if order is None and not halting and share != self._share and self._connection.motion is not None:
+                order = self._sent  # again, at another speed
+            self._sent, self._share = order or self._sent, share
+        if halting or (order is not None and share == 0.0):
             self._channel.halt()
-        if order is not None:
-            self._channel.send(*order)
+        elif order is not None:
+            width, force, speed = order
+            self._channel.send(width, force, speed * share)
         self._channel.refresh()
         reading = self._channel.read()
         row = None if self.trace is None else self.trace.row()
@@ -149,7 +155,7 @@ class CommandedGripper(StoppablePart, Gripper):
             self._reading = reading
             if halting:
                 self._target = reading.width
-            self._watch(reading, elapsed)
+            self._watch(reading, elapsed * share)
 
     def _halt(self) -> None:
         """Unless they press on something; fingers that have not begun to move yet are not blocked."""

@@ -57,7 +57,8 @@ class URArm(StreamedArm):
 
     ``move_path``, ``speed_joints`` and ``speed_tool`` are the controller's ``movej``, ``speedj`` and ``speedl``, within
     the same limits as everything else. They do not take over from one another: ``stop`` or ``cancel`` comes first.
-    They, too, keep to the speed slider and wait while the controller is paused, as the controller does.
+    They, too, keep to the speed slider and wait while the controller is paused, as the controller does; they run at the
+    ``speed_share`` that there is when they begin.
     ``payload``: from what the hand holds, kg and its centre in the tool frame, to all that the flange carries.
     Motions of the controller are renewed every 0.05 s, and end where this process does not renew them any more.
     """
@@ -95,14 +96,22 @@ class URArm(StreamedArm):
                 profile = Trapezoid(start, row, np.full(len(row), speed), np.full(len(row), acceleration))
                 share, start = min(share, self._slow_down(profile)), row
             numbers = (speed * share, acceleration * share**2)
-            path = [[*row.tolist(), *numbers, blend if row is not rows[-1] else 0.0] for row in rows]
+            blends = [blend] * (len(rows) - 1) + [0.0]
+
+            def upload() -> object:
+                """At the operator's share of the speed as it is now."""
+                now = self.speed_share
+                moving = numbers[0] * now, numbers[1] * now**2
+                path = [[*row.tolist(), *moving, round_off] for row, round_off in zip(rows, blends, strict=True)]
+                return self._link.call("upload_path", path, timeout=UPLOAD_TIME)
+
             return self._begin_own(
                 "move_path",
                 lambda: self._link.call("start_path", timeout=START_TIME),
                 "stop_path",
                 lambda report, passed: not report.moving,
                 rows[-1],
-                lambda: self._link.call("upload_path", path, timeout=UPLOAD_TIME),
+                upload,
             )
 
     def speed_joints(self, velocities: ArrayLike, duration: float) -> Motion[None]:
@@ -189,7 +198,9 @@ class URArm(StreamedArm):
             raise self._connection.refuse(call, f"duration = {duration} s is not positive")
         return self._begin_own(
             call,
-            lambda: self._link.call(call, speeds, acceleration, timeout=START_TIME),
+            lambda: self._link.call(
+                call, [self.speed_share * speed for speed in speeds], acceleration, timeout=START_TIME
+            ),
             "stop_speed",
             lambda report, passed: passed > duration,
         )
@@ -215,6 +226,8 @@ class URArm(StreamedArm):
         report = self._link.report
         try:
             if own.begun is None:
+                if self.speed_share == 0.0 and not own.stopping:
+                    return  # while the operator holds the robot, nothing begins
                 prepare, own.prepare = own.prepare, None
                 if prepare is not None and not own.stopping:
                     prepare()

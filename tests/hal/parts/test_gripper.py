@@ -80,6 +80,28 @@ def test_an_order_is_sent_once_with_its_force_and_speed(gripper: CommandedGrippe
     assert not gripper.state().empty
 
 
+def test_fingers_keep_to_the_operators_speed_wait_while_held_and_are_not_taken_for_blocked(
+    gripper: CommandedGripper, fingers: Fingers
+) -> None:
+    gripper.speed_share = 0.05
+    motion = gripper.move(0.03, force=20.0, speed=0.04)  # 2 mm/s: less than the still band in the still time
+    run(gripper, fingers, 2.0)
+    assert fingers.orders == [(0.03, 20.0, pytest.approx(0.002))]
+    assert fingers.width == pytest.approx(0.076, abs=3e-4)
+    gripper.speed_share = 0.0
+    run(gripper, fingers, 30.0)
+    assert (fingers.halts, fingers.width) == (1, pytest.approx(0.076, abs=3e-4))
+    gripper.speed_share = 1.0
+    run(gripper, fingers, 0.5)
+    assert motion.status is MotionStatus.RUNNING
+    assert fingers.orders[1:] == [(0.03, 20.0, 0.04)]
+    run(gripper, fingers, 1.0)
+    assert motion.status is MotionStatus.SUCCEEDED
+    gripper.speed_share = 0.5
+    run(gripper, fingers, 0.1)
+    assert len(fingers.orders) == 2  # what rests is told nothing
+
+
 def test_closing_on_an_object_succeeds_and_holds_until_it_is_gone(gripper: CommandedGripper, fingers: Fingers) -> None:
     fingers.low = 0.03
     motion = gripper.close(force=30.0)

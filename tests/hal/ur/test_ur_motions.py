@@ -130,6 +130,26 @@ def test_the_sign_of_the_wrist_is_told_from_the_hands_weight_in_two_postures(
         twin.fault(CONTROLLER, "other_wrench_sign")
 
 
+@pytest.mark.slow
+def test_motions_of_the_controller_begin_at_the_operators_speed_and_not_while_the_robot_is_held(
+    robot: HardwareRobot,
+) -> None:
+    arm = robot.part("arm", URArm)
+    start = arm.positions()
+    robot.set_speed(0.0)
+    try:
+        motion = arm.speed_joints([0.2, 0, 0, 0, 0, 0], duration=1.0)
+        robot.clock.sleep(0.5)
+        assert not motion.done
+        assert arm.positions() == pytest.approx(start, abs=2e-3)
+        robot.set_speed(0.5)
+        ended(robot, motion)
+    finally:
+        robot.set_speed(1.0)
+    assert motion.status is MotionStatus.SUCCEEDED
+    assert arm.positions()[0] - start[0] == pytest.approx(0.1, abs=0.04)
+
+
 def test_the_controller_counts_on_what_the_hand_holds_also_after_its_program_was_begun_anew(
     robot: HardwareRobot, twin: TwinProcess
 ) -> None:
