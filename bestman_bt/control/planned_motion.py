@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import ConvexHull, QhullError
 
 from bestman_bt.messages import MotionErrorCode
 from hal.api import Motion
@@ -60,6 +59,8 @@ def declined(confirm: Confirm | None, planned: Callable[[], PlannedMotion]) -> M
 
 def outline(points: Array) -> Array:
     """The convex outline (M, 2) of points (N, 2)."""
+    from scipy.spatial import ConvexHull, QhullError  # commands that only read trees do without SciPy
+
     try:
         hull: Array = points[ConvexHull(points).vertices]
     except (QhullError, ValueError):  # all in a line
