@@ -151,8 +151,11 @@ class PlanQuestion:
         return with_replanning(made, problem.goal, again, self.builder, self.setup.registry, self.limits)
 
     def faults(self, problem: Problem, made: PlanTree) -> list[Fault]:
-        """What verification says."""
-        return verify(made.document().to_xml(), problem, self.setup.registry, self.setup.robot_model, self.beliefs)
+        """What verification says of the tree, which is in no file yet."""
+        xml = made.document().to_xml()
+        found = verify(xml, problem, self.setup.registry, self.setup.robot_model, self.beliefs)
+        named = f"tree of the builder {self.builder}"
+        return [replace(fault, file=named) if fault.file == "<text>" else fault for fault in found]
 
     def _refusals(self, problem: Problem, plan: TaskPlan) -> list[str]:
         return refusals(self.faults(problem, self.tree(problem, plan)))

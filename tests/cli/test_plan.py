@@ -235,12 +235,16 @@ def test_a_plug_in_brings_the_planner_and_the_builder(bestman_bt: Command, folde
         "from bestman_bt.task_planning.symbolic import SymbolicPlanner\n"
         "@task_planner('mine')\nclass Mine(SymbolicPlanner): ...\n"
         "@tree_builder('in_a_row')\nclass InARow(SequenceBuilder): ...\n"
+        "@tree_builder('odd')\nclass Odd(SequenceBuilder):\n"
+        "    def root(self, plan, goal, writer): return writer.node('Sequnce', 'plan', [])\n"
     )
     asked = ("plan", "--goal", "hand_empty", "--planner", "mine", "--builder", "in_a_row")
     try:
         assert bestman_bt(*asked, "--plugin", "mine.py").code == 0
+        refused = bestman_bt(*asked[:-1], "odd", "--plugin", "mine.py").err
+        assert "tree of the builder odd:5: <Sequnce>: unknown node" in refused
     finally:
-        for registry, name in ((PLANNERS, "mine"), (BUILDERS, "in_a_row")):
+        for registry, name in ((PLANNERS, "mine"), (BUILDERS, "in_a_row"), (BUILDERS, "odd")):
             registry._entries.pop(name, None)
     answer = bestman_bt(*asked)
     assert answer.code == 2
