@@ -6,7 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, Self, TypeVar
+from typing import TYPE_CHECKING, Self, TypeVar, cast
 
 from hal.api.errors import UnknownPartError
 from hal.api.part import Part
@@ -121,12 +121,17 @@ class Robot(ABC):
     def diagnostics(self) -> dict[str, str]:
         """Short texts by subject, for people."""
 
-    def part(self, name: str, part_type: type[PartType]) -> PartType:
-        """The part called ``name``; UnknownPartError names what there is instead."""
+    def part(self, name: str, part_type: Callable[..., PartType]) -> PartType:
+        """The part called ``name``; UnknownPartError names what there is instead.
+
+        ``part_type``: ``Arm``, ``Gripper``, …; said to be callable, since type checkers take no abstract class for a
+        ``type``.
+        """
+        kind = cast(type[PartType], part_type)
         part = self.parts.get(name)
-        if not isinstance(part, part_type):
+        if not isinstance(part, kind):
             available = ", ".join(f"{n} ({p.kind})" for n, p in self.parts.items())
-            raise UnknownPartError(f"no {part_type.kind} called {name!r}; this robot has: {available}")
+            raise UnknownPartError(f"no {kind.kind} called {name!r}; this robot has: {available}")
         return part
 
     def __enter__(self) -> Self:

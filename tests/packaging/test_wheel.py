@@ -32,8 +32,8 @@ def files_below(folder: str) -> set[str]:
 
 
 def test_every_module_is_in_the_wheel(wheel: zipfile.ZipFile) -> None:
-    modules = {name for package in PACKAGES for name in files_below(package) if name.endswith(".py")}
-    assert modules
+    modules = {name for package in PACKAGES for name in files_below(package) if name.endswith((".py", "py.typed"))}
+    assert modules >= {f"{package}/py.typed" for package in PACKAGES}
     assert modules <= set(wheel.namelist())
 
 
