@@ -33,7 +33,10 @@ SEED = 7
 MOST = 1.35
 REPEATS = 3
 """The quickest of so many counts."""
-HARD = {"grounding": "every ground action is one: objects² moves"}
+HARD = {
+    "grounding": "every ground action is one: objects² moves",
+    "builder": "the tree asks before each step for all that the rest of the plan needs: steps × facts",
+}
 Work = Callable[[], object]
 
 MAIN = '<root BTCPP_format="4" main_tree_to_execute="Main"><BehaviorTree ID="Main"><Sequence>'

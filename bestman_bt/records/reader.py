@@ -34,8 +34,8 @@ from bestman_bt.records.history import RunHistory
 from bestman_bt.records.writer import EVENTS_FILE, LOG_FILE, SEGMENT, STATES_FILE
 
 LONGEST_SEGMENT = 4 * SEGMENT
-MOST_READ = 64 << 20
-"""Bytes that are read of one full segment, and of all together."""
+MOST_READ = 512 << 20
+"""Bytes that are read of all segments together: more than ten hours; of these one is in memory at a time."""
 LARGEST_FILE = 32 << 20
 """Bytes of one log that are read; executors cut theirs long before."""
 LOG_SUFFIXES = (".btlog", ".db3", ".btdb")

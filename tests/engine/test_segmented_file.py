@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import lzma
+import tracemalloc
 from pathlib import Path
 
 import pytest
@@ -182,3 +183,27 @@ def test_segments_with_almost_nothing_in_them_count_as_much_as_small_ones(tmp_pa
     segments = read_segments(tmp_path / "log.jsonl", 10 * SMALLEST, 1 << 20)
     assert [segment.path.name for segment in segments][:2] == ["log.0001.jsonl", "log.0032.jsonl"]
     assert len(segments) == 11
+
+
+def test_of_a_long_log_one_segment_is_in_memory_at_a_time(tmp_path: Path) -> None:
+    for number in range(1, 21):
+        (tmp_path / f"log.{number:04}.jsonl.xz").write_bytes(lzma.compress(bytes(1 << 20), preset=0))
+    (tmp_path / "log.jsonl").write_bytes(b"")
+    tracemalloc.start()
+    try:
+        segments = read_segments(tmp_path / "log.jsonl", 1 << 30, 1 << 22)
+        assert sum(len(segment.data) for segment in segments) == 20 << 20
+        assert tracemalloc.get_traced_memory()[1] < 6 << 20
+    finally:
+        tracemalloc.stop()
+
+
+def test_a_segment_that_is_compressed_while_a_log_is_read_is_read_as_well(tmp_path: Path) -> None:
+    (tmp_path / "log.jsonl").write_bytes(b"new")
+    plain = tmp_path / "log.0001.jsonl"
+    plain.write_bytes(b"old")
+    full, growing = read_segments(tmp_path / "log.jsonl", 1 << 20, 1 << 20)
+    (tmp_path / "log.0001.jsonl.xz").write_bytes(lzma.compress(b"old"))
+    plain.unlink()
+    (tmp_path / "log.jsonl").write_bytes(b"newer")
+    assert (full.data, growing.data) == (b"old", b"new")

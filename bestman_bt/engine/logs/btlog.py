@@ -248,7 +248,8 @@ def read_btlog(path: str | Path) -> BtLog:
     """
     path = Path(path)
     segments = read_segments(path, MOST_READ, LONGEST_SEGMENT)
-    first = _decoded(segments[0].path, segments[0].data)
+    head = segments[0].data
+    first = _decoded(segments[0].path, head)
     if len(segments) == 1:
         return first
     parts, gaps = [first.transitions], []
@@ -257,7 +258,7 @@ def read_btlog(path: str | Path) -> BtLog:
     end, is_gap = first.transitions[-1].time if len(first.transitions) else 0.0, False
     for segment in segments[1:]:
         is_gap |= segment.is_after_gap
-        if segment.path == path and segments[0].data.startswith(segment.data):
+        if segment.path == path and head.startswith(segment.data):
             continue  # torn within its head
         try:
             news = _decoded(segment.path, segment.data).transitions

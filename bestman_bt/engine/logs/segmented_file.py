@@ -12,8 +12,8 @@ import os
 import shutil
 import stat
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import BinaryIO
 
@@ -58,11 +58,26 @@ SMALLEST = 64 << 10
 
 @dataclass(frozen=True)
 class Segment:
-    """One that was read. ``is_after_gap``: segments between it and the one before are missing or were left out."""
+    """One that is read. ``is_after_gap``: segments between it and the one before are missing or were left out.
+
+    ``longest``: bytes that are read of it. ``newest``: what the growing file held when the segments were looked for.
+    """
 
     path: Path
-    data: bytes
     is_after_gap: bool
+    longest: int
+    newest: bytes | None = None
+
+    @property
+    def data(self) -> bytes:
+        """Of a full one read whenever it is asked for, so that no long log fills the memory; none if it is gone."""
+        if self.newest is not None:
+            return self.newest
+        packed = self.path if self.path.suffix == COMPRESSED else self.path.with_name(self.path.name + COMPRESSED)
+        for path in (self.path, packed):
+            with suppress(FileNotFoundError):
+                return read_segment(path, self.longest)
+        return b""
 
 
 class SegmentedFile:
@@ -130,29 +145,35 @@ def full_segments(path: Path) -> list[Path]:
 def read_segments(path: Path, limit: int, longest: int) -> list[Segment]:
     """The file and its earlier segments, oldest first, with at most ``limit`` bytes together.
 
-    Of a longer log the first segment and the newest ones. ``longest``: bytes that are read of one full segment.
+    Of a longer log the first segment and the newest ones. ``longest``: bytes that are read of one full segment. All are
+    unpacked once here, to count them, and again when they are read.
 
     Raises:
         OSError: one cannot be read, or is no regular file.
     """
     full = full_segments(path)
     try:
-        newest = [(_number(path, full[-1]) + 1 if full else 1, path, read_segment(path, limit))]
+        newest = [Segment(path, False, limit, read_segment(path, limit))]
     except FileNotFoundError:
         if not full:
             raise
         newest = []  # the process ended between two segments
-    first = [(_number(path, found), found, read_segment(found, longest)) for found in full[:1]]
-    left = limit - sum(len(data) for _, _, data in first + newest)
+    first = [Segment(found, False, longest) for found in full[:1]]
+    left = limit - sum(len(segment.data) for segment in first + newest)
     for found in reversed(full[1:]):
-        data = read_segment(found, longest)
-        left -= max(SMALLEST, len(data))
+        segment = Segment(found, False, longest)
+        left -= max(SMALLEST, len(segment.data))
         if left < 0:
             break
-        newest.append((_number(path, found), found, data))
-    read = first + newest[::-1]
-    before = [number for number, _, _ in read[:1]] + [number + 1 for number, _, _ in read[:-1]]
-    return [Segment(found, data, number != due) for (number, found, data), due in zip(read, before, strict=True)]
+        newest.append(segment)
+    due = 0
+    read: list[Segment] = []
+    for segment in first + newest[::-1]:
+        growing = _number(path, full[-1]) + 1 if full else 1
+        number = growing if segment.path == path else _number(path, segment.path)
+        read.append(replace(segment, is_after_gap=bool(read) and number != due))
+        due = number + 1
+    return read
 
 
 def first_segment(path: Path) -> Path:

@@ -7,9 +7,8 @@ R. E. Fikes, P. E. Hart, N. J. Nilsson, "Learning and Executing Generalized Robo
 from __future__ import annotations
 
 import functools
-import heapq
 import operator
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 from bestman_bt.task_planning.builders.steps import PlanStep
@@ -76,15 +75,19 @@ def staircase(steps: Sequence[PlanStep], goal: Iterable[Literal], most_ways: int
                 before = bits.before(pre, effects, after)
                 if before is not None:
                     ways[before] = min(ways.get(before, skipped + left_out), skipped + left_out)
-        # Where a later one is ready anyhow, this one is not asked for.
-        asked = bits.simplified({way: left_out for way, left_out in ways.items() if not bits.covered(way, later)})
-        enough = max(heapq.nsmallest(most_ways, asked.values()), default=0)
-        fewest = [way for way in asked.items() if way[1] <= enough]
-        best = sorted(fewest, key=lambda way: (way[1], sorted(bits.kernel(way[0]))))[:most_ways]
+        best = bits.fewest_left_out(ways, later, most_ways)
         followers.insert(0, dict(best))
         later.update(dict(best))
         found.insert(0, Ready(step, tuple(bits.kernel(way) for way, _ in best)))
     return tuple(found)
+
+
+def _single(bits: int) -> Iterator[int]:
+    """The bits one by one, the lowest first."""
+    while bits:
+        one = bits & -bits
+        yield one
+        bits ^= one
 
 
 class _Bits:
@@ -101,12 +104,8 @@ class _Bits:
 
     def kernel(self, bits: int) -> Kernel:
         """The kernel of a number."""
-        return frozenset(
-            Literal(fact, negated=bool(negated))
-            for fact, index in self._index.items()
-            for negated in (0, 1)
-            if bits >> (index + negated) & 1
-        )
+        places = (one.bit_length() - 1 for one in _single(bits))
+        return frozenset(Literal(self._facts[place // 2], negated=bool(place % 2)) for place in places)
 
     def contrary(self, bits: int) -> int:
         """What must hold where this must not, and the other way round."""
@@ -133,6 +132,30 @@ class _Bits:
         one = undecided & -undecided
         return all(self.covered(way | literal, possible) for literal in (one, self.contrary(one)))
 
+    def fewest_left_out(self, ways: Mapping[int, int], later: Collection[int], most: int) -> list[tuple[int, int]]:
+        """The first ``most`` of the simplified ways, with how many steps they leave out, the fewest first.
+
+        Not those that ``later`` ones cover: where one of these is ready anyhow, the step is not asked for.
+        """
+        either = functools.reduce(operator.or_, ways, 0)
+        either &= self.contrary(either)  # facts that some want to hold, and others not to
+        if any(way ^ one ^ self.contrary(one) in ways for way in ways for one in _single(way & either)):
+            ways = self.simplified({way: left for way, left in ways.items() if not self.covered(way, later)})
+        by_left_out: dict[int, list[int]] = {}
+        for way, left_out in ways.items():
+            by_left_out.setdefault(left_out, []).append(way)
+        best: list[tuple[int, int]] = []
+        for left_out in sorted(by_left_out):
+            if len(best) >= most:
+                break
+            alike = [
+                way
+                for way in by_left_out[left_out]
+                if not any(other & way == other and other != way for other in ways) and not self.covered(way, later)
+            ]
+            best += [(way, left_out) for way in sorted(alike, key=lambda way: tuple(map(int.bit_length, _single(way))))]
+        return best[:most]
+
     def simplified(self, ways: Mapping[int, int]) -> dict[int, int]:
         """Two that differ in whether one fact holds are one without it; those that ask for more than others go."""
         found = dict(ways)
@@ -145,10 +168,7 @@ class _Bits:
             found = {way: found[way] for way in least}
             merged: dict[int, int] = {}
             for way, left_out in found.items():
-                rest = way
-                while rest:
-                    literal = rest & -rest
-                    rest ^= literal
+                for literal in _single(way):
                     other = way ^ literal ^ self.contrary(literal)
                     if other in found:
                         merged[way ^ literal] = min(left_out, found[other])
