@@ -193,7 +193,8 @@ def read_segment(path: Path, limit: int) -> bytes:
     """
     with open_regular(path) as file:
         if path.suffix != COMPRESSED:
-            return file.read(limit)
+            # Room is made for all that is asked for.
+            return file.read(min(limit, os.fstat(file.fileno()).st_size))
         unpacker = lzma.LZMADecompressor(lzma.FORMAT_XZ, memlimit=UNPACKING_MEMORY)
         pieces: list[bytes] = []
         try:
