@@ -7,7 +7,7 @@ dynamic covariance scaling", 2013).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated
 
 import numpy as np
@@ -60,6 +60,21 @@ class PoseGraph:
 
     def __len__(self) -> int:
         return len(self._poses)
+
+    def copy(self) -> PoseGraph:
+        """Another one with the same nodes and constraints, to be worked on elsewhere."""
+        other = replace(self)
+        other._poses, other.constraints = list(self._poses), list(self.constraints)
+        return other
+
+    def move_to(self, poses: NDArray[np.float64]) -> None:
+        """The first nodes lie at ``poses`` (M, 3) from now on, the later ones as they lay beside the last of them."""
+        last = len(poses) - 1
+        moved = Pose2D(*poses[last].tolist()) @ self.pose(last).inverse()
+        later = [moved @ Pose2D(*pose) for pose in self._poses[last + 1 :]]
+        self._poses = [(x, y, theta) for x, y, theta in poses.tolist()]
+        for pose in later:
+            self.add_pose(pose)
 
     def add_pose(self, pose: Pose2D) -> int:
         """Add a node where ``pose`` is a first guess; returns its number."""

@@ -7,6 +7,8 @@ graph puts the keyframes (as in W. Hess et al., "Real-time loop closure in 2D li
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from typing import Annotated
 
@@ -156,6 +158,15 @@ class LogOddsGrid:
             self._first = self._first - before
 
 
+@dataclass
+class _Closing:
+    """Loops that are looked for with ``keyframe``; ``scans``: that came since."""
+
+    keyframe: Keyframe
+    found: Future[tuple[list[Constraint], NDArray[np.float64]]]
+    scans: int = 0
+
+
 @dataclass(eq=False)
 class PoseGraphSlam(Slam):
     """See the module; equal input gives equal output.
@@ -171,7 +182,8 @@ class PoseGraphSlam(Slam):
     there has to explain ``sure_inlier_ratio`` and be known to ``sure_std`` in each direction. Else the match counts if
     it explains ``least_inlier_ratio``, as where a new room comes into view, and lies within ``max_deviation`` of the
     odometry. ``position_std``, ``heading_std``: error of a match beside the noise of the hits. ``redraw_distance``,
-    ``redraw_angle``: a keyframe that a loop closure moves farther has the grid drawn anew.
+    ``redraw_angle``: a keyframe that a loop closure moves farther has the grid drawn anew. ``closing_scans``: after so
+    many scans, or at the next keyframe, what a thread of its own found of loops and solved meanwhile is taken over.
     """
 
     loop_closure: bool = True
@@ -197,6 +209,7 @@ class PoseGraphSlam(Slam):
     heading_std: Annotated[NonNegative, "rad"] = math.radians(0.08)
     redraw_distance: Annotated[NonNegative, "m"] = 0.015
     redraw_angle: Annotated[NonNegative, "rad"] = math.radians(0.15)
+    closing_scans: Count = 3
     line: PointToLine = field(default_factory=PointToLine)
     correlative: LikelihoodPyramid = field(default_factory=LikelihoodPyramid)
     closure: LoopCloser = field(default_factory=LoopCloser)
@@ -205,6 +218,7 @@ class PoseGraphSlam(Slam):
 
     def __post_init__(self) -> None:
         self._estimate: SlamEstimate | None = None
+        self._closing: _Closing | None = None
 
     def reset(self, pose: Pose2D, odometry: Pose2D) -> SlamEstimate:
         """See ``Slam.reset``."""
@@ -214,6 +228,8 @@ class PoseGraphSlam(Slam):
         self._active: list[Submap] = []
         self._finished: list[Submap] = []
         self._loops: list[tuple[int, int]] = []
+        # A loop of a large house takes longer to close than a tick may.
+        self._worker, self._closing = ThreadPoolExecutor(1, "slam"), None
         self._map_from_local = Pose2D()
         self._covariance = self._error(self.position_std, self.heading_std)
         self._drawing, self._drawn = replace(self.occupancy), np.zeros((0, 3))
@@ -239,6 +255,10 @@ class PoseGraphSlam(Slam):
     def add(self, odometry: Pose2D, scan: LaserScan, base_from_lidar: Pose2D) -> SlamEstimate:
         """See ``Slam.add``."""
         base_from_lidar.checked("PoseGraphSlam base_from_lidar")
+        if self._closing is not None:
+            self._closing.scans += 1
+            if self._closing.scans >= self.closing_scans:
+                self._take_closures()
         self.predict(odometry)
         hits = oriented_points(scan, base_from_lidar)
         if len(hits) < self.min_hits:
@@ -268,6 +288,7 @@ class PoseGraphSlam(Slam):
     @property
     def trajectory(self) -> SlamTrajectory:
         """See ``Slam.trajectory``."""
+        self._take_closures()
         stamps = np.array([keyframe.scan.stamp for keyframe in self._keyframes])
         return SlamTrajectory(self._graph.poses, stamps, np.array(self._loops, dtype=np.intp).reshape(-1, 2))
 
@@ -311,6 +332,7 @@ class PoseGraphSlam(Slam):
         return last.distance_to(self._local) > self.keyframe_distance or turn > self.keyframe_angle
 
     def _add_keyframe(self, scan: LaserScan, base_from_lidar: Pose2D, hits: OrientedPoints) -> None:
+        self._take_closures()
         node = self._graph.add_pose(self._map_from_local @ self._local)
         keyframe = Keyframe(node, self._local, scan, base_from_lidar, hits)
         information = inverse(turned(self._covariance, -self._local.theta))
@@ -320,13 +342,32 @@ class PoseGraphSlam(Slam):
             )
         self._insert(keyframe)
         if self.loop_closure:
-            closures = self.closure.find(keyframe, self._finished, self._graph)
-            for closure in closures:
-                self._graph.add_constraint(closure)
-                self._loops.append((closure.first, closure.second))
-            if closures:
-                self._graph.optimize()
-                self._map_from_local = self._graph.pose(node) @ self._local.inverse()
+            found = self._worker.submit(self._close, keyframe, tuple(self._finished), self._graph.copy())
+            self._closing = _Closing(keyframe, found)
+
+    def _close(
+        self, keyframe: Keyframe, finished: Sequence[Submap], graph: PoseGraph
+    ) -> tuple[list[Constraint], NDArray[np.float64]]:
+        """Loops that ``keyframe`` closes, and all poses after that; ``graph`` is a copy, and nothing else changes."""
+        closures = self.closure.find(keyframe, finished, graph)
+        for closure in closures:
+            graph.add_constraint(closure)
+        if closures:
+            graph.optimize()
+        return closures, graph.poses
+
+    def _take_closures(self) -> None:
+        """Wait for what is computed and take it over; so equal scans give equal maps however long that takes."""
+        if self._closing is None:
+            return
+        (closures, poses), keyframe, self._closing = self._closing.found.result(), self._closing.keyframe, None
+        for closure in closures:
+            self._graph.add_constraint(closure)
+            self._loops.append((closure.first, closure.second))
+        if closures:
+            self._graph.move_to(poses)
+            self._map_from_local = self._graph.pose(keyframe.node) @ keyframe.local.inverse()
+            self._tell(self.estimate.match)
 
     def _insert(self, keyframe: Keyframe) -> None:
         self._keyframes.append(keyframe)

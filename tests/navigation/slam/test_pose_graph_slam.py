@@ -1,11 +1,14 @@
 from __future__ import annotations
 
+import threading
+
 import numpy as np
 import pytest
 
 from bestman_bt.messages import LaserScan, Pose2D
 from bestman_bt.messages.grids import FREE, OCCUPIED
 from bestman_bt.navigation.slam import PoseGraphSlam, SlamLocalizer
+from bestman_bt.navigation.slam.loop_closure import LoopCloser
 
 BASE_FROM_LIDAR = Pose2D(0.1, 0.0, 0.05)
 
@@ -102,3 +105,29 @@ def test_as_a_localizer_it_begins_a_new_map_at_each_reset(round_drive):
 def test_it_says_what_is_missing_before_a_reset():
     with pytest.raises(RuntimeError, match="before reset"):
         _ = PoseGraphSlam().estimate
+
+
+class SlowCloser(LoopCloser):
+    """Finds loops once it is let."""
+
+    may_end = threading.Event()
+    asked = 0
+
+    def find(self, keyframe, finished, graph):
+        type(self).asked += 1
+        assert self.may_end.wait(20.0)
+        return super().find(keyframe, finished, graph)
+
+
+def test_no_scan_waits_for_loops_that_are_looked_for_until_it_is_time_to_take_them_over(round_drive):
+    slam = PoseGraphSlam(closure=SlowCloser(), closing_scans=5)
+    slam.reset(round_drive.true[0], round_drive.odometry[0])
+    begun = next(
+        number
+        for number, readings in enumerate(zip(round_drive.odometry, round_drive.scans, strict=True))
+        if slam.add(*readings, BASE_FROM_LIDAR) and SlowCloser.asked
+    )
+    slam.add(round_drive.odometry[begun + 1], round_drive.scans[begun + 1], BASE_FROM_LIDAR)
+    assert not SlowCloser.may_end.is_set()
+    SlowCloser.may_end.set()
+    assert len(slam.trajectory.stamps) >= 2
