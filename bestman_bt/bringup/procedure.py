@@ -41,7 +41,12 @@ STEPS = (
     Step("joint-signs", "each joint by 1°", joint_signs, "each joint moves by 1° and back"),
     Step("gripper", "the empty hand opens, closes, stands half open, takes a force", gripper, "the empty hand closes"),
     Step("wrench", "the wrist against the hand's weight", wrench, "the empty hand turns by 30° and back"),
-    Step("stopping", "way and time of stops at three speeds", stopping, "the first joint swings by 35° at most"),
+    Step(
+        "stopping",
+        "way and time of stops at three speeds",
+        stopping,
+        "the first joint swings by 35° at most, the base drives 0.3 m ahead and back",
+    ),
     Step("dead-man", "the base stands when commands cease", dead_man, "the base creeps ahead by up to 0.3 m"),
     Step("drive", "the base drives 0.2 m", drive, "the base drives 0.2 m ahead and back"),
     Step("turn", "the base turns by 30°", turn, "the base turns by 30° and back"),

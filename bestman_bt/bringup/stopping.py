@@ -1,34 +1,40 @@
-"""How soon and within which distance the arm stands after a stop, at three speeds, against what is promised."""
+"""How soon and within which distance arms and bases stand after a stop, at three speeds, against what is promised."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bestman_bt.bringup.brought_up_robot import SPEED, BroughtUpRobot
 from bestman_bt.bringup.finding import Finding, judged, not_applicable
-from hal.api import Arm
+from hal.api import Arm, MobileBase
 
 SPEEDS = (0.05, 0.1, 0.2)
 """Shares of the joint's limit."""
+BASE_SPEEDS = (0.05, 0.1, 0.2)
+"""m/s, or what the base's limit is where that is less."""
 SWING = 0.6
 """Radians of the first joint, at most."""
 REST_TIME = 0.5
 """Seconds within which a robot is at rest after ``stop()``, by ``hal.api.Robot``."""
 MEAN_SHARE, SPARE = 0.7, 0.005
-"""Share of the way at full speed for ``REST_TIME`` that a stop may take, and radians beside it."""
+"""Share of the way at full speed for ``REST_TIME`` that a stop may take, and radians or metres beside it."""
 AT_REST, SLOWER = 0.01, 0.9
-"""rad/s; share of the speed below which the arm has begun to brake."""
+"""rad/s or m/s; share of the speed below which the arm has begun to brake."""
 WATCHED, PERIOD, PATIENCE = 1.0, 0.004, 5.0
 
 
 @dataclass(frozen=True)
 class Stop:
-    """``speed``: rad/s at the stop. ``latency``, ``rest``: seconds until it was slower, and stood. ``way``: rad."""
+    """``speed``: at the stop, per second. ``latency``, ``rest``: seconds until it was slower, and stood.
 
+    ``way``, in the ``unit``: rad or m.
+    """
+
+    unit: str
     speed: float
     latency: float
     rest: float
@@ -36,7 +42,7 @@ class Stop:
 
     @property
     def longest_way(self) -> float:
-        """Radians."""
+        """In the unit."""
         return MEAN_SHARE * REST_TIME * self.speed + SPARE
 
     @property
@@ -47,32 +53,61 @@ class Stop:
     def __str__(self) -> str:
         """For people."""
         return (
-            f"at {self.speed:.2f} rad/s slower after {1e3 * self.latency:.0f} ms, at rest after "
-            f"{1e3 * self.rest:.0f} ms and {self.way:.3f} rad "
-            f"(at most {1e3 * REST_TIME:.0f} ms, {self.longest_way:.3f} rad)"
+            f"at {self.speed:.2f} {self.unit}/s slower after {1e3 * self.latency:.0f} ms, at rest after "
+            f"{1e3 * self.rest:.0f} ms and {self.way:.3f} {self.unit} "
+            f"(at most {1e3 * REST_TIME:.0f} ms, {self.longest_way:.3f} {self.unit})"
         )
 
 
 def stopping(subject: BroughtUpRobot) -> Iterator[Finding]:
-    """The first joint of each arm swings, and the robot is stopped."""
-    if not subject.arms:
-        yield not_applicable(subject.model.name, "no arm is behind a connection")
+    """The first joint of each arm swings, each base drives ahead, and the robot is stopped."""
+    bases = subject.parts(MobileBase)
+    if not subject.arms and not bases:
+        yield not_applicable(subject.model.name, "no arm or base is behind a connection")
     for name, arm in subject.arms.items():
         here = arm.positions()
-        stops = []
-        for share in SPEEDS:
-            stop = _stopped(subject, arm, share)
-            if isinstance(stop, str):
-                yield judged(name, False, stop)
-                return
-            stops.append(stop)
+        yield _stops(name, SPEEDS, partial(_stopped, subject, arm))
         subject.finish(arm.move_to(here, SPEED))
-        figures = {
-            f"{what}_at_{share:g}": value
-            for share, stop in zip(SPEEDS, stops, strict=True)
-            for what, value in (("latency_s", stop.latency), ("rest_s", stop.rest), ("way_rad", stop.way))
-        }
-        yield judged(name, all(stop.kept for stop in stops), "; ".join(map(str, stops)), **figures)
+    for name, base in bases.items():
+        start = base.odometry()
+        yield _stops(name, BASE_SPEEDS, partial(_base_stopped, subject, base))
+        subject.finish(base.move_backward(float((start.inverse() @ base.odometry()).x)))
+
+
+def _stops(name: str, speeds: tuple[float, ...], stop_at: Callable[[float], Stop | str]) -> Finding:
+    stops = []
+    for speed in speeds:
+        stop = stop_at(speed)
+        if isinstance(stop, str):
+            return judged(name, False, stop)
+        stops.append(stop)
+    figures = {
+        f"{what}_at_{speed:g}": value
+        for speed, stop in zip(speeds, stops, strict=True)
+        for what, value in (("latency_s", stop.latency), ("rest_s", stop.rest), (f"way_{stop.unit}", stop.way))
+    }
+    return judged(name, all(stop.kept for stop in stops), "; ".join(map(str, stops)), **figures)
+
+
+def _base_stopped(subject: BroughtUpRobot, base: MobileBase, speed: float) -> Stop | str:
+    """The stop, or why there was none."""
+    robot, asked = subject.robot, min(speed, base.model.part.max_vx)
+    begun = robot.clock.now()
+    while base.velocity().vx < SLOWER * asked:
+        if robot.clock.now() - begun > PATIENCE:
+            robot.stop()
+            robot.clear_stop()
+            return f"it did not reach {asked:.2f} m/s"
+        base.set_velocity(asked, 0.0, 0.0)
+        robot.clock.sleep(PERIOD)
+    start, reached = base.odometry(), base.velocity().vx
+    return _brought_to_rest(
+        subject,
+        "m",
+        reached,
+        lambda: abs(base.velocity().vx),
+        lambda: float(np.linalg.norm(base.odometry().xy - start.xy)),
+    )
 
 
 def _stopped(subject: BroughtUpRobot, arm: Arm, share: float) -> Stop | str:
@@ -90,16 +125,28 @@ def _stopped(subject: BroughtUpRobot, arm: Arm, share: float) -> Stop | str:
             robot.clear_stop()
             return f"it did not reach {asked:.2f} rad/s: {motion.failure or 'it is slower'}"
         robot.clock.sleep(PERIOD)
-    speed, start, at = abs(float(arm.velocities()[0])), arm.positions(), robot.clock.now()
+    reached, start = abs(float(arm.velocities()[0])), arm.positions()
+    return _brought_to_rest(
+        subject,
+        "rad",
+        reached,
+        lambda: float(np.max(np.abs(arm.velocities()))),
+        lambda: float(np.max(np.abs(arm.positions() - start))),
+    )
+
+
+def _brought_to_rest(
+    subject: BroughtUpRobot, unit: str, reached: float, speed: Callable[[], float], way: Callable[[], float]
+) -> Stop:
+    """Stop the robot now, at the speed ``reached``, and watch."""
+    robot, at = subject.robot, subject.robot.clock.now()
     robot.stop()
     latency, rest = 0.0, 0.0
     while (passed := robot.clock.now() - at) < WATCHED:
-        velocity: NDArray[np.float64] = arm.velocities()
-        if abs(float(velocity[0])) > SLOWER * speed:
-            latency = passed
-        if float(np.max(np.abs(velocity))) > AT_REST:
-            rest = passed
+        now = speed()
+        latency = passed if now > SLOWER * reached else latency
+        rest = passed if now > AT_REST else rest
         robot.clock.sleep(PERIOD)
-    way = float(np.max(np.abs(arm.positions() - start)))
+    stop = Stop(unit, reached, latency, rest, way())
     robot.clear_stop()
-    return Stop(speed, latency, rest, way)
+    return stop

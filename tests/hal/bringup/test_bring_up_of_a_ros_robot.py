@@ -13,7 +13,9 @@ ROSBRIDGE_ROBOT = Path(__file__).parents[1] / "rosbridge" / "ros_robot.yaml"
 
 
 def test_a_robot_behind_rosbridge_alone_is_brought_up(tmp_path: Path) -> None:
-    without = {"identity", "tool", "payload", "mounting", "tool-pose", "gripper", "wrench", "stopping"}
+    without = {"identity", "tool", "payload", "mounting", "tool-pose", "gripper", "wrench"}
     with brought_up(str(ROSBRIDGE_ROBOT), "roslibpy") as (subject, _):
         file = passes(subject, tmp_path / "robot.bringup", without)
+    stops = file.steps["stopping"].measured["base"]
+    assert 0.0 < stops["way_m_at_0.05"] < stops["way_m_at_0.2"] < 0.1
     assert "no arm is behind a connection" in file.steps["tool-pose"].text
