@@ -241,7 +241,7 @@ def test_a_plug_in_brings_the_planner_and_the_builder(bestman_bt: Command, folde
     asked = ("plan", "--goal", "hand_empty", "--planner", "mine", "--builder", "in_a_row")
     try:
         assert bestman_bt(*asked, "--plugin", "mine.py").code == 0
-        refused = bestman_bt(*asked[:-1], "odd", "--plugin", "mine.py").err
+        refused = bestman_bt("plan", "--goal", GOAL, "--builder", "odd", "--plugin", "mine.py").err
         assert "tree of the builder odd:5: <Sequnce>: unknown node" in refused
     finally:
         for registry, name in ((PLANNERS, "mine"), (BUILDERS, "in_a_row"), (BUILDERS, "odd")):
