@@ -41,7 +41,7 @@ LOOK = 0.05
 BLACKBOARD_PERIOD = 1.0
 BLACKBOARD_SHARE = 20
 """The process answers nothing else while it writes its blackboards out: they are asked for so many times as rarely."""
-RETRY = 0.5
+RETRY = 0.2
 """Seconds between two attempts to reach a process."""
 WAS_FINE = 5.0
 """Seconds of watching after which what ends it is said, also where the same was said before."""
