@@ -137,13 +137,13 @@ def timed_path(
 
 def unreached(
     skills: SkillContext,
-    code: str,
-    text: str,
+    failure: SkillFailure,
     tool_poses: Iterable[Pose],
     world: CollisionWorld | None = None,
     stage: MotionStage = MotionStage.REACH,
 ) -> SkillFailure:
-    """The failure of a skill whose hand gets to none of ``tool_poses`` (base frame): what is in its way, or how far.
+    """``failure`` of a skill whose hand gets to none of ``tool_poses`` (base frame), with what is in its way, or how far.
+
 
     ``world``: what is around the arm there, by default what is believed to be around it now.
     """
@@ -165,5 +165,5 @@ def unreached(
     if obstacle is None:
         at = dict(zip(skills.arm_model.joint_names, now.tolist(), strict=True))
         obstacle = MotionObstacle(stage, beyond=beyond if math.isfinite(beyond) else None, positions=at)
-    words = f"{text} ({obstacle})"
-    return SkillFailure(code, words, Failure(code, words, obstacle=obstacle))
+    words = f"{failure} ({obstacle})"
+    return SkillFailure(failure.code, words, Failure(failure.code, words, obstacle=obstacle))

@@ -148,8 +148,7 @@ class PlanGrasp(OnArm, Skill):
         if not grasps:
             raise unreached(
                 self.skills,
-                "no_grasp",
-                f"no grasp of the {name} is free and within reach from here",
+                SkillFailure("no_grasp", f"no grasp of the {name} is free and within reach from here"),
                 (candidate.pre_grasp for candidate in grasp_candidates(self.skills, belief)),
             )
         self.grasps = grasps

@@ -164,7 +164,7 @@ class FindStandPose(OnArm, Skill):
         nearest = min(free, key=lambda stand: float(np.hypot(stand.x - target.at[0], stand.y - target.at[1])))
         base_from_map = nearest.to_pose().inverse()
         poses = (base_from_map @ poses[-1] for poses in target.tool_poses)
-        return unreached(skills, "no_stand", text, poses, self._world_at(nearest), MotionStage.STAND)
+        return unreached(skills, SkillFailure("no_stand", text), poses, self._world_at(nearest), MotionStage.STAND)
 
     def _world_at(self, stand: Pose2D) -> CollisionWorld:
         """What the arm will have around it there, but for the target itself and for what stands on the surface.

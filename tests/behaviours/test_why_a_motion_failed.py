@@ -105,12 +105,12 @@ def timed_motion_touches(skills: SkillContext) -> None:
 
 def out_of_reach(skills: SkillContext) -> None:
     far = Pose.from_xyz_rpy((3.0, 0.0, 1.0), (np.pi, 0.0, 0.0))
-    raise unreached(skills, "no_grasp", "no grasp is within reach", [far])
+    raise unreached(skills, SkillFailure("no_grasp", "no grasp is within reach"), [far])
 
 
 def every_posture_collides(skills: SkillContext) -> None:
     world = skills.arm_world(empty(skills).adding(post(skills, ASIDE, 0.2, "lid")))
-    raise unreached(skills, "no_grasp", "no grasp is free", [skills.kinematics.tool_pose(ASIDE)], world)
+    raise unreached(skills, SkillFailure("no_grasp", "none is free"), [skills.kinematics.tool_pose(ASIDE)], world)
 
 
 def contact_stopped_it(skills: SkillContext) -> None:
