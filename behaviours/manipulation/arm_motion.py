@@ -142,8 +142,7 @@ def unreached(
     world: CollisionWorld | None = None,
     stage: MotionStage = MotionStage.REACH,
 ) -> SkillFailure:
-    """``failure`` of a skill whose hand gets to none of ``tool_poses`` (base frame), with what is in its way, or how far.
-
+    """The failure of a skill whose hand gets to none of ``tool_poses`` (base frame), and what keeps it from there.
 
     ``world``: what is around the arm there, by default what is believed to be around it now.
     """
