@@ -52,6 +52,10 @@ class ScriptedController:
     def carry(self, mass: float, centre: Any) -> None:
         """An arm is told what its hand holds; nothing comes of it here."""
 
+    def for_planning(self, positions: Any) -> Any:
+        """No other arm moves here."""
+        return positions
+
     def _begin(self, name: str, *arguments: Any) -> Motion[Any]:
         handle: Motion[Any] = Motion()
         self.asked.append((name, *arguments))
