@@ -81,7 +81,8 @@ class SkillContext:
     ``contacts``: those that skills declare now. ``handled``: the object that the fingers have touched last.
     ``costs``: what a computation takes on the robot's computer, seconds by name. ``failures``: what leaves told,
     oldest first. ``policies``: from the name or file of a learned policy to it. ``planners``, ``followers``: from the
-    name of a global and of a local planner to it; they raise LookupError. All three take the folders from which paths
+    name of a global and of a local planner to it, None for a name of Nav2's that means the configured one; they raise
+    LookupError. All three take the folders from which paths
     are counted, too: ``Node.folders``.
     """
 
@@ -94,8 +95,8 @@ class SkillContext:
     computation: Computation
     costs: Mapping[str, float]
     rng: np.random.Generator
-    planners: Callable[[str, tuple[Path, ...]], GlobalPlanner]
-    followers: Callable[[str, tuple[Path, ...]], PathFollower]
+    planners: Callable[[str, tuple[Path, ...]], GlobalPlanner | None]
+    followers: Callable[[str, tuple[Path, ...]], PathFollower | None]
     policies: Callable[[str, tuple[Path, ...]], Policy]
     arm_name: str = ""
     sensors: Mapping[str, Any] = field(default_factory=dict)

@@ -14,7 +14,6 @@ from behaviours.nav2.ports import (
     Nav2Errors,
     PlannerName,
     nothing_written,
-    our_name,
     without_meaning,
 )
 from behaviours.navigation.navigate import DRIVING_FAILS, NavigateTo
@@ -57,8 +56,8 @@ class _ComputePath(Nav2Errors, Skill):
         from bestman_bt.navigation.path_pieces import joined
 
         skills = self.skills
-        name = our_name(self.planner_id)
-        planner = skills.planners(name, self.folders) if name else skills.global_planning
+        name = self.planner_id
+        planner = (skills.planners(name, self.folders) if name else None) or skills.global_planning
         begin = skills.world.base.pose if start is None else start
         legs: list[Path2D]
         legs, failure = yield self.compute("global_planning", _legs, planner, begin, goals, skills.seen_costmap())
@@ -161,8 +160,7 @@ class FollowPath(Nav2Errors, Skill):
         skills, controller = self.skills, self.controller_id
         self._path, self._controller = path, controller
         self.feedback_message = f"driving {path.length:.1f} m"
-        name = our_name(controller)
-        follower = skills.followers(name, self.folders) if name else None
+        follower = skills.followers(controller, self.folders) if controller else None
         return skills.base.follow(path, skills.known_costmap(), follower)
 
     def _has_new(self) -> bool:

@@ -26,8 +26,8 @@ def _followers() -> list[str]:
     return ["", *ALGORITHMS.of_kind("local_planning", PathFollower)]
 
 
-NAV2_NAMES: Final = {"GridBased": "", "FollowPath": "", "route_smoother": "", "SmoothPath": ""}
-"""What Nav2's configuration calls its planner, controller and smoothers → ours; empty: the configured one."""
+NAV2_NAMES: Final = ("GridBased", "FollowPath", "route_smoother", "SmoothPath")
+"""What Nav2's configuration calls its planner, controller and smoothers; a task may say what they and others mean."""
 
 
 @dataclass(frozen=True)
@@ -51,11 +51,6 @@ class AlgorithmName(OursOrNav2s):
     def refusal(self, value: Any) -> str:
         """Return why ``value`` is not accepted, in words, or an empty text."""
         return "" if ":" in value else super().refusal(value)
-
-
-def our_name(name: str) -> str:
-    """The algorithm that a name of Nav2's trees means here."""
-    return NAV2_NAMES.get(name, name)
 
 
 class Nav2Errors(Explained):

@@ -64,6 +64,20 @@ class TolerancesConfig:
 
 
 @dataclass(frozen=True)
+class Nav2Names:
+    """Names of Nav2's configuration, as its trees write them → algorithms of ours; empty: the configured one."""
+
+    planners: Mapping[str, str] = field(default_factory=dict)
+    controllers: Mapping[str, str] = field(default_factory=dict)
+
+    def of(self, slot: str) -> dict[str, str]:
+        """The names for a slot of ``algorithms``, the shipped ones with those of the task laid over them."""
+        if slot == "global_planning":
+            return {"GridBased": "", **self.planners}
+        return {"FollowPath": "", **self.controllers} if slot == "local_planning" else {}
+
+
+@dataclass(frozen=True)
 class TaskConfig:
     """A task.
 
@@ -74,7 +88,8 @@ class TaskConfig:
     one of its links; None: all that they declare. ``max_penetration``: metres. ``time_limit``: simulated seconds.
     ``tick_rate``: hertz, 1000 at most. ``known_start``: whether the robot is told, roughly, where on its map it starts.
     ``disturbances``: what somebody does while the robot works.
-    ``algorithms``: slot → ``algorithm: NAME`` and its parameters, laid over the shipped default.
+    ``algorithms``: slot → ``algorithm: NAME`` and its parameters, laid over the shipped default. ``nav2``: what Nav2's
+    names of algorithms mean.
     """
 
     tree: str
@@ -90,6 +105,7 @@ class TaskConfig:
     known_start: bool = True
     disturbances: tuple[DisturbanceConfig, ...] = ()
     algorithms: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    nav2: Nav2Names = field(default_factory=Nav2Names)
     plugins: tuple[str, ...] = ()
     description: str = ""
 

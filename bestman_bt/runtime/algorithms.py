@@ -169,12 +169,30 @@ def prepare_detection(config: RunConfig) -> None:
 def algorithm_by_name(config: RunConfig, slot: str, name: str, folders: tuple[Path, ...] = ()) -> Any:
     """The algorithm that a tree names, as it is configured where that is the same one, else with its own defaults.
 
-    ``folders``: where ``file.py:Class`` and ``module:Class`` are looked for first. Raises UnknownNameError.
+    A name of Nav2's means what the task says; None where that is the configured one. ``folders``: where
+    ``file.py:Class`` and ``module:Class`` are looked for first. Raises UnknownNameError.
     """
+    name = config.task.nav2.of(slot).get(name, name)
+    if not name:
+        return None
     try:
         return make_algorithm(config, slot, name=name, folders=folders)
     except ConfigurationError as error:
         raise UnknownNameError(told_by_tree(error)) from error
+
+
+def nav2_problems(config: RunConfig) -> Iterator[Problem]:
+    """Names of Nav2's that the task maps to what is not there; trees may use the others from now on."""
+    for slot, kind in (("global_planning", "planners"), ("local_planning", "controllers")):
+        for name, ours in config.task.nav2.of(slot).items():
+            try:
+                algorithm, _ = _choose(config, slot, ours)
+            except ConfigurationError as error:
+                if ours:
+                    yield config.problem(("nav2", kind, name), error.problems[0].message)
+                continue
+            if ours:
+                ALGORITHMS.add(f"{slot}/{name}", algorithm)
 
 
 def told_by_tree(error: ConfigurationError) -> str:

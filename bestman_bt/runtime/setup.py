@@ -41,6 +41,7 @@ from bestman_bt.runtime.algorithms import (
     Algorithms,
     algorithm_problems,
     check_odometry,
+    nav2_problems,
     prepare_detection,
 )
 from bestman_bt.runtime.failure_lines import renamed_codes
@@ -194,6 +195,7 @@ def prepare(  # noqa: C901 - one check after the other
         with faults.step():
             world = draw_world(scene, config.seed)
     setup = replace(_setup(config, robot_model, scene, world, registry), slow_arms=slow_arms)
+    faults.problems += nav2_problems(config)
     _prepare_algorithms(setup, faults)
     faults.problems += task_problems(setup)
     if not faults.problems:

@@ -5,11 +5,20 @@ from __future__ import annotations
 import pytest
 
 from bestman_bt.configuration import ConfigurationError, Document, check, load_run
+from bestman_bt.engine import load_tree
 from bestman_bt.navigation.global_planning.polyline_planner import GridAStar
 from bestman_bt.navigation.global_planning.theta_star import ThetaStar
 from bestman_bt.registry import ALGORITHMS, UnknownNameError
 from bestman_bt.robot_model import load_robot_model
-from bestman_bt.runtime.algorithms import Algorithms, algorithm_by_name, algorithms_by_slot, parameters_of
+from bestman_bt.runtime.algorithms import (
+    Algorithms,
+    algorithm_by_name,
+    algorithms_by_slot,
+    nav2_problems,
+    parameters_of,
+)
+from bestman_bt.runtime.plugins import node_registry
+from tests.behaviours.at_the_table import tree_of
 
 WITHOUT_PARAMETERS = ("collision/coal_world", "localization/wheel_odometry")
 
@@ -111,3 +120,17 @@ def test_the_defaults_lie_within_their_own_bounds(name: str) -> None:
 
 def _is_plain(value: object) -> bool:
     return isinstance(value, (bool, int, float, str))
+
+
+def test_a_task_says_what_names_of_nav2_mean(monkeypatch: pytest.MonkeyPatch) -> None:
+    ALGORITHMS.names()
+    monkeypatch.setattr(ALGORITHMS, "_entries", dict(ALGORITHMS._entries))
+    settings = ["nav2.planners={Smac: theta_star}", "nav2.controllers={FollowPath: dwa}"]
+    config = load_run("navigate_kitchen", settings=settings)
+    assert list(nav2_problems(config)) == []
+    assert type(algorithm_by_name(config, "global_planning", "Smac")).__name__ == "ThetaStar"
+    assert algorithm_by_name(config, "global_planning", "GridBased") is None
+    assert type(algorithm_by_name(config, "local_planning", "FollowPath")).__name__ == "DWA"
+    assert load_tree(tree_of('<ComputePathToPose goal="0;0;0" planner_id="Smac"/>'), node_registry()).nodes
+    (problem,) = nav2_problems(load_run("navigate_kitchen", settings=["nav2.planners={GridBased: theta_stars}"]))
+    assert (problem.field, "did you mean 'theta_star'?" in problem.message) == ("nav2.planners.GridBased", True)
