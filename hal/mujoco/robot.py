@@ -1,0 +1,35 @@
+"""A robot in MuJoCo."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+from bestman_bt.robot_model import RobotModel
+from bestman_bt.scene import World
+from hal.mujoco.engine import MujocoEngine
+from hal.mujoco.parameters import MujocoParameters
+from hal.simulation import SimulatedRobot, SimulationError
+
+
+class MujocoRobot(SimulatedRobot):
+    """See ``SimulatedRobot``."""
+
+    engine_name: ClassVar[str] = "MuJoCo"
+
+    def __init__(
+        self,
+        model: RobotModel,
+        world: World,
+        *,
+        gui: bool = False,
+        seed: int = 0,
+        parameters: MujocoParameters | None = None,
+    ) -> None:
+        self._physics = parameters or MujocoParameters()
+        super().__init__(model, world, gui=gui, seed=seed, parameters=self._physics)
+
+    def build(self, model: RobotModel, world: World, gui: bool) -> MujocoEngine:
+        """SimulationError for a window, which MuJoCo does not show here, and for what it cannot simulate."""
+        if gui:
+            raise SimulationError("MuJoCo runs without a window here: leave --gui out, or take the driver pybullet")
+        return MujocoEngine(model, world, self._physics)
