@@ -15,8 +15,16 @@ from urllib.request import url2pathname
 
 from bestman_bt.errors import MissingExtraError
 
-PACKAGE_OF_EXTRA = {"objects": "coacd", "open3d": "open3d", "rerun": "rerun", "sim": "pybullet"}
+PACKAGE_OF_EXTRA = {
+    "mujoco": "mujoco",
+    "objects": "coacd",
+    "open3d": "open3d",
+    "rerun": "rerun",
+    "sim": "pybullet",
+}
 """Extra → the package, by the name that it is imported by, without which nothing of the extra works."""
+EXTRA_OF_SIMULATOR = {"mujoco": "mujoco", "pybullet": "sim"}
+"""Driver that simulates → the extra that it needs."""
 
 
 def is_installed(extra: str) -> bool:

@@ -103,6 +103,7 @@ DRIVERS = Registry(
     "robot driver",
     {
         "hardware": "hal.hardware:IsolatedRobot",
+        "mujoco": "hal.mujoco:MujocoRobot",
         "pybullet": "hal.pybullet:PyBulletRobot",
         "replay": "hal.replay:ReplayRobot",
     },
@@ -157,7 +158,7 @@ SIMULATED_SENSORS = Registry(
         "tactile": "hal.simulation.tactile:SimulatedTactile",
     },
 )
-"""Kind of part → its sensor in PyBullet, made of name, part and a generator for its noise."""
+"""Kind of part → its sensor in simulation, made of name, part and a generator for its noise."""
 
 ALGORITHMS = Registry(
     "bestman_bt.algorithms",

@@ -56,7 +56,7 @@ from bestman_bt.engine.validation import validate_file
 from bestman_bt.evaluation.episode import RECORDING_OVER, Watcher, prepare_episode, run_episode
 from bestman_bt.evaluation.result import Outcome, RunResult
 from bestman_bt.evaluation.run_folder import RESULT_NAME, make_run_folder
-from bestman_bt.extras import require_extra
+from bestman_bt.extras import EXTRA_OF_SIMULATOR, require_extra
 from bestman_bt.monitor.groot2 import Groot2Error, Groot2Publisher, check_servable
 from bestman_bt.runtime import Session, Setup
 from bestman_bt.runtime.tree_checks import ALWAYS_FILLED
@@ -195,7 +195,7 @@ class TreeOptions:
         """The run with them; ConfigurationError where they do not fit it."""
         if self.scenario is not None and not self.pretend:
             raise ConfigurationError([Problem("--scenario", None, "", "is of --pretend: give that, too")])
-        if self.pretend and config.driver != "pybullet":
+        if self.pretend and config.driver not in EXTRA_OF_SIMULATOR:
             message = f"is for simulated runs, not for {config.driver}"
             raise ConfigurationError([Problem("--pretend", None, "", message)])
         folders = tuple(str(folder.resolve()) for folder in self.search or ()) or config.search
@@ -223,9 +223,9 @@ class ViewOptions:
         """ConfigurationError where the run cannot be watched so."""
         if self.gui and not os.environ.get("DISPLAY"):
             raise ConfigurationError([Problem("--gui", None, "", "needs an X display, and DISPLAY is not set")])
-        if self.live and driver != "pybullet":
+        if self.live and driver not in EXTRA_OF_SIMULATOR:
             raise ConfigurationError([Problem("--live", None, "", "shows simulated runs; --monitor shows all of them")])
-        if self.real_time and driver != "pybullet":
+        if self.real_time and driver not in EXTRA_OF_SIMULATOR:
             raise ConfigurationError([Problem("--real-time", None, "", f"is for simulated runs, not for {driver}")])
 
 
@@ -264,7 +264,7 @@ def command(
                 print(problem, file=sys.stderr)
         if setup.slow_arms:
             print(SLOW_ARMS.format(why=setup.slow_arms), file=sys.stderr)
-        if asked.record and asked.driver != "pybullet":
+        if asked.record and asked.driver not in EXTRA_OF_SIMULATOR:
             kept = (
                 f"no {RECORDING_NAME}, only the readings for --driver replay"
                 if config.record

@@ -27,7 +27,7 @@ from bestman_bt.evaluation.recording import Recording
 from bestman_bt.evaluation.result import NO_GOAL, Outcome, RunResult
 from bestman_bt.evaluation.run_folder import RESULT_NAME
 from bestman_bt.evaluation.versions import versions
-from bestman_bt.extras import is_installed, missing_extra
+from bestman_bt.extras import EXTRA_OF_SIMULATOR, is_installed, missing_extra
 from bestman_bt.facts.evidence import Verdict
 from bestman_bt.records.keeping import Keeping
 from bestman_bt.robot_model import GripperModel
@@ -36,9 +36,8 @@ from bestman_bt.runtime.executor import ExecutionWatcher
 from bestman_bt.runtime.world_file import WORLD_NAME, write_world
 from bestman_bt.visualization.rerun import RECORDING_NAME
 from hal.api import Robot
-from hal.pybullet import PyBulletRobot
 from hal.replay import TAPE_NAME, RecordedRobot, ReplayRobot
-from hal.simulation import AuditRecord, DisturbanceEvent, DisturbanceInjector, GroundTruth, SceneRecorder
+from hal.simulation import AuditRecord, DisturbanceEvent, DisturbanceInjector, GroundTruth, SceneRecorder, SimulatedRobot
 from hal.twins.remote_truth import RemoteTruth
 
 Watcher = Callable[[Session, Tree], Callable[[], None]]
@@ -65,7 +64,7 @@ class _Observers:
     ) -> None:
         self._keeping = keeping
         self._disturbed, self._folder, self._judge, self._prepare_robot = disturbed, folder, judge, prepare_robot
-        self.robot: PyBulletRobot | None = None
+        self.robot: SimulatedRobot | None = None
         self.truth: GroundTruth | None = None
         self.scene: SceneRecorder | None = None
         self.pictures: Pictures | None = None
@@ -78,7 +77,7 @@ class _Observers:
     def attach(self, robot: Robot) -> None:
         if self._prepare_robot is not None:
             self._prepare_robot(robot)
-        if isinstance(robot, PyBulletRobot):
+        if isinstance(robot, SimulatedRobot):
             self.robot = robot
             self.truth = GroundTruth(robot)
             self.scene = SceneRecorder(robot)
@@ -176,8 +175,9 @@ def prepare_episode(config: RunConfig, known_faults: Iterable[Problem] = ()) -> 
 
 
 def _missing_extras(config: RunConfig) -> Iterable[Problem]:
-    if config.driver == "pybullet" and not is_installed("sim"):
-        yield Problem("driver", None, "", str(missing_extra("simulation", "sim")))
+    extra = EXTRA_OF_SIMULATOR.get(config.driver)
+    if extra is not None and not is_installed(extra):
+        yield Problem("driver", None, "", str(missing_extra(f"the driver {config.driver}", extra)))
     if config.record and not is_installed("rerun"):
         yield Problem("record", None, "", str(missing_extra("a recording", "rerun")))
 

@@ -11,8 +11,7 @@ from PIL import Image
 
 from bestman_bt.messages import Pose
 from bestman_bt.records.keeping import Keeping
-from hal.pybullet import PyBulletRobot
-from hal.simulation import GroundTruth, ScenePhotographer, Viewpoint
+from hal.simulation import GroundTruth, ScenePhotographer, SimulatedRobot, Viewpoint
 
 CLOSE = 1.5
 """Metres between robot and object up to which a picture closes in on both."""
@@ -23,7 +22,7 @@ ENOUGH = 0.003
 class Pictures:
     """Takes pictures into a run folder; made right after connecting, before time runs."""
 
-    def __init__(self, robot: PyBulletRobot, truth: GroundTruth, folder: Path, keeping: Keeping) -> None:
+    def __init__(self, robot: SimulatedRobot, truth: GroundTruth, folder: Path, keeping: Keeping) -> None:
         self._photographer = ScenePhotographer(robot)
         self._truth = truth
         self._folder, self._keeping = folder, keeping

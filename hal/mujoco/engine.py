@@ -124,8 +124,10 @@ class MujocoEngine(Engine):
     def approach(self, joint: int, position: float, speed: float, effort: float) -> None:
         """Towards a set-point that moves at the speed, and waits where the motor has its full effort."""
         slot = self._slots[joint]
-        if not np.isfinite(self._stride[slot]) or self._gain[slot] != APPROACH_GAIN:
-            self._reference[slot] = self.data.qpos[self._at[slot]]
+        here = self.data.qpos[self._at[slot]]
+        goes_on = np.isfinite(self._stride[slot]) and (position - here) * (self._reference[slot] - here) > 0.0
+        if not goes_on:
+            self._reference[slot] = here
         self._target[slot], self._feed[slot], self._gain[slot] = position, 0.0, APPROACH_GAIN
         self._stride[slot] = speed * self._period
         lag = speed * self._period / APPROACH_GAIN
