@@ -32,6 +32,7 @@ from bestman_bt.evaluation.shards import KnownDurations, Shard
 from bestman_bt.evaluation.suite import Suite, SuiteEntry, make_suite
 from bestman_bt.evaluation.summary import spread_words
 from bestman_bt.evaluation.sweep import draw_settings
+from bestman_bt.extras import EXTRA_OF_SIMULATOR
 
 # An evaluation on the terminal: a table that fills while it goes on, a line per episode elsewhere.
 
@@ -132,6 +133,12 @@ def _standing(document: dict[str, Any]) -> Text:
     )
 
 
+def _simulator(name: str) -> str:
+    if name not in EXTRA_OF_SIMULATOR:
+        raise typer.BadParameter(f"{name!r} does not simulate: {' or '.join(sorted(EXTRA_OF_SIMULATOR))}")
+    return name
+
+
 @dataclass(frozen=True)
 class EpisodeOptions:
     """Which episodes are run, and in which scene with which robot, where it is not that of the task."""
@@ -144,12 +151,15 @@ class EpisodeOptions:
     ] = None
     scene: Scene = None
     robot: Robot = None
+    engine: Annotated[str, typer.Option(help="What simulates: pybullet or mujoco.", callback=_simulator)] = "pybullet"
     settings: Settings = None
     plugins: Plugins = None
 
     def suite(self, tasks: list[str]) -> Suite:
         """The suite of tasks, everything checked; ConfigurationError."""
-        asked = RunRequest(scene=self.scene, robot=self.robot, settings=self.settings, plugins=self.plugins)
+        asked = RunRequest(
+            scene=self.scene, robot=self.robot, settings=self.settings, plugins=self.plugins, driver=self.engine
+        )
         return make_suite(tasks, self.episodes, self.seed, asked)
 
 

@@ -86,7 +86,10 @@ Search = Annotated[
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON document on standard output, all else elsewhere.")]
 Driver = Annotated[
-    str, typer.Option(help="Which robot: pybullet or mujoco to simulate it, hardware for the controllers in the robot's YAML, or replay.")
+    str,
+    typer.Option(
+        help="Which robot: pybullet or mujoco, simulated; hardware for the controllers in the robot's YAML; or replay."
+    ),
 ]
 Scene = Annotated[str | None, typer.Option(help="A shipped scene or a YAML file.")]
 Png = Annotated[

@@ -37,7 +37,14 @@ from bestman_bt.runtime.world_file import WORLD_NAME, write_world
 from bestman_bt.visualization.rerun import RECORDING_NAME
 from hal.api import Robot
 from hal.replay import TAPE_NAME, RecordedRobot, ReplayRobot
-from hal.simulation import AuditRecord, DisturbanceEvent, DisturbanceInjector, GroundTruth, SceneRecorder, SimulatedRobot
+from hal.simulation import (
+    AuditRecord,
+    DisturbanceEvent,
+    DisturbanceInjector,
+    GroundTruth,
+    SceneRecorder,
+    SimulatedRobot,
+)
 from hal.twins.remote_truth import RemoteTruth
 
 Watcher = Callable[[Session, Tree], Callable[[], None]]
@@ -177,7 +184,7 @@ def prepare_episode(config: RunConfig, known_faults: Iterable[Problem] = ()) -> 
 def _missing_extras(config: RunConfig) -> Iterable[Problem]:
     extra = EXTRA_OF_SIMULATOR.get(config.driver)
     if extra is not None and not is_installed(extra):
-        yield Problem("driver", None, "", str(missing_extra(f"the driver {config.driver}", extra)))
+        yield Problem("driver", None, "", str(missing_extra("simulation", extra)))
     if config.record and not is_installed("rerun"):
         yield Problem("record", None, "", str(missing_extra("a recording", "rerun")))
 

@@ -154,7 +154,7 @@ def make_suite(
         message = "is a suite: no other task, scene, robot or plug-in can be given with it"
         raise ConfigurationError([Problem(suites[0], None, "", message)])
     if suites:
-        return load_suite(suites[0], episodes, seed, asked.settings or ())
+        return load_suite(suites[0], episodes, seed, asked.settings or (), asked.driver)
     entries = []
     faults = ProblemCollector()
     for name in dict.fromkeys(tasks):
@@ -178,11 +178,16 @@ def _config(asked: RunRequest) -> RunConfig:
 
 
 def load_suite(
-    name: str | Path, episodes: int | None = None, first_seed: int | None = None, settings: Iterable[str] = ()
+    name: str | Path,
+    episodes: int | None = None,
+    first_seed: int | None = None,
+    settings: Iterable[str] = (),
+    driver: str = "pybullet",
 ) -> Suite:
     """Read a suite and everything that its entries name; raises ConfigurationError with all problems.
 
-    ``episodes``, ``first_seed``: instead of the suite's own; entries with their own number keep it.
+    ``episodes``, ``first_seed``: instead of the suite's own; entries with their own number keep it. ``driver``: what
+    simulates all of them.
     """
     path = find_data("evaluation", name)
     document = read_document(path)
@@ -199,7 +204,7 @@ def load_suite(
             if {f"{kind}.{key}.task", f"{kind}.{key}.plugins"} & {field.partition("[")[0] for field in wrong}:
                 continue  # nobody knows what is to be run
             with faults.step():
-                config = _prepared(path, Entered(document, kind, key, entry), seed, tuple(settings))
+                config = _prepared(path, Entered(document, kind, key, entry), seed, tuple(settings), driver)
                 number = entry.episodes or episodes or asked.episodes
                 entries.append(SuiteEntry(key, config, number, entry, kind == "controls"))
     faults.raise_if_any()
@@ -259,7 +264,7 @@ class Entered:
         return value
 
 
-def _prepared(path: Path, entered: Entered, seed: int, settings: tuple[str, ...]) -> RunConfig:
+def _prepared(path: Path, entered: Entered, seed: int, settings: tuple[str, ...], driver: str) -> RunConfig:
     """The configuration of an entry's runs with everything checked; ConfigurationError names the suite's lines."""
     entry = entered.entry
     faults, wrong = ProblemCollector(), list[Problem]()
@@ -272,6 +277,7 @@ def _prepared(path: Path, entered: Entered, seed: int, settings: tuple[str, ...]
             seed=seed,
             settings=(*entry.settings, *settings),
             plugins=[path.parent / plugin for plugin in entry.plugins],
+            driver=driver,
         )
         config = run_of_options(asked, wrong)
         setup = prepare_episode(config, wrong)

@@ -5,7 +5,18 @@ from __future__ import annotations
 import platform
 from importlib.metadata import PackageNotFoundError, version
 
-PACKAGES = ("bestman-bt", "py-trees", "pybullet", "mujoco", "numpy", "scipy", "ompl", "pin", "toppra", "opencv-python-headless")
+PACKAGES = (
+    "bestman-bt",
+    "py-trees",
+    "pybullet",
+    "mujoco",
+    "numpy",
+    "scipy",
+    "ompl",
+    "pin",
+    "toppra",
+    "opencv-python-headless",
+)
 
 
 def versions() -> dict[str, str]:

@@ -25,6 +25,8 @@ APPROACH_GAIN = 0.3
 """Share of what a joint lacks to its position that a motor of ``approach`` makes up in a step."""
 WRITTEN = {"qpos": "resets", "qvel": "resets", "xfrc_applied": "tampering", "qfrc_applied": "tampering"}
 """As what it is counted where a program has written into MuJoCo's data between two steps."""
+LEAST_FRICTION = 1e-5
+"""MuJoCo's own least; less is no number in its solver."""
 EXPLODED = ("mjWARN_BADQPOS", "mjWARN_BADQVEL", "mjWARN_BADQACC", "mjWARN_BADCTRL")
 
 
@@ -43,7 +45,8 @@ class MujocoEngine(Engine):
         self._root = np.asarray(self.model.body_rootid).copy()
         self._geom_body = self._root[self.model.geom_bodyid]
         self._geom_link = np.where(self._geom_body == self.model.geom_bodyid, -1, self.model.geom_bodyid)
-        self._frictions = {body: (0.0, 0.0) for body in self.built.objects.values()}
+        self._geom_friction = np.asarray(self.model.geom_friction).copy()
+        self._pair_friction = np.asarray(self.model.pair_friction).copy()
         self._rays = np.zeros(6, np.uint8)
         self._rays[[SOLID_AND_SEEN, SOLID]] = 1
         self._set_up_motors(parameters, built.loads)
@@ -89,7 +92,10 @@ class MujocoEngine(Engine):
         self._contacts, self._moved = None, True
         broken = [name for name in EXPLODED if data.warning[getattr(mujoco.mjtWarning, name)].number]
         if broken or not np.isfinite(data.qpos).all():
-            raise UnstableError(f"the simulation is unstable at {data.time:.3f} s ({', '.join(broken) or 'not finite'})")
+            raise UnstableError(
+                f"simulation_unstable: at {data.time:.3f} s positions or speeds are no numbers or far too large "
+                f"({', '.join(broken) or 'not finite'})"
+            )
 
     def close(self) -> None:
         """Free the graphics."""
@@ -241,17 +247,19 @@ class MujocoEngine(Engine):
             normal, first, second = (tuple(axis) for axis in axes)
             points.append(
                 ContactPoint(
-                    *bodies[i],
-                    *links[i],
-                    tuple(on_first[i]),
-                    tuple(on_second[i]),
-                    normal,
-                    distance,
-                    pressure,
-                    along,
-                    first,
-                    across,
-                    second,
+                    first=bodies[i][0],
+                    second=bodies[i][1],
+                    first_link=links[i][0],
+                    second_link=links[i][1],
+                    on_first=tuple(on_first[i]),
+                    on_second=tuple(on_second[i]),
+                    normal=normal,
+                    distance=distance,
+                    pressure=pressure,
+                    friction=along,
+                    direction=first,
+                    friction_2=across,
+                    direction_2=second,
                 )
             )
         return points
@@ -333,14 +341,10 @@ class MujocoEngine(Engine):
     def set_friction(self, body: int, sliding: float, spinning: float) -> None:
         """In contacts with fingers by the same factor."""
         geoms = self._solid(self._geom_body == body)
-        before = self._frictions.setdefault(body, (0.0, 0.0))
-        if before == (0.0, 0.0):
-            before = self._frictions[body] = self.friction(body)
-            self._pairs = getattr(self, "_pairs", None) or np.asarray(self.model.pair_friction).copy()
-        self.model.geom_friction[geoms, 0], self.model.geom_friction[geoms, 1] = sliding, spinning
+        self.model.geom_friction[geoms, :2] = sliding, spinning
         pairs = np.isin(self.model.pair_geom1, geoms) | np.isin(self.model.pair_geom2, geoms)
-        factor = sliding / before[0] if before[0] else 1.0
-        self.model.pair_friction[pairs] = self._pairs[pairs] * factor
+        share = sliding / self._geom_friction[geoms[0], 0]
+        self.model.pair_friction[pairs] = np.maximum(share * self._pair_friction[pairs], LEAST_FRICTION)
 
     def constraint_count(self) -> int:
         """Couplings of the robot's own joints."""

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import sys
 from typing import Any
 
 from bestman_bt.extras import missing_extra
@@ -15,11 +13,9 @@ class _Missing:
     """In place of the package."""
 
     def __getattr__(self, name: str) -> Any:
-        raise missing_extra("the engine MuJoCo", "mujoco")
+        raise missing_extra("simulation", "mujoco")
 
 
-if sys.platform == "linux" and not os.environ.get("DISPLAY"):
-    os.environ.setdefault("MUJOCO_GL", "egl")  # without a display, MuJoCo's own choice is a window system
 try:
     import mujoco
 except ModuleNotFoundError:

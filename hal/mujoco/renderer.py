@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import math
+import os
+import sys
+from importlib import import_module
 from typing import Any
 
 import numpy as np
@@ -17,6 +20,13 @@ NO_RENDERER = (
     "MuJoCo finds no OpenGL to draw without a window ({error}). On Debian this helps: "
     "sudo apt-get install -y libegl1 libgl1-mesa-dri; or, without EGL, libosmesa6 and MUJOCO_GL=osmesa"
 )
+
+
+def _graphics(width: int, height: int) -> Any:
+    """Those that MUJOCO_GL names, else EGL on Linux: MuJoCo's own choice is a window system, which needs a display."""
+    if os.environ.get("MUJOCO_GL") or sys.platform != "linux":
+        return mujoco.GLContext(width, height)
+    return import_module("mujoco.egl").GLContext(width, height)
 
 
 class Renderer:
@@ -51,7 +61,13 @@ class Renderer:
         x, y = near / k.fx, near / k.fy
         frustum = (-(k.cx + 0.5) * x, (k.width - 0.5 - k.cx) * x, -(k.height - 0.5 - k.cy) * y, (k.cy + 0.5) * y)
         image, depth = self._draw(
-            map_from_optical.position, rotation[:, 2], -rotation[:, 1], frustum, (near, far), (width, k.height), segments
+            map_from_optical.position,
+            rotation[:, 2],
+            -rotation[:, 1],
+            frustum,
+            (near, far),
+            (width, k.height),
+            segments,
         )
         if width != k.width:
             columns = np.minimum(((np.arange(k.width) + 0.5) * width / k.width).astype(int), width - 1)
@@ -63,7 +79,9 @@ class Renderer:
         eye, target = np.array(viewpoint.eye), np.array(viewpoint.target)
         forward = (target - eye) / np.linalg.norm(target - eye)
         side = np.cross(forward, (0.0, 0.0, 1.0))
-        up = np.cross(side / np.linalg.norm(side), forward) if np.linalg.norm(side) > 1e-6 else np.array([1.0, 0.0, 0.0])
+        up = (
+            np.cross(side / np.linalg.norm(side), forward) if np.linalg.norm(side) > 1e-6 else np.array([1.0, 0.0, 0.0])
+        )
         top = viewpoint.near * math.tan(math.radians(viewpoint.field_of_view) / 2.0)
         right = top * width / height
         frustum = (-right, right, -top, top)
@@ -76,9 +94,10 @@ class Renderer:
         for geom in self._scene.geoms[: self._scene.ngeom]:
             if geom.segid >= 0 and geom.objtype == mujoco.mjtObj.mjOBJ_GEOM:
                 geoms[geom.segid + 1] = geom.objid
-        return geoms[coded]
+        found: NDArray[np.intp] = geoms[coded]
+        return found
 
-    def _draw(  # noqa: PLR0913 - what a camera is
+    def _draw(
         self,
         eye: NDArray[np.float64],
         forward: NDArray[np.float64],
@@ -117,7 +136,7 @@ class Renderer:
     def _start(self, size: tuple[int, int]) -> None:
         if self._gl is None:
             try:
-                gl = mujoco.GLContext(*size)
+                gl = _graphics(*size)
                 gl.make_current()
                 self._model.vis.global_.offwidth, self._model.vis.global_.offheight = size
                 self._context = mujoco.MjrContext(self._model, mujoco.mjtFontScale.mjFONTSCALE_100.value)

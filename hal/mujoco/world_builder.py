@@ -164,7 +164,7 @@ class WorldBuilder:
             articulations=articulations,
             walkers=walkers,
         )
-        loads = {}
+        loads: dict[int, float] = {}
         for base in self.robot.of(WheeledBaseModel).values():
             share = float(model.body_subtreemass[root]) * base.part.wheel_radius**2 / len(base.part.wheel_joints)
             loads |= {joints[joint]: share for joint in base.part.wheel_joints}
@@ -243,7 +243,7 @@ class WorldBuilder:
         )
 
     def _furniture(self, piece: PlacedFurniture) -> None:
-        """A piece that stands fixed, its leaves open as the scene says: only the friction of their joints holds them."""
+        """A piece that stands fixed, its leaves open as the scene says: only friction of their joints holds them."""
         model = piece.model
         contact = _Contact(model.friction)
         body = self._body(self.spec.worldbody, piece.name, piece.pose)
@@ -379,7 +379,9 @@ class WorldBuilder:
         if inertial is not None:
             mass, pose = float(_child(inertial, "mass").get("value", "0")), origin_pose(inertial)
             values = _child(inertial, "inertia")
-            xx, yy, zz, xy, xz, yz = (float(values.get(f"i{axes}", "0")) for axes in ("xx", "yy", "zz", "xy", "xz", "yz"))
+            xx, yy, zz, xy, xz, yz = (
+                float(values.get(f"i{axes}", "0")) for axes in ("xx", "yy", "zz", "xy", "xz", "yz")
+            )
             inertia = pose.rotation @ np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) @ pose.rotation.T
         _set_inertia(body, mass, pose.position, inertia)
         self._geoms(body, [self._placed(element) for element in link.findall("collision")], None, contact, ROBOT)
@@ -388,7 +390,8 @@ class WorldBuilder:
 
     def _color(self, visual: ET.Element) -> Color:
         material = visual.find("material")
-        return self._colors.get("" if material is None else str(material.get("name")), LINK_COLOR)
+        color: Color = self._colors.get("" if material is None else str(material.get("name")), LINK_COLOR)
+        return color
 
     def _placed(self, element: ET.Element) -> PlacedShape:
         shape, pose = _child(element, "geometry")[0], origin_pose(element)
