@@ -51,7 +51,8 @@ def test_an_honest_run_is_clean(robot) -> None:
     robot.clock.sleep(0.3)
     record = robot.audit_record()
     assert not record.calls
-    assert not (record.jumps or record.changes or record.unexplained_forces or record.hidden_constraints)
+    found = (*record.jumps, *record.changes, *record.unexplained_forces, *record.hidden_constraints)
+    assert not found
 
 
 def test_a_body_that_is_put_elsewhere_past_the_api_jumps(robot) -> None:
