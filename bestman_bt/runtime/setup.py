@@ -185,7 +185,7 @@ def prepare(  # noqa: C901 - one check after the other
     if config.task.scene:
         with faults.step():
             scene = load_scene(config.task.scene, config.scene_settings)
-    faults.problems += _driver_problems(config)
+    faults.problems += _driver_problems(config, robot_model)
     if robot_model is not None and config.driver == "hardware":
         faults.problems += _connection_problems(config, robot_model)
         with faults.step():
@@ -314,11 +314,14 @@ def _told_start(config: RunConfig, world: World, robot: RobotModel) -> BasePose:
     return BasePose(told, START_POSITION_ERROR, START_HEADING_ERROR, 0.0)
 
 
-def _driver_problems(config: RunConfig) -> Iterable[Problem]:
+def _driver_problems(config: RunConfig, model: RobotModel | None) -> Iterable[Problem]:
     try:
-        DRIVERS.resolve(config.driver)
+        refused = getattr(DRIVERS.resolve(config.driver), "refused_parts", None)
     except UnknownNameError as error:
         yield Problem("driver", None, "", str(error))
+    else:
+        for part, why in refused(model).items() if refused is not None and model is not None else ():
+            yield Problem(str(config.task.robot), None, f"parts.{part}", why)
     if config.driver == "replay" and not config.recording:
         yield Problem("driver", None, "", "replay needs a recording: bestman-bt run --driver replay --recording RUN")
     if config.recording and config.driver != "replay":

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import ClassVar
 
-from bestman_bt.robot_model import RobotModel
+from bestman_bt.robot_model import LeggedBaseModel, RobotModel
 from bestman_bt.scene import World
 from hal.mujoco.engine import MujocoEngine
 from hal.mujoco.parameters import MujocoParameters
 from hal.simulation import SimulatedRobot, SimulationError
+
+LEGS = "is a base on legs, which MuJoCo does not simulate here; the driver pybullet does"
 
 
 class MujocoRobot(SimulatedRobot):
@@ -27,6 +30,11 @@ class MujocoRobot(SimulatedRobot):
     ) -> None:
         self._physics = parameters or MujocoParameters()
         super().__init__(model, world, gui=gui, seed=seed, parameters=self._physics)
+
+    @classmethod
+    def refused_parts(cls, model: RobotModel) -> Mapping[str, str]:
+        """Bases on legs."""
+        return dict.fromkeys(model.of(LeggedBaseModel), LEGS)
 
     def build(self, model: RobotModel, world: World, gui: bool) -> MujocoEngine:
         """SimulationError for a window, which MuJoCo does not show here, and for what it cannot simulate."""

@@ -20,7 +20,6 @@ from bestman_bt.robot_model import (
     ArmModel,
     BaseModel,
     GripperModel,
-    LeggedBaseModel,
     MimicJoint,
     RobotModel,
     WheeledBaseModel,
@@ -91,7 +90,6 @@ class WorldBuilder:
 
     def build(self) -> Built:
         """Everything, at the start posture."""
-        refuse(self.robot)
         spec, parameters = self.spec, self.parameters
         spec.compiler.degree = False
         spec.compiler.balanceinertia = True
@@ -503,12 +501,6 @@ class _Links:
         name, limit = str(joint.get("name")), joint.find("limit")
         self.children[name], self.parents[child_of(joint)] = child_of(joint), parent_of(joint)
         self.efforts[name] = 0.0 if limit is None else float(limit.get("effort", "0"))
-
-
-def refuse(model: RobotModel) -> None:
-    """SimulationError for parts that this engine does not simulate."""
-    for name in model.of(LeggedBaseModel):
-        raise SimulationError(f"part {name!r}: MuJoCo does not simulate a base on legs here; take the driver pybullet")
 
 
 def _set_inertia(body: Any, mass: float, centre: NDArray[np.float64], inertia: NDArray[np.float64]) -> None:

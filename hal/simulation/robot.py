@@ -45,7 +45,7 @@ from hal.parts import (
 from hal.parts.black_box import StopRecorder
 from hal.parts.channels import traces
 from hal.simulation.audit_record import AuditRecord, DisturbanceLog
-from hal.simulation.bodies import check_names
+from hal.simulation.bodies import SimulationError, check_names
 from hal.simulation.engine import Engine
 from hal.simulation.finger_motors import FingerMotors
 from hal.simulation.imu import SimulatedImu
@@ -117,6 +117,11 @@ class SimulatedRobot(Robot):
             return channel.encoders
         raise KeyError(part)
 
+    @classmethod
+    def refused_parts(cls, model: RobotModel) -> Mapping[str, str]:
+        """Parts of a robot that this engine does not simulate, with why: nothing is started with them."""
+        return {}
+
     @property
     def simulation(self) -> Simulation:
         """The running simulation, for monitors and ground truth; NotConnectedError without a connection."""
@@ -159,6 +164,8 @@ class SimulatedRobot(Robot):
         if self._simulation is not None:
             return
         check_names(self._world)
+        for part, why in self.refused_parts(self.model).items():
+            raise SimulationError(f"part {part!r} of {self.model.name} {why}")
         engine = self.build(self.model, self._world, self._gui)
         try:
             simulation = Simulation(engine, self.model, self._world, self._parameters)

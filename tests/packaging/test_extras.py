@@ -19,6 +19,7 @@ EXTRAS = tomllib.loads((CHECKOUT / "pyproject.toml").read_text())["project"]["op
 CORE = tomllib.loads((CHECKOUT / "pyproject.toml").read_text())["project"]["dependencies"]
 
 ABSENT = (
+    "mujoco",
     "pybullet",
     "rerun",
     "rerun_cli",
@@ -41,6 +42,7 @@ WORKS = (
 )
 REFUSED = {
     ("run", "fetch_cup"): ("pybullet", "sim"),
+    ("run", "fetch_cup", "--driver", "mujoco"): ("mujoco", "mujoco"),
     ("run", "fetch_cup", "--record"): ("rerun", "rerun"),
     ("run", "fetch_cup", "--live"): ("pybullet", "sim"),
     ("look", "--clouds"): ("open3d", "open3d"),
