@@ -21,13 +21,13 @@ from hal.simulation.bodies import JointStates, Quaternion, Vector
 Array = NDArray[np.float64]
 NOT_DRAWN = 0.01
 """Metres before the lens in which nothing is drawn."""
+STILL = (0.0, 0.0, 0.0)
 APPROACH_GAIN = 0.3
 """Share of what a joint lacks to its position that a motor of ``approach`` makes up in a step."""
 WRITTEN = {"qpos": "resets", "qvel": "resets", "xfrc_applied": "tampering", "qfrc_applied": "tampering"}
 """As what it is counted where a program has written into MuJoCo's data between two steps."""
 LEAST_FRICTION = 1e-5
 """MuJoCo's own least; less is no number in its solver."""
-EXPLODED = ("mjWARN_BADQPOS", "mjWARN_BADQVEL", "mjWARN_BADQACC", "mjWARN_BADCTRL")
 
 
 class MujocoEngine(Engine):
@@ -41,6 +41,9 @@ class MujocoEngine(Engine):
         self.ledger = Ledger()
         self.built, self.model, self.data = built.world, built.model, built.data
         self._renderer = Renderer(self.model, self.data)
+        free = np.flatnonzero(np.asarray(self.model.body_dofnum) == 6).tolist()
+        self._free = {body: int(self.model.body_dofadr[body]) for body in free}
+        """Body that moves freely → where its velocities are."""
         self._names = {self.built.robot: "robot", **self.built.body_names}
         self._root = np.asarray(self.model.body_rootid).copy()
         self._geom_body = self._root[self.model.geom_bodyid]
@@ -49,8 +52,12 @@ class MujocoEngine(Engine):
         self._pair_friction = np.asarray(self.model.pair_friction).copy()
         self._rays = np.zeros(6, np.uint8)
         self._rays[[SOLID_AND_SEEN, SOLID]] = 1
+        self._exploded = [
+            int(getattr(mujoco.mjtWarning, f"mjWARN_BAD{name}")) for name in ("QPOS", "QVEL", "QACC", "CTRL")
+        ]
         self._set_up_motors(parameters, built.loads)
-        self._own = {name: np.zeros_like(getattr(self.data, name)) for name in WRITTEN}
+        self._own = {name: np.zeros_like(getattr(self.data, name)) for name in ("xfrc_applied", "qfrc_applied")}
+        """What the engine itself is asked to exert in the next step."""
         self._keep_state()
         self._contacts: list[ContactPoint] | None = None
         self._moved = True
@@ -81,38 +88,33 @@ class MujocoEngine(Engine):
         self._reference = np.clip(self._reference + way, at - self._lead, at + self._lead)
         speeds = self._feed + self._gain / self._period * (self._reference - at)
         data.ctrl[:] = speeds + data.qfrc_bias[self._dofs] / self._stiffness
-        for name in ("xfrc_applied", "qfrc_applied"):
-            getattr(data, name)[:] = self._own[name]
+        for name, values in self._own.items():
+            getattr(data, name)[:] = values
         mujoco.mj_step(self.model, data)
-        for name in ("xfrc_applied", "qfrc_applied"):
-            self._own[name][:] = 0.0
+        for name, values in self._own.items():
+            values[:] = 0.0
             getattr(data, name)[:] = 0.0
         mujoco.mj_kinematics(self.model, data)
         self._keep_state()
         self._contacts, self._moved = None, True
-        broken = [name for name in EXPLODED if data.warning[getattr(mujoco.mjtWarning, name)].number]
-        if broken or not np.isfinite(data.qpos).all():
-            raise UnstableError(
-                f"simulation_unstable: at {data.time:.3f} s positions or speeds are no numbers or far too large "
-                f"({', '.join(broken) or 'not finite'})"
-            )
+        if data.warning.number[self._exploded].any() or not np.isfinite(data.qpos).all():
+            text = f"simulation_unstable: at {data.time:.3f} s positions or speeds are no numbers or far too large"
+            raise UnstableError(text)
 
     def close(self) -> None:
         """Free the graphics."""
         self._renderer.close()
 
     def _keep_state(self) -> None:
-        self._own["qpos"][:], self._own["qvel"][:] = self.data.qpos, self.data.qvel
+        self._left = {name: getattr(self.data, name).tobytes() for name in WRITTEN}
 
     def _note_writes(self) -> None:
         """Count what somebody has written into the data since the last step; it acts, and the watchers see it."""
-        nothing = 0.0
         for name, kind in WRITTEN.items():
             values = getattr(self.data, name)
-            expected = self._own[name] if kind == "resets" else nothing
-            if (values != expected).any():
+            if values.tobytes() != self._left[name]:
                 self.ledger.note(kind, name)
-                if kind == "tampering":
+                if name in self._own:
                     self._own[name] += values
 
     # Motors
@@ -180,15 +182,16 @@ class MujocoEngine(Engine):
 
     def body_velocity(self, body: int) -> tuple[Vector, Vector]:
         """That by which the latest step has moved it."""
-        model, data = self.model, self.data
-        if model.body_dofnum[body] != 6:
-            return (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
-        start = model.body_dofadr[body]
-        angular = data.xmat[body].reshape(3, 3) @ data.qvel[start + 3 : start + 6]
-        linear = data.qvel[start : start + 3]
+        start = self._free.get(body)
+        if start is None:
+            return STILL, STILL
+        data = self.data
+        x, y, z, p, q, r = data.qvel[start : start + 6].tolist()
+        a, b, c = (data.xmat[body].reshape(3, 3) @ (p, q, r)).tolist()
         if body == self.built.robot:
-            linear = linear + np.cross(angular, data.xipos[body] - data.xpos[body])
-        return tuple(linear.tolist()), tuple(angular.tolist())
+            u, v, w = (data.xipos[body] - data.xpos[body]).tolist()
+            x, y, z = x + b * w - c * v, y + c * u - a * w, z + a * v - b * u
+        return (x, y, z), (a, b, c)
 
     def link_pose(self, body: int, link: int) -> Pose:
         """Of its frame."""
@@ -324,7 +327,7 @@ class MujocoEngine(Engine):
     def put(self, body: int, position: Sequence[float], quaternion: Sequence[float]) -> None:
         """Of a body that is free."""
         model, data = self.model, self.data
-        place, speed = model.jnt_qposadr[model.body_jntadr[body]], model.body_dofadr[body]
+        place, speed = model.jnt_qposadr[model.body_jntadr[body]], self._free[body]
         x, y, z, w = quaternion
         data.qpos[place : place + 7] = (*position, w, x, y, z)
         data.qvel[speed : speed + 6] = 0.0
