@@ -26,6 +26,7 @@ from typing import Any
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before numpy is imported
 
 from bestman_bt.configuration import load_run
+from bestman_bt.evaluation.audit import CHEATS
 from bestman_bt.evaluation.episode import run_episode
 from bestman_bt.evaluation.versions import versions
 
@@ -43,6 +44,8 @@ STAGES: dict[str, str | None] = {
     "hal/simulation/camera.py": "rendering",
     "hal/simulation/lidar.py": "lidar and localisation",
     "hal/simulation/guards.py": None,
+    "hal/mujoco/": None,
+    "hal/mujoco/world_builder.py": "set-up",
     "hal/pybullet/": None,
     "hal/pybullet/world_builder.py": "set-up",
     "hal/": "control",
@@ -74,6 +77,8 @@ class Episode:
     wall: float
     cpu: float
     stages: dict[str, float]
+    clean: bool
+    metrics: dict[str, float]
 
 
 def stage_of(file: str) -> str | None:
@@ -117,14 +122,15 @@ def sampled_stages() -> Iterator[dict[str, float]]:
         signal.signal(signal.SIGPROF, before)
 
 
-def measure(seed: int, folder: Path | None) -> Episode:
+def measure(seed: int, folder: Path | None, task: str = "fetch_cup", driver: str = "pybullet") -> Episode:
     """Run one episode; with ``folder``, record it there."""
-    config = load_run("fetch_cup", seed=seed, record=folder is not None)
+    config = load_run(task, seed=seed, record=folder is not None, driver=driver)
     wall, cpu = time.perf_counter(), time.process_time()
     with sampled_stages() as stages:
         result = run_episode(config, folder)
     wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
-    return Episode(seed, result.success, result.sim_time_s, wall, cpu, dict(stages))
+    clean = all(result.audit.get(cheat) == 0 for cheat in CHEATS)
+    return Episode(seed, result.success, result.sim_time_s, wall, cpu, dict(stages), clean, dict(result.metrics))
 
 
 def summary(episodes: list[Episode]) -> dict[str, Any]:

@@ -369,7 +369,7 @@ class WorldBuilder:
             limits = float(limit.get("lower", "0")), float(limit.get("upper", "0"))
         self._joint(body, name, kind, (1.0, 0.0, 0.0) if axis is None else _numbers(axis.get("xyz")), limits)
         if dynamics is not None:
-            self.spec.joint(name).damping = float(dynamics.get("damping", "0"))
+            self.spec.joint(name).damping = [float(dynamics.get("damping", "0")), 0.0, 0.0]  # of the speed alone
 
     def _link(self, body: Any, link: ET.Element, contact: _Contact) -> None:
         inertial = link.find("inertial")
@@ -382,8 +382,11 @@ class WorldBuilder:
             )
             inertia = pose.rotation @ np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) @ pose.rotation.T
         _set_inertia(body, mass, pose.position, inertia)
-        self._geoms(body, [self._placed(element) for element in link.findall("collision")], None, contact, ROBOT)
-        for element in link.findall("visual"):
+        solid = [self._placed(element) for element in link.findall("collision")]
+        seen = link.findall("visual")
+        drawn = not any(_file(element).endswith(".dae") for element in seen)
+        self._geoms(body, solid, None if drawn else [LINK_COLOR] * len(solid), contact, ROBOT)
+        for element in seen if drawn else ():
             self._geoms(body, [self._placed(element)], [self._color(element)], None)
 
     def _color(self, visual: ET.Element) -> Color:
@@ -513,6 +516,11 @@ def _set_inertia(body: Any, mass: float, centre: NDArray[np.float64], inertia: N
 def _wxyz(pose: Pose) -> list[float]:
     x, y, z, w = pose.quaternion.tolist()
     return [w, x, y, z]
+
+
+def _file(visual: ET.Element) -> str:
+    """Of a mesh; those of Collada take a package of their own: the robot is then drawn as what of it collides."""
+    return str(_child(visual, "geometry")[0].get("filename", "")).lower()
 
 
 def _numbers(text: str | None) -> Any:
