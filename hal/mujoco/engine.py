@@ -169,10 +169,15 @@ class MujocoEngine(Engine):
     # What is true
 
     def joint_states(self, body: int, joints: Sequence[int]) -> JointStates:
-        """Efforts are those of the motors alone."""
+        """Efforts are those of the motors, in the scene with the dry friction of the joints."""
         slots = [self._slots[joint] for joint in joints]
         data, dofs = self.data, self._dofs[slots]
-        return data.qpos[self._at[slots]].tolist(), data.qvel[dofs].tolist(), data.actuator_force[slots].tolist()
+        efforts = data.actuator_force[slots]
+        if body != self.built.robot:
+            friction, rows = np.zeros(self.model.nv), slice(data.ne, data.ne + data.nf)
+            friction[data.efc_id[rows]] = data.efc_force[rows]
+            efforts = efforts + friction[dofs]
+        return data.qpos[self._at[slots]].tolist(), data.qvel[dofs].tolist(), efforts.tolist()
 
     def body_pose(self, body: int) -> tuple[Vector, Quaternion]:
         """The centre of mass of all but the robot is where the frame is."""

@@ -44,6 +44,8 @@ ROBOT, SCENE = 1, 2
 """Bits of collision: the robot's links collide with the scene and not with each other."""
 ROBOT_NAME = "robot/"
 """What the names of the robot's links begin with in the model."""
+STIFF = [0.99, 0.99, 0.001, 0.5, 2.0]
+"""Of dry friction: below it a door creeps by a tenth of a millimetre a second."""
 REACH = 30.0
 """Metres that a walker's slides are long, each way."""
 
@@ -256,7 +258,9 @@ class WorldBuilder:
             centre, inertia = mass_distribution(parts, leaf.mass)
             _set_inertia(child, leaf.mass, centre, inertia)
             self._joint(child, name, leaf.kind, leaf.axis, (0.0, leaf.upper))
-            self.spec.joint(name).frictionloss = leaf.friction
+            joint = self.spec.joint(name)
+            joint.frictionloss = leaf.friction
+            joint.solref_friction, joint.solimp_friction = [self.parameters.contact_time, 1.0], STIFF
             self.starts[name] = piece.open.get(leaf.name, 0.0)
             leaves.append(name)
         for first, second in combinations([piece.name, *leaves], 2):
