@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from bestman_bt.configuration import data_root, load_run
+from bestman_bt.evaluation.audit import CHEATS
 from bestman_bt.evaluation.episode import run_episode
 from bestman_bt.evaluation.result import Outcome, RunResult
 from tests.behaviours.at_the_table import AT_THE_TABLE
@@ -28,6 +29,12 @@ def without_retries(tmp_path: Path) -> Path:
     return tmp_path / "fetch_cup.xml"
 
 
+@pytest.fixture(params=["mujoco", "pybullet"])
+def driver(request: pytest.FixtureRequest) -> str:
+    pytest.importorskip(request.param, reason=f"{request.param} is not installed")
+    return str(request.param)
+
+
 def assert_failed(result: RunResult, node: str, code: str) -> str:
     """The tree says that it failed, at this leaf; nothing was faked. Returns why."""
     assert (result.tree_status, result.outcome, result.success) == ("FAILURE", Outcome.FAILURE, False)
@@ -38,10 +45,20 @@ def assert_failed(result: RunResult, node: str, code: str) -> str:
     return result.failure.why
 
 
-def test_with_slippery_fingers_the_grasp_fails_and_the_tree_says_so(without_retries: Path) -> None:
-    config = load_run("fetch_cup", tree=without_retries, seed=1, settings=[*AT_THE_TABLE, "scene.finger_friction=0.05"])
+def test_with_slippery_fingers_the_grasp_fails_and_the_tree_says_so(without_retries: Path, driver: str) -> None:
+    settings = [*AT_THE_TABLE, "scene.finger_friction=0.05"]
+    config = load_run("fetch_cup", tree=without_retries, seed=1, settings=settings, driver=driver)
     why = assert_failed(run_episode(config), "Grasp", "grasp_failed")
     assert "the hand closed but does not hold the cup: it closed to " in why
+
+
+@pytest.mark.parametrize("task", ["fetch_cup", "pick_place_table"])
+def test_where_nothing_is_in_the_way_it_succeeds_in_mujoco_too(task: str) -> None:
+    pytest.importorskip("mujoco", reason="mujoco is not installed")
+    result = run_episode(load_run(task, seed=2, settings=AT_THE_TABLE if task == "fetch_cup" else (), driver="mujoco"))
+    assert result.success, result.failure
+    assert all(result.audit[cheat] == 0 for cheat in CHEATS)
+    assert result.metrics["place_error_mm"] < 15.0
 
 
 def test_without_a_cup_the_shipped_tree_gives_up_and_says_what_it_saw_instead() -> None:

@@ -17,6 +17,7 @@ from hal.conformance.base_checks import BASE_CHECKS
 from hal.conformance.promises import MakeRobot, PromisesAboutConnecting, PromisesOfAConnectedRobot
 from hal.conformance.room import empty_room
 from hal.conformance.stop_checks import STOP_CHECKS
+from hal.mujoco import MujocoRobot
 from hal.pybullet import PyBulletRobot
 from hal.simulation import SimulatedRobot
 from tests.hal.simulation.kinematic_engine import KinematicRobot
@@ -50,6 +51,7 @@ SENSORS = {
 ROBOTS = {
     "in memory": in_memory,
     "diff_panda without forces": lambda: simulated(KinematicRobot, "diff_panda", **SENSORS),
+    "diff_panda in mujoco": lambda: simulated(MujocoRobot, "diff_panda", **SENSORS),
     "diff_panda in pybullet": lambda: simulated(PyBulletRobot, "diff_panda", **SENSORS),
 }
 
@@ -59,6 +61,8 @@ ROBOTS = {
     params=["in memory", *(pytest.param(name, marks=pytest.mark.slow) for name in list(ROBOTS)[1:])],
 )
 def make_robot(request: pytest.FixtureRequest) -> MakeRobot:
+    if "mujoco" in request.param:
+        pytest.importorskip("mujoco", reason="the extra mujoco is not installed")
     return ROBOTS[request.param]()
 
 
