@@ -20,3 +20,6 @@ try:
     import mujoco
 except ModuleNotFoundError:
     mujoco = _Missing()
+else:
+    # By default, warnings go to a file in the working folder; the engine looks at their numbers after each step.
+    mujoco.set_mju_user_warning(lambda text: None)
