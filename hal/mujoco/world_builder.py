@@ -66,13 +66,15 @@ class Built:
 @dataclass
 class _Contact:
     """How a geom touches: of two geoms, that of the higher ``priority`` decides. ``condim``: 1 without friction, 3
-    with sliding friction, 4 with spinning friction, too.
+    with sliding friction, 4 with spinning friction, too. ``rolls``: a wheel, whose cylinder becomes an ellipsoid that
+    touches in one point: the two edges of a cylinder rub against each other in every turn, and the wheel slips.
     """
 
     friction: float
     spinning: float = 0.0
     priority: int = 0
     condim: int = 3
+    rolls: bool = False
 
 
 @dataclass
@@ -188,6 +190,8 @@ class WorldBuilder:
         for part, color in zip(parts, colors or [LINK_COLOR] * len(parts), strict=True):
             name = f"{body.name}#{len(list(body.geoms))}"
             kind, size, mesh = self._shape(part)
+            if contact is not None and contact.rolls and isinstance(part.shape, Cylinder):
+                kind, size = mujoco.mjtGeom.mjGEOM_ELLIPSOID, [part.shape.radius] * 2 + [part.shape.length / 2]
             values: dict[str, Any] = {"name": name, "type": kind, "pos": part.pose.position, "quat": _wxyz(part.pose)}
             values |= {"rgba": color, "density": 0.0, "contype": 0, "conaffinity": 0, "group": SEEN}
             values |= {"meshname": mesh} if mesh else {"size": size}
@@ -421,7 +425,7 @@ class WorldBuilder:
         contacts: dict[str, _Contact] = {}
         for base in self.robot.of(WheeledBaseModel).values():
             grip = parameters.wheel_friction if base.part.wheel_friction is None else base.part.wheel_friction
-            contacts |= {carried[joint]: _Contact(grip, priority=3) for joint in base.part.wheel_joints}
+            contacts |= {carried[joint]: _Contact(grip, priority=3, rolls=True) for joint in base.part.wheel_joints}
             contacts |= {link: _Contact(0.0, priority=4, condim=1) for link in base.part.caster_links}
         fingers: dict[str, float] = {}
         for gripper in self.robot.of(GripperModel).values():
