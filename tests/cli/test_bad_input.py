@@ -342,7 +342,7 @@ ROBOTS = {
     "no lidar": (
         LIDAR,
         "",
-        "NavigateTo::13 needs a lidar; robot r has base, arm, gripper,",
+        " needs a lidar; robot r has base, arm, gripper,",
     ),
     "not YAML": ("parts:", "parts: [", "r.yaml:5: is not YAML"),
 }

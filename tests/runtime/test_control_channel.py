@@ -536,6 +536,7 @@ def test_status_tells_the_last_failure_of_an_action() -> None:
         "stamp": 0.0,
         "part": "",
         "vendor_code": "",
+        "obstacle": None,
     }
     assert answer["parts"] == {"arm": "ok"}
 
