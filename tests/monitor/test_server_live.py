@@ -365,7 +365,8 @@ def test_log_lines_come_with_the_first_ones_marked(executor: FakeExecutor, start
         second = page.next("log")
     assert (first["reset"], [told["message"] for told in first["lines"]]) == (True, ["no cup"])
     assert [told["message"] for told in second["lines"]] == ["<script>alert(1)</script>"]
-    assert second["lines"][0] == line | {"message": "<script>alert(1)</script>", "logger": "tree"}
+    added = {"message": "<script>alert(1)</script>", "logger": "tree", "obstacle": None}
+    assert second["lines"][0] == line | added
 
 
 def test_an_executor_that_vanishes_is_lost_and_its_successor_is_found(
