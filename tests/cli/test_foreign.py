@@ -184,8 +184,10 @@ def test_pretending_is_for_simulated_runs(bestman_bt: Command, folder: Path) -> 
 
 
 @pytest.mark.slow
-def test_a_simulation_can_be_watched_while_it_runs(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+def test_a_simulation_can_be_watched_while_it_runs(
+    monkeypatch: pytest.MonkeyPatch, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path_factory.mktemp("run")))  # the path of a socket is short
     monkeypatch.setattr(simulate_command, "PAGE_LOOKS", 0.0)
     runs: list[SimulatedRun] = []
     scenario = Scenario.from_mapping({"default": {"result": "SUCCESS", "duration": 30}})
@@ -196,6 +198,7 @@ def test_a_simulation_can_be_watched_while_it_runs(monkeypatch: pytest.MonkeyPat
     )
     thread.start()
     while not (found := list(socket_folder().glob("*.sock"))):
+        assert thread.is_alive()
         time.sleep(0.02)
     with socket.socket(socket.AF_UNIX) as connection:
         connection.settimeout(10.0)

@@ -54,7 +54,7 @@ DOCUMENT = [
     "task", "episodes", "first_seed", "succeeded", "success_rate", "interval", "audit_clean", "unclean_seeds",
     "errors", "false_successes", "unearned", "failures", "causes", "slowest", "sim_time_s", "wall_time_s",
     "real_time_factor",
-    "metrics", "accuracy", "durations",
+    "metrics", "accuracy", "durations", "missing",
 ]  # fmt: skip
 WALL_TIMES = ("wall_time_s", "real_time_factor")
 
