@@ -164,7 +164,7 @@ class EpisodeOptions:
 
 
 @dataclass(frozen=True)
-class ExecutionOptions:
+class JobOptions:
     """How many processes run the episodes, and on which machines."""
 
     jobs: Annotated[int, typer.Option(min=1, help="Processes that run at the same time.")] = 1
@@ -196,7 +196,7 @@ class ExecutionOptions:
 def command(
     tasks: Annotated[list[str], typer.Argument(help="Shipped tasks or YAML files, or one suite such as manipulation.")],
     asked: EpisodeOptions = EpisodeOptions(),
-    execution: ExecutionOptions = ExecutionOptions(),
+    execution: JobOptions = JobOptions(),
     out: Annotated[
         Path | None,
         typer.Option(help="Keep everything here and go on where it stopped.", show_default="runs/evaluations/NAME"),
@@ -217,7 +217,7 @@ def command(
 def evaluate(
     make: Callable[[list[str]], Suite],
     tasks: Sequence[str],
-    execution: ExecutionOptions,
+    execution: JobOptions,
     out: Path | None,
     page: MonitorOptions,
     as_json: bool,

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from bestman_bt.cli.eval_command import EpisodeOptions, ExecutionOptions, evaluate
+from bestman_bt.cli.eval_command import EpisodeOptions, JobOptions, evaluate
 from bestman_bt.cli.options import Json, MonitorOptions, grouped_options
 from bestman_bt.evaluation.suite import Suite
 from bestman_bt.evaluation.sweep import combinations, sweep_suite
@@ -21,7 +21,7 @@ def command(
     together: Annotated[
         bool, typer.Option("--together", help="The first values of all settings, then the second ones: no grid.")
     ] = False,
-    execution: ExecutionOptions = ExecutionOptions(),
+    execution: JobOptions = JobOptions(),
     out: Annotated[
         Path | None,
         typer.Option(help="Keep everything here and go on where it stopped.", show_default="runs/evaluations/NAME"),

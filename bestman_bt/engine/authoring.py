@@ -29,7 +29,7 @@ from bestman_bt.engine.leaves.native import PyTreesBehaviour, adapted, is_taken,
 from bestman_bt.engine.loading import (
     MAX_NODES,
     Builder,
-    TreeOptions,
+    LoadOptions,
     check_documents,
     main_tree_of,
     new_tree,
@@ -57,7 +57,7 @@ def build_tree(
     tree_id: str = "MainTree",
     file: str = "<python>",
     faults: list[Problem] | None = None,
-    **options: Unpack[TreeOptions],
+    **options: Unpack[LoadOptions],
 ) -> Tree:
     """Make a tree of nodes that were made in Python; native py_trees behaviours among them get nodes of their own.
 

@@ -38,7 +38,7 @@ _RESERVED = frozenset(("ID", "name", "_autoremap"))
 _TRUE = frozenset(("true", "1", "True", "TRUE"))
 
 
-class TreeOptions(TypedDict, total=False):
+class LoadOptions(TypedDict, total=False):
     """What every loader of trees takes beside its source: the arguments of ``new_tree``, by name."""
 
     context: Any
@@ -58,7 +58,7 @@ def load_tree(
     substitutions: SubstitutionRules | None = None,
     faults: list[Problem] | None = None,
     package: Package | None = None,
-    **options: Unpack[TreeOptions],
+    **options: Unpack[LoadOptions],
 ) -> Tree:
     """Load a tree from a file (``.xml``, or ``.py`` that defines ``build() -> Node``) or from XML text.
 
@@ -71,7 +71,7 @@ def load_tree(
         faults: errors of the tree are added here, those too that only a tick would meet; what is wrong is left out of
             it, so that the rest can be checked further. A tree that has some is not to be ticked.
         package: other files that have SubTrees.
-        options: ``context``, ``clock`` and ``blackboard``, see ``TreeOptions``.
+        options: ``context``, ``clock`` and ``blackboard``, see ``LoadOptions``.
 
     Raises:
         TreeLoadError: with everything that is wrong in ``problems``; with ``faults``, only where no tree is left.
@@ -108,7 +108,7 @@ def load_documents(
     substitutions: SubstitutionRules | None = None,
     faults: list[Problem] | None = None,
     gaps: Gaps | None = None,
-    **options: Unpack[TreeOptions],
+    **options: Unpack[LoadOptions],
 ) -> Tree:
     """Make a tree of documents that were read; raises and fills ``faults`` as ``load_tree``.
 

@@ -136,8 +136,8 @@ class RobotiqChannel(GripperChannel):
                     "take that out of the hand, then allow it by options.activate_holding: true"
                 )
             self._await(lambda: self._told().activation == RESET, deadline, lambda wire: wire.reset())
-            time.sleep(RESET_TIME)
-            self._exchange(lambda wire: wire.activate())
+            time.sleep(RESET_TIME)  # an activation that still comes too early is not taken, so it is repeated
+            self._await(lambda: self._told().activation != RESET, deadline, lambda wire: wire.activate())
         self._await(lambda: fault_of(self._told()) is None, deadline)
 
     def refresh(self) -> None:

@@ -68,6 +68,7 @@ def test_runner_fails_and_names_the_level_of_a_wrong_trace(tmp_path: Path) -> No
     assert (summary["L1"], summary["L2"]) == (1, 0)
 
 
+@pytest.mark.slow
 def test_each_case_passes_through_simulate_up_to_its_first_change_from_outside(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(runner._Recorded, "emit", lambda node, *event: node.context.append([*event]))
     differences, ended = {}, 0

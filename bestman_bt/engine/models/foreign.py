@@ -14,7 +14,7 @@ from bestman_bt.engine.core.ports import key_of
 from bestman_bt.engine.core.registry import NodeInfo, NodeRegistry
 from bestman_bt.engine.core.tree import Tree
 from bestman_bt.engine.errors import Problem
-from bestman_bt.engine.loading import Gaps, TreeOptions, load_documents, load_tree, without_garbage_collection
+from bestman_bt.engine.loading import Gaps, LoadOptions, load_documents, load_tree, without_garbage_collection
 from bestman_bt.engine.models.node_models import Models, seen_ports, with_foreign
 from bestman_bt.engine.models.package import Package
 from bestman_bt.engine.models.placeholders import is_placeholder, placeholder
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from bestman_bt.engine.substitution import SubstitutionRules
 
 
-class OpenOptions(TreeOptions, total=False):
+class OpenOptions(LoadOptions, total=False):
     """Arguments of ``load_tree`` that ``open_tree`` hands on."""
 
     main_tree: str | None

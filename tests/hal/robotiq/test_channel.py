@@ -16,12 +16,13 @@ from hal.robotiq.wire import RobotiqStatus, RobotiqWire
 
 
 class Wire(RobotiqWire):
-    """Answers with ``told``; ``error`` instead, where it is set."""
+    """Answers with ``told``; ``error`` instead, where it is set. ``too_early``: activations that it does not take."""
 
     def __init__(self) -> None:
         self.told = status()
         self.error: OSError | None = None
         self.calls: list[object] = []
+        self.too_early = 0
 
     def open(self) -> None:
         self._say("open")
@@ -35,7 +36,9 @@ class Wire(RobotiqWire):
 
     def activate(self) -> None:
         self._say("activate")
-        self.told = replace(self.told, activation=3, fault=0, object=3)
+        self.too_early -= 1
+        if self.too_early < 0:
+            self.told = replace(self.told, activation=3, fault=0, object=3)
 
     def go(self, position: int, speed: int, force: int) -> None:
         self._say((position, speed, force))
@@ -169,6 +172,12 @@ def test_a_gripper_that_is_active_and_well_is_not_activated_again(channel: Robot
     channel.activate()
     assert wire.calls[-2:] == ["reset", "activate"]
     assert channel.fault is None
+
+
+def test_an_activation_that_comes_too_early_is_repeated(channel: RobotiqChannel, wire: Wire) -> None:
+    wire.told, wire.too_early = status(activation=0), 2
+    channel.activate()
+    assert wire.calls[1:] == ["reset", "activate", "activate", "activate"]
 
 
 def test_what_is_not_answered_closes_the_wire_and_keeps_the_last_status(channel: RobotiqChannel, wire: Wire) -> None:
