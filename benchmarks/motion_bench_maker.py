@@ -105,7 +105,7 @@ def read_archive(path: Path, every: int, arm: ArmModel, joints: set[str]) -> Ite
 
 
 def _yaml(text: bytes) -> dict[str, Any]:
-    return yaml.load(text, getattr(yaml, "CSafeLoader", yaml.SafeLoader))  # noqa: S506
+    return yaml.load(text, getattr(yaml, "CSafeLoader", yaml.SafeLoader))  # noqa: S506 - both are safe
 
 
 def _problem(title: str, family: str, request: dict, scene: dict, arm: ArmModel, joints: set[str]) -> Problem:

@@ -10,8 +10,6 @@ from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
-from urllib.parse import urlsplit
-from urllib.request import url2pathname
 
 from bestman_bt.errors import MissingExtraError
 
@@ -34,7 +32,10 @@ def is_installed(extra: str) -> bool:
 
 def install_command(extra: str) -> str:
     """Return what to type to install an extra, from where this installation came: an index, a file or a checkout."""
-    from importlib import metadata  # takes longer than what most commands do
+    # They take longer than what most commands do.
+    from importlib import metadata
+    from urllib.parse import urlsplit
+    from urllib.request import url2pathname
 
     try:
         origin = json.loads(metadata.distribution("bestman-bt").read_text("direct_url.json") or "{}")

@@ -15,7 +15,7 @@ from bestman_bt.evaluation.result import Outcome
 from hal.api import NotConnectedError
 
 CARRY = '<root BTCPP_format="4"><BehaviorTree ID="Main"><MoveArm posture="carry"/></BehaviorTree></root>'
-HEAVY = ("pybullet", "pinocchio", "ompl", "toppra", "matplotlib", "trimesh", "cv2", "rerun", "scipy", "pydantic")
+HEAVY = ("pybullet", "pinocchio", "ompl", "toppra", "matplotlib", "trimesh", "cv2", "rerun", "ssl", "scipy", "pydantic")
 
 
 def test_the_import_and_a_trees_load_bring_nothing_heavy() -> None:

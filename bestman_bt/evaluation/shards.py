@@ -74,16 +74,17 @@ class KnownDurations:
 
     def __init__(self, folder: Path) -> None:
         self._episodes: dict[tuple[str, int], float] = {}
-        self._configs: dict[str, list[float]] = {}
+        configs: dict[str, list[float]] = {}
         for path in journals([folder]):
             for key, result in read_episodes(path).items():
                 self._episodes[key.config, key.seed] = result.wall_time_s
-                self._configs.setdefault(key.config, []).append(result.wall_time_s)
+                configs.setdefault(key.config, []).append(result.wall_time_s)
+        self._configs = {config: fmean(times) for config, times in configs.items()}
         self._all = fmean(self._episodes.values()) if self._episodes else 1.0
 
     def seconds(self, config: str, seed: int) -> float:
         """Of this episode, else the mean of its configuration, else that of all."""
-        return self._episodes.get((config, seed), fmean(self._configs.get(config, [self._all])))
+        return self._episodes.get((config, seed), self._configs.get(config, self._all))
 
 
 @dataclass(frozen=True)

@@ -140,7 +140,7 @@ class Renderer:
                 gl.make_current()
                 self._model.vis.global_.offwidth, self._model.vis.global_.offheight = size
                 self._context = mujoco.MjrContext(self._model, mujoco.mjtFontScale.mjFONTSCALE_100.value)
-            except Exception as error:
+            except Exception as error:  # each platform and driver of OpenGL raises its own
                 raise SimulationError(NO_RENDERER.format(error=error)) from error
             self._gl, self._size = gl, size
             self._scene = mujoco.MjvScene(self._model, maxgeom=self._model.ngeom + 100)

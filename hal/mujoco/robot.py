@@ -18,6 +18,7 @@ class MujocoRobot(SimulatedRobot):
     """See ``SimulatedRobot``."""
 
     engine_name: ClassVar[str] = "MuJoCo"
+    _parameters: MujocoParameters
 
     def __init__(
         self,
@@ -28,8 +29,7 @@ class MujocoRobot(SimulatedRobot):
         seed: int = 0,
         parameters: MujocoParameters | None = None,
     ) -> None:
-        self._physics = parameters or MujocoParameters()
-        super().__init__(model, world, gui=gui, seed=seed, parameters=self._physics)
+        super().__init__(model, world, gui=gui, seed=seed, parameters=parameters or MujocoParameters())
 
     @classmethod
     def refused_parts(cls, model: RobotModel) -> Mapping[str, str]:
@@ -40,4 +40,4 @@ class MujocoRobot(SimulatedRobot):
         """SimulationError for a window, which MuJoCo does not show here, and for what it cannot simulate."""
         if gui:
             raise SimulationError("MuJoCo runs without a window here: leave --gui out, or take the driver pybullet")
-        return MujocoEngine(model, world, self._physics)
+        return MujocoEngine(model, world, self._parameters)

@@ -8,11 +8,11 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from itertools import combinations
+from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree as ET
 
 import numpy as np
-import trimesh
 from numpy.typing import NDArray
 
 from bestman_bt.messages import Box, Cylinder, Mesh, PlacedShape, Pose, Sphere
@@ -28,6 +28,7 @@ from bestman_bt.robot_model.footprint import origin_pose
 from bestman_bt.robot_model.mounting import without_bare_frames
 from bestman_bt.robot_model.urdf_elements import child_of, parent_of
 from bestman_bt.scene import PlacedFurniture, PlacedObject, Walker, World, wall_box
+from bestman_bt.scene.mesh_file import read_triangles
 from hal.mujoco.package import mujoco
 from hal.mujoco.parameters import MujocoParameters
 from hal.simulation import BuiltWorld, SimulationError
@@ -412,11 +413,8 @@ class WorldBuilder:
             case "cylinder":
                 return PlacedShape(Cylinder(float(shape.get("radius", "0")), float(shape.get("length", "0"))), pose)
         file, scale = str(shape.get("filename")), _numbers(shape.get("scale", "1 1 1"))
-        try:
-            mesh: Any = trimesh.load(file, force="mesh")
-            return PlacedShape(Mesh(np.asarray(mesh.vertices) * scale, np.asarray(mesh.faces)), pose)
-        except Exception as error:
-            raise SimulationError(f"the mesh {file} of this robot cannot be read: {error}") from error
+        mesh = read_triangles(Path(file))
+        return PlacedShape(Mesh(np.asarray(mesh.vertices) * scale, np.asarray(mesh.faces)), pose)
 
     def _contacts(self, joints: dict[str, ET.Element]) -> tuple[dict[str, _Contact], dict[str, float]]:
         """Of wheels, casters and fingers, by link; the frictions of fingers, by link."""

@@ -17,6 +17,7 @@ class PyBulletRobot(SimulatedRobot):
 
     engine_name: ClassVar[str] = "PyBullet"
     client: PhysicsClient
+    _parameters: PhysicsParameters
 
     def __init__(
         self,
@@ -27,10 +28,9 @@ class PyBulletRobot(SimulatedRobot):
         seed: int = 0,
         parameters: PhysicsParameters | None = None,
     ) -> None:
-        self._physics = parameters or PhysicsParameters()
-        super().__init__(model, world, gui=gui, seed=seed, parameters=self._physics)
+        super().__init__(model, world, gui=gui, seed=seed, parameters=parameters or PhysicsParameters())
 
     def build(self, model: RobotModel, world: World, gui: bool) -> PyBulletEngine:
         """Start a physics server and fill it; SimulationError if there is none to be had."""
         self.client = PhysicsClient()
-        return PyBulletEngine(self.client, model, world, self._physics, gui)
+        return PyBulletEngine(self.client, model, world, self._parameters, gui)

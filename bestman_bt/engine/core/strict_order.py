@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Iterable, Iterator
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, Protocol, runtime_checkable
 
 from bestman_bt.engine.core.status import IDLE, RUNNING
 
@@ -21,6 +21,16 @@ if TYPE_CHECKING:
 STRICT: Final = "_strict"
 TRUE: Final = frozenset(("true", "1", "True", "TRUE", True))
 _LOG = logging.getLogger(__name__)
+
+
+@runtime_checkable
+class Reactive(Protocol):
+    """A node that may be strict: ``runner`` is its child that runs."""
+
+    runner: Node | None
+
+    def replace_runner(self, child: Node | None) -> None:
+        """Halt the child that runs; ``child`` runs now."""
 
 
 class Order:
@@ -36,7 +46,7 @@ class Order:
     __slots__ = ("gates", "slow", "waiting", "withheld")
 
     def __init__(self) -> None:
-        self.gates: list[tuple[Node, Node]] = []
+        self.gates: list[tuple[Reactive, Node]] = []
         self.slow: set[Node] = set()
         self.waiting = False
         self.withheld: int | None = None
@@ -76,7 +86,7 @@ def set_order(tree: Tree) -> None:
             for above in upwards(node):
                 _order(above).slow.add(node)
     for node in tree.nodes:  # parents come before what is below them, so outer gates before inner ones
-        if STRICT in node.attributes and hasattr(node, "replace_runner") and node.attributes[STRICT] in TRUE:
+        if node.attributes.get(STRICT) in TRUE and isinstance(node, Reactive):
             for child in node.nodes_below():
                 for leaf in _starting_leaves(child):
                     order = _order(leaf)
@@ -97,8 +107,8 @@ def _leaf_in_order(node: Node, core: Tick, order: Order) -> Tick:
         if node._s > IDLE and not order.waiting:
             return core()
         for strict, child in order.gates:
-            if strict.runner is not child:  # type: ignore[attr-defined]  # strict nodes have one
-                strict.replace_runner(None)  # type: ignore[attr-defined]
+            if strict.runner is not child:
+                strict.replace_runner(None)
         if stopping.any_of(order.slow):
             order.waiting = True
             return RUNNING

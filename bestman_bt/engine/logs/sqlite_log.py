@@ -68,9 +68,10 @@ def read_sqlite(path: Path) -> BtLog:
 
 
 def _newest(database: sqlite3.Connection, path: Path) -> tuple[int, str, str]:
-    size = f"length(xml_tree) <= {_LONGEST_XML}"
     row = database.execute(
-        f"SELECT session_id, date, xml_tree FROM Definitions WHERE {size} ORDER BY session_id DESC LIMIT 1"  # noqa: S608
+        "SELECT session_id, date, xml_tree FROM Definitions "
+        "WHERE length(xml_tree) <= ? ORDER BY session_id DESC LIMIT 1",
+        (_LONGEST_XML,),
     ).fetchone()
     if row is None or not isinstance(row[2], str):
         raise LogError(f"{path} holds no tree")

@@ -33,7 +33,7 @@ class RequestError(Error):
 def import_zmq() -> Any:
     """ZeroMQ, where MessagePack is there, too; Groot2Error that names the extra where they are not."""
     try:
-        import msgpack  # noqa: F401
+        import msgpack  # noqa: F401 - used by whoever asks for zmq
         import zmq
     except ImportError as error:
         raise Groot2Error(f"Groot2 needs the extra groot2: {install_command('groot2')}") from error
