@@ -137,8 +137,10 @@ class StopRecorder:
     def flush(self) -> None:
         """Write what is to be written, now."""
         self._write()
-        if self._writing is not None:
-            self._writing.join()
+        with self._taking:
+            writing = self._writing
+        if writing is not None:
+            writing.join()
 
     def _write(self) -> None:
         with self._taking:
@@ -148,21 +150,22 @@ class StopRecorder:
             self._count += 1
             before = self._writing
 
-        def save() -> None:
-            if before is not None:
-                before.join()
-            parts = {name: trace.taken() for name, trace in self.traces.items()}
-            try:
-                number = 1 + len(list(folder.glob(PATTERN)))  # of another process, too
-                BlackBox(*stopped, parts).save(folder / f"black_box_{number}.npz")
-            except OSError as error:
-                logging.getLogger(__name__).warning("no black box was written: %s", error)
+            def save() -> None:
+                if before is not None:
+                    before.join()
+                parts = {name: trace.taken() for name, trace in self.traces.items()}
+                try:
+                    number = 1 + len(list(folder.glob(PATTERN)))  # of another process, too
+                    BlackBox(*stopped, parts).save(folder / f"black_box_{number}.npz")
+                except OSError as error:
+                    logging.getLogger(__name__).warning("no black box was written: %s", error)
 
-        if not self.background:
-            save()
-            return
-        self._writing = threading.Thread(target=_without_priority, args=(save,), name="black box", daemon=True)
-        self._writing.start()
+            if self.background:
+                thread = threading.Thread(target=_without_priority, args=(save,), name="black box", daemon=True)
+                thread.start()
+                self._writing = thread  # once it has begun: another thread may join it at once
+                return
+        save()
 
 
 def _without_priority(task: Callable[[], None]) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import threading
 from pathlib import Path
 
 import numpy as np
@@ -141,3 +142,28 @@ def test_a_damaged_file_is_told(tmp_path: Path) -> None:
     np.savez(path, about=np.frombuffer(json.dumps({"parts": []}).encode(), np.uint8))
     with pytest.raises(BlackBoxError):
         BlackBox.load(path)
+
+
+def test_a_file_whose_thread_is_just_being_started_can_be_waited_for(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    group, _, recorder, clock = recorded(tmp_path)
+    recorder.background = True
+    run(group, recorder, clock, 0.1)
+    recorder.stopped("pressed")
+    clock.time += AFTERWARDS
+    starting, begin = threading.Event(), threading.Thread.start
+
+    def start(thread: threading.Thread) -> None:
+        if thread.name == "black box":
+            starting.set()
+            threading.Event().wait(0.2)
+        begin(thread)
+
+    monkeypatch.setattr(threading.Thread, "start", start)
+    loop = threading.Thread(target=recorder.look)
+    loop.start()
+    assert starting.wait(5.0)
+    recorder.flush()
+    loop.join()
+    assert BlackBox.load(tmp_path / "black_box_1.npz").reason == "pressed"
