@@ -171,7 +171,8 @@ def command(
         if files.output is not None:
             xml = _said_where(question.setup.config, question.xml(made, problem, plan, wanted.planner))
             files.output.write_text(xml, encoding="utf-8")
-            needed = [*(where.settings or ()), *(_judged_by(question, problem) if wanted.given else ())]
+            own_goal = wanted.text is not None or wanted.goal is not None or bool(wanted.given)
+            needed = [*(where.settings or ()), *(_judged_by(question, problem) if own_goal else ())]
             print(f"run it: {_to_run(files.output, where, question.setup.config, needed)}", file=sys.stderr)
             if assumed(plan):
                 print(f"{files.output} plans anew (ReachGoal) where the plan fails", file=sys.stderr)
@@ -202,7 +203,8 @@ def _question(wanted: GoalOptions, where: PlanningOptions) -> tuple[PlanQuestion
 
 def _judged_by(question: PlanQuestion, problem: Problem) -> tuple[str, str]:
     """Settings by which a run of the tree is judged by the goal, and told where things are."""
-    facts = {"goal": " and ".join(map(str, problem.goal)), "told": question.told(problem)}
+    told = question.told(problem)
+    facts = {"goal": " and ".join(map(str, problem.goal))} | ({"told": told} if told else {})
     return f"goals={json.dumps([{'facts': facts}])}", "predicate=facts"
 
 

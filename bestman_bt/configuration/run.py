@@ -120,10 +120,10 @@ def run_of_options(asked: RunRequest, faults: list[Problem] | None = None) -> Ru
     origins: Origins = {(key,): (value if key == "tree" else f"--{key} {value}", None) for key, value in source.items()}
     command_line = Document(dict(source), origins)
     found = ProblemCollector()
-    document, known, given = _nothing(), task is None, [str(plugin) for plugin in asked.plugins or ()]
+    document, known, given = with_default_algorithms(_nothing()), False, [str(plugin) for plugin in asked.plugins or ()]
     values: dict[str, Any] = {}
     with found.step():
-        document = with_default_algorithms(document) if task is None else task_document(task, found.problems)
+        document = document if task is None else task_document(task, found.problems)
         known = True
     document = document.merged(command_line)
     for setting in asked.settings or ():
@@ -131,11 +131,11 @@ def run_of_options(asked: RunRequest, faults: list[Problem] | None = None) -> Ru
             values |= parse_settings([setting])
     inner = {kind: _below(values, kind) for kind in ("scene", "robot")}
     merged: TaskConfig | None = None
+    for key, value in values.items():
+        if not key.startswith(("scene.", "robot.")):
+            with found.step():
+                document = override(document, TaskConfig, {key: value})
     if known:
-        for key, value in values.items():
-            if not key.startswith(("scene.", "robot.")):
-                with found.step():
-                    document = override(document, TaskConfig, {key: value})
         with found.step():
             merged = check_task(document, found.problems)
     absent: dict[str, Any] = {}

@@ -84,10 +84,12 @@ def test_the_command_that_runs_a_saved_tree_has_all_that_it_was_planned_with(bes
     options = ("--goal", GOAL, "--world", "seen.yaml", "--plugin", "own.py", "-o", "tree.xml")
     answer = bestman_bt("plan", *options, "--set", "tick_rate=10")
     assert answer.code == 0, answer.err
-    assert settings_of(answer.err) == ["time_limit=1200 s", "scene.finger_friction=0.7", "tick_rate=10"]
+    goal = ['goals=[{"facts": {"goal": "on(cup, counter/top)"}}]', "predicate=facts"]
+    assert settings_of(answer.err) == ["time_limit=1200 s", "scene.finger_friction=0.7", "tick_rate=10", *goal]
     assert "--scene kitchen --robot diff_panda --seed 3 --set" in answer.err
     assert answer.err.strip().endswith(" --plugin own.py")
-    assert "--set 'time_limit=2 min' --plugin" in bestman_bt("plan", *options, "--set", "time_limit=2 min").err
+    answer = bestman_bt("plan", *options, "--set", "time_limit=2 min")
+    assert settings_of(answer.err) == ["scene.finger_friction=0.7", "time_limit=2 min", *goal]
 
 
 def settings_of(printed: str) -> list[str]:
