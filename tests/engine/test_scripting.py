@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import time
+from collections.abc import Callable
 from typing import Any
 
 import pytest
@@ -12,6 +13,7 @@ from hypothesis import strategies as st
 
 from bestman_bt.engine import Blackboard, ScriptError
 from bestman_bt.engine.scripting import MAX_SCRIPT_LENGTH, ScriptCompiler, parse_script
+from bestman_bt.engine.scripting.operations import MAX_TEXT, add, concatenate
 
 
 def evaluate(source: str, **entries: Any) -> Any:
@@ -175,6 +177,14 @@ def test_a_script_beyond_bounds_is_refused_quickly(source: str) -> None:
     with pytest.raises(ScriptError):
         parse_script(source)
     assert time.perf_counter() - start < 2.0
+
+
+@pytest.mark.parametrize("join", [add, concatenate])
+def test_the_longest_text_that_a_script_may_put_together_is_exact(join: Callable[[str, str], str]) -> None:
+    half = "a" * (MAX_TEXT // 2)
+    assert len(join(half, half)) == MAX_TEXT
+    with pytest.raises(ScriptError, match=f"{MAX_TEXT + 1} characters"):
+        join(half, half + "b")
 
 
 def test_a_script_of_the_longest_accepted_length_runs() -> None:

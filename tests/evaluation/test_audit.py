@@ -51,6 +51,15 @@ def test_joints_beyond_their_limits_or_speeds_fail_an_episode() -> None:
     )
 
 
+@pytest.mark.parametrize("kind", ["robot", "fingers"])
+@pytest.mark.parametrize("declared", [None, ()])
+def test_a_robot_that_presses_on_itself_collides_whatever_is_allowed(kind: str, declared: tuple[()] | None) -> None:
+    touch = ContactIncident("left_finger", "right_finger", ("fingers", kind), 1.0, 1.5, 9.0)
+    allowed = [("left_finger", "right_finger"), ("fingers", "right_finger")]
+    (found,) = audit(replace(NOTHING, contacts=(touch,)), allowed, declared=declared).collisions
+    assert found.why == "the robot collides with itself"
+
+
 def test_a_door_that_may_be_touched_is_not_its_cupboard() -> None:
     door = ContactIncident("panda_leftfinger", "fridge", ("fingers", "furniture"), 1.0, 1.5, 9.0, leaf="fridge/door")
     body = replace(door, leaf="", start=2.0, end=3.0)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -114,6 +115,12 @@ def test_runs_are_paired_by_seed_and_metrics_count_where_both_succeeded() -> Non
     assert (drive.name, drive.shift, time.name) == ("drive_s", -2.0, "time_s")
     with pytest.raises(ValueError, match="no seed is in both"):
         compare_runs(first, [run(100)])
+
+
+def test_cancelled_runs_of_either_side_are_not_compared() -> None:
+    cancelled = [replace(run(seed, success=False), outcome=Outcome.CANCELLED) for seed in (1, 2, 3)]
+    compared = compare_runs([run(1), cancelled[1], run(3), run(4)], [cancelled[0], run(2), cancelled[2], run(4)])
+    assert (compared.success.pairs, compared.success.both, compared.unpaired) == (1, 1, (1, 2, 3))
 
 
 def test_p_values_of_several_metrics_are_corrected() -> None:

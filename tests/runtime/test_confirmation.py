@@ -101,6 +101,24 @@ def test_a_declined_motion_moves_nothing_and_a_stop_ends_the_question() -> None:
         assert opened.confirmation.pending is None
 
 
+def test_what_was_declined_before_does_not_decline_a_motion_that_is_only_let_go_on() -> None:
+    confirmation = Confirmation()
+    answers = iter([confirmation.decline, lambda: None, confirmation.start, confirmation.decline])
+
+    class Waiting:
+        """An executor; ``resume`` of the control channel lets it go on without a word to the confirmation."""
+
+        def hold(self, reason: object) -> None:
+            next(answers)()
+
+        def resume(self) -> None:
+            pass
+
+    confirmation.executor = Waiting()
+    motion = PlannedMotion("arm", "home")
+    assert [confirmation.confirm(motion) for _ in range(4)] == [False, True, True, False]
+
+
 @pytest.mark.slow
 def test_a_person_at_the_terminal_is_asked_and_answers(tmp_path: Path) -> None:
     ran = subprocess.run(

@@ -344,6 +344,18 @@ def test_a_pause_lets_the_robot_wait_at_once_and_going_on_lets_it_go_on(served: 
         served.ask("speed", share="fast")
 
 
+@pytest.mark.parametrize("end", ["resume", "halt", "stop"])
+def test_motions_wait_and_go_on_at_once_and_not_at_the_next_tick(end: str) -> None:
+    clock, speeds = ManualClock(), list[float]()
+    executor = Executor(load_tree(SHORT, clock=clock), clock)
+    speed = OperatorSpeed(speeds.append)
+    channel = ControlChannel(executor, lambda: None, Telemetry(executor, described("short")), speed=speed)
+    assert channel.answer({"do": "pause"})["ok"]
+    assert speeds == [0.0]
+    assert channel.answer({"do": end})["ok"]
+    assert speeds == [0.0, 1.0]
+
+
 def test_a_paused_execution_can_be_stopped(served: Served) -> None:
     served.ask("pause")
     served.ask("stop")

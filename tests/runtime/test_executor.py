@@ -235,6 +235,25 @@ def test_the_time_limit_counts_from_the_start_of_the_run_and_ends_at_its_tick() 
     assert (execution.ending, execution.ticks, execution.sim_time_s) == (Ending.TIMEOUT, 5, 0.5)
 
 
+def test_the_time_of_a_pause_does_not_count_for_the_time_limit() -> None:
+    class Hardware:
+        """Time passes in a pause."""
+
+        def after_tick(self) -> None:
+            if executor.ticks == 2:
+                executor.pause()
+
+        def held(self, hold: PauseReason | None) -> None:
+            if hold is not None:
+                executor.clock.sleep(100.0)
+                executor.resume()
+
+    executor = executor_of('<Work name="work"/>', time_limit=0.5, period=0.125)
+    executor.watchers.append(Hardware())
+    execution = executor.run()
+    assert (execution.ending, execution.ticks, execution.sim_time_s) == (Ending.TIMEOUT, 5, 100.5)
+
+
 def test_watchers_are_told_of_each_pause_with_its_reason_and_of_its_end() -> None:
     class Watching:
         def __init__(self) -> None:

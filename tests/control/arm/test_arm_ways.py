@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from bestman_bt.control.arm import ArmWays, Passing
+from bestman_bt.control.arm import ArmController, ArmWays, Passing
 from bestman_bt.control.joint_state import JointStateSensor
 from bestman_bt.messages import MotionErrorCode
 from bestman_bt.robot_model import ArmModel, RobotModel
@@ -118,6 +118,20 @@ def test_what_is_cancelled_while_it_waits_never_starts(scene: Scene) -> None:
     scene.under_way("right").succeed()
     scene.clock.sleep(0.5)
     assert (motion.status, scene.started) == (MotionStatus.CANCELED, ["right"])
+
+
+def test_an_arm_that_is_stopped_while_it_waits_never_starts(scene: Scene) -> None:
+    scene.put("left", 0.0)
+    right_sweeps_outwards(scene)
+    arm = ArmController(scene.arms["left"], scene.clock, ways=scene.ways)
+    motion = arm.move_to(scene.at("left", INWARD))
+    assert not motion.done
+    arm.stop()
+    scene.put("right", ASIDE)
+    scene.under_way("right").succeed()
+    scene.clock.sleep(0.5)
+    assert (motion.status, motion.failure.code) == (MotionStatus.CANCELED, MotionErrorCode.STOPPED)
+    assert scene.arms["left"].motions == []
 
 
 def test_a_cancel_after_the_wait_reaches_the_arm(scene: Scene) -> None:

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import socket
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -19,6 +20,7 @@ from bestman_bt.robot_model.connection_config import ConnectionConfig, SafetyCon
 from hal.api import Arm, Gripper, MobileBase, MotionErrorCode
 from hal.hardware import HardwareRobot
 from hal.hardware.robot import STOP_INPUT
+from hal.hardware.stop_input import StopInput
 from hal.parts import ConnectionFailedError
 from hal.twins import TwinProcess
 from tests.hal.hardware.test_stop_of_a_robot import Controller, until
@@ -90,6 +92,65 @@ def test_a_stop_and_silence_reach_all_controllers_and_hold_until_it_says_run(
         button.word = b"run"
         until(lambda: _cleared(robot))
         assert robot.faults == {}
+
+
+class Wire:
+    """In place of a socket: datagrams that wait to be read."""
+
+    def __init__(self, *of: object) -> None:
+        self.words: list[bytes] = [b"run"]
+
+    def setblocking(self, blocks: bool) -> None:
+        pass
+
+    def bind(self, address: tuple[str, int]) -> None:
+        pass
+
+    def recv(self, most: int) -> bytes:
+        if not self.words:
+            raise BlockingIOError
+        return self.words.pop(0)
+
+    def close(self) -> None:
+        pass
+
+
+@pytest.fixture
+def wires(monkeypatch: pytest.MonkeyPatch) -> tuple[StopInput, list[Wire], Callable[[float], None]]:
+    """A stop input, the wires that it has opened, and what lets seconds pass."""
+    now, opened = [100.0], list[Wire]()
+
+    def wait(seconds: float) -> None:
+        now[0] += seconds
+
+    names = {"AF_INET": socket.AF_INET, "AF_INET6": socket.AF_INET6, "SOCK_DGRAM": socket.SOCK_DGRAM}
+    made = SimpleNamespace(socket=lambda *of: opened.append(Wire()) or opened[-1], **names)
+    monkeypatch.setattr("hal.hardware.stop_input.socket", made)
+    monkeypatch.setattr("hal.hardware.stop_input.time", SimpleNamespace(monotonic=lambda: now[0], sleep=wait))
+    return StopInput(StopInputConfig("127.0.0.1:5005", SILENCE)), opened, wait
+
+
+def test_of_words_that_come_together_a_stop_is_not_missed(wires) -> None:
+    heard, opened, _ = wires
+    heard.open()
+    for words, says_stop in (([b"stop", b"run"], True), ([], False), ([b"run", b" STOP\n"], True), ([], True)):
+        opened[-1].words += words
+        assert (heard.look() == "the stop input says stop") == says_stop, words
+
+
+def test_what_is_no_word_is_no_sign_of_life_and_a_word_of_before_a_reconnection_does_not_count(wires) -> None:
+    heard, opened, wait = wires
+    heard.open()
+    wait(0.9 * SILENCE)
+    opened[-1].words += [b"hello", b"runs"]
+    assert heard.look() is None
+    wait(0.2 * SILENCE)
+    opened[-1].words += [b"hello"]
+    assert heard.look() == "the stop input has said nothing for 0.3 s"
+    opened[-1].words += [b"run"]
+    assert heard.look() is None
+    heard.close()
+    assert heard.look() == "the stop input has said nothing for 0.3 s"
 
 
 def _cleared(robot: HardwareRobot) -> bool:

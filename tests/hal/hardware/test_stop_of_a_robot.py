@@ -156,6 +156,42 @@ def test_a_fault_of_one_controller_fails_its_motions_and_stops_all_others(robot:
     assert robot.diagnostics()["stopped"] == "yes: gripper: again"
 
 
+def test_who_stops_a_robot_that_is_stopped_reaches_each_controller_again(
+    robot: HardwareRobot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    told: list[str] = []
+    monkeypatch.setattr(Controller, "stop", lambda self: told.append(self.name))
+    robot.stop()
+    first = robot.stopped_at
+    robot.stop()
+    assert told == 2 * ["platform", "hand"]
+    assert robot.stopped_at == first
+
+
+def test_a_controller_whose_loop_has_crashed_is_connected_anew_and_not_only_recovered(robot: HardwareRobot) -> None:
+    hand = controller(robot, "hand")
+    hand._crashed(ZeroDivisionError("of the loop"))
+    until(lambda: "hand" in robot.faults)
+    assert robot.faults["hand"].text == "hand stopped working: ZeroDivisionError: of the loop"
+    robot.clear_stop()
+    assert hand.calls == ["open", "close", "open"]
+    assert robot.faults == {}
+
+
+def test_a_controller_that_tells_no_serial_number_is_not_the_one_that_was_brought_up(
+    robot_model: RobotModel, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(CONNECTIONS, "resolve", lambda driver: Controller)
+    model = replace(
+        robot_model,
+        connections={"hand": ConnectionConfig("any", ("gripper",))},
+        serial_numbers={"hand": "G7"},
+        bringup="hand.yaml",
+    )
+    with pytest.raises(ConnectionFailedError, match="serial number is not told, the bring-up was signed for G7"):
+        HardwareRobot(model).connect()
+
+
 def test_after_a_fault_the_other_controllers_are_watched_on(robot: HardwareRobot) -> None:
     for name in ("platform", "hand"):
         controller(robot, name).told = Failure(MotionErrorCode.FAULT, "broken")

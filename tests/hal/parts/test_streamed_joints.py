@@ -431,6 +431,15 @@ def test_a_velocity_lapses_unless_it_is_commanded_again(group: StreamedJointGrou
 HOME = [0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785]
 
 
+def test_a_velocity_lapses_while_the_controller_is_paused_too(group: StreamedJointGroup, channel: Joints) -> None:
+    channel.share = 0.0
+    group.command(velocities=[STRONG, 0.0])
+    run(group, 0.5)
+    channel.share = 1.0
+    run(group, 0.5)
+    np.testing.assert_array_equal(channel.at, [0.0, 0.0])
+
+
 @pytest.fixture
 def make_arm(robot_model: RobotModel, latch: StopLatch) -> Callable[..., tuple[StreamedArm, Joints]]:
     def make(**safety: Any) -> tuple[StreamedArm, Joints]:
