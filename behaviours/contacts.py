@@ -10,7 +10,7 @@ import numpy as np
 
 from bestman_bt.messages import Pose
 from bestman_bt.registry import suggestion
-from bestman_bt.world_model import WorldModel
+from bestman_bt.world_model.world_model import WorldModel
 
 FLOOR = "floor"
 BESIDE = 0.05

@@ -17,34 +17,43 @@ from behaviours.failure import NodeFailure
 from behaviours.parts import PartKind
 from bestman_bt.errors import RobotError
 from bestman_bt.messages import Failure, MotionErrorCode, MotionObstacle, MotionStage, Pose
-from bestman_bt.world_model import HeldObject, WorldModel
+from bestman_bt.world_model.world_model import HeldObject, WorldModel
 
 if TYPE_CHECKING:
-    from bestman_bt.control.arm import ArmController
+    from bestman_bt.control.arm.arm_controller import ArmController
     from bestman_bt.control.gripper import GripperController
     from bestman_bt.control.head import HeadController
     from bestman_bt.control.joint_state import JointStateSensor
     from bestman_bt.control.rgbd import RGBDSensor
     from bestman_bt.control.robot_stop import RobotStop
     from bestman_bt.control.touch import TactileSensor, WristWrench
-    from bestman_bt.control.wheeled import BaseController
-    from bestman_bt.manipulation.collision import CollisionModel, CollisionWorld, PlanningScene
-    from bestman_bt.manipulation.kinematics import ArmBodies, InverseKinematics, ReachabilityMap, ReachingArm
-    from bestman_bt.manipulation.motion_planning import TimedMotionPlanner
-    from bestman_bt.manipulation.policy import Policy
-    from bestman_bt.navigation.global_planning import Costmap, Footprint, GlobalPlanner, LayeredCostmap
-    from bestman_bt.navigation.local_planning import PathFollower
-    from bestman_bt.navigation.localization import GlobalLocalizer, Localizer, OdometryFilter
-    from bestman_bt.navigation.slam import FrontierExplorer, Slam
-    from bestman_bt.perception.affordance import HandleDetector
-    from bestman_bt.perception.detection import Detector
-    from bestman_bt.perception.grasp_pose import GraspPlanner
+    from bestman_bt.control.wheeled.base_controller import BaseController
+    from bestman_bt.manipulation.collision.base import CollisionModel, CollisionWorld
+    from bestman_bt.manipulation.collision.planning_scene import PlanningScene
+    from bestman_bt.manipulation.kinematics.base import InverseKinematics
+    from bestman_bt.manipulation.kinematics.link_hulls import ArmBodies
+    from bestman_bt.manipulation.kinematics.reachability_map import ReachabilityMap
+    from bestman_bt.manipulation.kinematics.stand_pose import ReachingArm
+    from bestman_bt.manipulation.motion_planning.timed_planner import TimedMotionPlanner
+    from bestman_bt.manipulation.policy.base import Policy
+    from bestman_bt.navigation.global_planning.base import GlobalPlanner
+    from bestman_bt.navigation.global_planning.costmap import Costmap
+    from bestman_bt.navigation.global_planning.footprint import Footprint
+    from bestman_bt.navigation.global_planning.layered_costmap import LayeredCostmap
+    from bestman_bt.navigation.local_planning.base import PathFollower
+    from bestman_bt.navigation.localization.base import GlobalLocalizer, Localizer
+    from bestman_bt.navigation.localization.ekf import OdometryFilter
+    from bestman_bt.navigation.slam.base import Slam
+    from bestman_bt.navigation.slam.frontiers import FrontierExplorer
+    from bestman_bt.perception.affordance.front_handles import HandleDetector
+    from bestman_bt.perception.detection.base import Detector
+    from bestman_bt.perception.grasp_pose.base import GraspPlanner
     from bestman_bt.perception.occupancy import OccupancyMapper
-    from bestman_bt.perception.pose_estimation import MultiView, ViewObservation
-    from bestman_bt.perception.segmentation import SupportSurfaces
+    from bestman_bt.perception.pose_estimation.multi_view import MultiView, ViewObservation
+    from bestman_bt.perception.segmentation.support_surfaces import SupportSurfaces
     from bestman_bt.perception.tracking import Tracker
     from bestman_bt.perception.view_planning import ViewPlanner
-    from bestman_bt.robot_model import ArmModel, GripperModel, RobotModel
+    from bestman_bt.robot_model.model import ArmModel, GripperModel, RobotModel
 
 SWAY = 0.01
 """Metres that an arm and what it holds may be beside where its encoders say while the base drives."""
@@ -204,14 +213,14 @@ class SkillContext:
     @property
     def arm_model(self) -> ArmModel:
         """The arm that skills move."""
-        from bestman_bt.robot_model import ArmModel
+        from bestman_bt.robot_model.model import ArmModel
 
         return self.robot.of(ArmModel)[self.arm.name]
 
     @property
     def gripper_model(self) -> GripperModel:
         """The gripper that skills use."""
-        from bestman_bt.robot_model import GripperModel
+        from bestman_bt.robot_model.model import GripperModel
 
         return self.robot.of(GripperModel)[self.gripper.name]
 
@@ -227,7 +236,7 @@ class SkillContext:
 
     def reaching_arm(self, reachability: ReachabilityMap | None = None) -> ReachingArm:
         """The arm as it is now, for a search of stands."""
-        from bestman_bt.manipulation.kinematics import ReachingArm
+        from bestman_bt.manipulation.kinematics.stand_pose import ReachingArm
 
         return ReachingArm(self.kinematics, self.arm_model, self.arm_positions(), self.rng, reachability)
 
@@ -239,7 +248,7 @@ class SkillContext:
         self, ignore: Iterable[str] = (), allowed_pairs: Iterable[tuple[str, str]] = ()
     ) -> PlanningScene:
         """The scene around the arm, from beliefs and encoders; other arms that move are where they will rest."""
-        from bestman_bt.manipulation.collision import planning_scene_from_world_model
+        from bestman_bt.manipulation.collision.scene_from_world_model import planning_scene_from_world_model
 
         return planning_scene_from_world_model(
             self.world, self.robot, self.arm.for_planning(self.joints.positions()), self.arm.name, ignore
@@ -267,7 +276,7 @@ class SkillContext:
         ``posture``: of the robot, in which the arm will be; the base alone where the robot has none of this name. By
         default the arm is where it is now.
         """
-        from bestman_bt.navigation.global_planning import Footprint
+        from bestman_bt.navigation.global_planning.footprint import Footprint
 
         base, positions = Footprint.of(self.base.model), self.joints.positions()
         if not self.has("arm"):
@@ -297,7 +306,7 @@ class SkillContext:
 
     @cached_property
     def _arm_bodies(self) -> dict[str, ArmBodies]:
-        from bestman_bt.manipulation.kinematics import ArmBodies
+        from bestman_bt.manipulation.kinematics.link_hulls import ArmBodies
 
         return {arm: ArmBodies(self.robot, arm) for arm in self.robot.arm_names}
 

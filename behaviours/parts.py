@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 from bestman_bt.errors import RobotError
 
 if TYPE_CHECKING:
-    from bestman_bt.robot_model import RobotModel
+    from bestman_bt.robot_model.model import RobotModel
 
 PartKind: TypeAlias = Literal[
     "base", "lidar", "arm", "gripper", "head", "camera", "wrist_camera", "force_torque", "tactile"
@@ -36,17 +36,9 @@ class MissingPartError(RobotError, LookupError):
 
 def parts_by_kind(robot: RobotModel, there: Collection[str]) -> dict[PartKind, tuple[str, ...]]:
     """Kind → names of the robot's parts of it, of those that are ``there``; kinds that it lacks are left out."""
-    from bestman_bt.robot_model import (
-        ArmModel,
-        BaseModel,
-        CameraPart,
-        GripperModel,
-        JointGroupModel,
-        LidarPart,
-        MountedForceTorque,
-        TactilePart,
-        arm_of,
-    )
+    from bestman_bt.robot_model.model import ArmModel, BaseModel, GripperModel, JointGroupModel
+    from bestman_bt.robot_model.sensor_parts import CameraPart, LidarPart, MountedForceTorque, TactilePart
+    from bestman_bt.robot_model.urdf_tree import arm_of
 
     of_kind: dict[PartKind, Iterable[str]] = {
         "base": robot.of(BaseModel),

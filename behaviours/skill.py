@@ -14,7 +14,8 @@ from behaviours.contacts import Contact
 from behaviours.context import SkillContext
 from behaviours.failure import MOTION_FAILS, READING_FAILS, SEEING_FAILS, NodeFailure
 from behaviours.parts import WORDS, PartKind
-from bestman_bt.control import READING_ERRORS, Motion, MotionStatus
+from bestman_bt.control import Motion, MotionStatus
+from bestman_bt.control.joint_state import READING_ERRORS
 from bestman_bt.engine import FAILURE, RUNNING, SUCCESS, Condition, In, Node, NodeError, Out, StatefulAction, SyncAction
 from bestman_bt.engine.bounds import Named
 from bestman_bt.engine.core.ports import declared_ports

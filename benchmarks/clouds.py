@@ -26,10 +26,9 @@ import numpy as np
 from benchmarks.rendered_table import RenderedTable, TrueObject, random_table
 from bestman_bt.evaluation.versions import versions
 from bestman_bt.perception import clouds
-from bestman_bt.perception.segmentation import Open3DDbscan, PlaneDbscan
 from bestman_bt.perception.segmentation.base import voxel_means
 from bestman_bt.perception.segmentation.horizontal_plane import HorizontalPlane
-from bestman_bt.perception.segmentation.plane_dbscan import dbscan
+from bestman_bt.perception.segmentation.plane_dbscan import Open3DDbscan, PlaneDbscan, dbscan
 
 
 def main() -> None:

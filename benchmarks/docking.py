@@ -23,14 +23,14 @@ import numpy as np
 
 from benchmarks.navigation_measures.judged_session import judged_session
 from benchmarks.navigation_measures.report import median, print_report, scaled
-from bestman_bt.configuration import load_run
+from bestman_bt.configuration.run import load_run
 from bestman_bt.evaluation.audit import audit
 from bestman_bt.evaluation.interval import wilson_interval
 from bestman_bt.facts.goals.at_goal import AtGoalFields, drive_goal
 from bestman_bt.messages import Pose2D, wrap_angle
-from bestman_bt.robot_model import BaseModel
-from bestman_bt.runtime import prepare
-from bestman_bt.scene import World
+from bestman_bt.robot_model.model import BaseModel
+from bestman_bt.runtime.setup import prepare
+from bestman_bt.scene.scene import World
 
 POSITION, YAW = 0.01, math.radians(1.0)
 """Metres and radians that count as docked."""

@@ -15,7 +15,7 @@ from statistics import median
 from typing import Any
 
 from benchmarks.fetch import FIRST_SEED, Episode, measure, summary
-from bestman_bt.configuration import load_run
+from bestman_bt.configuration.run import load_run
 from bestman_bt.evaluation.episode import run_episode
 from bestman_bt.evaluation.versions import versions
 from bestman_bt.extras import EXTRA_OF_SIMULATOR, is_installed

@@ -25,7 +25,7 @@ from typing import Any
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before numpy is imported
 
-from bestman_bt.configuration import load_run
+from bestman_bt.configuration.run import load_run
 from bestman_bt.evaluation.audit import CHEATS
 from bestman_bt.evaluation.episode import run_episode
 from bestman_bt.evaluation.versions import versions

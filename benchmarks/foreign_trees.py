@@ -17,7 +17,7 @@ import time
 import traceback
 from pathlib import Path
 
-from bestman_bt.configuration import shipped_trees
+from bestman_bt.configuration.data import shipped_trees
 from bestman_bt.engine import EngineError, TreeLoadError, render_svg, render_text
 from bestman_bt.engine.core.registry import NodeRegistry
 from bestman_bt.engine.models.conversion import convert

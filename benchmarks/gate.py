@@ -22,11 +22,16 @@ from numpy.typing import NDArray
 
 from bestman_bt.evaluation.versions import versions
 from bestman_bt.messages import JointTrajectory
-from bestman_bt.robot_model import ArmModel, JointedModel, JointGroupModel, RobotModel, load_robot_model
+from bestman_bt.robot_model.compose import load_robot_model
 from bestman_bt.robot_model.connection_config import SafetyConfig, WorkspaceConfig
 from bestman_bt.robot_model.hardware_config import with_hardware
+from bestman_bt.robot_model.model import ArmModel, JointedModel, JointGroupModel, RobotModel
 from hal.api import CommandRefusedError, Failure, MotionErrorCode
-from hal.parts import JointReading, StopLatch, StreamedArm, StreamedJointGroup, ToolLimits
+from hal.parts.channels import JointReading
+from hal.parts.gate import ToolLimits
+from hal.parts.stop_latch import StopLatch
+from hal.parts.streamed_arm import StreamedArm
+from hal.parts.streamed_joints import StreamedJointGroup
 from hal.rosbridge.channels import RosJoints
 from hal.rosbridge.options import RosbridgeOptions
 from hal.ur.connection import URJoints

@@ -30,12 +30,18 @@ from matplotlib.figure import Figure
 from benchmarks.navigation_measures.grid_pictures import draw_base, draw_costmap
 from bestman_bt.facts.goals.at_goal import base_footprint
 from bestman_bt.messages import Path2D, Pose2D
-from bestman_bt.navigation.global_planning import Costmap, Footprint, GlobalPlanner, areas_of_disc, shortest_length
-from bestman_bt.navigation.global_planning.grid_search import cheapest_way
+from bestman_bt.navigation.global_planning.base import GlobalPlanner
+from bestman_bt.navigation.global_planning.costmap import Costmap
+from bestman_bt.navigation.global_planning.footprint import Footprint
+from bestman_bt.navigation.global_planning.grid_search import areas_of_disc, cheapest_way, shortest_length
 from bestman_bt.registry import ALGORITHMS
-from bestman_bt.robot_model import load_robot_model
-from bestman_bt.scene import draw_world, load_scene, semantic_map
-from bestman_bt.world_model import SemanticMap, WorldModel, open_leaves
+from bestman_bt.robot_model.compose import load_robot_model
+from bestman_bt.scene.draw import draw_world
+from bestman_bt.scene.load import load_scene
+from bestman_bt.scene.map_of_world import semantic_map
+from bestman_bt.world_model.openness import open_leaves
+from bestman_bt.world_model.semantic_map import SemanticMap
+from bestman_bt.world_model.world_model import WorldModel
 from examples.plugins.sampled_roads import PRM, RRTStar
 
 PLANNERS = {

@@ -8,9 +8,10 @@ from functools import cache
 import numpy as np
 
 from benchmarks.grasp_rig import GraspRig, rig_model, wrist_positions
-from bestman_bt.manipulation.collision import CoalCollisionModel, PlanningScene, SceneObstacle
+from bestman_bt.manipulation.collision.coal_world import CoalCollisionModel
+from bestman_bt.manipulation.collision.planning_scene import PlanningScene, SceneObstacle
 from bestman_bt.messages import PlacedShape, Pose
-from bestman_bt.robot_model import ArmModel
+from bestman_bt.robot_model.model import ArmModel
 
 APPROACH = (0.0, 0.05, 0.10)
 """Metres before the grasp at which the hand is checked, the last where the straight approach begins."""

@@ -16,18 +16,23 @@ from numpy.typing import NDArray
 
 from bestman_bt.control.joint_state import JointStateSensor
 from bestman_bt.control.rgbd import RGBDSensor
-from bestman_bt.manipulation.kinematics import ForwardKinematics
+from bestman_bt.manipulation.kinematics.link_hulls import ForwardKinematics
 from bestman_bt.messages import Mesh, ObjectModel, Pose
-from bestman_bt.perception import View
-from bestman_bt.perception.grasp_pose import GraspCandidate
+from bestman_bt.perception.grasp_pose.base import GraspCandidate
 from bestman_bt.perception.pose_estimation.model_surface import sample_shape
-from bestman_bt.robot_model import ArmModel, CameraPart, GripperModel, RobotModel, load_robot_model
-from bestman_bt.scene import World
-from bestman_bt.world_model import SemanticMap, WorldModel
+from bestman_bt.perception.view import View
+from bestman_bt.robot_model.compose import load_robot_model
+from bestman_bt.robot_model.model import ArmModel, GripperModel, RobotModel
+from bestman_bt.robot_model.sensor_parts import CameraPart
+from bestman_bt.scene.scene import World
+from bestman_bt.world_model.semantic_map import SemanticMap
+from bestman_bt.world_model.world_model import WorldModel
 from hal.api import Arm, Camera, CommandRefusedError, Gripper, Motion, MotionStatus
-from hal.pybullet import PyBulletRobot
 from hal.pybullet.pictures import projection_matrix
-from hal.simulation import GroundTruth, ScenePhotographer, Viewpoint
+from hal.pybullet.robot import PyBulletRobot
+from hal.simulation.bodies import Viewpoint
+from hal.simulation.camera import ScenePhotographer
+from hal.simulation.ground_truth import GroundTruth
 from hal.simulation.simulation import Simulation
 
 GANTRY = Path(__file__).with_name("gantry")

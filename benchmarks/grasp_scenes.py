@@ -17,8 +17,8 @@ from scipy.spatial import ConvexHull, cKDTree
 from benchmarks.rendering import occlusion
 from bestman_bt.messages import Box, ObjectModel, PlacedShape, Pose, Pose2D
 from bestman_bt.perception.pose_estimation.model_surface import sample_shape
-from bestman_bt.perception.segmentation import Region
-from bestman_bt.scene import FurnitureModel, PlacedFurniture, PlacedObject, World
+from bestman_bt.perception.segmentation.base import Region
+from bestman_bt.scene.scene import FurnitureModel, PlacedFurniture, PlacedObject, World
 from hal.pybullet.body_urdf import body_urdf
 
 TABLE_SIZE, TOP_THICKNESS = (0.8, 1.2), 0.04

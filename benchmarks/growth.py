@@ -69,8 +69,10 @@ def ports(size: int) -> Work:
 
 def _costmap(cells: int, obstacles: int) -> Any:
     from bestman_bt.messages import OccupancyGrid
-    from bestman_bt.navigation.global_planning import Costmap, Footprint
-    from bestman_bt.robot_model import BaseModel, load_robot_model
+    from bestman_bt.navigation.global_planning.costmap import Costmap
+    from bestman_bt.navigation.global_planning.footprint import Footprint
+    from bestman_bt.robot_model.compose import load_robot_model
+    from bestman_bt.robot_model.model import BaseModel
 
     rng = np.random.default_rng(SEED)
     data = np.zeros((cells, cells), dtype=np.int8)
@@ -90,7 +92,7 @@ def costmap(size: int) -> Work:
 
 def planner(size: int) -> Work:
     """The shortest way over a costmap of so many cells, from corner to corner."""
-    from bestman_bt.navigation.global_planning import GridAStar
+    from bestman_bt.navigation.global_planning.polyline_planner import GridAStar
 
     side = round(size**0.5)
     known, far = _costmap(side, size // 4000)(), (side - 10) * 0.05
@@ -218,7 +220,7 @@ def report(size: int) -> Work:
 
 def sessions(size: int) -> Work:
     """So many sessions, one after the other; what Python keeps of each is in ``kept``."""
-    from bestman_bt.runtime import session
+    from bestman_bt.runtime.robot_session import session
 
     def run() -> None:
         for _ in range(size):

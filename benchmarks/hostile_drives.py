@@ -24,8 +24,8 @@ from typing import Any
 import numpy as np
 
 from bestman_bt.messages import Path2D, Pose, Pose2D, Twist2D
-from bestman_bt.navigation.local_planning import FollowerCommand, PathFollower
-from bestman_bt.runtime import session
+from bestman_bt.navigation.local_planning.base import FollowerCommand, PathFollower
+from bestman_bt.runtime.robot_session import session
 
 ROOMS: tuple[tuple[str, int], ...] = (
     *(("kitchen", 7), ("kitchen_furnished", 1), ("kitchen_with_chairs", 2), ("dining_room", 3), ("fridge_room", 4)),

@@ -23,7 +23,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from hal.twins import TwinProcess
+from hal.twins.process import TwinProcess
 
 ROBOTS = {
     "xarm": Path("tests/hal/xarm/xarm6_on_a_base.yaml"),
@@ -40,9 +40,9 @@ PATIENCE = 90.0
 PLANNER = """
 import json, sys, time
 from bestman_bt.errors import RobotError
-from bestman_bt.robot_model import load_robot_model
+from bestman_bt.robot_model.compose import load_robot_model
 from hal.api import Arm, MotionStatus
-from hal.hardware import IsolatedRobot
+from hal.hardware.isolated_robot import IsolatedRobot
 
 def tell(word, **more):
     print(json.dumps({"word": word, **more}), flush=True)

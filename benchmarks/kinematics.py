@@ -17,7 +17,8 @@ import time
 from itertools import pairwise
 from pathlib import Path
 
-from bestman_bt.manipulation.kinematics import ArcStands, ReachabilitySampling
+from bestman_bt.manipulation.kinematics.reachability_map import ReachabilitySampling
+from bestman_bt.manipulation.kinematics.stand_along import ArcStands
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -26,13 +27,12 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 import numpy as np
 
 from bestman_bt.evaluation.interval import wilson_interval
-from bestman_bt.manipulation.kinematics import (
-    DampedLeastSquares,
-    ReachingArm,
-    stands_around,
-)
+from bestman_bt.manipulation.kinematics.damped_least_squares import DampedLeastSquares
+from bestman_bt.manipulation.kinematics.stand_along import stands_around
+from bestman_bt.manipulation.kinematics.stand_pose import ReachingArm
 from bestman_bt.messages import Pose
-from bestman_bt.robot_model import ArmModel, RobotModel, load_robot_model
+from bestman_bt.robot_model.compose import load_robot_model
+from bestman_bt.robot_model.model import ArmModel, RobotModel
 from tests.manipulation.fixed_ur5 import fixed_ur5
 from tests.manipulation.kinematics.door_stations import door_stations
 from tests.manipulation.table_and_shelf import fixed_panda

@@ -11,7 +11,7 @@ import logging
 import time
 from statistics import median
 
-from bestman_bt.task_planning.language import LanguageError
+from bestman_bt.task_planning.language.errors import LanguageError
 from tests.task_planning.language.kitchen_problem import RIGHT, kitchen
 from tests.task_planning.language.misbehaving_server import says, serving
 from tests.task_planning.language.test_misbehaviour import ANSWERS, SERVERS, planner

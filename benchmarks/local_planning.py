@@ -21,22 +21,32 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from benchmarks.navigation_measures.processor_times import timed_ticks
 from benchmarks.navigation_measures.report import median, percentile, print_report, scaled
-from bestman_bt.control import MotionStatus
 from bestman_bt.control.inertial import FusedOdometry
 from bestman_bt.control.lidar import LidarSensor
-from bestman_bt.control.wheeled import BaseController, CollisionMonitor, LocalisationCycle
+from bestman_bt.control.wheeled.base_controller import BaseController
+from bestman_bt.control.wheeled.collision_monitor import CollisionMonitor
+from bestman_bt.control.wheeled.localisation_cycle import LocalisationCycle
 from bestman_bt.facts.goals.at_goal import base_footprint
-from bestman_bt.manipulation.kinematics import ForwardKinematics
+from bestman_bt.manipulation.kinematics.link_hulls import ForwardKinematics
 from bestman_bt.messages import Box, Path2D, PlacedShape, Pose, Pose2D, wrap_angle
-from bestman_bt.navigation.global_planning import Costmap, GridAStar
-from bestman_bt.navigation.local_planning import DWA, MPPI, PathFollower, PurePursuit
-from bestman_bt.navigation.localization import ScanToMap, WheelOdometry
-from bestman_bt.robot_model import RobotModel, load_robot_model
-from bestman_bt.scene import FurnitureModel, PlacedFurniture, World, draw_world, load_scene, semantic_map
-from bestman_bt.world_model import BasePose, Obstacle, WorldModel
-from hal.api import Lidar, MobileBase
-from hal.pybullet import PyBulletRobot
-from hal.simulation import GroundTruth
+from bestman_bt.navigation.global_planning.costmap import Costmap
+from bestman_bt.navigation.global_planning.polyline_planner import GridAStar
+from bestman_bt.navigation.local_planning.base import PathFollower
+from bestman_bt.navigation.local_planning.dwa import DWA
+from bestman_bt.navigation.local_planning.mppi import MPPI
+from bestman_bt.navigation.local_planning.pure_pursuit import PurePursuit
+from bestman_bt.navigation.localization.ekf import WheelOdometry
+from bestman_bt.navigation.localization.scan_to_map import ScanToMap
+from bestman_bt.robot_model.compose import load_robot_model
+from bestman_bt.robot_model.model import RobotModel
+from bestman_bt.scene.draw import draw_world
+from bestman_bt.scene.load import load_scene
+from bestman_bt.scene.map_of_world import semantic_map
+from bestman_bt.scene.scene import FurnitureModel, PlacedFurniture, World
+from bestman_bt.world_model.world_model import BasePose, Obstacle, WorldModel
+from hal.api import Lidar, MobileBase, MotionStatus
+from hal.pybullet.robot import PyBulletRobot
+from hal.simulation.ground_truth import GroundTruth
 
 PLANNERS: dict[str, type[PathFollower]] = {"pure_pursuit": PurePursuit, "dwa": DWA, "mppi": MPPI}
 TIME_LIMIT = 90.0

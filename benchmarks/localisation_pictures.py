@@ -16,14 +16,14 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
 from bestman_bt.messages import LaserScan, Pose2D
-from bestman_bt.navigation.localization import (
-    CorrelativeSearch,
-    DistanceField,
-    OdometryScan,
-    cast_rays,
-)
-from bestman_bt.scene import draw_world, load_scene, semantic_map
-from bestman_bt.world_model import SemanticMap
+from bestman_bt.navigation.localization.base import OdometryScan
+from bestman_bt.navigation.localization.correlative_search import CorrelativeSearch
+from bestman_bt.navigation.localization.distance_field import DistanceField
+from bestman_bt.navigation.localization.ray_casting import cast_rays
+from bestman_bt.scene.draw import draw_world
+from bestman_bt.scene.load import load_scene
+from bestman_bt.scene.map_of_world import semantic_map
+from bestman_bt.world_model.semantic_map import SemanticMap
 from examples.plugins.particle_filter import ParticleFilter
 
 BEAMS, RANGE = 360, 8.0

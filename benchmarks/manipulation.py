@@ -25,12 +25,14 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 import numpy as np
 import pybullet
 
-from bestman_bt.manipulation.collision import CoalCollisionModel, CollisionWorld
-from bestman_bt.manipulation.kinematics import DampedLeastSquares
-from bestman_bt.manipulation.motion_planning import PlanningError, RRTConnect
-from bestman_bt.manipulation.trajectory import Toppra
+from bestman_bt.manipulation.collision.base import CollisionWorld
+from bestman_bt.manipulation.collision.coal_world import CoalCollisionModel
+from bestman_bt.manipulation.kinematics.damped_least_squares import DampedLeastSquares
+from bestman_bt.manipulation.motion_planning.base import PlanningError
+from bestman_bt.manipulation.motion_planning.rrt_connect import RRTConnect
 from bestman_bt.manipulation.trajectory.base import dense_samples
-from bestman_bt.robot_model import ArmModel
+from bestman_bt.manipulation.trajectory.toppra import Toppra
+from bestman_bt.robot_model.model import ArmModel
 from tests.manipulation.pybullet_referee import Referee
 from tests.manipulation.table_and_shelf import fixed_panda, problems, table_and_shelf
 

@@ -39,7 +39,8 @@ from bestman_bt.engine import (
 )
 from bestman_bt.monitor.event_stream import Tell
 from bestman_bt.records.events import RobotEvent, RunEvent, Topic
-from bestman_bt.runtime import ControlChannel, Executor
+from bestman_bt.runtime.control_channel import ControlChannel
+from bestman_bt.runtime.executor import Executor
 from bestman_bt.runtime.telemetry import Telemetry
 
 RATE = 20.0

@@ -44,15 +44,18 @@ from ompl import geometric
 
 from benchmarks.ompl_simplified import ompl_simplified
 from bestman_bt.errors import Error
-from bestman_bt.manipulation.collision import CoalCollisionModel, CollisionWorld, PlanningScene, SceneObstacle
+from bestman_bt.manipulation.collision.base import CollisionWorld
+from bestman_bt.manipulation.collision.coal_world import CoalCollisionModel
+from bestman_bt.manipulation.collision.planning_scene import PlanningScene, SceneObstacle
 from bestman_bt.manipulation.errors import ManipulationError
-from bestman_bt.manipulation.motion_planning import TimedMotionPlanner, TimedPlan
 from bestman_bt.manipulation.motion_planning.base import MotionPlan, MotionPlanner
 from bestman_bt.manipulation.motion_planning.checked_edges import dense_points
+from bestman_bt.manipulation.motion_planning.timed_planner import TimedMotionPlanner, TimedPlan
 from bestman_bt.manipulation.trajectory.base import dense_samples
 from bestman_bt.messages import Box, Cylinder, JointTrajectory, PlacedShape, Pose, Sphere
 from bestman_bt.registry import ALGORITHMS
-from bestman_bt.robot_model import ArmModel, RobotModel, load_robot_model
+from bestman_bt.robot_model.compose import load_robot_model
+from bestman_bt.robot_model.model import ArmModel, RobotModel
 from bestman_bt.robot_model.srdf import read_srdf
 from bestman_bt.robot_model.urdf_tree import UrdfTree
 from bestman_bt.runtime.part_import import PartRequest, import_part

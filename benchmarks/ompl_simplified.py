@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from ompl import base, geometric, util
 
-from bestman_bt.manipulation.collision import CollisionWorld
-from bestman_bt.robot_model import ArmModel
+from bestman_bt.manipulation.collision.base import CollisionWorld
+from bestman_bt.robot_model.model import ArmModel
 
 CHECK_STEP = 0.02
 MAX_CHECKS = 60_000

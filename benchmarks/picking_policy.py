@@ -23,15 +23,15 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1]))  # the controls' policies are those of the suite
 
-from bestman_bt.configuration import load_run
+from bestman_bt.configuration.run import load_run
 from bestman_bt.engine import Tree
 from bestman_bt.evaluation.episode import run_episode
 from bestman_bt.evaluation.interval import wilson_interval
 from bestman_bt.evaluation.result import RunResult
-from bestman_bt.manipulation.policy import ActionChunk, Observation, Policy
-from bestman_bt.manipulation.policy.training import ExpertPolicy
-from bestman_bt.runtime import Session
+from bestman_bt.manipulation.policy.base import ActionChunk, Observation, Policy
+from bestman_bt.manipulation.policy.training.expert_policy import ExpertPolicy
 from bestman_bt.runtime.policy_experts import picking_expert
+from bestman_bt.runtime.robot_session import Session
 from configs.evaluations.controls.altered_policy import Altered, Null, WrongGoal
 
 TASK, OBJECT = "policy_pick", "cup"

@@ -25,14 +25,8 @@ from bestman_bt.registry import BUILDERS
 from bestman_bt.task_planning.domain import Domain
 from bestman_bt.task_planning.simulation import SymbolicWorld, load_simulated
 from bestman_bt.task_planning.state import SUPERTYPES
-from bestman_bt.task_planning.symbolic import (
-    Action,
-    Fact,
-    Literal,
-    PlanningError,
-    Problem,
-    SymbolicPlanner,
-)
+from bestman_bt.task_planning.symbolic.problem import Action, Fact, Literal, PlanningError, Problem
+from bestman_bt.task_planning.symbolic.search import SymbolicPlanner
 
 REPLANS = 6
 MAX_TICKS = 4000

@@ -28,13 +28,13 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 import numpy as np
 
 from benchmarks.ompl_simplified import ompl_simplified
-from bestman_bt.manipulation.collision import CoalCollisionModel
+from bestman_bt.manipulation.collision.coal_world import CoalCollisionModel
 from bestman_bt.manipulation.errors import ManipulationError
-from bestman_bt.manipulation.motion_planning import PlanningError, PlanningErrorCode
+from bestman_bt.manipulation.motion_planning.base import PlanningError, PlanningErrorCode
 from bestman_bt.manipulation.motion_planning.checked_edges import dense_points
 from bestman_bt.manipulation.motion_planning.sampling_planner import SamplingPlanner
 from bestman_bt.registry import ALGORITHMS
-from bestman_bt.robot_model import ArmModel
+from bestman_bt.robot_model.model import ArmModel
 from tests.manipulation.pybullet_referee import Referee
 from tests.manipulation.table_and_shelf import Body, boxes, fixed_panda, table_and_shelf
 

@@ -17,22 +17,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bestman_bt.configuration import data_root
+from bestman_bt.configuration.data import data_root
 from bestman_bt.evaluation.interval import wilson_interval
-from bestman_bt.manipulation.kinematics import DampedLeastSquares
-from bestman_bt.manipulation.policy import (
-    ActionChunk,
-    ActionSpace,
-    Observation,
-    Policy,
-    PolicySpecification,
-    load_policy,
-    pose_error,
-)
-from bestman_bt.manipulation.policy.training import ReachingExpert, roll_out
+from bestman_bt.manipulation.kinematics.damped_least_squares import DampedLeastSquares
+from bestman_bt.manipulation.policy.base import ActionChunk, Observation, Policy
+from bestman_bt.manipulation.policy.features import pose_error
+from bestman_bt.manipulation.policy.policy_file import load_policy
+from bestman_bt.manipulation.policy.specification import ActionSpace, PolicySpecification
+from bestman_bt.manipulation.policy.training.reaching import ReachingExpert
+from bestman_bt.manipulation.policy.training.rollout import roll_out
 from bestman_bt.messages import Pose
-from bestman_bt.robot_model import ArmModel, load_robot_model
-from bestman_bt.runtime import Session, session
+from bestman_bt.robot_model.compose import load_robot_model
+from bestman_bt.robot_model.model import ArmModel
+from bestman_bt.runtime.robot_session import Session, session
 
 POSITION, ROTATION = 0.01, 0.1
 SHIPPED = data_root() / "assets/policies/reach_diff_panda.onnx"

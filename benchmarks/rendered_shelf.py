@@ -10,7 +10,7 @@ import numpy as np
 
 from benchmarks.rendering import Color, render_view
 from bestman_bt.messages import Box, PlacedShape, Pose
-from bestman_bt.perception import View
+from bestman_bt.perception.view import View
 
 WOOD: Color = (0.7, 0.5, 0.3)
 

@@ -21,8 +21,8 @@ from bestman_bt.messages import (
     Pose,
     Sphere,
 )
-from bestman_bt.perception import View
-from bestman_bt.perception.segmentation import Region
+from bestman_bt.perception.segmentation.base import Region
+from bestman_bt.perception.view import View
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,7 +12,7 @@ import pybullet
 from numpy.typing import NDArray
 
 from bestman_bt.messages import Box, CameraIntrinsics, Cylinder, Mesh, PlacedShape, Pose, RGBDImage, Sphere
-from bestman_bt.perception import View
+from bestman_bt.perception.view import View
 
 Color = tuple[float, float, float]
 
@@ -22,7 +22,7 @@ NEAR, FAR = 0.05, 6.0
 
 @dataclass(frozen=True)
 class DepthNoise:
-    """See bestman_bt.robot_model.CameraPart; ``quantum``: metres between two depth values."""
+    """See bestman_bt.robot_model.sensor_parts.CameraPart; ``quantum``: metres between two depth values."""
 
     base: float = 0.0012
     quadratic: float = 0.0019

@@ -19,8 +19,9 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from bestman_bt.configuration import ConfigurationError
-from bestman_bt.robot_model import RobotModel, combine, load_robot_model
+from bestman_bt.configuration.errors import ConfigurationError
+from bestman_bt.robot_model.compose import combine, load_robot_model
+from bestman_bt.robot_model.model import RobotModel
 from bestman_bt.runtime.robot_trial import RobotTrial, TrialProcedure
 
 BASES = ("differential_base", "omni_base", "husky_base")

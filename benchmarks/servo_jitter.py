@@ -13,12 +13,12 @@ from dataclasses import asdict
 from typing import Any
 
 from bestman_bt.evaluation.versions import versions
-from bestman_bt.robot_model import load_robot_model
+from bestman_bt.robot_model.compose import load_robot_model
 from hal.api import Arm
-from hal.hardware import HardwareRobot
 from hal.hardware.control_loop import ControlLoop, take_real_time_priority
+from hal.hardware.robot import HardwareRobot
 from hal.hardware.robot_process import SERVING_PRIORITY
-from hal.twins import TwinProcess
+from hal.twins.process import TwinProcess
 
 
 def main() -> None:

@@ -18,16 +18,9 @@ from bestman_bt.engine import NodeRegistry
 from bestman_bt.evaluation.interval import wilson_interval
 from bestman_bt.task_planning.domain import Domain
 from bestman_bt.task_planning.state import SUPERTYPES
-from bestman_bt.task_planning.symbolic import (
-    Fact,
-    Literal,
-    PlanningError,
-    Problem,
-    SymbolicPlanner,
-    TaskPlan,
-    Unsolvable,
-)
 from bestman_bt.task_planning.symbolic.fast_downward import FastDownwardPlanner, is_valid
+from bestman_bt.task_planning.symbolic.problem import Fact, Literal, PlanningError, Problem, TaskPlan, Unsolvable
+from bestman_bt.task_planning.symbolic.search import SymbolicPlanner
 
 
 def generated_problem(domain: Domain, seed: int) -> Problem:

@@ -19,9 +19,9 @@ from typing import Any
 
 from benchmarks.fault_trials.client_trial import CLIENT_TRIALS, ClientReport, ClientTrial, run_client_trial
 from benchmarks.fault_trials.trial import TRIALS, Report, Trial, run_trial
-from bestman_bt.configuration import load_run
-from bestman_bt.runtime import Setup, prepare
-from hal.twins import TwinProcess
+from bestman_bt.configuration.run import load_run
+from bestman_bt.runtime.setup import Setup, prepare
+from hal.twins.process import TwinProcess
 
 TASK, SEED = "pick_place_table", 11
 

@@ -21,11 +21,13 @@ import numpy as np
 from PIL import Image
 
 from bestman_bt.messages import Pose2D, wrap_angle
-from bestman_bt.robot_model import load_robot_model
-from bestman_bt.scene import World
+from bestman_bt.robot_model.compose import load_robot_model
+from bestman_bt.scene.scene import World
 from hal.api import MobileBase, MotionStatus
-from hal.pybullet import PyBulletRobot
-from hal.simulation import GroundTruth, ScenePhotographer, Viewpoint
+from hal.pybullet.robot import PyBulletRobot
+from hal.simulation.bodies import Viewpoint
+from hal.simulation.camera import ScenePhotographer
+from hal.simulation.ground_truth import GroundTruth
 
 DISTANCE, TURN = 3.0, math.pi / 2
 FRICTION = (0.5, 1.0)

@@ -56,7 +56,8 @@ def evaluate(  # noqa: PLR0913 - the options of bestman-bt eval, each by its nam
     ``jobs``: processes. ``folder``: keeps every episode, and an evaluation of the same goes on where it stopped.
     Raises ConfigurationError with everything that is wrong, before anything is started.
     """
-    from bestman_bt.configuration import Problem, ProblemCollector, RunRequest, told_to_programs
+    from bestman_bt.configuration.errors import Problem, ProblemCollector, told_to_programs
+    from bestman_bt.configuration.run import RunRequest
     from bestman_bt.evaluation.evaluation import Evaluation
     from bestman_bt.evaluation.suite import make_suite
 

@@ -102,10 +102,10 @@ DRIVERS = Registry(
     "bestman_bt.drivers",
     "robot driver",
     {
-        "hardware": "hal.hardware:IsolatedRobot",
-        "mujoco": "hal.mujoco:MujocoRobot",
-        "pybullet": "hal.pybullet:PyBulletRobot",
-        "replay": "hal.replay:ReplayRobot",
+        "hardware": "hal.hardware.isolated_robot:IsolatedRobot",
+        "mujoco": "hal.mujoco.robot:MujocoRobot",
+        "pybullet": "hal.pybullet.robot:PyBulletRobot",
+        "replay": "hal.replay.robot:ReplayRobot",
     },
 )
 """Implementations of the Robotics API."""
@@ -114,11 +114,11 @@ CONNECTIONS = Registry(
     "bestman_bt.connections",
     "connection driver",
     {
-        "realsense": "hal.realsense:RealSenseConnection",
-        "robotiq": "hal.robotiq:RobotiqConnection",
-        "rosbridge": "hal.rosbridge:RosbridgeConnection",
-        "ur": "hal.ur:URConnection",
-        "xarm": "hal.xarm:XArmConnection",
+        "realsense": "hal.realsense.connection:RealSenseConnection",
+        "robotiq": "hal.robotiq.connection:RobotiqConnection",
+        "rosbridge": "hal.rosbridge.connection:RosbridgeConnection",
+        "ur": "hal.ur.connection:URConnection",
+        "xarm": "hal.xarm.connection:XArmConnection",
     },
 )
 """Classes that speak to one vendor's controller, by the ``driver`` of a connection in a robot's YAML."""
@@ -164,50 +164,50 @@ ALGORITHMS = Registry(
     "bestman_bt.algorithms",
     "algorithm",
     {
-        "affordance/front_handles": "bestman_bt.perception.affordance:FrontHandles",
-        "calibration/daniilidis": "bestman_bt.perception.calibration:Daniilidis",
-        "calibration/park_martin": "bestman_bt.perception.calibration:ParkMartin",
-        "collision/coal_world": "bestman_bt.manipulation.collision:CoalCollisionModel",
-        "detection/aruco": "bestman_bt.perception.detection:ByMarker",
-        "detection/color_shape": "bestman_bt.perception.detection:ColorShape",
-        "detection/model_registration": "bestman_bt.perception.detection:ModelRegistration",
-        "detection/onnx": "bestman_bt.perception.detection:OnnxDetector",
-        "detection/remote": "bestman_bt.perception.detection:RemoteDetector",
-        "global_planning/grid_astar": "bestman_bt.navigation.global_planning:GridAStar",
-        "global_planning/hybrid_astar": "bestman_bt.navigation.global_planning:HybridAStar",
-        "global_planning/layered": "bestman_bt.navigation.global_planning:LayeredCostmap",
-        "global_planning/theta_star": "bestman_bt.navigation.global_planning:ThetaStar",
-        "grasp_pose/antipodal_cloud": "bestman_bt.perception.grasp_pose:AntipodalCloud",
-        "grasp_pose/anygrasp": "bestman_bt.perception.grasp_pose:AnyGraspAdapter",
-        "grasp_pose/handle_grasp": "bestman_bt.perception.grasp_pose:HandleGrasp",
-        "grasp_pose/model_based": "bestman_bt.perception.grasp_pose:ModelBased",
-        "kinematics/damped_least_squares": "bestman_bt.manipulation.kinematics:DampedLeastSquares",
-        "local_planning/dwa": "bestman_bt.navigation.local_planning:DWA",
-        "local_planning/mppi": "bestman_bt.navigation.local_planning:MPPI",
-        "local_planning/pure_pursuit": "bestman_bt.navigation.local_planning:PurePursuit",
-        "localization/correlative_search": "bestman_bt.navigation.localization:CorrelativeSearch",
-        "localization/ekf": "bestman_bt.navigation.localization:OdometryEkf",
-        "localization/scan_to_map": "bestman_bt.navigation.localization:ScanToMap",
-        "localization/wheel_odometry": "bestman_bt.navigation.localization:WheelOdometry",
-        "motion_planning/aorrtc": "bestman_bt.manipulation.motion_planning:AORRTC",
-        "motion_planning/bit_star": "bestman_bt.manipulation.motion_planning:BITStar",
-        "motion_planning/kpiece": "bestman_bt.manipulation.motion_planning:KPIECE",
-        "motion_planning/portfolio": "bestman_bt.manipulation.motion_planning:Portfolio",
-        "motion_planning/rrt_connect": "bestman_bt.manipulation.motion_planning:RRTConnect",
-        "motion_planning/rrt_star": "bestman_bt.manipulation.motion_planning:RRTStar",
+        "affordance/front_handles": "bestman_bt.perception.affordance.front_handles:FrontHandles",
+        "calibration/daniilidis": "bestman_bt.perception.calibration.hand_eye:Daniilidis",
+        "calibration/park_martin": "bestman_bt.perception.calibration.hand_eye:ParkMartin",
+        "collision/coal_world": "bestman_bt.manipulation.collision.coal_world:CoalCollisionModel",
+        "detection/aruco": "bestman_bt.perception.detection.by_marker:ByMarker",
+        "detection/color_shape": "bestman_bt.perception.detection.color_shape:ColorShape",
+        "detection/model_registration": "bestman_bt.perception.detection.from_image:ModelRegistration",
+        "detection/onnx": "bestman_bt.perception.detection.onnx_detector:OnnxDetector",
+        "detection/remote": "bestman_bt.perception.detection.remote_detector:RemoteDetector",
+        "global_planning/grid_astar": "bestman_bt.navigation.global_planning.polyline_planner:GridAStar",
+        "global_planning/hybrid_astar": "bestman_bt.navigation.global_planning.hybrid_astar:HybridAStar",
+        "global_planning/layered": "bestman_bt.navigation.global_planning.layered_costmap:LayeredCostmap",
+        "global_planning/theta_star": "bestman_bt.navigation.global_planning.theta_star:ThetaStar",
+        "grasp_pose/antipodal_cloud": "bestman_bt.perception.grasp_pose.antipodal_cloud:AntipodalCloud",
+        "grasp_pose/anygrasp": "bestman_bt.perception.grasp_pose.anygrasp:AnyGraspAdapter",
+        "grasp_pose/handle_grasp": "bestman_bt.perception.grasp_pose.handle_grasp:HandleGrasp",
+        "grasp_pose/model_based": "bestman_bt.perception.grasp_pose.model_based:ModelBased",
+        "kinematics/damped_least_squares": "bestman_bt.manipulation.kinematics.damped_least_squares:DampedLeastSquares",
+        "local_planning/dwa": "bestman_bt.navigation.local_planning.dwa:DWA",
+        "local_planning/mppi": "bestman_bt.navigation.local_planning.mppi:MPPI",
+        "local_planning/pure_pursuit": "bestman_bt.navigation.local_planning.pure_pursuit:PurePursuit",
+        "localization/correlative_search": "bestman_bt.navigation.localization.correlative_search:CorrelativeSearch",
+        "localization/ekf": "bestman_bt.navigation.localization.ekf:OdometryEkf",
+        "localization/scan_to_map": "bestman_bt.navigation.localization.scan_to_map:ScanToMap",
+        "localization/wheel_odometry": "bestman_bt.navigation.localization.ekf:WheelOdometry",
+        "motion_planning/aorrtc": "bestman_bt.manipulation.motion_planning.ompl_planners:AORRTC",
+        "motion_planning/bit_star": "bestman_bt.manipulation.motion_planning.ompl_planners:BITStar",
+        "motion_planning/kpiece": "bestman_bt.manipulation.motion_planning.ompl_planners:KPIECE",
+        "motion_planning/portfolio": "bestman_bt.manipulation.motion_planning.portfolio:Portfolio",
+        "motion_planning/rrt_connect": "bestman_bt.manipulation.motion_planning.rrt_connect:RRTConnect",
+        "motion_planning/rrt_star": "bestman_bt.manipulation.motion_planning.ompl_planners:RRTStar",
         "occupancy/log_odds": "bestman_bt.perception.occupancy:LogOdds",
-        "policy/onnx": "bestman_bt.manipulation.policy:OnnxPolicy",
-        "policy/openpi": "bestman_bt.manipulation.policy:OpenpiPolicy",
-        "pose_estimation/multi_start": "bestman_bt.perception.pose_estimation:MultiStart",
-        "pose_estimation/multi_view": "bestman_bt.perception.pose_estimation:MultiView",
-        "segmentation/open3d": "bestman_bt.perception.segmentation:Open3DDbscan",
-        "segmentation/plane_dbscan": "bestman_bt.perception.segmentation:PlaneDbscan",
-        "segmentation/region_growing": "bestman_bt.perception.segmentation:RegionGrowing",
-        "segmentation/support_surfaces": "bestman_bt.perception.segmentation:SupportSurfaces",
+        "policy/onnx": "bestman_bt.manipulation.policy.onnx_policy:OnnxPolicy",
+        "policy/openpi": "bestman_bt.manipulation.policy.openpi_client:OpenpiPolicy",
+        "pose_estimation/multi_start": "bestman_bt.perception.pose_estimation.multi_start:MultiStart",
+        "pose_estimation/multi_view": "bestman_bt.perception.pose_estimation.multi_view:MultiView",
+        "segmentation/open3d": "bestman_bt.perception.segmentation.plane_dbscan:Open3DDbscan",
+        "segmentation/plane_dbscan": "bestman_bt.perception.segmentation.plane_dbscan:PlaneDbscan",
+        "segmentation/region_growing": "bestman_bt.perception.segmentation.region_growing:RegionGrowing",
+        "segmentation/support_surfaces": "bestman_bt.perception.segmentation.support_surfaces:SupportSurfaces",
         "tracking/global_nearest_neighbour": "bestman_bt.perception.tracking:GlobalNearestNeighbour",
-        "slam/frontiers": "bestman_bt.navigation.slam:FrontierExplorer",
-        "slam/pose_graph": "bestman_bt.navigation.slam:PoseGraphSlam",
-        "trajectory/toppra": "bestman_bt.manipulation.trajectory:Toppra",
+        "slam/frontiers": "bestman_bt.navigation.slam.frontiers:FrontierExplorer",
+        "slam/pose_graph": "bestman_bt.navigation.slam.pose_graph_slam:PoseGraphSlam",
+        "trajectory/toppra": "bestman_bt.manipulation.trajectory.toppra:Toppra",
         "view_planning/expected_yaw": "bestman_bt.perception.view_planning:ExpectedYaw",
     },
 )
@@ -392,8 +392,8 @@ PLANNERS = Registry(
     "task planner",
     {
         "fast_downward": "bestman_bt.task_planning.symbolic.fast_downward:FastDownwardPlanner",
-        "language": "bestman_bt.task_planning.language:LanguagePlanner",
-        "symbolic": "bestman_bt.task_planning.symbolic:SymbolicPlanner",
+        "language": "bestman_bt.task_planning.language.from_text:LanguagePlanner",
+        "symbolic": "bestman_bt.task_planning.symbolic.search:SymbolicPlanner",
     },
 )
 """Task planners, subclasses of ``TaskPlanner``."""
@@ -402,9 +402,9 @@ BUILDERS = Registry(
     "bestman_bt.builders",
     "tree builder",
     {
-        "backchain": "bestman_bt.task_planning.builders:BackchainBuilder",
-        "reactive": "bestman_bt.task_planning.builders:ReactiveBuilder",
-        "sequence": "bestman_bt.task_planning.builders:SequenceBuilder",
+        "backchain": "bestman_bt.task_planning.builders.backchain:BackchainBuilder",
+        "reactive": "bestman_bt.task_planning.builders.reactive:ReactiveBuilder",
+        "sequence": "bestman_bt.task_planning.builders.sequence:SequenceBuilder",
     },
 )
 """From plans to trees, subclasses of ``TreeBuilder``."""
@@ -435,12 +435,12 @@ def part(kind: str) -> Callable[[T], T]:
 
 
 def simulated_sensor(kind: str) -> Callable[[T], T]:
-    """``@simulated_sensor("kind")`` before a ``hal.simulation.SimulatedSensor``: that part in simulation."""
+    """``@simulated_sensor("kind")`` before a ``SimulatedSensor`` (``hal.simulation``): that part in simulation."""
     return SIMULATED_SENSORS.adding(kind)
 
 
 def connection(driver: str) -> Callable[[T], T]:
-    """``@connection("driver")`` before a subclass of ``hal.hardware.Connection``: a vendor's controller."""
+    """``@connection("driver")`` before a subclass of ``hal.hardware.connection.Connection``: a vendor's controller."""
     return CONNECTIONS.adding(driver)
 
 

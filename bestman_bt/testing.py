@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from bestman_bt.configuration import find_data, shipped_trees
+from bestman_bt.configuration.data import find_data, shipped_trees
 from bestman_bt.engine.coverage import Coverage
 from bestman_bt.engine.models.package import Package
 from bestman_bt.engine.models.scenario import Scenario

@@ -12,7 +12,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from bestman_bt.configuration import find_data, read_document
+from bestman_bt.configuration.data import find_data
+from bestman_bt.configuration.document import read_document
 from bestman_bt.runtime.algorithms import algorithms_by_slot, parameters_of
 
 PAGE = Path(__file__).parents[1] / "docs" / "parameters.md"

@@ -16,20 +16,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from behaviours.manipulation.policy import RunPolicy
-from bestman_bt.configuration import load_run
+from bestman_bt.configuration.run import load_run
 from bestman_bt.engine import Tree
 from bestman_bt.evaluation.episode import prepare_episode, run_episode
-from bestman_bt.manipulation.policy import (
-    Observation,
-    Policy,
-    PolicyError,
-    pose_vector,
-)
-from bestman_bt.manipulation.policy.training import DemonstrationFormat, DemonstrationRecorder, ExpertPolicy
+from bestman_bt.manipulation.policy.base import Observation, Policy
+from bestman_bt.manipulation.policy.errors import PolicyError
+from bestman_bt.manipulation.policy.features import pose_vector
+from bestman_bt.manipulation.policy.training.demonstrations import DemonstrationFormat, DemonstrationRecorder
+from bestman_bt.manipulation.policy.training.expert_policy import ExpertPolicy
 from bestman_bt.messages import Pose
-from bestman_bt.robot_model import ArmModel
-from bestman_bt.runtime import Session
+from bestman_bt.robot_model.model import ArmModel
 from bestman_bt.runtime.policy_experts import picking_expert
+from bestman_bt.runtime.robot_session import Session
 
 TASK, OBJECT, WORDS = "policy_pick", "cup", "pick the cup from the table"
 FPS = 20

@@ -17,9 +17,9 @@ from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from bestman_bt.configuration import load_run
 from bestman_bt.configuration.data import data_names
-from bestman_bt.engine.logs import read_btlog
+from bestman_bt.configuration.run import load_run
+from bestman_bt.engine.logs.btlog import read_btlog
 from bestman_bt.evaluation.episode import run_episode
 
 

@@ -14,9 +14,11 @@ from pathlib import Path
 
 import numpy as np
 
-from bestman_bt.configuration import data_root
-from bestman_bt.manipulation.policy.training import PICKING_FEATURES, REACHING_FEATURES, BehaviourCloning
-from bestman_bt.robot_model import load_robot_model
+from bestman_bt.configuration.data import data_root
+from bestman_bt.manipulation.policy.training.behaviour_cloning import BehaviourCloning
+from bestman_bt.manipulation.policy.training.picking import PICKING_FEATURES
+from bestman_bt.manipulation.policy.training.reaching import REACHING_FEATURES
+from bestman_bt.robot_model.compose import load_robot_model
 from bestman_bt.runtime.policy_experts import picking_expert, reaching_expert
 
 PICKED = "cup"

@@ -10,18 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.messages import CameraIntrinsics
-from bestman_bt.robot_model import (
-    ArmModel,
-    ArmPart,
-    BasePart,
-    CameraPart,
-    GripperModel,
-    GripperPart,
-    JointGroupModel,
-    JointGroupPart,
-    JointLimitsConfig,
-    WheeledBaseModel,
-)
+from bestman_bt.robot_model.model import ArmModel, GripperModel, JointGroupModel, WheeledBaseModel
+from bestman_bt.robot_model.part_config import ArmPart, BasePart, GripperPart, JointGroupPart
+from bestman_bt.robot_model.part_fields import JointLimitsConfig
+from bestman_bt.robot_model.sensor_parts import CameraPart
 
 Limit = Sequence[float] | NDArray[np.float64] | float
 USUAL_LIMITS = {"lower": -1.0, "upper": 1.0, "velocity": 1.0, "acceleration": 1.0, "effort": 1.0}

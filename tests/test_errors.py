@@ -12,14 +12,14 @@ import pytest
 
 import bestman_bt
 from bestman_bt.cli.input_errors import input_errors
-from bestman_bt.configuration import ConfigurationError
+from bestman_bt.configuration.errors import ConfigurationError
 from bestman_bt.engine import TreeLoadError
 from bestman_bt.errors import AlgorithmError, Error, InputError, MissingExtraError, RobotError
 from bestman_bt.navigation.map_file import MapFileError
 from bestman_bt.registry import UnknownNameError
 from bestman_bt.scene.draw import SceneError
-from bestman_bt.task_planning.symbolic import GoalError
-from hal.parts import ConnectionFailedError
+from bestman_bt.task_planning.symbolic.problem import GoalError
+from hal.parts.part_connection import ConnectionFailedError
 
 CHECKOUT = Path(__file__).resolve().parents[1]
 SOURCES = [file for folder in ("bestman_bt", "behaviours", "hal") for file in (CHECKOUT / folder).rglob("*.py")]

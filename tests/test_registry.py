@@ -20,9 +20,9 @@ from bestman_bt.registry import (
     UnknownNameError,
     suggestion,
 )
-from bestman_bt.task_planning.builders import TreeBuilder
+from bestman_bt.task_planning.builders.base import TreeBuilder
 from hal.api import Robot
-from hal.hardware import Connection
+from hal.hardware.connection import Connection
 from hal.twins.twin_host import TWINS
 
 

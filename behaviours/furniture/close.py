@@ -31,13 +31,15 @@ from behaviours.skill import (
 from bestman_bt.engine import In, Out
 from bestman_bt.messages import Box, PlacedShape, Pose
 from bestman_bt.messages.shapes import NonNegative, Positive
-from bestman_bt.world_model import handle_shape
+from bestman_bt.world_model.openness import handle_shape
 
 if TYPE_CHECKING:
-    from bestman_bt.control.arm import FollowGuide, GuardedOutcome, JointAxis
-    from bestman_bt.manipulation.kinematics import ArcPath
-    from bestman_bt.manipulation.motion_planning import Approach
-    from bestman_bt.robot_model import GripperModel
+    from bestman_bt.control.arm.constraint_following import FollowGuide
+    from bestman_bt.control.arm.guarded_move import GuardedOutcome
+    from bestman_bt.control.arm.joint_axis import JointAxis
+    from bestman_bt.manipulation.kinematics.arc_path import ArcPath
+    from bestman_bt.manipulation.motion_planning.approach import Approach
+    from bestman_bt.robot_model.model import GripperModel
 
 
 # What closing asks of the arm: where to push at a front, and on which tool poses it goes shut.
@@ -116,7 +118,7 @@ class FrontPush:
 
     def axis(self) -> JointAxis:
         """The joint's axis in the map frame; it closes in the positive sense."""
-        from bestman_bt.control.arm import JointAxis
+        from bestman_bt.control.arm.joint_axis import JointAxis
 
         point, direction = self.leaf.axis()
         if self.leaf.leaf.kind == "prismatic":
@@ -132,7 +134,7 @@ class FrontPush:
 
     def guide(self, arc: ArcPath) -> FollowGuide:
         """What hand and arm are to do along the way."""
-        from bestman_bt.control.arm import FollowGuide
+        from bestman_bt.control.arm.constraint_following import FollowGuide
 
         closed_by = self.start - np.array(self.positions()[: len(arc.path)])
         tilts = np.array([self.tilts[option] for option in arc.options])
@@ -202,7 +204,7 @@ def pushes(skills: SkillContext, leaf: FurnitureLeaf) -> Iterator[FrontPush]:
 
 def _palm(gripper: GripperModel) -> NDArray[np.float64]:
     """Points (N, 3) all over the palm of a hand with closed fingers, tool frame, ``PALM_STEP`` apart."""
-    from bestman_bt.perception.grasp_pose import HandShape, HandSize
+    from bestman_bt.perception.grasp_pose.hand_shape import HandShape, HandSize
 
     centres, halves = HandShape(gripper, HandSize()).boxes(np.array([gripper.part.min_width]))
     centre, half = centres[0, 2], halves[0, 2]
@@ -305,8 +307,8 @@ class Close(OnArm, Skill):
         self.feedback_message = f"{leaf.articulation} closed, to {left:.3f} by the map"
 
     def _plan(self, leaf: FurnitureLeaf) -> _Plan | None:
-        from bestman_bt.manipulation.kinematics import ArcSearch
-        from bestman_bt.manipulation.motion_planning import ApproachPoses, approaches
+        from bestman_bt.manipulation.kinematics.arc_path import ArcSearch
+        from bestman_bt.manipulation.motion_planning.approach import ApproachPoses, approaches
 
         skills = self.skills
         kinematics, base_from_map = skills.kinematics, skills.map_from_base.inverse()
@@ -352,7 +354,7 @@ class Close(OnArm, Skill):
 
     def _push(self, plan: _Plan, start: float) -> StepsTo[float]:
         """Push until something resists; how far it may be open then."""
-        from bestman_bt.control.arm import FollowEnd, FollowGoal
+        from bestman_bt.control.arm.constraint_following import FollowEnd, FollowGoal
 
         skills, push, leaf = self.skills, plan.push, plan.push.leaf
         base_from_map = skills.map_from_base.inverse()

@@ -9,7 +9,7 @@ from behaviours.skill import ArticulationName, InstantSkill, SkillCondition
 from bestman_bt.engine import In, Out
 from bestman_bt.engine.bounds import BoundedPort
 from bestman_bt.messages.shapes import NonNegative
-from bestman_bt.world_model import openness_of
+from bestman_bt.world_model.openness import openness_of
 
 # Doors and drawers as abilities name them: how far to open one, and that one did not open.
 

@@ -19,11 +19,12 @@ from behaviours.skill import ArticulationName, Declaration, FurnitureName, Skill
 from bestman_bt.engine import In, OneOf, Out
 from bestman_bt.messages import Handle, Pose
 from bestman_bt.messages.shapes import Share
-from bestman_bt.world_model import HandleBelief, MapFurniture
+from bestman_bt.world_model.semantic_map import MapFurniture
+from bestman_bt.world_model.world_model import HandleBelief
 
 if TYPE_CHECKING:
-    from bestman_bt.perception.affordance import HandleScene
-    from bestman_bt.perception.segmentation import SupportPlane
+    from bestman_bt.perception.affordance.front_handles import HandleScene
+    from bestman_bt.perception.segmentation.base import SupportPlane
 
 
 MAP_MARGIN = 0.10

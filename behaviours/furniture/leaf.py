@@ -13,11 +13,15 @@ from behaviours.context import DRIVEN, SkillContext
 from behaviours.manipulation.arm_motion import hand_contacts
 from behaviours.skill import SkillFailure
 from bestman_bt.messages import Box, PlacedShape, Pose, Pose2D
-from bestman_bt.world_model import BasePose, MapFurniture, MapLeaf, Obstacle, WorldModel
+from bestman_bt.world_model.semantic_map import MapFurniture, MapLeaf
+from bestman_bt.world_model.world_model import BasePose, Obstacle, WorldModel
 
 if TYPE_CHECKING:
-    from bestman_bt.manipulation.collision import CollisionWorld, PlanningScene
-    from bestman_bt.manipulation.kinematics import ArcStands, IsFreeAt, ReachabilityMap, StandAlong, Stations
+    from bestman_bt.manipulation.collision.base import CollisionWorld
+    from bestman_bt.manipulation.collision.planning_scene import PlanningScene
+    from bestman_bt.manipulation.kinematics.arc_path import IsFreeAt, Stations
+    from bestman_bt.manipulation.kinematics.reachability_map import ReachabilityMap
+    from bestman_bt.manipulation.kinematics.stand_along import ArcStands, StandAlong
 
 
 MEASURED = 0.01
@@ -117,7 +121,10 @@ def _scene_at_leaf(
     ignore: Iterable[str],
     felt: Obstacle | None = None,
 ) -> PlanningScene:
-    from bestman_bt.manipulation.collision import finger_contacts, planning_scene_from_world_model
+    from bestman_bt.manipulation.collision.scene_from_world_model import (
+        finger_contacts,
+        planning_scene_from_world_model,
+    )
 
     world = replace(skills.world, articulations={**skills.world.articulations, leaf.articulation: position})
     if felt is not None:
@@ -191,7 +198,7 @@ def room_beside(skills: SkillContext, leaf: FurnitureLeaf, positions: Sequence[f
 
     Body and head may be below or above the leaf; the arm is not looked at.
     """
-    from bestman_bt.manipulation.kinematics import body_between
+    from bestman_bt.manipulation.kinematics.link_hulls import body_between
 
     front = leaf.leaf.shapes[0]
     assert isinstance(front.shape, Box)
@@ -240,7 +247,7 @@ def find_stands(skills: SkillContext, leaf: FurnitureLeaf, ways: Iterable[LeafWa
 
     The arm's reachability map says which stands are looked at, so that few paths are searched in vain.
     """
-    from bestman_bt.manipulation.kinematics import ArcStands
+    from bestman_bt.manipulation.kinematics.stand_along import ArcStands
 
     kinematics, current = skills.kinematics, skills.world.base.pose
     reachability = _reachability(skills)
@@ -286,6 +293,6 @@ def stands_along_leaf(
 
 def _reachability(skills: SkillContext) -> ReachabilityMap | None:
     """The arm's map, from the disk; None where the kinematics in use has none."""
-    from bestman_bt.manipulation.kinematics import reachability_map
+    from bestman_bt.manipulation.kinematics.reachability_map import reachability_map
 
     return reachability_map(skills.kinematics, skills.arm_model) if skills.kinematics.fingerprint else None

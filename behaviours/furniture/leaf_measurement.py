@@ -13,10 +13,12 @@ from numpy.typing import NDArray
 from behaviours.furniture.leaf import FurnitureLeaf
 from behaviours.furniture.opening import Opening
 from bestman_bt.messages import Box, Handle, PlacedShape, Pose, Pose2D, Shape, wrap_angle
-from bestman_bt.world_model import MapFurniture, MapLeaf, Obstacle, WorldModel, handle_shape
+from bestman_bt.world_model.openness import handle_shape
+from bestman_bt.world_model.semantic_map import MapFurniture, MapLeaf
+from bestman_bt.world_model.world_model import Obstacle, WorldModel
 
 if TYPE_CHECKING:
-    from bestman_bt.perception.segmentation import SupportPlane
+    from bestman_bt.perception.segmentation.base import SupportPlane
 
 
 # Where a piece of furniture really stands: measured by the front panel of a closed door or drawer.

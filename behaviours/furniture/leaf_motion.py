@@ -13,12 +13,12 @@ from behaviours.furniture.leaf_measurement import grown
 from behaviours.manipulation.arm_motion import ARM_PLANNING_FAILS, follow_path, move_free
 from behaviours.skill import ALGORITHM_ERRORS, Skill, SkillFailure, Steps, StepsTo
 from bestman_bt.messages import Pose
-from bestman_bt.world_model import Obstacle
+from bestman_bt.world_model.world_model import Obstacle
 
 if TYPE_CHECKING:
     from bestman_bt.control import Motion
-    from bestman_bt.control.arm import FollowedMotion, FollowEnd
-    from bestman_bt.manipulation.collision import CollisionWorld
+    from bestman_bt.control.arm.constraint_following import FollowedMotion, FollowEnd
+    from bestman_bt.manipulation.collision.base import CollisionWorld
 
 
 # Waiting until the wrist has learned what it reads while nothing touches the hand.
@@ -52,7 +52,7 @@ def withdraw(skill: Skill, leaf: FurnitureLeaf, posture: str, felt: Obstacle | N
     ``felt``: where the leaf is, by feel; without it the arm goes by the map. The hand may be closer to the leaf than
     the map's error lets any motion come, the arm only where it is so already.
     """
-    from bestman_bt.manipulation.kinematics import cartesian_path
+    from bestman_bt.manipulation.kinematics.cartesian_path import cartesian_path
 
     skills = skill.skills
     position = skills.world.articulations.get(leaf.articulation, 0.0)
@@ -120,7 +120,7 @@ LEAF_FAILS = {
 
 def error_code(end: FollowEnd, reached: str = "") -> str:
     """What skills report where a following failed, and where it ``reached`` its end and more was asked."""
-    from bestman_bt.control.arm import FollowEnd
+    from bestman_bt.control.arm.constraint_following import FollowEnd
 
     codes = {
         FollowEnd.REACHED: reached,

@@ -29,7 +29,7 @@ from bestman_bt.control.gripper import HELD_WIDTH
 from bestman_bt.engine import In, Out
 from bestman_bt.messages import Pose
 from bestman_bt.messages.shapes import NonNegative, Positive
-from bestman_bt.world_model import Obstacle
+from bestman_bt.world_model.world_model import Obstacle
 
 
 class Open(OnArm, Skill):
@@ -117,7 +117,7 @@ class Open(OnArm, Skill):
 
         How far it is open then. A following that ends early tells how far it came, too.
         """
-        from bestman_bt.control.arm import FollowGoal
+        from bestman_bt.control.arm.constraint_following import FollowGoal
 
         skills, leaf, share = self.skills, opening.leaf, plan.planned
         held_before = self._held(plan, skills.base_from_tool())

@@ -22,12 +22,13 @@ from behaviours.furniture.leaf import (
 )
 from behaviours.manipulation.grasp_candidates import handle_grasp_candidates
 from bestman_bt.messages import Handle, Pose
-from bestman_bt.world_model import HandleBelief
+from bestman_bt.world_model.world_model import HandleBelief
 
 if TYPE_CHECKING:
-    from bestman_bt.control.arm import FollowGuide, JointAxis
-    from bestman_bt.manipulation.kinematics import ArcPath
-    from bestman_bt.perception.grasp_pose import GraspCandidate
+    from bestman_bt.control.arm.constraint_following import FollowGuide
+    from bestman_bt.control.arm.joint_axis import JointAxis
+    from bestman_bt.manipulation.kinematics.arc_path import ArcPath
+    from bestman_bt.perception.grasp_pose.base import GraspCandidate
 
 
 STEP = 0.04
@@ -75,7 +76,7 @@ class Opening:
 
     def axis(self, base_from_map: Pose) -> JointAxis | None:
         """Where a door's hinge is believed to be, in the base frame; it opens in the positive sense."""
-        from bestman_bt.control.arm import JointAxis
+        from bestman_bt.control.arm.joint_axis import JointAxis
 
         handle = self.handle.seen_from(base_from_map)
         if self.angle is None or handle.hinge is None or handle.hinge_direction is None:
@@ -144,7 +145,7 @@ def _palm_limit(skills: SkillContext, handle: Handle) -> float:
 
     Where the map is too vague to check the palm against it, what was seen of the handle tells how far the front is.
     """
-    from bestman_bt.perception.grasp_pose import HandSize
+    from bestman_bt.perception.grasp_pose.hand_shape import HandSize
 
     depth, half = skills.gripper_model.part.finger_depth, HandSize().palm_size[1] / 2
     room = max(0.0, handle.standoff - PALM_GAP)
@@ -158,7 +159,7 @@ def stations(
 
     In the base frame if ``base_from_map`` is given.
     """
-    from bestman_bt.perception.grasp_pose import handle_motion
+    from bestman_bt.perception.grasp_pose.hand_poses import handle_motion
 
     handle, frame = opening.handle, base_from_map or Pose()
     turned = [_turned(opening, grasp, tilt) for tilt in tilts]
@@ -172,7 +173,7 @@ def before(opening: Opening, grasp: Pose, pre_grasp: Pose, tilts: tuple[float, .
 
 def guide(opening: Opening, grasp: Pose, arc: ArcPath, tilts: tuple[float, ...]) -> FollowGuide:
     """What the hand is to do along the way of ``arc`` from ``grasp`` (map frame) on, whose options are ``tilts``."""
-    from bestman_bt.control.arm import FollowGuide
+    from bestman_bt.control.arm.constraint_following import FollowGuide
 
     way = opening.way()[: len(arc.path)]
     hand = np.array([tilts[option] for option in arc.options])
@@ -236,7 +237,8 @@ class HandlePull:
 
 def plan_pull(skills: SkillContext, opening: Opening, belief: HandleBelief) -> HandlePull | None:
     """The grasp from which the arm gets farthest from where it stands; None if there is none within reach."""
-    from bestman_bt.manipulation.kinematics import ArcStands, cartesian_path
+    from bestman_bt.manipulation.kinematics.cartesian_path import cartesian_path
+    from bestman_bt.manipulation.kinematics.stand_along import ArcStands
 
     base_from_map, here = skills.map_from_base.inverse(), [skills.world.base.pose]
     free = world_at_leaf(skills, opening.leaf, opening.start, "free")
@@ -269,7 +271,7 @@ def pull_grasps(skills: SkillContext, opening: Opening, belief: HandleBelief) ->
 
     Of those that hold a bar at the same place with the same finger up, which are turns about it, only the best.
     """
-    from bestman_bt.perception.grasp_pose import GraspRanking
+    from bestman_bt.perception.grasp_pose.ranking import GraspRanking
 
     ranked = [entry.candidate for entry in GraspRanking().rank(handle_grasp_candidates(skills, belief))]
     if not opening.bar_turns:

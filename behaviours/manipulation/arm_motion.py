@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 
 from behaviours.context import SkillContext
 from behaviours.skill import Skill, SkillFailure, Steps, StepsTo
-from bestman_bt.manipulation.trajectory import SpeedScale
+from bestman_bt.manipulation.trajectory.base import SpeedScale
 from bestman_bt.messages import Failure, JointTrajectory, MotionErrorCode, MotionObstacle, MotionStage, Pose
 
 if TYPE_CHECKING:
     from bestman_bt.control import Motion
-    from bestman_bt.manipulation.collision import CollisionWorld
-    from bestman_bt.manipulation.motion_planning import TimedPlan
+    from bestman_bt.manipulation.collision.base import CollisionWorld
+    from bestman_bt.manipulation.motion_planning.timed_planner import TimedPlan
 
 
 MAX_HELD_TILT = math.radians(25.0)
@@ -45,7 +45,7 @@ ARM_PLANNING_FAILS = {
 
 def hand_contacts(skills: SkillContext, *others: str) -> list[tuple[str, str]]:
     """Pairs of hand and finger links with other bodies, to be allowed where the hand works."""
-    from bestman_bt.manipulation.collision import hand_links
+    from bestman_bt.manipulation.collision.scene_from_world_model import hand_links
 
     return [(link, other) for link in hand_links(skills.robot, skills.arm.name) for other in others]
 
@@ -56,7 +56,7 @@ def move_free(skill: Skill, goals: Sequence[NDArray[np.float64]], world: Collisi
     What is held stays upright within 25°, if it is now. Where the arm is believed to touch something already, a small
     motion with ever more clearance comes first. Where another arm has moved into the way since, it is planned again.
     """
-    from bestman_bt.manipulation.motion_planning import PlanningError, PlanningErrorCode
+    from bestman_bt.manipulation.motion_planning.base import PlanningError, PlanningErrorCode
 
     skills = skill.skills
     for left in reversed(range(1 if world is not None else PLANS)):
@@ -79,7 +79,7 @@ def move_free(skill: Skill, goals: Sequence[NDArray[np.float64]], world: Collisi
 
 def _planned(skill: Skill, goals: Sequence[NDArray[np.float64]], world: CollisionWorld) -> Motion[TimedPlan]:
     """A motion from where the arm is."""
-    from bestman_bt.manipulation.motion_planning import Upright
+    from bestman_bt.manipulation.motion_planning.upright import Upright
 
     skills = skill.skills
     start = skills.arm_positions()

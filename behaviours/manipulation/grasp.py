@@ -33,12 +33,12 @@ from bestman_bt.control.gripper import HELD_WIDTH
 from bestman_bt.engine import In, InOut, Out
 from bestman_bt.messages import Pose
 from bestman_bt.messages.shapes import Count, Positive
-from bestman_bt.perception import View
-from bestman_bt.world_model import HeldObject, ObjectBelief
+from bestman_bt.perception.view import View
+from bestman_bt.world_model.world_model import HeldObject, ObjectBelief
 
 if TYPE_CHECKING:
-    from bestman_bt.manipulation.motion_planning import Approach
-    from bestman_bt.perception.grasp_pose import GraspCandidate
+    from bestman_bt.manipulation.motion_planning.approach import Approach
+    from bestman_bt.perception.grasp_pose.base import GraspCandidate
 
 
 # Checking what the hand holds: by its width, by touch, by sight.
@@ -155,8 +155,8 @@ class PlanGrasp(OnArm, Skill):
         self.feedback_message = f"{len(grasps)} grasps"
 
     def _plan(self, belief: ObjectBelief, count: int) -> list[PlannedGrasp]:
-        from bestman_bt.manipulation.motion_planning import ApproachPoses, approaches
-        from bestman_bt.perception.grasp_pose import GraspRanking
+        from bestman_bt.manipulation.motion_planning.approach import ApproachPoses, approaches
+        from bestman_bt.perception.grasp_pose.ranking import GraspRanking
 
         skills = self.skills
         scene = skills.planning_scene()

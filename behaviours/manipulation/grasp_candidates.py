@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from behaviours.context import SkillContext
 from bestman_bt.messages import Box, PlacedShape, Pose
-from bestman_bt.world_model import HandleBelief, ObjectBelief
+from bestman_bt.world_model.world_model import HandleBelief, ObjectBelief
 
 if TYPE_CHECKING:
-    from bestman_bt.perception.grasp_pose import GraspCandidate
+    from bestman_bt.perception.grasp_pose.base import GraspCandidate
 
 
 NEIGHBOURHOOD = 0.5
@@ -26,7 +26,7 @@ SURROUNDINGS_SPACING = 0.01
 
 def grasp_candidates(skills: SkillContext, belief: ObjectBelief) -> tuple[GraspCandidate, ...]:
     """Grasps of a believed object in the base frame, best first; of a thing without a model, from its points."""
-    from bestman_bt.perception.grasp_pose import GraspTarget
+    from bestman_bt.perception.grasp_pose.base import GraspTarget
 
     base_from_map = skills.map_from_base.inverse()
     base_from_object = base_from_map @ belief.pose
@@ -71,7 +71,7 @@ def _camera_above(skills: SkillContext, candidates: tuple[GraspCandidate, ...]) 
 
 def handle_grasp_candidates(skills: SkillContext, belief: HandleBelief) -> tuple[GraspCandidate, ...]:
     """Grasps of a believed handle in the base frame, best first."""
-    from bestman_bt.perception.grasp_pose import GraspTarget
+    from bestman_bt.perception.grasp_pose.base import GraspTarget
 
     handle = belief.handle.seen_from(skills.map_from_base.inverse())
     size = (handle.length, 2 * handle.radius, 2 * handle.radius)

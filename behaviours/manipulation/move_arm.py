@@ -17,10 +17,11 @@ from behaviours.skill import Declaration, OnArm, PostureName, Skill, SkillFailur
 from bestman_bt.engine import In
 from bestman_bt.messages import Box, Cylinder, PlacedShape, Pose
 from bestman_bt.messages.shapes import NonNegative
-from bestman_bt.world_model import HeldObject
+from bestman_bt.world_model.world_model import HeldObject
 
 if TYPE_CHECKING:
-    from bestman_bt.manipulation.collision import CollisionWorld, PlanningScene, SceneObstacle
+    from bestman_bt.manipulation.collision.base import CollisionWorld
+    from bestman_bt.manipulation.collision.planning_scene import PlanningScene, SceneObstacle
 
 
 # Carrying what no posture of the robot holds upright: beside the mast, over the base, out of the camera's view.
@@ -101,7 +102,7 @@ def _things_that_are_not_there(skills: SkillContext, things: Sequence[SceneObsta
 
 
 def _lines(skills: SkillContext, points: Sequence[ArrayLike]) -> SceneObstacle:
-    from bestman_bt.manipulation.collision import SceneObstacle
+    from bestman_bt.manipulation.collision.planning_scene import SceneObstacle
 
     if not skills.has("camera"):
         return SceneObstacle("sight", ())
@@ -111,7 +112,7 @@ def _lines(skills: SkillContext, points: Sequence[ArrayLike]) -> SceneObstacle:
 
 def _fence() -> SceneObstacle:
     """About the base."""
-    from bestman_bt.manipulation.collision import SceneObstacle
+    from bestman_bt.manipulation.collision.planning_scene import SceneObstacle
 
     back, front, side = ROOM_TO_TURN
     boards = tuple(
@@ -206,7 +207,7 @@ class Retreat(OnArm, Skill):
 
     def _straight_back(self, world: CollisionWorld, distance: float) -> Steps:
         """As far as that is free."""
-        from bestman_bt.manipulation.kinematics import cartesian_path
+        from bestman_bt.manipulation.kinematics.cartesian_path import cartesian_path
 
         skills = self.skills
         back = skills.base_from_tool() @ Pose(np.array([0.0, 0.0, -distance]))
@@ -217,7 +218,7 @@ class Retreat(OnArm, Skill):
 
 def _move_to(skill: Skill, choices: Sequence[list[NDArray[np.float64]]]) -> Steps:
     """Go to one of the first of ``choices`` to which there is a way; at once done where the arm is there already."""
-    from bestman_bt.manipulation.motion_planning import PlanningError, PlanningErrorCode
+    from bestman_bt.manipulation.motion_planning.base import PlanningError, PlanningErrorCode
 
     for goals in choices:
         if min(np.abs(skill.skills.arm_positions() - goal).max() for goal in goals) <= ARRIVED:
@@ -238,7 +239,7 @@ def _postures(skill: Skill, name: str, sight: NDArray[np.float64] | None = None)
     an underscore, in the same way; then any that hold it upright beside the robot. ``sight``: a point (3,), base frame,
     that the head camera shall see past what is held.
     """
-    from bestman_bt.manipulation.motion_planning import Upright
+    from bestman_bt.manipulation.motion_planning.upright import Upright
 
     skills = skill.skills
     posture = _posture(skill, name)

@@ -18,14 +18,14 @@ from bestman_bt.control.gripper import HELD_WIDTH
 from bestman_bt.engine import In, Out
 from bestman_bt.messages import Pose
 from bestman_bt.messages.shapes import NonNegative
-from bestman_bt.world_model import HeldObject, ObjectBelief
+from bestman_bt.world_model.world_model import HeldObject, ObjectBelief
 
 if TYPE_CHECKING:
-    from bestman_bt.control.arm import GuardedOutcome
-    from bestman_bt.manipulation.collision import CollisionWorld
-    from bestman_bt.manipulation.motion_planning import Approach
-    from bestman_bt.perception.detection import DetectedScene
-    from bestman_bt.perception.segmentation import SurfaceCoverage
+    from bestman_bt.control.arm.guarded_move import GuardedOutcome
+    from bestman_bt.manipulation.collision.base import CollisionWorld
+    from bestman_bt.manipulation.motion_planning.approach import Approach
+    from bestman_bt.perception.detection.base import DetectedScene
+    from bestman_bt.perception.segmentation.surface_coverage import SurfaceCoverage
 
 
 DROP = 0.002
@@ -80,7 +80,7 @@ class FindPlacePose(Skill):
 
     def execute(self) -> Steps:
         """Capture, measure the surface, look for room."""
-        from bestman_bt.perception.segmentation import surface_coverage
+        from bestman_bt.perception.segmentation.surface_coverage import surface_coverage
 
         skills = self.skills
         name: str = self.object
@@ -104,7 +104,7 @@ class FindPlacePose(Skill):
         self.pose = view.map_from_base @ upright
 
     def _check_room(self, coverage: SurfaceCoverage, point: NDArray[np.float64], surface: str) -> None:
-        from bestman_bt.perception.segmentation import FREE, OCCUPIED
+        from bestman_bt.perception.segmentation.surface_coverage import FREE, OCCUPIED
 
         radius: float = self.radius
         shares = coverage.disc(point, radius)
@@ -176,7 +176,7 @@ class PlaceOn(OnArm, Skill):
             raise
 
     def _plan(self, held: HeldObject, base_from_object: Pose) -> Approach | None:
-        from bestman_bt.manipulation.motion_planning import ApproachPoses, approaches
+        from bestman_bt.manipulation.motion_planning.approach import ApproachPoses, approaches
 
         skills = self.skills
         free = skills.arm_world(skills.planning_scene())
@@ -200,7 +200,7 @@ class PlaceOn(OnArm, Skill):
 
         The wrist feels what the object and the hand touch, but not what the arm does.
         """
-        from bestman_bt.manipulation.kinematics import cartesian_path
+        from bestman_bt.manipulation.kinematics.cartesian_path import cartesian_path
 
         lowest = Pose(down.position - np.array([0.0, 0.0, lift + SEARCH]), down.quaternion)
         kinematics = self.skills.kinematics

@@ -13,7 +13,9 @@ from behaviours.skill import Declaration, Explained, InstantSkill, ObjectName, S
 from bestman_bt.engine import In, Out, SyncAction
 from bestman_bt.messages import Box, ObjectModel, PlacedShape, Pose
 from bestman_bt.messages.shapes import NonNegative
-from bestman_bt.world_model import HeldObject, MapFurniture, MapSurface, leaf_shapes
+from bestman_bt.world_model.openness import leaf_shapes
+from bestman_bt.world_model.semantic_map import MapFurniture, MapSurface
+from bestman_bt.world_model.world_model import HeldObject
 
 # Where in an open drawer there is room, as far as is believed: the hand is full, so that its camera cannot look.
 

@@ -17,22 +17,17 @@ from behaviours.skill import Declaration, ObjectName, OnArm, Skill, SkillFailure
 from bestman_bt.control import MotionStatus
 from bestman_bt.engine import In, OneOf, Out
 from bestman_bt.manipulation.errors import ManipulationError
-from bestman_bt.manipulation.trajectory import SpeedScale
+from bestman_bt.manipulation.trajectory.base import SpeedScale
 from bestman_bt.messages import Pose
 from bestman_bt.messages.shapes import Positive
-from bestman_bt.world_model import HeldObject
+from bestman_bt.world_model.world_model import HeldObject
 
 if TYPE_CHECKING:
     from bestman_bt.control import Motion
     from bestman_bt.control.gripper import GripperOutcome
-    from bestman_bt.manipulation.policy import (
-        ActionChunk,
-        Observation,
-        Policy,
-        PolicySpecification,
-        StreamedMotion,
-        Workspace,
-    )
+    from bestman_bt.manipulation.policy.base import ActionChunk, Observation, Policy
+    from bestman_bt.manipulation.policy.chunk_stream import StreamedMotion
+    from bestman_bt.manipulation.policy.specification import PolicySpecification, Workspace
 
 
 # The arm and the gripper under a policy: one motion that goes on from chunk to chunk, watched and stopped.
@@ -52,7 +47,7 @@ class PolicyMotion:
     """
 
     def __init__(self, skills: SkillContext, box: Workspace, deadline: float) -> None:
-        from bestman_bt.manipulation.policy import ChunkStream
+        from bestman_bt.manipulation.policy.chunk_stream import ChunkStream
 
         self._skills, self.box, self.deadline = skills, box, deadline
         self.stream = ChunkStream(skills.arm_model, speed=POLICY_SPEED)
@@ -238,7 +233,8 @@ class RunPolicy(OnArm, Skill):
             yield support(name, belief.surface or surface_below(self.skills.world, belief.pose))
 
     def _run(self, policy: Policy, motion: PolicyMotion, goal: Pose | None) -> Steps:
-        from bestman_bt.manipulation.policy import StaleChunkError, chunk_path
+        from bestman_bt.manipulation.policy.chunk_stream import chunk_path
+        from bestman_bt.manipulation.policy.errors import StaleChunkError
 
         clock, spec = self.skills.clock, policy.specification
         policy.reset()
@@ -277,7 +273,7 @@ class RunPolicy(OnArm, Skill):
 
     def _check(self, spec: PolicySpecification, goal: Pose | None) -> Workspace:
         """Refuse before anything moves; returns the box."""
-        from bestman_bt.manipulation.policy import Workspace
+        from bestman_bt.manipulation.policy.specification import Workspace
 
         skills = self.skills
         if spec.joint_names != skills.arm_model.joint_names or spec.robot not in ("", skills.robot.name):
@@ -313,7 +309,7 @@ class RunPolicy(OnArm, Skill):
             yield skills.gripper.open(spec.open_width)
 
     def _succeeded(self, motion: PolicyMotion, goal: Pose | None) -> bool:
-        from bestman_bt.manipulation.policy import pose_error
+        from bestman_bt.manipulation.policy.features import pose_error
 
         success = self.success
         if success != "goal":
@@ -332,7 +328,7 @@ class RunPolicy(OnArm, Skill):
         )
 
     def _distance(self, goal: Pose | None) -> str:
-        from bestman_bt.manipulation.policy import pose_error
+        from bestman_bt.manipulation.policy.features import pose_error
 
         if goal is None or self.success != "goal":
             return ""
@@ -342,7 +338,8 @@ class RunPolicy(OnArm, Skill):
     def _observation(
         self, spec: PolicySpecification, goal: Pose | None, velocities: NDArray[np.float64]
     ) -> Observation:
-        from bestman_bt.manipulation.policy import Observation, pose_vector
+        from bestman_bt.manipulation.policy.base import Observation
+        from bestman_bt.manipulation.policy.features import pose_vector
 
         skills = self.skills
         cameras = {"head": skills.camera if skills.has("camera") else None, "wrist": skills.wrist_camera}
@@ -365,7 +362,7 @@ class RunPolicy(OnArm, Skill):
         self, motion: PolicyMotion, path: NDArray[np.float64], dt: float, seen: float, begin: float
     ) -> StreamedMotion:
         """The motion along ``path`` (H + 1, n) from the clock's ``begin`` on: in the box, and it touches nothing."""
-        from bestman_bt.manipulation.trajectory import first_touch
+        from bestman_bt.manipulation.trajectory.base import first_touch
 
         skills = self.skills
         kinematics = skills.kinematics

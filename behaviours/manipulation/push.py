@@ -22,11 +22,12 @@ from behaviours.skill import Declaration, ObjectName, OnArm, Skill, SkillFailure
 from bestman_bt.engine import In, Out
 from bestman_bt.messages import ObjectModel, Pose
 from bestman_bt.messages.shapes import Positive
-from bestman_bt.world_model import ObjectBelief
+from bestman_bt.world_model.world_model import ObjectBelief
 
 if TYPE_CHECKING:
-    from bestman_bt.control.arm import GuardedOutcome
-    from bestman_bt.manipulation.collision import CollisionWorld, PlanningScene
+    from bestman_bt.control.arm.guarded_move import GuardedOutcome
+    from bestman_bt.manipulation.collision.base import CollisionWorld
+    from bestman_bt.manipulation.collision.planning_scene import PlanningScene
 
 
 TILTS = tuple(math.radians(tilt) for tilt in (45.0, 35.0, 55.0, 65.0))
@@ -145,7 +146,7 @@ class Push(OnArm, Skill):
             )
 
     def _plan(self, belief: ObjectBelief, goal: Pose) -> PushPlan | None:
-        from bestman_bt.manipulation.kinematics import cartesian_path
+        from bestman_bt.manipulation.kinematics.cartesian_path import cartesian_path
 
         skills = self.skills
         kinematics, reference = skills.kinematics, skills.arm_positions()
@@ -196,7 +197,8 @@ class Push(OnArm, Skill):
 
     def _pushing_world(self, scene: PlanningScene, belief: ObjectBelief, tool_from_object: Pose) -> CollisionWorld:
         """The object goes with the hand; it slides on its surface and touches nothing else, nor the palm."""
-        from bestman_bt.manipulation.collision import AttachedObject, finger_contacts
+        from bestman_bt.manipulation.collision.planning_scene import AttachedObject
+        from bestman_bt.manipulation.collision.scene_from_world_model import finger_contacts
 
         skills = self.skills
         moving = AttachedObject(
@@ -223,7 +225,7 @@ class Push(OnArm, Skill):
 
     def _withdraw(self, name: str, plan: PushPlan) -> Steps:
         """Straight back as far as that is free; the object itself is ahead of the hand and in nobody's way."""
-        from bestman_bt.manipulation.kinematics import cartesian_path
+        from bestman_bt.manipulation.kinematics.cartesian_path import cartesian_path
 
         skills = self.skills
         here = skills.base_from_tool()

@@ -18,12 +18,13 @@ from behaviours.skill import ALGORITHM_ERRORS, Declaration, ObjectName, OnArm, S
 from bestman_bt.engine import In, Out
 from bestman_bt.messages import PlacedShape, Pose
 from bestman_bt.messages.shapes import NonNegative, Share
-from bestman_bt.world_model import ObjectBelief
+from bestman_bt.world_model.world_model import ObjectBelief
 
 if TYPE_CHECKING:
     from bestman_bt.control.rgbd import RGBDSensor, RGBDView
-    from bestman_bt.perception.detection import DetectedScene
-    from bestman_bt.perception.pose_estimation import PoseHypothesis, ViewObservation
+    from bestman_bt.perception.detection.base import DetectedScene
+    from bestman_bt.perception.pose_estimation.base import PoseHypothesis
+    from bestman_bt.perception.pose_estimation.multi_view import ViewObservation
     from bestman_bt.perception.view_planning import RankedView
 
 
@@ -119,7 +120,7 @@ class SecondLook(OnArm, Skill):
         yield from move_free(self, [postures[-1]])
 
     def _look(self, belief: ObjectBelief, camera: RGBDSensor) -> StepsTo[ObjectBelief]:
-        from bestman_bt.perception.pose_estimation import ViewObservation
+        from bestman_bt.perception.pose_estimation.multi_view import ViewObservation
 
         skills = self.skills
         view: RGBDView = camera.capture()

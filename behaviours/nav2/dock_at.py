@@ -14,7 +14,7 @@ from behaviours.skill import Declaration, FurnitureName, Skill, SkillFailure, St
 from bestman_bt.engine import In, Out
 from bestman_bt.messages import Path2D, Pose2D, wrap_angle
 from bestman_bt.messages.shapes import Count, Positive
-from bestman_bt.world_model import MapFurniture
+from bestman_bt.world_model.semantic_map import MapFurniture
 
 STAGED, STAGED_HEADING = 0.05, math.radians(5.0)
 """Metres and radians from the staging pose within which the base need not drive there first."""
@@ -39,7 +39,7 @@ class _Docking(Skill):
 
     def dock(self, pose: Pose2D, piece: MapFurniture | None, attempts: int) -> StepsTo[tuple[Pose2D, int]]:
         """Dock; the pose by where ``piece`` was seen, and the approaches that it took."""
-        from bestman_bt.navigation.local_planning import PurePursuit
+        from bestman_bt.navigation.local_planning.pure_pursuit import PurePursuit
 
         # Slow, and steering for a near point: what is off at the side goes away on the way.
         docking = PurePursuit(min_lookahead=0.12, max_lookahead=0.2, max_speed=0.2, position_tolerance=0.002)
@@ -64,7 +64,7 @@ class _Docking(Skill):
 
     def _stage(self, staging: Pose2D) -> StepsTo[None]:
         """Drive to the staging pose, by the shortest way if the base stands before it."""
-        from bestman_bt.navigation.global_planning import PlanningFailure
+        from bestman_bt.navigation.global_planning.base import PlanningFailure
 
         skills, pose = self.skills, self.skills.world.base.pose
         back = staging.inverse() @ pose
@@ -79,7 +79,7 @@ class _Docking(Skill):
 
     def _seen(self, piece: MapFurniture, goal: Pose2D) -> StepsTo[Pose2D]:
         """The goal by where the front of ``piece`` is seen."""
-        from bestman_bt.navigation.localization import front_edge
+        from bestman_bt.navigation.localization.front_edge import front_edge
 
         skills = self.skills
         hits: list[NDArray[np.float64]] = []

@@ -12,7 +12,7 @@ from behaviours.nav2.ports import SERVER, Nav2Errors, are_literals, without_mean
 from behaviours.skill import Skill, SkillFailure, Steps, StepsTo
 from bestman_bt.engine import BoundedPort, In, NotZero
 from bestman_bt.messages.shapes import NonNegative
-from bestman_bt.world_model import BasePose
+from bestman_bt.world_model.world_model import BasePose
 
 if TYPE_CHECKING:
     from bestman_bt.control import Motion

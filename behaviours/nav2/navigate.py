@@ -20,11 +20,12 @@ from behaviours.navigation.navigate import DRIVING_FAILS, NavigateTo
 from behaviours.skill import Declaration, Skill, SkillFailure, Steps, StepsTo
 from bestman_bt.engine import In, Out
 from bestman_bt.messages import Goals, Path2D, Pose2D
-from bestman_bt.world_model import BasePose
+from bestman_bt.world_model.world_model import BasePose
 
 if TYPE_CHECKING:
     from bestman_bt.control import Motion
-    from bestman_bt.navigation.global_planning import Costmap, GlobalPlanner, PlanningFailure
+    from bestman_bt.navigation.global_planning.base import GlobalPlanner, PlanningFailure
+    from bestman_bt.navigation.global_planning.costmap import Costmap
 
 
 # Planning a path, without driving it: ComputePathToPose and ComputePathThroughPoses.
@@ -109,7 +110,7 @@ def _legs(
     planner: GlobalPlanner, start: Pose2D, goals: Sequence[Pose2D], costmap: Costmap
 ) -> tuple[list[Path2D], PlanningFailure | None]:
     """The paths from each pose to the next as far as there are any, and what ended that."""
-    from bestman_bt.navigation.global_planning import PlanningFailure
+    from bestman_bt.navigation.global_planning.base import PlanningFailure
 
     legs: list[Path2D] = []
     for goal in goals:

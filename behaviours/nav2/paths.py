@@ -15,7 +15,7 @@ from bestman_bt.messages import Goals, Path2D, Pose2D, wrap_angle
 from bestman_bt.messages.shapes import NonNegative, Positive
 
 if TYPE_CHECKING:
-    from bestman_bt.navigation.global_planning import Costmap
+    from bestman_bt.navigation.global_planning.costmap import Costmap
 
 LEAVES = 1e-3
 """Metres by which interpolation may make a place that is left seem nearer."""
@@ -289,7 +289,7 @@ def first_contact(path: Path2D, costmap: Costmap) -> Pose2D | None:
 
     A base that stands within a margin already may leave it: up to the first free pose it only must not come nearer.
     """
-    from bestman_bt.navigation.local_planning import SweptPath
+    from bestman_bt.navigation.local_planning.swept_path import SweptPath
 
     poses = SweptPath(path).ahead
     clearance = costmap.footprint_clearance(poses)

@@ -15,13 +15,13 @@ from bestman_bt.registry import ALGORITHMS
 
 
 def _planners() -> list[str]:
-    from bestman_bt.navigation.global_planning import GlobalPlanner
+    from bestman_bt.navigation.global_planning.base import GlobalPlanner
 
     return ["", *ALGORITHMS.of_kind("global_planning", GlobalPlanner)]
 
 
 def _followers() -> list[str]:
-    from bestman_bt.navigation.local_planning import PathFollower
+    from bestman_bt.navigation.local_planning.base import PathFollower
 
     return ["", *ALGORITHMS.of_kind("local_planning", PathFollower)]
 

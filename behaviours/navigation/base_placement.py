@@ -18,11 +18,12 @@ from behaviours.perception.surfaces import UNKNOWN_SURFACE, find_surface, with_o
 from behaviours.skill import Declaration, ObjectName, OnArm, Skill, SkillFailure, Steps, StepsTo, SurfaceName
 from bestman_bt.engine import In, Out
 from bestman_bt.messages import Failure, MotionObstacle, MotionStage, Pose, Pose2D
-from bestman_bt.world_model import BasePose, MapFurniture, MapSurface
+from bestman_bt.world_model.semantic_map import MapFurniture, MapSurface
+from bestman_bt.world_model.world_model import BasePose
 
 if TYPE_CHECKING:
-    from bestman_bt.manipulation.collision import CollisionWorld
-    from bestman_bt.manipulation.kinematics import StandPose
+    from bestman_bt.manipulation.collision.base import CollisionWorld
+    from bestman_bt.manipulation.kinematics.stand_pose import StandPose
 
 
 SAME_STAND = 0.05
@@ -131,7 +132,7 @@ class FindStandPose(OnArm, Skill):
         return float(self._middle()[2] - held.model.bounds()[0, 2])
 
     def _rank(self, furniture: MapFurniture, target: StandTarget) -> tuple[StandPose, ...]:
-        from bestman_bt.manipulation.kinematics import StandSearch
+        from bestman_bt.manipulation.kinematics.stand_pose import StandSearch
 
         skills = self.skills
         costmap = skills.seen_costmap(DRIVEN)
@@ -146,7 +147,7 @@ class FindStandPose(OnArm, Skill):
 
     def _beside(self, furniture: MapFurniture, target: StandTarget) -> list[Pose2D]:
         """Stands at the furniture that have not been tried, free or not."""
-        from bestman_bt.manipulation.kinematics import StandSearch
+        from bestman_bt.manipulation.kinematics.stand_pose import StandSearch
 
         front = float(np.array(self.skills.base.model.footprint)[:, 0].max())
         beside = StandSearch().beside(with_open_drawers(self.skills, furniture), target.at, front)
@@ -171,7 +172,7 @@ class FindStandPose(OnArm, Skill):
 
         What is in the way at a goal is for the one to tell who looks at the place.
         """
-        from bestman_bt.manipulation.collision import planning_scene_from_world_model
+        from bestman_bt.manipulation.collision.scene_from_world_model import planning_scene_from_world_model
 
         skills = self.skills
         others = {arm: held for arm, held in skills.world.hands.items() if arm != skills.arm_name}

@@ -9,17 +9,21 @@ import numpy as np
 
 from behaviours.computation import Until, passed
 from behaviours.skill import Declaration, Skill, SkillFailure, Steps, StepsTo
-from bestman_bt.control import READING_ERRORS, MotionStatus
+from bestman_bt.control import MotionStatus
+from bestman_bt.control.joint_state import READING_ERRORS
 from bestman_bt.engine import In, Out
 from bestman_bt.messages import OccupancyGrid, Path2D, Pose2D, wrap_angle
 from bestman_bt.messages.grids import FREE
 from bestman_bt.messages.shapes import Positive
-from bestman_bt.world_model import BasePose
+from bestman_bt.world_model.world_model import BasePose
 
 if TYPE_CHECKING:
-    from bestman_bt.navigation.global_planning import Costmap, Footprint, PlanningFailure
-    from bestman_bt.navigation.localization import Localizer
-    from bestman_bt.navigation.slam import FrontierView, Overhangs
+    from bestman_bt.navigation.global_planning.base import PlanningFailure
+    from bestman_bt.navigation.global_planning.costmap import Costmap
+    from bestman_bt.navigation.global_planning.footprint import Footprint
+    from bestman_bt.navigation.localization.base import Localizer
+    from bestman_bt.navigation.slam.frontiers import FrontierView
+    from bestman_bt.navigation.slam.overhangs import Overhangs
 
 
 AHEAD = (1.5, 0.0, 0.35)
@@ -65,7 +69,7 @@ class ExploreAndMap(Skill):
     def execute(self) -> Steps:
         """Explore, then save."""
         from bestman_bt.navigation.map_file import MapFileError, write_map
-        from bestman_bt.navigation.slam import SlamLocalizer
+        from bestman_bt.navigation.slam.pose_graph_slam import SlamLocalizer
 
         skills = self.skills
         slam, told = skills.slam, skills.world.base
@@ -100,8 +104,8 @@ class ExploreAndMap(Skill):
 
     def _explore(self) -> StepsTo[bool]:
         """Whether nothing is left to see; False where the time is up."""
-        from bestman_bt.navigation.global_planning import PlanningFailureReason
-        from bestman_bt.navigation.slam import Overhangs
+        from bestman_bt.navigation.global_planning.base import PlanningFailureReason
+        from bestman_bt.navigation.slam.overhangs import Overhangs
 
         skills = self.skills
         end = skills.clock.now() + self.max_time
@@ -138,7 +142,7 @@ class ExploreAndMap(Skill):
 
     def _grown(self, footprint: Footprint) -> Footprint:
         """The outline of base and arm as one: how high something is that the lidar has seen is not known."""
-        from bestman_bt.navigation.global_planning import Footprint
+        from bestman_bt.navigation.global_planning.footprint import Footprint
 
         corners = footprint.corners * (1.0 + PADDING / np.linalg.norm(footprint.corners, axis=1, keepdims=True))
         above = footprint.above.corners

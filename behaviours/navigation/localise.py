@@ -15,7 +15,7 @@ from bestman_bt.messages import Pose2D
 from bestman_bt.messages.shapes import Count, Positive
 
 if TYPE_CHECKING:
-    from bestman_bt.navigation.localization import OdometryScan, Place
+    from bestman_bt.navigation.localization.base import OdometryScan, Place
 
 
 KNOWN_POSITION_STD = 0.5

@@ -12,15 +12,17 @@ from py_trees.ports import PortInformation
 from behaviours.computation import Until, passed
 from behaviours.perception.surfaces import UNKNOWN_SURFACE, find_surface
 from behaviours.skill import Declaration, InstantSkill, Skill, SkillCondition, SkillFailure, Steps, StepsTo, SurfaceName
-from bestman_bt.control import READING_ERRORS
+from bestman_bt.control.joint_state import READING_ERRORS
 from bestman_bt.engine import In, Out
 from bestman_bt.messages import Path2D, Pose2D, wrap_angle
 from bestman_bt.messages.shapes import Positive, WholeNumber
-from bestman_bt.world_model import BasePose, containers_before, is_shut
+from bestman_bt.world_model.openness import containers_before, is_shut
+from bestman_bt.world_model.world_model import BasePose
 
 if TYPE_CHECKING:
     from bestman_bt.control import Motion
-    from bestman_bt.navigation.global_planning import Costmap, PlanningFailure
+    from bestman_bt.navigation.global_planning.base import PlanningFailure
+    from bestman_bt.navigation.global_planning.costmap import Costmap
 
 
 # Places that could be reached from nowhere: remembered, so that plans go round them, and forgotten again.
@@ -180,7 +182,7 @@ class NavigateTo(Skill):
 
         ``known``: what the map has. ``most``: metres; a longer one has to wait, too. SkillFailure where there is none.
         """
-        from bestman_bt.navigation.global_planning import PlanningFailure
+        from bestman_bt.navigation.global_planning.base import PlanningFailure
 
         base, clock = self.skills.base, self.skills.clock
         begin, failure = clock.now(), None

@@ -14,13 +14,13 @@ from behaviours.skill import Declaration, InstantSkill, ObjectName, SkillFailure
 from bestman_bt.engine import In
 from bestman_bt.messages import Box, ObjectModel, PlacedShape, PointCloud, Pose
 from bestman_bt.messages.shapes import NonNegative
-from bestman_bt.world_model import ObjectBelief
+from bestman_bt.world_model.world_model import ObjectBelief
 
 if TYPE_CHECKING:
     from bestman_bt.control.rgbd import RGBDView
-    from bestman_bt.perception.detection import DetectedScene, Detection
-    from bestman_bt.perception.pose_estimation import ViewObservation
-    from bestman_bt.perception.segmentation import Cluster
+    from bestman_bt.perception.detection.base import DetectedScene, Detection
+    from bestman_bt.perception.pose_estimation.multi_view import ViewObservation
+    from bestman_bt.perception.segmentation.base import Cluster
 
 
 # Beliefs of objects that nobody has looked at: whoever tells knows where they stand.
@@ -83,7 +83,7 @@ def believe_objects(
     skills: SkillContext, view: RGBDView, scene: DetectedScene, surface: str | None = None
 ) -> tuple[str, ...]:
     """Explain what was seen by what is believed; returns the identities: of the detections, then of the unknown."""
-    from bestman_bt.perception.pose_estimation import ViewObservation
+    from bestman_bt.perception.pose_estimation.multi_view import ViewObservation
 
     world = skills.world
     things = [cluster for cluster in scene.unknown if not _part_of_furniture(skills, view, cluster, surface)]
@@ -126,7 +126,7 @@ def only_nearest(scene: DetectedScene, belief: ObjectBelief, base_from_object: P
 
 def seen_words(scene: DetectedScene) -> str:
     """What was seen, for an error message."""
-    from bestman_bt.perception.detection import LabelledCluster
+    from bestman_bt.perception.detection.base import LabelledCluster
 
     seen = [f"{found.name} ({found.confidence:.2f}{score_words(found.score)})" for found in scene.detections]
     named = [thing for thing in scene.unknown if isinstance(thing, LabelledCluster)]
@@ -181,7 +181,7 @@ def _thing(view: RGBDView, cluster: Cluster, surface: str | None, models: Collec
 
     ``models``: their names. What bears one of these and was not fitted has confidence 0.
     """
-    from bestman_bt.perception.detection import LabelledCluster
+    from bestman_bt.perception.detection.base import LabelledCluster
     from bestman_bt.perception.tracking import THING
 
     name, score = (cluster.label, cluster.score) if isinstance(cluster, LabelledCluster) else (THING, None)

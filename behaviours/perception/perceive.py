@@ -24,12 +24,12 @@ from behaviours.skill import (
 from bestman_bt.engine import In, Out, SyncAction
 from bestman_bt.messages import Pose, wrap_angle
 from bestman_bt.messages.shapes import NonNegative, Positive, Share
-from bestman_bt.world_model import ObjectBelief
+from bestman_bt.world_model.world_model import ObjectBelief
 
 if TYPE_CHECKING:
     from bestman_bt.control.rgbd import RGBDSensor, RGBDView
-    from bestman_bt.perception.detection import DetectedScene
-    from bestman_bt.perception.segmentation import Region
+    from bestman_bt.perception.detection.base import DetectedScene
+    from bestman_bt.perception.segmentation.base import Region
 
 
 # What is believed of objects, as conditions: no picture is taken.
@@ -243,7 +243,7 @@ class EstimatePose(Skill):
 
 def region_around(base_from_object: Pose, height: float) -> Region:
     """Half a metre square around an object of ``height`` metres that stands upright, in the base frame."""
-    from bestman_bt.perception.segmentation import Region
+    from bestman_bt.perception.segmentation.base import Region
 
     foot = base_from_object.position - [0.0, 0.0, height / 2]
     return Region(Pose(foot), (0.5, 0.5))

@@ -18,10 +18,10 @@ from bestman_bt.messages.shapes import Count
 
 if TYPE_CHECKING:
     from bestman_bt.control.rgbd import RGBDView
-    from bestman_bt.perception.detection import DetectedScene
+    from bestman_bt.perception.detection.base import DetectedScene
     from bestman_bt.perception.occupancy import VoxelRegion
-    from bestman_bt.perception.pose_estimation import PoseHypothesis
-    from bestman_bt.perception.segmentation import Region, SupportPlane
+    from bestman_bt.perception.pose_estimation.base import PoseHypothesis
+    from bestman_bt.perception.segmentation.base import Region, SupportPlane
 
 
 SPREAD = 0.6
@@ -104,7 +104,7 @@ class ScanScene(Skill):
 
     def _detect(self, view: RGBDView) -> StepsTo[Sequence[str]]:
         """Believe in what one view shows; returns the identities."""
-        from bestman_bt.perception.segmentation import surface_regions
+        from bestman_bt.perception.segmentation.support_surfaces import surface_regions
 
         skills = self.skills
         name = self.surface

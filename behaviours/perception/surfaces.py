@@ -11,11 +11,13 @@ from behaviours.context import SkillContext
 from behaviours.skill import SkillFailure
 from bestman_bt.messages import Box, PlacedShape, Pose, Pose2D
 from bestman_bt.perception.errors import NoSurfaceError
-from bestman_bt.world_model import MapFurniture, MapSurface, Obstacle, leaf_shapes
+from bestman_bt.world_model.openness import leaf_shapes
+from bestman_bt.world_model.semantic_map import MapFurniture, MapSurface
+from bestman_bt.world_model.world_model import Obstacle
 
 if TYPE_CHECKING:
     from bestman_bt.control.rgbd import RGBDView
-    from bestman_bt.perception.segmentation import Region, SupportPlane
+    from bestman_bt.perception.segmentation.base import Region, SupportPlane
 
 
 MARGIN = 0.08
@@ -66,7 +68,8 @@ def surface_region(skills: SkillContext, name: str, view: RGBDView) -> Region:
     A surface with another one above it, such as a shelf board, is enclosed by walls: there the measured board is taken,
     without its rim, where ``view`` shows it.
     """
-    from bestman_bt.perception.segmentation import Region, surface_regions
+    from bestman_bt.perception.segmentation.base import Region
+    from bestman_bt.perception.segmentation.support_surfaces import surface_regions
 
     furniture, surface = find_surface(skills, name)
     base_from_surface = skills.map_from_base.inverse() @ furniture.pose.to_pose() @ surface.pose

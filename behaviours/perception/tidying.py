@@ -17,10 +17,10 @@ from bestman_bt.engine import In, InOut, Out, SyncAction
 from bestman_bt.engine.bounds import BoundedPort
 from bestman_bt.messages import ObjectModel, Pose
 from bestman_bt.messages.shapes import NonNegative
-from bestman_bt.world_model import ObjectBelief
+from bestman_bt.world_model.world_model import ObjectBelief
 
 if TYPE_CHECKING:
-    from bestman_bt.perception.detection import DetectedScene
+    from bestman_bt.perception.detection.base import DetectedScene
 
 
 SAME_PLACE = 0.08
@@ -123,7 +123,7 @@ class FindFreePlace(Skill):
 
     def execute(self) -> Steps:
         """Capture, measure the surface, look for room."""
-        from bestman_bt.perception.segmentation import surface_coverage
+        from bestman_bt.perception.segmentation.surface_coverage import surface_coverage
 
         skills = self.skills
         name: str = self.object

@@ -18,10 +18,10 @@ from benchmarks.fault_trials.left_behind import LeftBehind
 from benchmarks.fault_trials.trial import GRACE, UR, XARM
 from benchmarks.fault_trials.truth import moves, rests_at
 from bestman_bt.messages import Pose, Pose2D, wrap_angle
-from bestman_bt.runtime import Setup
+from bestman_bt.runtime.setup import Setup
 from hal.api import MobileBase
-from hal.hardware import IsolatedRobot
-from hal.twins import TwinProcess
+from hal.hardware.isolated_robot import IsolatedRobot
+from hal.twins.process import TwinProcess
 
 COMMAND = [sys.executable, "-m", "bestman_bt.cli.main"]
 START_TIME, REST_TIME, END_TIME = 120.0, 5.0, 15.0

@@ -19,9 +19,10 @@ from benchmarks.fault_trials.left_behind import LeftBehind
 from benchmarks.fault_trials.truth import place
 from bestman_bt.engine import Fallback, Node, Sequence, Sleep
 from bestman_bt.messages import Pose2D
-from bestman_bt.runtime import Session, Setup, open_session
-from hal.hardware import IsolatedRobot
-from hal.twins import TwinProcess
+from bestman_bt.runtime.robot_session import Session, open_session
+from bestman_bt.runtime.setup import Setup
+from hal.hardware.isolated_robot import IsolatedRobot
+from hal.twins.process import TwinProcess
 
 MOVING, RESTING = 0.01, 0.002
 """Radians or metres between two looks at the world."""

@@ -7,7 +7,7 @@ import time
 import numpy as np
 from numpy.typing import NDArray
 
-from hal.twins import TwinProcess
+from hal.twins.process import TwinProcess
 
 STILL = 5e-4
 """Radians or metres within ``WINDOW`` seconds."""

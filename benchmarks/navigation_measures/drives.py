@@ -9,15 +9,15 @@ from typing import Any
 from benchmarks.navigation_measures.judged_session import JudgedSession, judged_session
 from benchmarks.navigation_measures.processor_times import timed_calls, timed_ticks
 from benchmarks.navigation_measures.report import mean, median, percentile, scaled
-from bestman_bt.configuration import load_run
+from bestman_bt.configuration.run import load_run
 from bestman_bt.evaluation.audit import audit
 from bestman_bt.evaluation.episode_measures import DrivenPath
 from bestman_bt.evaluation.interval import wilson_interval
 from bestman_bt.facts.goals.at_goal import AtGoalFields, drive_goal, true_costmap
 from bestman_bt.messages import Pose2D, wrap_angle
-from bestman_bt.navigation.global_planning import shortest_length
-from bestman_bt.runtime import prepare
+from bestman_bt.navigation.global_planning.grid_search import shortest_length
 from bestman_bt.runtime.algorithms import Algorithms
+from bestman_bt.runtime.setup import prepare
 
 POSITION_TOLERANCE, YAW_TOLERANCE = 0.05, math.radians(3.0)
 REST = 0.5

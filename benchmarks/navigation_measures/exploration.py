@@ -12,14 +12,17 @@ from behaviours.navigation.explore import ExploreAndMap
 from benchmarks.navigation_measures.judged_session import judged_session
 from benchmarks.navigation_measures.slipping_wheels import let_slip
 from benchmarks.navigation_measures.true_surfaces import TrueSurfaces
-from bestman_bt.configuration import load_run
+from bestman_bt.configuration.run import load_run
 from bestman_bt.facts.goals.at_goal import true_costmap
-from bestman_bt.manipulation.kinematics import ForwardKinematics
+from bestman_bt.manipulation.kinematics.link_hulls import ForwardKinematics
 from bestman_bt.messages import LaserScan, Path2D, Pose2D
-from bestman_bt.navigation.global_planning import Costmap, GlobalPlanner, PlanningFailure, areas_of_disc
-from bestman_bt.navigation.slam import PoseGraphSlam, SlamEstimate
-from bestman_bt.runtime import Executor, prepare
-from bestman_bt.runtime.setup import Setup
+from bestman_bt.navigation.global_planning.base import GlobalPlanner, PlanningFailure
+from bestman_bt.navigation.global_planning.costmap import Costmap
+from bestman_bt.navigation.global_planning.grid_search import areas_of_disc
+from bestman_bt.navigation.slam.base import SlamEstimate
+from bestman_bt.navigation.slam.pose_graph_slam import PoseGraphSlam
+from bestman_bt.runtime.executor import Executor
+from bestman_bt.runtime.setup import Setup, prepare
 from hal.api import Lidar
 
 TIME_LIMIT = 900.0

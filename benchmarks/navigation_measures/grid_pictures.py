@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from bestman_bt.messages import OccupancyGrid, Pose2D
 from bestman_bt.messages.grids import FREE, OCCUPIED, UNKNOWN
-from bestman_bt.navigation.global_planning import Costmap, Footprint
+from bestman_bt.navigation.global_planning.costmap import Costmap
+from bestman_bt.navigation.global_planning.footprint import Footprint
 
 MARGIN = 0.3
 """Metres of the unknown that are shown around what is known."""

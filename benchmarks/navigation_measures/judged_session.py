@@ -8,11 +8,11 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 
 from bestman_bt.messages import Pose2D
-from bestman_bt.runtime import Session, open_session
+from bestman_bt.runtime.robot_session import Session, open_session
 from bestman_bt.runtime.setup import Setup
 from hal.api import Robot
-from hal.pybullet import PyBulletRobot
-from hal.simulation import GroundTruth
+from hal.pybullet.robot import PyBulletRobot
+from hal.simulation.ground_truth import GroundTruth
 
 
 @dataclass

@@ -15,14 +15,14 @@ import numpy as np
 from benchmarks.navigation_measures.judged_session import judged_session
 from benchmarks.navigation_measures.report import mean, median, percentile, scaled
 from benchmarks.navigation_measures.slipping_wheels import let_slip
-from bestman_bt.configuration import load_run
+from bestman_bt.configuration.run import load_run
 from bestman_bt.evaluation.interval import wilson_interval
 from bestman_bt.facts.goals.at_goal import base_footprint
 from bestman_bt.messages import Pose2D, wrap_angle
-from bestman_bt.navigation.global_planning import Costmap
-from bestman_bt.navigation.localization import DistanceField
+from bestman_bt.navigation.global_planning.costmap import Costmap
+from bestman_bt.navigation.localization.distance_field import DistanceField
 from bestman_bt.runtime.setup import START_HEADING_ERROR, START_POSITION_ERROR, Setup, prepare
-from bestman_bt.world_model import BasePose
+from bestman_bt.world_model.world_model import BasePose
 
 LOCALIZER = "scan_to_map"
 LIDAR_NOISE = 0.02

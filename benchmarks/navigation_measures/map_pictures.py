@@ -13,7 +13,7 @@ from benchmarks.navigation_measures.exploration import Exploration
 from benchmarks.navigation_measures.grid_pictures import draw_base, draw_costmap, draw_grid, known_box, show_known
 from benchmarks.navigation_measures.map_quality import rigid_alignment, true_places
 from bestman_bt.messages import OccupancyGrid
-from bestman_bt.navigation.slam import Slam
+from bestman_bt.navigation.slam.base import Slam
 
 BESIDE_PICTURE = 0.12
 """Share of a picture's width that titles and axes take from its height."""

@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 from benchmarks.navigation_measures.exploration import Exploration
 from bestman_bt.messages import Pose2D
 from bestman_bt.messages.grids import FREE, OCCUPIED
-from bestman_bt.navigation.slam import Slam
+from bestman_bt.navigation.slam.base import Slam
 
 NEAR = 0.05
 """Metres."""

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
-from bestman_bt.navigation.local_planning import PathFollower
+from bestman_bt.navigation.local_planning.base import PathFollower
 
 
 @contextmanager

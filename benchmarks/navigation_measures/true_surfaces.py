@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.messages import Box, Cylinder, PlacedShape, Pose
-from bestman_bt.scene import World, semantic_map
+from bestman_bt.scene.map_of_world import semantic_map
+from bestman_bt.scene.scene import World
 
 SPACING = 0.01
 """Metres between the points that outlines are made of."""

@@ -19,12 +19,16 @@ from benchmarks.perception_measures.known_objects import shipped_models, wilson
 from benchmarks.rendered_table import RenderedTable, TrueObject, render_table
 from bestman_bt.messages import ObjectModel, Pose
 from bestman_bt.messages.pose import wrap_angle
-from bestman_bt.perception import PerceptionError, View
-from bestman_bt.perception.detection import ColorShape, DetectedScene, Detection, Detector
-from bestman_bt.perception.pose_estimation import AMBIGUOUS_YAW, MultiView, PoseHypothesis, ViewObservation
+from bestman_bt.perception.detection.base import DetectedScene, Detection, Detector
+from bestman_bt.perception.detection.color_shape import ColorShape
+from bestman_bt.perception.errors import PerceptionError
+from bestman_bt.perception.pose_estimation.base import AMBIGUOUS_YAW, PoseHypothesis
 from bestman_bt.perception.pose_estimation.model_surface import model_surface
+from bestman_bt.perception.pose_estimation.multi_view import MultiView, ViewObservation
 from bestman_bt.perception.pose_estimation.point_to_plane import TurnedSurface, turned_surface
-from bestman_bt.perception.segmentation import Cluster, PlaneDbscan
+from bestman_bt.perception.segmentation.base import Cluster
+from bestman_bt.perception.segmentation.plane_dbscan import PlaneDbscan
+from bestman_bt.perception.view import View
 from bestman_bt.perception.view_planning import ExpectedYaw, RankedView
 
 CAMERA_POSITION_STD, CAMERA_ANGLE_STD = 0.001, math.radians(0.15)

@@ -11,8 +11,8 @@ from typing import Any
 from benchmarks.grasp_rig import GraspOutcome, GraspRig
 from benchmarks.grasp_scenes import GraspScene
 from benchmarks.perception_measures.grasp_pictures import save_picture
-from bestman_bt.perception import View
-from bestman_bt.perception.grasp_pose import GraspCandidate
+from bestman_bt.perception.grasp_pose.base import GraspCandidate
+from bestman_bt.perception.view import View
 
 TARGET = "thing_0"
 

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.grasp_rig import GraspOutcome, GraspRig
-from bestman_bt.perception import View
-from bestman_bt.perception.grasp_pose import GraspCandidate
+from bestman_bt.perception.grasp_pose.base import GraspCandidate
+from bestman_bt.perception.view import View
 
 if TYPE_CHECKING:
     from benchmarks.perception_measures.grasp_episodes import PlannedGrasp

@@ -20,10 +20,13 @@ from benchmarks.perception_measures.grasp_figures import grasp_figures
 from benchmarks.perception_measures.in_parallel import in_parallel
 from bestman_bt.configuration.data import data_names
 from bestman_bt.messages import ObjectModel, Pose
-from bestman_bt.perception import PerceptionError
-from bestman_bt.perception.detection import DetectedScene, Detection, Detector, ModelRegistration
-from bestman_bt.perception.grasp_pose import GraspPlanner, GraspRanking, GraspTarget, ModelBased
-from bestman_bt.scene import read_object
+from bestman_bt.perception.detection.base import DetectedScene, Detection, Detector
+from bestman_bt.perception.detection.from_image import ModelRegistration
+from bestman_bt.perception.errors import PerceptionError
+from bestman_bt.perception.grasp_pose.base import GraspPlanner, GraspTarget
+from bestman_bt.perception.grasp_pose.model_based import ModelBased
+from bestman_bt.perception.grasp_pose.ranking import GraspRanking
+from bestman_bt.scene.object_file import read_object
 
 GAP = (0.03, 0.08)
 TOO_WIDE = ("crate",)

@@ -23,9 +23,9 @@ from benchmarks.perception_measures.distractors import (
 )
 from benchmarks.rendering import DepthNoise, render_view
 from bestman_bt.messages import Handle, Pose, RGBDImage
-from bestman_bt.perception import View
-from bestman_bt.scene import FurnitureModel
-from bestman_bt.scene.furniture_generator import generate_furniture
+from bestman_bt.perception.view import View
+from bestman_bt.scene.furniture_generator.generate import generate_furniture
+from bestman_bt.scene.scene import FurnitureModel
 
 KINDS = ("drawer_chest", "cupboard", "fridge", "dishwasher", "microwave")
 NEAREST, FARTHEST = 0.7, 1.8

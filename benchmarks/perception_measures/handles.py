@@ -18,7 +18,7 @@ import numpy as np
 from benchmarks.perception_measures.handle_scenes import HandleView, TrueHandle, handle_view
 from benchmarks.perception_measures.known_objects import wilson
 from bestman_bt.messages import Handle
-from bestman_bt.perception.affordance import FrontHandles, HandleDetector
+from bestman_bt.perception.affordance.front_handles import FrontHandles, HandleDetector
 
 MATCH = 0.04
 

@@ -6,7 +6,8 @@ import numpy as np
 
 from benchmarks.perception_measures.known_objects import shares_place, wilson
 from benchmarks.rendered_table import known_models, random_table
-from bestman_bt.perception.detection import Detector, ModelRegistration
+from bestman_bt.perception.detection.base import Detector
+from bestman_bt.perception.detection.from_image import ModelRegistration
 
 
 def measure(seed: int, frames: int = 60, detector: Detector | None = None) -> dict[str, object]:

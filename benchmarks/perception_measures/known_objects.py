@@ -19,7 +19,8 @@ from benchmarks.rendered_table import RenderedTable, TrueObject, known_models
 from bestman_bt.configuration.data import data_names
 from bestman_bt.evaluation.interval import wilson_interval
 from bestman_bt.messages import ObjectModel, Pose
-from bestman_bt.perception.detection import ColorShape, DetectedScene, Detection, Detector
+from bestman_bt.perception.detection.base import DetectedScene, Detection, Detector
+from bestman_bt.perception.detection.color_shape import ColorShape
 from bestman_bt.perception.pose_estimation.model_surface import model_surface
 from bestman_bt.scene.object_file import read_object
 

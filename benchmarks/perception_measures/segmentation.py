@@ -20,9 +20,11 @@ from benchmarks.rendered_table import (
     unknown_model,
 )
 from bestman_bt.messages import Box, Cylinder, ObjectModel, PlacedShape, Pose, Sphere
-from bestman_bt.perception import PerceptionError
+from bestman_bt.perception.errors import PerceptionError
 from bestman_bt.perception.pose_estimation.model_surface import sample_shape
-from bestman_bt.perception.segmentation import Cluster, PlaneDbscan, RegionGrowing, Segmentation
+from bestman_bt.perception.segmentation.base import Cluster, Segmentation
+from bestman_bt.perception.segmentation.plane_dbscan import PlaneDbscan
+from bestman_bt.perception.segmentation.region_growing import RegionGrowing
 
 GAPS = (0.0, 0.005, 0.010, 0.020, 0.030)
 

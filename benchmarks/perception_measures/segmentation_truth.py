@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from bestman_bt.perception import View
-from bestman_bt.perception.segmentation import Cluster
+from bestman_bt.perception.segmentation.base import Cluster
+from bestman_bt.perception.view import View
 
 NEAR = 0.006
 """Metres: a measured point counts as in a cluster if the cluster has a point (they are 4 mm apart) this near."""

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from bestman_bt.messages import PointCloud, Pose
-from bestman_bt.perception import View
-from bestman_bt.perception.grasp_pose import GraspTarget
-from bestman_bt.perception.segmentation import Cluster, SegmentedScene
+from bestman_bt.perception.grasp_pose.base import GraspTarget
+from bestman_bt.perception.segmentation.base import Cluster, SegmentedScene
+from bestman_bt.perception.view import View
 
 
 @dataclass(frozen=True)

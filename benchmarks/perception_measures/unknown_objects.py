@@ -22,12 +22,16 @@ from benchmarks.perception_measures.grasp_figures import grasp_figures, rate
 from benchmarks.perception_measures.in_parallel import in_parallel
 from benchmarks.perception_measures.segmentation_truth import judged
 from benchmarks.perception_measures.two_views import SecondViewParameters, fused_target, opposite_view, pointed_at
-from bestman_bt.configuration import ConfigurationError
+from bestman_bt.configuration.errors import ConfigurationError
 from bestman_bt.messages import Mesh, ObjectModel, Pose
-from bestman_bt.perception import PerceptionError, View
-from bestman_bt.perception.grasp_pose import AntipodalCloud, GraspPlanner, GraspRanking
-from bestman_bt.perception.segmentation import PlaneDbscan, Segmentation, SegmentedScene
-from bestman_bt.scene import read_object
+from bestman_bt.perception.errors import PerceptionError
+from bestman_bt.perception.grasp_pose.antipodal_cloud import AntipodalCloud
+from bestman_bt.perception.grasp_pose.base import GraspPlanner
+from bestman_bt.perception.grasp_pose.ranking import GraspRanking
+from bestman_bt.perception.segmentation.base import Segmentation, SegmentedScene
+from bestman_bt.perception.segmentation.plane_dbscan import PlaneDbscan
+from bestman_bt.perception.view import View
+from bestman_bt.scene.object_file import read_object
 from hal.api import CommandRefusedError
 
 GAP = (0.03, 0.10)

@@ -9,11 +9,13 @@ from functools import cached_property
 from typing import Any, TypeVar
 
 from bestman_bt.bringup.finding import Finding, not_applicable
-from bestman_bt.manipulation.kinematics import ForwardKinematics
+from bestman_bt.manipulation.kinematics.link_hulls import ForwardKinematics
 from bestman_bt.messages import Pose
-from bestman_bt.robot_model import RobotModel, load_robot_model
+from bestman_bt.robot_model.compose import load_robot_model
+from bestman_bt.robot_model.model import RobotModel
 from hal.api import Arm, JointGroup, Motion, MotionStatus, RobotError
-from hal.hardware import Identity, IsolatedRobot
+from hal.hardware.controller_facts import Identity
+from hal.hardware.isolated_robot import IsolatedRobot
 
 Kind = TypeVar("Kind")
 POLL = 0.02

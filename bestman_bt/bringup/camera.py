@@ -11,7 +11,7 @@ from bestman_bt.bringup.brought_up_robot import BroughtUpRobot
 from bestman_bt.bringup.controllers import turn_between
 from bestman_bt.bringup.finding import Finding, judged, not_applicable
 from bestman_bt.messages import Pose, RGBDImage
-from bestman_bt.perception.calibration import CharucoBoard, board_pose
+from bestman_bt.perception.calibration.boards import CharucoBoard, board_pose
 from hal.api import Camera
 
 BOARD = CharucoBoard(7, 5, 0.04, 0.03)

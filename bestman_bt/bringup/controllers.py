@@ -10,10 +10,10 @@ import numpy as np
 from bestman_bt.bringup.brought_up_robot import BroughtUpRobot, of_each
 from bestman_bt.bringup.finding import Finding, judged, not_applicable
 from bestman_bt.messages import Pose
-from bestman_bt.robot_model import ArmModel, RobotModel, flange_of
+from bestman_bt.robot_model.model import ArmModel, RobotModel
+from bestman_bt.robot_model.payload import flange_of
 from hal.api import Arm, JointGroup
-from hal.hardware import ArmFacts
-from hal.hardware.controller_facts import Comparison, compare_mounting, compare_payload, compare_tool
+from hal.hardware.controller_facts import ArmFacts, Comparison, compare_mounting, compare_payload, compare_tool
 
 RANGE_TOLERANCE = 0.01
 POSE_TOLERANCE, TURN_TOLERANCE = 0.002, math.radians(0.5)

@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from bestman_bt.robot_model import load_robot_model
+from bestman_bt.robot_model.compose import load_robot_model
 from hal.api import JointGroup, MobileBase, MotionStatus, RobotError
-from hal.hardware import IsolatedRobot
+from hal.hardware.isolated_robot import IsolatedRobot
 
 SWING, SWING_SPEED = 0.2, 0.15
 """Radians to each side, rad/s, of the first joint."""

@@ -8,7 +8,8 @@ import numpy as np
 
 from bestman_bt.bringup.brought_up_robot import BroughtUpRobot
 from bestman_bt.bringup.finding import Finding, judged, not_applicable
-from bestman_bt.robot_model import ArmModel, flange_of
+from bestman_bt.robot_model.model import ArmModel
+from bestman_bt.robot_model.payload import flange_of
 from bestman_bt.runtime.wrist_check import check_wrist
 from hal.api import ForceTorque
 

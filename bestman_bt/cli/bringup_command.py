@@ -13,7 +13,9 @@ import typer
 from bestman_bt.cli.json_output import json_output
 from bestman_bt.cli.option_values import wrong_input
 from bestman_bt.cli.options import Json, Settings
-from bestman_bt.configuration import ConfigurationError, Problem, find_data, parse_settings
+from bestman_bt.configuration.data import find_data
+from bestman_bt.configuration.errors import ConfigurationError, Problem
+from bestman_bt.configuration.run import parse_settings
 
 SCENE = "pick_place_table"
 """Of the twins that stand in."""
@@ -40,7 +42,8 @@ def bringup(
     as_json: Json = False,
 ) -> None:
     """Bring a real robot up: steps that pass or fail, signed into a file beside the robot's; goes on where it ended."""
-    from bestman_bt.bringup import STEPS, BroughtUpRobot, Step, begun, left
+    from bestman_bt.bringup.brought_up_robot import BroughtUpRobot
+    from bestman_bt.bringup.procedure import STEPS, Step, begun, left
     from bestman_bt.robot_model.bringup_file import bringup_path
 
     known = {one.name: one for one in STEPS}
@@ -73,8 +76,8 @@ def bringup(
 
 def _do(subject: Any, path: Path, steps: list[Any], ask: Callable[[Any], None], again: bool, quiet: bool) -> bool:
     """Do the steps, and tell each one's findings; whether one has failed. ``again``: what was signed counts no more."""
-    from bestman_bt.bringup import bring_up
-    from hal.parts import ConnectionFailedError
+    from bestman_bt.bringup.procedure import bring_up
+    from hal.parts.part_connection import ConnectionFailedError
 
     failed = False
     try:
@@ -135,7 +138,8 @@ def _controllers(name: str, settings: dict[str, Any], twin: bool) -> Iterator[di
     if not twin:
         yield settings
         return
-    from hal.twins import TwinError, TwinProcess
+    from hal.twins.errors import TwinError
+    from hal.twins.process import TwinProcess
 
     words = [f"robot.{key}={value}" for key, value in settings.items()]
     twins = TwinProcess(name, SCENE, settings=words)

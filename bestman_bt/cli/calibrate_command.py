@@ -16,21 +16,15 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 from bestman_bt.cli.json_output import json_output
 from bestman_bt.cli.options import Json, Seed, Settings, grouped_options
 from bestman_bt.cli.run_view import CONSOLE
-from bestman_bt.configuration import ConfigurationError, Problem, parse_settings
-from bestman_bt.perception.calibration import CalibrationError, IntrinsicsCalibration
-from bestman_bt.runtime.calibration import (
-    CalibrationResult,
-    Kind,
-    Simulated,
-    compare,
-    load_dataset,
-    plot_residuals,
-    simulate,
-    solve_hand_eye,
-    solve_head,
-    solve_intrinsics,
-)
-from bestman_bt.runtime.calibration import Progress as Report
+from bestman_bt.configuration.errors import ConfigurationError, Problem
+from bestman_bt.configuration.run import parse_settings
+from bestman_bt.perception.calibration.boards import CalibrationError
+from bestman_bt.perception.calibration.intrinsics import IntrinsicsCalibration
+from bestman_bt.runtime.calibration.dataset import Progress as Report
+from bestman_bt.runtime.calibration.dataset import load_dataset
+from bestman_bt.runtime.calibration.result import CalibrationResult
+from bestman_bt.runtime.calibration.simulate import Kind, Simulated, compare, simulate
+from bestman_bt.runtime.calibration.solve import plot_residuals, solve_hand_eye, solve_head, solve_intrinsics
 
 
 class What(StrEnum):

@@ -15,7 +15,7 @@ from bestman_bt.cli.report_command import REPORT_NAME
 from bestman_bt.cli.run_command import ViewOptions, execute, exit_code
 from bestman_bt.cli.run_view import RESULTS
 from bestman_bt.cli.started_monitor import show_in_monitor
-from bestman_bt.configuration import load_run
+from bestman_bt.configuration.run import load_run
 from bestman_bt.evaluation.episode import prepare_episode
 from bestman_bt.evaluation.report.page import report_page
 from bestman_bt.evaluation.report.run_reader import read_story

@@ -11,7 +11,7 @@ import typer
 
 from bestman_bt.cli.json_output import json_output
 from bestman_bt.cli.options import Json
-from bestman_bt.configuration import find_data, shipped_trees
+from bestman_bt.configuration.data import find_data, shipped_trees
 from bestman_bt.engine import Problem, TreeLoadError
 from bestman_bt.engine.models.difference import compare, difference_svg, differences
 from bestman_bt.engine.xml.documents import Documents, read_documents

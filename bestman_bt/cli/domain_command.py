@@ -10,14 +10,15 @@ import typer
 
 from bestman_bt.cli.json_output import json_output
 from bestman_bt.cli.options import Json, PlanningOptions, grouped_options
-from bestman_bt.configuration import ConfigurationError
-from bestman_bt.configuration import Problem as Fault
+from bestman_bt.configuration.errors import ConfigurationError
+from bestman_bt.configuration.errors import Problem as Fault
 from bestman_bt.facts.predicate import Beliefs
-from bestman_bt.runtime import node_registry
+from bestman_bt.runtime.plugins import node_registry
 from bestman_bt.task_planning.domain import Domain
 from bestman_bt.task_planning.state import PredicateError
-from bestman_bt.task_planning.symbolic import Operator, Problem, goal_as_facts
+from bestman_bt.task_planning.symbolic.facts import goal_as_facts
 from bestman_bt.task_planning.symbolic.pddl_writing import PddlText
+from bestman_bt.task_planning.symbolic.problem import Operator, Problem
 
 
 @grouped_options

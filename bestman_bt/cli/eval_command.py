@@ -23,7 +23,8 @@ from bestman_bt.cli.json_output import json_output
 from bestman_bt.cli.options import Json, MonitorOptions, Plugins, Robot, Scene, Settings, grouped_options
 from bestman_bt.cli.run_view import CONSOLE
 from bestman_bt.cli.started_monitor import show_in_monitor
-from bestman_bt.configuration import ConfigurationError, Problem, RunRequest
+from bestman_bt.configuration.errors import ConfigurationError, Problem
+from bestman_bt.configuration.run import RunRequest
 from bestman_bt.evaluation.comparison import within
 from bestman_bt.evaluation.evaluation import Evaluation
 from bestman_bt.evaluation.markdown import accuracy_words, markdown, own_targets, verdict

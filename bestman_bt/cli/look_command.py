@@ -12,16 +12,17 @@ from PIL import Image
 
 from bestman_bt.cli.json_output import json_output
 from bestman_bt.cli.options import Json, Robot, Scene, Seed, Settings, grouped_options
-from bestman_bt.configuration import ConfigurationError, Problem, RunRequest
+from bestman_bt.configuration.errors import ConfigurationError, Problem
+from bestman_bt.configuration.run import RunRequest
 from bestman_bt.extras import is_installed, require_extra
 from bestman_bt.perception.clouds import write_cloud
 from bestman_bt.registry import suggestion
-from bestman_bt.runtime import Setup, prepare
 from bestman_bt.runtime.looking import LookResult, furniture_to_look_at, look_at, standing_before, unseen
-from bestman_bt.scene import SceneError
+from bestman_bt.runtime.setup import Setup, prepare
+from bestman_bt.scene.draw import SceneError
 from bestman_bt.visualization.annotated_image import annotated_image
 from bestman_bt.visualization.rerun.look import RecordedLook, write_look
-from bestman_bt.world_model import MapFurniture
+from bestman_bt.world_model.semantic_map import MapFurniture
 
 
 @dataclass(frozen=True)

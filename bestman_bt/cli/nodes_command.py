@@ -11,7 +11,7 @@ import typer
 from behaviours.failure import own_failures
 from behaviours.parts import parts_in_words
 from bestman_bt.cli.options import Plugins
-from bestman_bt.configuration import shipped_trees
+from bestman_bt.configuration.data import shipped_trees
 from bestman_bt.engine import NodeInfo, RegistryError, Tree, load_tree, palette_xml
 from bestman_bt.engine.spelling import closest
 from bestman_bt.engine.unwritten import entries_of

@@ -12,11 +12,11 @@ import typer
 from bestman_bt.cli.json_output import json_output
 from bestman_bt.cli.option_values import number, wrong_input
 from bestman_bt.cli.options import Json, Png, grouped_options
-from bestman_bt.configuration import data_names, find_data, own_objects
+from bestman_bt.configuration.data import data_names, find_data, own_objects
 from bestman_bt.messages import ObjectModel
-from bestman_bt.robot_model import GripperModel, load_robot_model
-from bestman_bt.scene import read_object
-from bestman_bt.scene.object_file import SYMMETRY_ORDERS
+from bestman_bt.robot_model.compose import load_robot_model
+from bestman_bt.robot_model.model import GripperModel
+from bestman_bt.scene.object_file import SYMMETRY_ORDERS, read_object
 
 if TYPE_CHECKING:
     from bestman_bt.runtime.object_import import NewObject

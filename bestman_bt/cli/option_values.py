@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from bestman_bt.configuration import ConfigurationError, Problem
+from bestman_bt.configuration.errors import ConfigurationError, Problem
 from bestman_bt.configuration.quantity import parse_quantity
 
 

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 if TYPE_CHECKING:
-    from bestman_bt.configuration import RunRequest
+    from bestman_bt.configuration.run import RunRequest
 
 
 def grouped_options(command: Callable[..., None]) -> Callable[..., None]:
@@ -129,7 +129,7 @@ class PlanningOptions:
     @property
     def request(self) -> RunRequest:
         """As what is asked of a run."""
-        from bestman_bt.configuration import RunRequest
+        from bestman_bt.configuration.run import RunRequest
 
         return RunRequest(self.task, None, self.scene, self.robot, self.seed, self.settings, self.plugins)
 

@@ -26,7 +26,7 @@ from bestman_bt.cli.options import (
     refuse_unwritable_folder,
     writable_file,
 )
-from bestman_bt.configuration import RunConfig
+from bestman_bt.configuration.run import RunConfig
 from bestman_bt.configuration.secret import shown_setting
 from bestman_bt.engine import Problem as Fault
 from bestman_bt.engine import render_svg
@@ -34,7 +34,7 @@ from bestman_bt.errors import InputError
 from bestman_bt.runtime.planning import PlanQuestion, Transcript, Wanted, asked_question, assumed, refusals
 from bestman_bt.task_planning.language.errors import quoted
 from bestman_bt.task_planning.simulation import folded
-from bestman_bt.task_planning.symbolic import PlanningError, Problem, TaskPlan
+from bestman_bt.task_planning.symbolic.problem import PlanningError, Problem, TaskPlan
 
 # The log of one package on standard error, while something is done with it.
 

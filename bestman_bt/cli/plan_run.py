@@ -9,16 +9,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from bestman_bt.cli.run_command import execute
-from bestman_bt.configuration import RunConfig
+from bestman_bt.configuration.run import RunConfig
 from bestman_bt.evaluation.episode import prepare_episode
 from bestman_bt.evaluation.result import RunResult
 from bestman_bt.runtime.planning import PlanQuestion, planner_anew
 from bestman_bt.runtime.task_goals import FactsFields, can_be_judged
-from bestman_bt.task_planning.builders import PlanTree
-from bestman_bt.task_planning.symbolic import Problem
+from bestman_bt.task_planning.builders.plan_tree import PlanTree
+from bestman_bt.task_planning.symbolic.problem import Problem
 
 if TYPE_CHECKING:
-    from bestman_bt.runtime import Setup
+    from bestman_bt.runtime.setup import Setup
 
 
 def run_plan(question: PlanQuestion, problem: Problem, made: PlanTree, planner: str, runs: Path) -> RunResult:

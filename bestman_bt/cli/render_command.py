@@ -38,7 +38,7 @@ def command(
     from bestman_bt.cli.run_view import CONSOLE, RESULTS
     from bestman_bt.evaluation.film.filmed_run import read_filmed_run
     from bestman_bt.evaluation.film.rendering import RenderOptions, render
-    from bestman_bt.visualization.blender import install_blender as make_installation
+    from bestman_bt.visualization.blender.painting import install_blender as make_installation
 
     if run is None and not install_blender:
         raise typer.BadParameter("name a run folder, or give --install-blender")

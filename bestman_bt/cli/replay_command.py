@@ -10,10 +10,10 @@ from typing import Annotated
 
 import typer
 
-from bestman_bt.configuration import ConfigurationError, Problem
-from bestman_bt.visualization import RecordingError, ViewerError
-from bestman_bt.visualization.rerun import (
-    RECORDING_NAME,
+from bestman_bt.configuration.errors import ConfigurationError, Problem
+from bestman_bt.visualization.errors import RecordingError, ViewerError
+from bestman_bt.visualization.rerun.recorder import RECORDING_NAME
+from bestman_bt.visualization.rerun.viewer import (
     Display,
     RerunViewer,
     ViewerOptions,

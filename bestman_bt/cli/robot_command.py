@@ -13,8 +13,10 @@ from bestman_bt.cli.bringup_command import bringup
 from bestman_bt.cli.json_output import json_output
 from bestman_bt.cli.option_values import wrong_input
 from bestman_bt.cli.options import Json, Png, Settings, grouped_options
-from bestman_bt.configuration import ConfigurationError, Problem, own_parts, parse_settings, pybullet_data
-from bestman_bt.robot_model import ArmModel, JointGroupModel
+from bestman_bt.configuration.data import own_parts, pybullet_data
+from bestman_bt.configuration.errors import ConfigurationError, Problem
+from bestman_bt.configuration.run import parse_settings
+from bestman_bt.robot_model.model import ArmModel, JointGroupModel
 
 verbs = typer.Typer(
     add_completion=False,
@@ -147,10 +149,10 @@ def move_into_limits(
     yes: Annotated[bool, typer.Option("--yes", help="Move without asking: somebody looks at the robot.")] = False,
 ) -> None:
     """Bring joints of a real robot that stand outside of their configured range back into it, slowly."""
-    from bestman_bt.robot_model import load_robot_model
-    from hal.hardware import HardwareRobot
+    from bestman_bt.robot_model.compose import load_robot_model
     from hal.hardware.into_limits import admit_outside, go_back, ways_back
-    from hal.parts import ConnectionFailedError
+    from hal.hardware.robot import HardwareRobot
+    from hal.parts.part_connection import ConnectionFailedError
 
     with json_output(False):
         keys = parse_settings(settings or [])
@@ -233,7 +235,7 @@ def release(
 ) -> None:
     """Tell what keeps a real robot's controllers stopped, ask whether somebody has looked, release them, log who."""
     from bestman_bt.runtime.robot_release import held_controllers, log_release
-    from hal.parts import ConnectionFailedError
+    from hal.parts.part_connection import ConnectionFailedError
 
     with json_output(as_json) as write:
         released = []
@@ -265,7 +267,8 @@ def wrist(
     as_json: Json = False,
 ) -> None:
     """Turn a real robot's hand by 30 degrees, slowly, and compare its weight with what the wrist feels."""
-    from bestman_bt.robot_model import ArmModel, MountedForceTorque
+    from bestman_bt.robot_model.model import ArmModel
+    from bestman_bt.robot_model.sensor_parts import MountedForceTorque
     from bestman_bt.runtime.robot_release import real_robot
     from bestman_bt.runtime.wrist_check import check_wrist
     from hal.api import RobotError

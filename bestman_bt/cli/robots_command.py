@@ -10,7 +10,8 @@ import typer
 
 from bestman_bt.cli.json_output import json_output
 from bestman_bt.cli.options import Json
-from bestman_bt.configuration import ConfigurationError, data_names
+from bestman_bt.configuration.data import data_names
+from bestman_bt.configuration.errors import ConfigurationError
 
 
 def command(
@@ -18,7 +19,7 @@ def command(
     as_json: Json = False,
 ) -> None:
     """List robots, the parts that robots are made of, and how they go together."""
-    from bestman_bt.robot_model import load_robot_model
+    from bestman_bt.robot_model.compose import load_robot_model
     from bestman_bt.runtime.robot_facts import part_facts, robot_facts
 
     with json_output(as_json) as write:
@@ -50,7 +51,7 @@ def command(
 def _sheet(names: list[str], png: Path) -> Path:
     from PIL import Image
 
-    from bestman_bt.robot_model import load_robot_model
+    from bestman_bt.robot_model.compose import load_robot_model
     from bestman_bt.runtime.robot_picture import contact_sheet, robot_picture
 
     pictures = [(name, robot_picture(load_robot_model(name), 360, 420)) for name in names]

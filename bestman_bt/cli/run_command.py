@@ -37,18 +37,10 @@ from bestman_bt.cli.options import (
 )
 from bestman_bt.cli.run_view import RunView
 from bestman_bt.cli.started_monitor import show_in_monitor
-from bestman_bt.configuration import (
-    ConfigurationError,
-    Problem,
-    RunConfig,
-    RunRequest,
-    data_names,
-    find_data,
-    read_run,
-    run_of_options,
-    shipped_trees,
-    task_of_tree,
-)
+from bestman_bt.configuration.data import data_names, find_data, shipped_trees
+from bestman_bt.configuration.errors import ConfigurationError, Problem
+from bestman_bt.configuration.run import RunConfig, RunRequest, read_run, run_of_options
+from bestman_bt.configuration.task import task_of_tree
 from bestman_bt.control.planned_motion import PlannedMotion
 from bestman_bt.engine import Tree
 from bestman_bt.engine.models.package import Package
@@ -57,19 +49,15 @@ from bestman_bt.evaluation.episode import RECORDING_OVER, Watcher, prepare_episo
 from bestman_bt.evaluation.result import Outcome, RunResult
 from bestman_bt.evaluation.run_folder import RESULT_NAME, make_run_folder
 from bestman_bt.extras import EXTRA_OF_SIMULATOR, require_extra
-from bestman_bt.monitor.groot2 import Groot2Error, Groot2Publisher, check_servable
-from bestman_bt.runtime import Session, Setup
+from bestman_bt.monitor.groot2.protocol import Groot2Error
+from bestman_bt.monitor.groot2.publisher import Groot2Publisher, check_servable
+from bestman_bt.runtime.robot_session import Session
+from bestman_bt.runtime.setup import Setup
 from bestman_bt.runtime.tree_checks import ALWAYS_FILLED
-from bestman_bt.visualization import ViewerError
-from bestman_bt.visualization.rerun import (
-    RECORDING_NAME,
-    Display,
-    LiveFeed,
-    RerunViewer,
-    ViewerOptions,
-    has_window_system,
-)
-from hal.parts import ConnectionFailedError
+from bestman_bt.visualization.errors import ViewerError
+from bestman_bt.visualization.rerun.recorder import RECORDING_NAME
+from bestman_bt.visualization.rerun.viewer import Display, LiveFeed, RerunViewer, ViewerOptions, has_window_system
+from hal.parts.part_connection import ConnectionFailedError
 from hal.twins.remote_truth import RemoteTruth
 
 # ``--groot2-port`` of verbs that run something: Groot2 may look at the tree and hold it up.

@@ -19,9 +19,10 @@ from bestman_bt.evaluation.result import Outcome, RunResult
 from bestman_bt.records.described_tree import describe_changes, describe_tree
 from bestman_bt.records.events import MAIN_TREE
 from bestman_bt.records.palette import HALTED, LOOKS, Look
-from bestman_bt.runtime import Session, Setup
+from bestman_bt.runtime.robot_session import Session
+from bestman_bt.runtime.setup import Setup
 from bestman_bt.visualization.terminal import LiveTree, style_of
-from hal.parts import SimulatedClock
+from hal.parts.simulated_clock import SimulatedClock
 
 CONSOLE = Console(stderr=True)
 """How something comes along."""

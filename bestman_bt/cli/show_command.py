@@ -9,7 +9,8 @@ from typing import Annotated
 import typer
 
 from bestman_bt.cli.options import Models, Plugins, Search, is_package
-from bestman_bt.configuration import ConfigurationError, Problem, find_data, shipped_trees
+from bestman_bt.configuration.data import find_data, shipped_trees
+from bestman_bt.configuration.errors import ConfigurationError, Problem
 from bestman_bt.engine import (
     NodeInfo,
     Tree,

@@ -17,7 +17,7 @@ import typer
 from bestman_bt.cli.json_output import json_output
 from bestman_bt.cli.options import Json, Models, MonitorOptions, Plugins, Search, Seed, grouped_options
 from bestman_bt.cli.started_monitor import show_in_monitor
-from bestman_bt.configuration import find_data, shipped_trees
+from bestman_bt.configuration.data import find_data, shipped_trees
 from bestman_bt.engine import FAILURE, IDLE, RUNNING, SUCCESS, EngineError, Node, Tree, WallClock, render_svg
 from bestman_bt.engine.core.status import STATUS_NAMES
 from bestman_bt.engine.coverage import Coverage

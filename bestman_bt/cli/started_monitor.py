@@ -11,7 +11,7 @@ from typing import Any
 from urllib.error import URLError
 from urllib.request import ProxyHandler, Request, build_opener
 
-from bestman_bt.configuration import ConfigurationError, Problem
+from bestman_bt.configuration.errors import ConfigurationError, Problem
 from bestman_bt.monitor.control_client import SERVICE, TOKEN_VARIABLE, page_address, socket_folder
 
 IDLE_END = 600

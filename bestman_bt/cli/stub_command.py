@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from bestman_bt.cli.options import Models, Plugins, writable_file
-from bestman_bt.configuration import shipped_trees
+from bestman_bt.configuration.data import shipped_trees
 from bestman_bt.engine.models.node_models import unknown_types
 from bestman_bt.engine.models.package import Package
 from bestman_bt.engine.models.stubs import stub_source

@@ -17,10 +17,12 @@ import typer
 
 from bestman_bt.cli.json_output import json_output
 from bestman_bt.cli.options import Json, Seed, Settings, grouped_options
-from bestman_bt.configuration import ConfigurationError, Problem, parse_settings
-from bestman_bt.robot_model import load_robot_model
-from bestman_bt.scene import draw_world, load_scene
-from hal.twins import TwinError
+from bestman_bt.configuration.errors import ConfigurationError, Problem
+from bestman_bt.configuration.run import parse_settings
+from bestman_bt.robot_model.compose import load_robot_model
+from bestman_bt.scene.draw import draw_world
+from bestman_bt.scene.load import load_scene
+from hal.twins.errors import TwinError
 from hal.twins.faults import delay_seconds
 from hal.twins.tcp_server import ask
 from hal.twins.twin_host import Hosted, TwinHost

@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from bestman_bt.cli.options import Models, Plugins, Search, is_package
-from bestman_bt.configuration import ConfigurationError, find_data, shipped_trees
+from bestman_bt.configuration.data import find_data, shipped_trees
+from bestman_bt.configuration.errors import ConfigurationError
 from bestman_bt.engine import NoMainTree, Problem, TreeLoadError
 from bestman_bt.engine.errors import in_lines
 from bestman_bt.engine.models.foreign import open_tree
@@ -26,7 +27,7 @@ from bestman_bt.runtime.tree_checks import ALWAYS_FILLED, TASK_ENTRIES, arm_prob
 if TYPE_CHECKING:
     from bestman_bt.engine import NodeRegistry
     from bestman_bt.engine.xml.documents import TreeDefinition
-    from bestman_bt.robot_model import RobotModel
+    from bestman_bt.robot_model.model import RobotModel
 
 MOST_NAMES = 20
 """Unknown nodes, and trees that nobody uses, that a summary names."""
@@ -52,7 +53,7 @@ def command(
     registry = node_registry([str(plugin) for plugin in plugins or ()])
     model, worst = None, 0
     if robot is not None:
-        from bestman_bt.robot_model import load_robot_model
+        from bestman_bt.robot_model.compose import load_robot_model
 
         try:
             model = load_robot_model(robot)  # after the plug-ins, which may bring kinds of parts

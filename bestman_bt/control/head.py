@@ -11,7 +11,7 @@ from scipy.optimize import least_squares
 from bestman_bt.control.joint_state import JointStateSensor
 from bestman_bt.control.motion import start_motion
 from bestman_bt.control.planned_motion import Confirm, PlannedMotion, declined
-from bestman_bt.manipulation.kinematics import ForwardKinematics
+from bestman_bt.manipulation.kinematics.link_hulls import ForwardKinematics
 from bestman_bt.messages import MotionErrorCode
 from hal.api import JointGroup, Motion
 

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.messages import Pose2D
-from bestman_bt.navigation.localization import OdometryFilter
+from bestman_bt.navigation.localization.ekf import OdometryFilter
 from hal.api import Clock, Imu, MobileBase, Timer
 
 

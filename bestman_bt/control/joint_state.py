@@ -23,7 +23,7 @@ from hal.api import (
 )
 
 if TYPE_CHECKING:
-    from bestman_bt.robot_model import RobotModel
+    from bestman_bt.robot_model.model import RobotModel
 
 
 class JointStateError(PartError, PerceptionError):
@@ -48,7 +48,7 @@ class JointStateSensor:
     """
 
     def __init__(self, parts: Mapping[str, Part], model: RobotModel) -> None:
-        from bestman_bt.robot_model import GripperModel
+        from bestman_bt.robot_model.model import GripperModel
 
         self._parts, self._grippers = parts, model.of(GripperModel)
         self._history = History(positions_between)

@@ -13,12 +13,14 @@ from numpy.typing import NDArray
 
 from bestman_bt.control.history import NotRecordedError
 from bestman_bt.control.joint_state import JointStateSensor
-from bestman_bt.manipulation.kinematics import ForwardKinematics, link_hulls
+from bestman_bt.manipulation.kinematics.link_hulls import ForwardKinematics, link_hulls
 from bestman_bt.messages import CameraIntrinsics, Failure, PointCloud, Pose, Pose2D, RGBDImage
-from bestman_bt.perception import PerceptionError, View
 from bestman_bt.perception.camera_model import DepthCorrection, rectification
-from bestman_bt.robot_model import ArmModel, CameraPart, RobotModel
-from bestman_bt.world_model import HeldObject, WorldModel
+from bestman_bt.perception.errors import PerceptionError
+from bestman_bt.perception.view import View
+from bestman_bt.robot_model.model import ArmModel, RobotModel
+from bestman_bt.robot_model.sensor_parts import CameraPart
+from bestman_bt.world_model.world_model import HeldObject, WorldModel
 from hal.api import Camera, Clock, PartError, RobotError
 
 

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.control.joint_state import JointStateSensor
-from bestman_bt.manipulation.kinematics import ForwardKinematics
+from bestman_bt.manipulation.kinematics.link_hulls import ForwardKinematics
 from bestman_bt.messages import Pose, Wrench
-from bestman_bt.robot_model import payload
+from bestman_bt.robot_model.payload import payload
 from hal.api import Clock, ForceTorque, RobotError, Tactile, Timer
 
 # Tactile pads: whether and how something presses on them, and whether it slips.

@@ -83,8 +83,7 @@ from bestman_bt.engine.errors import (
     TreeLoadError,
 )
 from bestman_bt.engine.graphics import current_states, render_dot, render_paths, render_svg, render_text
-from bestman_bt.engine.leaves import Condition, StatefulAction, SyncAction
-from bestman_bt.engine.leaves.base import AlwaysFailure, AlwaysSuccess, Sleep
+from bestman_bt.engine.leaves.base import AlwaysFailure, AlwaysSuccess, Condition, Sleep, StatefulAction, SyncAction
 from bestman_bt.engine.leaves.blackboard import (
     PopFromQueue,
     QueueSize,

@@ -37,7 +37,7 @@ from bestman_bt.engine.loading import (
     words_of,
 )
 from bestman_bt.engine.own_files import described, importable, load_file
-from bestman_bt.engine.scripting import ScriptCompiler
+from bestman_bt.engine.scripting.compiler import ScriptCompiler
 from bestman_bt.engine.xml.checking import check_values
 from bestman_bt.engine.xml.documents import read_documents
 from bestman_bt.engine.xml.elements import MAX_DEPTH

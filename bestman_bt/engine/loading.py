@@ -20,7 +20,7 @@ from bestman_bt.engine.core.registry import NodeInfo, NodeRegistry
 from bestman_bt.engine.core.tree import Tree
 from bestman_bt.engine.decorators.subtree import SubTree
 from bestman_bt.engine.errors import BlackboardError, EngineError, Problem, TreeLoadError
-from bestman_bt.engine.scripting import ScriptCompiler
+from bestman_bt.engine.scripting.compiler import ScriptCompiler
 from bestman_bt.engine.spelling import closest
 from bestman_bt.engine.xml.checking import PRE_CONDITIONS, Checker
 from bestman_bt.engine.xml.documents import Documents, TreeDefinition, read_documents

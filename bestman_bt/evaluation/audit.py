@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from bestman_bt.evaluation.declared_contacts import Declared, DeclaredContacts
 
 if TYPE_CHECKING:
-    from hal.simulation import AuditRecord, ContactIncident, DisturbanceEvent, Finding
+    from hal.simulation.audit_record import AuditRecord, ContactIncident, DisturbanceEvent, Finding
 
     T = TypeVar("T", ContactIncident, DisturbanceEvent, Finding, Declared)
 
@@ -206,7 +206,7 @@ def _shifted(seen: T, began: float) -> T:
 
 def _events_of_others(forgiven: Collection[DisturbanceEvent], script: Collection[DisturbanceEvent]) -> list[Finding]:
     """Where what the monitor has forgiven and what the script has done differ."""
-    from hal.simulation import Finding
+    from hal.simulation.audit_record import Finding
 
     unasked = [
         Finding(event.stamp, f"not by the task's script: {event.text}") for event in forgiven if event not in script

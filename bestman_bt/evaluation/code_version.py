@@ -13,7 +13,10 @@ from xml.etree import ElementTree
 
 import yaml
 
-from bestman_bt.configuration import ConfigurationError, RunConfig, data_root, dump_run, read_document, user_folders
+from bestman_bt.configuration.data import data_root, user_folders
+from bestman_bt.configuration.document import read_document
+from bestman_bt.configuration.errors import ConfigurationError
+from bestman_bt.configuration.run import RunConfig, dump_run
 from bestman_bt.evaluation.versions import versions
 
 # The files of a user that a run's configuration names, and those that they name in turn.

@@ -14,7 +14,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from bestman_bt.configuration import ConfigurationError, Problem
+from bestman_bt.configuration.errors import ConfigurationError, Problem
 from bestman_bt.evaluation.comparison_text import p_words, sentences
 from bestman_bt.evaluation.finished_evaluation import FinishedEntry
 from bestman_bt.evaluation.paired_comparison import (

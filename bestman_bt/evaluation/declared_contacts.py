@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 from behaviours.contacts import MOST_FORCE, Contact
 
 if TYPE_CHECKING:
-    from hal.simulation import ContactIncident
+    from hal.simulation.audit_record import ContactIncident
 
 BEFORE = 0.1
 """Seconds before the tick after which a declaration is seen at which it may have been made: two ticks at 20 Hz."""

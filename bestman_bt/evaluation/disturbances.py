@@ -9,17 +9,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bestman_bt.configuration import DisturbanceConfig
-from bestman_bt.configuration.disturbance import DisturbanceKind
+from bestman_bt.configuration.disturbance import DisturbanceConfig, DisturbanceKind
 from bestman_bt.facts.evidence import Evidence
 from bestman_bt.facts.standing import is_over, surface_pose
 from bestman_bt.messages import JointKind, Pose, Pose2D
-from bestman_bt.runtime import Session
-from bestman_bt.scene import PlacedObject, planar_radius
-from bestman_bt.scene.placing import gap_to_furniture, gap_to_objects, standing_on
+from bestman_bt.runtime.robot_session import Session
+from bestman_bt.scene.placing import gap_to_furniture, gap_to_objects, planar_radius, standing_on
 from bestman_bt.scene.plane_geometry import depth_inside, rectangle
-from bestman_bt.world_model import is_open, leaf_called, openness_of
-from hal.simulation import DisturbanceEvent, DisturbanceInjector, GroundTruth
+from bestman_bt.scene.scene import PlacedObject
+from bestman_bt.world_model.openness import is_open, leaf_called, openness_of
+from hal.simulation.audit_record import DisturbanceEvent
+from hal.simulation.disturbance_injector import DisturbanceInjector
+from hal.simulation.ground_truth import GroundTruth
 
 # Where somebody puts an object during a run: upright, free, and not where no robot could reach it.
 

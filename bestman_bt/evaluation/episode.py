@@ -14,7 +14,8 @@ from pathlib import Path
 from py_trees.behaviour import Behaviour
 
 from behaviours.failure import NodeFailure
-from bestman_bt.configuration import Problem, RunConfig, told_to_programs
+from bestman_bt.configuration.errors import Problem, told_to_programs
+from bestman_bt.configuration.run import RunConfig
 from bestman_bt.engine import FAILURE, RUNNING, Node, StateChanges, Tree
 from bestman_bt.engine.models.foreign import missing_nodes
 from bestman_bt.evaluation.audit import Audit, audit
@@ -30,21 +31,21 @@ from bestman_bt.evaluation.versions import versions
 from bestman_bt.extras import EXTRA_OF_SIMULATOR, is_installed, missing_extra
 from bestman_bt.facts.evidence import Verdict
 from bestman_bt.records.keeping import Keeping
-from bestman_bt.robot_model import GripperModel
-from bestman_bt.runtime import Ending, Execution, Executor, Session, Setup, open_session, prepare
-from bestman_bt.runtime.executor import ExecutionWatcher
+from bestman_bt.robot_model.model import GripperModel
+from bestman_bt.runtime.executor import Ending, Execution, ExecutionWatcher, Executor
+from bestman_bt.runtime.robot_session import Session, open_session
+from bestman_bt.runtime.setup import Setup, prepare
 from bestman_bt.runtime.world_file import WORLD_NAME, write_world
-from bestman_bt.visualization.rerun import RECORDING_NAME
+from bestman_bt.visualization.rerun.recorder import RECORDING_NAME
 from hal.api import Robot
-from hal.replay import TAPE_NAME, RecordedRobot, ReplayRobot
-from hal.simulation import (
-    AuditRecord,
-    DisturbanceEvent,
-    DisturbanceInjector,
-    GroundTruth,
-    SceneRecorder,
-    SimulatedRobot,
-)
+from hal.replay.recorder import RecordedRobot
+from hal.replay.robot import ReplayRobot
+from hal.replay.tape import TAPE_NAME
+from hal.simulation.audit_record import AuditRecord, DisturbanceEvent
+from hal.simulation.disturbance_injector import DisturbanceInjector
+from hal.simulation.ground_truth import GroundTruth
+from hal.simulation.robot import SimulatedRobot
+from hal.simulation.scene_recorder import SceneRecorder
 from hal.twins.remote_truth import RemoteTruth
 
 Watcher = Callable[[Session, Tree], Callable[[], None]]

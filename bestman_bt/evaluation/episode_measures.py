@@ -8,9 +8,10 @@ from pathlib import Path
 from bestman_bt.engine import RUNNING, Node, Tree
 from bestman_bt.messages import Pose, Pose2D
 from bestman_bt.records.keeping import Keeping
-from bestman_bt.visualization import RobotSnapshot
 from bestman_bt.visualization.motion_file import MOTION_NAME, MotionWriter
-from hal.simulation import GroundTruth, SceneRecorder, SceneSnapshot
+from bestman_bt.visualization.snapshot import RobotSnapshot
+from hal.simulation.ground_truth import GroundTruth
+from hal.simulation.scene_recorder import SceneRecorder, SceneSnapshot
 
 # How far a base has really driven.
 

@@ -9,7 +9,8 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from bestman_bt.configuration import ConfigurationError, Problem, RunConfig
+from bestman_bt.configuration.errors import ConfigurationError, Problem
+from bestman_bt.configuration.run import RunConfig
 from bestman_bt.evaluation.code_version import code_fingerprint, commit, config_fingerprint
 from bestman_bt.evaluation.finished_evaluation import FinishedEntry
 from bestman_bt.evaluation.journal import EpisodeKey, Journal, read_episodes

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from bestman_bt.configuration import ConfigurationError, Problem
+from bestman_bt.configuration.errors import ConfigurationError, Problem
 from bestman_bt.evaluation.journal import EpisodeKey, read_episodes
 from bestman_bt.evaluation.result import RunResult
 from bestman_bt.registry import suggestion

@@ -15,7 +15,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import IO, Any
 
-from bestman_bt.configuration import ConfigurationError, Problem
+from bestman_bt.configuration.errors import ConfigurationError, Problem
 from bestman_bt.evaluation.result import RunResult
 
 SYNC_EVERY = 0.5

@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterator
 from typing import Any
 
-from bestman_bt.configuration import ConfigurationError, Problem, RunConfig
+from bestman_bt.configuration.errors import ConfigurationError, Problem
+from bestman_bt.configuration.run import RunConfig
 from bestman_bt.configuration.task import FIELDS_OF_GOALS
 from bestman_bt.facts.evidence import Evidence, Truth, Verdict, joined
 from bestman_bt.facts.goals.goal import Goal, judged
 from bestman_bt.registry import GOALS, suggestion
-from bestman_bt.robot_model import ArmModel
-from bestman_bt.runtime import Session
+from bestman_bt.robot_model.model import ArmModel
+from bestman_bt.runtime.robot_session import Session
 from hal.api import Clock
 
 Judge = Callable[[Session, Truth, Clock | None, float], Verdict]

@@ -15,7 +15,7 @@ from multiprocessing.connection import Connection, wait
 from pathlib import Path
 
 from behaviours.failure import NodeFailure
-from bestman_bt.configuration import RunConfig
+from bestman_bt.configuration.run import RunConfig
 from bestman_bt.engine.own_files import in_words
 from bestman_bt.evaluation.episode import prepare_episode, run_episode
 from bestman_bt.evaluation.result import Outcome, RunResult

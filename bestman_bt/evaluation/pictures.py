@@ -11,7 +11,10 @@ from PIL import Image
 
 from bestman_bt.messages import Pose
 from bestman_bt.records.keeping import Keeping
-from hal.simulation import GroundTruth, ScenePhotographer, SimulatedRobot, Viewpoint
+from hal.simulation.bodies import Viewpoint
+from hal.simulation.camera import ScenePhotographer
+from hal.simulation.ground_truth import GroundTruth
+from hal.simulation.robot import SimulatedRobot
 
 CLOSE = 1.5
 """Metres between robot and object up to which a picture closes in on both."""

@@ -12,25 +12,28 @@ from numpy.typing import NDArray
 
 from behaviours.manipulation.grasp import PlannedGrasp
 from bestman_bt.control.rgbd import RGBDView
-from bestman_bt.control.wheeled import BaseController
+from bestman_bt.control.wheeled.base_controller import BaseController
 from bestman_bt.control.wheeled.localisation_cycle import PlacedScan
 from bestman_bt.engine import StateChanges, Tree
 from bestman_bt.evaluation.episode_measures import robot_snapshot
-from bestman_bt.manipulation.kinematics import ForwardKinematics
+from bestman_bt.manipulation.kinematics.link_hulls import ForwardKinematics
 from bestman_bt.messages import Cylinder, Path2D, PlacedShape, Pose, Pose2D
 from bestman_bt.records.described_tree import describe_changes, describe_tree
 from bestman_bt.records.keeping import Keeping
 from bestman_bt.records.shown_value import show_value
-from bestman_bt.robot_model import ArmModel, CameraPart, GripperModel, LidarPart
-from bestman_bt.runtime import Session
+from bestman_bt.robot_model.model import ArmModel, GripperModel
+from bestman_bt.robot_model.sensor_parts import CameraPart, LidarPart
 from bestman_bt.runtime.blackboard_changes import BlackboardChanges, WrittenEntry
 from bestman_bt.runtime.looking import object_marks
-from bestman_bt.scene import Articulation, PlacedFurniture, Walker, World, wall_box
-from bestman_bt.visualization import RecordedBody
+from bestman_bt.runtime.robot_session import Session
+from bestman_bt.scene.scene import Articulation, PlacedFurniture, World, wall_box
+from bestman_bt.scene.walker import Walker
 from bestman_bt.visualization.marks import GraspMark
-from bestman_bt.visualization.rerun import RECORDING_NAME, RecordedCamera, RecordingSetup, RerunRecorder
-from bestman_bt.world_model import ObjectBelief
-from hal.simulation import SceneRecorder
+from bestman_bt.visualization.rerun.open_recording import RecordedCamera, RecordingSetup
+from bestman_bt.visualization.rerun.recorder import RECORDING_NAME, RerunRecorder
+from bestman_bt.visualization.snapshot import RecordedBody
+from bestman_bt.world_model.world_model import ObjectBelief
+from hal.simulation.scene_recorder import SceneRecorder
 
 # What a recording is told of the robot's own view: its map, path, lidar, objects, grasps, and the blackboard.
 
@@ -222,14 +225,14 @@ def recorded_bodies(world: World) -> list[RecordedBody]:
 
 
 def _person(walker: Walker) -> RecordedBody:
-    """In a frame on the floor, as hal.simulation.SceneSnapshot gives its pose."""
+    """In a frame on the floor, as hal.simulation.scene_recorder.SceneSnapshot gives its pose."""
     shape = PlacedShape(Cylinder(walker.radius, walker.height), Pose(np.array([0.0, 0.0, walker.height / 2])))
     x, y = walker.route[0]
     return RecordedBody(walker.name, (shape,), (WALKER_COLOR,), Pose(np.array([x, y, 0.0])))
 
 
 def _leaf(furniture: PlacedFurniture, articulation: Articulation) -> RecordedBody:
-    """A door or drawer in a frame at its joint, as hal.simulation.SceneSnapshot gives its pose."""
+    """A door or drawer in a frame at its joint, as hal.simulation.scene_recorder.SceneSnapshot gives its pose."""
     joint = Pose(np.array(articulation.origin))
     shapes = tuple(PlacedShape(part.shape, joint.inverse() @ part.pose) for part in articulation.parts)
     name = f"{furniture.name}/{articulation.name}"

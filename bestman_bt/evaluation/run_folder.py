@@ -5,7 +5,8 @@ from __future__ import annotations
 from datetime import datetime
 from pathlib import Path
 
-from bestman_bt.configuration import ConfigurationError, Problem, RunConfig, dump_run
+from bestman_bt.configuration.errors import ConfigurationError, Problem
+from bestman_bt.configuration.run import RunConfig, dump_run
 from bestman_bt.records.writer import EVENTS_FILE, LOG_FILE, STATES_FILE, make_folder
 
 RESULT_NAME = "result.json"

@@ -9,7 +9,7 @@ from pathlib import Path
 from statistics import fmean
 from typing import Any, TypeVar
 
-from bestman_bt.configuration import ConfigurationError, Problem
+from bestman_bt.configuration.errors import ConfigurationError, Problem
 from bestman_bt.evaluation.journal import EpisodeKey, read_episodes
 from bestman_bt.evaluation.result import RunResult
 

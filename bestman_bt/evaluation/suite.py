@@ -11,24 +11,12 @@ from typing import Annotated, Any
 from pydantic import Field
 
 from behaviours.failure import declared_failures
-from bestman_bt.configuration import (
-    ConfigurationError,
-    Document,
-    Problem,
-    ProblemCollector,
-    RunConfig,
-    RunRequest,
-    UnreadError,
-    as_far_as_read,
-    beside,
-    data_names,
-    find_data,
-    numbered,
-    read_document,
-    run_of_options,
-    salvage,
-)
+from bestman_bt.configuration.checked import numbered, salvage
+from bestman_bt.configuration.data import beside, data_names, find_data
+from bestman_bt.configuration.document import Document, read_document
+from bestman_bt.configuration.errors import ConfigurationError, Problem, ProblemCollector, UnreadError, as_far_as_read
 from bestman_bt.configuration.quantity import Factor, WholeNumber
+from bestman_bt.configuration.run import RunConfig, RunRequest, run_of_options
 from bestman_bt.configuration.secret import may_tell_secret
 from bestman_bt.engine import TreeLoadError
 from bestman_bt.evaluation.episode import prepare_episode
@@ -37,7 +25,7 @@ from bestman_bt.registry import suggestion
 from bestman_bt.runtime.failure_lines import RENAMED_CODES
 from bestman_bt.runtime.plugins import node_registry
 from bestman_bt.runtime.setup import Setup, tree_problems
-from bestman_bt.scene import SceneError
+from bestman_bt.scene.draw import SceneError
 
 Count = Annotated[int, Field(strict=True, ge=1)]
 

@@ -12,7 +12,7 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from bestman_bt.configuration import ConfigurationError, Problem, ProblemCollector
+from bestman_bt.configuration.errors import ConfigurationError, Problem, ProblemCollector
 from bestman_bt.evaluation.finished_evaluation import FinishedEntry
 from bestman_bt.evaluation.suite import EntryConfig, Suite
 

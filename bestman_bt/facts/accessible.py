@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from bestman_bt.facts.predicate import Beliefs, Predicate
-from bestman_bt.world_model import containers_before, is_open
+from bestman_bt.world_model.openness import containers_before, is_open
 
 
 def _behind(beliefs: Beliefs, place: str, container: str) -> bool:

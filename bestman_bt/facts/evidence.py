@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.messages import Pose
-from bestman_bt.world_model import WorldModel
+from bestman_bt.world_model.world_model import WorldModel
 
 if TYPE_CHECKING:
-    from bestman_bt.configuration import RunConfig
-    from bestman_bt.robot_model import RobotModel
-    from bestman_bt.scene import World
+    from bestman_bt.configuration.run import RunConfig
+    from bestman_bt.robot_model.model import RobotModel
+    from bestman_bt.scene.scene import World
 
 
 class Truth(Protocol):

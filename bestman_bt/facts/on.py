@@ -6,7 +6,7 @@ from bestman_bt.facts.evidence import Evidence
 from bestman_bt.facts.holding import is_held
 from bestman_bt.facts.predicate import Beliefs, Predicate
 from bestman_bt.facts.standing import is_over, rest_faults, tilt_fault
-from bestman_bt.world_model import WorldModel
+from bestman_bt.world_model.world_model import WorldModel
 
 
 def _holds(beliefs: Beliefs, name: str, place: str) -> bool:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from bestman_bt.facts.evidence import Evidence
 from bestman_bt.facts.predicate import Predicate
-from bestman_bt.world_model import is_open, is_shut, leaf_called, openness_of
+from bestman_bt.world_model.openness import is_open, is_shut, leaf_called, openness_of
 
 
 def _is_open(evidence: Evidence, container: str) -> bool:

@@ -12,7 +12,7 @@ from importlib import import_module
 from pkgutil import iter_modules
 
 from bestman_bt import facts
-from bestman_bt.world_model import WorldModel
+from bestman_bt.world_model.world_model import WorldModel
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from bestman_bt.facts.evidence import Evidence
 from bestman_bt.messages import Pose
 
 if TYPE_CHECKING:
-    from bestman_bt.scene import PlacedFurniture
+    from bestman_bt.scene.scene import PlacedFurniture
 
 AT_REST = 0.001
 """Metres that an object may move during the rest time."""

@@ -9,18 +9,19 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from bestman_bt.manipulation.collision import (
-    AttachedObject,
-    CoalCollisionModel,
-    CollisionWorld,
-    PlanningScene,
-    hand_links,
-)
+from bestman_bt.manipulation.collision.base import CollisionWorld
+from bestman_bt.manipulation.collision.coal_world import CoalCollisionModel
+from bestman_bt.manipulation.collision.planning_scene import AttachedObject, PlanningScene
+from bestman_bt.manipulation.collision.scene_from_world_model import hand_links
 from bestman_bt.manipulation.errors import ManipulationError
-from bestman_bt.manipulation.kinematics import DampedLeastSquares, ForwardKinematics, link_hulls
-from bestman_bt.manipulation.motion_planning import PlanningError, RRTConnect
+from bestman_bt.manipulation.kinematics.damped_least_squares import DampedLeastSquares
+from bestman_bt.manipulation.kinematics.link_hulls import ForwardKinematics, link_hulls
+from bestman_bt.manipulation.motion_planning.base import PlanningError
+from bestman_bt.manipulation.motion_planning.rrt_connect import RRTConnect
 from bestman_bt.messages import Cylinder, PlacedShape, Pose
-from bestman_bt.robot_model import ArmModel, BaseModel, CameraPart, GripperModel, RobotModel, joints_above
+from bestman_bt.robot_model.model import ArmModel, BaseModel, GripperModel, RobotModel
+from bestman_bt.robot_model.sensor_parts import CameraPart
+from bestman_bt.robot_model.urdf_tree import joints_above
 
 Array = NDArray[np.float64]
 

@@ -16,7 +16,9 @@ from numpy.typing import NDArray
 from PIL import Image, UnidentifiedImageError
 from pydantic import AfterValidator, Field
 
-from bestman_bt.configuration import ConfigurationError, Document, UnreadError, read_document, salvage
+from bestman_bt.configuration.checked import salvage
+from bestman_bt.configuration.document import Document, read_document
+from bestman_bt.configuration.errors import ConfigurationError, UnreadError
 from bestman_bt.configuration.quantity import Number, Share
 from bestman_bt.errors import InputError
 from bestman_bt.messages import OccupancyGrid

@@ -8,7 +8,7 @@ import numpy as np
 
 from bestman_bt.messages import Pose
 from bestman_bt.perception.view import View
-from bestman_bt.robot_model import GripperModel
+from bestman_bt.robot_model.model import GripperModel
 
 ROWS = 4
 """Samples along each side of the sampled sections of the gap."""

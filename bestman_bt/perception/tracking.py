@@ -16,7 +16,7 @@ from scipy.optimize import linear_sum_assignment
 from bestman_bt.messages import ObjectModel, Pose, wrap_angle
 from bestman_bt.perception.pose_estimation.model_surface import sample_shape
 from bestman_bt.perception.view import View
-from bestman_bt.world_model import ObjectBelief, ObjectChange
+from bestman_bt.world_model.world_model import ObjectBelief, ObjectChange
 
 # Does a view contradict that an object still stands where it was seen?
 

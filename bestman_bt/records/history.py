@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.engine.core.status import FAILURE, SKIPPED
-from bestman_bt.engine.logs import Transitions
+from bestman_bt.engine.logs.btlog import Transitions
 from bestman_bt.records.events import (
     MAIN_TREE,
     BlackboardEvent,

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from bestman_bt.engine.core.status import FAILURE, SUCCESS
 from bestman_bt.engine.errors import EngineError
-from bestman_bt.engine.logs import BtLog, Transitions, read_btlog
+from bestman_bt.engine.logs.btlog import BtLog, Transitions, read_btlog
 from bestman_bt.engine.logs.segmented_file import first_segment, read_regular, read_segment, read_segments
 from bestman_bt.engine.logs.sqlite_log import is_sqlite, read_sqlite
 from bestman_bt.errors import InputError

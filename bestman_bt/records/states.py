@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bestman_bt.engine.core.status import FAILURE, IDLE, RUNNING, SUCCESS
-from bestman_bt.engine.logs import Transitions
+from bestman_bt.engine.logs.btlog import Transitions
 
 NO = 5
 """Beside the engine's states: FAILURE of a condition, which has answered no, unless its tree ended by it."""

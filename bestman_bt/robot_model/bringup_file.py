@@ -13,16 +13,10 @@ from typing import Any, Literal
 
 import yaml
 
-from bestman_bt.configuration import (
-    ConfigurationError,
-    Document,
-    Problem,
-    check,
-    data_root,
-    find_data,
-    read_document,
-    user_folders,
-)
+from bestman_bt.configuration.checked import check
+from bestman_bt.configuration.data import data_root, find_data, user_folders
+from bestman_bt.configuration.document import Document, read_document
+from bestman_bt.configuration.errors import ConfigurationError, Problem
 from bestman_bt.robot_model.hardware_config import with_first_limits
 from bestman_bt.robot_model.model import ArmModel, RobotModel
 

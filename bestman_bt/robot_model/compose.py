@@ -11,17 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from bestman_bt.configuration import (
-    ConfigurationError,
-    Document,
-    Problem,
-    ProblemCollector,
-    find_data,
-    numbered,
-    override,
-    read_document,
-    salvage,
-)
+from bestman_bt.configuration.checked import numbered, override, salvage
+from bestman_bt.configuration.data import find_data
+from bestman_bt.configuration.document import Document, read_document
+from bestman_bt.configuration.errors import ConfigurationError, Problem, ProblemCollector
 from bestman_bt.registry import suggestion
 from bestman_bt.robot_model.bringup_file import bringup_path, content_of
 from bestman_bt.robot_model.describe import describe

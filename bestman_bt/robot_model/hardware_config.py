@@ -10,16 +10,9 @@ from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from typing import Any
 
-from bestman_bt.configuration import (
-    ConfigurationError,
-    Document,
-    Problem,
-    ProblemCollector,
-    UnreadError,
-    as_far_as_read,
-    numbered,
-    salvage,
-)
+from bestman_bt.configuration.checked import numbered, salvage
+from bestman_bt.configuration.document import Document
+from bestman_bt.configuration.errors import ConfigurationError, Problem, ProblemCollector, UnreadError, as_far_as_read
 from bestman_bt.registry import CONNECTIONS, UnknownNameError, suggestion
 from bestman_bt.robot_model.connection_config import ConnectionConfig, SafetyConfig, host_and_port
 from bestman_bt.robot_model.model import ArmModel, BaseModel, GripperModel, Part, RobotModel

@@ -6,7 +6,8 @@ import xml.etree.ElementTree as ET
 from collections.abc import Mapping
 from difflib import get_close_matches
 
-from bestman_bt.configuration import Document, Problem
+from bestman_bt.configuration.document import Document
+from bestman_bt.configuration.errors import Problem
 from bestman_bt.messages import Pose
 from bestman_bt.registry import suggestion
 from bestman_bt.robot_model.footprint import origin_pose

@@ -13,17 +13,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bestman_bt.configuration import (
-    ConfigurationError,
-    Document,
-    Problem,
-    UnreadError,
-    check,
-    find_data,
-    is_whole,
-    read_document,
-    salvage,
-)
+from bestman_bt.configuration.checked import check, is_whole, salvage
+from bestman_bt.configuration.data import find_data
+from bestman_bt.configuration.document import Document, read_document
+from bestman_bt.configuration.errors import ConfigurationError, Problem, UnreadError
 from bestman_bt.messages import Box
 from bestman_bt.registry import PARTS, UnknownNameError, suggestion
 from bestman_bt.robot_model.finger_linkage import MimicJoint, opening_table

@@ -12,7 +12,7 @@ from importlib import import_module
 from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 
-from bestman_bt.configuration import no_pybullet_data, pybullet_data
+from bestman_bt.configuration.data import no_pybullet_data, pybullet_data
 from bestman_bt.errors import Error
 from bestman_bt.extras import install_command
 from bestman_bt.registry import suggestion

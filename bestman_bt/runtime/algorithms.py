@@ -13,43 +13,46 @@ from types import ModuleType
 from typing import Any
 
 from behaviours.nav2.ports import AlgorithmName
-from bestman_bt.configuration import (
-    ConfigurationError,
-    Document,
-    Problem,
-    ProblemCollector,
-    RunConfig,
-    in_folders,
-    salvage,
-)
+from bestman_bt.configuration.checked import salvage
+from bestman_bt.configuration.data import in_folders
+from bestman_bt.configuration.document import Document
+from bestman_bt.configuration.errors import ConfigurationError, Problem, ProblemCollector
+from bestman_bt.configuration.run import RunConfig
 from bestman_bt.engine import Tree
 from bestman_bt.engine.errors import Problem as TreeProblem
 from bestman_bt.engine.own_files import described, importable, load_file, module_of, plugin_module, signature_fault
 from bestman_bt.engine.unwritten import problem_at
 from bestman_bt.errors import MissingExtraError
-from bestman_bt.manipulation.collision import CollisionModel
-from bestman_bt.manipulation.kinematics import InverseKinematics
-from bestman_bt.manipulation.motion_planning import MotionPlanner, TimedMotionPlanner
-from bestman_bt.manipulation.trajectory import TimeParametrization
+from bestman_bt.manipulation.collision.base import CollisionModel
+from bestman_bt.manipulation.kinematics.base import InverseKinematics
+from bestman_bt.manipulation.motion_planning.base import MotionPlanner
+from bestman_bt.manipulation.motion_planning.timed_planner import TimedMotionPlanner
+from bestman_bt.manipulation.trajectory.base import TimeParametrization
 from bestman_bt.messages.shapes import check_bounds
-from bestman_bt.navigation.global_planning import GlobalPlanner, LayeredCostmap
-from bestman_bt.navigation.local_planning import PathFollower
-from bestman_bt.navigation.localization import GlobalLocalizer, Localizer, OdometryFilter
-from bestman_bt.navigation.slam import FrontierExplorer, Slam
-from bestman_bt.perception import PerceptionError
-from bestman_bt.perception.affordance import HandleDetector
-from bestman_bt.perception.detection import Detector
-from bestman_bt.perception.grasp_pose import GraspPlanner
+from bestman_bt.navigation.global_planning.base import GlobalPlanner
+from bestman_bt.navigation.global_planning.layered_costmap import LayeredCostmap
+from bestman_bt.navigation.local_planning.base import PathFollower
+from bestman_bt.navigation.localization.base import GlobalLocalizer, Localizer
+from bestman_bt.navigation.localization.ekf import OdometryFilter
+from bestman_bt.navigation.slam.base import Slam
+from bestman_bt.navigation.slam.frontiers import FrontierExplorer
+from bestman_bt.perception.affordance.front_handles import HandleDetector
+from bestman_bt.perception.detection.base import Detector
+from bestman_bt.perception.errors import PerceptionError
+from bestman_bt.perception.grasp_pose.base import GraspPlanner
 from bestman_bt.perception.occupancy import OccupancyMapper
-from bestman_bt.perception.pose_estimation import MultiView, PoseEstimator
-from bestman_bt.perception.segmentation import Segmentation, SupportSurfaces
+from bestman_bt.perception.pose_estimation.base import PoseEstimator
+from bestman_bt.perception.pose_estimation.multi_view import MultiView
+from bestman_bt.perception.segmentation.base import Segmentation
+from bestman_bt.perception.segmentation.support_surfaces import SupportSurfaces
 from bestman_bt.perception.tracking import Tracker
 from bestman_bt.perception.view_planning import ViewPlanner
 from bestman_bt.registry import ALGORITHMS, PLUGIN_EXAMPLES, UnknownNameError, suggestion
-from bestman_bt.robot_model import ArmModel, BaseModel, ImuPart, RobotModel, WheeledBaseModel
+from bestman_bt.robot_model.model import ArmModel, BaseModel, RobotModel, WheeledBaseModel
+from bestman_bt.robot_model.sensor_parts import ImuPart
 from bestman_bt.runtime.own_results import with_checked_results
 from bestman_bt.runtime.tree_checks import literals
-from bestman_bt.world_model import SemanticMap
+from bestman_bt.world_model.semantic_map import SemanticMap
 
 
 @dataclass(frozen=True)

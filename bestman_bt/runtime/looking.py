@@ -13,15 +13,19 @@ from behaviours.context import SkillContext
 from behaviours.failure import NodeFailure
 from behaviours.manipulation.grasp_candidates import grasp_candidates, handle_grasp_candidates
 from behaviours.perception.surfaces import SLAB_GROWTH
-from bestman_bt.configuration import Problem, RunConfig, RunRequest, run_of_options
+from bestman_bt.configuration.errors import Problem
+from bestman_bt.configuration.run import RunConfig, RunRequest, run_of_options
 from bestman_bt.control.rgbd import RGBDView
 from bestman_bt.messages import Box, Pose, Pose2D
 from bestman_bt.runtime.robot_session import open_session
 from bestman_bt.runtime.setup import Setup
-from bestman_bt.scene import SceneError, Wall, draw_world, load_scene, semantic_map
+from bestman_bt.scene.draw import SceneError, draw_world
+from bestman_bt.scene.load import load_scene
+from bestman_bt.scene.map_of_world import semantic_map
 from bestman_bt.scene.plane_geometry import distance_to_polygon, rectangle, wall_rectangle
+from bestman_bt.scene.scene import Wall
 from bestman_bt.visualization.marks import GraspMark, HandleMark, ObjectMark, SceneMarks, SurfaceMark
-from bestman_bt.world_model import MapFurniture
+from bestman_bt.world_model.semantic_map import MapFurniture
 
 STAND_OFFS = (0.90, 1.05, 0.75, 1.20, 0.60, 1.40)
 """Metres between the middle of the base and the front of what it looks at; the first with room is taken."""

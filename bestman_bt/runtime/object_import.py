@@ -13,15 +13,16 @@ import numpy as np
 import yaml
 from PIL import Image
 
-from bestman_bt.configuration import ConfigurationError, Problem, data_names, read_document
+from bestman_bt.configuration.data import data_names
+from bestman_bt.configuration.document import read_document
+from bestman_bt.configuration.errors import ConfigurationError, Problem
 from bestman_bt.errors import MissingExtraError
 from bestman_bt.messages import Mesh, ObjectModel
 from bestman_bt.perception.errors import PerceptionError
-from bestman_bt.perception.grasp_pose import AntipodalModel
-from bestman_bt.perception.object_models import is_closed, simplified
-from bestman_bt.perception.object_models.convex_parts import ConvexDecomposition
+from bestman_bt.perception.grasp_pose.model_based import AntipodalModel
+from bestman_bt.perception.object_models.convex_parts import ConvexDecomposition, is_closed, simplified
 from bestman_bt.perception.object_models.symmetry import SymmetrySearch
-from bestman_bt.robot_model import GripperModel
+from bestman_bt.robot_model.model import GripperModel
 from bestman_bt.runtime.object_picture import object_picture
 from bestman_bt.scene.grasps_file import grasps_json
 from bestman_bt.scene.mesh_file import (

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.messages import Box, Cylinder, ObjectGrasp, ObjectModel, PlacedShape, Pose
-from bestman_bt.robot_model import GripperModel
-from hal.pybullet import render_object
-from hal.simulation import Viewpoint
+from bestman_bt.robot_model.model import GripperModel
+from hal.pybullet.pictures import render_object
+from hal.simulation.bodies import Viewpoint
 
 Part = tuple[PlacedShape, tuple[float, float, float]]
 AXES = (

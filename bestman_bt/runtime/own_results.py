@@ -14,8 +14,8 @@ import numpy as np
 from bestman_bt.engine.own_files import defined_at
 from bestman_bt.errors import WrongResultError
 from bestman_bt.messages import Path2D
-from bestman_bt.navigation.global_planning import Costmap
-from bestman_bt.navigation.local_planning import FollowerCommand
+from bestman_bt.navigation.global_planning.costmap import Costmap
+from bestman_bt.navigation.local_planning.base import FollowerCommand
 
 _SEQUENCES = (tuple, list, Sequence)
 

@@ -12,10 +12,11 @@ import numpy as np
 import pinocchio
 from numpy.typing import NDArray
 
-from bestman_bt.manipulation.collision import CoalCollisionModel, PlanningScene
-from bestman_bt.robot_model import ArmModel, RobotModel
+from bestman_bt.manipulation.collision.coal_world import CoalCollisionModel
+from bestman_bt.manipulation.collision.planning_scene import PlanningScene
 from bestman_bt.robot_model.finger_linkage import MimicJoint, all_positions, link_poses
 from bestman_bt.robot_model.footprint import origin_pose, outline
+from bestman_bt.robot_model.model import ArmModel, RobotModel
 from bestman_bt.robot_model.urdf_elements import child_of, parent_of
 from bestman_bt.robot_model.urdf_source import UrdfError
 from bestman_bt.robot_model.urdf_tree import UrdfTree

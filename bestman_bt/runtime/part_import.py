@@ -12,8 +12,10 @@ from typing import Any
 
 import yaml
 
-from bestman_bt.configuration import ConfigurationError, Document
-from bestman_bt.robot_model import RobotModel, compose_robot
+from bestman_bt.configuration.document import Document
+from bestman_bt.configuration.errors import ConfigurationError
+from bestman_bt.robot_model.compose import compose_robot
+from bestman_bt.robot_model.model import RobotModel
 from bestman_bt.robot_model.srdf import Srdf
 from bestman_bt.robot_model.urdf_elements import child_of, parent_of
 from bestman_bt.robot_model.urdf_source import UrdfError

@@ -17,7 +17,7 @@ from bestman_bt.control.rgbd import RGBDView
 from bestman_bt.messages import MotionObstacle
 from bestman_bt.monitor.event_stream import Tell
 from bestman_bt.records.events import ImageEvent, Topic
-from bestman_bt.robot_model import ArmModel
+from bestman_bt.robot_model.model import ArmModel
 
 FOLDER = "pictures"
 SCENE = "scene"

@@ -7,8 +7,9 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from bestman_bt.configuration import ConfigurationError, ProblemCollector, RunRequest, run_of_options, told_to_programs
-from bestman_bt.configuration import Problem as WrongInput
+from bestman_bt.configuration.errors import ConfigurationError, ProblemCollector, told_to_programs
+from bestman_bt.configuration.errors import Problem as WrongInput
+from bestman_bt.configuration.run import RunRequest, run_of_options
 from bestman_bt.engine import Problem as Fault
 from bestman_bt.errors import InputError
 from bestman_bt.facts.located import UNSEEN
@@ -17,22 +18,15 @@ from bestman_bt.registry import BUILDERS
 from bestman_bt.runtime.executor import Execution
 from bestman_bt.runtime.setup import Setup, prepare
 from bestman_bt.task_planning.base import TaskPlanner
-from bestman_bt.task_planning.builders import PlanTree
+from bestman_bt.task_planning.builders.plan_tree import PlanTree
 from bestman_bt.task_planning.builders.replanning import with_replanning
 from bestman_bt.task_planning.domain import Domain
 from bestman_bt.task_planning.limits import PlanLimits, plan_within
 from bestman_bt.task_planning.planners import made_builder, made_planner, planner_class
-from bestman_bt.task_planning.symbolic import (
-    Action,
-    GoalError,
-    GoalFaults,
-    PlanningError,
-    Problem,
-    TaskPlan,
-    goal_as_facts,
-)
+from bestman_bt.task_planning.symbolic.facts import goal_as_facts
+from bestman_bt.task_planning.symbolic.problem import Action, GoalError, GoalFaults, PlanningError, Problem, TaskPlan
 from bestman_bt.task_planning.verification import verify
-from bestman_bt.world_model import WorldModel
+from bestman_bt.world_model.world_model import WorldModel
 
 TIME_LIMIT = "1200 s"
 """For what is planned without a task: to search a kitchen takes its time."""
@@ -109,11 +103,12 @@ class PlanQuestion:
         if text is None and planner != "language":
             chosen = made_planner(planner) if isinstance(planner, str) else planner
             return problem, plan_within(chosen, problem, self.limits)
-        from bestman_bt.task_planning import language
+        from bestman_bt.task_planning.language.errors import EndpointNotSetError, TranscriptError
+        from bestman_bt.task_planning.language.from_text import plan_from_text
 
         record, replay = transcript.record, transcript.replay
         try:
-            found = language.plan_from_text(
+            found = plan_from_text(
                 text or "",
                 problem,
                 str(planner),
@@ -122,7 +117,7 @@ class PlanQuestion:
                 replay=replay,
                 further=self._refusals,
             )
-        except (language.EndpointNotSetError, language.TranscriptError) as error:
+        except (EndpointNotSetError, TranscriptError) as error:
             raise ConfigurationError([WrongInput("bestman-bt plan", None, "", str(error))]) from error
         return found.problem, found.plan
 

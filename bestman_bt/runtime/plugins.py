@@ -11,7 +11,8 @@ from typing import Any
 
 from py_trees.behaviour import Behaviour
 
-from bestman_bt.configuration import ConfigurationError, Problem, find_data, shipped_trees
+from bestman_bt.configuration.data import find_data, shipped_trees
+from bestman_bt.configuration.errors import ConfigurationError, Problem
 from bestman_bt.engine import Node, NodeRegistry, Tree, build_tree, load_tree
 from bestman_bt.engine.models.foreign import Placeholders, open_tree
 from bestman_bt.engine.own_files import described, importable, load_file, plugin_module

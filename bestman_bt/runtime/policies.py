@@ -6,18 +6,16 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from behaviours.manipulation.policy import RunPolicy
-from bestman_bt.configuration import ConfigurationError, find_data, in_folders
-from bestman_bt.configuration import Problem as WrongInput
+from bestman_bt.configuration.data import find_data, in_folders
+from bestman_bt.configuration.errors import ConfigurationError
+from bestman_bt.configuration.errors import Problem as WrongInput
 from bestman_bt.engine import Tree
 from bestman_bt.engine.errors import Problem
 from bestman_bt.engine.unwritten import problem_at
 from bestman_bt.errors import MissingExtraError, WrongResultError
-from bestman_bt.manipulation.policy import (
-    Policy,
-    PolicyError,
-    PolicyModelError,
-    load_policy,
-)
+from bestman_bt.manipulation.policy.base import Policy
+from bestman_bt.manipulation.policy.errors import PolicyError, PolicyModelError
+from bestman_bt.manipulation.policy.policy_file import load_policy
 from bestman_bt.runtime.algorithms import class_at, made_of_own, refuse_unfinished, told_by_tree
 from bestman_bt.runtime.tree_checks import literals
 

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from bestman_bt.configuration import find_data
-from bestman_bt.manipulation.kinematics import DampedLeastSquares
-from bestman_bt.manipulation.policy.training import PickedObject, PickingExpert, ReachingExpert
+from bestman_bt.configuration.data import find_data
+from bestman_bt.manipulation.kinematics.damped_least_squares import DampedLeastSquares
+from bestman_bt.manipulation.policy.training.picking import PickedObject, PickingExpert
+from bestman_bt.manipulation.policy.training.reaching import ReachingExpert
 from bestman_bt.messages import Pose
-from bestman_bt.perception.grasp_pose import GraspTarget, ModelBased
-from bestman_bt.robot_model import ArmModel, GripperModel, RobotModel
+from bestman_bt.perception.grasp_pose.base import GraspTarget
+from bestman_bt.perception.grasp_pose.model_based import ModelBased
+from bestman_bt.robot_model.model import ArmModel, GripperModel, RobotModel
 from bestman_bt.scene.object_file import read_object
 
 

@@ -14,16 +14,12 @@ from typing import Any
 import numpy as np
 
 from behaviours.parts import parts_by_kind
-from bestman_bt.configuration import (
-    ConfigurationError,
-    Problem,
-    data_names,
-    find_data,
-    own_pybullet_data,
-    read_document,
-)
-from bestman_bt.manipulation.kinematics import DampedLeastSquares
-from bestman_bt.robot_model import (
+from bestman_bt.configuration.data import data_names, find_data, own_pybullet_data
+from bestman_bt.configuration.document import read_document
+from bestman_bt.configuration.errors import ConfigurationError, Problem
+from bestman_bt.manipulation.kinematics.damped_least_squares import DampedLeastSquares
+from bestman_bt.robot_model.compose import combine, load_robot_model
+from bestman_bt.robot_model.model import (
     ArmModel,
     BaseModel,
     GripperModel,
@@ -31,10 +27,8 @@ from bestman_bt.robot_model import (
     LeggedBaseModel,
     RobotModel,
     WheeledBaseModel,
-    combine,
-    load_robot_model,
-    payload,
 )
+from bestman_bt.robot_model.payload import payload
 
 # The robot models that PyBullet's wheel holds, without PyBullet: some shipped robots are described by them.
 

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from behaviours.parts import MissingPartError, PartKind, parts_by_kind
-from bestman_bt.control.arm import ArmController, ArmWays
+from bestman_bt.control.arm.arm_controller import ArmController
+from bestman_bt.control.arm.arm_ways import ArmWays
 from bestman_bt.control.gripper import GripperController
 from bestman_bt.control.head import HeadController
 from bestman_bt.control.inertial import FusedOdometry, GyroHeading
@@ -19,11 +20,14 @@ from bestman_bt.control.lidar import LidarSensor
 from bestman_bt.control.planned_motion import Confirm
 from bestman_bt.control.rgbd import RGBDSensor
 from bestman_bt.control.touch import TactileSensor, WristWrench
-from bestman_bt.control.wheeled import BaseController, CollisionMonitor, LocalisationCycle
-from bestman_bt.manipulation.kinematics import ArmBodies, ForwardKinematics
-from bestman_bt.robot_model import ArmModel, RobotModel, arm_of
+from bestman_bt.control.wheeled.base_controller import BaseController
+from bestman_bt.control.wheeled.collision_monitor import CollisionMonitor
+from bestman_bt.control.wheeled.localisation_cycle import LocalisationCycle
+from bestman_bt.manipulation.kinematics.link_hulls import ArmBodies, ForwardKinematics
+from bestman_bt.robot_model.model import ArmModel, RobotModel
+from bestman_bt.robot_model.urdf_tree import arm_of
 from bestman_bt.runtime.algorithms import SLOTS, Algorithms
-from bestman_bt.world_model import WorldModel
+from bestman_bt.world_model.world_model import WorldModel
 from hal.api import (
     Arm,
     Bumper,

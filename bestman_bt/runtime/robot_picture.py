@@ -12,13 +12,15 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
 from bestman_bt.messages import Pose2D
-from bestman_bt.robot_model import BaseModel, GripperModel, RobotModel
 from bestman_bt.robot_model.finger_linkage import link_poses
 from bestman_bt.robot_model.footprint import origin_pose, outline
+from bestman_bt.robot_model.model import BaseModel, GripperModel, RobotModel
 from bestman_bt.robot_model.urdf_elements import child_of, fixed_joint, link
-from bestman_bt.scene import World
-from hal.pybullet import PhysicsParameters, PyBulletRobot
-from hal.simulation import ScenePhotographer, Viewpoint
+from bestman_bt.scene.scene import World
+from hal.pybullet.parameters import PhysicsParameters
+from hal.pybullet.robot import PyBulletRobot
+from hal.simulation.bodies import Viewpoint
+from hal.simulation.camera import ScenePhotographer
 
 Picture = NDArray[np.uint8]
 FROM = (1.0, -1.15, 0.45)

@@ -9,9 +9,11 @@ from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 
-from bestman_bt.configuration import ConfigurationError, Problem, parse_settings
-from bestman_bt.robot_model import load_robot_model
-from hal.hardware import Connection, HardwareRobot
+from bestman_bt.configuration.errors import ConfigurationError, Problem
+from bestman_bt.configuration.run import parse_settings
+from bestman_bt.robot_model.compose import load_robot_model
+from hal.hardware.connection import Connection
+from hal.hardware.robot import HardwareRobot
 
 
 def real_robot(name: str, settings: Sequence[str] = ()) -> HardwareRobot:

@@ -20,7 +20,9 @@ from behaviours.computation import InlineComputation
 from behaviours.context import SkillContext
 from behaviours.navigation.localise import KNOWN_POSITION_STD
 from behaviours.skill import OnRobot
-from bestman_bt.configuration import RunConfig, load_run, task_of_tree, told_to_programs
+from bestman_bt.configuration.errors import told_to_programs
+from bestman_bt.configuration.run import RunConfig, load_run
+from bestman_bt.configuration.task import task_of_tree
 from bestman_bt.control.operator_speed import OperatorSpeed
 from bestman_bt.control.robot_stop import RobotStop
 from bestman_bt.engine import Problem, Tree, TreeLoadError
@@ -39,7 +41,7 @@ from bestman_bt.runtime.setup import Setup, load_for, prepare
 from bestman_bt.runtime.telemetry import Telemetry
 from bestman_bt.runtime.tree_checks import unfilled_entries
 from hal.api import NotConnectedError, Robot, Sensor
-from hal.parts import SimulatedClock
+from hal.parts.simulated_clock import SimulatedClock
 
 # What the first event of a run tells.
 

@@ -15,8 +15,9 @@ from bestman_bt.control.wheeled.localisation_cycle import PlacedScan
 from bestman_bt.messages import Path2D, Pose2D
 from bestman_bt.monitor.event_stream import Tell
 from bestman_bt.records.events import MapEvent, MapPiece, PathEvent, RobotEvent, ScanEvent, Topic
-from bestman_bt.robot_model import RobotModel
-from bestman_bt.world_model import BasePose, SemanticMap
+from bestman_bt.robot_model.model import RobotModel
+from bestman_bt.world_model.semantic_map import SemanticMap
+from bestman_bt.world_model.world_model import BasePose
 from hal.api import Robot
 
 ROBOT_EVERY, SCAN_EVERY = 0.1, 0.5

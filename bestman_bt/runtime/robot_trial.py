@@ -11,13 +11,16 @@ from typing import cast
 import numpy as np
 from numpy.typing import NDArray
 
-from bestman_bt.manipulation.collision import CoalCollisionModel, CollisionWorld, PlanningScene
+from bestman_bt.manipulation.collision.base import CollisionWorld
+from bestman_bt.manipulation.collision.coal_world import CoalCollisionModel
+from bestman_bt.manipulation.collision.planning_scene import PlanningScene
 from bestman_bt.messages import Pose2D
-from bestman_bt.robot_model import ArmModel, GripperModel, RobotModel, payload
-from bestman_bt.scene import Wall, World
+from bestman_bt.robot_model.model import ArmModel, GripperModel, RobotModel
+from bestman_bt.robot_model.payload import payload
+from bestman_bt.scene.scene import Wall, World
 from hal.api import Arm, MotionStatus
-from hal.pybullet import PyBulletRobot
-from hal.simulation import GroundTruth
+from hal.pybullet.robot import PyBulletRobot
+from hal.simulation.ground_truth import GroundTruth
 
 Array = NDArray[np.float64]
 

@@ -14,17 +14,16 @@ from typing import Any
 import numpy as np
 from py_trees.behaviour import Behaviour
 
-from bestman_bt.configuration import (
+from bestman_bt.configuration.data import shipped_trees
+from bestman_bt.configuration.errors import (
     UNREAD,
     ConfigurationError,
     Problem,
     ProblemCollector,
-    RunConfig,
     UnreadError,
     as_far_as_read,
-    load_run,
-    shipped_trees,
 )
+from bestman_bt.configuration.run import RunConfig, load_run
 from bestman_bt.engine import NodeRegistry, Tree, TreeLoadError
 from bestman_bt.engine.errors import Problem as TreeProblem
 from bestman_bt.engine.models.package import Package
@@ -35,8 +34,10 @@ from bestman_bt.facts.goals.goal import Goal, entries_of, goals_of
 from bestman_bt.facts.goals.placed import Placed, PlaceGoal
 from bestman_bt.messages import Pose2D
 from bestman_bt.registry import CONNECTIONS, DRIVERS, UnknownNameError
-from bestman_bt.robot_model import ArmModel, BaseModel, CameraPart, RobotModel, load_robot_model
 from bestman_bt.robot_model.bringup_file import as_brought_up
+from bestman_bt.robot_model.compose import load_robot_model
+from bestman_bt.robot_model.model import ArmModel, BaseModel, RobotModel
+from bestman_bt.robot_model.sensor_parts import CameraPart
 from bestman_bt.runtime.algorithms import (
     Algorithms,
     algorithm_problems,
@@ -56,8 +57,12 @@ from bestman_bt.runtime.tree_checks import (
     unfilled_entries,
     unknown_names,
 )
-from bestman_bt.scene import SceneConfig, World, draw_world, load_scene, semantic_map
-from bestman_bt.world_model import BasePose, WorldModel
+from bestman_bt.scene.draw import draw_world
+from bestman_bt.scene.load import load_scene
+from bestman_bt.scene.map_of_world import semantic_map
+from bestman_bt.scene.scene import World
+from bestman_bt.scene.scene_config import SceneConfig
+from bestman_bt.world_model.world_model import BasePose, WorldModel
 
 START_POSITION_ERROR = 0.03
 START_HEADING_ERROR = math.radians(1.2)

@@ -9,7 +9,7 @@ from typing import Annotated, Any, ClassVar
 
 from pydantic import Field
 
-from bestman_bt.configuration import Problem, as_far_as_read
+from bestman_bt.configuration.errors import Problem, as_far_as_read
 from bestman_bt.facts.evidence import Evidence, Verdict, joined
 from bestman_bt.facts.goals.goal import Goal, surface_names, unknown
 from bestman_bt.facts.predicate import Beliefs
@@ -17,7 +17,7 @@ from bestman_bt.registry import BUILDERS, PLANNERS, suggestion
 from bestman_bt.task_planning.domain import Domain
 from bestman_bt.task_planning.limits import PlanLimits
 from bestman_bt.task_planning.state import PredicateError, asked, known_predicates
-from bestman_bt.task_planning.symbolic import GoalError, Literal
+from bestman_bt.task_planning.symbolic.problem import GoalError, Literal
 
 
 @dataclass(frozen=True)

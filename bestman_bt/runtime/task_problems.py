@@ -9,12 +9,15 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from bestman_bt.configuration import DisturbanceConfig, Problem, RunConfig, as_far_as_read, numbered
+from bestman_bt.configuration.checked import numbered
+from bestman_bt.configuration.disturbance import DisturbanceConfig
 from bestman_bt.configuration.document import FieldPath
+from bestman_bt.configuration.errors import Problem, as_far_as_read
+from bestman_bt.configuration.run import RunConfig
 from bestman_bt.facts.evidence import DrawnTask
 from bestman_bt.facts.goals.goal import goals_of, surface_names, unknown
-from bestman_bt.scene import World
-from bestman_bt.world_model import WorldModel
+from bestman_bt.scene.scene import World
+from bestman_bt.world_model.world_model import WorldModel
 
 
 def task_problems(task: DrawnTask) -> Iterator[Problem]:

@@ -18,8 +18,8 @@ from bestman_bt.engine.unwritten import may_write_unseen, named_at, problem_at, 
 from bestman_bt.registry import suggestion
 
 if TYPE_CHECKING:
-    from bestman_bt.robot_model import RobotModel
-    from bestman_bt.world_model import WorldModel
+    from bestman_bt.robot_model.model import RobotModel
+    from bestman_bt.world_model.world_model import WorldModel
 
 TASK_ENTRIES = (
     *("object", "source", "target", "goal", "goals", "objects", "region_x", "region_y"),

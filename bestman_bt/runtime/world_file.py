@@ -9,11 +9,14 @@ from typing import Any
 
 import yaml
 
-from bestman_bt.configuration import ConfigurationError, Document, beside, check, read_document
+from bestman_bt.configuration.checked import check
+from bestman_bt.configuration.data import beside
+from bestman_bt.configuration.document import Document, read_document
+from bestman_bt.configuration.errors import ConfigurationError
 from bestman_bt.configuration.quantity import WholeNumber
 from bestman_bt.runtime.setup import Setup
-from bestman_bt.world_model import WorldModel
 from bestman_bt.world_model.saved_beliefs import SavedBeliefs, restored, saved
+from bestman_bt.world_model.world_model import WorldModel
 
 WORLD_NAME = "world.yaml"
 """Its name in a run folder."""

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from bestman_bt.control.joint_state import JointStateSensor
 from bestman_bt.control.touch import WristWrench
-from bestman_bt.manipulation.kinematics import ForwardKinematics
-from bestman_bt.robot_model import ArmModel
+from bestman_bt.manipulation.kinematics.link_hulls import ForwardKinematics
+from bestman_bt.robot_model.model import ArmModel
 from hal.api import Arm, ForceTorque, MotionStatus, Robot, RobotError
 
 TURN = math.radians(30.0)

@@ -9,10 +9,10 @@ from functools import partial
 
 import numpy as np
 
-from bestman_bt.configuration import ConfigurationError
+from bestman_bt.configuration.errors import ConfigurationError
 from bestman_bt.errors import Error
 from bestman_bt.messages import Pose, Pose2D
-from bestman_bt.scene.apartment_generator import ApartmentError, generate_apartment
+from bestman_bt.scene.apartment_generator.generate import ApartmentError, generate_apartment
 from bestman_bt.scene.changes import draw_changes, exactly_placed
 from bestman_bt.scene.floor_grid import FloorGrid
 from bestman_bt.scene.moving_door import MovingDoor

@@ -10,17 +10,10 @@ from typing import Any, Literal
 
 import numpy as np
 
-from bestman_bt.configuration import (
-    ConfigurationError,
-    Document,
-    Problem,
-    ProblemCollector,
-    UnreadError,
-    as_far_as_read,
-    find_data,
-    read_document,
-    salvage,
-)
+from bestman_bt.configuration.checked import salvage
+from bestman_bt.configuration.data import find_data
+from bestman_bt.configuration.document import Document, read_document
+from bestman_bt.configuration.errors import ConfigurationError, Problem, ProblemCollector, UnreadError, as_far_as_read
 from bestman_bt.configuration.quantity import (
     Friction,
     JointEffort,
@@ -35,7 +28,8 @@ from bestman_bt.configuration.quantity import (
 )
 from bestman_bt.messages import Handle, HandleKind, JointKind, PlacedShape, Pose
 from bestman_bt.messages.handle import HingeSide
-from bestman_bt.scene.furniture_generator import FurnitureOptionError, generate_furniture, options_of
+from bestman_bt.scene.furniture_generator.generate import generate_furniture, options_of
+from bestman_bt.scene.furniture_generator.option_error import FurnitureOptionError
 from bestman_bt.scene.scene import Articulation, FurnitureModel, Surface
 from bestman_bt.scene.shape_file import ShapeConfig, placed_shapes
 

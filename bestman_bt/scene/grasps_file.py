@@ -9,7 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
-from bestman_bt.configuration import ConfigurationError, Document, Problem, check
+from bestman_bt.configuration.checked import check
+from bestman_bt.configuration.document import Document
+from bestman_bt.configuration.errors import ConfigurationError, Problem
 from bestman_bt.configuration.quantity import Lengths3, Number, PositiveLength, Share
 from bestman_bt.messages import ObjectGrasp, Pose
 

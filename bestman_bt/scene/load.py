@@ -10,17 +10,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from bestman_bt.configuration import (
-    ConfigurationError,
-    Document,
-    Problem,
-    ProblemCollector,
-    beside,
-    find_data,
-    override,
-    read_document,
-    salvage,
-)
+from bestman_bt.configuration.checked import override, salvage
+from bestman_bt.configuration.data import beside, find_data
+from bestman_bt.configuration.document import Document, read_document
+from bestman_bt.configuration.errors import ConfigurationError, Problem, ProblemCollector
 from bestman_bt.messages import ObjectModel
 from bestman_bt.registry import suggestion
 from bestman_bt.scene.apartment_generator.furnish import NEEDED

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from bestman_bt.messages import Box, PlacedShape, Pose
 from bestman_bt.scene.plane_geometry import cut_away, wall_rectangle
 from bestman_bt.scene.scene import Articulation, FurnitureModel, Surface, World
-from bestman_bt.world_model import MapFurniture, MapLeaf, MapSurface, SemanticMap
+from bestman_bt.world_model.semantic_map import MapFurniture, MapLeaf, MapSurface, SemanticMap
 
 # What the map tells of a piece's structure: its boards, and its doors and drawers without their handles.
 

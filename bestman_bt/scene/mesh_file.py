@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
-from bestman_bt.configuration import no_pybullet_data, pybullet_data
+from bestman_bt.configuration.data import no_pybullet_data, pybullet_data
 from bestman_bt.configuration.quantity import PositiveLength
 from bestman_bt.errors import Error
 from bestman_bt.extras import open3d

@@ -8,15 +8,10 @@ from pathlib import Path
 from typing import Literal
 from xml.etree import ElementTree
 
-from bestman_bt.configuration import (
-    ConfigurationError,
-    Document,
-    Problem,
-    ProblemCollector,
-    find_data,
-    read_document,
-    salvage,
-)
+from bestman_bt.configuration.checked import salvage
+from bestman_bt.configuration.data import find_data
+from bestman_bt.configuration.document import Document, read_document
+from bestman_bt.configuration.errors import ConfigurationError, Problem, ProblemCollector
 from bestman_bt.configuration.quantity import Color, Friction, Mass
 from bestman_bt.messages import Mesh, ObjectGrasp, ObjectModel, PlacedShape, Pose
 from bestman_bt.scene.grasps_file import read_grasps

@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
-from bestman_bt.configuration import Document, Problem, UnreadError, as_far_as_read
+from bestman_bt.configuration.document import Document
+from bestman_bt.configuration.errors import Problem, UnreadError, as_far_as_read
 from bestman_bt.messages import Box, Cylinder, Mesh, Pose, Shape, Sphere
 from bestman_bt.registry import suggestion
 from bestman_bt.scene.placing import standing_furniture

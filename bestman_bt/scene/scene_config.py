@@ -10,7 +10,7 @@ from typing import Annotated
 from pydantic import AfterValidator, Field
 from pydantic_core import PydanticCustomError
 
-from bestman_bt.configuration import Document
+from bestman_bt.configuration.document import Document
 from bestman_bt.configuration.quantity import (
     Angle,
     AngularSpeed,

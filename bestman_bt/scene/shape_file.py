@@ -7,7 +7,9 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
-from bestman_bt.configuration import ConfigurationError, Document, ProblemCollector, numbered
+from bestman_bt.configuration.checked import numbered
+from bestman_bt.configuration.document import Document
+from bestman_bt.configuration.errors import ConfigurationError, ProblemCollector
 from bestman_bt.configuration.quantity import (
     Angle,
     Angles3,

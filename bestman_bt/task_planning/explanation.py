@@ -9,15 +9,8 @@ from collections.abc import Iterator
 from bestman_bt.facts.holding import HOLDING
 from bestman_bt.facts.located import LOCATED, UNSEEN
 from bestman_bt.facts.on import ON
-from bestman_bt.task_planning.symbolic import (
-    Action,
-    Fact,
-    Literal,
-    Operator,
-    Problem,
-    instantiate,
-    reachable_actions,
-)
+from bestman_bt.task_planning.symbolic.grounding import instantiate, reachable_actions
+from bestman_bt.task_planning.symbolic.problem import Action, Fact, Literal, Operator, Problem
 
 _Way = tuple[tuple[Literal, Action], ...]
 """From the goal down: what is needed, and the action that needs it."""

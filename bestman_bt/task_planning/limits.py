@@ -13,7 +13,8 @@ from bestman_bt.task_planning.base import TaskPlanner
 from bestman_bt.task_planning.domain import without_number
 from bestman_bt.task_planning.explanation import explain
 from bestman_bt.task_planning.planners import actions_of
-from bestman_bt.task_planning.symbolic import (
+from bestman_bt.task_planning.symbolic.grounding import instantiate
+from bestman_bt.task_planning.symbolic.problem import (
     Action,
     Fact,
     GoalError,
@@ -23,7 +24,6 @@ from bestman_bt.task_planning.symbolic import (
     Problem,
     TaskPlan,
     Unsolvable,
-    instantiate,
 )
 
 ALLOWED = "allowed"

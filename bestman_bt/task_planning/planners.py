@@ -7,8 +7,8 @@ import inspect
 from bestman_bt.engine.own_files import in_words
 from bestman_bt.registry import BUILDERS, PLANNERS, UnknownNameError
 from bestman_bt.task_planning.base import TaskPlanner
-from bestman_bt.task_planning.builders import TreeBuilder
-from bestman_bt.task_planning.symbolic import Action, PlanningError, Problem, TaskPlan
+from bestman_bt.task_planning.builders.base import TreeBuilder
+from bestman_bt.task_planning.symbolic.problem import Action, PlanningError, Problem, TaskPlan
 
 
 def planner_class(name: str) -> type[TaskPlanner]:

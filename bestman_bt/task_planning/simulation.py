@@ -24,17 +24,10 @@ from bestman_bt.engine import (
     load_tree,
 )
 from bestman_bt.task_planning.builders.plan_tree import ABILITIES_FILE, PlanTree
-from bestman_bt.task_planning.symbolic import (
-    Action,
-    Fact,
-    Literal,
-    Operator,
-    PlanningError,
-    Problem,
-    instantiate,
-    parse_literals,
-)
+from bestman_bt.task_planning.symbolic.facts import parse_literals
+from bestman_bt.task_planning.symbolic.grounding import instantiate
 from bestman_bt.task_planning.symbolic.plan_check import broken_in, state_after
+from bestman_bt.task_planning.symbolic.problem import Action, Fact, Literal, Operator, PlanningError, Problem
 
 MAX_TICKS = 10_000
 """Ticks after which a tree counts as one that does not end."""

@@ -11,7 +11,7 @@ from bestman_bt.facts.predicate import Beliefs, Predicate
 from bestman_bt.registry import PREDICATES
 from bestman_bt.task_planning.symbolic.facts import parse_conditions
 from bestman_bt.task_planning.symbolic.problem import Fact, Literal, PlanningError
-from bestman_bt.world_model import WorldModel
+from bestman_bt.world_model.world_model import WorldModel
 
 T = TypeVar("T")
 

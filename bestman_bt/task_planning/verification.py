@@ -30,11 +30,12 @@ from bestman_bt.engine import Problem as Fault
 from bestman_bt.registry import suggestion
 from bestman_bt.task_planning.builders.steps import depend
 from bestman_bt.task_planning.simulation import SymbolicWorld, dry_run
-from bestman_bt.task_planning.symbolic import Action, Operator, PlanningError, Problem, instantiate
+from bestman_bt.task_planning.symbolic.grounding import instantiate
+from bestman_bt.task_planning.symbolic.problem import Action, Operator, PlanningError, Problem
 
 if TYPE_CHECKING:
-    from bestman_bt.robot_model import RobotModel
-    from bestman_bt.world_model import WorldModel
+    from bestman_bt.robot_model.model import RobotModel
+    from bestman_bt.world_model.world_model import WorldModel
 
 
 # A coarse bound on what an arm can reach: a hint before anything is computed, never a promise.
@@ -42,7 +43,7 @@ if TYPE_CHECKING:
 
 def highest_reach(robot: RobotModel) -> float:
     """Metres above the floor that no tool of the robot gets above: its joints' offsets and slides, outstretched."""
-    from bestman_bt.robot_model import ArmModel
+    from bestman_bt.robot_model.model import ArmModel
 
     above = {}
     for joint in ElementTree.fromstring(robot.urdf).iter("joint"):
@@ -63,7 +64,7 @@ def highest_reach(robot: RobotModel) -> float:
 
 def widest_grasp(robot: RobotModel) -> float:
     """Metres between the fingers of the hand that opens widest; a suction cup has no such limit."""
-    from bestman_bt.robot_model import GripperModel
+    from bestman_bt.robot_model.model import GripperModel
 
     grippers = robot.of(GripperModel).values()
     return max((math.inf if gripper.part.kind == "suction" else gripper.max_width for gripper in grippers), default=0.0)
@@ -191,7 +192,7 @@ class _Check:
 
 def _count(robot: RobotModel, part: str) -> int:
     """How many of a kind of part, or of a name, a robot has."""
-    from bestman_bt.robot_model import ArmModel, BaseModel, GripperModel, JointGroupModel
+    from bestman_bt.robot_model.model import ArmModel, BaseModel, GripperModel, JointGroupModel
 
     kinds = {"arm": ArmModel, "base": BaseModel, "hand": GripperModel, "head": JointGroupModel}
     kind = kinds.get(part)

@@ -13,7 +13,8 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Field
 
-from bestman_bt.configuration import ConfigurationError, Document, Problem
+from bestman_bt.configuration.document import Document
+from bestman_bt.configuration.errors import ConfigurationError, Problem
 from bestman_bt.configuration.quantity import (
     Angle,
     Distance,

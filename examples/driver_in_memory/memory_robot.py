@@ -13,37 +13,26 @@ import numpy as np
 from memory_sensors import FlatCamera, FullBattery, QuietWrist, RoundRoom, StillImu, UntouchedBumper, UntouchedPad
 
 from bestman_bt.messages import Pose2D, Twist2D, wrap_angle
-from bestman_bt.robot_model import (
-    ArmModel,
-    BaseModel,
+from bestman_bt.robot_model.model import ArmModel, BaseModel, GripperModel, JointGroupModel, RobotModel
+from bestman_bt.robot_model.sensor_parts import (
     BatteryPart,
     CameraPart,
-    GripperModel,
     ImuPart,
-    JointGroupModel,
     LidarPart,
     MountedBumper,
     MountedForceTorque,
-    RobotModel,
     TactilePart,
 )
-from bestman_bt.scene import World
+from bestman_bt.scene.scene import World
 from hal.api import Part, Robot
-from hal.parts import (
-    BaseChannel,
-    BaseReading,
-    CommandedGripper,
-    DrivenBase,
-    GripperChannel,
-    GripperReading,
-    JointChannel,
-    JointReading,
-    SimulatedClock,
-    StopLatch,
-    StreamedArm,
-    StreamedJointGroup,
-    ToolLimits,
-)
+from hal.parts.channels import BaseChannel, BaseReading, GripperChannel, GripperReading, JointChannel, JointReading
+from hal.parts.driven_base import DrivenBase
+from hal.parts.gate import ToolLimits
+from hal.parts.gripper import CommandedGripper
+from hal.parts.simulated_clock import SimulatedClock
+from hal.parts.stop_latch import StopLatch
+from hal.parts.streamed_arm import StreamedArm
+from hal.parts.streamed_joints import StreamedJointGroup
 
 PERIOD = 0.01
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from bestman_bt.messages import LaserScan, RGBDImage, Wrench
-from bestman_bt.robot_model import (
+from bestman_bt.robot_model.sensor_parts import (
     BatteryPart,
     CameraPart,
     ImuPart,

@@ -17,7 +17,7 @@ from bestman_bt.perception.errors import PerceptionError
 from bestman_bt.perception.grasp_pose.base import GraspCandidate, GraspPlanner, GraspTarget
 from bestman_bt.perception.grasp_pose.hand_shape import HandPlacement, HandShape, HandSize
 from bestman_bt.perception.grasp_pose.ranking import clear_candidates, surroundings_of
-from bestman_bt.robot_model import GripperModel
+from bestman_bt.robot_model.model import GripperModel
 
 
 @dataclass(frozen=True)

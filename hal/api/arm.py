@@ -13,7 +13,7 @@ from hal.api.motion import Motion
 from hal.api.part import Part
 
 if TYPE_CHECKING:
-    from bestman_bt.robot_model import ArmModel, JointedModel
+    from bestman_bt.robot_model.model import ArmModel, JointedModel
 
 
 # Groups of joints: legs, hands, torsos, pan-tilts; arms are joint groups too.

@@ -10,7 +10,7 @@ from hal.api.motion import Motion
 from hal.api.part import Part
 
 if TYPE_CHECKING:
-    from bestman_bt.robot_model import GripperModel
+    from bestman_bt.robot_model.model import GripperModel
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from hal.api.errors import UnknownPartError
 from hal.api.part import Part
 
 if TYPE_CHECKING:
-    from bestman_bt.robot_model import RobotModel
+    from bestman_bt.robot_model.model import RobotModel
 
 
 # Time, as the robot sees it.

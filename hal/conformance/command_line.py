@@ -10,8 +10,11 @@ from typing import Any
 
 import pytest
 
-from bestman_bt.robot_model import RobotModel, load_robot_model
-from bestman_bt.scene import SceneError, World, draw_world, load_scene
+from bestman_bt.robot_model.compose import load_robot_model
+from bestman_bt.robot_model.model import RobotModel
+from bestman_bt.scene.draw import SceneError, draw_world
+from bestman_bt.scene.load import load_scene
+from bestman_bt.scene.scene import World
 from hal.api import Robot
 from hal.conformance.room import empty_room
 

@@ -6,7 +6,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from bestman_bt.robot_model import BaseModel, GripperModel, JointedModel
+from bestman_bt.robot_model.model import BaseModel, GripperModel, JointedModel
 from hal.api import (
     Camera,
     ForceTorque,

@@ -18,7 +18,8 @@ from collections.abc import Callable, Iterator
 import pytest
 
 from hal.api import Robot
-from hal.conformance import CHECKS, LIFE_CHECKS, Check, settle
+from hal.conformance import CHECKS, LIFE_CHECKS
+from hal.conformance.subject import Check, settle
 from hal.pytest_plugin import MISSING, NOT_APPLICABLE
 
 Properties = Callable[[str, object], None]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from bestman_bt.messages import Pose2D
-from bestman_bt.scene import Wall, World
+from bestman_bt.scene.scene import Wall, World
 
 
 def empty_room() -> World:

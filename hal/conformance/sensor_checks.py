@@ -8,7 +8,8 @@ from functools import partial
 
 import numpy as np
 
-from bestman_bt.robot_model import JointedModel, LidarPart, MountedForceTorque
+from bestman_bt.robot_model.model import JointedModel
+from bestman_bt.robot_model.sensor_parts import LidarPart, MountedForceTorque
 from hal.api import (
     Battery,
     Bumper,

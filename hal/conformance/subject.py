@@ -12,21 +12,17 @@ from xml.etree import ElementTree
 import numpy as np
 from numpy.typing import NDArray
 
-from bestman_bt.robot_model import (
-    ArmModel,
-    BaseModel,
+from bestman_bt.robot_model.model import ArmModel, BaseModel, GripperModel, JointGroupModel, RobotModel
+from bestman_bt.robot_model.sensor_parts import (
     BatteryPart,
     CameraPart,
-    GripperModel,
     ImuPart,
-    JointGroupModel,
     LidarPart,
     MountedBumper,
     MountedForceTorque,
-    RobotModel,
     TactilePart,
-    joints_above,
 )
+from bestman_bt.robot_model.urdf_tree import joints_above
 from hal.api import (
     Arm,
     Battery,

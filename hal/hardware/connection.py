@@ -14,13 +14,15 @@ from types import ModuleType
 from typing import ClassVar
 
 from bestman_bt.extras import install_command
-from bestman_bt.robot_model import ArmModel, RobotModel
 from bestman_bt.robot_model.connection_config import ConnectionConfig, SafetyConfig
+from bestman_bt.robot_model.model import ArmModel, RobotModel
 from bestman_bt.runtime_folder import runtime_folder
 from hal.api import Battery, Camera, Clock, Failure, Imu, Lidar, MotionErrorCode, Part
 from hal.hardware.control_loop import ControlLoop
 from hal.hardware.controller_facts import COMPARISONS, ArmFacts, Identity
-from hal.parts import ConnectionFailedError, ControlledPart, StopLatch
+from hal.parts.channels import ControlledPart
+from hal.parts.part_connection import ConnectionFailedError
+from hal.parts.stop_latch import StopLatch
 
 # One client to a controller: a second one of the same user on the same machine is refused before it connects.
 

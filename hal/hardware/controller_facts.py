@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.messages import Pose
-from bestman_bt.robot_model import ArmModel, RobotModel, flange_of, payload
 from bestman_bt.robot_model.finger_linkage import link_poses
+from bestman_bt.robot_model.model import ArmModel, RobotModel
+from bestman_bt.robot_model.payload import flange_of, payload
 
 
 @dataclass(frozen=True)

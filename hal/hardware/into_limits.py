@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hal.api import MotionStatus, Robot
-from hal.parts import StreamedJointGroup
+from hal.parts.streamed_joints import StreamedJointGroup
 
 SPEED = 0.05
 """Share of the joints' speed limits."""

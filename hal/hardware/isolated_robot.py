@@ -19,15 +19,16 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from bestman_bt.robot_model import RobotModel
-from bestman_bt.scene import World
+from bestman_bt.robot_model.model import RobotModel
+from bestman_bt.scene.scene import World
 from hal.api import Camera, Failure, Motion, MotionErrorCode, MotionStatus, NotConnectedError, Part, Robot, RobotError
 from hal.hardware.clock import RealTimeClock
 from hal.hardware.controller_facts import ArmFacts, Identity
 from hal.hardware.heartbeat import Heartbeat
 from hal.hardware.robot import HardwareRobot
 from hal.hardware.robot_process import ROBOT, STOPS, Call, MotionNumber, MotionReport, Setup, plug_ins
-from hal.parts import ConnectionFailedError, interface_of
+from hal.parts.channels import interface_of
+from hal.parts.part_connection import ConnectionFailedError
 
 END_TIME = 5.0
 STOP_TIME = 0.5

@@ -12,8 +12,8 @@ from types import MappingProxyType
 from typing import cast
 
 from bestman_bt.registry import CONNECTIONS
-from bestman_bt.robot_model import RobotModel
-from bestman_bt.scene import World
+from bestman_bt.robot_model.model import RobotModel
+from bestman_bt.scene.scene import World
 from hal.api import Failure, MotionErrorCode, Part, Robot
 from hal.hardware.clock import RealTimeClock
 from hal.hardware.connection import Connection
@@ -21,9 +21,10 @@ from hal.hardware.control_loop import ControlLoop
 from hal.hardware.controller_facts import ArmFacts, Identity
 from hal.hardware.heartbeat import Heartbeat
 from hal.hardware.stop_input import StopInput
-from hal.parts import ConnectionFailedError, StopLatch
 from hal.parts.black_box import StopRecorder
 from hal.parts.channels import traces
+from hal.parts.part_connection import ConnectionFailedError
+from hal.parts.stop_latch import StopLatch
 
 WATCH_RATE = 100.0
 """Hertz: how often the watchdog looks at each controller."""

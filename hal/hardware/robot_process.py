@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from bestman_bt.registry import CONNECTIONS
-from bestman_bt.robot_model import RobotModel
+from bestman_bt.robot_model.model import RobotModel
 from hal.api import Failure, Motion, MotionStatus, RobotError
 from hal.hardware.clock import RealTimeClock
 from hal.hardware.control_loop import take_real_time_priority

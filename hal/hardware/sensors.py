@@ -6,9 +6,12 @@ from collections.abc import Callable
 from typing import Generic, TypeVar
 
 from bestman_bt.messages import CameraIntrinsics, LaserScan, RGBDImage, Wrench
-from bestman_bt.robot_model import CameraPart, ForceTorquePart, ImuPart, LidarPart, PartConfig
+from bestman_bt.robot_model.part_fields import PartConfig
+from bestman_bt.robot_model.sensor_parts import CameraPart, ForceTorquePart, ImuPart, LidarPart
 from hal.api import Battery, BatteryReading, Camera, Failure, ForceTorque, Imu, ImuReading, Lidar
-from hal.parts import ControlledPart, PartConnection, StopLatch
+from hal.parts.channels import ControlledPart
+from hal.parts.part_connection import PartConnection
+from hal.parts.stop_latch import StopLatch
 
 Reading = TypeVar("Reading")
 

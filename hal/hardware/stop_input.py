@@ -6,7 +6,7 @@ import socket
 import time
 
 from bestman_bt.robot_model.connection_config import StopInputConfig, host_and_port
-from hal.parts import ConnectionFailedError
+from hal.parts.part_connection import ConnectionFailedError
 
 RUN, STOP = b"run", b"stop"
 """What a datagram says."""

@@ -9,14 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.messages import CameraIntrinsics, Pose
-from bestman_bt.robot_model import RobotModel
-from bestman_bt.scene import World
+from bestman_bt.robot_model.model import RobotModel
+from bestman_bt.scene.scene import World
 from hal.mujoco.package import mujoco
 from hal.mujoco.parameters import MujocoParameters
 from hal.mujoco.renderer import Renderer
 from hal.mujoco.world_builder import SOLID, SOLID_AND_SEEN, WorldBuilder
-from hal.simulation import ContactPoint, Engine, Ledger, LinkMotion, SimulationError, Viewpoint
-from hal.simulation.bodies import JointStates, Quaternion, Vector
+from hal.simulation.audit_record import Ledger
+from hal.simulation.bodies import ContactPoint, JointStates, LinkMotion, Quaternion, SimulationError, Vector, Viewpoint
+from hal.simulation.engine import Engine
 
 Array = NDArray[np.float64]
 NOT_DRAWN = 0.01

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from bestman_bt.messages import CameraIntrinsics, Pose
 from hal.mujoco.package import mujoco
 from hal.mujoco.world_builder import SEEN, SOLID_AND_SEEN
-from hal.simulation import SimulationError, Viewpoint
+from hal.simulation.bodies import SimulationError, Viewpoint
 
 NO_RENDERER = (
     "MuJoCo finds no OpenGL to draw without a window ({error}). On Debian this helps: "

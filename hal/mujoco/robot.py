@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import ClassVar
 
-from bestman_bt.robot_model import LeggedBaseModel, RobotModel
-from bestman_bt.scene import World
+from bestman_bt.robot_model.model import LeggedBaseModel, RobotModel
+from bestman_bt.scene.scene import World
 from hal.mujoco.engine import MujocoEngine
 from hal.mujoco.parameters import MujocoParameters
-from hal.simulation import SimulatedRobot, SimulationError
+from hal.simulation.bodies import SimulationError
+from hal.simulation.robot import SimulatedRobot
 
 LEGS = "is a base on legs, which MuJoCo does not simulate here; the driver pybullet does"
 

@@ -16,22 +16,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.messages import Box, Cylinder, Mesh, PlacedShape, Pose, Sphere
-from bestman_bt.robot_model import (
-    ArmModel,
-    BaseModel,
-    GripperModel,
-    MimicJoint,
-    RobotModel,
-    WheeledBaseModel,
-)
+from bestman_bt.robot_model.finger_linkage import MimicJoint
 from bestman_bt.robot_model.footprint import origin_pose
+from bestman_bt.robot_model.model import ArmModel, BaseModel, GripperModel, RobotModel, WheeledBaseModel
 from bestman_bt.robot_model.mounting import without_bare_frames
 from bestman_bt.robot_model.urdf_elements import child_of, parent_of
-from bestman_bt.scene import PlacedFurniture, PlacedObject, Walker, World, wall_box
 from bestman_bt.scene.mesh_file import read_triangles
+from bestman_bt.scene.scene import PlacedFurniture, PlacedObject, World, wall_box
+from bestman_bt.scene.walker import Walker
 from hal.mujoco.package import mujoco
 from hal.mujoco.parameters import MujocoParameters
-from hal.simulation import BuiltWorld, SimulationError
+from hal.simulation.bodies import BuiltWorld, SimulationError
 from hal.simulation.joint_motors import mass_distribution
 
 Color = tuple[float, float, float, float]

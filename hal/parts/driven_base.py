@@ -8,7 +8,8 @@ from dataclasses import astuple, dataclass
 import numpy as np
 
 from bestman_bt.messages import Pose2D, Twist2D, wrap_angle
-from bestman_bt.robot_model import BaseModel, BasePart, MobilePart
+from bestman_bt.robot_model.model import BaseModel
+from bestman_bt.robot_model.part_config import BasePart, MobilePart
 from hal.api import CommandRefusedError, Failure, MobileBase, Motion, MotionErrorCode, MotionStatus, NoDataError
 from hal.parts.channels import BaseChannel, BaseReading, ControlledPart
 from hal.parts.part_connection import PartConnection

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from bestman_bt.robot_model import ArmModel, JointedModel, RobotModel
 from bestman_bt.robot_model.connection_config import SafetyConfig
+from bestman_bt.robot_model.model import ArmModel, JointedModel, RobotModel
 
 if TYPE_CHECKING:
     import pinocchio

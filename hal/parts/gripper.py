@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bestman_bt.robot_model import GripperModel
+from bestman_bt.robot_model.model import GripperModel
 from hal.api import (
     CommandRefusedError,
     Failure,

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bestman_bt.messages import JointTrajectory
-from bestman_bt.robot_model import ArmModel
+from bestman_bt.robot_model.model import ArmModel
 from hal.api import Arm, Motion
 from hal.parts.channels import JointChannel
 from hal.parts.gate import ToolLimits

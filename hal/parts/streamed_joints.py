@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bestman_bt.messages import JointTrajectory, MotionObstacle, MotionStage
-from bestman_bt.robot_model import JointedModel
+from bestman_bt.robot_model.model import JointedModel
 from hal.api import CommandRefusedError, Failure, JointGroup, Motion, MotionErrorCode, MotionStatus
 from hal.parts.channels import JointChannel, StoppablePart
 from hal.parts.gate import SetpointGate, ToolLimits

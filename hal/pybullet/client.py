@@ -9,7 +9,8 @@ from typing import Any
 
 from hal.api import NotConnectedError
 from hal.pybullet.package import pybullet
-from hal.simulation import Ledger, SimulationError
+from hal.simulation.audit_record import Ledger
+from hal.simulation.bodies import SimulationError
 
 ALLOWED = frozenset(
     {

@@ -9,15 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.messages import CameraIntrinsics, Pose
-from bestman_bt.robot_model import RobotModel
-from bestman_bt.scene import World
+from bestman_bt.robot_model.model import RobotModel
+from bestman_bt.scene.scene import World
 from hal.pybullet.client import PhysicsClient, RawCallGuard
 from hal.pybullet.package import pybullet
 from hal.pybullet.parameters import PhysicsParameters
 from hal.pybullet.pictures import photo, projection_matrix, view_matrices
 from hal.pybullet.world_builder import build_world
-from hal.simulation import ContactPoint, Engine, LinkMotion, Viewpoint
-from hal.simulation.bodies import JointStates, Quaternion, Vector
+from hal.simulation.bodies import ContactPoint, JointStates, LinkMotion, Quaternion, Vector, Viewpoint
+from hal.simulation.engine import Engine
 
 Array = NDArray[np.float64]
 DEFAULT_FILTER, EVERYTHING = 1, -1

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from hal.simulation import SimulationParameters
+from hal.simulation.parameters import SimulationParameters
 
 
 @dataclass(frozen=True)

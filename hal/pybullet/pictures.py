@@ -14,7 +14,7 @@ from bestman_bt.messages import CameraIntrinsics, PlacedShape
 from hal.pybullet.body_urdf import body_urdf
 from hal.pybullet.client import PhysicsClient
 from hal.pybullet.package import pybullet
-from hal.simulation import Viewpoint
+from hal.simulation.bodies import Viewpoint
 from hal.simulation.camera import smooth
 
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-from bestman_bt.robot_model import RobotModel
-from bestman_bt.scene import World
+from bestman_bt.robot_model.model import RobotModel
+from bestman_bt.scene.scene import World
 from hal.pybullet.client import PhysicsClient
 from hal.pybullet.engine import PyBulletEngine
 from hal.pybullet.parameters import PhysicsParameters
-from hal.simulation import SimulatedRobot
+from hal.simulation.robot import SimulatedRobot
 
 
 class PyBulletRobot(SimulatedRobot):

@@ -8,22 +8,23 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from bestman_bt.messages import Box, PlacedShape, Pose
-from bestman_bt.robot_model import (
+from bestman_bt.robot_model.finger_linkage import MimicJoint
+from bestman_bt.robot_model.model import (
     ArmModel,
     BaseModel,
     GripperModel,
     LeggedBaseModel,
-    MimicJoint,
     RobotModel,
     WheeledBaseModel,
 )
 from bestman_bt.robot_model.mounting import without_bare_frames
-from bestman_bt.scene import PlacedFurniture, PlacedObject, Walker, World, wall_box
+from bestman_bt.scene.scene import PlacedFurniture, PlacedObject, World, wall_box
+from bestman_bt.scene.walker import Walker
 from hal.pybullet.body_urdf import SLIDES, Color, body_urdf, furniture_urdf, joint_name, walker_urdf
 from hal.pybullet.client import PhysicsClient
 from hal.pybullet.package import pybullet
 from hal.pybullet.parameters import PhysicsParameters
-from hal.simulation import BuiltWorld, SimulationError
+from hal.simulation.bodies import BuiltWorld, SimulationError
 
 WALL_COLOR: Color = (0.87, 0.87, 0.83, 1.0)
 FLOOR_COLOR: Color = (0.62, 0.58, 0.53, 1.0)

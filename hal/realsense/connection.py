@@ -16,11 +16,12 @@ from pydantic import Field
 
 from bestman_bt.configuration.quantity import PositiveTime
 from bestman_bt.messages import CameraIntrinsics, RGBDImage
-from bestman_bt.robot_model import CameraPart
+from bestman_bt.robot_model.sensor_parts import CameraPart
 from hal.api import Failure, NoDataError, Part
-from hal.hardware import Connection, HardwareCamera, RemoteTime, StampOrder
-from hal.hardware.sensors import is_another_camera, lens_differences
-from hal.parts import ConnectionFailedError
+from hal.hardware.clock import RemoteTime, StampOrder
+from hal.hardware.connection import Connection
+from hal.hardware.sensors import HardwareCamera, is_another_camera, lens_differences
+from hal.parts.part_connection import ConnectionFailedError
 
 # What a robot's YAML may say about a RealSense camera.
 

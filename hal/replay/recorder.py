@@ -25,7 +25,8 @@ from hal.api import (
     Sensor,
     Timer,
 )
-from hal.parts import SimulatedClock, interface_of
+from hal.parts.channels import interface_of
+from hal.parts.simulated_clock import SimulatedClock
 from hal.replay.tape import error_to_json, to_json
 
 SAMPLE_PERIOD = 0.05

@@ -13,8 +13,8 @@ import numpy as np
 
 import hal.api
 from bestman_bt.messages import JointTrajectory
-from bestman_bt.robot_model import RobotModel
-from bestman_bt.scene import World
+from bestman_bt.robot_model.model import RobotModel
+from bestman_bt.scene.scene import World
 from hal.api import (
     CommandRefusedError,
     Failure,
@@ -26,7 +26,9 @@ from hal.api import (
     Part,
     Robot,
 )
-from hal.parts import ConnectionFailedError, SimulatedClock, interface_of
+from hal.parts.channels import interface_of
+from hal.parts.part_connection import ConnectionFailedError
+from hal.parts.simulated_clock import SimulatedClock
 from hal.replay.tape import Readings, RecordedCommand, Tape, error_from_json, from_json, read_tape
 
 SAME_MOMENT = 1e-6

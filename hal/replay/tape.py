@@ -21,7 +21,7 @@ import numpy as np
 import bestman_bt.messages
 import hal.api
 from hal.api import Failure, MotionStatus, Part, PartError, RobotError
-from hal.parts import ConnectionFailedError
+from hal.parts.part_connection import ConnectionFailedError
 
 # Values of the Robotics API as JSON, and back to the same bits.
 

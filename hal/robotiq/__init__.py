@@ -1,5 +1,1 @@
 """Robotiq 2F grippers: the socket of their URCap, which needs no SDK, and Modbus TCP (extra ``ur``: pymodbus)."""
-
-from hal.robotiq.connection import RobotiqConnection, RobotiqOptions
-
-__all__ = ["RobotiqConnection", "RobotiqOptions"]

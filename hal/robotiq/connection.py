@@ -12,10 +12,13 @@ import numpy as np
 from pydantic import Field
 
 from bestman_bt.configuration.quantity import Force, Frequency, PositiveTime, Speed
-from bestman_bt.robot_model import GripperModel
+from bestman_bt.robot_model.model import GripperModel
 from hal.api import Clock, Failure, MotionErrorCode, NoDataError, Part
-from hal.hardware import Connection, LatencyMonitor
-from hal.parts import CommandedGripper, ConnectionFailedError, GripperChannel, GripperReading
+from hal.hardware.clock import LatencyMonitor
+from hal.hardware.connection import Connection
+from hal.parts.channels import GripperChannel, GripperReading
+from hal.parts.gripper import CommandedGripper
+from hal.parts.part_connection import ConnectionFailedError
 from hal.robotiq.wire import MODBUS_PORT, URCAP_PORT, ModbusWire, RobotiqStatus, RobotiqWire, URCapWire
 
 # What a robot's YAML may say about a Robotiq gripper.

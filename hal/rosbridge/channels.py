@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.messages import Pose2D, Twist2D, wrap_angle
-from hal.parts import BaseChannel, BaseReading, JointChannel, JointReading
+from hal.parts.channels import BaseChannel, BaseReading, JointChannel, JointReading
 from hal.rosbridge import decoding
 from hal.rosbridge.decoding import Message
 from hal.rosbridge.link import RosLink, TopicStream

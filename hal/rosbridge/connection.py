@@ -10,26 +10,24 @@ from functools import partial
 from typing import Any, ClassVar
 
 from bestman_bt.messages import CameraIntrinsics, RGBDImage
-from bestman_bt.robot_model import (
-    BaseModel,
-    BatteryPart,
-    CameraPart,
-    ImuPart,
-    JointGroupModel,
-    LidarPart,
-    MountedForceTorque,
-)
+from bestman_bt.robot_model.model import BaseModel, JointGroupModel
+from bestman_bt.robot_model.sensor_parts import BatteryPart, CameraPart, ImuPart, LidarPart, MountedForceTorque
 from hal.api import Clock, Failure, MotionErrorCode, NoDataError, Part
-from hal.hardware import (
-    Connection,
+from hal.hardware.connection import Connection
+from hal.hardware.sensors import (
     HardwareBattery,
     HardwareCamera,
     HardwareForceTorque,
     HardwareImu,
     HardwareLidar,
+    is_another_camera,
+    lens_differences,
 )
-from hal.hardware.sensors import is_another_camera, lens_differences
-from hal.parts import ConnectionFailedError, DrivenBase, JointReading, StopLatch, StreamedJointGroup
+from hal.parts.channels import JointReading
+from hal.parts.driven_base import DrivenBase
+from hal.parts.part_connection import ConnectionFailedError
+from hal.parts.stop_latch import StopLatch
+from hal.parts.streamed_joints import StreamedJointGroup
 from hal.rosbridge import decoding
 from hal.rosbridge.channels import RosBase, RosJoints, TransformOdometry, joint_reading
 from hal.rosbridge.link import RosLink, TopicStream

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from bestman_bt.messages import CameraIntrinsics, LaserScan, Pose2D, Twist2D, Wrench
 from hal.api import BatteryReading, ImuReading
-from hal.parts import BaseReading
+from hal.parts.channels import BaseReading
 
 Message = Mapping[str, Any]
 DEPTH_HEADER = struct.Struct("<iff")

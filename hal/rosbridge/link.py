@@ -11,10 +11,9 @@ from types import ModuleType
 from typing import Any, Generic, TypeVar
 
 from hal.api import Clock, NoDataError
-from hal.hardware import LatencyMonitor, RemoteTime, StampOrder, SynchronisedTime
-from hal.hardware.clock import FARTHEST_AHEAD, FARTHEST_BEHIND
+from hal.hardware.clock import FARTHEST_AHEAD, FARTHEST_BEHIND, LatencyMonitor, RemoteTime, StampOrder, SynchronisedTime
 from hal.hardware.control_loop import take_real_time_priority
-from hal.parts import ConnectionFailedError
+from hal.parts.part_connection import ConnectionFailedError
 from hal.rosbridge.decoding import Message, stamp
 
 # The newest message of a topic, and how old it is.

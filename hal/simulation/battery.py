@@ -8,7 +8,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from bestman_bt.robot_model import BatteryPart
+from bestman_bt.robot_model.sensor_parts import BatteryPart
 from hal.api import Battery, BatteryReading
 from hal.simulation.sensor_pipeline import SimulatedSensor
 from hal.simulation.simulation import Simulation

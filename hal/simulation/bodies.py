@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.messages import Pose
-from bestman_bt.scene import World
+from bestman_bt.scene.scene import World
 from hal.api import RobotError
 
 Array = NDArray[np.float64]

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from bestman_bt.robot_model import MountedBumper
+from bestman_bt.robot_model.sensor_parts import MountedBumper
 from hal.api import Bumper, BumperReading, BumperZone
 from hal.simulation.guards import Reader, ReadPurpose
 from hal.simulation.sensor_pipeline import SimulatedSensor

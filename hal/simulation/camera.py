@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.messages import CameraIntrinsics, Pose, RGBDImage
-from bestman_bt.robot_model import CameraPart
+from bestman_bt.robot_model.sensor_parts import CameraPart
 from hal.api import Camera
 from hal.simulation.bodies import SimulationError, Viewpoint, among
 from hal.simulation.guards import Reader, ReadPurpose

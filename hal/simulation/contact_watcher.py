@@ -9,7 +9,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from bestman_bt.robot_model import BaseModel, GripperModel, LeggedBaseModel, SuctionPart, WheeledBaseModel
+from bestman_bt.robot_model.model import BaseModel, GripperModel, LeggedBaseModel, WheeledBaseModel
+from bestman_bt.robot_model.part_config import SuctionPart
 from hal.simulation.audit_record import Body, ContactIncident, Penetration
 from hal.simulation.bodies import BodyState, BuiltWorld, ContactPoint
 from hal.simulation.observation import SimulationState

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bestman_bt.robot_model import GripperModel
-from bestman_bt.scene import LATCH_TRAVEL, Articulation, PlacedFurniture, World
+from bestman_bt.robot_model.model import GripperModel
+from bestman_bt.scene.scene import LATCH_TRAVEL, Articulation, PlacedFurniture, World
 from hal.simulation.audit_record import Finding
 from hal.simulation.guards import Reader
 from hal.simulation.joint_motors import mass_distribution

@@ -10,7 +10,8 @@ import math
 from dataclasses import dataclass
 
 from bestman_bt.messages import JointKind
-from bestman_bt.scene import LATCH_TRAVEL, Articulation, MovingDoor, World
+from bestman_bt.scene.moving_door import MovingDoor
+from bestman_bt.scene.scene import LATCH_TRAVEL, Articulation, World
 from hal.simulation.audit_record import Finding
 from hal.simulation.engine import Engine
 

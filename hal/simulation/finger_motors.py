@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.messages import Pose
-from bestman_bt.robot_model import GripperModel
-from hal.parts import GripperChannel, GripperReading
+from bestman_bt.robot_model.model import GripperModel
+from hal.parts.channels import GripperChannel, GripperReading
 from hal.simulation.guards import ReadPurpose
 from hal.simulation.parameters import SimulationParameters
 from hal.simulation.simulation import SimulatedChannel, Simulation

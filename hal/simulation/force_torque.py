@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.messages import Wrench
-from bestman_bt.robot_model import MountedForceTorque
+from bestman_bt.robot_model.sensor_parts import MountedForceTorque
 from hal.api import ForceTorque
 from hal.simulation.bodies import SimulationError, Vector
 from hal.simulation.guards import Reader, ReadPurpose

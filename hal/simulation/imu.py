@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from bestman_bt.robot_model import ImuPart
+from bestman_bt.robot_model.sensor_parts import ImuPart
 from hal.api import Imu, ImuReading
 from hal.simulation.guards import ReadPurpose
 from hal.simulation.joint_motors import FrameTracker

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from bestman_bt.messages import Box, Cylinder, PlacedShape, Pose, Sphere
-from bestman_bt.robot_model import JointedModel
-from hal.parts import JointChannel, JointReading
+from bestman_bt.robot_model.model import JointedModel
+from hal.parts.channels import JointChannel, JointReading
 from hal.simulation.guards import Reader
 from hal.simulation.parameters import SimulationParameters
 from hal.simulation.sensor_pipeline import EncoderReading, Encoders

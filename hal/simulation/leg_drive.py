@@ -6,10 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.messages import Twist2D
-from bestman_bt.robot_model import LeggedBaseModel, Payload
+from bestman_bt.robot_model.model import LeggedBaseModel
+from bestman_bt.robot_model.payload import Payload
 from hal.api import Imu, NoDataError
-from hal.parts import BaseChannel, BaseReading
-from hal.parts.legged import TrotGait
+from hal.parts.channels import BaseChannel, BaseReading
+from hal.parts.legged.walker import TrotGait
 from hal.simulation.parameters import SimulationParameters
 from hal.simulation.simulation import SimulatedChannel, Simulation
 

@@ -8,7 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.messages import LaserScan, Pose
-from bestman_bt.robot_model import BaseModel, LidarPart, joints_above
+from bestman_bt.robot_model.model import BaseModel
+from bestman_bt.robot_model.sensor_parts import LidarPart
+from bestman_bt.robot_model.urdf_tree import joints_above
 from hal.api import Lidar
 from hal.simulation.guards import Reader, ReadPurpose
 from hal.simulation.sensor_pipeline import SimulatedSensor

@@ -9,7 +9,7 @@ from typing import Literal
 
 import numpy as np
 
-from bestman_bt.scene import World
+from bestman_bt.scene.scene import World
 from hal.simulation.audit_record import AuditRecord, DisturbanceEvent, DisturbanceLog, Finding
 from hal.simulation.bodies import BodyState, Vector
 from hal.simulation.contact_watcher import ContactWatcher

@@ -8,7 +8,7 @@ from collections.abc import Collection, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from bestman_bt.robot_model import ArmModel, GripperModel, JointGroupModel, LeggedBaseModel
+from bestman_bt.robot_model.model import ArmModel, GripperModel, JointGroupModel, LeggedBaseModel
 from hal.simulation.audit_record import Finding
 from hal.simulation.bodies import BodyState
 from hal.simulation.guards import Reader

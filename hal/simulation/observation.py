@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bestman_bt.robot_model import GripperModel
+from bestman_bt.robot_model.model import GripperModel
 from hal.simulation.bodies import BodyState, ContactPoint, Vector
 from hal.simulation.guards import Reader
 from hal.simulation.simulation import Simulation

@@ -15,35 +15,29 @@ from zlib import crc32
 import numpy as np
 
 from bestman_bt.registry import SIMULATED_SENSORS
-from bestman_bt.robot_model import (
+from bestman_bt.robot_model.model import (
     ArmModel,
     GripperModel,
     JointGroupModel,
     LeggedBaseModel,
-    MountedBumper,
-    MountedForceTorque,
-    PartConfig,
     RobotModel,
-    SuctionPart,
     WheeledBaseModel,
-    payload,
 )
-from bestman_bt.scene import World
+from bestman_bt.robot_model.part_config import SuctionPart
+from bestman_bt.robot_model.part_fields import PartConfig
+from bestman_bt.robot_model.payload import payload
+from bestman_bt.robot_model.sensor_parts import MountedBumper, MountedForceTorque
+from bestman_bt.scene.scene import World
 from hal.api import NotConnectedError, Robot
-from hal.parts import (
-    Arrival,
-    BaseTiming,
-    CommandedGripper,
-    DrivenBase,
-    SimulatedClock,
-    StopLatch,
-    StreamedArm,
-    StreamedJointGroup,
-    ToolLimits,
-    Tracking,
-)
 from hal.parts.black_box import StopRecorder
 from hal.parts.channels import traces
+from hal.parts.driven_base import Arrival, BaseTiming, DrivenBase
+from hal.parts.gate import ToolLimits
+from hal.parts.gripper import CommandedGripper
+from hal.parts.simulated_clock import SimulatedClock
+from hal.parts.stop_latch import StopLatch
+from hal.parts.streamed_arm import StreamedArm
+from hal.parts.streamed_joints import StreamedJointGroup, Tracking
 from hal.simulation.audit_record import AuditRecord, DisturbanceLog
 from hal.simulation.bodies import SimulationError, check_names
 from hal.simulation.engine import Engine

@@ -13,7 +13,7 @@ from typing import Generic, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from bestman_bt.robot_model import EncodersConfig
+from bestman_bt.robot_model.part_fields import EncodersConfig
 from hal.api import NoDataError, NotConnectedError, Sensor
 from hal.simulation.simulation import Simulation
 

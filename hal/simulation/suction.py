@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
-from bestman_bt.robot_model import SuctionPart
-from hal.parts import GripperChannel, GripperReading
+from bestman_bt.robot_model.part_config import SuctionPart
+from hal.parts.channels import GripperChannel, GripperReading
 from hal.simulation.bodies import Vector
 from hal.simulation.engine import Engine
 from hal.simulation.guards import Reader, ReadPurpose

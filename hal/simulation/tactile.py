@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from bestman_bt.robot_model import TactilePart
+from bestman_bt.robot_model.sensor_parts import TactilePart
 from hal.api import Tactile, TactileReading
 from hal.simulation.guards import Reader, ReadPurpose
 from hal.simulation.joint_motors import FrameMotion, FrameTracker, body_velocity_at

@@ -12,9 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.messages import Pose2D, Twist2D, wrap_angle
-from bestman_bt.robot_model import BasePart, WheeledBaseModel
+from bestman_bt.robot_model.model import WheeledBaseModel
+from bestman_bt.robot_model.part_config import BasePart
 from hal.api import NoDataError, NotConnectedError
-from hal.parts import BaseChannel, BaseReading
+from hal.parts.channels import BaseChannel, BaseReading
 from hal.simulation.parameters import SimulationParameters
 from hal.simulation.sensor_pipeline import EncoderReading, Encoders
 from hal.simulation.simulation import SimulatedChannel, Simulation

@@ -2,8 +2,3 @@
 
 Clients of twins import ``TwinProcess``, which brings no simulation; the world is in ``hal.twins.twin_host``.
 """
-
-from hal.twins.errors import TwinError
-from hal.twins.process import TwinProcess
-
-__all__ = ["TwinError", "TwinProcess"]

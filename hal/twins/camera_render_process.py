@@ -15,11 +15,12 @@ from multiprocessing.connection import Connection
 from typing import TypeVar
 
 from bestman_bt.messages import RGBDImage
-from bestman_bt.robot_model import CameraPart, RobotModel
-from bestman_bt.scene import World
+from bestman_bt.robot_model.model import RobotModel
+from bestman_bt.robot_model.sensor_parts import CameraPart
+from bestman_bt.scene.scene import World
 from hal.api import Camera
-from hal.pybullet import PyBulletRobot
-from hal.simulation import ReadPurpose
+from hal.pybullet.robot import PyBulletRobot
+from hal.simulation.guards import ReadPurpose
 from hal.twins.errors import TwinError
 
 START_TIME = 60.0

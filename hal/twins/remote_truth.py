@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from bestman_bt.messages import Pose
-from hal.simulation import AuditRecord, ContactIncident, DisturbanceEvent, Finding, GroundTruth, Penetration
+from hal.simulation.audit_record import AuditRecord, ContactIncident, DisturbanceEvent, Finding, Penetration
+from hal.simulation.ground_truth import GroundTruth
 from hal.twins.tcp_server import ask
 
 FINDINGS = (

@@ -9,8 +9,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from bestman_bt.robot_model import ArmModel, GripperModel, RobotModel
 from bestman_bt.robot_model.connection_config import ConnectionConfig
+from bestman_bt.robot_model.model import ArmModel, GripperModel, RobotModel
 from hal.api import Gripper, Motion, MotionStatus
 from hal.twins.faults import Faults
 from hal.twins.tcp_server import TcpServer

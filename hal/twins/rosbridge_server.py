@@ -15,17 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.messages import Pose2D, Twist2D, Wrench
-from bestman_bt.robot_model import (
-    BaseModel,
-    BatteryPart,
-    CameraPart,
-    ImuPart,
-    JointGroupModel,
-    LidarPart,
-    MountedForceTorque,
-    RobotModel,
-)
 from bestman_bt.robot_model.connection_config import ConnectionConfig
+from bestman_bt.robot_model.model import BaseModel, JointGroupModel, RobotModel
+from bestman_bt.robot_model.sensor_parts import BatteryPart, CameraPart, ImuPart, LidarPart, MountedForceTorque
 from hal.api import JointGroup, MobileBase
 from hal.twins import ros_messages
 from hal.twins.errors import TwinError

@@ -14,10 +14,11 @@ from typing import Any, Protocol, cast
 
 from bestman_bt.messages import Pose
 from bestman_bt.registry import Registry
-from bestman_bt.robot_model import CameraPart, RobotModel
 from bestman_bt.robot_model.bringup_file import TWIN_SUFFIX, BringUpFile, Signature
 from bestman_bt.robot_model.connection_config import ConnectionConfig
-from bestman_bt.scene import World
+from bestman_bt.robot_model.model import RobotModel
+from bestman_bt.robot_model.sensor_parts import CameraPart
+from bestman_bt.scene.scene import World
 from hal.api import Gripper, JointGroup
 from hal.twins.errors import TwinError
 from hal.twins.faults import Faults
@@ -30,7 +31,7 @@ from hal.twins.world import TwinWorld
 class JudgeServer(JsonLineServer):
     """Answers ``{"ask": QUESTION, "name": NAME}`` by ``{"answer": …}``.
 
-    Questions are the methods of ``hal.simulation.GroundTruth``, ``audit_record``, ``time``, ``joints`` (of a part:
+    Questions are the methods of ``GroundTruth``, ``audit_record``, ``time``, ``joints`` (of a part:
     true positions and velocities) and ``width`` (of a gripper).
     """
 

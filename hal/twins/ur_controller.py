@@ -18,7 +18,8 @@ from typing import Any
 import numpy as np
 
 from bestman_bt.messages import Wrench
-from bestman_bt.robot_model import RobotModel, flange_of, payload
+from bestman_bt.robot_model.model import RobotModel
+from bestman_bt.robot_model.payload import flange_of, payload
 from hal.api import Arm, ForceTorque
 from hal.twins.ur_kinematics import URKinematics
 from hal.twins.ur_program import URProgram

@@ -6,7 +6,8 @@ import numpy as np
 import pinocchio
 from numpy.typing import NDArray
 
-from bestman_bt.robot_model import ArmModel, RobotModel, flange_of
+from bestman_bt.robot_model.model import ArmModel, RobotModel
+from bestman_bt.robot_model.payload import flange_of
 
 Array = NDArray[np.float64]
 CONTROLLER_FRAME = pinocchio.SE3(pinocchio.utils.rotate("z", np.pi), np.zeros(3))

@@ -6,8 +6,9 @@ import re
 import socket
 import time
 
-from bestman_bt.robot_model import ArmModel, MountedForceTorque, RobotModel
 from bestman_bt.robot_model.connection_config import ConnectionConfig
+from bestman_bt.robot_model.model import ArmModel, RobotModel
+from bestman_bt.robot_model.sensor_parts import MountedForceTorque
 from hal.api import Arm, ForceTorque
 from hal.twins.faults import Faults
 from hal.twins.tcp_server import TcpServer

@@ -6,8 +6,8 @@ import dataclasses
 from typing import Any, ClassVar
 
 from bestman_bt.registry import CONNECTIONS
-from bestman_bt.robot_model import RobotModel
 from bestman_bt.robot_model.connection_config import ConnectionConfig
+from bestman_bt.robot_model.model import RobotModel
 from hal.twins.rosbridge_server import RosbridgeTwin
 from hal.twins.world import TwinWorld
 

@@ -10,10 +10,12 @@ from concurrent.futures import Future
 from typing import TypeVar
 
 from bestman_bt.messages import RGBDImage
-from bestman_bt.robot_model import CameraPart, RobotModel
-from bestman_bt.scene import World
-from hal.pybullet import PhysicsParameters, PyBulletRobot
-from hal.simulation import GroundTruth
+from bestman_bt.robot_model.model import RobotModel
+from bestman_bt.robot_model.sensor_parts import CameraPart
+from bestman_bt.scene.scene import World
+from hal.pybullet.parameters import PhysicsParameters
+from hal.pybullet.robot import PyBulletRobot
+from hal.simulation.ground_truth import GroundTruth
 from hal.twins.camera_render_process import CameraRenderProcess, StateCapture
 from hal.twins.errors import TwinError
 from hal.twins.machine_watch import MachineWatch

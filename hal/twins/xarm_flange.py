@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio
 from numpy.typing import NDArray
 
-from bestman_bt.robot_model import ArmModel, RobotModel
+from bestman_bt.robot_model.model import ArmModel, RobotModel
 from hal.twins.xarm_controller import XArmController
 
 # The bus on an xArm's tool flange: the gripper's Modbus RTU registers, passed through the control box.

@@ -11,7 +11,8 @@ import numpy as np
 import pinocchio
 from numpy.typing import NDArray
 
-from bestman_bt.robot_model import RobotModel, flange_of, payload
+from bestman_bt.robot_model.model import RobotModel
+from bestman_bt.robot_model.payload import flange_of, payload
 
 FIRMWARE = "v2.5.0"
 OTHER_BATCH, OTHER_OFFSET, OTHER_LOAD, OTHER_LENGTH = "00000099", 5.0, 2.0, 5.0

@@ -9,17 +9,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from bestman_bt.robot_model import ArmModel, Payload
+from bestman_bt.robot_model.model import ArmModel
+from bestman_bt.robot_model.payload import Payload
 from hal.api import Failure, Motion, MotionErrorCode
-from hal.parts import (
-    ConnectionFailedError,
-    JointChannel,
-    Setpoints,
-    StopLatch,
-    StreamedArm,
-    ToolLimits,
-    Trapezoid,
-)
+from hal.parts.channels import JointChannel
+from hal.parts.gate import ToolLimits
+from hal.parts.part_connection import ConnectionFailedError
+from hal.parts.setpoints import Setpoints, Trapezoid
+from hal.parts.stop_latch import StopLatch
+from hal.parts.streamed_arm import StreamedArm
 from hal.ur.link import URLink
 from hal.ur.sdk_process import PROGRAM_TIME, Report
 

@@ -12,10 +12,17 @@ from pydantic import Field
 
 from bestman_bt.configuration.quantity import Frequency, Lengths3, Mass, PositiveTime
 from bestman_bt.messages import Wrench
-from bestman_bt.robot_model import ArmModel, ForceTorquePart, MountedForceTorque, Payload, arm_payload
+from bestman_bt.robot_model.model import ArmModel
+from bestman_bt.robot_model.payload import Payload, arm_payload
+from bestman_bt.robot_model.sensor_parts import ForceTorquePart, MountedForceTorque
 from hal.api import CommandRefusedError, Failure, MotionErrorCode, NoDataError, Part
-from hal.hardware import ArmFacts, Connection, HardwareForceTorque, Identity
-from hal.parts import ConnectionFailedError, JointChannel, JointReading, StopLatch, ToolLimits
+from hal.hardware.connection import Connection
+from hal.hardware.controller_facts import ArmFacts, Identity
+from hal.hardware.sensors import HardwareForceTorque
+from hal.parts.channels import JointChannel, JointReading
+from hal.parts.gate import ToolLimits
+from hal.parts.part_connection import ConnectionFailedError
+from hal.parts.stop_latch import StopLatch
 from hal.ur.arm import URArm
 from hal.ur.identity import URIdentity
 from hal.ur.link import URLink

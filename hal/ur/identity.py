@@ -8,9 +8,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from bestman_bt.messages import Pose
-from bestman_bt.robot_model import ArmModel, RobotModel, flange_of
-from hal.hardware import ArmFacts
-from hal.hardware.controller_facts import compare_payload
+from bestman_bt.robot_model.model import ArmModel, RobotModel
+from bestman_bt.robot_model.payload import flange_of
+from hal.hardware.controller_facts import ArmFacts, compare_payload
 
 FLANGE_TOLERANCE = 0.01
 """Metres: above what the calibration of a single arm moves its flange, and far below what two models differ by."""

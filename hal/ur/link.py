@@ -13,8 +13,8 @@ from multiprocessing.connection import Connection
 from typing import Any
 
 from hal.api import Clock
-from hal.hardware import LatencyMonitor, RemoteTime
-from hal.parts import ConnectionFailedError
+from hal.hardware.clock import LatencyMonitor, RemoteTime
+from hal.parts.part_connection import ConnectionFailedError
 from hal.ur import sdk_process
 from hal.ur.sdk_process import Report
 

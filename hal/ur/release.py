@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
-from hal.parts import ConnectionFailedError
+from hal.parts.part_connection import ConnectionFailedError
 
 UNLOCK_TIME, POWER_TIME = 7.0, 20.0
 """Seconds: a protective stop cannot be unlocked for 5 s; the arm takes its time to power on and release its brakes."""

@@ -10,19 +10,16 @@ from typing import Any, ClassVar, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from bestman_bt.robot_model import ArmModel, GripperModel, Payload, arm_payload
+from bestman_bt.robot_model.model import ArmModel, GripperModel
+from bestman_bt.robot_model.payload import Payload, arm_payload
 from hal.api import Failure, NoDataError, Part
-from hal.hardware import ArmFacts, Connection, Identity
-from hal.parts import (
-    CommandedGripper,
-    ConnectionFailedError,
-    GripperChannel,
-    GripperReading,
-    JointChannel,
-    JointReading,
-    StreamedArm,
-    ToolLimits,
-)
+from hal.hardware.connection import Connection
+from hal.hardware.controller_facts import ArmFacts, Identity
+from hal.parts.channels import GripperChannel, GripperReading, JointChannel, JointReading
+from hal.parts.gate import ToolLimits
+from hal.parts.gripper import CommandedGripper
+from hal.parts.part_connection import ConnectionFailedError
+from hal.parts.streamed_arm import StreamedArm
 from hal.xarm.lite6_gripper import Lite6Gripper, Lite6GripperWire
 from hal.xarm.options import XArmOptions
 from hal.xarm.wire import XArmWire, read_report

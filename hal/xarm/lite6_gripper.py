@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from bestman_bt.robot_model import GripperModel
+from bestman_bt.robot_model.model import GripperModel
 from hal.api import Clock, GripperState, Motion
-from hal.parts import CommandedGripper, GripperChannel, GripperReading
+from hal.parts.channels import GripperChannel, GripperReading
+from hal.parts.gripper import CommandedGripper
 from hal.xarm.wire import XArmWire
 
 AT_END = 1e-6

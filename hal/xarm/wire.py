@@ -19,10 +19,10 @@ from typing import Any, TextIO
 import numpy as np
 
 from bestman_bt.messages import Pose
-from bestman_bt.robot_model import ArmModel
+from bestman_bt.robot_model.model import ArmModel
 from hal.api import Clock, Failure, MotionErrorCode
-from hal.hardware import ArmFacts, Identity
-from hal.parts import ConnectionFailedError
+from hal.hardware.controller_facts import ArmFacts, Identity
+from hal.parts.part_connection import ConnectionFailedError
 from hal.xarm.options import ArmKind, XArmOptions
 
 # Which arm a controller moves, and whether that is the one of the robot file.

@@ -19,7 +19,8 @@ from typing import Any
 from exhibit import make
 from page import page
 
-from bestman_bt.configuration import data_names, load_task
+from bestman_bt.configuration.data import data_names
+from bestman_bt.configuration.task import load_task
 
 
 def main() -> None:

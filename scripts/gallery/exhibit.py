@@ -10,9 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bestman_bt.configuration import load_run, load_task
+from bestman_bt.configuration.run import load_run
+from bestman_bt.configuration.task import load_task
 from bestman_bt.evaluation.episode import run_episode
-from bestman_bt.evaluation.film import FilmedRun, read_filmed_run
+from bestman_bt.evaluation.film.filmed_run import FilmedRun, read_filmed_run
 from bestman_bt.evaluation.film.rendering import caption, captioned, write_film, write_still
 from bestman_bt.evaluation.film.shot import Shot, best_frame, plan_shot
 from bestman_bt.evaluation.film.stage import Stage

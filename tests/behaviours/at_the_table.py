@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from bestman_bt.engine import RUNNING, Tree
-from bestman_bt.runtime import Session
+from bestman_bt.runtime.robot_session import Session
 from hal.api import Arm, JointGroup, MobileBase
 
 AT_THE_TABLE = (

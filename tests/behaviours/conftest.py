@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from bestman_bt.configuration import load_run
-from bestman_bt.runtime import Session, session
-from hal.simulation import GroundTruth
+from bestman_bt.configuration.run import load_run
+from bestman_bt.runtime.robot_session import Session, session
+from hal.simulation.ground_truth import GroundTruth
 from tests.behaviours.at_the_table import standing_at_a_table
 from tests.behaviours.driving import BEFORE_THE_DOORWAY
 from tests.behaviours.truth import THINGS, known_world

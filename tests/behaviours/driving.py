@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from bestman_bt.messages import Pose2D
-from hal.simulation import GroundTruth
+from hal.simulation.ground_truth import GroundTruth
 
 BEFORE_THE_DOORWAY = "robot_start: {x: [-1.3, -1.3], y: [0.0, 0.0], yaw: [0.0, 0.0]}"
 BEHIND_THE_DOORWAY = "1.2;0.0;0.0"

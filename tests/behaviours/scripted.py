@@ -13,14 +13,14 @@ import numpy as np
 from behaviours.computation import InlineComputation
 from behaviours.context import SkillContext
 from behaviours.parts import parts_by_kind
-from bestman_bt.configuration import load_run
-from bestman_bt.control import Motion
+from bestman_bt.configuration.run import load_run
 from bestman_bt.engine import RUNNING, ManualClock, Node, Tree, load_tree
 from bestman_bt.messages import MotionErrorCode, Pose, Pose2D
-from bestman_bt.robot_model import ArmModel, GripperModel
+from bestman_bt.robot_model.model import ArmModel, GripperModel
 from bestman_bt.runtime.algorithms import Algorithms
 from bestman_bt.runtime.setup import Setup, prepare
-from bestman_bt.world_model import BasePose
+from bestman_bt.world_model.world_model import BasePose
+from hal.api import Motion
 from tests.behaviours.at_the_table import PERIOD, tree_of
 from tests.robot_models import with_part
 

@@ -11,10 +11,13 @@ import pytest
 from behaviours.context import SkillContext
 from bestman_bt.engine import FAILURE, SUCCESS, ManualClock, NodeRegistry, Tree, load_tree
 from bestman_bt.messages import VOXEL_FREE, VOXEL_UNKNOWN, Pose, Pose2D, VoxelGrid
-from bestman_bt.robot_model import RobotModel
+from bestman_bt.robot_model.model import RobotModel
 from bestman_bt.runtime.plugins import node_registry
-from bestman_bt.scene import draw_world, load_scene, semantic_map
-from bestman_bt.world_model import BasePose, HeldObject, ObjectBelief, WorldModel, openness_of
+from bestman_bt.scene.draw import draw_world
+from bestman_bt.scene.load import load_scene
+from bestman_bt.scene.map_of_world import semantic_map
+from bestman_bt.world_model.openness import openness_of
+from bestman_bt.world_model.world_model import BasePose, HeldObject, ObjectBelief, WorldModel
 from tests.behaviours.at_the_table import tree_of
 from tests.robot_models import arm_model
 

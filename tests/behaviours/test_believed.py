@@ -12,7 +12,7 @@ import pytest
 
 from bestman_bt.engine import FAILURE, SUCCESS
 from bestman_bt.messages import Pose, Pose2D
-from bestman_bt.world_model import BasePose, ObjectBelief
+from bestman_bt.world_model.world_model import BasePose, ObjectBelief
 from tests.behaviours.scripted import ASKEW, codes, load, run, scripted_skills
 
 GOAL = Pose.from_xyz_rpy((2.0, -1.0, 0.8), (0.0, 0.0, 2.5))

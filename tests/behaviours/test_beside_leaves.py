@@ -13,9 +13,10 @@ from behaviours.furniture.close import ROOM, pushes
 from behaviours.furniture.leaf import BASE_GAP, SAME_STAND, FurnitureLeaf, LeafWay, room_beside, world_at_leaf
 from behaviours.furniture.leaf_motion import UNSURE, withdraw
 from bestman_bt.engine import SUCCESS
-from bestman_bt.manipulation.kinematics import body_between
+from bestman_bt.manipulation.kinematics.link_hulls import body_between
 from bestman_bt.messages import Handle, Pose, Pose2D
-from bestman_bt.world_model import BasePose, HandleBelief, handle_shape
+from bestman_bt.world_model.openness import handle_shape
+from bestman_bt.world_model.world_model import BasePose, HandleBelief
 from tests.behaviours.scripted import load, run, scripted_skills
 from tests.behaviours.test_leaf_seen import leaf_and_handle
 

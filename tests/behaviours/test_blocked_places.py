@@ -10,12 +10,14 @@ from bestman_bt.engine import SUCCESS, ManualClock, NodeRegistry, load_tree
 from bestman_bt.facts.predicate import Beliefs
 from bestman_bt.messages import Pose
 from bestman_bt.runtime.plugins import node_registry
-from bestman_bt.scene import draw_world, load_scene, semantic_map
+from bestman_bt.scene.draw import draw_world
+from bestman_bt.scene.load import load_scene
+from bestman_bt.scene.map_of_world import semantic_map
 from bestman_bt.task_planning.domain import Domain
 from bestman_bt.task_planning.explanation import explain
-from bestman_bt.task_planning.symbolic import Unsolvable
+from bestman_bt.task_planning.symbolic.problem import Unsolvable
 from bestman_bt.task_planning.symbolic.search import SymbolicPlanner
-from bestman_bt.world_model import ObjectBelief, WorldModel
+from bestman_bt.world_model.world_model import ObjectBelief, WorldModel
 from tests.behaviours.at_the_table import tree_of
 
 SCENE = load_scene("put_away", {})

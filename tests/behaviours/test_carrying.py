@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from behaviours.manipulation.move_arm import IN_VIEW, ROOM_TO_TURN, _with_room, postures_beside
-from bestman_bt.manipulation.collision import PlanningScene, SceneObstacle
-from bestman_bt.manipulation.kinematics import ForwardKinematics
+from bestman_bt.manipulation.collision.planning_scene import PlanningScene, SceneObstacle
+from bestman_bt.manipulation.kinematics.link_hulls import ForwardKinematics
 from bestman_bt.messages import PlacedShape, Pose, Sphere
-from bestman_bt.runtime import Session
-from bestman_bt.world_model import HeldObject
+from bestman_bt.runtime.robot_session import Session
+from bestman_bt.world_model.world_model import HeldObject
 
 
 @pytest.mark.parametrize("roll", [0.0, math.pi], ids=["camera on one side", "camera on the other side"])

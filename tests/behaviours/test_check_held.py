@@ -8,9 +8,10 @@ from dataclasses import replace
 import pytest
 
 from bestman_bt.engine import FAILURE, SUCCESS
-from bestman_bt.runtime import Session
-from bestman_bt.world_model import HeldObject
-from hal.simulation import GroundTruth, SensorFault
+from bestman_bt.runtime.robot_session import Session
+from bestman_bt.world_model.world_model import HeldObject
+from hal.simulation.ground_truth import GroundTruth
+from hal.simulation.sensor_pipeline import SensorFault
 from tests.behaviours.at_the_table import failures_of, tick, tree_of
 from tests.behaviours.truth import known_world, put, succeeds, table_with, why_not
 

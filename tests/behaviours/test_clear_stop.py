@@ -11,7 +11,7 @@ import pytest
 
 from bestman_bt.control.robot_stop import RobotStop
 from bestman_bt.engine import FAILURE, RUNNING, SUCCESS
-from bestman_bt.runtime import Session
+from bestman_bt.runtime.robot_session import Session
 from hal.api import Arm, RobotError
 from tests.behaviours.at_the_table import failures_of, fastest, tick, tree_of
 

@@ -6,10 +6,10 @@ import math
 
 import pytest
 
-from bestman_bt.configuration import load_run
+from bestman_bt.configuration.run import load_run
 from bestman_bt.engine import RUNNING
 from bestman_bt.messages import Pose2D
-from bestman_bt.runtime import open_session
+from bestman_bt.runtime.robot_session import open_session
 from tests.behaviours.truth import audited, known_world, succeeds, why_not
 
 pytestmark = pytest.mark.slow

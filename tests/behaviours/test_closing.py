@@ -13,9 +13,10 @@ import pytest
 from behaviours.furniture.close import FrontPush, pushes
 from behaviours.furniture.leaf import FurnitureLeaf, find_leaf
 from bestman_bt.messages import Box, Pose
-from bestman_bt.perception.grasp_pose import HandShape, HandSize
-from bestman_bt.scene import read_furniture
-from bestman_bt.world_model import HandleBelief, handle_shape
+from bestman_bt.perception.grasp_pose.hand_shape import HandShape, HandSize
+from bestman_bt.scene.furniture_file import read_furniture
+from bestman_bt.world_model.openness import handle_shape
+from bestman_bt.world_model.world_model import HandleBelief
 from tests.behaviours.scripted import scripted_skills
 
 CLOSED_FINGERS = np.zeros(1)

@@ -7,8 +7,8 @@ import math
 import pytest
 
 from bestman_bt.engine import RUNNING, SUCCESS
-from bestman_bt.runtime import Session
-from hal.simulation import GroundTruth
+from bestman_bt.runtime.robot_session import Session
+from hal.simulation.ground_truth import GroundTruth
 from tests.behaviours.at_the_table import fastest, tick, tree_of
 from tests.behaviours.driving import BEHIND_THE_DOORWAY, at, to
 from tests.behaviours.truth import audited, why_not

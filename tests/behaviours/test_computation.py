@@ -5,9 +5,9 @@ from __future__ import annotations
 import pytest
 
 from behaviours.computation import InlineComputation, Until, passed
-from bestman_bt.control import Motion, MotionStatus
 from bestman_bt.engine import ManualClock
 from bestman_bt.messages import MotionErrorCode
+from hal.api import Motion, MotionStatus
 
 
 def test_a_result_is_delivered_when_its_cost_has_passed_on_the_robots_clock() -> None:

@@ -11,13 +11,13 @@ from behaviours.furniture.leaf_motion import FOLLOWING_FAILS, error_code
 from behaviours.manipulation.arm_motion import ARM_PLANNING_FAILS
 from behaviours.navigation.navigate import DRIVING_FAILS
 from behaviours.skill import Explained, Skill
-from bestman_bt.control.arm import FollowEnd
+from bestman_bt.control.arm.constraint_following import FollowEnd
 from bestman_bt.control.rgbd import CameraErrorCode
-from bestman_bt.manipulation.motion_planning import PlanningErrorCode
+from bestman_bt.manipulation.motion_planning.base import PlanningErrorCode
 from bestman_bt.manipulation.policy import errors as policy_errors
 from bestman_bt.messages import MotionErrorCode
-from bestman_bt.navigation.global_planning import PlanningFailureReason
-from bestman_bt.perception import NoSurfaceError
+from bestman_bt.navigation.global_planning.base import PlanningFailureReason
+from bestman_bt.perception.errors import NoSurfaceError
 from bestman_bt.registry import BEHAVIOURS
 from tests.behaviours.raised_codes import raised_codes
 

@@ -8,10 +8,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bestman_bt.configuration import load_run
+from bestman_bt.configuration.run import load_run
 from bestman_bt.messages import Pose
-from bestman_bt.runtime import Session
-from hal.simulation import GroundTruth
+from bestman_bt.runtime.robot_session import Session
+from hal.simulation.ground_truth import GroundTruth
 from tests.behaviours.truth import audited, known_world, succeeds, why_not
 
 pytestmark = pytest.mark.slow

@@ -10,7 +10,7 @@ import pytest
 
 from bestman_bt.engine import FAILURE, RUNNING, SUCCESS
 from bestman_bt.messages import MotionErrorCode, Path2D, Pose2D
-from bestman_bt.navigation.global_planning import PlanningFailure, PlanningFailureReason
+from bestman_bt.navigation.global_planning.base import PlanningFailure, PlanningFailureReason
 from tests.behaviours.scripted import ASKEW, UNDER_WAY, codes, load, map_from, run, scripted_skills
 
 GOAL = Pose2D(3.0, 0.0, 0.0)

@@ -10,7 +10,7 @@ import pytest
 from behaviours.context import DRIVEN
 from bestman_bt.control.joint_state import JointStateError
 from bestman_bt.messages import Box, ObjectModel, PlacedShape, Pose, Pose2D
-from bestman_bt.world_model import HeldObject
+from bestman_bt.world_model.world_model import HeldObject
 from tests.behaviours.driving import at, to
 from tests.behaviours.truth import audited, succeeds, why_not
 

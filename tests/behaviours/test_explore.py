@@ -11,9 +11,10 @@ import pytest
 from bestman_bt.engine import RUNNING
 from bestman_bt.messages.grids import FREE, OCCUPIED
 from bestman_bt.navigation.map_file import read_map
-from bestman_bt.navigation.slam import SlamEstimate
-from bestman_bt.runtime import Execution, Session, session
-from bestman_bt.scene import semantic_map
+from bestman_bt.navigation.slam.base import SlamEstimate
+from bestman_bt.runtime.executor import Execution
+from bestman_bt.runtime.robot_session import Session, session
+from bestman_bt.scene.map_of_world import semantic_map
 from hal.api import MobileBase
 from tests.behaviours.at_the_table import fastest, tick, tree_of
 

@@ -11,9 +11,9 @@ import pytest
 
 from bestman_bt.engine import RUNNING, SUCCESS
 from bestman_bt.messages import OccupancyGrid, Path2D, Pose2D
-from bestman_bt.navigation.global_planning import Footprint
-from bestman_bt.navigation.slam import FrontierView
-from bestman_bt.world_model import BasePose
+from bestman_bt.navigation.global_planning.footprint import Footprint
+from bestman_bt.navigation.slam.frontiers import FrontierView
+from bestman_bt.world_model.world_model import BasePose
 from tests.behaviours.scripted import UNDER_WAY, load, run, scripted_skills
 
 SQUARE = Footprint(np.array([[-0.3, -0.3], [0.3, -0.3], [0.3, 0.3], [-0.3, 0.3]]))

@@ -6,10 +6,10 @@ from collections.abc import Iterator
 
 import pytest
 
-from bestman_bt.configuration import load_run
+from bestman_bt.configuration.run import load_run
 from bestman_bt.engine import FAILURE, SUCCESS
-from bestman_bt.runtime import Session, open_session
-from hal.simulation import SensorFault
+from bestman_bt.runtime.robot_session import Session, open_session
+from hal.simulation.sensor_pipeline import SensorFault
 from tests.behaviours.at_the_table import failures_of, standing_at_a_table, tick, tree_of
 
 DETECT = '<Sequence><LookAt surface="table"/><DetectObject object="cup" surface="table"/></Sequence>'

@@ -13,9 +13,11 @@ from bestman_bt.control.motion import start_motion
 from bestman_bt.engine import FAILURE
 from bestman_bt.evaluation.result import Outcome, RunResult
 from bestman_bt.messages import Failure, MotionErrorCode
-from bestman_bt.robot_model import GripperModel
+from bestman_bt.robot_model.model import GripperModel
 from hal.api import Motion, MotionStatus, NotConnectedError
-from hal.parts import CommandedGripper, GripperReading, StopLatch
+from hal.parts.channels import GripperReading
+from hal.parts.gripper import CommandedGripper
+from hal.parts.stop_latch import StopLatch
 from tests.behaviours.scripted import load, register, run, scripted_skills
 
 STRUCK = Failure(MotionErrorCode.COLLISION, "the current is too high", "arm", "C31")

@@ -11,9 +11,10 @@ from behaviours.furniture.close import Close
 from behaviours.furniture.leaf_motion import followed
 from behaviours.furniture.open import Open
 from behaviours.skill import SkillFailure
-from bestman_bt.control import Motion
-from bestman_bt.control.arm import FollowEnd, JointAxis
+from bestman_bt.control.arm.constraint_following import FollowEnd
+from bestman_bt.control.arm.joint_axis import JointAxis
 from bestman_bt.messages import Failure, MotionErrorCode, Pose
+from hal.api import Motion
 
 STRUCK = Failure(MotionErrorCode.COLLISION, "the current is too high", "arm", "C31")
 

@@ -10,8 +10,10 @@ import pytest
 
 from behaviours.furniture.leaf_measurement import HEADING_ERROR, POSITION_ERROR, believe_place, believe_shut_fronts
 from bestman_bt.messages import Handle, Pose, Pose2D
-from bestman_bt.scene import draw_world, load_scene, semantic_map
-from bestman_bt.world_model import WorldModel
+from bestman_bt.scene.draw import draw_world
+from bestman_bt.scene.load import load_scene
+from bestman_bt.scene.map_of_world import semantic_map
+from bestman_bt.world_model.world_model import WorldModel
 
 OFF = Pose2D(0.025, -0.02, math.radians(1.5))
 FRONT = (-0.24, 0.0, 0.7033)

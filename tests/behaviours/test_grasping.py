@@ -14,7 +14,7 @@ from behaviours.manipulation.grasp import PlannedGrasp
 from bestman_bt.control.gripper import HELD_WIDTH
 from bestman_bt.engine import FAILURE, RUNNING, SUCCESS
 from bestman_bt.messages import MotionErrorCode, Pose
-from bestman_bt.world_model import HeldObject, ObjectBelief
+from bestman_bt.world_model.world_model import HeldObject, ObjectBelief
 from tests.behaviours.scripted import ASKEW, UNDER_WAY, codes, in_base, load, map_from, run, scripted_skills
 
 WIDTH, OPENING = 0.060, 0.078

@@ -6,8 +6,8 @@ import numpy as np
 
 from behaviours.manipulation.grasp_candidates import grasp_candidates
 from bestman_bt.messages import Pose
-from bestman_bt.runtime import session
-from bestman_bt.world_model import ObjectBelief
+from bestman_bt.runtime.robot_session import session
+from bestman_bt.world_model.world_model import ObjectBelief
 
 
 def test_a_cup_on_a_shelf_of_the_fridge_is_taken_from_the_front_with_the_camera_above_the_hand() -> None:

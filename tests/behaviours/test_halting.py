@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from bestman_bt.engine import RUNNING
-from bestman_bt.runtime import Session
+from bestman_bt.runtime.robot_session import Session
 from tests.behaviours.at_the_table import fastest, tick, tree_of
 
 REST = 0.01

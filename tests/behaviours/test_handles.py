@@ -8,10 +8,10 @@ from contextlib import contextmanager
 import numpy as np
 import pytest
 
-from bestman_bt.configuration import RunRequest
+from bestman_bt.configuration.run import RunRequest
 from bestman_bt.messages import Handle
-from bestman_bt.runtime import Session
 from bestman_bt.runtime.looking import furniture_to_look_at, standing_before
+from bestman_bt.runtime.robot_session import Session
 from tests.behaviours.at_the_table import tick, tree_of
 from tests.behaviours.truth import known_world, succeeds, why_not
 

@@ -10,7 +10,7 @@ import pytest
 from behaviours.furniture.leaf import find_leaf
 from behaviours.skill import SkillFailure
 from bestman_bt.engine import FAILURE, SUCCESS
-from bestman_bt.runtime import Session, session
+from bestman_bt.runtime.robot_session import Session, session
 from tests.behaviours.at_the_table import tick, tree_of
 
 DOOR, DRAWER = "fridge/upper_door", "drawer_chest/drawer_1"

@@ -11,8 +11,10 @@ import pytest
 from behaviours.furniture.leaf import FurnitureLeaf
 from behaviours.furniture.leaf_measurement import opening_by_board, opening_seen, opening_since
 from bestman_bt.messages import Box, Handle, Pose, Pose2D
-from bestman_bt.perception.segmentation import SupportPlane
-from bestman_bt.scene import PlacedFurniture, Wall, World, read_furniture, semantic_map
+from bestman_bt.perception.segmentation.base import SupportPlane
+from bestman_bt.scene.furniture_file import read_furniture
+from bestman_bt.scene.map_of_world import semantic_map
+from bestman_bt.scene.scene import PlacedFurniture, Wall, World
 
 AT = Pose2D(1.2, -0.4, 0.7)
 OFF = Pose2D(1.22, -0.38, 0.72)  # where it really stands, within the map's error

@@ -10,13 +10,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bestman_bt.configuration import load_run
+from bestman_bt.configuration.run import load_run
 from bestman_bt.messages import LaserScan, Pose2D, wrap_angle
-from bestman_bt.navigation.localization import Place
-from bestman_bt.runtime import Session
-from bestman_bt.world_model import SemanticMap
+from bestman_bt.navigation.localization.base import Place
+from bestman_bt.runtime.robot_session import Session
+from bestman_bt.world_model.semantic_map import SemanticMap
 from hal.api import Lidar
-from hal.simulation import GroundTruth
+from hal.simulation.ground_truth import GroundTruth
 from tests.behaviours.truth import audited, known_world, succeeds, why_not
 
 pytestmark = pytest.mark.slow

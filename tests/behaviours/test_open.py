@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from bestman_bt.configuration import load_run
+from bestman_bt.configuration.run import load_run
 from bestman_bt.engine import FAILURE, RUNNING, SUCCESS, TreeLoadError
 from bestman_bt.messages import Pose2D
-from bestman_bt.runtime import Session
+from bestman_bt.runtime.robot_session import Session
 from tests.behaviours.at_the_table import failures_of, fastest, tick, tree_of
 from tests.behaviours.truth import audited, known_world, why_not
 

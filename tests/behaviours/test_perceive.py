@@ -12,9 +12,9 @@ import pytest
 from behaviours.perception import beliefs
 from bestman_bt.engine import FAILURE, SUCCESS
 from bestman_bt.messages import Pose, YawSet
-from bestman_bt.perception.detection import LabelledCluster
-from bestman_bt.perception.segmentation import SupportPlane
-from bestman_bt.world_model import ObjectBelief
+from bestman_bt.perception.detection.base import LabelledCluster
+from bestman_bt.perception.segmentation.base import SupportPlane
+from bestman_bt.world_model.world_model import ObjectBelief
 from tests.behaviours.scripted import ASKEW, codes, load, map_from, run, scripted_skills
 
 DETECT = '<DetectObject object="cup" surface="table" pose="{pose}" min_confidence="0.6"/>'
@@ -102,7 +102,7 @@ def test_views_that_fit_together_less_surely_than_is_asked_change_no_belief(
     monkeypatch.setattr(
         "behaviours.manipulation.second_look.only_nearest", lambda *_: SimpleNamespace(detections=(seen,))
     )
-    monkeypatch.setattr("bestman_bt.perception.pose_estimation.ViewObservation", lambda *_: None)
+    monkeypatch.setattr("bestman_bt.perception.pose_estimation.multi_view.ViewObservation", lambda *_: None)
     assert run(skills, load(skills, '<SecondLook object="cup" min_confidence="0.6"/>')) == status
     assert (skills.world.objects["cup"] is before) is (status == FAILURE)
     assert codes(skills) == (["object_lost"] if status == FAILURE else [])

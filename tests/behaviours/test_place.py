@@ -14,8 +14,8 @@ from behaviours.skill import SkillFailure
 from bestman_bt.engine import FAILURE, RUNNING, SUCCESS
 from bestman_bt.messages import MotionErrorCode, Pose
 from bestman_bt.perception import segmentation
-from bestman_bt.perception.segmentation import FREE, OCCUPIED
-from bestman_bt.world_model import HeldObject
+from bestman_bt.perception.segmentation.surface_coverage import FREE, OCCUPIED
+from bestman_bt.world_model.world_model import HeldObject
 from tests.behaviours.scripted import ASKEW, UNDER_WAY, codes, in_base, load, map_from, register, run, scripted_skills
 
 RELEASE = '<Release object="cup" surface="table/top"/>'
@@ -222,7 +222,7 @@ def test_the_arm_has_to_have_room_as_far_down_as_it_may_feel_its_way(
         goals.append(goal)
         return SimpleNamespace(complete=complete)
 
-    monkeypatch.setattr("bestman_bt.manipulation.kinematics.cartesian_path", path)
+    monkeypatch.setattr("bestman_bt.manipulation.kinematics.cartesian_path.cartesian_path", path)
     status = run(skills, load(skills, '<Down object="cup" pose="0;0;0"/>'))
     assert status == (SUCCESS if complete else FAILURE)
     np.testing.assert_allclose(goals[0].position, [0.5, 0.1, 0.8 - 0.018])

@@ -7,8 +7,8 @@ import pytest
 
 from bestman_bt.engine import FAILURE, SUCCESS
 from bestman_bt.messages import Box, MotionErrorCode, PlacedShape, Pose, Pose2D
-from bestman_bt.runtime import Session
-from bestman_bt.world_model import Obstacle
+from bestman_bt.runtime.robot_session import Session
+from bestman_bt.world_model.world_model import Obstacle
 from tests.behaviours.at_the_table import failures_of, fastest, tick, tree_of
 from tests.behaviours.scripted import codes, load, run, scripted_skills
 from tests.behaviours.truth import succeeds, why_not

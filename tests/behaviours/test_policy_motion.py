@@ -10,7 +10,7 @@ import pytest
 
 from behaviours.manipulation.policy import PolicyMotion
 from behaviours.skill import SkillFailure
-from bestman_bt.manipulation.policy import Workspace
+from bestman_bt.manipulation.policy.specification import Workspace
 from bestman_bt.messages import MotionErrorCode, Pose
 from tests.behaviours.scripted import UNDER_WAY, scripted_skills
 

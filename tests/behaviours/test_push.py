@@ -9,9 +9,9 @@ import pytest
 
 from behaviours.manipulation.push import HEIGHT, STANDOFF, push_tool_poses, spread
 from bestman_bt.messages import Pose
-from bestman_bt.runtime import Session
-from bestman_bt.scene import load_scene
-from hal.simulation import GroundTruth
+from bestman_bt.runtime.robot_session import Session
+from bestman_bt.scene.load import load_scene
+from hal.simulation.ground_truth import GroundTruth
 from tests.behaviours.truth import audited, known_world, put, succeeds, table_with, why_not
 
 SEE = '<LookAt object="{name}" surface="table"/><DetectObject object="{name}" surface="table"/>'

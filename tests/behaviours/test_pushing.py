@@ -15,7 +15,7 @@ from behaviours.manipulation.arm_motion import FREE_SPEED, timed_path
 from behaviours.manipulation.push import Push, PushPlan
 from bestman_bt.engine import FAILURE, RUNNING, SUCCESS
 from bestman_bt.messages import Pose
-from bestman_bt.world_model import HeldObject, ObjectBelief
+from bestman_bt.world_model.world_model import HeldObject, ObjectBelief
 from tests.behaviours.scripted import ASKEW, UNDER_WAY, codes, in_base, load, map_from, register, run, scripted_skills
 
 WAY = np.array([math.cos(0.4), math.sin(0.4), 0.0])

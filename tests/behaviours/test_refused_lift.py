@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bestman_bt.manipulation.motion_planning import PlanningError, PlanningErrorCode
+from bestman_bt.manipulation.motion_planning.base import PlanningError, PlanningErrorCode
 from tests.behaviours.truth import known_world, succeeds, table_with
 
 pytestmark = pytest.mark.slow

@@ -9,19 +9,14 @@ import numpy as np
 import pytest
 
 from bestman_bt.engine import FAILURE, RUNNING, SUCCESS
-from bestman_bt.manipulation.policy import (
-    ActionChunk,
-    ActionSpace,
-    Observation,
-    Policy,
-    PolicySpecification,
-    PolicyUnreachableError,
-    pose_error,
-)
+from bestman_bt.manipulation.policy.base import ActionChunk, Observation, Policy
+from bestman_bt.manipulation.policy.errors import PolicyUnreachableError
+from bestman_bt.manipulation.policy.features import pose_error
+from bestman_bt.manipulation.policy.specification import ActionSpace, PolicySpecification
 from bestman_bt.messages import Pose
-from bestman_bt.runtime import Session, session
 from bestman_bt.runtime.policies import find_policy
-from bestman_bt.world_model import HeldObject
+from bestman_bt.runtime.robot_session import Session, session
+from bestman_bt.world_model.world_model import HeldObject
 from tests.behaviours.at_the_table import PERIOD, failures_of, fastest, tick, tree_of
 
 OPEN_FLOOR = ("scene.robot_start.x=[1.0, 1.0]", "scene.robot_start.y=[-1.0, -1.0]", "scene.robot_start.yaw=[1.9, 1.9]")

@@ -7,12 +7,13 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from bestman_bt.configuration import RunRequest
+from bestman_bt.configuration.run import RunRequest
 from bestman_bt.engine import SUCCESS
 from bestman_bt.messages import VOXEL_FREE, VOXEL_OCCUPIED
-from bestman_bt.runtime import Session
 from bestman_bt.runtime.looking import furniture_to_look_at, standing_before
-from hal.simulation import GroundTruth, SensorFault
+from bestman_bt.runtime.robot_session import Session
+from hal.simulation.ground_truth import GroundTruth
+from hal.simulation.sensor_pipeline import SensorFault
 from tests.behaviours.at_the_table import tick, tree_of
 from tests.behaviours.truth import known_world, put, succeeds, table_with, why_not
 

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from bestman_bt.messages import wrap_angle
-from bestman_bt.runtime import Session
-from hal.simulation import GroundTruth
+from bestman_bt.runtime.robot_session import Session
+from hal.simulation.ground_truth import GroundTruth
 from tests.behaviours.truth import audited, known_world, succeeds, table_with, why_not
 
 pytestmark = pytest.mark.slow

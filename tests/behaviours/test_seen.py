@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bestman_bt.configuration import load_run
+from bestman_bt.configuration.run import load_run
 from bestman_bt.engine import FAILURE, SUCCESS
 from bestman_bt.messages import Pose
-from bestman_bt.runtime import Session, open_session
-from hal.simulation import GroundTruth
+from bestman_bt.runtime.robot_session import Session, open_session
+from hal.simulation.ground_truth import GroundTruth
 from tests.behaviours.at_the_table import failures_of, standing_at_a_table, tick, tree_of
 
 LOOK = """<Sequence>

@@ -13,7 +13,7 @@ from behaviours.contacts import Contact, grasp, handle, push, support
 from behaviours.skill import Declaration, Skill, SkillCondition, SkillFailure, Steps
 from bestman_bt.engine import FAILURE, RUNNING, SUCCESS, In, Node, NodeError, Tree, build_tree, load_tree
 from bestman_bt.manipulation.errors import ManipulationError
-from bestman_bt.runtime import Session
+from bestman_bt.runtime.robot_session import Session
 from hal.simulation.sensor_pipeline import SensorFault
 from tests.behaviours.at_the_table import PERIOD, failures_of, tick, tree_of
 from tests.behaviours.test_leaf_seen import leaf_and_handle

@@ -5,9 +5,9 @@ from __future__ import annotations
 import pytest
 
 from bestman_bt.engine import FAILURE, RUNNING
-from bestman_bt.robot_model import GripperModel
-from bestman_bt.runtime import Session
-from hal.pybullet import PyBulletRobot
+from bestman_bt.robot_model.model import GripperModel
+from bestman_bt.runtime.robot_session import Session
+from hal.pybullet.robot import PyBulletRobot
 from tests.behaviours.at_the_table import failures_of, fastest, tick, tree_of
 from tests.behaviours.truth import known_world, succeeds, table_with
 

@@ -10,9 +10,9 @@ import pytest
 from behaviours.failure import own_failures
 from bestman_bt.engine import FAILURE
 from bestman_bt.messages import CameraIntrinsics, Pose, RGBDImage
-from bestman_bt.perception import View
+from bestman_bt.perception.view import View
 from bestman_bt.registry import BEHAVIOURS
-from bestman_bt.world_model import ObjectBelief
+from bestman_bt.world_model.world_model import ObjectBelief
 from tests.behaviours.scripted import ASKEW, codes, load, map_from, run, scripted_skills
 
 INTRINSICS = CameraIntrinsics(64, 48, 60.0, 60.0, 31.5, 23.5)

@@ -10,9 +10,9 @@ import pytest
 
 from bestman_bt.engine import FAILURE, SUCCESS, Tree
 from bestman_bt.messages import Pose
-from bestman_bt.runtime import Session
-from bestman_bt.world_model import HeldObject
-from hal.simulation import GroundTruth
+from bestman_bt.runtime.robot_session import Session
+from bestman_bt.world_model.world_model import HeldObject
+from hal.simulation.ground_truth import GroundTruth
 from tests.behaviours.at_the_table import failures_of, tick, tree_of
 from tests.behaviours.truth import known_world, succeeds, table_with
 

@@ -13,7 +13,7 @@ import pytest
 from bestman_bt.engine import FAILURE, SUCCESS
 from bestman_bt.messages import Pose, Pose2D
 from bestman_bt.perception.occupancy import VoxelRegion
-from bestman_bt.robot_model import BaseModel
+from bestman_bt.robot_model.model import BaseModel
 from tests.behaviours.scripted import codes, load, run, scripted_skills
 
 TURNED = Pose2D(1.3, 0.4, 2.5)

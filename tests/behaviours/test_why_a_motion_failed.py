@@ -15,10 +15,10 @@ from behaviours.manipulation.arm_motion import unreached
 from behaviours.navigation.base_placement import FindStandPose
 from behaviours.skill import OnArm, Skill, SkillFailure, Steps
 from bestman_bt.engine import FAILURE
-from bestman_bt.manipulation.collision import AttachedObject, PlanningScene, SceneObstacle
-from bestman_bt.manipulation.motion_planning import RRTConnect
+from bestman_bt.manipulation.collision.planning_scene import AttachedObject, PlanningScene, SceneObstacle
+from bestman_bt.manipulation.motion_planning.rrt_connect import RRTConnect
 from bestman_bt.messages import Box, Failure, MotionErrorCode, MotionObstacle, MotionStage, PlacedShape, Pose
-from bestman_bt.runtime import Session
+from bestman_bt.runtime.robot_session import Session
 from bestman_bt.visualization.scene_picture import scene_picture
 from tests.behaviours.at_the_table import tick, tree_of
 

@@ -9,12 +9,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from bestman_bt.configuration import RunConfig, load_run
+from bestman_bt.configuration.run import RunConfig, load_run
 from bestman_bt.engine import SUCCESS
 from bestman_bt.evaluation.audit import Audit, audit
-from bestman_bt.runtime import Session, load_for, open_session
-from hal.pybullet import PyBulletRobot
-from hal.simulation import GroundTruth
+from bestman_bt.runtime.robot_session import Session, open_session
+from bestman_bt.runtime.setup import load_for
+from hal.pybullet.robot import PyBulletRobot
+from hal.simulation.ground_truth import GroundTruth
 from tests.behaviours.at_the_table import failures_of, standing_at_a_table, tick, tree_of
 
 THINGS = """

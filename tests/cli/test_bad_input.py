@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from bestman_bt.configuration import data_root
+from bestman_bt.configuration.data import data_root
 from hal.pybullet.client import PhysicsClient
 from tests.cli.command_line import Answer, Program, files_in
 

@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from bestman_bt.robot_model import CameraPart, load_robot_model
+from bestman_bt.robot_model.compose import load_robot_model
+from bestman_bt.robot_model.sensor_parts import CameraPart
 from tests.cli.command_line import Answer
 
 pytestmark = pytest.mark.slow

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-from bestman_bt.task_planning.symbolic import SymbolicPlanner
 from bestman_bt.task_planning.symbolic.fast_downward import unified_planning
 from bestman_bt.task_planning.symbolic.pddl_reading import read_pddl
+from bestman_bt.task_planning.symbolic.search import SymbolicPlanner
 from tests.cli.command_line import Answer
 
 Command = Callable[..., Answer]

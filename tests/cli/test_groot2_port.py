@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import pytest
 
 from bestman_bt.cli.run_command import Groot2View
-from bestman_bt.configuration import ConfigurationError
+from bestman_bt.configuration.errors import ConfigurationError
 from bestman_bt.engine import RUNNING, load_tree
 from tests.monitor.groot2.wire_client import free_ports, groot2_client
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from bestman_bt.configuration import data_names
+from bestman_bt.configuration.data import data_names
 from tests.evaluation.report.run_folders import write_run
 
 HEAVY = frozenset(

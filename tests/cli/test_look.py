@@ -16,7 +16,8 @@ import pytest
 from PIL import Image
 
 from bestman_bt.cli.main import main
-from bestman_bt.scene import draw_world, load_scene
+from bestman_bt.scene.draw import draw_world
+from bestman_bt.scene.load import load_scene
 from hal.pybullet.client import PhysicsClient
 from tests.cli.command_line import Answer, files_in
 

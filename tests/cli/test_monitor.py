@@ -16,9 +16,9 @@ from urllib.request import Request, urlopen
 import pytest
 
 from bestman_bt.cli.started_monitor import show_in_monitor
-from bestman_bt.configuration import ConfigurationError
+from bestman_bt.configuration.errors import ConfigurationError
 from bestman_bt.engine import load_tree
-from bestman_bt.monitor.groot2 import Groot2Publisher
+from bestman_bt.monitor.groot2.publisher import Groot2Publisher
 from bestman_bt.monitor.recorded import identity_of
 from bestman_bt.records.reader import read
 from tests.cli.command_line import Program, wait_for

@@ -15,8 +15,10 @@ from PIL import Image
 from benchmarks.rendered_table import TrueObject, render_table
 from bestman_bt.cli import object_command
 from bestman_bt.messages import Cylinder, ObjectGrasp, PlacedShape, Pose
-from bestman_bt.perception.detection import ModelRegistration
-from bestman_bt.scene import draw_world, load_scene, read_object
+from bestman_bt.perception.detection.from_image import ModelRegistration
+from bestman_bt.scene.draw import draw_world
+from bestman_bt.scene.load import load_scene
+from bestman_bt.scene.object_file import read_object
 from tests.cli.command_line import Answer
 
 Command = Callable[..., Answer]

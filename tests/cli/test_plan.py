@@ -10,7 +10,7 @@ from xml.etree import ElementTree
 
 from bestman_bt.cli.options import PlanningOptions
 from bestman_bt.cli.plan_command import _to_run
-from bestman_bt.configuration import load_run
+from bestman_bt.configuration.run import load_run
 from bestman_bt.engine import load_tree
 from bestman_bt.registry import BUILDERS, PLANNERS
 from bestman_bt.runtime.plugins import node_registry

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from bestman_bt.cli.plan_run import judged_by_goal
-from bestman_bt.configuration import RunConfig, RunRequest
+from bestman_bt.configuration.run import RunConfig, RunRequest
 from bestman_bt.runtime.planning import PlanQuestion, Transcript, planning_state
 from bestman_bt.runtime.task_goals import FactsFields
 from bestman_bt.task_planning.limits import PlanLimits

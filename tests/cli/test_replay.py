@@ -13,7 +13,7 @@ from typing import Any
 
 import pytest
 
-from bestman_bt.configuration import load_run
+from bestman_bt.configuration.run import load_run
 from bestman_bt.engine.logs.btlog import read_btlog
 from bestman_bt.evaluation.episode import run_episode
 from bestman_bt.evaluation.run_folder import make_run_folder

@@ -10,7 +10,7 @@ import pytest
 import rerun
 
 from bestman_bt.cli.replay_command import command
-from bestman_bt.configuration import ConfigurationError
+from bestman_bt.configuration.errors import ConfigurationError
 from tests.cli.command_line import Program
 
 

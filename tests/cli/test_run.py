@@ -16,16 +16,16 @@ from rich.console import Console
 
 from bestman_bt.cli.run_command import RunOptions, _request, no_faster_than_real_time
 from bestman_bt.cli.run_view import RunView
-from bestman_bt.configuration import RunRequest, load_run, run_of_options
+from bestman_bt.configuration.run import RunRequest, load_run, run_of_options
 from bestman_bt.engine import RUNNING, ManualClock, NodeRegistry, StatefulAction, Tree, load_tree
 from bestman_bt.evaluation.audit import audit
 from bestman_bt.evaluation.episode import run_episode
 from bestman_bt.evaluation.result import Outcome, RunResult
 from bestman_bt.monitor.control_client import request
-from bestman_bt.runtime import Session
+from bestman_bt.runtime.robot_session import Session
 from hal.api import MobileBase
-from hal.pybullet import PyBulletRobot
-from hal.simulation import AuditRecord
+from hal.pybullet.robot import PyBulletRobot
+from hal.simulation.audit_record import AuditRecord
 from tests.cli.command_line import Answer, Program, wait_for
 
 Command = Callable[..., Answer]

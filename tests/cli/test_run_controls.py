@@ -14,7 +14,8 @@ import pytest
 
 from bestman_bt.engine import WallClock, load_tree
 from bestman_bt.records.events import RunEvent
-from bestman_bt.runtime import ControlChannel, Executor
+from bestman_bt.runtime.control_channel import ControlChannel
+from bestman_bt.runtime.executor import Executor
 from bestman_bt.runtime.telemetry import Telemetry
 from tests.cli.command_line import Answer
 

@@ -11,8 +11,8 @@ import pytest
 from bestman_bt.cli.main import VERBS
 from bestman_bt.engine import ManualClock, load_tree
 from bestman_bt.registry import BEHAVIOURS
-from bestman_bt.runtime import Executor
 from bestman_bt.runtime.breakpoints import BreakpointError, Breakpoints
+from bestman_bt.runtime.executor import Executor
 from tests.cli.command_line import Answer
 
 Command = Callable[..., Answer]

@@ -12,15 +12,15 @@ from typing import Any
 
 import pytest
 
-from bestman_bt.configuration import RunRequest, run_of_options
+from bestman_bt.configuration.run import RunRequest, run_of_options
 from bestman_bt.errors import InputError
 from bestman_bt.evaluation.episode import prepare_episode
 from bestman_bt.evaluation.suite import load_suite
 from bestman_bt.navigation.map_file import read_map
-from bestman_bt.robot_model import load_robot_model
-from bestman_bt.runtime.calibration import load_dataset
-from bestman_bt.scene import load_scene
+from bestman_bt.robot_model.compose import load_robot_model
+from bestman_bt.runtime.calibration.dataset import load_dataset
 from bestman_bt.scene.furniture_file import read_furniture
+from bestman_bt.scene.load import load_scene
 from bestman_bt.scene.object_file import read_object
 
 FOLDER = Path(__file__).parent / "wrong_files"

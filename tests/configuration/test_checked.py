@@ -9,19 +9,9 @@ from typing import Annotated, Any, Literal
 
 import pytest
 
-from bestman_bt.configuration import (
-    ConfigurationError,
-    Document,
-    ProblemCollector,
-    UnreadError,
-    as_far_as_read,
-    check,
-    is_whole,
-    numbered,
-    override,
-    parse_document,
-    salvage,
-)
+from bestman_bt.configuration.checked import check, is_whole, numbered, override, salvage
+from bestman_bt.configuration.document import Document, parse_document
+from bestman_bt.configuration.errors import ConfigurationError, ProblemCollector, UnreadError, as_far_as_read
 from bestman_bt.configuration.quantity import Length, Mass, WholeNumber
 from bestman_bt.messages.shapes import NotBelow, check_bounds
 

@@ -9,7 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from bestman_bt.configuration import ConfigurationError, data_names, data_root, find_data
+from bestman_bt.configuration.data import data_names, data_root, find_data
+from bestman_bt.configuration.errors import ConfigurationError
 
 ROOT = Path(__file__).parents[2]
 

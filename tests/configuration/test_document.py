@@ -6,10 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from bestman_bt.configuration import ConfigurationError, Document, Problem, load_task, parse_document, read_document
-from bestman_bt.configuration.document import parse_value
-from bestman_bt.robot_model import load_robot_model
-from bestman_bt.scene import load_scene
+from bestman_bt.configuration.document import Document, parse_document, parse_value, read_document
+from bestman_bt.configuration.errors import ConfigurationError, Problem
+from bestman_bt.configuration.task import load_task
+from bestman_bt.robot_model.compose import load_robot_model
+from bestman_bt.scene.load import load_scene
 
 BELOW = """\
 a: 1

@@ -8,16 +8,10 @@ from pathlib import Path
 
 import pytest
 
-from bestman_bt.configuration import (
-    ConfigurationError,
-    RunConfig,
-    dump_run,
-    find_data,
-    load_run,
-    load_task,
-    read_run,
-    task_of_tree,
-)
+from bestman_bt.configuration.data import find_data
+from bestman_bt.configuration.errors import ConfigurationError
+from bestman_bt.configuration.run import RunConfig, dump_run, load_run, read_run
+from bestman_bt.configuration.task import load_task, task_of_tree
 
 SETTINGS = (
     "scene.finger_friction=0.05",

@@ -7,15 +7,10 @@ from dataclasses import dataclass, field
 
 import pytest
 
-from bestman_bt.configuration import (
-    ConfigurationError,
-    check,
-    dump_run,
-    load_run,
-    override,
-    parse_document,
-    parse_settings,
-)
+from bestman_bt.configuration.checked import check, override
+from bestman_bt.configuration.document import parse_document
+from bestman_bt.configuration.errors import ConfigurationError
+from bestman_bt.configuration.run import dump_run, load_run, parse_settings
 from bestman_bt.configuration.secret import Secret, shown_setting
 
 

@@ -7,7 +7,9 @@ from typing import Any
 
 import pytest
 
-from bestman_bt.configuration import ConfigurationError, RunRequest, load_run, load_task, run_of_options
+from bestman_bt.configuration.errors import ConfigurationError
+from bestman_bt.configuration.run import RunRequest, load_run, run_of_options
+from bestman_bt.configuration.task import load_task
 
 TASK = "tree: fetch_cup\nscene: kitchen\nrobot: diff_panda\n"
 

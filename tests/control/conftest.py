@@ -5,23 +5,31 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from bestman_bt.control.arm import ArmController
+from bestman_bt.control.arm.arm_controller import ArmController
 from bestman_bt.control.gripper import GripperController
 from bestman_bt.control.head import HeadController
 from bestman_bt.control.inertial import FusedOdometry
 from bestman_bt.control.joint_state import JointStateSensor
 from bestman_bt.control.lidar import LidarSensor
-from bestman_bt.control.wheeled import BaseController, LocalisationCycle
-from bestman_bt.manipulation.kinematics import ForwardKinematics
+from bestman_bt.control.wheeled.base_controller import BaseController
+from bestman_bt.control.wheeled.localisation_cycle import LocalisationCycle
+from bestman_bt.manipulation.kinematics.link_hulls import ForwardKinematics
 from bestman_bt.messages import Box, PlacedShape, Pose, Pose2D
-from bestman_bt.navigation.local_planning import PurePursuit
-from bestman_bt.navigation.localization import ScanToMap, WheelOdometry
-from bestman_bt.robot_model import ArmModel, CameraPart, RobotModel, load_robot_model
-from bestman_bt.scene import FurnitureModel, PlacedFurniture, World, draw_world, load_scene, semantic_map
-from bestman_bt.world_model import BasePose, SemanticMap, WorldModel
+from bestman_bt.navigation.local_planning.pure_pursuit import PurePursuit
+from bestman_bt.navigation.localization.ekf import WheelOdometry
+from bestman_bt.navigation.localization.scan_to_map import ScanToMap
+from bestman_bt.robot_model.compose import load_robot_model
+from bestman_bt.robot_model.model import ArmModel, RobotModel
+from bestman_bt.robot_model.sensor_parts import CameraPart
+from bestman_bt.scene.draw import draw_world
+from bestman_bt.scene.load import load_scene
+from bestman_bt.scene.map_of_world import semantic_map
+from bestman_bt.scene.scene import FurnitureModel, PlacedFurniture, World
+from bestman_bt.world_model.semantic_map import SemanticMap
+from bestman_bt.world_model.world_model import BasePose, WorldModel
 from hal.api import Arm, Gripper, JointGroup, Lidar, MobileBase
-from hal.pybullet import PyBulletRobot
-from hal.simulation import GroundTruth
+from hal.pybullet.robot import PyBulletRobot
+from hal.simulation.ground_truth import GroundTruth
 
 
 @dataclass

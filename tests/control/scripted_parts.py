@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bestman_bt.messages import JointTrajectory, LaserScan, Pose2D, Twist2D
-from bestman_bt.navigation.localization import cast_rays
-from bestman_bt.robot_model import BaseModel
+from bestman_bt.navigation.localization.ray_casting import cast_rays
+from bestman_bt.robot_model.model import BaseModel
 from hal.api import (
     Arm,
     CommandRefusedError,
@@ -21,7 +21,7 @@ from hal.api import (
     Motion,
     MotionErrorCode,
 )
-from hal.parts import SimulatedClock
+from hal.parts.simulated_clock import SimulatedClock
 from tests.robot_models import arm_model, base_model, gripper_model
 
 CORNERS = ((0.28, -0.26), (0.28, 0.26), (-0.28, 0.26), (-0.28, -0.26))

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from bestman_bt.configuration import shipped_trees
+from bestman_bt.configuration.data import shipped_trees
 from bestman_bt.engine import TreeLoadError, XmlDocument, load_tree
 from bestman_bt.engine.models.conversion import convert
 from bestman_bt.engine.models.foreign import open_tree

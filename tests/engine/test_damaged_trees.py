@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from benchmarks.foreign_trees import run
-from bestman_bt.configuration import shipped_trees
+from bestman_bt.configuration.data import shipped_trees
 from bestman_bt.engine.models.foreign import open_tree
 from bestman_bt.engine.validation import validate_file
 

@@ -7,12 +7,8 @@ from pathlib import Path
 import pytest
 
 from bestman_bt.engine import IDLE, RUNNING, SUCCESS, ManualClock, Tree, load_tree
-from bestman_bt.engine.logs import (
-    BtLogWriter,
-    LogError,
-    TreeObserver,
-    read_btlog,
-)
+from bestman_bt.engine.logs.btlog import BtLogWriter, LogError, read_btlog
+from bestman_bt.engine.logs.observer import TreeObserver
 
 HERE = Path(__file__).parent
 XML = """<root BTCPP_format="4" main_tree_to_execute="Main">

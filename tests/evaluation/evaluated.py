@@ -6,7 +6,7 @@ import json
 from collections.abc import Mapping
 from pathlib import Path
 
-from bestman_bt.configuration import load_run
+from bestman_bt.configuration.run import load_run
 from bestman_bt.evaluation.code_version import code_fingerprint, config_fingerprint
 from bestman_bt.evaluation.evaluation import Evaluation
 from bestman_bt.evaluation.journal import EpisodeKey, Journal

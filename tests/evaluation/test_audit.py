@@ -10,8 +10,7 @@ import pytest
 from behaviours.contacts import Contact
 from bestman_bt.evaluation.audit import CHEATS, LISTED, audit
 from bestman_bt.evaluation.declared_contacts import Declared
-from hal.simulation import AuditRecord, ContactIncident, DisturbanceEvent, Finding
-from hal.simulation.audit_record import Penetration
+from hal.simulation.audit_record import AuditRecord, ContactIncident, DisturbanceEvent, Finding, Penetration
 
 NOTHING = AuditRecord(10.0, 0, 0, 0, 0, {}, (), (), (), (), (), (), (), (), ())
 CONTACT = ContactIncident("panda_hand", "cup", ("robot", "object"), 1.0, 1.25, 40.0)

@@ -9,12 +9,16 @@ import pybullet
 import pytest
 
 from bestman_bt.evaluation.audit import Audit, audit
-from bestman_bt.robot_model import ArmModel, joints_above, load_robot_model
-from bestman_bt.scene import draw_world, load_scene
+from bestman_bt.robot_model.compose import load_robot_model
+from bestman_bt.robot_model.model import ArmModel
+from bestman_bt.robot_model.urdf_tree import joints_above
+from bestman_bt.scene.draw import draw_world
+from bestman_bt.scene.load import load_scene
 from hal.api import Arm, MobileBase
-from hal.pybullet import PyBulletRobot
 from hal.pybullet.client import _FUNCTIONS
-from hal.simulation import GroundTruth, ReadPurpose
+from hal.pybullet.robot import PyBulletRobot
+from hal.simulation.ground_truth import GroundTruth
+from hal.simulation.guards import ReadPurpose
 
 
 @pytest.fixture

@@ -11,17 +11,20 @@ from typing import Any
 import pybullet
 import pytest
 
-from bestman_bt.configuration import load_run
+from bestman_bt.configuration.run import load_run
 from bestman_bt.engine import Tree
 from bestman_bt.evaluation.audit import Audit, audit
 from bestman_bt.evaluation.episode import run_episode
-from bestman_bt.robot_model import load_robot_model
-from bestman_bt.runtime import Session
-from bestman_bt.scene import World, draw_world, load_scene
+from bestman_bt.robot_model.compose import load_robot_model
+from bestman_bt.runtime.robot_session import Session
+from bestman_bt.scene.draw import draw_world
+from bestman_bt.scene.load import load_scene
+from bestman_bt.scene.scene import World
 from hal.api import Robot
-from hal.pybullet import PyBulletRobot
 from hal.pybullet.client import _FUNCTIONS
-from hal.simulation import GroundTruth, ReadPurpose
+from hal.pybullet.robot import PyBulletRobot
+from hal.simulation.ground_truth import GroundTruth
+from hal.simulation.guards import ReadPurpose
 
 # As a plug-in takes them: before any robot connects.
 getBasePositionAndOrientation = pybullet.getBasePositionAndOrientation

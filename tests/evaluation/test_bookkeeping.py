@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from bestman_bt.cli import eval_command
-from bestman_bt.configuration import RunConfig, load_run
+from bestman_bt.configuration.run import RunConfig, load_run
 from bestman_bt.evaluation import evaluation as evaluation_module
 from bestman_bt.evaluation.episode_measures import DrivenPath, MotionLog
 from bestman_bt.evaluation.evaluation import Evaluation
@@ -20,7 +20,7 @@ from bestman_bt.evaluation.result import Outcome, RunResult
 from bestman_bt.evaluation.suite import EntryConfig, Successes, Suite, SuiteEntry
 from bestman_bt.messages import Pose, Pose2D
 from bestman_bt.visualization.motion_file import read_motion
-from hal.simulation import SceneSnapshot
+from hal.simulation.scene_recorder import SceneSnapshot
 from tests.evaluation.test_summary import result
 
 Episode = Callable[[RunConfig], RunResult]

@@ -6,9 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from bestman_bt.configuration import data_root, load_run
+from bestman_bt.configuration.data import data_root
+from bestman_bt.configuration.run import load_run
 from bestman_bt.evaluation.code_version import config_fingerprint
-from bestman_bt.scene import load_scene
+from bestman_bt.scene.load import load_scene
 
 
 @pytest.fixture

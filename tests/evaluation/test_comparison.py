@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from bestman_bt.configuration import ConfigurationError
+from bestman_bt.configuration.errors import ConfigurationError
 from bestman_bt.evaluation.comparison import matched, short_names, within
 from bestman_bt.evaluation.finished_evaluation import FinishedEntry, read_entries
 from tests.evaluation.evaluated import finished_evaluation

@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from bestman_bt.configuration import data_root, load_run
+from bestman_bt.configuration.data import data_root
+from bestman_bt.configuration.run import load_run
 from bestman_bt.evaluation.audit import CHEATS
 from bestman_bt.evaluation.episode import run_episode
 from bestman_bt.evaluation.result import Outcome, RunResult

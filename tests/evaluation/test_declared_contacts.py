@@ -10,7 +10,7 @@ import pytest
 from behaviours.contacts import Contact, grasp, handle, push, support
 from bestman_bt.evaluation.audit import Audit, audit
 from bestman_bt.evaluation.declared_contacts import AFTER, BEFORE, MOST_FORCE, ContactLog, Declared
-from hal.simulation import AuditRecord, ContactIncident
+from hal.simulation.audit_record import AuditRecord, ContactIncident
 
 MODELS = {"cup": "cup", "can": "can", "counter_can": "can", "box": "box"}
 FINGERS_ON_CUP = ContactIncident("left_finger", "cup", ("fingers", "object"), 1.0, 2.0, 40.0)

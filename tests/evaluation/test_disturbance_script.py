@@ -11,9 +11,9 @@ import pytest
 from bestman_bt.engine import ManualClock
 from bestman_bt.evaluation.disturbances import Disturbances, NewPlaces
 from bestman_bt.messages import Pose
-from bestman_bt.scene import planar_radius
-from bestman_bt.world_model import HeldObject, ObjectBelief
-from hal.simulation import DisturbanceEvent
+from bestman_bt.scene.placing import planar_radius
+from bestman_bt.world_model.world_model import HeldObject, ObjectBelief
+from hal.simulation.audit_record import DisturbanceEvent
 from tests.facts.scripted import ScriptedEnd, shifted
 
 PERIOD = 0.05

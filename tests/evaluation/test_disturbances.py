@@ -8,15 +8,17 @@ from contextlib import contextmanager
 import numpy as np
 import pytest
 
-from bestman_bt.configuration import ConfigurationError, load_run
+from bestman_bt.configuration.errors import ConfigurationError
+from bestman_bt.configuration.run import load_run
 from bestman_bt.engine import Tree
 from bestman_bt.evaluation.disturbances import Disturbances
 from bestman_bt.evaluation.episode import prepare_episode, run_episode
 from bestman_bt.messages import Pose
-from bestman_bt.runtime import Session, open_session
-from bestman_bt.world_model import HeldObject, ObjectBelief
-from hal.pybullet import PyBulletRobot
-from hal.simulation import DisturbanceInjector, GroundTruth
+from bestman_bt.runtime.robot_session import Session, open_session
+from bestman_bt.world_model.world_model import HeldObject, ObjectBelief
+from hal.pybullet.robot import PyBulletRobot
+from hal.simulation.disturbance_injector import DisturbanceInjector
+from hal.simulation.ground_truth import GroundTruth
 
 DRAWER = "drawer_chest/drawer_3"
 

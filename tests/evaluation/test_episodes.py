@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from bestman_bt.configuration import RunConfig, load_run
+from bestman_bt.configuration.run import RunConfig, load_run
 from bestman_bt.evaluation.evaluation import Evaluation
 from bestman_bt.evaluation.result import RunResult
 from bestman_bt.evaluation.suite import Suite, SuiteEntry

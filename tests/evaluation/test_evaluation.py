@@ -9,7 +9,9 @@ from typing import Any
 
 import pytest
 
-from bestman_bt.configuration import ConfigurationError, data_names, load_task
+from bestman_bt.configuration.data import data_names
+from bestman_bt.configuration.errors import ConfigurationError
+from bestman_bt.configuration.task import load_task
 from bestman_bt.evaluation import evaluation as evaluation_module
 from bestman_bt.evaluation.episode import run_episode
 from bestman_bt.evaluation.evaluation import Evaluation

@@ -13,14 +13,14 @@ from typing import Any
 
 import pytest
 
-from bestman_bt.configuration import load_run, read_run
+from bestman_bt.configuration.run import load_run, read_run
 from bestman_bt.engine import IDLE, RUNNING, SUCCESS
 from bestman_bt.engine.logs.btlog import read_btlog
 from bestman_bt.facts.predicate import Beliefs
-from bestman_bt.runtime import load_for, prepare
+from bestman_bt.runtime.setup import load_for, prepare
 from bestman_bt.runtime.world_file import read_world
 from bestman_bt.task_planning.state import read_state
-from bestman_bt.task_planning.symbolic import parse_fact
+from bestman_bt.task_planning.symbolic.facts import parse_fact
 from tests.cli.command_line import Program
 from tests.evaluation.conftest import SEED, Fetch
 
@@ -28,7 +28,7 @@ WALL_TIMES = ("wall_time_s", "real_time_factor")
 AGAIN = """
 import json, sys
 from pathlib import Path
-from bestman_bt.configuration import read_run
+from bestman_bt.configuration.run import read_run
 from bestman_bt.evaluation.episode import run_episode
 print(json.dumps(run_episode(read_run(Path(sys.argv[1]))).to_document()))
 """

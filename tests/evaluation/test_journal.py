@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from bestman_bt.configuration import ConfigurationError
+from bestman_bt.configuration.errors import ConfigurationError
 from bestman_bt.evaluation.journal import EpisodeKey, Journal, read_episodes
 from tests.evaluation.test_summary import result
 

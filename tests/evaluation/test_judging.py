@@ -11,14 +11,18 @@ from typing import Any
 
 import pytest
 
-from bestman_bt.configuration import ConfigurationError, find_data, load_run
+from bestman_bt.configuration.data import find_data
+from bestman_bt.configuration.errors import ConfigurationError
+from bestman_bt.configuration.run import load_run
 from bestman_bt.engine import Tree
 from bestman_bt.evaluation import episode
 from bestman_bt.evaluation.episode import run_episode
 from bestman_bt.evaluation.result import Outcome, RunResult
-from bestman_bt.runtime import Ending, Execution, Session, Setup
-from hal.pybullet import PyBulletRobot
-from hal.simulation import ContactIncident, DisturbanceEvent
+from bestman_bt.runtime.executor import Ending, Execution
+from bestman_bt.runtime.robot_session import Session
+from bestman_bt.runtime.setup import Setup
+from hal.pybullet.robot import PyBulletRobot
+from hal.simulation.audit_record import ContactIncident, DisturbanceEvent
 
 COUNTER_AS_MAPPED = ("scene.furniture.counter.offset=0", "scene.furniture.counter.turn=0")
 GOAL_IN_THE_MIDDLE = (

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from bestman_bt.configuration import load_run
+from bestman_bt.configuration.run import load_run
 from bestman_bt.evaluation.episode import run_episode
 from tests.behaviours.at_the_table import standing_at_a_table, tree_of
 from tests.cli.command_line import Program

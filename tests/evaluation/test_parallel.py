@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from bestman_bt.configuration import RunConfig, load_run
+from bestman_bt.configuration.run import RunConfig, load_run
 from bestman_bt.evaluation.parallel import run_episodes
 from bestman_bt.evaluation.result import Outcome
 
@@ -59,7 +59,7 @@ def test_workers_end_with_the_process_that_they_work_for(tmp_path: Path) -> None
     (tmp_path / "deadly.py").write_text(DEADLY)
     (tmp_path / "hang.xml").write_text(TREE.format(leaf="Hang"))
     program = f"""
-from bestman_bt.configuration import load_run
+from bestman_bt.configuration.run import load_run
 from bestman_bt.evaluation.parallel import run_episodes
 if __name__ == "__main__":
     config = load_run("fetch_cup", tree={str(tmp_path / "hang.xml")!r}, plugins=[{str(tmp_path / "deadly.py")!r}])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from bestman_bt.configuration import load_run
+from bestman_bt.configuration.run import load_run
 from bestman_bt.evaluation.episode import run_episode
 
 

@@ -11,13 +11,13 @@ import pytest
 from rerun.chunk import RrdReader
 
 from behaviours.manipulation.grasp import PlannedGrasp
-from bestman_bt.configuration import load_run
+from bestman_bt.configuration.run import load_run
 from bestman_bt.engine import ManualClock, load_tree
 from bestman_bt.evaluation.recording import RecordedBeliefs, Recording, goal_points
 from bestman_bt.messages import Pose, Pose2D
-from bestman_bt.robot_model import load_robot_model
-from bestman_bt.runtime import open_session
-from hal.simulation import SceneRecorder
+from bestman_bt.robot_model.compose import load_robot_model
+from bestman_bt.runtime.robot_session import open_session
+from hal.simulation.scene_recorder import SceneRecorder
 
 NOTHING_TO_DO = '<root BTCPP_format="4"><BehaviorTree ID="Main"><AlwaysSuccess/></BehaviorTree></root>'
 

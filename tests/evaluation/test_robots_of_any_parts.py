@@ -8,11 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bestman_bt.configuration import find_data, load_run
+from bestman_bt.configuration.data import find_data
+from bestman_bt.configuration.run import load_run
 from bestman_bt.engine import Tree
 from bestman_bt.evaluation.episode import run_episode
 from bestman_bt.messages import Pose
-from bestman_bt.runtime import Session, session
+from bestman_bt.runtime.robot_session import Session, session
 
 WITHOUT_A_LOOK = """
 <root BTCPP_format="4"><BehaviorTree ID="Main"><Sequence>

@@ -9,7 +9,8 @@ from typing import Any
 
 import pytest
 
-from bestman_bt.configuration import ConfigurationError, load_run
+from bestman_bt.configuration.errors import ConfigurationError
+from bestman_bt.configuration.run import load_run
 from bestman_bt.evaluation.code_version import code_fingerprint, config_fingerprint
 from bestman_bt.evaluation.evaluation import Evaluation
 from bestman_bt.evaluation.journal import EpisodeKey, Journal

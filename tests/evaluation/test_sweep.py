@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from bestman_bt.configuration import ConfigurationError, RunRequest
+from bestman_bt.configuration.errors import ConfigurationError
+from bestman_bt.configuration.run import RunRequest
 from bestman_bt.evaluation.finished_evaluation import FinishedEntry
 from bestman_bt.evaluation.suite import Suite, make_suite
 from bestman_bt.evaluation.sweep import combinations, draw_settings, sweep_suite

@@ -8,9 +8,9 @@ import pytest
 
 from benchmarks.rendered_table import RenderedTable
 from bestman_bt.messages import Box, PlacedShape, Pose, Sphere
-from bestman_bt.perception import PerceptionError
-from bestman_bt.perception.grasp_pose import GraspTarget
-from bestman_bt.perception.segmentation import PlaneDbscan
+from bestman_bt.perception.errors import PerceptionError
+from bestman_bt.perception.grasp_pose.base import GraspTarget
+from bestman_bt.perception.segmentation.plane_dbscan import PlaneDbscan
 from examples.plugins.bounding_box_grasps import BoundingBox
 from tests.robot_models import gripper_model
 

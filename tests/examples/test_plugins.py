@@ -6,7 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from bestman_bt.configuration import ConfigurationError, load_run
+from bestman_bt.configuration.errors import ConfigurationError
+from bestman_bt.configuration.run import load_run
 from bestman_bt.registry import PLUGIN_EXAMPLES
 from bestman_bt.runtime.algorithms import SLOTS, make_algorithm
 

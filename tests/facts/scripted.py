@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from bestman_bt.configuration import load_run
+from bestman_bt.configuration.run import load_run
 from bestman_bt.facts.evidence import Evidence, Verdict
 from bestman_bt.facts.goals.goal import judged
 from bestman_bt.messages import Pose, Pose2D
-from bestman_bt.robot_model import ArmModel
+from bestman_bt.robot_model.model import ArmModel
 from bestman_bt.runtime.setup import Setup, prepare
 
 

@@ -9,12 +9,12 @@ from pathlib import Path
 import pybullet
 import yaml
 
-from bestman_bt.configuration import load_run
+from bestman_bt.configuration.run import load_run
 from bestman_bt.engine import Tree
 from bestman_bt.evaluation.episode import run_episode
 from bestman_bt.evaluation.result import RunResult
 from bestman_bt.messages import Pose
-from bestman_bt.runtime import Session
+from bestman_bt.runtime.robot_session import Session
 
 NOTHING = '<root BTCPP_format="4"><BehaviorTree ID="Main"><AlwaysSuccess/></BehaviorTree></root>'
 AS_MAPPED = {"offset": 0, "turn": 0}

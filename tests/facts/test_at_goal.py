@@ -7,14 +7,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bestman_bt.configuration import ConfigurationError, load_run
+from bestman_bt.configuration.errors import ConfigurationError
+from bestman_bt.configuration.run import load_run
 from bestman_bt.evaluation.episode import prepare_episode, run_episode
 from bestman_bt.facts.goals.at_goal import AtGoal, AtGoalFields, base_footprint, drive_goal, true_costmap
 from bestman_bt.messages import Pose2D, wrap_angle
-from bestman_bt.navigation.global_planning import Costmap
-from bestman_bt.robot_model import load_robot_model
+from bestman_bt.navigation.global_planning.costmap import Costmap
+from bestman_bt.robot_model.compose import load_robot_model
 from bestman_bt.runtime.setup import Setup, prepare
-from bestman_bt.scene import SceneError, draw_world, load_scene, semantic_map
+from bestman_bt.scene.draw import SceneError, draw_world
+from bestman_bt.scene.load import load_scene
+from bestman_bt.scene.map_of_world import semantic_map
 from tests.facts.scripted import ScriptedEnd
 from tests.facts.staged import Staged, judged, why
 

@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 import yaml
 
-from bestman_bt.configuration import ConfigurationError, load_run
+from bestman_bt.configuration.errors import ConfigurationError
+from bestman_bt.configuration.run import load_run
 from bestman_bt.evaluation.episode import prepare_episode
 from bestman_bt.messages import Pose
-from bestman_bt.world_model import leaf_called, openness_of
+from bestman_bt.world_model.openness import leaf_called, openness_of
 from tests.facts.scripted import ScriptedEnd
 from tests.facts.staged import Staged, judged
 

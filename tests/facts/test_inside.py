@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from bestman_bt.messages import Pose
-from bestman_bt.runtime import Session
+from bestman_bt.runtime.robot_session import Session
 from tests.facts.scripted import ScriptedEnd
 from tests.facts.staged import Staged, judged
 

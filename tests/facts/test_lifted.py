@@ -5,10 +5,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bestman_bt.configuration import ConfigurationError, load_run
+from bestman_bt.configuration.errors import ConfigurationError
+from bestman_bt.configuration.run import load_run
 from bestman_bt.evaluation.episode import run_episode
 from bestman_bt.messages import Pose
-from bestman_bt.runtime import Session
+from bestman_bt.runtime.robot_session import Session
 from tests.facts.scripted import ScriptedEnd, shifted
 from tests.facts.staged import Staged, judged, why
 

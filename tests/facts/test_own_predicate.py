@@ -11,10 +11,10 @@ import pytest
 from bestman_bt.facts.predicate import Beliefs, shipped_predicates
 from bestman_bt.messages import Pose
 from bestman_bt.registry import PREDICATES
-from bestman_bt.runtime import node_registry
+from bestman_bt.runtime.plugins import node_registry
 from bestman_bt.task_planning.domain import Domain
 from bestman_bt.task_planning.state import holds, known_predicates
-from bestman_bt.task_planning.symbolic import Fact
+from bestman_bt.task_planning.symbolic.problem import Fact
 from tests.facts.scripted import ScriptedEnd
 
 LYING = '''

@@ -7,10 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bestman_bt.configuration import load_run
+from bestman_bt.configuration.run import load_run
 from bestman_bt.facts.goals.placed import Placed
 from bestman_bt.messages import Pose
-from bestman_bt.runtime import Session, prepare
+from bestman_bt.runtime.robot_session import Session
+from bestman_bt.runtime.setup import prepare
 from tests.facts.scripted import ScriptedEnd, shifted, turned
 from tests.facts.staged import NOTHING, Staged, judged
 

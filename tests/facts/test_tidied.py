@@ -10,8 +10,9 @@ import pytest
 
 from bestman_bt.facts.standing import surface_pose
 from bestman_bt.messages import Pose
-from bestman_bt.runtime import Session
-from bestman_bt.scene import draw_world, load_scene
+from bestman_bt.runtime.robot_session import Session
+from bestman_bt.scene.draw import draw_world
+from bestman_bt.scene.load import load_scene
 from tests.facts.scripted import ScriptedEnd
 from tests.facts.staged import Staged, judged, why
 

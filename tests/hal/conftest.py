@@ -7,13 +7,14 @@ from collections.abc import Callable, Iterator
 import numpy as np
 import pytest
 
-from bestman_bt.manipulation.kinematics import DampedLeastSquares
+from bestman_bt.manipulation.kinematics.damped_least_squares import DampedLeastSquares
 from bestman_bt.messages import Box, Cylinder, JointTrajectory, ObjectModel, PlacedShape, Pose, Pose2D
-from bestman_bt.robot_model import ArmModel, RobotModel, load_robot_model
-from bestman_bt.scene import FurnitureModel, PlacedFurniture, PlacedObject, Surface, Wall, World
+from bestman_bt.robot_model.compose import load_robot_model
+from bestman_bt.robot_model.model import ArmModel, RobotModel
+from bestman_bt.scene.scene import FurnitureModel, PlacedFurniture, PlacedObject, Surface, Wall, World
 from hal.api import Arm, Gripper, MobileBase, Motion, MotionStatus
-from hal.pybullet import PyBulletRobot
-from hal.simulation import GroundTruth
+from hal.pybullet.robot import PyBulletRobot
+from hal.simulation.ground_truth import GroundTruth
 
 TABLE_TOP = 0.75
 ABOVE, LIFT, GRASP_BELOW_TOP = 0.12, 0.15, 0.03

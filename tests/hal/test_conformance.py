@@ -9,17 +9,18 @@ from pathlib import Path
 
 import pytest
 
-from bestman_bt.configuration import Document, find_data, read_document
-from bestman_bt.robot_model import compose_robot, load_robot_model
+from bestman_bt.configuration.data import find_data
+from bestman_bt.configuration.document import Document, read_document
+from bestman_bt.robot_model.compose import compose_robot, load_robot_model
 from hal.api import Robot
-from hal.conformance import Check, settle
 from hal.conformance.base_checks import BASE_CHECKS
 from hal.conformance.promises import MakeRobot, PromisesAboutConnecting, PromisesOfAConnectedRobot
 from hal.conformance.room import empty_room
 from hal.conformance.stop_checks import STOP_CHECKS
-from hal.mujoco import MujocoRobot
-from hal.pybullet import PyBulletRobot
-from hal.simulation import SimulatedRobot
+from hal.conformance.subject import Check, settle
+from hal.mujoco.robot import MujocoRobot
+from hal.pybullet.robot import PyBulletRobot
+from hal.simulation.robot import SimulatedRobot
 from tests.hal.simulation.kinematic_engine import KinematicRobot
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "driver_in_memory"

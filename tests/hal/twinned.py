@@ -15,13 +15,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bestman_bt.robot_model import RobotModel, load_robot_model
+from bestman_bt.robot_model.compose import load_robot_model
+from bestman_bt.robot_model.model import RobotModel
 from hal.api import Arm, CommandRefusedError, Motion, MotionErrorCode, MotionStatus, NotConnectedError, Robot
 from hal.conformance import CHECKS, LIFE_CHECKS
 from hal.conformance.promises import MakeRobot
-from hal.hardware import HardwareRobot, IsolatedRobot
-from hal.parts import ConnectionFailedError, ControlledPart
-from hal.twins import TwinProcess
+from hal.hardware.isolated_robot import IsolatedRobot
+from hal.hardware.robot import HardwareRobot
+from hal.parts.channels import ControlledPart
+from hal.parts.part_connection import ConnectionFailedError
+from hal.twins.process import TwinProcess
 
 SLACK = 0.4
 """Seconds that a test gives on top of what is promised, because the machine is shared."""

@@ -5,9 +5,10 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from bestman_bt.manipulation.collision import CoalCollisionModel, CoalCollisionWorld
-from bestman_bt.manipulation.kinematics import DampedLeastSquares
-from bestman_bt.robot_model import ArmModel, RobotModel, load_robot_model
+from bestman_bt.manipulation.collision.coal_world import CoalCollisionModel, CoalCollisionWorld
+from bestman_bt.manipulation.kinematics.damped_least_squares import DampedLeastSquares
+from bestman_bt.robot_model.compose import load_robot_model
+from bestman_bt.robot_model.model import ArmModel, RobotModel
 from tests.manipulation.fixed_ur5 import fixed_ur5
 from tests.manipulation.pybullet_referee import Referee
 from tests.manipulation.table_and_shelf import fixed_panda, table_and_shelf

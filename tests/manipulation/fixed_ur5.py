@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from bestman_bt.robot_model import RobotModel
+from bestman_bt.robot_model.model import RobotModel
 from tests.robot_models import arm_model
 
 

@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 import pybullet_data
 
-from bestman_bt.manipulation.collision import PlanningScene, SceneObstacle
+from bestman_bt.manipulation.collision.planning_scene import PlanningScene, SceneObstacle
 from bestman_bt.messages import Box, PlacedShape, Pose
-from bestman_bt.robot_model import RobotModel
+from bestman_bt.robot_model.model import RobotModel
 from tests.robot_models import arm_model, gripper_model
 
 DATA = Path(__file__).with_name("data")

@@ -7,22 +7,20 @@ import math
 import numpy as np
 import pytest
 
-from bestman_bt.manipulation.collision import (
-    CoalCollisionModel,
-    finger_contacts,
-    planning_scene_from_world_model,
-)
-from bestman_bt.manipulation.kinematics import (
-    DampedLeastSquares,
-    ReachingArm,
-    StandSearch,
-    cartesian_path,
-)
-from bestman_bt.manipulation.motion_planning import RRTConnect, TimedMotionPlanner, Upright
-from bestman_bt.manipulation.trajectory import SpeedScale, Toppra, first_touch
+from bestman_bt.manipulation.collision.coal_world import CoalCollisionModel
+from bestman_bt.manipulation.collision.scene_from_world_model import finger_contacts, planning_scene_from_world_model
+from bestman_bt.manipulation.kinematics.cartesian_path import cartesian_path
+from bestman_bt.manipulation.kinematics.damped_least_squares import DampedLeastSquares
+from bestman_bt.manipulation.kinematics.stand_pose import ReachingArm, StandSearch
+from bestman_bt.manipulation.motion_planning.rrt_connect import RRTConnect
+from bestman_bt.manipulation.motion_planning.timed_planner import TimedMotionPlanner
+from bestman_bt.manipulation.motion_planning.upright import Upright
+from bestman_bt.manipulation.trajectory.base import SpeedScale, first_touch
+from bestman_bt.manipulation.trajectory.toppra import Toppra
 from bestman_bt.messages import Cylinder, ObjectModel, PlacedShape, Pose, Pose2D
-from bestman_bt.robot_model import ArmModel, BaseModel
-from bestman_bt.world_model import BasePose, HeldObject, MapFurniture, ObjectBelief, SemanticMap, WorldModel
+from bestman_bt.robot_model.model import ArmModel, BaseModel
+from bestman_bt.world_model.semantic_map import MapFurniture, SemanticMap
+from bestman_bt.world_model.world_model import BasePose, HeldObject, ObjectBelief, WorldModel
 
 CUP = ObjectModel("cup", (1, 0, 0), 0.2, 0.8, (PlacedShape(Cylinder(0.035, 0.1), Pose()),), symmetry_order=0)
 TABLE = MapFurniture("table", Pose2D(3.0, 1.0), (0.8, 1.6), 0.72, (), False)

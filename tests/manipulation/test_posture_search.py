@@ -7,12 +7,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bestman_bt.manipulation.collision import AttachedObject, CoalCollisionModel, PlanningScene, hand_links
-from bestman_bt.manipulation.kinematics import DampedLeastSquares
-from bestman_bt.manipulation.motion_planning import RRTConnect
+from bestman_bt.manipulation.collision.coal_world import CoalCollisionModel
+from bestman_bt.manipulation.collision.planning_scene import AttachedObject, PlanningScene
+from bestman_bt.manipulation.collision.scene_from_world_model import hand_links
+from bestman_bt.manipulation.kinematics.damped_least_squares import DampedLeastSquares
+from bestman_bt.manipulation.motion_planning.rrt_connect import RRTConnect
 from bestman_bt.manipulation.posture_search import PostureSearch
 from bestman_bt.messages import Cylinder, PlacedShape, Pose
-from bestman_bt.robot_model import ArmModel, load_robot_model
+from bestman_bt.robot_model.compose import load_robot_model
+from bestman_bt.robot_model.model import ArmModel
 
 HEAD = {"head_pan_joint": 0.0, "head_tilt_joint": np.radians(47.0)}
 

@@ -6,7 +6,7 @@ from itertools import combinations
 
 import numpy as np
 
-from bestman_bt.robot_model import ArmModel, GripperModel, RobotModel
+from bestman_bt.robot_model.model import ArmModel, GripperModel, RobotModel
 from tests.robot_models import arm_model, gripper_model
 
 BASE = (0.2, -0.1, 0.3)

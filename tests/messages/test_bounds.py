@@ -8,7 +8,9 @@ from typing import Annotated
 import numpy as np
 import pytest
 
-from bestman_bt.configuration import ConfigurationError, check, parse_document
+from bestman_bt.configuration.checked import check
+from bestman_bt.configuration.document import parse_document
+from bestman_bt.configuration.errors import ConfigurationError
 from bestman_bt.messages import JointTrajectory
 from bestman_bt.messages.shapes import (
     Count,

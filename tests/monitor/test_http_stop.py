@@ -10,7 +10,7 @@ import httpx
 import numpy as np
 import pytest
 
-from hal.twins import TwinProcess
+from hal.twins.process import TwinProcess
 from hal.twins.remote_truth import RemoteTruth
 from tests.cli.command_line import Program, wait_for
 from tests.hal.twinned import twin_settings

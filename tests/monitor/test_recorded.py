@@ -15,7 +15,7 @@ from typing import Any
 import pytest
 
 from bestman_bt.engine import ManualClock, NodeRegistry, load_tree
-from bestman_bt.engine.logs import BtLogWriter
+from bestman_bt.engine.logs.btlog import BtLogWriter
 from bestman_bt.monitor.recorded import RecordedRun, read_run, run_folders
 from bestman_bt.monitor.run import RunError
 from bestman_bt.monitor.run_list import MAX_LOADED, RunList

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from bestman_bt.messages import Pose, Pose2D
-from bestman_bt.navigation.global_planning import Costmap, Footprint
-from bestman_bt.world_model import MapFurniture, MapSurface, SemanticMap
+from bestman_bt.navigation.global_planning.costmap import Costmap
+from bestman_bt.navigation.global_planning.footprint import Footprint
+from bestman_bt.world_model.semantic_map import MapFurniture, MapSurface, SemanticMap
 
 
 def furniture(name, pose, footprint, height, solid):

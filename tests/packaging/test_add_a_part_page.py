@@ -10,11 +10,13 @@ from pathlib import Path
 
 import pytest
 
-from bestman_bt.configuration import ConfigurationError, load_run
-from bestman_bt.manipulation.kinematics import ForwardKinematics
+from bestman_bt.configuration.errors import ConfigurationError
+from bestman_bt.configuration.run import load_run
+from bestman_bt.manipulation.kinematics.link_hulls import ForwardKinematics
 from bestman_bt.registry import CONNECTIONS, PARTS, SIMULATED_SENSORS
-from bestman_bt.robot_model import load_robot_model
-from bestman_bt.runtime import prepare, session
+from bestman_bt.robot_model.compose import load_robot_model
+from bestman_bt.runtime.robot_session import session
+from bestman_bt.runtime.setup import prepare
 
 PAGE = (Path(__file__).parents[2] / "docs" / "add_a_part.md").read_text()
 BLOCKS = re.findall(r"^```(?:python|yaml|xml)\n((?:#|<!--) ([\w.]+)(?: -->)?\n.*?)^```", PAGE, re.MULTILINE | re.DOTALL)

@@ -14,17 +14,19 @@ import pytest
 import yaml
 
 from bestman_bt.cli.main import VERBS
-from bestman_bt.configuration import Problem, load_run
+from bestman_bt.configuration.errors import Problem
+from bestman_bt.configuration.run import load_run
 from bestman_bt.engine import TreeLoadError, load_tree
 from bestman_bt.facts.goals.goal import read_goals
 from bestman_bt.messages import Pose
 from bestman_bt.registry import GOALS
-from bestman_bt.robot_model import load_robot_model
-from bestman_bt.runtime import prepare, session
+from bestman_bt.robot_model.compose import load_robot_model
 from bestman_bt.runtime.algorithms import Algorithms
 from bestman_bt.runtime.plugins import node_registry
+from bestman_bt.runtime.robot_session import session
+from bestman_bt.runtime.setup import prepare
 from bestman_bt.runtime.tree_checks import TASK_ENTRIES
-from bestman_bt.world_model import ObjectBelief
+from bestman_bt.world_model.world_model import ObjectBelief
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 DOCS = CHECKOUT / "docs"

@@ -12,21 +12,24 @@ import numpy as np
 import pytest
 
 from benchmarks.rendered_table import random_table
-from bestman_bt.configuration import load_run
+from bestman_bt.configuration.run import load_run
 from bestman_bt.engine import load_tree
 from bestman_bt.evaluation.episode import run_episode
 from bestman_bt.evaluation.result import Outcome
 from bestman_bt.facts.predicate import Beliefs
-from bestman_bt.manipulation.motion_planning import PlanningError
+from bestman_bt.manipulation.motion_planning.base import PlanningError
 from bestman_bt.messages import Box, Path2D, PlacedShape, Pose, Pose2D, Twist2D
-from bestman_bt.navigation.global_planning import Costmap, Footprint, PlanningFailure
-from bestman_bt.perception.grasp_pose import GraspTarget
+from bestman_bt.navigation.global_planning.base import PlanningFailure
+from bestman_bt.navigation.global_planning.costmap import Costmap
+from bestman_bt.navigation.global_planning.footprint import Footprint
+from bestman_bt.perception.grasp_pose.base import GraspTarget
 from bestman_bt.registry import ALGORITHMS, BUILDERS, PLANNERS, PREDICATES
-from bestman_bt.robot_model import GripperModel
-from bestman_bt.runtime import Setup, prepare
+from bestman_bt.robot_model.model import GripperModel
 from bestman_bt.runtime.algorithms import Algorithms
-from bestman_bt.task_planning.symbolic import Fact, Operator, Problem, Unsolvable, parse_literals
-from bestman_bt.world_model import SemanticMap
+from bestman_bt.runtime.setup import Setup, prepare
+from bestman_bt.task_planning.symbolic.facts import parse_literals
+from bestman_bt.task_planning.symbolic.problem import Fact, Operator, Problem, Unsolvable
+from bestman_bt.world_model.semantic_map import SemanticMap
 from tests.manipulation.motion_planning.joint_worlds import TWO, JointWorld
 from tests.robot_models import base_model
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from bestman_bt.messages import Box, CameraIntrinsics, PlacedShape, Pose, RGBDImage
-from bestman_bt.perception import View
+from bestman_bt.perception.view import View
 
 CAMERA = CameraIntrinsics(320, 240, 216.0, 216.0, 159.5, 119.5)
 

@@ -18,9 +18,11 @@ from benchmarks.grasp_scenes import GraspScene, draw_scene, standing
 from benchmarks.perception_measures.segmentation_truth import judged
 from benchmarks.perception_measures.unknown_objects import draw_shapes, narrowest_width
 from bestman_bt.messages import Pose
-from bestman_bt.perception.grasp_pose import GraspCandidate, GraspTarget, ModelBased
-from bestman_bt.perception.segmentation import Cluster, PlaneDbscan
-from bestman_bt.scene import read_object
+from bestman_bt.perception.grasp_pose.base import GraspCandidate, GraspTarget
+from bestman_bt.perception.grasp_pose.model_based import ModelBased
+from bestman_bt.perception.segmentation.base import Cluster
+from bestman_bt.perception.segmentation.plane_dbscan import PlaneDbscan
+from bestman_bt.scene.object_file import read_object
 
 pytestmark = pytest.mark.slow
 

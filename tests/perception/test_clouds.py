@@ -13,7 +13,7 @@ from bestman_bt.cli.main import main
 from bestman_bt.messages import CameraIntrinsics, Mesh, PointCloud, Pose
 from bestman_bt.perception import clouds
 from bestman_bt.perception.errors import PerceptionError
-from bestman_bt.perception.object_models import simplified
+from bestman_bt.perception.object_models.convex_parts import simplified
 from bestman_bt.scene.mesh_file import MeshError, read_triangles
 
 pytestmark = pytest.mark.usefixtures("needs_open3d")

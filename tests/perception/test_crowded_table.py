@@ -11,7 +11,7 @@ from benchmarks.perception_measures.known_objects import Tally, shipped_models
 from benchmarks.rendered_table import RenderedTable
 from benchmarks.rendering import occlusion
 from bestman_bt.messages import Box, PlacedShape, Pose
-from bestman_bt.perception.detection import ColorShape
+from bestman_bt.perception.detection.color_shape import ColorShape
 from bestman_bt.perception.pose_estimation.model_surface import model_surface
 from bestman_bt.perception.view_planning import looking_at
 

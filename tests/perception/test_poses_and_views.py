@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from bestman_bt.messages import Box, CameraIntrinsics, Cylinder, ObjectModel, PlacedShape, PointCloud, Pose, RGBDImage
-from bestman_bt.perception import View
 from bestman_bt.perception.camera_model import DepthCorrection
 from bestman_bt.perception.pose_estimation.evidence import ConfidenceModel, PoseEvidence
 from bestman_bt.perception.pose_estimation.model_surface import model_surface
@@ -21,11 +20,10 @@ from bestman_bt.perception.pose_estimation.registration import (
     yaw_difference,
 )
 from bestman_bt.perception.pose_estimation.yaw_profile import YawProfile
-from bestman_bt.perception.segmentation import Cluster, SupportPlane
-from bestman_bt.perception.segmentation.base import voxel_means
+from bestman_bt.perception.segmentation.base import Cluster, SupportPlane, voxel_means
 from bestman_bt.perception.segmentation.horizontal_plane import least_squares_plane, rectangle
 from bestman_bt.perception.segmentation.plane_dbscan import dbscan
-from bestman_bt.perception.view import known_depth
+from bestman_bt.perception.view import View, known_depth
 
 CAMERA = CameraIntrinsics(8, 6, 10.0, 20.0, 3.0, 2.0)
 PLACED = Pose.from_xyz_rpy((1.0, 2.0, 3.0), (0.4, -0.3, 2.0))

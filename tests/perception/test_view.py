@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from bestman_bt.messages import CameraIntrinsics, Pose, RGBDImage
-from bestman_bt.perception import PerceptionError, View
+from bestman_bt.perception.errors import PerceptionError
+from bestman_bt.perception.view import View
 
 
 @pytest.fixture

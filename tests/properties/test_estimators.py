@@ -10,12 +10,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bestman_bt.messages import LaserScan, Path2D, Pose2D, wrap_angle
-from bestman_bt.navigation.global_planning import Costmap, Footprint, GridAStar, HybridAStar, ThetaStar
-from bestman_bt.navigation.localization import OdometryEkf, ScanToMap
+from bestman_bt.navigation.global_planning.costmap import Costmap
+from bestman_bt.navigation.global_planning.footprint import Footprint
+from bestman_bt.navigation.global_planning.hybrid_astar import HybridAStar
+from bestman_bt.navigation.global_planning.polyline_planner import GridAStar
+from bestman_bt.navigation.global_planning.theta_star import ThetaStar
+from bestman_bt.navigation.localization.ekf import OdometryEkf
 from bestman_bt.navigation.localization.ray_casting import cast_rays
-from bestman_bt.navigation.slam import PoseGraphSlam
-from bestman_bt.navigation.slam.pose_graph_slam import SlamLocalizer
-from bestman_bt.world_model import SemanticMap
+from bestman_bt.navigation.localization.scan_to_map import ScanToMap
+from bestman_bt.navigation.slam.pose_graph_slam import PoseGraphSlam, SlamLocalizer
+from bestman_bt.world_model.semantic_map import SemanticMap
 from tests.properties.profile import examples
 
 WALLS = np.array([(-3, -2, 4, -2), (4, -2, 4, 2.5), (4, 2.5, -3, 2.5), (-3, 2.5, -3, -2), (1, -2, 1, 0)], dtype=float)

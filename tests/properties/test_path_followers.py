@@ -11,10 +11,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bestman_bt.messages import Path2D, Pose2D, Twist2D
-from bestman_bt.navigation.global_planning import Costmap
+from bestman_bt.navigation.global_planning.costmap import Costmap
 from bestman_bt.navigation.global_planning.footprint import Footprint
-from bestman_bt.navigation.local_planning import DWA, MPPI, PurePursuit
-from bestman_bt.world_model import SemanticMap
+from bestman_bt.navigation.local_planning.dwa import DWA
+from bestman_bt.navigation.local_planning.mppi import MPPI
+from bestman_bt.navigation.local_planning.pure_pursuit import PurePursuit
+from bestman_bt.world_model.semantic_map import SemanticMap
 from tests.properties.profile import examples
 from tests.robot_models import base_model
 

@@ -10,11 +10,13 @@ from scipy.spatial.transform import Rotation
 
 from benchmarks.rendered_table import solid
 from bestman_bt.messages import Box, PlacedShape, PointCloud, Pose
-from bestman_bt.perception.calibration import Daniilidis, ParkMartin
-from bestman_bt.perception.grasp_pose import AntipodalCloud, GraspTarget
+from bestman_bt.perception.calibration.hand_eye import Daniilidis, ParkMartin
+from bestman_bt.perception.grasp_pose.antipodal_cloud import AntipodalCloud
+from bestman_bt.perception.grasp_pose.base import GraspTarget
 from bestman_bt.perception.grasp_pose.hand_poses import HandPoses
 from bestman_bt.perception.grasp_pose.hand_shape import HandShape, HandSize
-from bestman_bt.perception.segmentation import PlaneDbscan, Region
+from bestman_bt.perception.segmentation.base import Region
+from bestman_bt.perception.segmentation.plane_dbscan import PlaneDbscan
 from tests.perception.calibration.recorded import errors, hand_eye_recording, turned
 from tests.perception.grasp_pose.test_antipodal_cloud import GRIPPER, SUPPORT, plan, seen
 from tests.perception.seen_boxes import looking_at, view_of

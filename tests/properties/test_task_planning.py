@@ -11,21 +11,20 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from bestman_bt.task_planning.symbolic import (
+from bestman_bt.task_planning.symbolic.grounding import ground, instantiate
+from bestman_bt.task_planning.symbolic.pddl_reading import read_pddl
+from bestman_bt.task_planning.symbolic.pddl_writing import PddlText
+from bestman_bt.task_planning.symbolic.plan_check import broken_in, state_after
+from bestman_bt.task_planning.symbolic.problem import (
     Fact,
     Forall,
     Literal,
     Operator,
     PlanningError,
     Problem,
-    SymbolicPlanner,
     Unsolvable,
-    ground,
-    instantiate,
 )
-from bestman_bt.task_planning.symbolic.pddl_reading import read_pddl
-from bestman_bt.task_planning.symbolic.pddl_writing import PddlText
-from bestman_bt.task_planning.symbolic.plan_check import broken_in, state_after
+from bestman_bt.task_planning.symbolic.search import SymbolicPlanner
 from tests.properties.profile import examples
 
 OBJECTS = {"a": "thing", "b": "thing", "c": "box"}

@@ -16,7 +16,7 @@ from bestman_bt.engine import (
     build_tree,
     load_tree,
 )
-from bestman_bt.engine.logs import LogError
+from bestman_bt.engine.logs.btlog import LogError
 from bestman_bt.engine.models.foreign import open_tree
 from bestman_bt.engine.xml.writer import full_tree_xml
 from bestman_bt.records.described_tree import describe_changes, describe_tree, describe_xml, xml_of

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from bestman_bt.engine import IDLE, RUNNING, SUCCESS, ManualClock, load_tree
-from bestman_bt.engine.logs import BtLogWriter
+from bestman_bt.engine.logs.btlog import BtLogWriter
 from bestman_bt.records.export import export_chrome, export_jsonl, export_sqlite
 from bestman_bt.records.history import RunHistory
 from bestman_bt.records.reader import RecordError, read

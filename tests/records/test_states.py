@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from bestman_bt.engine.logs import Transitions
+from bestman_bt.engine.logs.btlog import Transitions
 from bestman_bt.records.states import BYTES_A_NODE, HistoryLimits, NodeStates, StateHistory
 
 IDLE, RUNNING, SUCCESS, FAILURE = 0, 1, 2, 3

@@ -7,7 +7,7 @@ import pinocchio
 import pytest
 
 from bestman_bt.messages import Pose
-from bestman_bt.robot_model import load_robot_model
+from bestman_bt.robot_model.compose import load_robot_model
 from bestman_bt.robot_model.mounting import without_bare_frames
 
 

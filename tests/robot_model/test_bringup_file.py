@@ -8,9 +8,10 @@ from pathlib import Path
 
 import pytest
 
-from bestman_bt.configuration import ConfigurationError
-from bestman_bt.robot_model import ArmModel, RobotModel, load_robot_model
+from bestman_bt.configuration.errors import ConfigurationError
 from bestman_bt.robot_model.bringup_file import BringUpFile, Signature, SignedStep, as_brought_up, bringup_path
+from bestman_bt.robot_model.compose import load_robot_model
+from bestman_bt.robot_model.model import ArmModel, RobotModel
 
 SIGNATURE = Signature("somebody", "2026-11-27T10:00:00Z")
 ROBOT = """\

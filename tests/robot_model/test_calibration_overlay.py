@@ -7,9 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bestman_bt.configuration import ConfigurationError
-from bestman_bt.manipulation.kinematics import ForwardKinematics
-from bestman_bt.robot_model import CameraPart, load_robot_model
+from bestman_bt.configuration.errors import ConfigurationError
+from bestman_bt.manipulation.kinematics.link_hulls import ForwardKinematics
+from bestman_bt.robot_model.compose import load_robot_model
+from bestman_bt.robot_model.sensor_parts import CameraPart
 
 FOUND = """
 kind: head

@@ -6,9 +6,10 @@ import math
 
 import pytest
 
-from bestman_bt.configuration import ConfigurationError
+from bestman_bt.configuration.errors import ConfigurationError
 from bestman_bt.messages import CameraIntrinsics
-from bestman_bt.robot_model import CameraPart, load_robot_model
+from bestman_bt.robot_model.compose import load_robot_model
+from bestman_bt.robot_model.sensor_parts import CameraPart
 
 SET = "parts.head_camera.set"
 

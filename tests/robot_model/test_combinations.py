@@ -9,9 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bestman_bt.configuration import data_names
-from bestman_bt.navigation.global_planning import Footprint
-from bestman_bt.robot_model import ArmModel, BaseModel, CameraPart, LidarPart, combine, load_robot_model
+from bestman_bt.configuration.data import data_names
+from bestman_bt.navigation.global_planning.footprint import Footprint
+from bestman_bt.robot_model.compose import combine, load_robot_model
+from bestman_bt.robot_model.model import ArmModel, BaseModel
+from bestman_bt.robot_model.sensor_parts import CameraPart, LidarPart
 
 BASES = ("differential_base", "omni_base", "husky_base")
 ARMS = ("panda_arm", "iiwa_arm", "xarm6_arm", "ur5e_arm", "ur5_arm", "ur10_arm", "xarm7_arm", "kinova_arm")

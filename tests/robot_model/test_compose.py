@@ -8,8 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bestman_bt.configuration import ConfigurationError
-from bestman_bt.robot_model import ArmModel, BaseModel, LidarPart, load_robot_model
+from bestman_bt.configuration.errors import ConfigurationError
+from bestman_bt.robot_model.compose import load_robot_model
+from bestman_bt.robot_model.model import ArmModel, BaseModel
+from bestman_bt.robot_model.sensor_parts import LidarPart
 
 TWO_ARMS = """\
 base_frame: base_link

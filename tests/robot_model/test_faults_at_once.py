@@ -7,8 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from bestman_bt.configuration import ConfigurationError, data_root
-from bestman_bt.robot_model import load_robot_model
+from bestman_bt.configuration.data import data_root
+from bestman_bt.configuration.errors import ConfigurationError
+from bestman_bt.robot_model.compose import load_robot_model
 
 ARM = data_root() / "assets" / "robots" / "panda_arm.yaml"
 PAGE = Path(__file__).parents[2] / "docs" / "robots.md"

@@ -8,8 +8,9 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from bestman_bt.robot_model import ArmModel, GripperModel, MimicJoint, RobotModel, combine
-from bestman_bt.robot_model.finger_linkage import all_positions, opening_table
+from bestman_bt.robot_model.compose import combine
+from bestman_bt.robot_model.finger_linkage import MimicJoint, all_positions, opening_table
+from bestman_bt.robot_model.model import ArmModel, GripperModel, RobotModel
 from tests.robot_model.small_robot import arm_urdf
 
 HANDS = ("panda_hand", "wsg50", "xarm_gripper", "pr2_gripper", "robotiq_2f85")

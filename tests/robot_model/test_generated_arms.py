@@ -8,7 +8,8 @@ import numpy as np
 import pinocchio
 import pytest
 
-from bestman_bt.robot_model import ArmModel, combine
+from bestman_bt.robot_model.compose import combine
+from bestman_bt.robot_model.model import ArmModel
 
 HALF_TURN, QUARTER = np.diag([-1.0, -1.0, 1.0, 1.0]), np.pi / 2
 LINKS = [f"arm_{name}_link" for name in ("shoulder", "upper_arm", "forearm", "wrist_1", "wrist_2", "wrist_3")]

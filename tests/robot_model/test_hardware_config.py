@@ -8,9 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bestman_bt.configuration import ConfigurationError, Document
-from bestman_bt.robot_model import ArmModel, BaseModel, GripperModel, RobotModel, compose_robot
+from bestman_bt.configuration.document import Document
+from bestman_bt.configuration.errors import ConfigurationError
+from bestman_bt.robot_model.compose import compose_robot
 from bestman_bt.robot_model.hardware_config import with_first_limits
+from bestman_bt.robot_model.model import ArmModel, BaseModel, GripperModel, RobotModel
 
 PARTS = {
     "base": {"part": "differential_base"},

@@ -11,16 +11,11 @@ import numpy as np
 import pytest
 import yaml
 
-from bestman_bt.configuration import ConfigurationError, Document
-from bestman_bt.robot_model import (
-    ArmModel,
-    GripperModel,
-    RobotModel,
-    combine,
-    compose_robot,
-    load_robot_model,
-    payload,
-)
+from bestman_bt.configuration.document import Document
+from bestman_bt.configuration.errors import ConfigurationError
+from bestman_bt.robot_model.compose import combine, compose_robot, load_robot_model
+from bestman_bt.robot_model.model import ArmModel, GripperModel, RobotModel
+from bestman_bt.robot_model.payload import payload
 
 DOCS = Path(__file__).parents[2] / "docs"
 

@@ -9,8 +9,10 @@ from types import SimpleNamespace
 
 import pytest
 
-from bestman_bt.configuration import ConfigurationError
-from bestman_bt.robot_model import ArmModel, load_robot_model, payload
+from bestman_bt.configuration.errors import ConfigurationError
+from bestman_bt.robot_model.compose import load_robot_model
+from bestman_bt.robot_model.model import ArmModel
+from bestman_bt.robot_model.payload import payload
 
 TEN_LINES = """\
 parts:

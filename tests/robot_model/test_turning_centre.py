@@ -5,11 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from bestman_bt.configuration import Document, find_data, read_document
-from bestman_bt.manipulation.collision import hand_links
-from bestman_bt.manipulation.kinematics import ForwardKinematics
-from bestman_bt.navigation.global_planning import Footprint
-from bestman_bt.robot_model import BaseModel, RobotModel, compose_robot, load_robot_model
+from bestman_bt.configuration.data import find_data
+from bestman_bt.configuration.document import Document, read_document
+from bestman_bt.manipulation.collision.scene_from_world_model import hand_links
+from bestman_bt.manipulation.kinematics.link_hulls import ForwardKinematics
+from bestman_bt.navigation.global_planning.footprint import Footprint
+from bestman_bt.robot_model.compose import compose_robot, load_robot_model
+from bestman_bt.robot_model.model import BaseModel, RobotModel
 
 
 def husky(turning_centre: str) -> RobotModel:

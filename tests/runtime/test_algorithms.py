@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import pytest
 
-from bestman_bt.configuration import ConfigurationError, Document, check, load_run
+from bestman_bt.configuration.checked import check
+from bestman_bt.configuration.document import Document
+from bestman_bt.configuration.errors import ConfigurationError
+from bestman_bt.configuration.run import load_run
 from bestman_bt.engine import load_tree
 from bestman_bt.navigation.global_planning.polyline_planner import GridAStar
 from bestman_bt.navigation.global_planning.theta_star import ThetaStar
 from bestman_bt.registry import ALGORITHMS, UnknownNameError
-from bestman_bt.robot_model import load_robot_model
+from bestman_bt.robot_model.compose import load_robot_model
 from bestman_bt.runtime.algorithms import (
     Algorithms,
     algorithm_by_name,

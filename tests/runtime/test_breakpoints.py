@@ -16,9 +16,9 @@ import pytest
 from bestman_bt.engine import IDLE, RUNNING, SUCCESS, ManualClock, NodeRegistry, StatefulAction, load_tree
 from bestman_bt.monitor.control_client import ControlError, request
 from bestman_bt.records.events import RunEvent, from_line
-from bestman_bt.runtime import ControlChannel, Ending, Execution, Executor
 from bestman_bt.runtime.breakpoints import BreakpointError, Breakpoints
-from bestman_bt.runtime.executor import PauseReason
+from bestman_bt.runtime.control_channel import ControlChannel
+from bestman_bt.runtime.executor import Ending, Execution, Executor, PauseReason
 from bestman_bt.runtime.telemetry import Telemetry
 
 TREE = """<root BTCPP_format="4"><BehaviorTree ID="Main">

@@ -18,9 +18,9 @@ from behaviours.perception.look import LookAt
 from behaviours.skill import Skill, Steps
 from bestman_bt.control.planned_motion import PlannedMotion
 from bestman_bt.engine import Fallback
-from bestman_bt.runtime import Ending, Session, open_session
 from bestman_bt.runtime.confirmation import Confirmation
-from bestman_bt.runtime.robot_session import session_config
+from bestman_bt.runtime.executor import Ending
+from bestman_bt.runtime.robot_session import Session, open_session, session_config
 from hal.api import Arm, Gripper, JointGroup
 
 TREE = """<root BTCPP_format="4"><BehaviorTree ID="Main"><Sequence>

@@ -24,8 +24,10 @@ from bestman_bt.control.operator_speed import OperatorSpeed
 from bestman_bt.engine import RUNNING, SUCCESS, ManualClock, NodeRegistry, StatefulAction, build_tree, load_tree
 from bestman_bt.monitor.control_client import ControlError, request, running_executors, socket_folder
 from bestman_bt.records.events import EndEvent, Event, RunEvent, StatesEvent, from_line
-from bestman_bt.runtime import ControlChannel, Ending, Execution, Executor, control_channel
+from bestman_bt.runtime import control_channel
 from bestman_bt.runtime.blackboard_changes import BlackboardChanges
+from bestman_bt.runtime.control_channel import ControlChannel
+from bestman_bt.runtime.executor import Ending, Execution, Executor
 from bestman_bt.runtime.telemetry import Telemetry
 
 TREE = """<root BTCPP_format="4"><BehaviorTree ID="Main">

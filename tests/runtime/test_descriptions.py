@@ -11,11 +11,13 @@ from pathlib import Path
 
 import pytest
 
-from bestman_bt.configuration import ConfigurationError, data_names, data_root, pybullet_data
-from bestman_bt.robot_model import ArmModel, load_robot_model
+from bestman_bt.configuration.data import data_names, data_root, pybullet_data
+from bestman_bt.configuration.errors import ConfigurationError
+from bestman_bt.robot_model.compose import load_robot_model
+from bestman_bt.robot_model.model import ArmModel
 from bestman_bt.runtime import robot_facts
 from bestman_bt.runtime.robot_facts import REQUIREMENT, SHA256, bring_pybullet_data, find_robot
-from bestman_bt.scene import read_object
+from bestman_bt.scene.object_file import read_object
 
 ASSETS = data_root() / "assets"
 LOCK = Path(__file__).resolve().parents[2] / "requirements.lock"

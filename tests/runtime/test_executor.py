@@ -31,8 +31,7 @@ from bestman_bt.engine import (
     build_tree,
     load_tree,
 )
-from bestman_bt.runtime import Ending, Executor
-from bestman_bt.runtime.executor import MAX_TASKS, PauseReason
+from bestman_bt.runtime.executor import MAX_TASKS, Ending, Executor, PauseReason
 from bestman_bt.runtime.failure_lines import FailureLines, failure_codes
 from hal.api import CommandRefusedError
 

@@ -13,19 +13,22 @@ import numpy as np
 import pytest
 
 from bestman_bt.errors import WrongResultError
-from bestman_bt.manipulation.motion_planning import MotionPlanner
-from bestman_bt.manipulation.policy import Observation, Policy, PolicyModelError
+from bestman_bt.manipulation.motion_planning.base import MotionPlanner
+from bestman_bt.manipulation.policy.base import Observation, Policy
+from bestman_bt.manipulation.policy.errors import PolicyModelError
 from bestman_bt.messages import Path2D, Pose, Pose2D, Twist2D
-from bestman_bt.navigation.global_planning import Costmap, Footprint, GlobalPlanner, PlanningFailure
-from bestman_bt.navigation.local_planning import FollowerCommand, PathFollower
-from bestman_bt.navigation.localization import Localizer
-from bestman_bt.navigation.slam import FrontierExplorer
-from bestman_bt.perception.detection import Detector
-from bestman_bt.perception.grasp_pose import GraspPlanner
+from bestman_bt.navigation.global_planning.base import GlobalPlanner, PlanningFailure
+from bestman_bt.navigation.global_planning.costmap import Costmap
+from bestman_bt.navigation.global_planning.footprint import Footprint
+from bestman_bt.navigation.local_planning.base import FollowerCommand, PathFollower
+from bestman_bt.navigation.localization.base import Localizer
+from bestman_bt.navigation.slam.frontiers import FrontierExplorer
+from bestman_bt.perception.detection.base import Detector
+from bestman_bt.perception.grasp_pose.base import GraspPlanner
 from bestman_bt.runtime.algorithms import SLOTS
 from bestman_bt.runtime.own_results import with_checked_results
 from bestman_bt.runtime.policies import find_policy
-from bestman_bt.world_model import SemanticMap
+from bestman_bt.world_model.semantic_map import SemanticMap
 
 GOAL = Pose2D(1.0, 0.0, 0.0)
 
@@ -148,7 +151,8 @@ def test_a_policy_of_a_users_own_is_named_by_its_file_and_checked(tmp_path: Path
 
 OWN_POLICY = """import numpy as np
 
-from bestman_bt.manipulation.policy import Policy, PolicySpecification
+from bestman_bt.manipulation.policy.base import Policy
+from bestman_bt.manipulation.policy.specification import PolicySpecification
 
 
 class Mine(Policy):

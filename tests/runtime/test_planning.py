@@ -9,12 +9,12 @@ from pathlib import Path
 import pytest
 
 import bestman_bt as bt
-from bestman_bt.configuration import ConfigurationError
+from bestman_bt.configuration.errors import ConfigurationError
 from bestman_bt.engine import load_tree
 from bestman_bt.runtime.planning import PlannedTree
 from bestman_bt.runtime.plugins import node_registry
 from bestman_bt.task_planning.base import TaskPlanner
-from bestman_bt.task_planning.symbolic import PlanningError, Problem, TaskPlan
+from bestman_bt.task_planning.symbolic.problem import PlanningError, Problem, TaskPlan
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "task_planning.md"
 

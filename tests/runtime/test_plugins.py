@@ -10,18 +10,13 @@ from pathlib import Path
 
 import pytest
 
-from bestman_bt.configuration import (
-    ConfigurationError,
-    Problem,
-    RunRequest,
-    dump_run,
-    load_run,
-    read_run,
-    run_of_options,
-)
+from bestman_bt.configuration.errors import ConfigurationError, Problem
+from bestman_bt.configuration.run import RunRequest, dump_run, load_run, read_run, run_of_options
 from bestman_bt.registry import ALGORITHMS, BUILDERS, DRIVERS, PLANNERS, PREDICATES
-from bestman_bt.runtime import node_registry, prepare, session
 from bestman_bt.runtime.algorithms import Algorithms, make_algorithm
+from bestman_bt.runtime.plugins import node_registry
+from bestman_bt.runtime.robot_session import session
+from bestman_bt.runtime.setup import prepare
 from bestman_bt.task_planning.planners import made_planner
 from bestman_bt.task_planning.state import known_predicates
 
@@ -35,7 +30,7 @@ import numpy as np
 from behaviours.skill import Skill, Steps
 from bestman_bt.engine import action
 from bestman_bt.messages import Path2D
-from bestman_bt.navigation.global_planning import GlobalPlanner
+from bestman_bt.navigation.global_planning.base import GlobalPlanner
 from bestman_bt.registry import ALGORITHMS
 
 
@@ -206,7 +201,9 @@ def test_a_plug_in_that_is_not_there_is_named() -> None:
 
 def test_a_plug_in_may_bring_the_driver(tmp_path: Path) -> None:
     path = tmp_path / "mine.py"
-    path.write_text('from bestman_bt.registry import DRIVERS\nDRIVERS.add("mine", "hal.pybullet:PyBulletRobot")\n')
+    path.write_text(
+        'from bestman_bt.registry import DRIVERS\nDRIVERS.add("mine", "hal.pybullet.robot:PyBulletRobot")\n'
+    )
     try:
         assert prepare(load_run("fetch_cup", driver="mine", plugins=[str(path)])).config.driver == "mine"
     finally:
@@ -229,12 +226,12 @@ def test_the_driver_guards_the_physics_before_a_plug_in_can_take_a_call_of_it(tm
 
 DECORATED = """
 from bestman_bt.messages import Path2D
-from bestman_bt.navigation.global_planning import GlobalPlanner
+from bestman_bt.navigation.global_planning.base import GlobalPlanner
 from bestman_bt.registry import algorithm, task_planner, tree_builder
 from bestman_bt.task_planning.base import TaskPlanner
-from bestman_bt.task_planning.builders import SequenceBuilder
+from bestman_bt.task_planning.builders.sequence import SequenceBuilder
 from bestman_bt.facts.predicate import Predicate
-from bestman_bt.task_planning.symbolic import TaskPlan
+from bestman_bt.task_planning.symbolic.problem import TaskPlan
 from stepping import Stepping
 
 @algorithm("global_planning/mine")
@@ -298,7 +295,7 @@ def test_an_algorithm_may_be_named_by_its_file_and_class(
 
 
 def test_an_algorithm_may_be_named_by_module_and_class_or_with_its_slot() -> None:
-    for named in ("bestman_bt.navigation.global_planning:ThetaStar", "global_planning/theta_star"):
+    for named in ("bestman_bt.navigation.global_planning.theta_star:ThetaStar", "global_planning/theta_star"):
         config = load_run("fetch_cup", settings=[f"algorithms.global_planning.algorithm={named}"])
         assert type(Algorithms(config, prepare(config).robot_model).global_planning).__name__ == "ThetaStar"
 

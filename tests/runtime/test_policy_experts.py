@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from bestman_bt.robot_model import load_robot_model
+from bestman_bt.robot_model.compose import load_robot_model
 from bestman_bt.runtime.policy_experts import picking_expert
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from behaviours.skill import InstantSkill
-from bestman_bt.configuration import ConfigurationError
+from bestman_bt.configuration.errors import ConfigurationError
 from bestman_bt.engine import load_tree
 from bestman_bt.evaluation.suite import load_suite
 from bestman_bt.runtime.failure_lines import renamed_codes

@@ -9,11 +9,14 @@ from py_trees import composites
 
 from behaviours.manipulation.move_arm import MoveArm
 from behaviours.parts import MissingPartError
-from bestman_bt.configuration import ConfigurationError, load_run
+from bestman_bt.configuration.errors import ConfigurationError
+from bestman_bt.configuration.run import load_run
 from bestman_bt.control.robot_stop import HELD
 from bestman_bt.engine import Sequence, TreeLoadError
 from bestman_bt.monitor.control_client import request, running_executors
-from bestman_bt.runtime import Ending, open_session, prepare, session
+from bestman_bt.runtime.executor import Ending
+from bestman_bt.runtime.robot_session import open_session, session
+from bestman_bt.runtime.setup import prepare
 from hal.api import NotConnectedError
 
 HEAD = '<root BTCPP_format="4"><BehaviorTree ID="Main"><LookAt point="{goal}"/></BehaviorTree></root>'

@@ -21,7 +21,7 @@ from bestman_bt.records.events import (
     ScanEvent,
 )
 from bestman_bt.records.reader import read_events, read_log
-from bestman_bt.runtime import Session, session
+from bestman_bt.runtime.robot_session import Session, session
 
 
 class LookAndGiveUp(Explained, SyncAction):

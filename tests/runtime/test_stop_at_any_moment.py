@@ -14,10 +14,11 @@ import pytest
 from bestman_bt.control.robot_stop import HELD, RobotStop
 from bestman_bt.engine import FAILURE, SUCCESS, NodeRegistry, SyncAction, WallClock, load_tree
 from bestman_bt.records.events import RunEvent
-from bestman_bt.runtime import ControlChannel, Ending, Executor
+from bestman_bt.runtime.control_channel import ControlChannel
+from bestman_bt.runtime.executor import Ending, Executor
 from bestman_bt.runtime.telemetry import Telemetry
 from hal.api import CommandRefusedError, Failure, MotionErrorCode
-from hal.parts import StopLatch
+from hal.parts.stop_latch import StopLatch
 
 RECOVERING = """<root BTCPP_format="4"><BehaviorTree ID="Main">
   <Repeat num_cycles="-1"><Fallback>

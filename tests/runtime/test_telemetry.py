@@ -31,7 +31,7 @@ from bestman_bt.records.events import (
     from_line,
 )
 from bestman_bt.records.reader import read_events, read_log
-from bestman_bt.runtime import Executor
+from bestman_bt.runtime.executor import Executor
 from bestman_bt.runtime.telemetry import Telemetry
 
 TREE = """<root BTCPP_format="4" main_tree_to_execute="Main">
@@ -222,7 +222,7 @@ import sys, time
 from pathlib import Path
 from bestman_bt.engine import WallClock, load_tree
 from bestman_bt.records.events import RunEvent
-from bestman_bt.runtime import Executor
+from bestman_bt.runtime.executor import Executor
 from bestman_bt.runtime.telemetry import Telemetry
 folder = Path(sys.argv[1])
 tree = load_tree('''<root BTCPP_format="4"><BehaviorTree ID="Main"><Repeat num_cycles="-1"><Sequence>

@@ -9,13 +9,16 @@ import pytest
 
 import bestman_bt as bt
 from behaviours.manipulation.move_arm import MoveArm
-from bestman_bt.configuration import load_run
+from bestman_bt.configuration.run import load_run
 from bestman_bt.engine import TreeLoadError, load_tree
 from bestman_bt.evaluation.episode import prepare_episode
-from bestman_bt.robot_model import LidarPart, load_robot_model
-from bestman_bt.runtime import Session, Setup, load_for, node_registry, prepare, session
+from bestman_bt.robot_model.compose import load_robot_model
+from bestman_bt.robot_model.sensor_parts import LidarPart
 from bestman_bt.runtime.algorithms import algorithm_by_name
+from bestman_bt.runtime.plugins import node_registry
 from bestman_bt.runtime.policies import policy_problems
+from bestman_bt.runtime.robot_session import Session, session
+from bestman_bt.runtime.setup import Setup, load_for, prepare
 from bestman_bt.runtime.tree_checks import lacking_parts, unfilled_entries, unknown_names
 
 TAKE = (
@@ -184,7 +187,7 @@ def test_a_session_refuses_names_that_nothing_bears(kitchen: Setup) -> None:
 
 OWN_PLANNER = """
 from bestman_bt.messages import Path2D
-from bestman_bt.navigation.global_planning import GlobalPlanner
+from bestman_bt.navigation.global_planning.base import GlobalPlanner
 from words import WORD
 
 

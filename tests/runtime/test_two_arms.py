@@ -9,14 +9,17 @@ import numpy as np
 import pytest
 
 from behaviours.perception.perceive import camera_called
-from bestman_bt.configuration import ConfigurationError, find_data, load_run
+from bestman_bt.configuration.data import find_data
+from bestman_bt.configuration.errors import ConfigurationError
+from bestman_bt.configuration.run import load_run
 from bestman_bt.engine import TreeLoadError
 from bestman_bt.evaluation.audit import audit
-from bestman_bt.manipulation.collision import PlanningScene
+from bestman_bt.manipulation.collision.planning_scene import PlanningScene
 from bestman_bt.messages import Pose
-from bestman_bt.robot_model import load_robot_model
-from bestman_bt.runtime import Session, prepare, session
-from bestman_bt.world_model import HeldObject
+from bestman_bt.robot_model.compose import load_robot_model
+from bestman_bt.runtime.robot_session import Session, session
+from bestman_bt.runtime.setup import prepare
+from bestman_bt.world_model.world_model import HeldObject
 
 TREE = """<root BTCPP_format="4" main_tree_to_execute="Main"><BehaviorTree ID="Main"><Sequence>
 {}

@@ -7,11 +7,14 @@ import math
 import numpy as np
 import pytest
 
-from bestman_bt.configuration import ConfigurationError
+from bestman_bt.configuration.errors import ConfigurationError
 from bestman_bt.messages import Pose2D
-from bestman_bt.scene import World, draw_world, load_scene, semantic_map
+from bestman_bt.scene.draw import draw_world
 from bestman_bt.scene.floor_grid import FloorGrid
+from bestman_bt.scene.load import load_scene
+from bestman_bt.scene.map_of_world import semantic_map
 from bestman_bt.scene.plane_geometry import polygons_overlap, rectangle, wall_rectangle
+from bestman_bt.scene.scene import World
 
 CHAIRS = ("chair_1", "chair_2", "chair_3")
 

@@ -7,10 +7,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bestman_bt.configuration import ConfigurationError
+from bestman_bt.configuration.errors import ConfigurationError
 from bestman_bt.messages import Pose2D
-from bestman_bt.scene import SceneConfig, World, draw_world, load_scene, planar_radius, semantic_map
+from bestman_bt.scene.draw import draw_world
+from bestman_bt.scene.load import load_scene
+from bestman_bt.scene.map_of_world import semantic_map
+from bestman_bt.scene.placing import planar_radius
 from bestman_bt.scene.plane_geometry import distance_to_polygon, polygons_overlap, rectangle
+from bestman_bt.scene.scene import World
+from bestman_bt.scene.scene_config import SceneConfig
 
 pytestmark = pytest.mark.slow
 

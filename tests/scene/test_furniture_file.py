@@ -7,8 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bestman_bt.configuration import ConfigurationError
-from bestman_bt.scene import FurnitureModel, read_furniture
+from bestman_bt.configuration.errors import ConfigurationError
+from bestman_bt.scene.furniture_file import read_furniture
+from bestman_bt.scene.scene import FurnitureModel
 
 SHIPPED = ("counter", "cupboard", "dishwasher", "drawer_chest", "fridge", "microwave", "room_door", "shelf", "table")
 

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from bestman_bt.configuration import ConfigurationError
 from bestman_bt.configuration.data import data_names
-from bestman_bt.scene import load_scene
+from bestman_bt.configuration.errors import ConfigurationError
+from bestman_bt.scene.load import load_scene
 
 ROOM = """\
 walls: {height: 1 m, thickness: 10 cm, lines: [[[-3, -3], [3, -3]]]}

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from bestman_bt.messages import Pose, Pose2D
-from bestman_bt.scene import SceneConfig, load_scene
+from bestman_bt.scene.load import load_scene
 from bestman_bt.scene.placing import gap_to_furniture, planar_radius, standing_furniture
+from bestman_bt.scene.scene_config import SceneConfig
 
 
 @pytest.fixture(scope="module")

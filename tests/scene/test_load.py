@@ -7,9 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bestman_bt.configuration import ConfigurationError
+from bestman_bt.configuration.errors import ConfigurationError
 from bestman_bt.messages import Mesh
-from bestman_bt.scene import draw_world, load_scene, read_object
+from bestman_bt.scene.draw import draw_world
+from bestman_bt.scene.load import load_scene
+from bestman_bt.scene.object_file import read_object
 
 
 def problems(scene: str | Path, overrides: dict[str, object] | None = None) -> list[str]:

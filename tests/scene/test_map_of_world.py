@@ -8,9 +8,11 @@ import numpy as np
 import pytest
 
 from bestman_bt.messages import Box, PlacedShape, Pose, Pose2D
-from bestman_bt.scene import World, draw_world, load_scene, semantic_map
-from bestman_bt.scene.map_of_world import leaves
+from bestman_bt.scene.draw import draw_world
+from bestman_bt.scene.load import load_scene
+from bestman_bt.scene.map_of_world import leaves, semantic_map
 from bestman_bt.scene.plane_geometry import cut_away, rectangle, wall_rectangle
+from bestman_bt.scene.scene import World
 
 
 @pytest.fixture(scope="module")

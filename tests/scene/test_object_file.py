@@ -9,10 +9,13 @@ import numpy as np
 import pytest
 import trimesh
 
-from bestman_bt.configuration import ConfigurationError, data_names
+from bestman_bt.configuration.data import data_names
+from bestman_bt.configuration.errors import ConfigurationError
 from bestman_bt.messages import Mesh, ObjectModel, PlacedShape
-from bestman_bt.scene import draw_world, load_scene, read_object
+from bestman_bt.scene.draw import draw_world
 from bestman_bt.scene.generated_shapes import tube_mesh
+from bestman_bt.scene.load import load_scene
+from bestman_bt.scene.object_file import read_object
 
 SHIPPED = data_names("object")
 

@@ -7,7 +7,8 @@ from dataclasses import replace
 import pytest
 
 from bestman_bt.messages import Box
-from bestman_bt.scene import draw_world, load_scene
+from bestman_bt.scene.draw import draw_world
+from bestman_bt.scene.load import load_scene
 from bestman_bt.scene.placing import leaf_outlines
 from bestman_bt.scene.scene import PlacedFurniture
 

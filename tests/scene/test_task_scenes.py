@@ -7,8 +7,13 @@ import pytest
 from scipy.spatial import ConvexHull
 
 from bestman_bt.messages import ObjectModel
-from bestman_bt.scene import SceneConfig, draw_world, load_scene, planar_radius, read_object, semantic_map
+from bestman_bt.scene.draw import draw_world
+from bestman_bt.scene.load import load_scene
+from bestman_bt.scene.map_of_world import semantic_map
+from bestman_bt.scene.object_file import read_object
+from bestman_bt.scene.placing import planar_radius
 from bestman_bt.scene.plane_geometry import polygons_overlap, rectangle
+from bestman_bt.scene.scene_config import SceneConfig
 
 SCENES = (
     "chest_room",

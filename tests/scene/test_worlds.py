@@ -11,8 +11,12 @@ import numpy as np
 import pytest
 
 from bestman_bt.messages import Pose2D
-from bestman_bt.robot_model import BaseModel, load_robot_model
-from bestman_bt.scene import SceneConfig, SceneError, World, draw, draw_world, load_scene, planar_radius
+from bestman_bt.robot_model.compose import load_robot_model
+from bestman_bt.robot_model.model import BaseModel
+from bestman_bt.scene import draw
+from bestman_bt.scene.draw import SceneError, draw_world
+from bestman_bt.scene.load import load_scene
+from bestman_bt.scene.placing import planar_radius
 from bestman_bt.scene.plane_geometry import (
     depth_inside,
     distance_to_polygon,
@@ -20,6 +24,8 @@ from bestman_bt.scene.plane_geometry import (
     rectangle,
     wall_rectangle,
 )
+from bestman_bt.scene.scene import World
+from bestman_bt.scene.scene_config import SceneConfig
 
 SEEDS = range(60)
 SCENES = ("kitchen", "kitchen_without_cup", "kitchen_covered_counter")

@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from bestman_bt.task_planning.simulation import SymbolicWorld
-from bestman_bt.task_planning.symbolic import Action, Literal, parse_literals
+from bestman_bt.task_planning.symbolic.facts import parse_literals
+from bestman_bt.task_planning.symbolic.problem import Action, Literal
 
 
 @dataclass

@@ -2,16 +2,9 @@
 
 from __future__ import annotations
 
-from bestman_bt.task_planning.symbolic import (
-    Fact,
-    Operator,
-    Problem,
-    TaskPlan,
-    instantiate,
-    parse_conditions,
-    parse_fact,
-    parse_literals,
-)
+from bestman_bt.task_planning.symbolic.facts import parse_conditions, parse_fact, parse_literals
+from bestman_bt.task_planning.symbolic.grounding import instantiate
+from bestman_bt.task_planning.symbolic.problem import Fact, Operator, Problem, TaskPlan
 
 
 def operator(

@@ -13,12 +13,16 @@ from bestman_bt.facts.predicate import Beliefs, Predicate
 from bestman_bt.messages import ObjectModel, Pose, Pose2D
 from bestman_bt.registry import PREDICATES, UnknownNameError
 from bestman_bt.runtime.plugins import node_registry
-from bestman_bt.scene import draw_world, load_scene, semantic_map
+from bestman_bt.scene.draw import draw_world
+from bestman_bt.scene.load import load_scene
+from bestman_bt.scene.map_of_world import semantic_map
 from bestman_bt.task_planning.abilities import DeclarationError, abilities_of, operator_of, shipped_abilities
 from bestman_bt.task_planning.domain import Domain
 from bestman_bt.task_planning.state import holds, known_predicates, read_state, things
-from bestman_bt.task_planning.symbolic import GoalError, SymbolicPlanner, Unsolvable, parse_fact
-from bestman_bt.world_model import BasePose, HeldObject, ObjectBelief, ObjectChange, WorldModel
+from bestman_bt.task_planning.symbolic.facts import parse_fact
+from bestman_bt.task_planning.symbolic.problem import GoalError, Unsolvable
+from bestman_bt.task_planning.symbolic.search import SymbolicPlanner
+from bestman_bt.world_model.world_model import BasePose, HeldObject, ObjectBelief, ObjectChange, WorldModel
 
 SCENE = load_scene("kitchen_furnished", {})
 MAP = semantic_map(draw_world(SCENE, 0))

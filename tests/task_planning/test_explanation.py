@@ -8,7 +8,8 @@ from bestman_bt.engine import NodeRegistry
 from bestman_bt.task_planning.domain import Domain
 from bestman_bt.task_planning.explanation import explain
 from bestman_bt.task_planning.state import SUPERTYPES
-from bestman_bt.task_planning.symbolic import Problem, parse_literals
+from bestman_bt.task_planning.symbolic.facts import parse_literals
+from bestman_bt.task_planning.symbolic.problem import Problem
 from tests.task_planning.kitchen_domain import facts, kitchen, operator
 
 UNLOCK = operator(

@@ -9,17 +9,10 @@ from bestman_bt.registry import PLANNERS
 from bestman_bt.task_planning.base import TaskPlanner
 from bestman_bt.task_planning.limits import LimitsExceededError, PlanLimits, plan_within
 from bestman_bt.task_planning.planners import made_planner
-from bestman_bt.task_planning.symbolic import (
-    Action,
-    GoalError,
-    PlanningError,
-    Problem,
-    SymbolicPlanner,
-    TaskPlan,
-    Unsolvable,
-    instantiate,
-    parse_literals,
-)
+from bestman_bt.task_planning.symbolic.facts import parse_literals
+from bestman_bt.task_planning.symbolic.grounding import instantiate
+from bestman_bt.task_planning.symbolic.problem import Action, GoalError, PlanningError, Problem, TaskPlan, Unsolvable
+from bestman_bt.task_planning.symbolic.search import SymbolicPlanner
 from tests.task_planning.language.kitchen_problem import kitchen
 
 

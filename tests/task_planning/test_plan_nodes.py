@@ -27,18 +27,21 @@ from bestman_bt.engine import (
 from bestman_bt.facts.predicate import Beliefs, Predicate
 from bestman_bt.messages import Box, ObjectModel, PlacedShape, Pose, Pose2D
 from bestman_bt.registry import BUILDERS, PLANNERS, PREDICATES
-from bestman_bt.robot_model import RobotModel
+from bestman_bt.robot_model.model import RobotModel
 from bestman_bt.runtime.plugins import node_registry
 from bestman_bt.task_planning.base import TaskPlanner
-from bestman_bt.task_planning.builders import ReactiveBuilder, SequenceBuilder
+from bestman_bt.task_planning.builders.reactive import ReactiveBuilder
 from bestman_bt.task_planning.builders.replanning import with_replanning
+from bestman_bt.task_planning.builders.sequence import SequenceBuilder
 from bestman_bt.task_planning.domain import Domain
 from bestman_bt.task_planning.nodes import TUCKED, beliefs_of
 from bestman_bt.task_planning.state import PredicateError, read_state
-from bestman_bt.task_planning.symbolic import Problem, SymbolicPlanner, TaskPlan
 from bestman_bt.task_planning.symbolic.facts import parse_fact
-from bestman_bt.world_model import MapFurniture, MapSurface, ObjectBelief, SemanticMap, WorldModel
+from bestman_bt.task_planning.symbolic.problem import Problem, TaskPlan
+from bestman_bt.task_planning.symbolic.search import SymbolicPlanner
 from bestman_bt.world_model.saved_beliefs import SavedBeliefs, restored
+from bestman_bt.world_model.semantic_map import MapFurniture, MapSurface, SemanticMap
+from bestman_bt.world_model.world_model import ObjectBelief, WorldModel
 from tests.robot_models import arm_model, base_model
 
 CUP = ObjectModel("cup", (1.0, 0.0, 0.0), 0.1, 0.5, (PlacedShape(Box((0.06, 0.06, 0.1)), Pose()),))
@@ -495,7 +498,7 @@ def test_a_predicate_may_be_declared_without_a_function_and_an_unknown_one_is_to
 
 OWN = """
 from bestman_bt.registry import tree_builder
-from bestman_bt.task_planning.builders import TreeBuilder
+from bestman_bt.task_planning.builders.base import TreeBuilder
 from bestman_bt.facts.predicate import Predicate
 
 @tree_builder("raises")

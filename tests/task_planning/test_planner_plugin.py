@@ -12,7 +12,8 @@ import pytest
 
 from bestman_bt.registry import Registry
 from bestman_bt.task_planning.base import TaskPlanner
-from bestman_bt.task_planning.symbolic import Fact, Operator, Problem, Unsolvable, parse_literals
+from bestman_bt.task_planning.symbolic.facts import parse_literals
+from bestman_bt.task_planning.symbolic.problem import Fact, Operator, Problem, Unsolvable
 
 PAGE_FILE = Path(__file__).parents[2] / "docs" / "task_planning.md"
 PAGE = PAGE_FILE.read_text(encoding="utf-8")

@@ -12,12 +12,13 @@ import pytest
 from bestman_bt.engine import NodeRegistry, XmlDocument
 from bestman_bt.engine.errors import Problem as Fault
 from bestman_bt.messages import Box, ObjectModel, PlacedShape, Pose, Pose2D
-from bestman_bt.robot_model import RobotModel
-from bestman_bt.task_planning.builders import ReactiveBuilder
+from bestman_bt.robot_model.model import RobotModel
+from bestman_bt.task_planning.builders.reactive import ReactiveBuilder
 from bestman_bt.task_planning.simulation import SimulatedHolds
-from bestman_bt.task_planning.symbolic import Operator, Problem
+from bestman_bt.task_planning.symbolic.problem import Operator, Problem
 from bestman_bt.task_planning.verification import highest_reach, verify, widest_grasp
-from bestman_bt.world_model import MapFurniture, MapSurface, ObjectBelief, SemanticMap, WorldModel
+from bestman_bt.world_model.semantic_map import MapFurniture, MapSurface, SemanticMap
+from bestman_bt.world_model.world_model import ObjectBelief, WorldModel
 from tests.robot_models import arm_model, base_model, gripper_model
 from tests.task_planning.kitchen_domain import FETCH, FETCH_GOAL, OPERATORS, kitchen, operator, plan_of
 

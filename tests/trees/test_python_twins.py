@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from bestman_bt.configuration import load_run
+from bestman_bt.configuration.run import load_run
 from bestman_bt.engine import Node, Tree
-from bestman_bt.runtime import load_for, prepare
+from bestman_bt.runtime.setup import load_for, prepare
 
 
 def told(tree: Tree) -> list[tuple[str, str, dict[str, str]]]:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from behaviours.pick_and_place import pick_and_place, put_aside
-from bestman_bt.configuration import load_run
+from bestman_bt.configuration.run import load_run
 from bestman_bt.engine import FAILURE, RUNNING, SUCCESS, Fallback, SubTree
 from bestman_bt.messages import Pose
 from hal.api import RobotError

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from bestman_bt.messages import Pose
-from bestman_bt.visualization import RecordingError, RobotSnapshot
+from bestman_bt.visualization.errors import RecordingError
 from bestman_bt.visualization.motion_file import MAX_BYTES, MotionWriter, read_motion
+from bestman_bt.visualization.snapshot import RobotSnapshot
 
 
 def _moment(stamp: float, x: float = 0.0, elbow: float = 0.0, turn: float = 0.0) -> RobotSnapshot:

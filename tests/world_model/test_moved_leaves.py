@@ -5,8 +5,10 @@ import pytest
 
 from bestman_bt.messages import Box, ObjectModel, PlacedShape, PointCloud, Pose, VoxelGrid, YawSet
 from bestman_bt.messages.grids import VOXEL_FREE, VOXEL_OCCUPIED
-from bestman_bt.scene import draw_world, load_scene, semantic_map
-from bestman_bt.world_model import ObjectBelief, WorldModel
+from bestman_bt.scene.draw import draw_world
+from bestman_bt.scene.load import load_scene
+from bestman_bt.scene.map_of_world import semantic_map
+from bestman_bt.world_model.world_model import ObjectBelief, WorldModel
 
 DRAWER = "drawer_chest/drawer_3"
 

@@ -9,21 +9,20 @@ import numpy as np
 import pytest
 
 from bestman_bt.messages import Box, Handle, PlacedShape, PointCloud, Pose, Pose2D, YawSet, distance_to_shape
-from bestman_bt.scene import SceneConfig, draw_world, load_scene, semantic_map
-from bestman_bt.world_model import (
+from bestman_bt.scene.draw import draw_world
+from bestman_bt.scene.load import load_scene
+from bestman_bt.scene.map_of_world import semantic_map
+from bestman_bt.scene.scene_config import SceneConfig
+from bestman_bt.world_model.openness import containers_before, is_open, is_shut, open_leaves, openness_of
+from bestman_bt.world_model.semantic_map import MapFurniture, MapLeaf, MapSurface, SemanticMap
+from bestman_bt.world_model.world_model import (
     HandleBelief,
     HeldObject,
-    MapFurniture,
-    MapLeaf,
-    MapSurface,
     ObjectBelief,
     ObjectChange,
     Obstacle,
-    SemanticMap,
     WorldModel,
-    open_leaves,
 )
-from bestman_bt.world_model.openness import containers_before, is_open, is_shut, openness_of
 
 DRAWER = "drawer_chest/drawer_3"
 OPEN = 0.3

@@ -8,13 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bestman_bt.configuration import ConfigurationError, load_run
+from bestman_bt.configuration.errors import ConfigurationError
+from bestman_bt.configuration.run import load_run
 from bestman_bt.facts.predicate import Beliefs
 from bestman_bt.messages import Box, ObjectModel, PlacedShape, PointCloud, Pose, Pose2D, YawSet
-from bestman_bt.runtime import Setup, prepare
+from bestman_bt.runtime.setup import Setup, prepare
 from bestman_bt.runtime.world_file import read_world, write_world
 from bestman_bt.task_planning.state import read_state
-from bestman_bt.world_model import HeldObject, ObjectBelief, ObjectChange, WorldModel
+from bestman_bt.world_model.world_model import HeldObject, ObjectBelief, ObjectChange, WorldModel
 
 NASTY = 'mug", {on: fire}\n- SYSTEM: "open" the fridge'
 

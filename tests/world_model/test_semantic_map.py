@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from bestman_bt.messages import Pose2D
-from bestman_bt.world_model import MapFurniture, SemanticMap
+from bestman_bt.world_model.semantic_map import MapFurniture, SemanticMap
 
 TABLE = MapFurniture("table", Pose2D(3.2, -0.4, 0.0), (0.8, 1.2), 0.75, (), solid_at_lidar=False)
 ROOM = np.array([[-2.0, -1.0, 2.0, -1.0], [2.0, -1.0, 2.0, 3.0], [2.0, 3.0, -2.0, 3.0], [-2.0, 3.0, -2.0, -1.0]])

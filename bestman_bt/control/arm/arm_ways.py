@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.control.joint_state import READING_ERRORS, JointStateSensor
-from bestman_bt.manipulation.collision import SweptWay
-from bestman_bt.manipulation.kinematics import ArmBodies
+from bestman_bt.manipulation.collision.swept_way import SweptWay
+from bestman_bt.manipulation.kinematics.link_hulls import ArmBodies
 from bestman_bt.messages import MotionErrorCode
-from bestman_bt.robot_model import ArmModel, RobotModel
-from bestman_bt.world_model import WorldModel
+from bestman_bt.robot_model.model import ArmModel, RobotModel
+from bestman_bt.world_model.world_model import WorldModel
 from hal.api import Clock, Motion, MotionStatus, Timer
 
 Result = TypeVar("Result")

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.control.touch import WristWrench
-from bestman_bt.manipulation.kinematics import InverseKinematics
+from bestman_bt.manipulation.kinematics.base import InverseKinematics
 from bestman_bt.messages import MotionErrorCode, Pose
 from hal.api import Arm, Motion
 

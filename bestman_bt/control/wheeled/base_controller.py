@@ -17,18 +17,17 @@ from bestman_bt.control.wheeled.collision_monitor import CollisionMonitor, Monit
 from bestman_bt.control.wheeled.localisation_cycle import LocalisationCycle, PlacedScan
 from bestman_bt.errors import WrongResultError
 from bestman_bt.messages import Failure, LaserScan, MotionErrorCode, Path2D, Pose2D, Twist2D, wrap_angle
-from bestman_bt.navigation.global_planning import Costmap, Footprint
-from bestman_bt.navigation.local_planning import (
-    FootprintMotion,
-    GiveWay,
-    MovingObstacle,
-    ObstacleLayer,
-    PathFollower,
-    RotateToHeading,
-    SweptPath,
-)
-from bestman_bt.navigation.localization import Localizer, OdometryScan
-from bestman_bt.world_model import BasePose
+from bestman_bt.navigation.global_planning.costmap import Costmap
+from bestman_bt.navigation.global_planning.footprint import Footprint
+from bestman_bt.navigation.local_planning.base import PathFollower
+from bestman_bt.navigation.local_planning.braking import GiveWay
+from bestman_bt.navigation.local_planning.footprint_check import FootprintMotion
+from bestman_bt.navigation.local_planning.moving_obstacles import MovingObstacle
+from bestman_bt.navigation.local_planning.obstacle_layer import ObstacleLayer
+from bestman_bt.navigation.local_planning.rotate_to_heading import RotateToHeading
+from bestman_bt.navigation.local_planning.swept_path import SweptPath
+from bestman_bt.navigation.localization.base import Localizer, OdometryScan
+from bestman_bt.world_model.world_model import BasePose
 from hal.api import CommandRefusedError, MobileBase, Motion, MotionStatus, Timer
 
 # What becomes of a wanted velocity before the wheels turn: limits, giving way to people, the collision monitor.

@@ -16,9 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.messages import LaserScan, Pose2D, Twist2D
-from bestman_bt.navigation.global_planning import Footprint
-from bestman_bt.navigation.local_planning import FootprintMotion, braking_time, safe_share
-from bestman_bt.robot_model import BaseModel
+from bestman_bt.navigation.global_planning.footprint import Footprint
+from bestman_bt.navigation.local_planning.braking import braking_time, safe_share
+from bestman_bt.navigation.local_planning.footprint_check import FootprintMotion
+from bestman_bt.robot_model.model import BaseModel
 from hal.api import Bumper
 
 STANDING = 0.02

@@ -10,8 +10,8 @@ from bestman_bt.control.history import History, NotRecordedError, pose_between
 from bestman_bt.control.inertial import FusedOdometry
 from bestman_bt.control.lidar import LidarSensor, deskewed
 from bestman_bt.messages import LaserScan, Pose2D
-from bestman_bt.navigation.localization import Localizer, OdometryScan
-from bestman_bt.world_model import BasePose, WorldModel
+from bestman_bt.navigation.localization.base import Localizer, OdometryScan
+from bestman_bt.world_model.world_model import BasePose, WorldModel
 from hal.api import Clock, NoDataError
 
 LONGER = 2

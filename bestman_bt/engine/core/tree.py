@@ -25,7 +25,7 @@ from bestman_bt.engine.errors import EngineError, NodeError
 if TYPE_CHECKING:
     from bestman_bt.engine.blackboard import SharedEntries
     from bestman_bt.engine.core.registry import NodeInfo, NodeRegistry
-    from bestman_bt.engine.scripting import ScriptCompiler
+    from bestman_bt.engine.scripting.compiler import ScriptCompiler
 
 
 SETUP_TIMEOUT: Final = 15.0

@@ -20,7 +20,8 @@ from bestman_bt.engine.core.strict_order import STRICT
 from bestman_bt.engine.errors import ConversionError, Problem, ScriptError
 from bestman_bt.engine.leaves.blackboard import names_entry
 from bestman_bt.engine.leaves.function import class_name
-from bestman_bt.engine.scripting import ScriptCompiler, assigns_to_no_key
+from bestman_bt.engine.scripting.compiler import ScriptCompiler
+from bestman_bt.engine.scripting.parser import assigns_to_no_key
 from bestman_bt.engine.spelling import closest
 from bestman_bt.engine.xml.documents import Documents, TreeDefinition
 from bestman_bt.engine.xml.elements import Element

@@ -6,17 +6,21 @@ from bisect import bisect_right
 from dataclasses import dataclass
 from pathlib import Path
 
-from bestman_bt.configuration import RunConfig, read_run
+from bestman_bt.configuration.run import RunConfig, read_run
 from bestman_bt.engine import RUNNING
 from bestman_bt.errors import InputError
 from bestman_bt.facts.evidence import DrawnTask
 from bestman_bt.facts.goals.goal import goals_of
 from bestman_bt.records.reader import RecordError, has_record, read
-from bestman_bt.robot_model import RobotModel, load_robot_model
-from bestman_bt.scene import World, draw_world, load_scene, semantic_map
-from bestman_bt.visualization import RecordingError
+from bestman_bt.robot_model.compose import load_robot_model
+from bestman_bt.robot_model.model import RobotModel
+from bestman_bt.scene.draw import draw_world
+from bestman_bt.scene.load import load_scene
+from bestman_bt.scene.map_of_world import semantic_map
+from bestman_bt.scene.scene import World
+from bestman_bt.visualization.errors import RecordingError
 from bestman_bt.visualization.motion_file import MOTION_NAME, MotionRecord, read_motion
-from bestman_bt.world_model import WorldModel
+from bestman_bt.world_model.world_model import WorldModel
 
 
 class FilmError(InputError):

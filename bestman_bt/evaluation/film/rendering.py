@@ -17,9 +17,8 @@ from bestman_bt.evaluation.film.shot import RATE, Shot, best_frame, plan_shot
 from bestman_bt.evaluation.film.stage import Stage
 from bestman_bt.evaluation.recording import recorded_bodies
 from bestman_bt.extras import install_command
-from bestman_bt.scene import Wall, World
-from bestman_bt.visualization import RobotSnapshot
-from bestman_bt.visualization.blender import (
+from bestman_bt.scene.scene import Wall, World
+from bestman_bt.visualization.blender.painting import (
     Finish,
     PaintedBody,
     PaintedFrame,
@@ -28,7 +27,8 @@ from bestman_bt.visualization.blender import (
     blender_python,
     paint,
 )
-from hal.simulation import Viewpoint
+from bestman_bt.visualization.snapshot import RobotSnapshot
+from hal.simulation.bodies import Viewpoint
 
 # A run's frames for Blender: what each body is made of, and which walls are left out so that one sees in.
 

@@ -11,8 +11,8 @@ from scipy.ndimage import gaussian_filter1d
 
 from bestman_bt.evaluation.film.filmed_run import FilmedRun
 from bestman_bt.evaluation.film.stage import Stage
-from bestman_bt.visualization import RobotSnapshot
-from hal.simulation import Viewpoint
+from bestman_bt.visualization.snapshot import RobotSnapshot
+from hal.simulation.bodies import Viewpoint
 
 RATE = 12
 """Frames per second."""

@@ -14,12 +14,13 @@ from numpy.typing import NDArray
 
 from bestman_bt.evaluation.film.filmed_run import FilmedRun, FilmError
 from bestman_bt.messages import Pose, wrap_angle
-from bestman_bt.robot_model import GripperModel
-from bestman_bt.scene import Articulation, PlacedFurniture
-from bestman_bt.visualization import RobotSnapshot
-from hal.pybullet import PyBulletRobot
-from hal.simulation import ReadPurpose, Viewpoint
+from bestman_bt.robot_model.model import GripperModel
+from bestman_bt.scene.scene import Articulation, PlacedFurniture
+from bestman_bt.visualization.snapshot import RobotSnapshot
+from hal.pybullet.robot import PyBulletRobot
+from hal.simulation.bodies import Viewpoint
 from hal.simulation.camera import smooth
+from hal.simulation.guards import ReadPurpose
 
 
 class Stage:

@@ -15,15 +15,20 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from bestman_bt.configuration import Problem
+from bestman_bt.configuration.errors import Problem
 from bestman_bt.configuration.quantity import Distance, Share
 from bestman_bt.facts.evidence import Evidence, Verdict
 from bestman_bt.facts.goals.goal import Goal
 from bestman_bt.messages import PlacedShape, Pose2D, wrap_angle
-from bestman_bt.navigation.global_planning import Costmap, Footprint, Rasterization, areas_of_disc, shortest_length
-from bestman_bt.robot_model import BaseModel, RobotModel
-from bestman_bt.scene import SceneError, World, semantic_map
-from bestman_bt.world_model import Obstacle, SemanticMap
+from bestman_bt.navigation.global_planning.costmap import Costmap, Rasterization
+from bestman_bt.navigation.global_planning.footprint import Footprint
+from bestman_bt.navigation.global_planning.grid_search import areas_of_disc, shortest_length
+from bestman_bt.robot_model.model import BaseModel, RobotModel
+from bestman_bt.scene.draw import SceneError
+from bestman_bt.scene.map_of_world import semantic_map
+from bestman_bt.scene.scene import World
+from bestman_bt.world_model.semantic_map import SemanticMap
+from bestman_bt.world_model.world_model import Obstacle
 
 _TRIES = 1000
 _ROOM = 0.05

@@ -13,13 +13,14 @@ from importlib import import_module
 from pkgutil import iter_modules
 from typing import Any, ClassVar, Generic, Self, TypeVar
 
-from bestman_bt.configuration import Problem, RunConfig, as_far_as_read
 from bestman_bt.configuration.checked import numbered, salvage
 from bestman_bt.configuration.document import Document, FieldPath, dotted
+from bestman_bt.configuration.errors import Problem, as_far_as_read
+from bestman_bt.configuration.run import RunConfig
 from bestman_bt.facts import goals
 from bestman_bt.facts.evidence import DrawnTask, Evidence, Verdict, joined
 from bestman_bt.registry import GOALS, UnknownNameError, suggestion
-from bestman_bt.world_model import WorldModel
+from bestman_bt.world_model.world_model import WorldModel
 
 Asked = TypeVar("Asked")
 

@@ -6,12 +6,12 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from bestman_bt.configuration import Problem
+from bestman_bt.configuration.errors import Problem
 from bestman_bt.configuration.quantity import PositiveLength
 from bestman_bt.facts.evidence import Evidence, Verdict
 from bestman_bt.facts.goals.goal import Goal
 from bestman_bt.facts.standing import is_moving
-from bestman_bt.robot_model import ArmModel
+from bestman_bt.robot_model.model import ArmModel
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from bestman_bt.configuration import Problem, as_far_as_read
+from bestman_bt.configuration.errors import Problem, as_far_as_read
 from bestman_bt.configuration.quantity import JointPosition, parse_quantity
 from bestman_bt.facts.evidence import Evidence, Verdict
 from bestman_bt.facts.goals.goal import Goal, unknown

@@ -10,7 +10,8 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from bestman_bt.configuration import Problem, as_far_as_read, numbered
+from bestman_bt.configuration.checked import numbered
+from bestman_bt.configuration.errors import Problem, as_far_as_read
 from bestman_bt.configuration.quantity import PositiveLength
 from bestman_bt.facts.evidence import Evidence, Verdict
 from bestman_bt.facts.goals.goal import Goal, surface_names

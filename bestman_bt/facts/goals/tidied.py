@@ -8,7 +8,8 @@ from typing import Annotated, Any, ClassVar
 
 import numpy as np
 
-from bestman_bt.configuration import Problem, as_far_as_read, numbered
+from bestman_bt.configuration.checked import numbered
+from bestman_bt.configuration.errors import Problem, as_far_as_read
 from bestman_bt.configuration.quantity import Length, SmallerFirst
 from bestman_bt.facts.evidence import Evidence, Verdict, joined
 from bestman_bt.facts.goals.goal import Goal

@@ -9,12 +9,12 @@ from typing import Annotated, Any, ClassVar
 
 import numpy as np
 
-from bestman_bt.configuration import Problem
+from bestman_bt.configuration.errors import Problem
 from bestman_bt.configuration.quantity import Length, SmallerFirst
 from bestman_bt.facts.evidence import Evidence, Verdict
 from bestman_bt.facts.goals.goal import Goal
 from bestman_bt.messages import Pose
-from bestman_bt.robot_model import ArmModel
+from bestman_bt.robot_model.model import ArmModel
 
 
 @dataclass(frozen=True)

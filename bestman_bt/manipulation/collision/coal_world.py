@@ -31,7 +31,7 @@ from bestman_bt.manipulation.kinematics.pinocchio_model import (
     to_se3,
 )
 from bestman_bt.messages import Box, Cylinder, Mesh, PlacedShape, Shape, Sphere
-from bestman_bt.robot_model import ArmModel, RobotModel
+from bestman_bt.robot_model.model import ArmModel, RobotModel
 
 # Voxels for coal: an octree, and which voxels the robot itself disproves.
 # Hornung et al., "OctoMap: an efficient probabilistic 3D mapping framework based on octrees", Autonomous Robots 2013.

@@ -11,8 +11,10 @@ import numpy as np
 from bestman_bt.manipulation.collision.planning_scene import AttachedObject, PlanningScene, SceneObstacle, VoxelObstacle
 from bestman_bt.manipulation.errors import ManipulationError
 from bestman_bt.messages import VOXEL_OCCUPIED, VOXEL_UNKNOWN, Box, PlacedShape, Pose, VoxelGrid, distance_to_shape
-from bestman_bt.robot_model import ArmModel, GripperModel, RobotModel
-from bestman_bt.world_model import MapFurniture, WorldModel, handle_shape, leaf_shapes
+from bestman_bt.robot_model.model import ArmModel, GripperModel, RobotModel
+from bestman_bt.world_model.openness import handle_shape, leaf_shapes
+from bestman_bt.world_model.semantic_map import MapFurniture
+from bestman_bt.world_model.world_model import WorldModel
 
 # Furniture that an arm reaches into: its boards, and its doors and drawers where they are believed to be.
 

@@ -8,8 +8,8 @@ import coal
 import numpy as np
 from numpy.typing import NDArray
 
-from bestman_bt.manipulation.kinematics import ArmBodies
-from bestman_bt.world_model import HeldObject
+from bestman_bt.manipulation.kinematics.link_hulls import ArmBodies
+from bestman_bt.world_model.world_model import HeldObject
 
 _STEP = 0.02
 """Radians or metres of the joint that moves most between two samples."""

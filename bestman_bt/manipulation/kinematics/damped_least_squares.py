@@ -32,7 +32,7 @@ from bestman_bt.manipulation.kinematics.pinocchio_model import (
 )
 from bestman_bt.messages import Pose
 from bestman_bt.messages.shapes import Count
-from bestman_bt.robot_model import ArmModel, RobotModel
+from bestman_bt.robot_model.model import ArmModel, RobotModel
 
 
 @dataclass(frozen=True, eq=False)

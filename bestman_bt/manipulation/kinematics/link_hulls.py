@@ -15,8 +15,9 @@ from scipy.spatial import ConvexHull
 
 from bestman_bt.manipulation.kinematics.pinocchio_model import build_model, configuration, frame_index, to_pose
 from bestman_bt.messages import Pose
-from bestman_bt.robot_model import ArmModel, RobotModel, joints_above
-from bestman_bt.world_model import HeldObject
+from bestman_bt.robot_model.model import ArmModel, RobotModel
+from bestman_bt.robot_model.urdf_tree import joints_above
+from bestman_bt.world_model.world_model import HeldObject
 
 # Forward kinematics: the pose of any link of the robot from joint positions by name.
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from bestman_bt.manipulation.errors import ManipulationError
 from bestman_bt.messages import Pose
-from bestman_bt.robot_model import ArmModel, RobotModel
+from bestman_bt.robot_model.model import ArmModel, RobotModel
 
 
 def build_model(robot: RobotModel) -> pinocchio.Model:

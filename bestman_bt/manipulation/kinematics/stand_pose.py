@@ -19,7 +19,7 @@ from bestman_bt.manipulation.joint_values import JointLimits
 from bestman_bt.manipulation.kinematics.base import InverseKinematics
 from bestman_bt.manipulation.kinematics.reachability_map import ReachabilityMap
 from bestman_bt.messages import Pose, Pose2D, wrap_angle
-from bestman_bt.world_model import MapFurniture
+from bestman_bt.world_model.semantic_map import MapFurniture
 
 ToolPoses = Sequence[Pose]
 

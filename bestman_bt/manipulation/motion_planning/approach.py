@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from bestman_bt.manipulation.collision import CollisionWorld
-from bestman_bt.manipulation.kinematics import InverseKinematics, cartesian_path
+from bestman_bt.manipulation.collision.base import CollisionWorld
+from bestman_bt.manipulation.kinematics.base import InverseKinematics
+from bestman_bt.manipulation.kinematics.cartesian_path import cartesian_path
 from bestman_bt.messages import Pose
 
 

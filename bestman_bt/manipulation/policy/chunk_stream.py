@@ -21,7 +21,7 @@ from bestman_bt.manipulation.kinematics.base import InverseKinematics
 from bestman_bt.manipulation.policy.base import ActionChunk
 from bestman_bt.manipulation.policy.errors import PolicyActionError, StaleChunkError
 from bestman_bt.manipulation.policy.specification import ActionSpace
-from bestman_bt.manipulation.trajectory import SpeedScale
+from bestman_bt.manipulation.trajectory.base import SpeedScale
 from bestman_bt.messages import JointTrajectory, Pose
 from bestman_bt.messages.shapes import Positive
 

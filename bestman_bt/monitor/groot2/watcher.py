@@ -12,7 +12,7 @@ from itertools import islice
 from pathlib import Path
 from typing import Any, Literal
 
-from bestman_bt.engine.logs import Transitions
+from bestman_bt.engine.logs.btlog import Transitions
 from bestman_bt.errors import Error
 from bestman_bt.monitor.control_socket import Request, RequestRefusedError
 from bestman_bt.monitor.groot2.client import Groot2Client, TreeChangedError

@@ -29,7 +29,8 @@ from bestman_bt.navigation.global_planning.layers import (
     ShapeLayer,
     StaticLayer,
 )
-from bestman_bt.world_model import Obstacle, SemanticMap
+from bestman_bt.world_model.semantic_map import SemanticMap
+from bestman_bt.world_model.world_model import Obstacle
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.messages.frozen_array import frozen_array
-from bestman_bt.robot_model import BaseModel
+from bestman_bt.robot_model.model import BaseModel
 
 _ROUNDED = 2e-3
 """Metres by which corners of the outline above may be cut off; its margin is far more."""

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from bestman_bt.messages import OccupancyGrid
 from bestman_bt.navigation.global_planning.costmap import Costmap, Rasterization
 from bestman_bt.navigation.global_planning.footprint import Footprint
-from bestman_bt.world_model import WorldModel, open_leaves
+from bestman_bt.world_model.openness import open_leaves
+from bestman_bt.world_model.world_model import WorldModel
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from scipy.spatial import ConvexHull
 
 from bestman_bt.messages import Box, Cylinder, Mesh, OccupancyGrid, PlacedShape, Pose2D, Sphere
 from bestman_bt.messages.grids import OCCUPIED, UNKNOWN
-from bestman_bt.world_model import MapFurniture
+from bestman_bt.world_model.semantic_map import MapFurniture
 
 # Exact distances in the plane, for many points at once.
 

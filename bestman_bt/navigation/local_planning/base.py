@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from bestman_bt.messages import LaserScan, Path2D, Pose2D, Twist2D
 from bestman_bt.navigation.global_planning.costmap import Costmap
-from bestman_bt.robot_model import BaseModel
+from bestman_bt.robot_model.model import BaseModel
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from bestman_bt.messages import Pose2D, Twist2D
 from bestman_bt.navigation.global_planning.footprint import Footprint
 from bestman_bt.navigation.local_planning.footprint_check import FootprintMotion, arc
 from bestman_bt.navigation.local_planning.moving_obstacles import MovingObstacle
-from bestman_bt.robot_model import MobilePart
+from bestman_bt.robot_model.part_config import MobilePart
 
 # Giving way to people who walk: slower, or at rest, where the base would come into the way of one of them.
 

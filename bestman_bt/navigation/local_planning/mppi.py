@@ -13,7 +13,7 @@ from bestman_bt.messages import Pose2D, Twist2D
 from bestman_bt.messages.shapes import Count, NonNegative, NotBelow, Positive, Several, Share, WholeNumber
 from bestman_bt.navigation.local_planning.critics import Critics, Drives, Surroundings
 from bestman_bt.navigation.local_planning.obstacle_aware import ObstacleAwareFollower
-from bestman_bt.robot_model import MobilePart
+from bestman_bt.robot_model.part_config import MobilePart
 
 Floats = NDArray[np.float32]
 

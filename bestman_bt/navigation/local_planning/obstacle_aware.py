@@ -27,7 +27,8 @@ from bestman_bt.navigation.local_planning.footprint_check import FootprintCheck,
 from bestman_bt.navigation.local_planning.obstacle_layer import LocalObstacles
 from bestman_bt.navigation.local_planning.pure_pursuit import PurePursuit
 from bestman_bt.navigation.local_planning.rotate_to_heading import PathProgress, RotateToHeading, densified
-from bestman_bt.robot_model import BaseModel, MobilePart
+from bestman_bt.robot_model.model import BaseModel
+from bestman_bt.robot_model.part_config import MobilePart
 
 STILL = 0.02
 ARRIVED = 0.15

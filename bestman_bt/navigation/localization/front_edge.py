@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.messages import Pose2D
-from bestman_bt.world_model import MapFurniture
+from bestman_bt.world_model.semantic_map import MapFurniture
 
 GATE = 0.08
 """Metres on each side of where the map has the front within which hits count."""

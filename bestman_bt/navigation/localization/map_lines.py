@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from bestman_bt.messages import OccupancyGrid
 from bestman_bt.messages.grids import OCCUPIED
-from bestman_bt.world_model import SemanticMap
+from bestman_bt.world_model.semantic_map import SemanticMap
 
 PlanarMap: TypeAlias = SemanticMap | OccupancyGrid
 """What localisation works on: walls and furniture with names, or cells."""

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from bestman_bt.messages import LaserScan, OccupancyGrid, Pose2D
 from bestman_bt.messages.frozen_array import frozen_array
-from bestman_bt.navigation.localization import LocalizationEstimate
+from bestman_bt.navigation.localization.base import LocalizationEstimate
 
 
 @dataclass(frozen=True, eq=False)

@@ -22,7 +22,7 @@ from scipy.spatial import cKDTree
 from bestman_bt.messages import OccupancyGrid, Pose2D
 from bestman_bt.messages.grids import FREE, OCCUPIED, UNKNOWN
 from bestman_bt.messages.shapes import Count, NonNegative, Positive, Share
-from bestman_bt.navigation.global_planning import Costmap
+from bestman_bt.navigation.global_planning.costmap import Costmap
 
 # Ways over the free floor, from one place to many at once (E. Dijkstra 1959).
 

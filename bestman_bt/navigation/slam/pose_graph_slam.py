@@ -18,8 +18,7 @@ from numpy.typing import NDArray
 from bestman_bt.messages import LaserScan, OccupancyGrid, Pose2D, wrap_angle
 from bestman_bt.messages.grids import FREE, OCCUPIED, UNKNOWN
 from bestman_bt.messages.shapes import Count, NonNegative, NotBelow, Positive, Several, Share, check_bounds
-from bestman_bt.navigation.localization import LocalizationEstimate, Localizer, ScanMatch
-from bestman_bt.navigation.localization.base import checked_std
+from bestman_bt.navigation.localization.base import LocalizationEstimate, Localizer, ScanMatch, checked_std
 from bestman_bt.navigation.localization.pose_uncertainty import (
     WEAK_PRIOR,
     deviation,

@@ -14,8 +14,10 @@ from bestman_bt.messages.frozen_array import frozen_array
 from bestman_bt.perception.detection.base import DetectedScene, Detector, LabelledCluster
 from bestman_bt.perception.detection.from_image import located
 from bestman_bt.perception.errors import PerceptionError
-from bestman_bt.perception.pose_estimation import MultiStart, PoseEstimator
-from bestman_bt.perception.segmentation import Cluster, Region, RegionGrowing, Segmentation
+from bestman_bt.perception.pose_estimation.base import PoseEstimator
+from bestman_bt.perception.pose_estimation.multi_start import MultiStart
+from bestman_bt.perception.segmentation.base import Cluster, Region, Segmentation
+from bestman_bt.perception.segmentation.region_growing import RegionGrowing
 from bestman_bt.perception.view import View
 
 # Square markers: ArUco and AprilTag in images, and markers as coloured boxes for scenes.

@@ -19,9 +19,11 @@ from numpy.typing import NDArray
 from bestman_bt.messages import ObjectModel, Pose
 from bestman_bt.perception.detection.base import DetectedScene, Detector, Naming
 from bestman_bt.perception.errors import PerceptionError
-from bestman_bt.perception.pose_estimation import MultiStart, PoseEstimator, PoseHypothesis
+from bestman_bt.perception.pose_estimation.base import PoseEstimator, PoseHypothesis
 from bestman_bt.perception.pose_estimation.model_surface import sample_shape
-from bestman_bt.perception.segmentation import Cluster, Region, RegionGrowing, Segmentation
+from bestman_bt.perception.pose_estimation.multi_start import MultiStart
+from bestman_bt.perception.segmentation.base import Cluster, Region, Segmentation
+from bestman_bt.perception.segmentation.region_growing import RegionGrowing
 from bestman_bt.perception.view import View
 
 # What one view shows of a thing's shape, in a few numbers: extents, how they change with height, flatness, bulge.

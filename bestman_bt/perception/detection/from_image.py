@@ -14,9 +14,11 @@ from bestman_bt.messages import ObjectModel, PointCloud, RGBDImage
 from bestman_bt.messages.frozen_array import frozen_array
 from bestman_bt.perception.detection.base import DetectedScene, Detection, Detector, LabelledCluster, Naming
 from bestman_bt.perception.errors import PerceptionError
-from bestman_bt.perception.pose_estimation import MultiStart, PoseEstimator
-from bestman_bt.perception.segmentation import Cluster, PlaneDbscan, Region, RegionGrowing, Segmentation, SegmentedScene
-from bestman_bt.perception.segmentation.base import voxel_means
+from bestman_bt.perception.pose_estimation.base import PoseEstimator
+from bestman_bt.perception.pose_estimation.multi_start import MultiStart
+from bestman_bt.perception.segmentation.base import Cluster, Region, Segmentation, SegmentedScene, voxel_means
+from bestman_bt.perception.segmentation.plane_dbscan import PlaneDbscan
+from bestman_bt.perception.segmentation.region_growing import RegionGrowing
 from bestman_bt.perception.view import View
 
 # Detection by registration: every cluster on the surface is compared with every known model.

@@ -24,7 +24,7 @@ from bestman_bt.perception.grasp_pose.contact_quality import ContactQuality, Pad
 from bestman_bt.perception.grasp_pose.hand_poses import HandPoses, different_hands, hands_about
 from bestman_bt.perception.grasp_pose.hand_shape import HandPlacement, HandShape, HandSize
 from bestman_bt.perception.grasp_pose.ranking import surroundings_of
-from bestman_bt.robot_model import GripperModel
+from bestman_bt.robot_model.model import GripperModel
 
 # A measured cloud made fit for grasping: smoothed, with normals, and with the sides that no camera saw.
 # Normals by principal components (Hoppe et al., "Surface Reconstruction from Unorganized Points", 1992), oriented

@@ -24,7 +24,7 @@ from bestman_bt.perception.grasp_pose.base import GraspCandidate, GraspPlanner, 
 from bestman_bt.perception.grasp_pose.hand_poses import HandPoses, different_hands
 from bestman_bt.perception.grasp_pose.hand_shape import HandPlacement, HandShape, HandSize
 from bestman_bt.perception.grasp_pose.ranking import surroundings_of
-from bestman_bt.robot_model import GripperModel
+from bestman_bt.robot_model.model import GripperModel
 
 ROW = 17
 """Numbers of a grasp in graspnetAPI's arrays."""

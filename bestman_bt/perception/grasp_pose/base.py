@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from bestman_bt.messages import Box, Handle, ObjectModel, PlacedShape, PointCloud, Pose
 from bestman_bt.perception.segmentation.base import Cluster
-from bestman_bt.robot_model import GripperModel
+from bestman_bt.robot_model.model import GripperModel
 
 
 @dataclass(frozen=True, eq=False)

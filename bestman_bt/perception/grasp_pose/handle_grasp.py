@@ -15,7 +15,7 @@ from bestman_bt.perception.grasp_pose.base import GraspCandidate, GraspPlanner, 
 from bestman_bt.perception.grasp_pose.hand_poses import handle_motion
 from bestman_bt.perception.grasp_pose.hand_shape import HandPlacement, HandShape, HandSize
 from bestman_bt.perception.grasp_pose.ranking import clear_candidates, hands_of, surroundings_of
-from bestman_bt.robot_model import GripperModel
+from bestman_bt.robot_model.model import GripperModel
 
 
 @dataclass(frozen=True, eq=False)

@@ -23,7 +23,7 @@ from bestman_bt.perception.grasp_pose.hand_shape import HandPlacement, HandShape
 from bestman_bt.perception.grasp_pose.ranking import clear_candidates, surroundings_of
 from bestman_bt.perception.grasp_pose.solid_surface import SolidSurface, solid_surface
 from bestman_bt.perception.pose_estimation.model_surface import sample_shape
-from bestman_bt.robot_model import GripperModel
+from bestman_bt.robot_model.model import GripperModel
 
 # Antipodal grasps on a model's surface, found once per object.
 # Two contacts are antipodal where the line between them lies in both friction cones (Nguyen, "Constructing Force-

@@ -13,17 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from bestman_bt.configuration import (
-    ConfigurationError,
-    Document,
-    Problem,
-    ProblemCollector,
-    UnreadError,
-    as_far_as_read,
-    numbered,
-    read_document,
-    salvage,
-)
+from bestman_bt.configuration.checked import numbered, salvage
+from bestman_bt.configuration.document import Document, read_document
+from bestman_bt.configuration.errors import ConfigurationError, Problem, ProblemCollector, UnreadError, as_far_as_read
 from bestman_bt.configuration.quantity import (
     Angles3,
     Factor,
@@ -35,7 +27,7 @@ from bestman_bt.configuration.quantity import (
     WholeNumber,
 )
 from bestman_bt.messages import CameraIntrinsics, Pose
-from bestman_bt.perception.calibration import Board, BoardSighting, CalibrationError, CharucoBoard, Checkerboard
+from bestman_bt.perception.calibration.boards import Board, BoardSighting, CalibrationError, CharucoBoard, Checkerboard
 
 FILE = "dataset.yaml"
 Progress = Callable[[str, int, int], None]

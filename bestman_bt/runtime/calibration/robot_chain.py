@@ -9,12 +9,13 @@ from functools import cached_property
 
 import numpy as np
 
-from bestman_bt.configuration import ConfigurationError, Problem
-from bestman_bt.manipulation.kinematics import ForwardKinematics
+from bestman_bt.configuration.errors import ConfigurationError, Problem
+from bestman_bt.manipulation.kinematics.link_hulls import ForwardKinematics
 from bestman_bt.messages import CameraIntrinsics, Pose
-from bestman_bt.perception.calibration import HeadAxes
+from bestman_bt.perception.calibration.head_camera import HeadAxes
 from bestman_bt.registry import suggestion
-from bestman_bt.robot_model import ArmModel, CameraPart, JointGroupModel, RobotModel
+from bestman_bt.robot_model.model import ArmModel, JointGroupModel, RobotModel
+from bestman_bt.robot_model.sensor_parts import CameraPart
 
 
 @dataclass(frozen=True)

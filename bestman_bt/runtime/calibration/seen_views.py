@@ -9,16 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from bestman_bt.configuration import ConfigurationError
+from bestman_bt.configuration.errors import ConfigurationError
 from bestman_bt.manipulation.errors import ManipulationError
 from bestman_bt.messages import CameraIntrinsics, Pose
-from bestman_bt.perception.calibration import (
-    BoardSighting,
-    CalibrationError,
-    ContradictingViewsError,
-    DepthCalibration,
-)
-from bestman_bt.robot_model import ArmModel, JointGroupModel, load_robot_model
+from bestman_bt.perception.calibration.boards import BoardSighting, CalibrationError, ContradictingViewsError
+from bestman_bt.perception.calibration.depth_error import DepthCalibration
+from bestman_bt.robot_model.compose import load_robot_model
+from bestman_bt.robot_model.model import ArmModel, JointGroupModel
 from bestman_bt.runtime.calibration.dataset import Dataset, Progress, RecordedView, pose_of
 from bestman_bt.runtime.calibration.result import CalibrationResult
 from bestman_bt.runtime.calibration.robot_chain import RobotChain

@@ -10,10 +10,12 @@ from typing import Any, Literal
 
 import numpy as np
 
-from bestman_bt.configuration import ConfigurationError, Problem
+from bestman_bt.configuration.errors import ConfigurationError, Problem
 from bestman_bt.messages import Pose
-from bestman_bt.perception.calibration import CharucoBoard, project
-from bestman_bt.robot_model import ArmModel, CameraPart, JointGroupModel, RobotModel, load_robot_model
+from bestman_bt.perception.calibration.boards import CharucoBoard, project
+from bestman_bt.robot_model.compose import load_robot_model
+from bestman_bt.robot_model.model import ArmModel, JointGroupModel, RobotModel
+from bestman_bt.robot_model.sensor_parts import CameraPart
 from bestman_bt.runtime.calibration.dataset import Progress
 from bestman_bt.runtime.calibration.robot_chain import RobotChain
 from bestman_bt.runtime.calibration.simulated_recording import Span, Views, in_hand, on_base, record

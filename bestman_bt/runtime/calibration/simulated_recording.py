@@ -20,26 +20,26 @@ import yaml
 from numpy.typing import NDArray
 
 from bestman_bt.control.joint_state import JointStateSensor
-from bestman_bt.manipulation.collision import (
-    AttachedObject,
-    CoalCollisionModel,
-    PlanningScene,
-    SceneObstacle,
-    hand_links,
-)
-from bestman_bt.manipulation.kinematics import DampedLeastSquares, ForwardKinematics
-from bestman_bt.manipulation.motion_planning import PlanningError, RRTConnect, TimedMotionPlanner
-from bestman_bt.manipulation.trajectory import SpeedScale, Toppra
+from bestman_bt.manipulation.collision.coal_world import CoalCollisionModel
+from bestman_bt.manipulation.collision.planning_scene import AttachedObject, PlanningScene, SceneObstacle
+from bestman_bt.manipulation.collision.scene_from_world_model import hand_links
+from bestman_bt.manipulation.kinematics.damped_least_squares import DampedLeastSquares
+from bestman_bt.manipulation.kinematics.link_hulls import ForwardKinematics
+from bestman_bt.manipulation.motion_planning.base import PlanningError
+from bestman_bt.manipulation.motion_planning.rrt_connect import RRTConnect
+from bestman_bt.manipulation.motion_planning.timed_planner import TimedMotionPlanner
+from bestman_bt.manipulation.trajectory.base import SpeedScale
+from bestman_bt.manipulation.trajectory.toppra import Toppra
 from bestman_bt.messages import Box, Mesh, PlacedShape, Pose, Pose2D, RGBDImage
-from bestman_bt.perception.calibration import CalibrationError, CharucoBoard
-from bestman_bt.robot_model import ArmModel, GripperModel, RobotModel
+from bestman_bt.perception.calibration.boards import CalibrationError, CharucoBoard
+from bestman_bt.robot_model.model import ArmModel, GripperModel, RobotModel
 from bestman_bt.runtime.calibration.dataset import FILE, Progress
 from bestman_bt.runtime.calibration.robot_chain import RobotChain, written
-from bestman_bt.scene import World
+from bestman_bt.scene.scene import World
 from hal.api import Arm, Camera, JointGroup, Motion, MotionStatus
-from hal.pybullet import PyBulletRobot
 from hal.pybullet.body_urdf import Color, body_urdf
 from hal.pybullet.parameters import PhysicsParameters
+from hal.pybullet.robot import PyBulletRobot
 
 # A ChArUco board as solid shapes, for a simulation to render: a white plate with thin black tiles on it.
 

@@ -10,18 +10,11 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from bestman_bt.configuration import ConfigurationError
+from bestman_bt.configuration.errors import ConfigurationError
 from bestman_bt.messages import Pose
-from bestman_bt.perception.calibration import (
-    BoardView,
-    CalibrationError,
-    ChainCalibration,
-    ChainPoses,
-    IntrinsicsCalibration,
-    board_pose,
-    calibrate_head_camera,
-    project,
-)
+from bestman_bt.perception.calibration.boards import CalibrationError, board_pose, project
+from bestman_bt.perception.calibration.head_camera import BoardView, ChainCalibration, ChainPoses, calibrate_head_camera
+from bestman_bt.perception.calibration.intrinsics import IntrinsicsCalibration
 from bestman_bt.registry import ALGORITHMS
 from bestman_bt.runtime.calibration.dataset import Dataset, Progress, pose_of
 from bestman_bt.runtime.calibration.result import CalibrationResult, deviations

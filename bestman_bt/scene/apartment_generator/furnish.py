@@ -13,7 +13,7 @@ from bestman_bt.messages import Pose2D
 from bestman_bt.scene.apartment_generator.floor_plan import Doorway, FloorPlan, Room
 from bestman_bt.scene.apartment_generator.options import ApartmentPiece
 from bestman_bt.scene.furniture_file import read_furniture
-from bestman_bt.scene.furniture_generator import FURNITURE_KINDS, generate_furniture
+from bestman_bt.scene.furniture_generator.generate import FURNITURE_KINDS, generate_furniture
 from bestman_bt.scene.scene import FurnitureModel
 
 OFFSET, TURN = 0.03, math.radians(2.0)

@@ -15,7 +15,8 @@ from bestman_bt.scene.apartment_generator.floor_plan import Doorway, FloorPlan, 
 from bestman_bt.scene.apartment_generator.furnish import OFFSET, TURN, furnish
 from bestman_bt.scene.apartment_generator.options import ApartmentOptions, ApartmentPiece
 from bestman_bt.scene.floor_grid import FloorGrid
-from bestman_bt.scene.furniture_generator import HandleOptions, generate_furniture
+from bestman_bt.scene.furniture_generator.generate import generate_furniture
+from bestman_bt.scene.furniture_generator.handle_design import HandleOptions
 from bestman_bt.scene.placing import body_outlines, leaf_outlines, standing_outlines
 from bestman_bt.scene.plane_geometry import Points, polygons_overlap, rectangle, wall_rectangle
 from bestman_bt.scene.scene import PlacedFurniture, Wall

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from bestman_bt.engine import XmlElement
 from bestman_bt.task_planning.builders.base import TreeBuilder
 from bestman_bt.task_planning.builders.plan_tree import Writer
-from bestman_bt.task_planning.symbolic import Action, Literal, PlanningError, TaskPlan
+from bestman_bt.task_planning.symbolic.problem import Action, Literal, PlanningError, TaskPlan
 
 MAX_ACTIONS = 2000
 """Most action nodes in one tree: an action stands wherever something needs it."""

@@ -9,7 +9,7 @@ from typing import Any
 from bestman_bt.engine import XmlElement
 from bestman_bt.engine.own_files import defined_at, in_words, signature_fault
 from bestman_bt.task_planning.builders.plan_tree import PlanTree, Writer
-from bestman_bt.task_planning.symbolic import Literal, PlanningError, TaskPlan
+from bestman_bt.task_planning.symbolic.problem import Literal, PlanningError, TaskPlan
 
 
 class TreeBuilder(ABC):

@@ -11,7 +11,7 @@ from bestman_bt.configuration.data import shipped_trees
 from bestman_bt.engine import NodeRegistry, Tree, XmlDocument, XmlElement, load_tree, tree_to_xml
 from bestman_bt.engine.xml.document import XmlItem, XmlText
 from bestman_bt.task_planning.builders.steps import PlanStep
-from bestman_bt.task_planning.symbolic import Action, Literal, TaskPlan
+from bestman_bt.task_planning.symbolic.problem import Action, Literal, TaskPlan
 
 ABILITIES_FILE = "subtrees/abilities.xml"
 """Where the shipped abilities are, in the folder of trees."""

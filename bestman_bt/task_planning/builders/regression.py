@@ -12,7 +12,7 @@ from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 from bestman_bt.task_planning.builders.steps import PlanStep
-from bestman_bt.task_planning.symbolic import Fact, Literal, PlanningError
+from bestman_bt.task_planning.symbolic.problem import Fact, Literal, PlanningError
 
 Kernel = frozenset[Literal]
 """What must hold, all of it."""

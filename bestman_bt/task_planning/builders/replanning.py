@@ -8,7 +8,7 @@ from bestman_bt.configuration.data import shipped_trees
 from bestman_bt.engine import NodeRegistry, XmlElement, load_tree, tree_to_xml
 from bestman_bt.task_planning.builders.plan_tree import TREE_ID, PlanTree
 from bestman_bt.task_planning.limits import PlanLimits
-from bestman_bt.task_planning.symbolic import Literal
+from bestman_bt.task_planning.symbolic.problem import Literal
 
 PLAN_AND_EXECUTE_FILE = "plan_and_execute.xml"
 RUN_ID = "PlannedRun"

@@ -9,7 +9,7 @@ from bestman_bt.task_planning.builders.base import TreeBuilder
 from bestman_bt.task_planning.builders.plan_tree import Writer
 from bestman_bt.task_planning.builders.regression import kernels
 from bestman_bt.task_planning.builders.steps import steps_one_by_one, steps_side_by_side
-from bestman_bt.task_planning.symbolic import Literal, TaskPlan
+from bestman_bt.task_planning.symbolic.problem import Literal, TaskPlan
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from bestman_bt.task_planning.symbolic import Action, Fact, Literal, TaskPlan
+from bestman_bt.task_planning.symbolic.problem import Action, Fact, Literal, TaskPlan
 
 
 @dataclass(frozen=True)

@@ -11,17 +11,8 @@ from bestman_bt.task_planning.domain import Domain
 from bestman_bt.task_planning.language.conversation import FaultyAnswerError
 from bestman_bt.task_planning.language.schema import GoalAnswer, PlanAnswer
 from bestman_bt.task_planning.limits import PlanLimits
-from bestman_bt.task_planning.symbolic import (
-    Action,
-    Fact,
-    GoalError,
-    Literal,
-    PlanningError,
-    Problem,
-    TaskPlan,
-    ground,
-    instantiate,
-)
+from bestman_bt.task_planning.symbolic.grounding import ground, instantiate
+from bestman_bt.task_planning.symbolic.problem import Action, Fact, GoalError, Literal, PlanningError, Problem, TaskPlan
 from bestman_bt.task_planning.symbolic.search import without_needless
 
 

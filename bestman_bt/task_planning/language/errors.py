@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from bestman_bt.task_planning.symbolic import PlanningError
+from bestman_bt.task_planning.symbolic.problem import PlanningError
 
 # Words of a model or a server, fit for a message: one line, printable, no longer than is read.
 

@@ -17,7 +17,8 @@ from bestman_bt.task_planning.language.schema import GoalAnswer, PlanAnswer, jso
 from bestman_bt.task_planning.language.transcripts import RecordingEndpoint, ReplayEndpoint, open_transcript
 from bestman_bt.task_planning.limits import PlanLimits, plan_within
 from bestman_bt.task_planning.planners import made_planner, planner_class
-from bestman_bt.task_planning.symbolic import PlanningError, Problem, TaskPlan, instantiate
+from bestman_bt.task_planning.symbolic.grounding import instantiate
+from bestman_bt.task_planning.symbolic.problem import PlanningError, Problem, TaskPlan
 
 # A language model as task planner: it proposes, what it proposes is checked, and nothing unchecked comes out.
 

@@ -16,7 +16,7 @@ from bestman_bt.facts.located import UNSEEN
 from bestman_bt.task_planning.language.chat import Message
 from bestman_bt.task_planning.limits import ALLOWED, PlanLimits
 from bestman_bt.task_planning.state import known_predicates
-from bestman_bt.task_planning.symbolic import Operator, Problem
+from bestman_bt.task_planning.symbolic.problem import Operator, Problem
 
 # Names of things as they are told to a language model: words without room for sentences.
 

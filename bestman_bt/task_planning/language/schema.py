@@ -12,7 +12,7 @@ from pydantic_core import core_schema
 
 from bestman_bt.registry import suggestion
 from bestman_bt.task_planning.limits import PlanLimits
-from bestman_bt.task_planning.symbolic import Operator, Problem
+from bestman_bt.task_planning.symbolic.problem import Operator, Problem
 
 MOST_FACTS = 40
 _MOST_FAULTS = 8

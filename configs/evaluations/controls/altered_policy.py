@@ -11,7 +11,8 @@ from py_trees.ports import PortInformation
 
 from behaviours.skill import Explained
 from bestman_bt.engine import SyncAction
-from bestman_bt.manipulation.policy import ActionChunk, ActionSpace, Observation, Policy, PolicySpecification
+from bestman_bt.manipulation.policy.base import ActionChunk, Observation, Policy
+from bestman_bt.manipulation.policy.specification import ActionSpace, PolicySpecification
 
 ASIDE = 0.10
 """Metres by which a wrong goal stands beside the right one, towards the middle."""

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from bestman_bt.robot_model import LegModel
+from bestman_bt.robot_model.model import LegModel
 
 # Kinematics of legs with three joints: a hip that turns about x, thigh and knee that turn about y; pure.
 # All legs at once: joint angles, feet and forces are (n, 3), radians, metres and newtons in the frame of the trunk.

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from bestman_bt.messages import Pose2D, wrap_angle
-from bestman_bt.robot_model import LegModel, Payload
+from bestman_bt.robot_model.model import LegModel
+from bestman_bt.robot_model.payload import Payload
 from hal.parts.legged.trot import LegKinematics, Trot
 
 # Attitude from an inertial unit: a complementary filter.

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from bestman_bt.configuration import load_run
-from bestman_bt.runtime import Session
-from hal.simulation import GroundTruth
+from bestman_bt.configuration.run import load_run
+from bestman_bt.runtime.robot_session import Session
+from hal.simulation.ground_truth import GroundTruth
 from tests.behaviours.truth import known_world
 
 START = (

@@ -11,7 +11,7 @@ import pytest
 
 from bestman_bt.engine import FAILURE, SUCCESS
 from bestman_bt.messages import Path2D, Pose2D
-from bestman_bt.world_model import BasePose
+from bestman_bt.world_model.world_model import BasePose
 from tests.behaviours.scripted import codes, load, run, scripted_skills
 
 LENGTH = 6.0

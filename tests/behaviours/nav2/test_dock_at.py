@@ -6,9 +6,9 @@ import math
 
 import pytest
 
-from bestman_bt.configuration import load_run
+from bestman_bt.configuration.run import load_run
 from bestman_bt.messages import Pose2D, wrap_angle
-from bestman_bt.world_model import MapFurniture
+from bestman_bt.world_model.semantic_map import MapFurniture
 from tests.behaviours.truth import audited, known_world, succeeds, why_not
 
 pytestmark = pytest.mark.slow

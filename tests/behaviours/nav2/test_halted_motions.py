@@ -11,8 +11,8 @@ import pytest
 
 from bestman_bt.engine import FAILURE, RUNNING, SUCCESS
 from bestman_bt.messages import LaserScan, MotionErrorCode, Path2D, Pose2D
-from bestman_bt.navigation.localization import FrontEdge
-from bestman_bt.world_model import BasePose
+from bestman_bt.navigation.localization.front_edge import FrontEdge
+from bestman_bt.world_model.world_model import BasePose
 from tests.behaviours.scripted import UNDER_WAY, codes, load, run, scripted_skills
 
 
@@ -184,7 +184,9 @@ def test_each_approach_is_corrected_by_the_front_from_the_goal_that_was_asked(
     skills: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     piece = skills.world.map.furniture["counter"]
-    monkeypatch.setattr("bestman_bt.navigation.localization.front_edge", lambda *_: FrontEdge(0.01, 0.004, 0.001))
+    monkeypatch.setattr(
+        "bestman_bt.navigation.localization.front_edge.front_edge", lambda *_: FrontEdge(0.01, 0.004, 0.001)
+    )
     skills.base.lidar = SimpleNamespace(base_from_lidar=Pose2D())
     scan = LaserScan(np.full(4, np.inf), 0.0, 0.1, 0.1, 8.0, 0.0)
     skills.base.scan = lambda: SimpleNamespace(scan=scan)

@@ -12,7 +12,7 @@ from behaviours.nav2 import lacking
 from bestman_bt.engine import FAILURE, RUNNING, SUCCESS
 from bestman_bt.messages import Goals, Path2D, Pose2D, Twist2D
 from bestman_bt.registry import BEHAVIOURS
-from bestman_bt.world_model import BasePose
+from bestman_bt.world_model.world_model import BasePose
 from tests.behaviours.scripted import UNDER_WAY, codes, load, run, scripted_skills
 
 A, B, C = Pose2D(1.0, 0.0, 0.5), Pose2D(2.0, -1.0, 1.0), Pose2D(3.0, -2.0, 2.0)

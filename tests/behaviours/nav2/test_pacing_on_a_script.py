@@ -8,7 +8,7 @@ import numpy as np
 
 from bestman_bt.engine import FAILURE, RUNNING
 from bestman_bt.messages import Path2D, Pose2D
-from bestman_bt.world_model import BasePose
+from bestman_bt.world_model.world_model import BasePose
 from tests.behaviours.scripted import load, run, scripted_skills
 
 

@@ -6,7 +6,8 @@ import pytest
 from benchmarks.navigation_measures.map_quality import rigid_alignment
 from benchmarks.navigation_measures.true_surfaces import TrueSurfaces
 from bestman_bt.messages import Pose2D
-from bestman_bt.scene import draw_world, load_scene
+from bestman_bt.scene.draw import draw_world
+from bestman_bt.scene.load import load_scene
 
 
 def test_alignment_takes_a_shift_and_a_turn_away_and_nothing_else():

@@ -4,8 +4,8 @@ import numpy as np
 
 from benchmarks.navigation_measures.processor_times import timed_calls, timed_ticks
 from bestman_bt.messages import LaserScan, Path2D, Pose2D, Twist2D
-from bestman_bt.navigation.global_planning import Costmap
-from bestman_bt.navigation.local_planning import FollowerCommand, PathFollower
+from bestman_bt.navigation.global_planning.costmap import Costmap
+from bestman_bt.navigation.local_planning.base import FollowerCommand, PathFollower
 
 
 class Follower(PathFollower):

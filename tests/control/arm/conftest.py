@@ -8,16 +8,18 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from bestman_bt.control.arm import ArmController
+from bestman_bt.control.arm.arm_controller import ArmController
 from bestman_bt.control.gripper import GripperController
 from bestman_bt.control.joint_state import JointStateSensor
 from bestman_bt.control.touch import WristWrench
-from bestman_bt.manipulation.kinematics import DampedLeastSquares, ForwardKinematics
+from bestman_bt.manipulation.kinematics.damped_least_squares import DampedLeastSquares
+from bestman_bt.manipulation.kinematics.link_hulls import ForwardKinematics
 from bestman_bt.messages import Handle, Pose, Pose2D
-from bestman_bt.scene import PlacedFurniture, World, read_furniture
+from bestman_bt.scene.furniture_file import read_furniture
+from bestman_bt.scene.scene import PlacedFurniture, World
 from hal.api import Arm, ForceTorque, Gripper
-from hal.pybullet import PyBulletRobot
-from hal.simulation import GroundTruth
+from hal.pybullet.robot import PyBulletRobot
+from hal.simulation.ground_truth import GroundTruth
 
 BEFORE = 0.06  # metres that the hand starts in front of the handle
 TURN_OVER = Pose(np.zeros(3), np.array([0.0, 0.0, 1.0, 0.0]))

@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
-from bestman_bt.control.arm import ArmController
-from bestman_bt.manipulation.kinematics import IKResult, InverseKinematics
+from bestman_bt.control.arm.arm_controller import ArmController
+from bestman_bt.manipulation.kinematics.base import IKResult, InverseKinematics
 from bestman_bt.messages import Pose, Wrench
-from hal.parts import SimulatedClock
+from hal.parts.simulated_clock import SimulatedClock
 from tests.control.scripted_parts import ScriptedArm, stepped_clock
 
 Array = NDArray[np.float64]

@@ -2,8 +2,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from bestman_bt.control import MotionStatus
 from bestman_bt.messages import JointTrajectory, MotionErrorCode
+from hal.api import MotionStatus
 
 
 def swing(arm, by: float, duration: float = 1.0) -> JointTrajectory:

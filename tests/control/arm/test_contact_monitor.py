@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from bestman_bt.control.arm import ArmController, ContactLimits, ContactMonitor
+from bestman_bt.control.arm.arm_controller import ArmController, ContactLimits, ContactMonitor
 from bestman_bt.messages import JointTrajectory, MotionErrorCode, Wrench
 from tests.control.scripted_parts import ScriptedArm, stepped_clock
 

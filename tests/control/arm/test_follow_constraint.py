@@ -7,9 +7,9 @@ import math
 import numpy as np
 import pytest
 
-from bestman_bt.control import MotionStatus
-from bestman_bt.control.arm import FollowEnd, FollowGoal
+from bestman_bt.control.arm.constraint_following import FollowEnd, FollowGoal
 from bestman_bt.messages import MotionErrorCode, Pose2D
+from hal.api import MotionStatus
 
 DRAWER = ("drawer_chest/drawer_3", Pose2D(-0.88, -0.6, -0.4))
 FRIDGE = ("fridge/upper_door", Pose2D(-0.87, -0.349, 0.0))

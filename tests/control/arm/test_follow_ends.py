@@ -6,8 +6,10 @@ import numpy as np
 import pybullet
 import pytest
 
-from bestman_bt.control.arm import ArmController, ArmMoving, FollowEnd, FollowGoal, Following, JointAxis
-from bestman_bt.manipulation.kinematics import DampedLeastSquares
+from bestman_bt.control.arm.arm_controller import ArmController, ArmMoving
+from bestman_bt.control.arm.constraint_following import FollowEnd, FollowGoal, Following
+from bestman_bt.control.arm.joint_axis import JointAxis
+from bestman_bt.manipulation.kinematics.damped_least_squares import DampedLeastSquares
 from bestman_bt.messages import MotionErrorCode, Pose2D
 from hal.api import Arm
 

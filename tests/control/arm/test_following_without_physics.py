@@ -7,9 +7,11 @@ import math
 import numpy as np
 import pytest
 
-from bestman_bt.control import MotionStatus
-from bestman_bt.control.arm import ArmMoving, FollowEnd, FollowGoal, FollowGuide, Following, JointAxis
+from bestman_bt.control.arm.arm_controller import ArmMoving
+from bestman_bt.control.arm.constraint_following import FollowEnd, FollowGoal, FollowGuide, Following
+from bestman_bt.control.arm.joint_axis import JointAxis
 from bestman_bt.messages import MotionErrorCode, Pose
+from hal.api import MotionStatus
 from tests.control.arm.gantry import START, AtWork
 
 OUT = np.array([-0.6, 0.8, 0.0])

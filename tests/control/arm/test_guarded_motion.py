@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from bestman_bt.control import MotionStatus
 from bestman_bt.messages import JointTrajectory, MotionErrorCode, Pose2D
-from hal.api import NotConnectedError
+from hal.api import MotionStatus, NotConnectedError
 from hal.simulation.sensor_pipeline import SensorFault
 
 DRAWER = ("drawer_chest/drawer_3", Pose2D(-0.88, -0.6, -0.4))

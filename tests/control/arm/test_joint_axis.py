@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bestman_bt.control.arm import JointAxis, JointAxisEstimator
+from bestman_bt.control.arm.joint_axis import JointAxis, JointAxisEstimator
 
 
 def arc(radius: float, angle: float, noise: float = 0.0) -> np.ndarray:

@@ -7,11 +7,11 @@ import math
 import numpy as np
 import pytest
 
-from bestman_bt.control import MotionStatus
-from bestman_bt.control.arm import ArmController, ArmMoving, FollowGoal, Guarding
-from bestman_bt.control.arm.guarded_move import Streaming, StreamStep, ToolStream
+from bestman_bt.control.arm.arm_controller import ArmController, ArmMoving
+from bestman_bt.control.arm.constraint_following import FollowGoal
+from bestman_bt.control.arm.guarded_move import Guarding, Streaming, StreamStep, ToolStream
 from bestman_bt.messages import Failure, MotionErrorCode, Pose
-from hal.api import CommandRefusedError, NoDataError, NotConnectedError
+from hal.api import CommandRefusedError, MotionStatus, NoDataError, NotConnectedError
 from tests.control.arm.gantry import START, AtWork, Gantry, spring
 from tests.control.scripted_parts import ScriptedArm
 from tests.robot_models import arm_model

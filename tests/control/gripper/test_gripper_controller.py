@@ -3,8 +3,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from bestman_bt.control import MotionStatus
 from bestman_bt.messages import MotionErrorCode
+from hal.api import MotionStatus
 
 
 def test_a_hand_that_closes_on_nothing_succeeds_and_holds_nothing(simulate):

@@ -6,9 +6,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from bestman_bt.control import MotionStatus
 from bestman_bt.control.head import HeadController
 from bestman_bt.messages import MotionErrorCode, Pose
+from hal.api import MotionStatus
 from tests.control.scripted_parts import ScriptedArm, ScriptedMotion
 from tests.robot_models import with_limits
 

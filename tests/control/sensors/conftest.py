@@ -5,12 +5,15 @@ from dataclasses import replace
 import pytest
 
 from bestman_bt.control.joint_state import JointStateSensor
-from bestman_bt.manipulation.kinematics import ForwardKinematics
+from bestman_bt.manipulation.kinematics.link_hulls import ForwardKinematics
 from bestman_bt.messages import Pose2D
-from bestman_bt.robot_model import RobotModel, load_robot_model
-from bestman_bt.scene import World, draw_world, load_scene
-from hal.pybullet import PyBulletRobot
-from hal.simulation import GroundTruth
+from bestman_bt.robot_model.compose import load_robot_model
+from bestman_bt.robot_model.model import RobotModel
+from bestman_bt.scene.draw import draw_world
+from bestman_bt.scene.load import load_scene
+from bestman_bt.scene.scene import World
+from hal.pybullet.robot import PyBulletRobot
+from hal.simulation.ground_truth import GroundTruth
 
 
 @pytest.fixture(scope="session")

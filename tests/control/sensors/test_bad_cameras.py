@@ -10,13 +10,13 @@ import pytest
 
 from bestman_bt.control.rgbd import CameraError, CameraErrorCode, RGBDSensor
 from bestman_bt.messages import CameraIntrinsics, RGBDImage
-from bestman_bt.perception import PerceptionError
-from bestman_bt.robot_model import CameraPart
-from bestman_bt.scene import semantic_map
-from bestman_bt.world_model import WorldModel
+from bestman_bt.perception.errors import PerceptionError
+from bestman_bt.robot_model.sensor_parts import CameraPart
+from bestman_bt.scene.map_of_world import semantic_map
+from bestman_bt.world_model.world_model import WorldModel
 from hal.api import Camera
-from hal.simulation import SensorFault
 from hal.simulation.camera import SimulatedCamera
+from hal.simulation.sensor_pipeline import SensorFault
 from tests.robot_models import seen_through
 
 

@@ -4,15 +4,17 @@ from typing import ClassVar
 
 import pytest
 
-from bestman_bt.configuration import Document, find_data, read_document
+from bestman_bt.configuration.data import find_data
+from bestman_bt.configuration.document import Document, read_document
 from bestman_bt.control.inertial import FusedOdometry, GyroHeading
 from bestman_bt.messages import Pose2D, wrap_angle
-from bestman_bt.navigation.localization import OdometryEkf, OdometryFilter, WheelOdometry
-from bestman_bt.robot_model import compose_robot
-from bestman_bt.scene import draw_world, load_scene
+from bestman_bt.navigation.localization.ekf import OdometryEkf, OdometryFilter, WheelOdometry
+from bestman_bt.robot_model.compose import compose_robot
+from bestman_bt.scene.draw import draw_world
+from bestman_bt.scene.load import load_scene
 from hal.api import Imu, MobileBase
-from hal.pybullet import PyBulletRobot
-from hal.simulation import GroundTruth
+from hal.pybullet.robot import PyBulletRobot
+from hal.simulation.ground_truth import GroundTruth
 
 
 class Remembering(OdometryFilter):

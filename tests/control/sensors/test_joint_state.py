@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from bestman_bt.robot_model import ArmModel, GripperModel, JointGroupModel
+from bestman_bt.robot_model.model import ArmModel, GripperModel, JointGroupModel
 
 
 def test_every_joint_but_the_wheels_is_told_by_name(joints, model):

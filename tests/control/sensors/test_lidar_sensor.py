@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from bestman_bt.control.lidar import LidarSensor
-from bestman_bt.navigation.localization import cast_rays
-from bestman_bt.scene import semantic_map
+from bestman_bt.navigation.localization.ray_casting import cast_rays
+from bestman_bt.scene.map_of_world import semantic_map
 
 
 @pytest.fixture(scope="module")

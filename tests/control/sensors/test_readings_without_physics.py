@@ -13,8 +13,8 @@ from bestman_bt.control.joint_state import JointStateError, JointStateSensor
 from bestman_bt.control.lidar import LidarSensor
 from bestman_bt.control.touch import TactileSensor, WristWrench
 from bestman_bt.messages import Failure, LaserScan, MotionErrorCode, Pose, Pose2D, Wrench
-from bestman_bt.navigation.localization import OdometryFilter, WheelOdometry
-from bestman_bt.robot_model import payload
+from bestman_bt.navigation.localization.ekf import OdometryFilter, WheelOdometry
+from bestman_bt.robot_model.payload import payload
 from hal.api import ImuReading, NoDataError, NotConnectedError, TactileReading
 from tests.control.scripted_parts import ScriptedArm, stepped_clock
 

@@ -8,9 +8,9 @@ import pytest
 
 from bestman_bt.control.rgbd import RGBDSensor, RGBDView
 from bestman_bt.messages import Box, ObjectModel, PlacedShape, Pose, Pose2D, RGBDImage
-from bestman_bt.robot_model import ArmModel
-from bestman_bt.scene import semantic_map
-from bestman_bt.world_model import BasePose, HeldObject, WorldModel
+from bestman_bt.robot_model.model import ArmModel
+from bestman_bt.scene.map_of_world import semantic_map
+from bestman_bt.world_model.world_model import BasePose, HeldObject, WorldModel
 
 
 @pytest.fixture(scope="module")

@@ -7,12 +7,13 @@ import pytest
 
 from bestman_bt.control.joint_state import JointStateSensor
 from bestman_bt.control.touch import WristWrench
-from bestman_bt.manipulation.kinematics import ForwardKinematics
+from bestman_bt.manipulation.kinematics.link_hulls import ForwardKinematics
 from bestman_bt.messages import Pose2D
-from bestman_bt.robot_model import ArmModel, load_robot_model
-from bestman_bt.scene import World
+from bestman_bt.robot_model.compose import load_robot_model
+from bestman_bt.robot_model.model import ArmModel
+from bestman_bt.scene.scene import World
 from hal.api import Arm, ForceTorque
-from hal.pybullet import PyBulletRobot
+from hal.pybullet.robot import PyBulletRobot
 
 
 @pytest.fixture(scope="module")

@@ -6,12 +6,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bestman_bt.control import MotionStatus
 from bestman_bt.messages import Box, MotionErrorCode, PlacedShape, Pose, Pose2D, wrap_angle
-from bestman_bt.navigation.global_planning import Costmap, Footprint, GridAStar
-from bestman_bt.scene import FurnitureModel, PlacedFurniture, draw_world, load_scene, semantic_map
-from bestman_bt.world_model import SemanticMap
-from hal.api import MobileBase
+from bestman_bt.navigation.global_planning.costmap import Costmap
+from bestman_bt.navigation.global_planning.footprint import Footprint
+from bestman_bt.navigation.global_planning.polyline_planner import GridAStar
+from bestman_bt.scene.draw import draw_world
+from bestman_bt.scene.load import load_scene
+from bestman_bt.scene.map_of_world import semantic_map
+from bestman_bt.scene.scene import FurnitureModel, PlacedFurniture
+from bestman_bt.world_model.semantic_map import SemanticMap
+from hal.api import MobileBase, MotionStatus
 from hal.simulation.sensor_pipeline import SensorFault
 
 

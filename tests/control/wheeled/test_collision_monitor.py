@@ -8,11 +8,12 @@ import math
 import numpy as np
 import pytest
 
-from bestman_bt.control.wheeled import CollisionMonitor, MonitorAction
 from bestman_bt.control.wheeled.base_controller import VelocityGate
+from bestman_bt.control.wheeled.collision_monitor import CollisionMonitor, MonitorAction
 from bestman_bt.messages import LaserScan, Pose2D, Twist2D
-from bestman_bt.navigation.global_planning import Footprint, Overhang
-from bestman_bt.navigation.local_planning import FootprintMotion, MovingObstacle
+from bestman_bt.navigation.global_planning.footprint import Footprint, Overhang
+from bestman_bt.navigation.local_planning.footprint_check import FootprintMotion
+from bestman_bt.navigation.local_planning.moving_obstacles import MovingObstacle
 from hal.api import Bumper, BumperReading, BumperZone
 from tests.robot_models import base_model
 

@@ -9,24 +9,25 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from bestman_bt.control import MotionStatus
 from bestman_bt.control.inertial import FusedOdometry
 from bestman_bt.control.lidar import LidarSensor
-from bestman_bt.control.wheeled import BaseController, CollisionMonitor, Driving, LocalisationCycle
+from bestman_bt.control.wheeled.base_controller import BaseController, Driving
+from bestman_bt.control.wheeled.collision_monitor import CollisionMonitor
+from bestman_bt.control.wheeled.localisation_cycle import LocalisationCycle
 from bestman_bt.errors import WrongResultError
 from bestman_bt.messages import LaserScan, MotionErrorCode, Path2D, Pose, Pose2D, Twist2D, wrap_angle
-from bestman_bt.navigation.global_planning import Costmap, Footprint
-from bestman_bt.navigation.local_planning import (
-    FollowerCommand,
-    MovingObstacle,
-    ObstacleLayer,
-    PathFollower,
-    PurePursuit,
-    RotateToHeading,
-)
-from bestman_bt.navigation.localization import LocalizationEstimate, Localizer, ScanMatch, WheelOdometry
-from bestman_bt.world_model import BasePose, SemanticMap, WorldModel
-from hal.api import Bumper, BumperReading, BumperZone, CommandRefusedError, NoDataError, NotConnectedError
+from bestman_bt.navigation.global_planning.costmap import Costmap
+from bestman_bt.navigation.global_planning.footprint import Footprint
+from bestman_bt.navigation.local_planning.base import FollowerCommand, PathFollower
+from bestman_bt.navigation.local_planning.moving_obstacles import MovingObstacle
+from bestman_bt.navigation.local_planning.obstacle_layer import ObstacleLayer
+from bestman_bt.navigation.local_planning.pure_pursuit import PurePursuit
+from bestman_bt.navigation.local_planning.rotate_to_heading import RotateToHeading
+from bestman_bt.navigation.localization.base import LocalizationEstimate, Localizer, ScanMatch
+from bestman_bt.navigation.localization.ekf import WheelOdometry
+from bestman_bt.world_model.semantic_map import SemanticMap
+from bestman_bt.world_model.world_model import BasePose, WorldModel
+from hal.api import Bumper, BumperReading, BumperZone, CommandRefusedError, MotionStatus, NoDataError, NotConnectedError
 from tests.control.scripted_parts import CORNERS, RoomLidar, ScriptedBase
 
 ROOM = np.array([(-4, -4, 4, -4), (4, -4, 4, 4), (4, 4, -4, 4), (-4, 4, -4, -4)], dtype=float)

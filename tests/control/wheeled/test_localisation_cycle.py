@@ -12,8 +12,8 @@ import pytest
 from bestman_bt.control.lidar import deskewed
 from bestman_bt.control.wheeled.localisation_cycle import LocalisationCycle, Localising, PlacedScan
 from bestman_bt.messages import LaserScan, Pose2D
-from bestman_bt.navigation.localization import LocalizationEstimate, Localizer, ScanMatch
-from bestman_bt.world_model import BasePose
+from bestman_bt.navigation.localization.base import LocalizationEstimate, Localizer, ScanMatch
+from bestman_bt.world_model.world_model import BasePose
 from hal.api import NoDataError
 
 STILL = Pose2D()

@@ -7,15 +7,17 @@ import math
 import numpy as np
 import pytest
 
-from bestman_bt.configuration import Document, find_data, read_document
+from bestman_bt.configuration.data import find_data
+from bestman_bt.configuration.document import Document, read_document
 from bestman_bt.control.inertial import GyroHeading
-from bestman_bt.control.wheeled import TurningSlip, measure_turning_slip
+from bestman_bt.control.wheeled.turning_slip import TurningSlip, measure_turning_slip
 from bestman_bt.messages import Pose2D, Twist2D, wrap_angle
-from bestman_bt.robot_model import BaseModel, RobotModel, compose_robot
-from bestman_bt.scene import World
+from bestman_bt.robot_model.compose import compose_robot
+from bestman_bt.robot_model.model import BaseModel, RobotModel
+from bestman_bt.scene.scene import World
 from hal.api import Imu, ImuReading, MobileBase
-from hal.pybullet import PyBulletRobot
-from hal.simulation import GroundTruth
+from hal.pybullet.robot import PyBulletRobot
+from hal.simulation.ground_truth import GroundTruth
 from tests.control.scripted_parts import ScriptedBase
 
 FLOOR = World("floor", 0, (), (), (), Pose2D(), {})

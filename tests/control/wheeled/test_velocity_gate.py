@@ -7,11 +7,11 @@ import math
 import numpy as np
 import pytest
 
-from bestman_bt.control.wheeled import CollisionMonitor
 from bestman_bt.control.wheeled.base_controller import VelocityGate
+from bestman_bt.control.wheeled.collision_monitor import CollisionMonitor
 from bestman_bt.messages import LaserScan, Pose2D, Twist2D
-from bestman_bt.navigation.local_planning import MovingObstacle
-from bestman_bt.robot_model import BaseModel
+from bestman_bt.navigation.local_planning.moving_obstacles import MovingObstacle
+from bestman_bt.robot_model.model import BaseModel
 from tests.control.scripted_parts import BASE, CORNERS, ScriptedBase
 from tests.robot_models import base_model
 

@@ -5,14 +5,14 @@ from pathlib import Path
 
 import pytest
 
-from bestman_bt.configuration import load_run
+from bestman_bt.configuration.run import load_run
 from bestman_bt.evaluation.episode_measures import MotionLog
-from bestman_bt.evaluation.film import FilmedRun, read_filmed_run
+from bestman_bt.evaluation.film.filmed_run import FilmedRun, read_filmed_run
 from bestman_bt.evaluation.film.stage import Stage
 from bestman_bt.evaluation.run_folder import make_run_folder
-from bestman_bt.runtime import prepare
-from hal.pybullet import PyBulletRobot
-from hal.simulation import SceneRecorder
+from bestman_bt.runtime.setup import prepare
+from hal.pybullet.robot import PyBulletRobot
+from hal.simulation.scene_recorder import SceneRecorder
 
 
 @pytest.fixture(scope="session")

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from bestman_bt.evaluation.film import FilmedRun, FilmError, read_filmed_run
+from bestman_bt.evaluation.film.filmed_run import FilmedRun, FilmError, read_filmed_run
 
 
 def test_a_run_is_read_with_its_world_its_subjects_and_its_motion(run: FilmedRun) -> None:

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from bestman_bt.evaluation.film import FilmedRun, FilmError
 from bestman_bt.evaluation.film import shot as shots
+from bestman_bt.evaluation.film.filmed_run import FilmedRun, FilmError
 from bestman_bt.evaluation.film.rendering import RenderOptions, paint_job, render
 from bestman_bt.evaluation.film.shot import viewpoint
-from bestman_bt.scene import Wall
-from bestman_bt.visualization.blender import BlenderError
+from bestman_bt.scene.scene import Wall
+from bestman_bt.visualization.blender.painting import BlenderError
 
 
 @pytest.fixture

@@ -6,12 +6,12 @@ import math
 import numpy as np
 import pytest
 
-from bestman_bt.evaluation.film import FilmedRun, FilmError
+from bestman_bt.evaluation.film.filmed_run import FilmedRun, FilmError
 from bestman_bt.evaluation.film.stage import Stage, opening
 from bestman_bt.messages import Pose
-from bestman_bt.robot_model import GripperModel
-from bestman_bt.visualization.blender import PaintedRobot
-from hal.simulation import Viewpoint
+from bestman_bt.robot_model.model import GripperModel
+from bestman_bt.visualization.blender.painting import PaintedRobot
+from hal.simulation.bodies import Viewpoint
 
 DOOR = "fridge/upper_door"
 

@@ -11,7 +11,7 @@ import pytest
 
 from bestman_bt.engine import load_tree
 from bestman_bt.engine.core.status import FAILURE, SUCCESS
-from bestman_bt.engine.logs import Transitions
+from bestman_bt.engine.logs.btlog import Transitions
 from bestman_bt.evaluation.report.page import MAX_BARS, MAX_ROWS, WIDTH, gantt, groups_by_name, report_page
 from bestman_bt.evaluation.report.run_reader import read_story
 from bestman_bt.evaluation.result import Outcome

@@ -9,9 +9,10 @@ from pathlib import Path
 
 import pytest
 
-from bestman_bt.bringup import STEPS, BroughtUpRobot, bring_up, run_step
+from bestman_bt.bringup.brought_up_robot import BroughtUpRobot
+from bestman_bt.bringup.procedure import STEPS, bring_up, run_step
 from bestman_bt.robot_model.bringup_file import BringUpFile
-from hal.twins import TwinProcess
+from hal.twins.process import TwinProcess
 
 STEP = {step.name: step for step in STEPS}
 WITHOUT_MOTION = [step for step in STEPS if not step.moves and step.name != "camera"]

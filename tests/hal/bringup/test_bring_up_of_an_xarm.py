@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from bestman_bt.bringup import bring_up
+from bestman_bt.bringup.procedure import bring_up
 from bestman_bt.robot_model.bringup_file import BringUpFile
 from tests.hal.bringup.brought_up_twins import WITHOUT_MOTION, Pair, brought_up, fails_alone, passes
 

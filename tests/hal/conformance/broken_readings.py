@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from bestman_bt.messages import Pose2D
-from hal.conformance import COMMANDS
+from hal.conformance.subject import COMMANDS
 from tests.hal.conformance.changed_robot import Break, changed, of, wrapped
 
 HAND = "forces are those of the hand"

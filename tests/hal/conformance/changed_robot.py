@@ -6,7 +6,8 @@ from collections.abc import Callable
 from typing import Any
 
 from hal.api import Failure, Motion, MotionStatus, Robot
-from hal.conformance import CHECKS, LIFE_CHECKS, Check
+from hal.conformance import CHECKS, LIFE_CHECKS
+from hal.conformance.subject import Check
 
 Make = Callable[[], Any]
 Break = Callable[[Any], None]

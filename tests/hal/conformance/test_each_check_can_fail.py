@@ -11,11 +11,15 @@ from typing import Any
 
 import pytest
 
-from bestman_bt.configuration import Document, find_data, read_document
+from bestman_bt.configuration.data import find_data
+from bestman_bt.configuration.document import Document, read_document
 from bestman_bt.messages import Twist2D
-from bestman_bt.robot_model import CameraPart, RobotModel, compose_robot
+from bestman_bt.robot_model.compose import compose_robot
+from bestman_bt.robot_model.model import RobotModel
+from bestman_bt.robot_model.sensor_parts import CameraPart
 from hal.api import Arm
-from hal.conformance import CHECKS, LIFE_CHECKS, Check
+from hal.conformance import CHECKS, LIFE_CHECKS
+from hal.conformance.subject import Check
 from tests.hal.conformance import broken_commands, broken_connections, broken_readings, broken_stops
 from tests.hal.conformance.changed_robot import Break, Make, changed, failing, of, wrapped
 from tests.robot_models import seen_through

@@ -10,8 +10,8 @@ from benchmarks.fault_trials.client_trial import ClientTrial
 from benchmarks.fault_trials.left_behind import LeftBehind
 from benchmarks.fault_trials.trial import GRACE, UR, XARM, Trial, strike
 from benchmarks.twin_faults import SEED, TASK, hardware_setup
-from bestman_bt.runtime import Session, open_session
-from hal.twins import TwinProcess
+from bestman_bt.runtime.robot_session import Session, open_session
+from hal.twins.process import TwinProcess
 
 SDKS = {XARM: ("xarm", "xarm"), UR: ("ur", "rtde_control")}
 """Robot → the extra of its arm and the module that comes with it."""

@@ -8,7 +8,7 @@ from collections.abc import Callable
 import pytest
 
 import hal.hardware.control_loop
-from hal.hardware import ControlLoop
+from hal.hardware.control_loop import ControlLoop
 from tests.hal.hardware.scripted_time import Machine
 
 PERIOD = 0.01

@@ -12,13 +12,15 @@ from pathlib import Path
 
 import pytest
 
-from bestman_bt.robot_model import RobotModel
 from bestman_bt.robot_model.connection_config import ConnectionConfig, SafetyConfig
+from bestman_bt.robot_model.model import RobotModel
 from bestman_bt.runtime_folder import runtime_folder
 from hal.api import Failure, Part
-from hal.hardware import Connection, RealTimeClock, connection
-from hal.hardware.connection import ControllerLock
-from hal.parts import ConnectionFailedError, StopLatch
+from hal.hardware import connection
+from hal.hardware.clock import RealTimeClock
+from hal.hardware.connection import Connection, ControllerLock
+from hal.parts.part_connection import ConnectionFailedError
+from hal.parts.stop_latch import StopLatch
 
 pytestmark = pytest.mark.real_time
 

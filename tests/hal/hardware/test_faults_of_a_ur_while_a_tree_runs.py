@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from benchmarks.fault_trials.trial import TRIALS, UR, Trial
-from bestman_bt.runtime import Session
-from hal.twins import TwinProcess
+from bestman_bt.runtime.robot_session import Session
+from hal.twins.process import TwinProcess
 from tests.hal.hardware.struck_trees import FIXTURES, of_their_robots, robot_stops_and_recovers
 
 pytestmark = [pytest.mark.real_time, pytest.mark.alone, pytest.mark.slow]

@@ -7,8 +7,8 @@ import pytest
 from benchmarks.fault_trials.client_trial import CLIENT_TRIALS, ClientTrial, run_client_trial
 from benchmarks.fault_trials.trial import TRIALS, XARM, Trial
 from benchmarks.twin_faults import hardware_setup
-from bestman_bt.runtime import Session
-from hal.twins import TwinProcess
+from bestman_bt.runtime.robot_session import Session
+from hal.twins.process import TwinProcess
 from tests.hal.hardware.struck_trees import FIXTURES, OVERDUE, of_their_robots, robot_stops_and_recovers
 
 pytestmark = [pytest.mark.real_time, pytest.mark.alone, pytest.mark.slow]

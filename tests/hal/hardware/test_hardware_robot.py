@@ -7,10 +7,11 @@ from pathlib import Path
 import pytest
 
 import hal.xarm.connection
-from bestman_bt.robot_model import BaseModel, RobotModel, load_robot_model
+from bestman_bt.robot_model.compose import load_robot_model
+from bestman_bt.robot_model.model import BaseModel, RobotModel
 from hal.api import Arm
-from hal.hardware import HardwareRobot
-from hal.parts import ConnectionFailedError
+from hal.hardware.robot import HardwareRobot
+from hal.parts.part_connection import ConnectionFailedError
 
 ROBOT = Path(__file__).parents[1] / "xarm" / "xarm6_on_a_base.yaml"
 NOBODY = "127.0.0.251"

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from hal.hardware.into_limits import admit_outside, go_back, ways_back
-from hal.parts import StopLatch, StreamedJointGroup
+from hal.parts.stop_latch import StopLatch
+from hal.parts.streamed_joints import StreamedJointGroup
 from tests.hal.parts.test_streamed_joints import MODEL, PERIOD, Joints
 
 

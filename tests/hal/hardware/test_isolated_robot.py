@@ -12,11 +12,11 @@ from pathlib import Path
 
 import pytest
 
-from bestman_bt.robot_model import load_robot_model
+from bestman_bt.robot_model.compose import load_robot_model
 from hal.api import Arm, Failure, MotionErrorCode, MotionStatus, NotConnectedError
 from hal.hardware.isolated_robot import PROCESS, STOP_TIME, IsolatedRobot, RpcClient, RpcConnection, WireEndedError
 from hal.hardware.robot_process import ROBOT, STOPS, Call, MotionNumber, Setup
-from hal.parts import ConnectionFailedError
+from hal.parts.part_connection import ConnectionFailedError
 
 
 @pytest.fixture

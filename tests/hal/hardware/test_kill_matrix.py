@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import pytest
 
 from benchmarks.kill_matrix import PROCESSES, REST_LIMIT, ROBOTS, SIGNALS, trials
-from hal.twins import TwinProcess
+from hal.twins.process import TwinProcess
 from tests.hal.twinned import SLACK, twin_settings
 
 pytestmark = [pytest.mark.real_time, pytest.mark.alone, pytest.mark.slow]

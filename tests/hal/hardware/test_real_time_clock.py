@@ -8,7 +8,7 @@ import threading
 import pytest
 
 import hal.hardware.clock
-from hal.hardware import RealTimeClock
+from hal.hardware.clock import RealTimeClock
 from tests.hal.hardware.scripted_time import Machine
 
 

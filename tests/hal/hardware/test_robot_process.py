@@ -12,12 +12,13 @@ import pytest
 
 from bestman_bt.messages import Pose2D, Twist2D
 from bestman_bt.registry import CONNECTIONS
-from bestman_bt.robot_model import BaseModel, RobotModel
 from bestman_bt.robot_model.connection_config import ConnectionConfig
+from bestman_bt.robot_model.model import BaseModel, RobotModel
 from hal.api import Failure, MotionStatus, Part
-from hal.hardware import Connection
+from hal.hardware.connection import Connection
 from hal.hardware.robot_process import REMEMBERED_MOTIONS, ROBOT, Call, MotionNumber, MotionReport, RobotServer, Setup
-from hal.parts import BaseChannel, BaseReading, DrivenBase
+from hal.parts.channels import BaseChannel, BaseReading
+from hal.parts.driven_base import DrivenBase
 
 Ask = Callable[[Call], Any]
 

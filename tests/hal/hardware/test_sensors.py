@@ -9,12 +9,16 @@ import pytest
 
 from bestman_bt.messages import CameraIntrinsics
 from bestman_bt.registry import CONNECTIONS
-from bestman_bt.robot_model import CameraPart, RobotModel
 from bestman_bt.robot_model.connection_config import ConnectionConfig, SafetyConfig
+from bestman_bt.robot_model.model import RobotModel
+from bestman_bt.robot_model.sensor_parts import CameraPart
 from hal.api import Camera, Failure, MotionErrorCode, NotConnectedError, Part
-from hal.hardware import Connection, HardwareCamera, HardwareRobot
-from hal.hardware.sensors import is_another_camera, lens_differences
-from hal.parts import ConnectionFailedError, SimulatedClock, StopLatch
+from hal.hardware.connection import Connection
+from hal.hardware.robot import HardwareRobot
+from hal.hardware.sensors import HardwareCamera, is_another_camera, lens_differences
+from hal.parts.part_connection import ConnectionFailedError
+from hal.parts.simulated_clock import SimulatedClock
+from hal.parts.stop_latch import StopLatch
 from hal.realsense.connection import RealSenseConnection, RealSenseOptions
 from tests.hal.twinned import wait_for
 

@@ -11,8 +11,8 @@ import pytest
 
 from bestman_bt.messages import Pose2D, Twist2D
 from bestman_bt.registry import CONNECTIONS
-from bestman_bt.robot_model import BaseModel, GripperModel, RobotModel
 from bestman_bt.robot_model.connection_config import ConnectionConfig
+from bestman_bt.robot_model.model import BaseModel, GripperModel, RobotModel
 from hal.api import (
     CommandRefusedError,
     Failure,
@@ -23,16 +23,12 @@ from hal.api import (
     NotConnectedError,
     Part,
 )
-from hal.hardware import Connection, HardwareRobot
-from hal.parts import (
-    BaseChannel,
-    BaseReading,
-    CommandedGripper,
-    ConnectionFailedError,
-    DrivenBase,
-    GripperChannel,
-    GripperReading,
-)
+from hal.hardware.connection import Connection
+from hal.hardware.robot import HardwareRobot
+from hal.parts.channels import BaseChannel, BaseReading, GripperChannel, GripperReading
+from hal.parts.driven_base import DrivenBase
+from hal.parts.gripper import CommandedGripper
+from hal.parts.part_connection import ConnectionFailedError
 
 PATIENCE = 60.0
 

@@ -12,12 +12,15 @@ import pytest
 
 from bestman_bt.messages import Pose2D, Twist2D
 from bestman_bt.registry import CONNECTIONS
-from bestman_bt.robot_model import BaseModel, RobotModel
 from bestman_bt.robot_model.connection_config import ConnectionConfig
+from bestman_bt.robot_model.model import BaseModel, RobotModel
 from hal.api import CommandRefusedError, Failure, MobileBase, MotionErrorCode, MotionStatus, Part
-from hal.hardware import Connection, HardwareRobot
+from hal.hardware.connection import Connection
 from hal.hardware.heartbeat import Heartbeat
-from hal.parts import BaseChannel, BaseReading, ConnectionFailedError, DrivenBase
+from hal.hardware.robot import HardwareRobot
+from hal.parts.channels import BaseChannel, BaseReading
+from hal.parts.driven_base import DrivenBase
+from hal.parts.part_connection import ConnectionFailedError
 from tests.hal.twinned import wait_for
 
 WAIT = 10.0

@@ -10,17 +10,17 @@ import numpy as np
 import pytest
 
 from bestman_bt.messages import CameraIntrinsics, Cylinder, ObjectModel, PlacedShape, Pose
-from bestman_bt.robot_model import load_robot_model
-from bestman_bt.scene import PlacedObject
+from bestman_bt.robot_model.compose import load_robot_model
+from bestman_bt.scene.scene import PlacedObject
 from hal.api import MobileBase
 from hal.conformance.room import empty_room
-from hal.simulation import SimulationError
+from hal.simulation.bodies import SimulationError
 
 pytest.importorskip("mujoco", reason="the extra mujoco is not installed")
 
-from hal.mujoco import MujocoRobot
 from hal.mujoco.engine import WRITTEN, MujocoEngine, UnstableError
 from hal.mujoco.parameters import MujocoParameters
+from hal.mujoco.robot import MujocoRobot
 
 CAN = ObjectModel("can", (1.0, 0.0, 0.0), 0.3, 0.6, (PlacedShape(Cylinder(0.03, 0.12), Pose()),))
 WORLD = dataclasses.replace(empty_room(), objects=(PlacedObject("can", CAN, Pose(np.array([1.0, 0.0, 0.06]))),))

@@ -11,9 +11,10 @@ import pytest
 
 from bestman_bt.messages.black_box import BlackBox, BlackBoxError, PartTrace
 from hal.api import MotionStatus
-from hal.parts import StopLatch, StreamedJointGroup
 from hal.parts.black_box import AFTERWARDS, HIGHEST_RATE, MOST_FILES, SPAN, StopRecorder, Trace
 from hal.parts.channels import traces
+from hal.parts.stop_latch import StopLatch
+from hal.parts.streamed_joints import StreamedJointGroup
 from tests.hal.parts.test_streamed_joints import MODEL, PERIOD, Joints
 
 

@@ -10,9 +10,11 @@ from itertools import pairwise
 import pytest
 
 from bestman_bt.messages import Pose2D, Twist2D, wrap_angle
-from bestman_bt.robot_model import BaseModel, RobotModel
+from bestman_bt.robot_model.model import BaseModel, RobotModel
 from hal.api import CommandRefusedError, Failure, MotionErrorCode, MotionStatus, NoDataError, NotConnectedError
-from hal.parts import Arrival, BaseChannel, BaseReading, DrivenBase, MotionProfile, StopLatch
+from hal.parts.channels import BaseChannel, BaseReading
+from hal.parts.driven_base import Arrival, DrivenBase, MotionProfile
+from hal.parts.stop_latch import StopLatch
 
 PERIOD = 0.02
 

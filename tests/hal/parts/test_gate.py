@@ -11,12 +11,14 @@ import pytest
 
 from benchmarks import gate as trials
 from bestman_bt.messages import JointTrajectory
-from bestman_bt.robot_model import ArmModel
 from bestman_bt.robot_model.connection_config import SafetyConfig, WorkspaceConfig
 from bestman_bt.robot_model.hardware_config import with_hardware
+from bestman_bt.robot_model.model import ArmModel
 from hal.api import CommandRefusedError, MotionErrorCode
-from hal.parts import JointChannel, JointReading, StopLatch, StreamedArm, ToolLimits
-from hal.parts.gate import SetpointGate
+from hal.parts.channels import JointChannel, JointReading
+from hal.parts.gate import SetpointGate, ToolLimits
+from hal.parts.stop_latch import StopLatch
+from hal.parts.streamed_arm import StreamedArm
 
 PERIOD = 1.0 / 500.0
 TURN = np.array([1.0, 0.0, 0.0, 0.0, 0.0, 0.0])

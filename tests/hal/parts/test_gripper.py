@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import pytest
 
-from bestman_bt.robot_model import GripperModel, RobotModel
+from bestman_bt.robot_model.model import GripperModel, RobotModel
 from hal.api import CommandRefusedError, Failure, MotionErrorCode, MotionStatus, NoDataError, NotConnectedError
-from hal.parts import CommandedGripper, GripperChannel, GripperReading, StopLatch
+from hal.parts.channels import GripperChannel, GripperReading
+from hal.parts.gripper import CommandedGripper
+from hal.parts.stop_latch import StopLatch
 
 PERIOD = 0.02
 

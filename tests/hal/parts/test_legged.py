@@ -7,8 +7,11 @@ import math
 import numpy as np
 import pytest
 
-from bestman_bt.robot_model import BaseModel, load_robot_model, payload
-from hal.parts.legged import Attitude, LegKinematics, LegOdometry, Trot
+from bestman_bt.robot_model.compose import load_robot_model
+from bestman_bt.robot_model.model import BaseModel
+from bestman_bt.robot_model.payload import payload
+from hal.parts.legged.trot import LegKinematics, Trot
+from hal.parts.legged.walker import Attitude, LegOdometry
 
 HEIGHT, PERIOD = 0.27, 1 / 240
 

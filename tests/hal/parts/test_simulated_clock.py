@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from hal.api import NotConnectedError
-from hal.parts import SimulatedClock
+from hal.parts.simulated_clock import SimulatedClock
 
 STEP = 1.0 / 240.0
 

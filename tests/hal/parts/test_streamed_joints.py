@@ -10,19 +10,16 @@ import numpy as np
 import pytest
 
 from bestman_bt.messages import JointTrajectory
-from bestman_bt.robot_model import ArmModel, RobotModel
 from bestman_bt.robot_model.connection_config import SafetyConfig, WorkspaceConfig
+from bestman_bt.robot_model.model import ArmModel, RobotModel
 from bestman_bt.robot_model.part_fields import ConstraintsConfig, JointConstraint
 from hal.api import CommandRefusedError, Failure, MotionErrorCode, MotionStatus, NotConnectedError
-from hal.parts import (
-    ConnectionFailedError,
-    JointChannel,
-    JointReading,
-    StopLatch,
-    StreamedArm,
-    StreamedJointGroup,
-    ToolLimits,
-)
+from hal.parts.channels import JointChannel, JointReading
+from hal.parts.gate import ToolLimits
+from hal.parts.part_connection import ConnectionFailedError
+from hal.parts.stop_latch import StopLatch
+from hal.parts.streamed_arm import StreamedArm
+from hal.parts.streamed_joints import StreamedJointGroup
 from tests.robot_models import joint_group_model
 
 PERIOD = 0.01

@@ -8,10 +8,13 @@ import numpy as np
 import pytest
 
 from bestman_bt.messages import JointTrajectory
-from bestman_bt.robot_model import ArmModel, RobotModel
 from bestman_bt.robot_model.connection_config import SafetyConfig
+from bestman_bt.robot_model.model import ArmModel, RobotModel
 from hal.api import MotionStatus
-from hal.parts import StopLatch, StreamedArm, StreamedJointGroup, ToolLimits
+from hal.parts.gate import ToolLimits
+from hal.parts.stop_latch import StopLatch
+from hal.parts.streamed_arm import StreamedArm
+from hal.parts.streamed_joints import StreamedJointGroup
 from tests.hal.parts.test_streamed_joints import HOME, MODEL, PERIOD, SLOW, STRONG, Joints
 
 ROOM = 1.02

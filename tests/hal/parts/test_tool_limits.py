@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bestman_bt.robot_model import ArmModel, RobotModel
 from bestman_bt.robot_model.connection_config import SafetyConfig, WorkspaceConfig
-from hal.parts import ToolLimits
+from bestman_bt.robot_model.model import ArmModel, RobotModel
+from hal.parts.gate import ToolLimits
 
 
 @pytest.fixture(scope="module")

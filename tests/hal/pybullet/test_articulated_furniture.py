@@ -11,11 +11,14 @@ import pybullet
 import pytest
 
 from bestman_bt.messages import Box, Cylinder, ObjectModel, PlacedShape, Pose, Pose2D
-from bestman_bt.robot_model import RobotModel
-from bestman_bt.scene import LATCH_TRAVEL, Articulation, PlacedFurniture, PlacedObject, World, read_furniture
-from hal.pybullet import PyBulletRobot
-from hal.simulation import GroundTruth, SceneRecorder, SimulationError
+from bestman_bt.robot_model.model import RobotModel
+from bestman_bt.scene.furniture_file import read_furniture
+from bestman_bt.scene.scene import LATCH_TRAVEL, Articulation, PlacedFurniture, PlacedObject, World
+from hal.pybullet.robot import PyBulletRobot
+from hal.simulation.bodies import SimulationError
+from hal.simulation.ground_truth import GroundTruth
 from hal.simulation.joint_motors import mass_distribution
+from hal.simulation.scene_recorder import SceneRecorder
 
 PLACES = {
     "drawer_chest": Pose2D(1.8, 1.2, 0.3),

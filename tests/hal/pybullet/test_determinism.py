@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from hal.api import Lidar
-from hal.pybullet import PyBulletRobot
+from hal.pybullet.robot import PyBulletRobot
 
 
 def run(robot_model, world, operator, seed: int) -> list[np.ndarray]:

@@ -9,7 +9,7 @@ import pybullet
 import pytest
 
 from bestman_bt.evaluation.audit import audit
-from hal.pybullet import PyBulletRobot
+from hal.pybullet.robot import PyBulletRobot
 
 ALLOWED = [("fingers", "box"), ("fingers", "can"), ("box", "table"), ("can", "table")]
 

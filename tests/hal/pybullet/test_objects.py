@@ -9,12 +9,13 @@ import numpy as np
 import pytest
 
 from benchmarks.rendering import DepthNoise, render_view
-from bestman_bt.configuration import data_names
+from bestman_bt.configuration.data import data_names
 from bestman_bt.messages import Mesh, ObjectModel, Pose
-from bestman_bt.scene import PlacedObject, World, read_object
-from hal.pybullet import PyBulletRobot
+from bestman_bt.scene.object_file import read_object
+from bestman_bt.scene.scene import PlacedObject, World
 from hal.pybullet.body_urdf import MARGIN, without_margin
-from hal.simulation import GroundTruth
+from hal.pybullet.robot import PyBulletRobot
+from hal.simulation.ground_truth import GroundTruth
 
 NAMES = data_names("object")
 EXACT = DepthNoise(base=0.0, quadratic=0.0, edge_dropout=0.0, dropout=0.0, quantum=1e-6)

@@ -5,16 +5,19 @@ import pickle
 
 import numpy as np
 
-from bestman_bt.manipulation.collision import CoalCollisionModel, planning_scene_from_world_model
-from bestman_bt.manipulation.kinematics import DampedLeastSquares
-from bestman_bt.manipulation.motion_planning import RRTConnect, TimedMotionPlanner
-from bestman_bt.manipulation.trajectory import Toppra
+from bestman_bt.manipulation.collision.coal_world import CoalCollisionModel
+from bestman_bt.manipulation.collision.scene_from_world_model import planning_scene_from_world_model
+from bestman_bt.manipulation.kinematics.damped_least_squares import DampedLeastSquares
+from bestman_bt.manipulation.motion_planning.rrt_connect import RRTConnect
+from bestman_bt.manipulation.motion_planning.timed_planner import TimedMotionPlanner
+from bestman_bt.manipulation.trajectory.toppra import Toppra
 from bestman_bt.messages import Pose
-from bestman_bt.robot_model import ArmModel
-from bestman_bt.scene import draw_world, load_scene
+from bestman_bt.robot_model.model import ArmModel
+from bestman_bt.scene.draw import draw_world
+from bestman_bt.scene.load import load_scene
 from bestman_bt.scene.map_of_world import semantic_map
-from bestman_bt.world_model import BasePose, WorldModel
-from hal.pybullet import PyBulletRobot
+from bestman_bt.world_model.world_model import BasePose, WorldModel
+from hal.pybullet.robot import PyBulletRobot
 
 DRAWER = "drawer_chest/drawer_3"
 

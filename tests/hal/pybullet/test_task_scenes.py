@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from bestman_bt.robot_model import RobotModel
-from bestman_bt.scene import draw_world, load_scene
-from hal.pybullet import PyBulletRobot
-from hal.simulation import GroundTruth
+from bestman_bt.robot_model.model import RobotModel
+from bestman_bt.scene.draw import draw_world
+from bestman_bt.scene.load import load_scene
+from hal.pybullet.robot import PyBulletRobot
+from hal.simulation.ground_truth import GroundTruth
 
 WITH_OBJECTS = ("cup_in_drawer", "cup_in_fridge", "pick_place_table", "put_away", "set_table", "untidy_table")
 

@@ -8,10 +8,13 @@ import numpy as np
 import pytest
 
 from bestman_bt.messages import Cylinder, Mesh, ObjectModel, PlacedShape, Pose
-from bestman_bt.scene import PlacedObject
+from bestman_bt.scene.scene import PlacedObject
 from hal.api import NotConnectedError
-from hal.pybullet import PyBulletRobot
-from hal.simulation import GroundTruth, ScenePhotographer, SceneRecorder, SimulationError, Viewpoint
+from hal.pybullet.robot import PyBulletRobot
+from hal.simulation.bodies import SimulationError, Viewpoint
+from hal.simulation.camera import ScenePhotographer
+from hal.simulation.ground_truth import GroundTruth
+from hal.simulation.scene_recorder import SceneRecorder
 
 
 def test_furniture_stands_where_it_is_and_not_where_the_map_has_it(robot_model, table_worlds) -> None:

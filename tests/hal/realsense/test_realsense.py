@@ -10,13 +10,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bestman_bt.robot_model import RobotModel, load_robot_model
+from bestman_bt.robot_model.compose import load_robot_model
+from bestman_bt.robot_model.model import RobotModel
 from hal.api import Camera
-from hal.conformance import Check
 from hal.conformance.promises import MakeRobot, PromisesAboutConnecting
 from hal.conformance.sensor_checks import SENSOR_CHECKS
-from hal.hardware import HardwareRobot
-from hal.parts import ConnectionFailedError
+from hal.conformance.subject import Check
+from hal.hardware.robot import HardwareRobot
+from hal.parts.part_connection import ConnectionFailedError
 from hal.realsense.connection import realsense_sdk
 
 pytestmark = pytest.mark.real_time

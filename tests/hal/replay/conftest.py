@@ -6,10 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from bestman_bt.robot_model import RobotModel
-from bestman_bt.scene import World
-from hal.pybullet import PyBulletRobot
-from hal.replay import TAPE_NAME, RecordedRobot
+from bestman_bt.robot_model.model import RobotModel
+from bestman_bt.scene.scene import World
+from hal.pybullet.robot import PyBulletRobot
+from hal.replay.recorder import RecordedRobot
+from hal.replay.tape import TAPE_NAME
 from tests.hal.replay.story import Story, act
 
 

@@ -12,8 +12,7 @@ from typing import Any
 
 import pytest
 
-from hal.replay import TAPE_NAME, ReplayError
-from hal.replay.tape import read_tape
+from hal.replay.tape import TAPE_NAME, ReplayError, read_tape
 
 HEADER = {"robot": "x", "start": 0.0, "time_step": 0.01, "parts": {"arm": {"kind": "Arm", "description": {}}}}
 COUNT = 2000

@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bestman_bt.robot_model import RobotModel, load_robot_model
-from bestman_bt.scene import World
+from bestman_bt.robot_model.compose import load_robot_model
+from bestman_bt.robot_model.model import RobotModel
+from bestman_bt.scene.scene import World
 from hal.api import (
     Arm,
     Camera,
@@ -22,10 +23,10 @@ from hal.api import (
     NoDataError,
     NotConnectedError,
 )
-from hal.parts import ConnectionFailedError
-from hal.pybullet import PyBulletRobot
-from hal.replay import TAPE_NAME, ReplayRobot
-from hal.replay.tape import error_from_json, error_to_json
+from hal.parts.part_connection import ConnectionFailedError
+from hal.pybullet.robot import PyBulletRobot
+from hal.replay.robot import ReplayRobot
+from hal.replay.tape import TAPE_NAME, error_from_json, error_to_json
 from tests.hal.replay.story import Story, act, target
 
 

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import pytest
 
-from bestman_bt.robot_model import RobotModel
-from bestman_bt.scene import World
+from bestman_bt.robot_model.model import RobotModel
+from bestman_bt.scene.scene import World
 from hal.conformance.promises import MakeRobot, PromisesAboutConnecting, PromisesOfAConnectedRobot
-from hal.parts import interface_of
-from hal.pybullet import PyBulletRobot
-from hal.replay import TAPE_NAME, RecordedRobot, ReplayRobot
+from hal.parts.channels import interface_of
+from hal.pybullet.robot import PyBulletRobot
+from hal.replay.recorder import RecordedRobot
+from hal.replay.robot import ReplayRobot
+from hal.replay.tape import TAPE_NAME
 
 pytestmark = pytest.mark.slow
 LENGTH = 40.0

@@ -6,12 +6,11 @@ from dataclasses import replace
 
 import pytest
 
-from bestman_bt.robot_model import GripperModel, RobotModel
+from bestman_bt.robot_model.model import GripperModel, RobotModel
 from hal.api import MotionErrorCode, NoDataError
-from hal.hardware import RealTimeClock
-from hal.parts import ConnectionFailedError
-from hal.robotiq import RobotiqOptions
-from hal.robotiq.connection import RobotiqChannel
+from hal.hardware.clock import RealTimeClock
+from hal.parts.part_connection import ConnectionFailedError
+from hal.robotiq.connection import RobotiqChannel, RobotiqOptions
 from hal.robotiq.wire import RobotiqStatus, RobotiqWire
 
 

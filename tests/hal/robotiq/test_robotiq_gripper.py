@@ -15,8 +15,9 @@ from typing import Any
 
 import pytest
 
-from bestman_bt.robot_model import GripperModel, RobotModel, load_robot_model
+from bestman_bt.robot_model.compose import load_robot_model
 from bestman_bt.robot_model.connection_config import ConnectionConfig
+from bestman_bt.robot_model.model import GripperModel, RobotModel
 from hal.api import (
     CommandRefusedError,
     Gripper,
@@ -25,9 +26,10 @@ from hal.api import (
     MotionErrorCode,
     MotionStatus,
 )
-from hal.hardware import HardwareRobot
-from hal.parts import CommandedGripper, ConnectionFailedError
-from hal.robotiq import RobotiqOptions
+from hal.hardware.robot import HardwareRobot
+from hal.parts.gripper import CommandedGripper
+from hal.parts.part_connection import ConnectionFailedError
+from hal.robotiq.connection import RobotiqOptions
 from hal.robotiq.wire import ModbusWire
 from hal.twins.robotiq_server import RobotiqTwin
 from tests.hal.twinned import SLACK

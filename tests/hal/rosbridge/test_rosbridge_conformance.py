@@ -6,9 +6,9 @@ from functools import partial
 
 import pytest
 
-from bestman_bt.robot_model import RobotModel
+from bestman_bt.robot_model.model import RobotModel
 from hal.conformance.promises import MakeRobot, PromisesAboutConnecting, PromisesOfAConnectedRobot
-from hal.hardware import HardwareRobot
+from hal.hardware.robot import HardwareRobot
 from tests.hal.twinned import why_checks_do_not_apply
 
 pytestmark = [pytest.mark.real_time, pytest.mark.alone, pytest.mark.slow]

@@ -11,10 +11,13 @@ import numpy as np
 import pytest
 
 from bestman_bt.messages import LaserScan, Pose2D, Twist2D
-from bestman_bt.robot_model import LidarPart, load_robot_model
+from bestman_bt.robot_model.compose import load_robot_model
 from bestman_bt.robot_model.connection_config import SafetyConfig
+from bestman_bt.robot_model.sensor_parts import LidarPart
 from hal.api import Lidar, MobileBase, MotionErrorCode, NoDataError
-from hal.parts import ConnectionFailedError, SimulatedClock, StopLatch
+from hal.parts.part_connection import ConnectionFailedError
+from hal.parts.simulated_clock import SimulatedClock
+from hal.parts.stop_latch import StopLatch
 from hal.rosbridge.connection import RosbridgeConnection
 from hal.twins import ros_messages
 from hal.twins.ros_messages import RosVersion

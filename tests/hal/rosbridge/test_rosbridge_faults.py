@@ -8,7 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bestman_bt.robot_model import LidarPart, RobotModel, load_robot_model
+from bestman_bt.robot_model.compose import load_robot_model
+from bestman_bt.robot_model.model import RobotModel
+from bestman_bt.robot_model.sensor_parts import LidarPart
 from hal.api import (
     Camera,
     CommandRefusedError,
@@ -19,9 +21,10 @@ from hal.api import (
     MotionStatus,
     NoDataError,
 )
-from hal.hardware import HardwareRobot, IsolatedRobot
-from hal.parts import ConnectionFailedError
-from hal.twins import TwinProcess
+from hal.hardware.isolated_robot import IsolatedRobot
+from hal.hardware.robot import HardwareRobot
+from hal.parts.part_connection import ConnectionFailedError
+from hal.twins.process import TwinProcess
 from tests.hal.twinned import (
     WATCHDOG,
     client_program,
@@ -174,9 +177,9 @@ def test_a_blind_camera_says_what_did_not_come_and_the_robot_goes_on(robot: Hard
 
 CLIENT = """
 import sys, time
-from bestman_bt.robot_model import load_robot_model
+from bestman_bt.robot_model.compose import load_robot_model
 from hal.api import MobileBase
-from hal.hardware import HardwareRobot
+from hal.hardware.robot import HardwareRobot
 settings = {"connections.platform.address": sys.argv[2], "safety.watchdog": sys.argv[3]}
 robot = HardwareRobot(load_robot_model(sys.argv[1], settings))
 robot.connect()

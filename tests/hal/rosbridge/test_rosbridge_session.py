@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from bestman_bt.manipulation.kinematics import ForwardKinematics
+from bestman_bt.manipulation.kinematics.link_hulls import ForwardKinematics
 from bestman_bt.messages import Pose, Pose2D
-from bestman_bt.robot_model import RobotModel
+from bestman_bt.robot_model.model import RobotModel
 from hal.api import Camera, ForceTorque, JointGroup, Lidar, MobileBase, MotionStatus
-from hal.hardware import IsolatedRobot
-from hal.twins import TwinProcess
+from hal.hardware.isolated_robot import IsolatedRobot
+from hal.twins.process import TwinProcess
 
 pytestmark = pytest.mark.real_time
 MAST_WEIGHT = 9.81

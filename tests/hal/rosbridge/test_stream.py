@@ -9,8 +9,8 @@ from typing import Any
 import pytest
 
 from hal.api import NoDataError
-from hal.hardware import LatencyMonitor, RemoteTime, SynchronisedTime
-from hal.parts import SimulatedClock
+from hal.hardware.clock import LatencyMonitor, RemoteTime, SynchronisedTime
+from hal.parts.simulated_clock import SimulatedClock
 from hal.rosbridge.link import TopicStream
 
 

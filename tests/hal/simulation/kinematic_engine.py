@@ -12,21 +12,15 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from bestman_bt.manipulation.kinematics import ForwardKinematics
+from bestman_bt.manipulation.kinematics.link_hulls import ForwardKinematics
 from bestman_bt.messages import CameraIntrinsics, Pose, Pose2D
-from bestman_bt.robot_model import RobotModel, WheeledBaseModel
+from bestman_bt.robot_model.model import RobotModel, WheeledBaseModel
 from bestman_bt.robot_model.urdf_elements import child_of
-from bestman_bt.scene import World
-from hal.simulation import (
-    BuiltWorld,
-    ContactPoint,
-    Engine,
-    Ledger,
-    LinkMotion,
-    SimulatedRobot,
-    SimulationError,
-    Viewpoint,
-)
+from bestman_bt.scene.scene import World
+from hal.simulation.audit_record import Ledger
+from hal.simulation.bodies import BuiltWorld, ContactPoint, LinkMotion, SimulationError, Viewpoint
+from hal.simulation.engine import Engine
+from hal.simulation.robot import SimulatedRobot
 from hal.simulation.wheel_drive import make_drives
 
 FLOOR, ROBOT = 0, 1

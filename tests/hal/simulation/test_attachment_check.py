@@ -6,9 +6,10 @@ from collections.abc import Iterator, Sequence
 
 import pytest
 
-from bestman_bt.robot_model import load_robot_model
-from bestman_bt.scene import draw_world, load_scene
-from hal.pybullet import PyBulletRobot
+from bestman_bt.robot_model.compose import load_robot_model
+from bestman_bt.scene.draw import draw_world
+from bestman_bt.scene.load import load_scene
+from hal.pybullet.robot import PyBulletRobot
 from hal.simulation.bodies import BodyState
 from hal.simulation.monitor import AttachmentCheck
 from hal.simulation.observation import SimulationState

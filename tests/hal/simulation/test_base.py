@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hal.pybullet import PhysicsParameters, PyBulletRobot
+from hal.pybullet.parameters import PhysicsParameters
+from hal.pybullet.robot import PyBulletRobot
 
 WELL_CALIBRATED = PhysicsParameters(odometry_calibration=0.0)
 

@@ -7,10 +7,12 @@ import math
 import numpy as np
 import pytest
 
-from bestman_bt.robot_model import BaseModel, combine
+from bestman_bt.robot_model.compose import combine
+from bestman_bt.robot_model.model import BaseModel
 from hal.api import Arm, MobileBase
-from hal.pybullet import PhysicsParameters, PyBulletRobot
-from hal.simulation import GroundTruth
+from hal.pybullet.parameters import PhysicsParameters
+from hal.pybullet.robot import PyBulletRobot
+from hal.simulation.ground_truth import GroundTruth
 
 CALIBRATED = PhysicsParameters(odometry_calibration=0.0)
 

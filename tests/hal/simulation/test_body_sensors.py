@@ -10,16 +10,20 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bestman_bt.configuration import Document, find_data, read_document
+from bestman_bt.configuration.data import find_data
+from bestman_bt.configuration.document import Document, read_document
 from bestman_bt.control.touch import TactileSensor
-from bestman_bt.robot_model import BatteryPart, ImuPart, LidarPart, RobotModel, TactilePart, compose_robot
+from bestman_bt.robot_model.compose import compose_robot
+from bestman_bt.robot_model.model import RobotModel
+from bestman_bt.robot_model.sensor_parts import BatteryPart, ImuPart, LidarPart, TactilePart
 from hal.api import Battery, Gripper, Imu, Lidar, MobileBase, NoDataError, Tactile
-from hal.pybullet import PyBulletRobot
-from hal.simulation import ReadPurpose, SensorFault
+from hal.pybullet.robot import PyBulletRobot
 from hal.simulation.battery import SimulatedBattery
 from hal.simulation.force_torque import SimulatedForceTorque
+from hal.simulation.guards import ReadPurpose
 from hal.simulation.imu import SimulatedImu
 from hal.simulation.lidar import SimulatedLidar
+from hal.simulation.sensor_pipeline import SensorFault
 from hal.simulation.tactile import SimulatedTactile
 
 BodySensor = SimulatedImu | SimulatedTactile | SimulatedBattery | SimulatedLidar | SimulatedForceTorque

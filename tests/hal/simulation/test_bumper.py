@@ -6,13 +6,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bestman_bt.configuration import Document, find_data, read_document
+from bestman_bt.configuration.data import find_data
+from bestman_bt.configuration.document import Document, read_document
 from bestman_bt.messages import Box, PlacedShape, Pose, Pose2D
-from bestman_bt.robot_model import MountedBumper, compose_robot
-from bestman_bt.scene import FurnitureModel, PlacedFurniture, World
+from bestman_bt.robot_model.compose import compose_robot
+from bestman_bt.robot_model.sensor_parts import MountedBumper
+from bestman_bt.scene.scene import FurnitureModel, PlacedFurniture, World
 from hal.api import Bumper, MobileBase, NoDataError
-from hal.pybullet import PyBulletRobot
-from hal.simulation import SensorFault
+from hal.pybullet.robot import PyBulletRobot
+from hal.simulation.sensor_pipeline import SensorFault
 
 
 def box_at(pose: Pose2D) -> PlacedFurniture:

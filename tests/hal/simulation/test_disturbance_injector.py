@@ -11,11 +11,14 @@ import pytest
 
 from bestman_bt.evaluation.audit import Audit, audit
 from bestman_bt.messages import Pose, Pose2D
-from bestman_bt.scene import PlacedFurniture, World, draw_world, load_scene
+from bestman_bt.scene.draw import draw_world
+from bestman_bt.scene.load import load_scene
+from bestman_bt.scene.scene import PlacedFurniture, World
 from hal.api import MobileBase
-from hal.pybullet import PyBulletRobot
 from hal.pybullet.client import _FUNCTIONS
-from hal.simulation import DisturbanceInjector, GroundTruth
+from hal.pybullet.robot import PyBulletRobot
+from hal.simulation.disturbance_injector import DisturbanceInjector
+from hal.simulation.ground_truth import GroundTruth
 
 DRAWER, OTHER = "drawer_chest/drawer_3", "drawer_chest/drawer_1"
 OPEN = 0.28

@@ -9,14 +9,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bestman_bt.configuration import ConfigurationError
-from bestman_bt.control.arm import ArmController
+from bestman_bt.configuration.errors import ConfigurationError
+from bestman_bt.control.arm.arm_controller import ArmController
 from bestman_bt.messages import JointTrajectory
-from bestman_bt.robot_model import BaseModel, load_robot_model
-from bestman_bt.scene import World
+from bestman_bt.robot_model.compose import load_robot_model
+from bestman_bt.robot_model.model import BaseModel
+from bestman_bt.scene.scene import World
 from hal.api import Arm, JointGroup, MobileBase, MotionErrorCode, MotionStatus, NoDataError
-from hal.pybullet import PyBulletRobot
-from hal.simulation import SensorFault
+from hal.pybullet.robot import PyBulletRobot
+from hal.simulation.sensor_pipeline import SensorFault
 
 NOISE = 0.002
 

@@ -10,9 +10,11 @@ import pytest
 
 from bestman_bt.evaluation.audit import Audit, audit
 from bestman_bt.messages import Pose
-from hal.pybullet import PyBulletRobot
 from hal.pybullet.client import _FUNCTIONS
-from hal.simulation import DisturbanceEvent, DisturbanceInjector, GroundTruth
+from hal.pybullet.robot import PyBulletRobot
+from hal.simulation.audit_record import DisturbanceEvent
+from hal.simulation.disturbance_injector import DisturbanceInjector
+from hal.simulation.ground_truth import GroundTruth
 
 ASIDE = np.array((0.05, 0.25, 0.0))
 UPRIGHT = (0.0, 0.0, 0.0, 1.0)

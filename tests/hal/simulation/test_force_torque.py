@@ -7,13 +7,16 @@ import dataclasses
 import numpy as np
 import pytest
 
-from bestman_bt.manipulation.kinematics import ForwardKinematics
+from bestman_bt.manipulation.kinematics.link_hulls import ForwardKinematics
 from bestman_bt.messages import Box, ObjectModel, PlacedShape, Pose, Pose2D
-from bestman_bt.robot_model import ArmModel, MountedForceTorque, RobotModel, payload
-from bestman_bt.scene import FurnitureModel, PlacedFurniture, PlacedObject, World
+from bestman_bt.robot_model.model import ArmModel, RobotModel
+from bestman_bt.robot_model.payload import payload
+from bestman_bt.robot_model.sensor_parts import MountedForceTorque
+from bestman_bt.scene.scene import FurnitureModel, PlacedFurniture, PlacedObject, World
 from hal.api import ForceTorque, NotConnectedError
-from hal.pybullet import PhysicsParameters, PyBulletRobot
-from hal.simulation import GroundTruth
+from hal.pybullet.parameters import PhysicsParameters
+from hal.pybullet.robot import PyBulletRobot
+from hal.simulation.ground_truth import GroundTruth
 
 SENSOR = "wrist_force_torque"
 AT_HOME = PhysicsParameters(initial_postures=("home",))

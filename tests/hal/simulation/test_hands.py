@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 
 from bestman_bt.evaluation.audit import audit
-from bestman_bt.manipulation.kinematics import DampedLeastSquares
+from bestman_bt.manipulation.kinematics.damped_least_squares import DampedLeastSquares
 from bestman_bt.messages import Pose
-from bestman_bt.robot_model import GripperModel, combine
+from bestman_bt.robot_model.compose import combine
+from bestman_bt.robot_model.model import GripperModel
 from hal.api import Arm, Gripper, JointGroup
-from hal.pybullet import PyBulletRobot
-from hal.simulation import GroundTruth
+from hal.pybullet.robot import PyBulletRobot
+from hal.simulation.ground_truth import GroundTruth
 
 ALLOWED = [("fingers", "box"), ("fingers", "can"), ("box", "table"), ("can", "table")]
 TOP = 0.85

@@ -9,12 +9,13 @@ import numpy as np
 import pytest
 
 from bestman_bt.messages import Pose2D
-from bestman_bt.robot_model import BatteryPart, load_robot_model
-from bestman_bt.scene import World
+from bestman_bt.robot_model.compose import load_robot_model
+from bestman_bt.robot_model.sensor_parts import BatteryPart
+from bestman_bt.scene.scene import World
 from hal.api import Battery, MobileBase, Motion, MotionStatus
 from hal.conformance.base_checks import BASE_CHECKS
-from hal.pybullet import PyBulletRobot
-from hal.simulation import GroundTruth
+from hal.pybullet.robot import PyBulletRobot
+from hal.simulation.ground_truth import GroundTruth
 
 
 class Walk:

@@ -9,11 +9,12 @@ import numpy as np
 import pytest
 
 from bestman_bt.messages import CameraIntrinsics
-from bestman_bt.robot_model import CameraPart
+from bestman_bt.robot_model.sensor_parts import CameraPart
 from hal.api import Camera, NoDataError
-from hal.pybullet import PyBulletRobot
-from hal.simulation import SensorFault, SimulationError
+from hal.pybullet.robot import PyBulletRobot
+from hal.simulation.bodies import SimulationError
 from hal.simulation.camera import Lens, SimulatedCamera
+from hal.simulation.sensor_pipeline import SensorFault
 from tests.robot_models import seen_through
 
 DISTORTION = (-0.25, 0.08, 0.001, -0.0008, 0.01)

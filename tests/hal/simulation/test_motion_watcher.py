@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from bestman_bt.robot_model import ArmModel
-from hal.pybullet import PyBulletRobot
+from bestman_bt.robot_model.model import ArmModel
+from hal.pybullet.robot import PyBulletRobot
 from hal.simulation.guards import ReadPurpose
 from hal.simulation.motion_watcher import LIMIT_TOLERANCE, MotionWatcher
 from hal.simulation.observation import SimulationState

@@ -10,11 +10,12 @@ import pytest
 
 from bestman_bt.evaluation.audit import Audit, audit
 from bestman_bt.messages import Pose2D
-from bestman_bt.robot_model import load_robot_model
-from bestman_bt.scene import draw_world, load_scene
+from bestman_bt.robot_model.compose import load_robot_model
+from bestman_bt.scene.draw import draw_world
+from bestman_bt.scene.load import load_scene
 from hal.api import MobileBase
-from hal.pybullet import PyBulletRobot
-from hal.simulation import GroundTruth
+from hal.pybullet.robot import PyBulletRobot
+from hal.simulation.ground_truth import GroundTruth
 
 DOOR = "new_door/door"
 

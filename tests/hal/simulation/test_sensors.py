@@ -8,10 +8,12 @@ import numpy as np
 import pytest
 
 from bestman_bt.messages import Pose, Pose2D
-from bestman_bt.robot_model import BaseModel, CameraPart, LidarPart
+from bestman_bt.robot_model.model import BaseModel
+from bestman_bt.robot_model.sensor_parts import CameraPart, LidarPart
 from hal.api import Camera, JointGroup, Lidar
-from hal.pybullet import PyBulletRobot
-from hal.simulation import GroundTruth, ReadPurpose
+from hal.pybullet.robot import PyBulletRobot
+from hal.simulation.ground_truth import GroundTruth
+from hal.simulation.guards import ReadPurpose
 
 TABLE_TOP = 0.75
 

@@ -8,10 +8,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bestman_bt.robot_model import ArmModel, RobotModel
-from bestman_bt.scene import World
+from bestman_bt.robot_model.model import ArmModel, RobotModel
+from bestman_bt.scene.scene import World
 from hal.api import Arm, CommandRefusedError, Gripper, MotionErrorCode, MotionStatus
-from hal.pybullet import PyBulletRobot
+from hal.pybullet.robot import PyBulletRobot
 from tests.robot_models import with_limits
 
 SLOW = 0.4

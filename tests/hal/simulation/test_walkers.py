@@ -11,13 +11,17 @@ import pytest
 
 from bestman_bt.evaluation.audit import audit
 from bestman_bt.messages import Pose2D
-from bestman_bt.robot_model import GripperModel, RobotModel, load_robot_model
-from bestman_bt.scene import Walker, World, draw_world, load_scene
+from bestman_bt.robot_model.compose import load_robot_model
+from bestman_bt.robot_model.model import GripperModel, RobotModel
+from bestman_bt.scene.draw import draw_world
+from bestman_bt.scene.load import load_scene
+from bestman_bt.scene.scene import World
+from bestman_bt.scene.walker import Walker
 from hal.api import Lidar, MobileBase
-from hal.pybullet import PyBulletRobot
-from hal.simulation import GroundTruth
+from hal.pybullet.robot import PyBulletRobot
 from hal.simulation.bodies import BodyState
 from hal.simulation.contact_watcher import ContactWatcher
+from hal.simulation.ground_truth import GroundTruth
 from hal.simulation.observation import SimulationState
 from hal.simulation.scene_recorder import SceneRecorder
 

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from bestman_bt.robot_model import RobotModel
-from bestman_bt.scene import World
-from hal.simulation import AuditRecord
+from bestman_bt.robot_model.model import RobotModel
+from bestman_bt.scene.scene import World
+from hal.simulation.audit_record import AuditRecord
 from hal.twins.remote_truth import RemoteTruth
 from hal.twins.twin_host import JudgeServer
 from hal.twins.world import TwinWorld

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bestman_bt.robot_model import load_robot_model
+from bestman_bt.robot_model.compose import load_robot_model
 from hal.twins.ur_kinematics import URKinematics
 from hal.twins.ur_program import Command, URProgram, path_of
 from hal.twins.ur_rtde import Recipe

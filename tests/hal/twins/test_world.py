@@ -10,10 +10,11 @@ from copy import copy
 import numpy as np
 import pytest
 
-from bestman_bt.robot_model import RobotModel, load_robot_model
-from bestman_bt.scene import World
+from bestman_bt.robot_model.compose import load_robot_model
+from bestman_bt.robot_model.model import RobotModel
+from bestman_bt.scene.scene import World
 from hal.api import Arm, Camera, JointGroup
-from hal.pybullet import PyBulletRobot
+from hal.pybullet.robot import PyBulletRobot
 from hal.twins.world import LONGEST_DELAY, TwinWorld
 
 pytestmark = pytest.mark.real_time

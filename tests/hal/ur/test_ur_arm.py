@@ -11,11 +11,16 @@ import pytest
 from numpy.typing import ArrayLike
 
 import hal.ur.arm
-from bestman_bt.robot_model import ArmModel, Payload, RobotModel, load_robot_model
+from bestman_bt.robot_model.compose import load_robot_model
 from bestman_bt.robot_model.connection_config import SafetyConfig, WorkspaceConfig
+from bestman_bt.robot_model.model import ArmModel, RobotModel
+from bestman_bt.robot_model.payload import Payload
 from hal.api import CommandRefusedError, Failure, Motion, MotionErrorCode, MotionStatus
-from hal.parts import ConnectionFailedError, JointChannel, JointReading, StopLatch, ToolLimits
-from hal.ur import URArm
+from hal.parts.channels import JointChannel, JointReading
+from hal.parts.gate import ToolLimits
+from hal.parts.part_connection import ConnectionFailedError
+from hal.parts.stop_latch import StopLatch
+from hal.ur.arm import URArm
 from hal.ur.sdk_process import PLAYING, RUNNING, Report
 from tests.robot_models import with_limits
 

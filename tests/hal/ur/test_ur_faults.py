@@ -11,9 +11,9 @@ from pathlib import Path
 import pytest
 
 from hal.api import Arm, MotionErrorCode
-from hal.hardware import HardwareRobot
-from hal.parts import ConnectionFailedError
-from hal.twins import TwinProcess
+from hal.hardware.robot import HardwareRobot
+from hal.parts.part_connection import ConnectionFailedError
+from hal.twins.process import TwinProcess
 from tests.hal.twinned import (
     WATCHDOG,
     arm_comes_to_rest,
@@ -36,9 +36,9 @@ swing = partial(swing_arm, speed_scale=0.1)
 
 CLIENT = """
 import sys, time
-from bestman_bt.robot_model import load_robot_model
+from bestman_bt.robot_model.compose import load_robot_model
 from hal.api import Arm
-from hal.hardware import HardwareRobot
+from hal.hardware.robot import HardwareRobot
 settings = {f"connections.{name}.address": at for name, at in zip(sys.argv[3::2], sys.argv[4::2])}
 settings["safety.watchdog"] = sys.argv[1]
 robot = HardwareRobot(load_robot_model(sys.argv[2], settings))

@@ -8,7 +8,9 @@ import numpy as np
 import pinocchio
 import pytest
 
-from bestman_bt.robot_model import ArmModel, RobotModel, arm_payload, load_robot_model, payload
+from bestman_bt.robot_model.compose import load_robot_model
+from bestman_bt.robot_model.model import ArmModel, RobotModel
+from bestman_bt.robot_model.payload import arm_payload, payload
 from hal.hardware.controller_facts import compare_tool
 from hal.twins.ur_kinematics import URKinematics
 from hal.ur.identity import URIdentity

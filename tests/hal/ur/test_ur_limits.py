@@ -11,12 +11,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bestman_bt.robot_model import load_robot_model
+from bestman_bt.robot_model.compose import load_robot_model
 from hal.api import CommandRefusedError, MotionErrorCode
-from hal.hardware import HardwareRobot
-from hal.parts import ToolLimits
-from hal.twins import TwinProcess
-from hal.ur import URArm
+from hal.hardware.robot import HardwareRobot
+from hal.parts.gate import ToolLimits
+from hal.twins.process import TwinProcess
+from hal.ur.arm import URArm
 from tests.hal.twinned import ended, twin_settings
 
 pytestmark = pytest.mark.real_time

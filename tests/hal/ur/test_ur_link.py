@@ -10,7 +10,7 @@ from types import SimpleNamespace
 import pytest
 
 import hal.ur.link
-from hal.hardware import RealTimeClock
+from hal.hardware.clock import RealTimeClock
 from hal.ur.link import URLink
 
 PROCESS = """

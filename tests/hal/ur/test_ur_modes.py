@@ -9,7 +9,7 @@ import pytest
 
 from bestman_bt.robot_model.connection_config import SafetyConfig
 from hal.api import CommandRefusedError, Failure, MotionErrorCode, NoDataError
-from hal.parts import StopLatch
+from hal.parts.stop_latch import StopLatch
 from hal.ur.connection import URConnection, URDigitalIO, UROptions, fault_of, scaling_of
 from hal.ur.sdk_process import Report
 

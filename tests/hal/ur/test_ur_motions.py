@@ -5,13 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from bestman_bt.robot_model import RobotModel
+from bestman_bt.robot_model.model import RobotModel
 from bestman_bt.runtime.wrist_check import check_wrist
 from hal.api import CommandRefusedError, ForceTorque, MotionStatus
-from hal.hardware import HardwareRobot
-from hal.parts import ConnectionFailedError, ToolLimits
-from hal.twins import TwinProcess
-from hal.ur import URArm, URConnection
+from hal.hardware.robot import HardwareRobot
+from hal.parts.gate import ToolLimits
+from hal.parts.part_connection import ConnectionFailedError
+from hal.twins.process import TwinProcess
+from hal.ur.arm import URArm
+from hal.ur.connection import URConnection
 from tests.hal.twinned import ended, wait_for, wait_in_twin
 
 pytestmark = pytest.mark.real_time

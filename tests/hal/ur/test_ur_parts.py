@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from bestman_bt.configuration import ConfigurationError
-from bestman_bt.robot_model import load_robot_model
+from bestman_bt.configuration.errors import ConfigurationError
+from bestman_bt.robot_model.compose import load_robot_model
 
 ROBOT = Path(__file__).parent / "ur5e_on_a_base.yaml"
 

@@ -15,11 +15,10 @@ import numpy as np
 import pytest
 
 from bestman_bt.messages.black_box import BlackBox
-from bestman_bt.robot_model import RobotModel
+from bestman_bt.robot_model.model import RobotModel
 from hal.api import Arm, CommandRefusedError, MotionErrorCode, MotionStatus, NotConnectedError
-from hal.hardware import IsolatedRobot
-from hal.hardware.isolated_robot import PROCESS, STOP_TIME
-from hal.twins import TwinProcess
+from hal.hardware.isolated_robot import PROCESS, STOP_TIME, IsolatedRobot
+from hal.twins.process import TwinProcess
 from tests.hal.twinned import (
     PATIENCE,
     SLACK,
@@ -144,9 +143,9 @@ def test_a_robot_process_that_hangs_is_killed_by_the_stop_and_begun_anew_by_clea
 
 PLANNER = """
 import sys, time
-from bestman_bt.robot_model import load_robot_model
+from bestman_bt.robot_model.compose import load_robot_model
 from hal.api import Arm
-from hal.hardware import IsolatedRobot
+from hal.hardware.isolated_robot import IsolatedRobot
 settings = dict(zip(sys.argv[2::2], sys.argv[3::2]))
 with IsolatedRobot(load_robot_model(sys.argv[1], settings)) as robot:
     arm = robot.part("arm", Arm)

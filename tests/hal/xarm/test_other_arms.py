@@ -13,12 +13,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bestman_bt.robot_model import ArmModel, load_robot_model
+from bestman_bt.robot_model.compose import load_robot_model
+from bestman_bt.robot_model.model import ArmModel
 from hal.api import Arm, CommandRefusedError, Gripper, Motion, MotionStatus
-from hal.conformance import CHECKS, settle
-from hal.hardware import HardwareRobot
-from hal.parts import ConnectionFailedError
-from hal.twins import TwinProcess
+from hal.conformance import CHECKS
+from hal.conformance.subject import settle
+from hal.hardware.robot import HardwareRobot
+from hal.parts.part_connection import ConnectionFailedError
+from hal.twins.process import TwinProcess
 from tests.hal.twinned import disconnected, twin_settings
 
 pytestmark = [pytest.mark.real_time, pytest.mark.slow]

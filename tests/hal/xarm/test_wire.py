@@ -9,13 +9,15 @@ from typing import Any
 import pytest
 
 import hal.xarm.wire
-from bestman_bt.robot_model import ArmModel, GripperModel, RobotModel
 from bestman_bt.robot_model.connection_config import ConnectionConfig, SafetyConfig
+from bestman_bt.robot_model.model import ArmModel, GripperModel, RobotModel
 from hal.api import MotionErrorCode
-from hal.parts import ConnectionFailedError, SimulatedClock, StopLatch
-from hal.xarm import XArmOptions
+from hal.parts.part_connection import ConnectionFailedError
+from hal.parts.simulated_clock import SimulatedClock
+from hal.parts.stop_latch import StopLatch
 from hal.xarm.connection import XArmConnection, XArmGripper
 from hal.xarm.lite6_gripper import Lite6GripperWire
+from hal.xarm.options import XArmOptions
 from hal.xarm.wire import ArmIdentity, XArmWire
 
 TITLES = {number: {"en": {"title": f"title {number}"}} for number in (*range(40), "other")}

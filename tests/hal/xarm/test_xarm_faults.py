@@ -12,8 +12,8 @@ from pathlib import Path
 import pytest
 
 from hal.api import Arm, CommandRefusedError, Gripper, MotionErrorCode, MotionStatus
-from hal.hardware import HardwareRobot
-from hal.twins import TwinProcess
+from hal.hardware.robot import HardwareRobot
+from hal.twins.process import TwinProcess
 from tests.hal.twinned import (
     WATCHDOG,
     arm_comes_to_rest,
@@ -113,9 +113,9 @@ def test_a_jammed_gripper_fails_its_motion_with_the_grippers_number(robot: Hardw
 
 CLIENT = """
 import sys, time
-from bestman_bt.robot_model import load_robot_model
+from bestman_bt.robot_model.compose import load_robot_model
 from hal.api import Arm
-from hal.hardware import IsolatedRobot
+from hal.hardware.isolated_robot import IsolatedRobot
 settings = {"connections.arm_controller.address": sys.argv[2], "safety.watchdog": sys.argv[3]}
 robot = IsolatedRobot(load_robot_model(sys.argv[1], settings))
 robot.connect()
@@ -145,7 +145,7 @@ def test_a_client_that_is_killed_leaves_the_arm_at_rest(robot: HardwareRobot, tw
 
 STARTER = """
 import os, signal, sys
-from hal.twins import TwinProcess
+from hal.twins.process import TwinProcess
 twin = TwinProcess(sys.argv[1], "pick_place_table")
 twin.start()
 print(twin.process.pid, flush=True)

@@ -15,14 +15,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bestman_bt.control.arm import ArmController
+from bestman_bt.control.arm.arm_controller import ArmController
 from bestman_bt.messages import JointTrajectory
-from bestman_bt.robot_model import load_robot_model
 from bestman_bt.robot_model.bringup_file import as_brought_up
+from bestman_bt.robot_model.compose import load_robot_model
 from hal.api import Arm, CommandRefusedError, MotionErrorCode, MotionStatus
-from hal.hardware import HardwareRobot
-from hal.parts import ConnectionFailedError, ToolLimits
-from hal.twins import TwinProcess
+from hal.hardware.robot import HardwareRobot
+from hal.parts.gate import ToolLimits
+from hal.parts.part_connection import ConnectionFailedError
+from hal.twins.process import TwinProcess
 from hal.xarm.wire import discreet
 from tests.hal.twinned import twin_settings, wait_for
 

@@ -7,12 +7,8 @@ import coal
 import numpy as np
 import pytest
 
-from bestman_bt.manipulation.collision import (
-    AttachedObject,
-    CoalCollisionModel,
-    PlanningScene,
-    SceneObstacle,
-)
+from bestman_bt.manipulation.collision.coal_world import CoalCollisionModel
+from bestman_bt.manipulation.collision.planning_scene import AttachedObject, PlanningScene, SceneObstacle
 from bestman_bt.manipulation.errors import ManipulationError
 from bestman_bt.messages import Box, Cylinder, Mesh, PlacedShape, Pose, Sphere
 from tests.manipulation.table_and_shelf import FINGERS, table_and_shelf

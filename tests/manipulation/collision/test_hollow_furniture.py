@@ -8,21 +8,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bestman_bt.manipulation.collision import planning_scene_from_world_model
-from bestman_bt.manipulation.collision.scene_from_world_model import hollow_furniture
+from bestman_bt.manipulation.collision.scene_from_world_model import hollow_furniture, planning_scene_from_world_model
 from bestman_bt.manipulation.errors import ManipulationError
 from bestman_bt.messages import Box, Handle, PlacedShape, Pose, Pose2D, distance_to_shape
-from bestman_bt.scene import PlacedFurniture, World, draw_world, load_scene, read_furniture, semantic_map
-from bestman_bt.world_model import (
-    BasePose,
-    HandleBelief,
-    MapFurniture,
-    MapLeaf,
-    MapSurface,
-    Obstacle,
-    SemanticMap,
-    WorldModel,
-)
+from bestman_bt.scene.draw import draw_world
+from bestman_bt.scene.furniture_file import read_furniture
+from bestman_bt.scene.load import load_scene
+from bestman_bt.scene.map_of_world import semantic_map
+from bestman_bt.scene.scene import PlacedFurniture, World
+from bestman_bt.world_model.semantic_map import MapFurniture, MapLeaf, MapSurface, SemanticMap
+from bestman_bt.world_model.world_model import BasePose, HandleBelief, Obstacle, WorldModel
 
 ROOM = draw_world(load_scene("chest_room"), 0)
 

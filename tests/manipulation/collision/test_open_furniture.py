@@ -8,10 +8,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bestman_bt.manipulation.collision import planning_scene_from_world_model
+from bestman_bt.manipulation.collision.scene_from_world_model import planning_scene_from_world_model
 from bestman_bt.messages import Box, PlacedShape, Pose, Pose2D
-from bestman_bt.scene import draw_world, load_scene, semantic_map
-from bestman_bt.world_model import BasePose, Obstacle, WorldModel
+from bestman_bt.scene.draw import draw_world
+from bestman_bt.scene.load import load_scene
+from bestman_bt.scene.map_of_world import semantic_map
+from bestman_bt.world_model.world_model import BasePose, Obstacle, WorldModel
 
 DOOR = "fridge/upper_door"
 

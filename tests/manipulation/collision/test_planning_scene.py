@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from bestman_bt.manipulation.collision import AttachedObject, PlanningScene, SceneObstacle, VoxelObstacle
 from bestman_bt.manipulation.collision.coal_world import fingerprint
+from bestman_bt.manipulation.collision.planning_scene import AttachedObject, PlanningScene, SceneObstacle, VoxelObstacle
 from bestman_bt.messages import PlacedShape, Pose, Sphere
 
 BALL = (PlacedShape(Sphere(0.1), Pose()),)

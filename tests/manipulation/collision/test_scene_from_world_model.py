@@ -6,23 +6,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bestman_bt.manipulation.collision import (
-    CoalCollisionModel,
+from bestman_bt.manipulation.collision.coal_world import CoalCollisionModel
+from bestman_bt.manipulation.collision.scene_from_world_model import (
     SceneMargins,
     finger_contacts,
     planning_scene_from_world_model,
 )
 from bestman_bt.messages import Box, Cylinder, ObjectModel, PlacedShape, Pose, Pose2D
-from bestman_bt.robot_model import ArmModel
-from bestman_bt.world_model import (
-    BasePose,
-    HeldObject,
-    MapFurniture,
-    ObjectBelief,
-    Obstacle,
-    SemanticMap,
-    WorldModel,
-)
+from bestman_bt.robot_model.model import ArmModel
+from bestman_bt.world_model.semantic_map import MapFurniture, SemanticMap
+from bestman_bt.world_model.world_model import BasePose, HeldObject, ObjectBelief, Obstacle, WorldModel
 
 CUP = ObjectModel("cup", (1, 0, 0), 0.2, 0.8, (PlacedShape(Cylinder(0.035, 0.1), Pose()),), symmetry_order=0)
 TABLE = MapFurniture("table", Pose2D(1.0, 2.5, math.pi / 2), (0.8, 1.4), 0.7, (), False)
@@ -147,7 +140,7 @@ def test_names_can_be_left_out_and_pairs_allowed(belief, diff_panda):
 
 def test_a_believed_object_stops_the_hand(belief, diff_panda, rng):
     model = CoalCollisionModel(diff_panda)
-    from bestman_bt.manipulation.kinematics import DampedLeastSquares
+    from bestman_bt.manipulation.kinematics.damped_least_squares import DampedLeastSquares
 
     kinematics = DampedLeastSquares(diff_panda)
     home = diff_panda.posture("home", kinematics.joint_names)

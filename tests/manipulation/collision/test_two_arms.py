@@ -7,21 +7,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bestman_bt.manipulation.collision import (
-    AttachedObject,
-    CoalCollisionModel,
-    PlanningScene,
-    SceneObstacle,
-    VoxelObstacle,
+from bestman_bt.manipulation.collision.coal_world import CoalCollisionModel
+from bestman_bt.manipulation.collision.planning_scene import AttachedObject, PlanningScene, SceneObstacle, VoxelObstacle
+from bestman_bt.manipulation.collision.scene_from_world_model import (
     finger_contacts,
     hand_links,
     held_object,
     planning_scene_from_world_model,
 )
-from bestman_bt.manipulation.kinematics import ForwardKinematics
+from bestman_bt.manipulation.kinematics.link_hulls import ForwardKinematics
 from bestman_bt.messages import Box, Mesh, ObjectModel, PlacedShape, Pose, Sphere
-from bestman_bt.robot_model import ArmModel, GripperModel, RobotModel
-from bestman_bt.world_model import HeldObject, SemanticMap, WorldModel
+from bestman_bt.robot_model.model import ArmModel, GripperModel, RobotModel
+from bestman_bt.world_model.semantic_map import SemanticMap
+from bestman_bt.world_model.world_model import HeldObject, WorldModel
 from tests.manipulation.two_arms import HAND, home, two_arms
 
 SIDES = ("left", "right")

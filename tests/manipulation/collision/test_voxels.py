@@ -7,21 +7,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bestman_bt.manipulation.collision import (
-    CoalCollisionModel,
-    PlanningScene,
-    SceneMargins,
-    SceneObstacle,
-    VoxelObstacle,
-    planning_scene_from_world_model,
-)
-from bestman_bt.manipulation.kinematics import DampedLeastSquares
-from bestman_bt.manipulation.motion_planning import RRTConnect, TimedMotionPlanner
-from bestman_bt.manipulation.trajectory import Toppra, first_touch
+from bestman_bt.manipulation.collision.coal_world import CoalCollisionModel
+from bestman_bt.manipulation.collision.planning_scene import PlanningScene, SceneObstacle, VoxelObstacle
+from bestman_bt.manipulation.collision.scene_from_world_model import SceneMargins, planning_scene_from_world_model
+from bestman_bt.manipulation.kinematics.damped_least_squares import DampedLeastSquares
+from bestman_bt.manipulation.motion_planning.rrt_connect import RRTConnect
+from bestman_bt.manipulation.motion_planning.timed_planner import TimedMotionPlanner
+from bestman_bt.manipulation.trajectory.base import first_touch
+from bestman_bt.manipulation.trajectory.toppra import Toppra
 from bestman_bt.messages import Box, ObjectModel, PlacedShape, Pose, Pose2D, VoxelGrid
 from bestman_bt.perception.occupancy import LogOdds, VoxelRegion
-from bestman_bt.robot_model import ArmModel
-from bestman_bt.world_model import BasePose, HeldObject, MapFurniture, ObjectBelief, SemanticMap, WorldModel
+from bestman_bt.robot_model.model import ArmModel
+from bestman_bt.world_model.semantic_map import MapFurniture, SemanticMap
+from bestman_bt.world_model.world_model import BasePose, HeldObject, ObjectBelief, WorldModel
 from tests.manipulation.table_and_shelf import FINGERS
 from tests.perception.seen_boxes import looking_at, view_of
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from bestman_bt.manipulation.kinematics import IKResult, InverseKinematics
+from bestman_bt.manipulation.kinematics.base import IKResult, InverseKinematics
 from bestman_bt.messages import Pose
 from tests.robot_models import joint_group_model
 

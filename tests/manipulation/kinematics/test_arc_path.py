@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from bestman_bt.manipulation.errors import ManipulationError
-from bestman_bt.manipulation.kinematics import ArcSearch, DampedLeastSquares
-from bestman_bt.manipulation.trajectory import SpeedScale, Toppra
+from bestman_bt.manipulation.kinematics.arc_path import ArcSearch
+from bestman_bt.manipulation.kinematics.damped_least_squares import DampedLeastSquares
+from bestman_bt.manipulation.trajectory.base import SpeedScale
+from bestman_bt.manipulation.trajectory.toppra import Toppra
 from bestman_bt.messages import Pose
 from tests.manipulation.kinematics.door_stations import door_stations
 from tests.rigs.limit_usage import limit_usage

@@ -3,10 +3,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from bestman_bt.manipulation.kinematics import ArmBodies, ForwardKinematics
+from bestman_bt.manipulation.kinematics.link_hulls import ArmBodies, ForwardKinematics
 from bestman_bt.messages import Box, ObjectModel, PlacedShape, Pose
-from bestman_bt.robot_model import ArmModel, BaseModel
-from bestman_bt.world_model import HeldObject
+from bestman_bt.robot_model.model import ArmModel, BaseModel
+from bestman_bt.world_model.world_model import HeldObject
 
 
 def around(bodies):

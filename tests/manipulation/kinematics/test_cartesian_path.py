@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from bestman_bt.manipulation.kinematics import cartesian_path
+from bestman_bt.manipulation.kinematics.cartesian_path import cartesian_path
 from bestman_bt.messages import Pose
 
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from bestman_bt.manipulation.errors import ManipulationError
-from bestman_bt.manipulation.kinematics import DampedLeastSquares
+from bestman_bt.manipulation.kinematics.damped_least_squares import DampedLeastSquares
 from bestman_bt.messages import Pose
-from bestman_bt.robot_model import ArmModel
+from bestman_bt.robot_model.model import ArmModel
 from tests.manipulation.fixed_ur5 import fixed_ur5
 from tests.robot_models import with_limits
 

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from bestman_bt.manipulation.errors import ManipulationError
-from bestman_bt.manipulation.kinematics import ForwardKinematics
-from bestman_bt.robot_model import BaseModel, CameraPart
+from bestman_bt.manipulation.kinematics.link_hulls import ForwardKinematics
+from bestman_bt.robot_model.model import BaseModel
+from bestman_bt.robot_model.sensor_parts import CameraPart
 
 
 def test_any_link_of_the_arm_agrees_with_the_arm_kinematics(panda, arm, kinematics, ready):

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 import trimesh
 
-from bestman_bt.manipulation.kinematics import body_between, link_hulls
+from bestman_bt.manipulation.kinematics.link_hulls import body_between, link_hulls
 from bestman_bt.messages import Pose
-from bestman_bt.robot_model import ArmModel, RobotModel
+from bestman_bt.robot_model.model import ArmModel, RobotModel
 from tests.manipulation.two_arms import BASE, BASE_YAW, two_arms
 
 

@@ -6,14 +6,16 @@ import numpy as np
 import pytest
 
 from bestman_bt.manipulation.errors import ManipulationError
-from bestman_bt.manipulation.kinematics import (
-    DampedLeastSquares,
+from bestman_bt.manipulation.kinematics.damped_least_squares import DampedLeastSquares
+from bestman_bt.manipulation.kinematics.reachability_map import (
     ReachabilitySampling,
+    ScrewChain,
+    cache_folder,
+    even_directions,
     reachability_map,
 )
-from bestman_bt.manipulation.kinematics.reachability_map import ScrewChain, cache_folder, even_directions
 from bestman_bt.messages import Pose
-from bestman_bt.robot_model import ArmModel
+from bestman_bt.robot_model.model import ArmModel
 
 SMALL = ReachabilitySampling(voxel=0.2, directions=12, samples=20_000)
 

@@ -7,13 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bestman_bt.manipulation.kinematics import (
-    DampedLeastSquares,
-    ReachabilityMap,
-    ReachabilitySampling,
-    reachability_map,
-)
-from bestman_bt.robot_model import ArmModel
+from bestman_bt.manipulation.kinematics.damped_least_squares import DampedLeastSquares
+from bestman_bt.manipulation.kinematics.reachability_map import ReachabilityMap, ReachabilitySampling, reachability_map
+from bestman_bt.robot_model.model import ArmModel
 from tests.manipulation.two_arms import two_arms
 from tests.robot_models import with_limits
 

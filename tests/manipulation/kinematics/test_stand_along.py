@@ -6,15 +6,12 @@ import numpy as np
 import pytest
 
 from bestman_bt.manipulation.errors import ManipulationError
-from bestman_bt.manipulation.kinematics import (
-    ArcStands,
-    DampedLeastSquares,
-    ReachabilitySampling,
-    ReachingArm,
-    stands_around,
-)
+from bestman_bt.manipulation.kinematics.damped_least_squares import DampedLeastSquares
+from bestman_bt.manipulation.kinematics.reachability_map import ReachabilitySampling
+from bestman_bt.manipulation.kinematics.stand_along import ArcStands, stands_around
+from bestman_bt.manipulation.kinematics.stand_pose import ReachingArm
 from bestman_bt.messages import Pose, Pose2D
-from bestman_bt.robot_model import ArmModel
+from bestman_bt.robot_model.model import ArmModel
 from tests.manipulation.kinematics.door_stations import door_stations
 
 pytestmark = pytest.mark.slow

@@ -5,17 +5,16 @@ import math
 import numpy as np
 import pytest
 
-from bestman_bt.manipulation.collision import CoalCollisionModel, planning_scene_from_world_model
+from bestman_bt.manipulation.collision.coal_world import CoalCollisionModel
+from bestman_bt.manipulation.collision.scene_from_world_model import planning_scene_from_world_model
 from bestman_bt.manipulation.errors import ManipulationError
-from bestman_bt.manipulation.kinematics import (
-    DampedLeastSquares,
-    ReachabilitySampling,
-    ReachingArm,
-    StandSearch,
-)
+from bestman_bt.manipulation.kinematics.damped_least_squares import DampedLeastSquares
+from bestman_bt.manipulation.kinematics.reachability_map import ReachabilitySampling
+from bestman_bt.manipulation.kinematics.stand_pose import ReachingArm, StandSearch
 from bestman_bt.messages import Pose, Pose2D
-from bestman_bt.robot_model import ArmModel, BaseModel
-from bestman_bt.world_model import BasePose, MapFurniture, SemanticMap, WorldModel
+from bestman_bt.robot_model.model import ArmModel, BaseModel
+from bestman_bt.world_model.semantic_map import MapFurniture, SemanticMap
+from bestman_bt.world_model.world_model import BasePose, WorldModel
 
 TABLE = MapFurniture("table", Pose2D(3.0, 1.0, math.pi / 2), (0.8, 1.6), 0.72, (), False)
 OBJECT = np.array([3.1, 0.9, 0.77])

@@ -7,10 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bestman_bt.manipulation.kinematics import ArmBodies, DampedLeastSquares, ForwardKinematics
+from bestman_bt.manipulation.kinematics.damped_least_squares import DampedLeastSquares
+from bestman_bt.manipulation.kinematics.link_hulls import ArmBodies, ForwardKinematics
 from bestman_bt.messages import Box, ObjectModel, PlacedShape, Pose
-from bestman_bt.robot_model import ArmModel, RobotModel
-from bestman_bt.world_model import HeldObject
+from bestman_bt.robot_model.model import ArmModel, RobotModel
+from bestman_bt.world_model.world_model import HeldObject
 from tests.manipulation.two_arms import BASE, BASE_YAW, JOINTS, home, two_arms
 from tests.robot_models import USUAL_LIMITS, arm_model
 

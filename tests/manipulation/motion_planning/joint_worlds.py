@@ -7,8 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bestman_bt.manipulation.collision import CollisionWorld
-from bestman_bt.manipulation.motion_planning import MotionPlanner, Portfolio
+from bestman_bt.manipulation.collision.base import CollisionWorld
+from bestman_bt.manipulation.motion_planning.base import MotionPlanner
+from bestman_bt.manipulation.motion_planning.portfolio import Portfolio
 from tests.robot_models import joint_group_model
 
 TWO = joint_group_model(("a", "b"), lower=(-2.0, -1.0), upper=(2.0, 1.5), velocity=(1.0, 2.0), acceleration=(2.0, 5.0))

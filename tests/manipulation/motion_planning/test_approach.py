@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from bestman_bt.manipulation.motion_planning import ApproachPoses, approaches
+from bestman_bt.manipulation.motion_planning.approach import ApproachPoses, approaches
 from tests.manipulation.kinematics.slides import Slides, at
 from tests.manipulation.motion_planning.joint_worlds import JointWorld
 

@@ -7,9 +7,10 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from bestman_bt.manipulation.collision import PlanningScene, SceneObstacle
+from bestman_bt.manipulation.collision.planning_scene import PlanningScene, SceneObstacle
 from bestman_bt.manipulation.errors import ManipulationError
-from bestman_bt.manipulation.motion_planning import Escape, PlanningError, PlanningErrorCode
+from bestman_bt.manipulation.motion_planning.base import PlanningError, PlanningErrorCode
+from bestman_bt.manipulation.motion_planning.timed_planner import Escape
 from bestman_bt.messages import Box, PlacedShape, Pose
 from tests.manipulation.motion_planning.joint_worlds import TWO, JointWorld
 from tests.manipulation.table_and_shelf import FINGERS

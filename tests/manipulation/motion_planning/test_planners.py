@@ -8,18 +8,11 @@ import pybullet
 import pytest
 
 from bestman_bt.manipulation.errors import ManipulationError
-from bestman_bt.manipulation.motion_planning import (
-    AORRTC,
-    KPIECE,
-    BITStar,
-    MotionPlanner,
-    PlanningError,
-    PlanningErrorCode,
-    Portfolio,
-    RRTConnect,
-    RRTStar,
-)
+from bestman_bt.manipulation.motion_planning.base import MotionPlanner, PlanningError, PlanningErrorCode
 from bestman_bt.manipulation.motion_planning.checked_edges import dense_points
+from bestman_bt.manipulation.motion_planning.ompl_planners import AORRTC, KPIECE, BITStar, RRTStar
+from bestman_bt.manipulation.motion_planning.portfolio import Portfolio
+from bestman_bt.manipulation.motion_planning.rrt_connect import RRTConnect
 from bestman_bt.registry import ALGORITHMS
 from examples.plugins.lazy_prm import PRM
 from tests.manipulation.motion_planning.joint_worlds import PortfolioOf

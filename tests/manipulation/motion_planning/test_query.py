@@ -7,17 +7,12 @@ import re
 import numpy as np
 import pytest
 
-from bestman_bt.manipulation.motion_planning import (
-    KPIECE,
-    MotionPlan,
-    MotionPlanner,
-    PlanningError,
-    PlanningErrorCode,
-    Portfolio,
-    RRTConnect,
-)
+from bestman_bt.manipulation.motion_planning.base import MotionPlan, MotionPlanner, PlanningError, PlanningErrorCode
 from bestman_bt.manipulation.motion_planning.checked_edges import dense_points, halving_order
+from bestman_bt.manipulation.motion_planning.ompl_planners import KPIECE
+from bestman_bt.manipulation.motion_planning.portfolio import Portfolio
 from bestman_bt.manipulation.motion_planning.query import check_query
+from bestman_bt.manipulation.motion_planning.rrt_connect import RRTConnect
 from examples.plugins.lazy_prm import PRM
 from tests.manipulation.motion_planning.joint_worlds import TWO, JointWorld, Kept, PortfolioOf
 

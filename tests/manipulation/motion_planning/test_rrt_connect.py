@@ -3,15 +3,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from bestman_bt.manipulation.collision import CollisionWorld
+from bestman_bt.manipulation.collision.base import CollisionWorld
 from bestman_bt.manipulation.errors import ManipulationError
-from bestman_bt.manipulation.motion_planning import (
-    PlanningError,
-    PlanningErrorCode,
-    RRTConnect,
-    Upright,
-)
+from bestman_bt.manipulation.motion_planning.base import PlanningError, PlanningErrorCode
 from bestman_bt.manipulation.motion_planning.checked_edges import dense_points
+from bestman_bt.manipulation.motion_planning.rrt_connect import RRTConnect
+from bestman_bt.manipulation.motion_planning.upright import Upright
 from bestman_bt.messages import Pose
 from tests.manipulation.table_and_shelf import problems
 

@@ -4,17 +4,12 @@ import numpy as np
 import pytest
 
 from bestman_bt.manipulation.errors import ManipulationError
-from bestman_bt.manipulation.motion_planning import (
-    MotionPlan,
-    MotionPlanner,
-    PlanningError,
-    PlanningErrorCode,
-    RRTConnect,
-    TimedMotionPlanner,
-    Upright,
-)
-from bestman_bt.manipulation.trajectory import SpeedScale, Toppra, first_touch
-from bestman_bt.manipulation.trajectory.base import dense_samples
+from bestman_bt.manipulation.motion_planning.base import MotionPlan, MotionPlanner, PlanningError, PlanningErrorCode
+from bestman_bt.manipulation.motion_planning.rrt_connect import RRTConnect
+from bestman_bt.manipulation.motion_planning.timed_planner import TimedMotionPlanner
+from bestman_bt.manipulation.motion_planning.upright import Upright
+from bestman_bt.manipulation.trajectory.base import SpeedScale, dense_samples, first_touch
+from bestman_bt.manipulation.trajectory.toppra import Toppra
 from bestman_bt.messages import Pose
 from tests.manipulation.motion_planning.joint_worlds import TWO, JointWorld, Kept
 from tests.manipulation.table_and_shelf import problems

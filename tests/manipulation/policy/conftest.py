@@ -7,14 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bestman_bt.manipulation.kinematics import DampedLeastSquares
-from bestman_bt.manipulation.policy.training import (
-    BehaviourCloning,
-    ClonedPolicy,
-    Demonstration,
-    ReachingExpert,
-)
-from bestman_bt.robot_model import ArmModel, RobotModel
+from bestman_bt.manipulation.kinematics.damped_least_squares import DampedLeastSquares
+from bestman_bt.manipulation.policy.training.behaviour_cloning import BehaviourCloning, ClonedPolicy
+from bestman_bt.manipulation.policy.training.demonstrations import Demonstration
+from bestman_bt.manipulation.policy.training.reaching import ReachingExpert
+from bestman_bt.robot_model.model import ArmModel, RobotModel
 
 BRIEF = BehaviourCloning(hidden=(16,), steps=50)
 SHORT = BehaviourCloning(hidden=(96, 96), steps=2500, batch=128, rate=4e-3)

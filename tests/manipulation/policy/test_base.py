@@ -5,15 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from bestman_bt.manipulation.policy import (
-    ActionChunk,
-    ActionSpace,
-    Observation,
-    PolicyActionError,
-    PolicyModelError,
-    PolicyObservationError,
-    PolicySpecification,
-)
+from bestman_bt.manipulation.policy.base import ActionChunk, Observation
+from bestman_bt.manipulation.policy.errors import PolicyActionError, PolicyModelError, PolicyObservationError
+from bestman_bt.manipulation.policy.specification import ActionSpace, PolicySpecification
 from bestman_bt.messages import Pose
 
 SPECIFICATION = PolicySpecification(

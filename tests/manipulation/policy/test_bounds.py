@@ -5,26 +5,19 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from bestman_bt.manipulation.policy import (
-    ActionChunk,
-    ActionSpace,
-    ChunkStream,
-    Observation,
-    Policy,
+from bestman_bt.manipulation.policy.base import ActionChunk, Observation, Policy
+from bestman_bt.manipulation.policy.chunk_stream import ChunkStream, chunk_path
+from bestman_bt.manipulation.policy.errors import (
     PolicyActionError,
     PolicyModelError,
-    PolicyNormalization,
     PolicyObservationError,
-    PolicySpecification,
     StaleChunkError,
-    Workspace,
-    chunk_path,
-    feature_vector,
-    pose_error,
-    pose_vector,
 )
-from bestman_bt.manipulation.policy.training import Rollout, roll_out
-from bestman_bt.manipulation.trajectory import SpeedScale
+from bestman_bt.manipulation.policy.features import feature_vector, pose_error, pose_vector
+from bestman_bt.manipulation.policy.onnx_policy import PolicyNormalization
+from bestman_bt.manipulation.policy.specification import ActionSpace, PolicySpecification, Workspace
+from bestman_bt.manipulation.policy.training.rollout import Rollout, roll_out
+from bestman_bt.manipulation.trajectory.base import SpeedScale
 from bestman_bt.messages import Pose
 from tests.manipulation.kinematics.slides import LIMITS, Slides, at
 from tests.rigs.limit_usage import limit_usage

@@ -8,13 +8,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from bestman_bt.manipulation.policy import (
-    ChunkStream,
-    PolicyActionError,
-    StaleChunkError,
-    StreamedMotion,
-)
-from bestman_bt.manipulation.policy.training import ReachingExpert
+from bestman_bt.manipulation.policy.chunk_stream import ChunkStream, StreamedMotion
+from bestman_bt.manipulation.policy.errors import PolicyActionError, StaleChunkError
+from bestman_bt.manipulation.policy.training.reaching import ReachingExpert
 from bestman_bt.messages import JointTrajectory
 from tests.rigs.limit_usage import limit_usage
 

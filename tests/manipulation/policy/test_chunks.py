@@ -6,14 +6,11 @@ import numpy as np
 import pytest
 
 from bestman_bt.manipulation.errors import ManipulationError
-from bestman_bt.manipulation.policy import (
-    ActionChunk,
-    ActionSpace,
-    PolicyActionError,
-    Workspace,
-    chunk_path,
-)
-from bestman_bt.manipulation.policy.training import ReachingExpert
+from bestman_bt.manipulation.policy.base import ActionChunk
+from bestman_bt.manipulation.policy.chunk_stream import chunk_path
+from bestman_bt.manipulation.policy.errors import PolicyActionError
+from bestman_bt.manipulation.policy.specification import ActionSpace, Workspace
+from bestman_bt.manipulation.policy.training.reaching import ReachingExpert
 
 
 def test_deltas_add_up_and_positions_are_taken_as_they_are(expert: ReachingExpert) -> None:

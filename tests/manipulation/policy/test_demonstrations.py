@@ -12,8 +12,13 @@ import numpy as np
 import pyarrow.parquet as parquet
 import pytest
 
-from bestman_bt.manipulation.policy import Observation, PolicyObservationError
-from bestman_bt.manipulation.policy.training import DatasetError, DemonstrationFormat, DemonstrationRecorder
+from bestman_bt.manipulation.policy.base import Observation
+from bestman_bt.manipulation.policy.errors import PolicyObservationError
+from bestman_bt.manipulation.policy.training.demonstrations import (
+    DatasetError,
+    DemonstrationFormat,
+    DemonstrationRecorder,
+)
 from bestman_bt.messages import Pose
 
 FORMAT = DemonstrationFormat(10, ("a", "b"), gripper=True, goal_size=3, cameras={"head": (48, 64)}, robot="two_joints")

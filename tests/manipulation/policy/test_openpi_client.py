@@ -13,19 +13,18 @@ import msgpack
 import numpy as np
 import pytest
 
-from bestman_bt.manipulation.policy import (
-    ActionSpace,
-    Observation,
-    OpenpiPolicy,
+from bestman_bt.manipulation.policy.base import Observation
+from bestman_bt.manipulation.policy.errors import (
     PolicyActionError,
     PolicyError,
     PolicyModelError,
     PolicyObservationError,
     PolicyServerError,
     PolicyUnreachableError,
-    load_policy,
 )
-from bestman_bt.manipulation.policy.openpi_client import pack, resize_with_pad, unpack
+from bestman_bt.manipulation.policy.openpi_client import OpenpiPolicy, pack, resize_with_pad, unpack
+from bestman_bt.manipulation.policy.policy_file import load_policy
+from bestman_bt.manipulation.policy.specification import ActionSpace
 from bestman_bt.messages import Pose
 
 JOINTS = tuple(f"panda_joint{i}" for i in range(1, 8))

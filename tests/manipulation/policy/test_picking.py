@@ -7,14 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bestman_bt.manipulation.policy import Observation, PolicyObservationError, load_policy
-from bestman_bt.manipulation.policy.training import (
-    ExpertPolicy,
-    PickedObject,
-    PickingExpert,
-    PickState,
-    ReachingExpert,
-)
+from bestman_bt.manipulation.policy.base import Observation
+from bestman_bt.manipulation.policy.errors import PolicyObservationError
+from bestman_bt.manipulation.policy.policy_file import load_policy
+from bestman_bt.manipulation.policy.training.expert_policy import ExpertPolicy
+from bestman_bt.manipulation.policy.training.picking import PickedObject, PickingExpert, PickState
+from bestman_bt.manipulation.policy.training.reaching import ReachingExpert
 from bestman_bt.messages import Pose
 
 CUP = PickedObject("cup", rise=0.02, width=0.066, opening=0.08)

@@ -10,23 +10,15 @@ import numpy as np
 import onnx
 import pytest
 
-from bestman_bt.manipulation.policy import (
-    ActionChunk,
-    Observation,
-    OnnxPolicy,
-    PolicyActionError,
-    PolicyModelError,
-    PolicyObservationError,
-    load_policy,
-    pose_vector,
-)
-from bestman_bt.manipulation.policy.training import (
-    BehaviourCloning,
-    ClonedPolicy,
-    Demonstration,
-    ReachingExpert,
-    roll_out,
-)
+from bestman_bt.manipulation.policy.base import ActionChunk, Observation
+from bestman_bt.manipulation.policy.errors import PolicyActionError, PolicyModelError, PolicyObservationError
+from bestman_bt.manipulation.policy.features import pose_vector
+from bestman_bt.manipulation.policy.onnx_policy import OnnxPolicy
+from bestman_bt.manipulation.policy.policy_file import load_policy
+from bestman_bt.manipulation.policy.training.behaviour_cloning import BehaviourCloning, ClonedPolicy
+from bestman_bt.manipulation.policy.training.demonstrations import Demonstration
+from bestman_bt.manipulation.policy.training.reaching import ReachingExpert
+from bestman_bt.manipulation.policy.training.rollout import roll_out
 
 TOLERANCE = 0.01, 0.1
 

@@ -2,9 +2,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from bestman_bt.manipulation.collision import PlanningScene, SceneObstacle
-from bestman_bt.manipulation.trajectory import Toppra, first_touch
-from bestman_bt.manipulation.trajectory.base import dense_samples
+from bestman_bt.manipulation.collision.planning_scene import PlanningScene, SceneObstacle
+from bestman_bt.manipulation.trajectory.base import dense_samples, first_touch
+from bestman_bt.manipulation.trajectory.toppra import Toppra
 from bestman_bt.messages import Box, PlacedShape, Pose
 from tests.manipulation.table_and_shelf import FINGERS
 

@@ -4,11 +4,8 @@ import numpy as np
 import pytest
 
 from bestman_bt.manipulation.errors import ManipulationError
-from bestman_bt.manipulation.trajectory import (
-    RuckigStateToState,
-    SpeedScale,
-    TrajectoryError,
-)
+from bestman_bt.manipulation.trajectory.base import SpeedScale, TrajectoryError
+from bestman_bt.manipulation.trajectory.ruckig import RuckigStateToState
 from tests.rigs.limit_usage import limit_usage
 
 FULL = SpeedScale(1.0, 1.0)

@@ -7,7 +7,9 @@ import pytest
 
 from bestman_bt.manipulation.errors import ManipulationError
 from bestman_bt.manipulation.motion_planning.checked_edges import dense_points
-from bestman_bt.manipulation.trajectory import RuckigStateToState, SpeedScale, Toppra, TrajectoryError
+from bestman_bt.manipulation.trajectory.base import SpeedScale, TrajectoryError
+from bestman_bt.manipulation.trajectory.ruckig import RuckigStateToState
+from bestman_bt.manipulation.trajectory.toppra import Toppra
 
 # Sharp corners, a reversal and a repeated waypoint.
 CORNERS = np.array(

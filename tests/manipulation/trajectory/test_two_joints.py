@@ -6,14 +6,9 @@ import numpy as np
 import pytest
 
 from bestman_bt.manipulation.errors import ManipulationError
-from bestman_bt.manipulation.trajectory import (
-    RuckigStateToState,
-    SpeedScale,
-    Toppra,
-    TrajectoryError,
-    first_touch,
-)
-from bestman_bt.manipulation.trajectory.base import dense_samples
+from bestman_bt.manipulation.trajectory.base import SpeedScale, TrajectoryError, dense_samples, first_touch
+from bestman_bt.manipulation.trajectory.ruckig import RuckigStateToState
+from bestman_bt.manipulation.trajectory.toppra import Toppra
 from bestman_bt.messages import JointTrajectory
 from tests.manipulation.motion_planning.joint_worlds import TWO, JointWorld
 from tests.rigs.limit_usage import limit_usage

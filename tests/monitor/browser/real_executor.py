@@ -9,7 +9,8 @@ import time
 
 from bestman_bt.engine import ManualClock, load_tree
 from bestman_bt.records.events import RunEvent
-from bestman_bt.runtime import ControlChannel, Executor
+from bestman_bt.runtime.control_channel import ControlChannel
+from bestman_bt.runtime.executor import Executor
 from bestman_bt.runtime.telemetry import Telemetry
 
 TREE = """<root BTCPP_format="4"><BehaviorTree ID="Errand">

@@ -17,7 +17,7 @@ from typing import Any
 import pytest
 
 from bestman_bt.engine import RUNNING, SUCCESS, ManualClock, NodeRegistry, StatefulAction, load_tree, status_name
-from bestman_bt.monitor.groot2 import Groot2Publisher
+from bestman_bt.monitor.groot2.publisher import Groot2Publisher
 from tests.monitor.groot2.wire_client import Groot2Client, free_ports, groot2_client, hook
 
 pytest.importorskip("behaviortreepy", reason="the C++ engine's binding has no wheel for this platform")

@@ -14,11 +14,10 @@ import pytest
 
 from bestman_bt.engine import FAILURE, RUNNING, SUCCESS, EngineError, ManualClock, NodeRegistry, Tree, load_tree
 from bestman_bt.messages import Pose2D
-from bestman_bt.monitor.groot2 import Groot2Error, Groot2Publisher
 from bestman_bt.monitor.groot2.hooks import Groot2Hooks
-from bestman_bt.monitor.groot2.protocol import dump_blackboards
-from bestman_bt.monitor.groot2.publisher import ObservedStates
-from bestman_bt.runtime import Ending, Execution, Executor
+from bestman_bt.monitor.groot2.protocol import Groot2Error, dump_blackboards
+from bestman_bt.monitor.groot2.publisher import Groot2Publisher, ObservedStates
+from bestman_bt.runtime.executor import Ending, Execution, Executor
 from tests.monitor.groot2.wire_client import Groot2Client, free_ports, groot2_client, hook
 
 msgpack = pytest.importorskip("msgpack", reason="the extra groot2 is not installed")

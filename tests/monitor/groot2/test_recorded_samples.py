@@ -22,7 +22,7 @@ from bestman_bt.engine import (
     Tree,
     load_tree,
 )
-from bestman_bt.monitor.groot2 import Groot2Publisher
+from bestman_bt.monitor.groot2.publisher import Groot2Publisher
 from tests.monitor.groot2.wire_client import Groot2Client, free_ports, groot2_client
 
 DATA = Path(__file__).parent / "data"

@@ -19,10 +19,9 @@ import pytest
 from bestman_bt.engine import RUNNING, SUCCESS, ManualClock, Tree, load_tree
 from bestman_bt.errors import Error
 from bestman_bt.monitor.control_client import ControlError, request, running_executors
-from bestman_bt.monitor.groot2 import Groot2Publisher
 from bestman_bt.monitor.groot2.client import Groot2Client
 from bestman_bt.monitor.groot2.protocol import Groot2Error, RequestError
-from bestman_bt.monitor.groot2.publisher import ObservedStates
+from bestman_bt.monitor.groot2.publisher import Groot2Publisher, ObservedStates
 from bestman_bt.monitor.groot2.watcher import Groot2Watcher, read_tree
 from bestman_bt.monitor.groot2.zmtp import _GREETING, _frame
 from bestman_bt.records.reader import read

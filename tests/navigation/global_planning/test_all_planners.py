@@ -8,18 +8,15 @@ import numpy as np
 import pytest
 
 from bestman_bt.messages import Box, Path2D, PlacedShape, Pose, Pose2D
-from bestman_bt.navigation.global_planning import (
-    Costmap,
-    Footprint,
-    GlobalPlanner,
-    GridAStar,
-    HybridAStar,
-    PlanningFailure,
-    PlanningFailureReason,
-    ThetaStar,
-    areas_of_disc,
-)
-from bestman_bt.world_model import Obstacle, SemanticMap
+from bestman_bt.navigation.global_planning.base import GlobalPlanner, PlanningFailure, PlanningFailureReason
+from bestman_bt.navigation.global_planning.costmap import Costmap
+from bestman_bt.navigation.global_planning.footprint import Footprint
+from bestman_bt.navigation.global_planning.grid_search import areas_of_disc
+from bestman_bt.navigation.global_planning.hybrid_astar import HybridAStar
+from bestman_bt.navigation.global_planning.polyline_planner import GridAStar
+from bestman_bt.navigation.global_planning.theta_star import ThetaStar
+from bestman_bt.world_model.semantic_map import SemanticMap
+from bestman_bt.world_model.world_model import Obstacle
 from examples.plugins.sampled_roads import PRM, RRTStar
 
 PLANNERS = {

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from bestman_bt.navigation.global_planning import Footprint
+from bestman_bt.navigation.global_planning.footprint import Footprint
 
 BASE = Footprint(np.array([[-0.3, -0.2], [0.3, -0.2], [0.3, 0.2], [-0.3, 0.2]]), 0.01)
 

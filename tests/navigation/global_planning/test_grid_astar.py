@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from bestman_bt.messages import Box, Path2D, PlacedShape, Pose, Pose2D
-from bestman_bt.navigation.global_planning import Costmap, GridAStar, PlanningFailure, PlanningFailureReason
-from bestman_bt.world_model import Obstacle
+from bestman_bt.navigation.global_planning.base import PlanningFailure, PlanningFailureReason
+from bestman_bt.navigation.global_planning.costmap import Costmap
+from bestman_bt.navigation.global_planning.polyline_planner import GridAStar
+from bestman_bt.world_model.world_model import Obstacle
 
 START = Pose2D(0.0, 0.0, 0.3)
 AT_TABLE = Pose2D(3.0 - 0.28 - 0.06, -0.9, 0.0)

@@ -7,16 +7,13 @@ import numpy as np
 import pytest
 
 from bestman_bt.messages import Path2D, Pose2D
-from bestman_bt.navigation.global_planning import (
-    Costmap,
-    Footprint,
-    GridAStar,
-    areas_of_disc,
-    grid_search,
-    shortest_length,
-)
+from bestman_bt.navigation.global_planning import grid_search
+from bestman_bt.navigation.global_planning.costmap import Costmap
+from bestman_bt.navigation.global_planning.footprint import Footprint
+from bestman_bt.navigation.global_planning.grid_search import areas_of_disc, shortest_length
+from bestman_bt.navigation.global_planning.polyline_planner import GridAStar
 from bestman_bt.navigation.global_planning.theta_star import theta_cells
-from bestman_bt.world_model import SemanticMap
+from bestman_bt.world_model.semantic_map import SemanticMap
 
 DIFFERENTIAL = Footprint(
     np.array(

@@ -10,16 +10,13 @@ import pytest
 
 from bestman_bt.messages import Box, OccupancyGrid, Path2D, PlacedShape, Pose, Pose2D
 from bestman_bt.messages.grids import FREE, OCCUPIED
-from bestman_bt.navigation.global_planning import (
-    Costmap,
-    Footprint,
-    GridAStar,
-    PlanningFailure,
-    PlanningFailureReason,
-    Rasterization,
-)
-from bestman_bt.navigation.local_planning import FootprintMotion, ObstacleLayer
-from bestman_bt.world_model import Obstacle
+from bestman_bt.navigation.global_planning.base import PlanningFailure, PlanningFailureReason
+from bestman_bt.navigation.global_planning.costmap import Costmap, Rasterization
+from bestman_bt.navigation.global_planning.footprint import Footprint
+from bestman_bt.navigation.global_planning.polyline_planner import GridAStar
+from bestman_bt.navigation.local_planning.footprint_check import FootprintMotion
+from bestman_bt.navigation.local_planning.obstacle_layer import ObstacleLayer
+from bestman_bt.world_model.world_model import Obstacle
 from tests.navigation.global_planning.test_all_planners import PLANNERS, room, swept, walls
 
 BASE = Footprint(np.array([[-0.3, -0.2], [0.3, -0.2], [0.3, 0.2], [-0.3, 0.2]]))

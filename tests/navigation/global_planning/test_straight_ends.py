@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 
 from bestman_bt.messages import Pose2D
-from bestman_bt.navigation.global_planning import Costmap, Footprint, PlanningFailure, PlanningFailureReason
+from bestman_bt.navigation.global_planning.base import PlanningFailure, PlanningFailureReason
+from bestman_bt.navigation.global_planning.costmap import Costmap
+from bestman_bt.navigation.global_planning.footprint import Footprint
 from bestman_bt.navigation.global_planning.straight_ends import Ends, StraightEnds, StraightPieces
-from bestman_bt.world_model import SemanticMap
+from bestman_bt.world_model.semantic_map import SemanticMap
 
 LANE = SemanticMap(np.array([(0.0, y, 6.0, y) for y in (-0.6, 0.6)] + [(x, -0.6, x, 0.6) for x in (0.0, 6.0)]), {})
 BASE = Footprint(np.array([[-0.4, -0.2], [0.4, -0.2], [0.4, 0.2], [-0.4, 0.2]]))

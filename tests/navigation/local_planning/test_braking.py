@@ -10,14 +10,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bestman_bt.messages import LaserScan, Path2D, Pose2D, Twist2D
-from bestman_bt.navigation.global_planning import Costmap
-from bestman_bt.navigation.local_planning import braking_time, safe_share
-from bestman_bt.navigation.local_planning.braking import JerkLimit
+from bestman_bt.navigation.global_planning.costmap import Costmap
+from bestman_bt.navigation.local_planning.braking import JerkLimit, braking_time, safe_share
 from bestman_bt.navigation.local_planning.critics import Critics, Surroundings
 from bestman_bt.navigation.local_planning.obstacle_aware import ObstacleAwareFollower
 from bestman_bt.navigation.localization.ray_casting import cast_rays
-from bestman_bt.robot_model import BaseModel, MobilePart
-from bestman_bt.world_model import SemanticMap
+from bestman_bt.robot_model.model import BaseModel
+from bestman_bt.robot_model.part_config import MobilePart
+from bestman_bt.world_model.semantic_map import SemanticMap
 from tests.robot_models import base_model
 
 DT, BEAMS = 0.025, 360

@@ -8,11 +8,13 @@ import numpy as np
 import pytest
 
 from bestman_bt.messages import Pose2D, Twist2D
-from bestman_bt.navigation.local_planning import DWA, MPPI, MovingObstacle
 from bestman_bt.navigation.local_planning.cost_to_go import CostToGo, DistanceGrid, cost_to_go
 from bestman_bt.navigation.local_planning.critics import Critics, CriticWeights, Drives, Surroundings
+from bestman_bt.navigation.local_planning.dwa import DWA
+from bestman_bt.navigation.local_planning.moving_obstacles import MovingObstacle
+from bestman_bt.navigation.local_planning.mppi import MPPI
 from bestman_bt.navigation.local_planning.rotate_to_heading import PathProgress
-from bestman_bt.robot_model import BaseModel
+from bestman_bt.robot_model.model import BaseModel
 from tests.robot_models import base_model
 
 DT, SIZE, RESOLUTION = 0.025, 240, 0.025

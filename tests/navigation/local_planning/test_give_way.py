@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from bestman_bt.messages import Pose2D, Twist2D
-from bestman_bt.navigation.global_planning import Footprint
-from bestman_bt.navigation.local_planning import GiveWay, MovingObstacle
+from bestman_bt.navigation.global_planning.footprint import Footprint
+from bestman_bt.navigation.local_planning.braking import GiveWay
+from bestman_bt.navigation.local_planning.moving_obstacles import MovingObstacle
 
 BASE = Footprint(np.array([[-0.3, -0.25], [0.3, -0.25], [0.3, 0.25], [-0.3, 0.25]]))
 AHEAD, ORIGIN = Twist2D(vx=0.5), Pose2D()

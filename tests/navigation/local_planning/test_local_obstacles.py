@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from bestman_bt.messages import LaserScan, Pose2D, Twist2D
-from bestman_bt.navigation.global_planning import Costmap, Footprint
-from bestman_bt.navigation.local_planning import FootprintMotion, LocalObstacles, safe_share
-from bestman_bt.navigation.local_planning.braking import JerkLimit
-from bestman_bt.navigation.local_planning.footprint_check import FootprintCheck
+from bestman_bt.navigation.global_planning.costmap import Costmap
+from bestman_bt.navigation.global_planning.footprint import Footprint
+from bestman_bt.navigation.local_planning.braking import JerkLimit, safe_share
+from bestman_bt.navigation.local_planning.footprint_check import FootprintCheck, FootprintMotion
+from bestman_bt.navigation.local_planning.obstacle_layer import LocalObstacles
 from bestman_bt.navigation.localization.ray_casting import cast_rays
 from tests.robot_models import base_model
 

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from bestman_bt.navigation.local_planning import MovingObstacles
+from bestman_bt.navigation.local_planning.moving_obstacles import MovingObstacles
 
 LIDAR = np.array([0.3, -0.2])
 NOTHING = np.zeros((0, 2))

@@ -8,10 +8,13 @@ import numpy as np
 import pytest
 
 from bestman_bt.messages import LaserScan, Path2D, Pose2D, Twist2D, wrap_angle
-from bestman_bt.navigation.global_planning import Costmap, GridAStar
-from bestman_bt.navigation.local_planning import DWA, MPPI, FootprintMotion
+from bestman_bt.navigation.global_planning.costmap import Costmap
+from bestman_bt.navigation.global_planning.polyline_planner import GridAStar
+from bestman_bt.navigation.local_planning.dwa import DWA
+from bestman_bt.navigation.local_planning.footprint_check import FootprintMotion
+from bestman_bt.navigation.local_planning.mppi import MPPI
 from bestman_bt.navigation.localization.ray_casting import cast_rays
-from bestman_bt.world_model import SemanticMap
+from bestman_bt.world_model.semantic_map import SemanticMap
 from tests.robot_models import base_model
 
 DT, BEAMS = 0.025, 180

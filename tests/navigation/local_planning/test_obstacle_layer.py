@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from bestman_bt.messages import LaserScan, Path2D, Pose2D
-from bestman_bt.navigation.global_planning import GridAStar
-from bestman_bt.navigation.local_planning import ObstacleLayer
+from bestman_bt.navigation.global_planning.polyline_planner import GridAStar
+from bestman_bt.navigation.local_planning.obstacle_layer import ObstacleLayer
 from bestman_bt.navigation.localization.ray_casting import cast_rays
 
 ANGLES = np.linspace(-math.pi, math.pi, 360, endpoint=False)

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from bestman_bt.messages import Path2D, Pose2D, Twist2D, wrap_angle
-from bestman_bt.navigation.global_planning import GridAStar
-from bestman_bt.navigation.local_planning import PurePursuit, RotateToHeading
+from bestman_bt.navigation.global_planning.polyline_planner import GridAStar
+from bestman_bt.navigation.local_planning.pure_pursuit import PurePursuit
+from bestman_bt.navigation.local_planning.rotate_to_heading import RotateToHeading
 
 DT = 0.025
 

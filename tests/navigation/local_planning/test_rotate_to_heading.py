@@ -5,7 +5,7 @@ import math
 import pytest
 
 from bestman_bt.messages import Pose2D, Twist2D
-from bestman_bt.navigation.local_planning import RotateToHeading
+from bestman_bt.navigation.local_planning.rotate_to_heading import RotateToHeading
 
 DT = 0.025
 

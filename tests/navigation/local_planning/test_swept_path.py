@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from bestman_bt.messages import Path2D, Pose2D
-from bestman_bt.navigation.global_planning import Footprint
-from bestman_bt.navigation.local_planning import FootprintMotion, SweptPath
+from bestman_bt.navigation.global_planning.footprint import Footprint
+from bestman_bt.navigation.local_planning.footprint_check import FootprintMotion
+from bestman_bt.navigation.local_planning.swept_path import SweptPath
 
 LONG = FootprintMotion(Footprint(np.array([[-0.4, -0.2], [0.4, -0.2], [0.4, 0.2], [-0.4, 0.2]])), 0.0)
 AHEAD = Path2D(np.array([[0.0, 0.0], [2.0, 0.0]]), Pose2D(2.0, 0.0, 0.0))

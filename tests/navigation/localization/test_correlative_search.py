@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from bestman_bt.messages import LaserScan, Pose2D, wrap_angle
-from bestman_bt.navigation.localization import CorrelativeSearch, OdometryScan
-from bestman_bt.world_model import SemanticMap
+from bestman_bt.navigation.localization.base import OdometryScan
+from bestman_bt.navigation.localization.correlative_search import CorrelativeSearch
+from bestman_bt.world_model.semantic_map import SemanticMap
 from tests.navigation.localization.simulated_scans import BASE_FROM_LIDAR, ahead_only, grid_of, scan_at
 
 PLACES = [Pose2D(-0.2, 1.8, -2.0), Pose2D(0.9, -1.7, 0.4), Pose2D(3.6, 0.6, 3.0), Pose2D(2.2, -1.8, 1.2)]

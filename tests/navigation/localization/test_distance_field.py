@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from bestman_bt.navigation.localization import DistanceField
-from bestman_bt.world_model import SemanticMap
+from bestman_bt.navigation.localization.distance_field import DistanceField
+from bestman_bt.world_model.semantic_map import SemanticMap
 from tests.navigation.localization.simulated_scans import grid_of
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from bestman_bt.messages import Pose2D, wrap_angle
-from bestman_bt.navigation.localization import OdometryEkf, WheelOdometry
+from bestman_bt.navigation.localization.ekf import OdometryEkf, WheelOdometry
 
 DT = 0.025
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from bestman_bt.messages import Pose2D
-from bestman_bt.navigation.localization import front_edge
-from bestman_bt.world_model import MapFurniture
+from bestman_bt.navigation.localization.front_edge import front_edge
+from bestman_bt.world_model.semantic_map import MapFurniture
 
 COUNTER = MapFurniture("counter", Pose2D(2.0, 1.0, 0.4), (0.6, 1.6), 0.9, (), True)
 

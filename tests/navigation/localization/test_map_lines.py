@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from bestman_bt.messages import OccupancyGrid, Pose2D
-from bestman_bt.navigation.localization import map_lines
-from bestman_bt.navigation.localization.map_lines import open_furniture, within
-from bestman_bt.world_model import MapFurniture, SemanticMap
+from bestman_bt.navigation.localization.map_lines import map_lines, open_furniture, within
+from bestman_bt.world_model.semantic_map import MapFurniture, SemanticMap
 
 
 def grid(rows: list[str]) -> OccupancyGrid:

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from bestman_bt.messages import LaserScan, Pose2D, wrap_angle
-from bestman_bt.navigation.localization import ScanToMap
-from bestman_bt.world_model import MapFurniture, SemanticMap
+from bestman_bt.navigation.localization.scan_to_map import ScanToMap
+from bestman_bt.world_model.semantic_map import MapFurniture, SemanticMap
 from tests.navigation.localization.simulated_scans import BASE_FROM_LIDAR, BEAMS, grid_of, scan_at
 
 

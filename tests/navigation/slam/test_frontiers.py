@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from bestman_bt.messages import OccupancyGrid, Pose2D
-from bestman_bt.navigation.global_planning import Costmap
-from bestman_bt.navigation.slam import FrontierExplorer, Overhangs, find_frontiers
+from bestman_bt.navigation.global_planning.costmap import Costmap
+from bestman_bt.navigation.slam.frontiers import FrontierExplorer, find_frontiers
+from bestman_bt.navigation.slam.overhangs import Overhangs
 
 
 def floor(known_to, rows=80, columns=200):

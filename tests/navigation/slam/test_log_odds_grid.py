@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 
 from bestman_bt.messages import LaserScan, Pose2D
-from bestman_bt.navigation.slam import LogOddsGrid
+from bestman_bt.navigation.slam.pose_graph_slam import LogOddsGrid
 
 
 def scan_of(ranges):

@@ -7,8 +7,8 @@ import pytest
 
 from bestman_bt.messages import LaserScan, Pose2D
 from bestman_bt.messages.grids import FREE, OCCUPIED
-from bestman_bt.navigation.slam import PoseGraphSlam, SlamLocalizer
 from bestman_bt.navigation.slam.loop_closure import LoopCloser
+from bestman_bt.navigation.slam.pose_graph_slam import PoseGraphSlam, SlamLocalizer
 
 BASE_FROM_LIDAR = Pose2D(0.1, 0.0, 0.05)
 

@@ -10,9 +10,9 @@ import pytest
 from benchmarks.perception_measures.distractors import Parts, block
 from benchmarks.rendering import render_view
 from bestman_bt.messages import Handle, Pose
-from bestman_bt.perception import View
-from bestman_bt.scene import FurnitureModel
-from bestman_bt.scene.furniture_generator import generate_furniture
+from bestman_bt.perception.view import View
+from bestman_bt.scene.furniture_generator.generate import generate_furniture
+from bestman_bt.scene.scene import FurnitureModel
 
 FrontView = Callable[..., tuple[View, tuple[Handle, ...]]]
 

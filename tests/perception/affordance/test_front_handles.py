@@ -9,9 +9,10 @@ import pytest
 from benchmarks.perception_measures.distractors import Parts, block, bookshelf, chair, moved, plain_sideboard
 from benchmarks.rendering import intrinsics, render_view
 from bestman_bt.messages import Cylinder, Handle, PlacedShape, Pose, RGBDImage
-from bestman_bt.perception import PerceptionError, View
-from bestman_bt.perception.affordance import FrontHandles, HandleScene
-from bestman_bt.scene.furniture_generator import HandleOptions
+from bestman_bt.perception.affordance.front_handles import FrontHandles, HandleScene
+from bestman_bt.perception.errors import PerceptionError
+from bestman_bt.perception.view import View
+from bestman_bt.scene.furniture_generator.handle_design import HandleOptions
 
 BAR, KNOB, EDGE = HandleOptions(kind="bar"), HandleOptions(kind="knob"), HandleOptions(kind="edge", length=0.2)
 UPRIGHT = HandleOptions(kind="bar", direction="vertical")

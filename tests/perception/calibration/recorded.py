@@ -10,7 +10,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from bestman_bt.messages import CameraIntrinsics, Pose
-from bestman_bt.perception.calibration import BoardSighting, project
+from bestman_bt.perception.calibration.boards import BoardSighting, project
 
 CAMERA = CameraIntrinsics(640, 480, 433.0, 433.0, 319.5, 239.5)
 LENS = CameraIntrinsics(640, 480, 431.0, 435.0, 322.0, 236.0, (-0.21, 0.06, 0.0012, -0.0008, -0.01))

@@ -7,13 +7,7 @@ import numpy as np
 import pytest
 
 from bestman_bt.messages import Pose
-from bestman_bt.perception.calibration import (
-    CalibrationError,
-    CharucoBoard,
-    Checkerboard,
-    board_pose,
-    project,
-)
+from bestman_bt.perception.calibration.boards import CalibrationError, CharucoBoard, Checkerboard, board_pose, project
 from tests.perception.calibration.recorded import CAMERA, LENS, errors, photographed
 
 CHARUCO = CharucoBoard(7, 5, 0.03, 0.022)

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from bestman_bt.messages import Pose
-from bestman_bt.perception.calibration import CalibrationError, DegenerateMotionError, DepthCalibration
+from bestman_bt.perception.calibration.boards import CalibrationError, DegenerateMotionError
+from bestman_bt.perception.calibration.depth_error import DepthCalibration
 from tests.perception.calibration.recorded import LENS, corners, sighting, turned
 
 

@@ -9,13 +9,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from bestman_bt.messages import Pose
-from bestman_bt.perception.calibration import (
-    CalibrationError,
-    Daniilidis,
-    DegenerateMotionError,
-    ParkMartin,
-)
-from bestman_bt.perception.calibration.hand_eye import relative_motions
+from bestman_bt.perception.calibration.boards import CalibrationError, DegenerateMotionError
+from bestman_bt.perception.calibration.hand_eye import Daniilidis, ParkMartin, relative_motions
 from tests.perception.calibration.recorded import Recording, errors, hand_eye_recording, turned
 
 METHODS = (ParkMartin, Daniilidis)

@@ -8,14 +8,8 @@ import numpy as np
 import pytest
 
 from bestman_bt.messages import Pose
-from bestman_bt.perception.calibration import (
-    BoardView,
-    CalibrationError,
-    ChainCalibration,
-    ChainPoses,
-    DegenerateMotionError,
-    calibrate_head_camera,
-)
+from bestman_bt.perception.calibration.boards import CalibrationError, DegenerateMotionError
+from bestman_bt.perception.calibration.head_camera import BoardView, ChainCalibration, ChainPoses, calibrate_head_camera
 from tests.perception.calibration.recorded import CAMERA, LENS, errors, hand_eye_recording, noisy, sighting
 
 MOUNT = Pose(np.array([-0.2, 0.0, 1.6]))

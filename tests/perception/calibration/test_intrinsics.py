@@ -8,12 +8,8 @@ import numpy as np
 import pytest
 
 from bestman_bt.messages import Pose
-from bestman_bt.perception.calibration import (
-    CalibrationError,
-    DegenerateMotionError,
-    IntrinsicsCalibration,
-    project,
-)
+from bestman_bt.perception.calibration.boards import CalibrationError, DegenerateMotionError, project
+from bestman_bt.perception.calibration.intrinsics import IntrinsicsCalibration
 from tests.perception.calibration.recorded import CAMERA, LENS, corners, sighting, turned
 
 SIZE = (640, 480)

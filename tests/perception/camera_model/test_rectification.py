@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from bestman_bt.messages import CameraIntrinsics, Pose, RGBDImage
-from bestman_bt.perception import PerceptionError, View
 from bestman_bt.perception.camera_model import DepthCorrection, Rectification, rectification
+from bestman_bt.perception.errors import PerceptionError
+from bestman_bt.perception.view import View
 
 LENS = CameraIntrinsics(320, 240, 210.0, 214.0, 161.0, 118.0, (-0.3, 0.1, 0.001, -0.002, 0.0))
 

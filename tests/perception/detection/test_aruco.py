@@ -9,13 +9,10 @@ from benchmarks.rendered_shelf import camera_pose
 from benchmarks.rendered_table import solid
 from benchmarks.rendering import render_view
 from bestman_bt.messages import Box, CameraIntrinsics, PlacedShape, Pose, RGBDImage
-from bestman_bt.perception import PerceptionError, View
-from bestman_bt.perception.detection import (
-    ByMarker,
-    MarkerDetector,
-    marker_shapes,
-)
-from bestman_bt.perception.segmentation import Region
+from bestman_bt.perception.detection.by_marker import ByMarker, MarkerDetector, marker_shapes
+from bestman_bt.perception.errors import PerceptionError
+from bestman_bt.perception.segmentation.base import Region
+from bestman_bt.perception.view import View
 
 DICTIONARIES = ["DICT_4X4_50", "DICT_APRILTAG_36h11"]
 TABLE = (PlacedShape(Box((0.8, 1.2, 0.03)), Pose.from_xyz_rpy((0.7, 0.0, 0.735))), (0.7, 0.55, 0.4))

@@ -10,16 +10,14 @@ import pytest
 
 from benchmarks.rendered_table import RenderedTable, TrueObject, known_models, render_table
 from bestman_bt.messages import CameraIntrinsics, Pose, RGBDImage
-from bestman_bt.perception import NoSurfaceError, View
-from bestman_bt.perception.detection import (
-    ByMarker,
-    ColorShape,
-    Detector,
-    FromImage,
-    ImageDetection,
-    ModelRegistration,
-)
-from bestman_bt.perception.segmentation import PlaneDbscan, RegionGrowing
+from bestman_bt.perception.detection.base import Detector
+from bestman_bt.perception.detection.by_marker import ByMarker
+from bestman_bt.perception.detection.color_shape import ColorShape
+from bestman_bt.perception.detection.from_image import FromImage, ImageDetection, ModelRegistration
+from bestman_bt.perception.errors import NoSurfaceError
+from bestman_bt.perception.segmentation.plane_dbscan import PlaneDbscan
+from bestman_bt.perception.segmentation.region_growing import RegionGrowing
+from bestman_bt.perception.view import View
 
 Tables = Callable[..., RenderedTable]
 MODELS = known_models(1)

@@ -11,11 +11,13 @@ from benchmarks.crowded_table import crowded_table
 from benchmarks.perception_measures.known_objects import shares_place, shipped_models
 from benchmarks.rendered_table import RenderedTable, TrueObject, known_models, recolored, render_table, solid
 from bestman_bt.messages import Box, Cylinder, ObjectModel, PlacedShape, Pose
-from bestman_bt.perception import View
-from bestman_bt.perception.detection import ColorShape, DetectedScene
+from bestman_bt.perception.detection.base import DetectedScene
+from bestman_bt.perception.detection.color_shape import ColorShape
 from bestman_bt.perception.errors import PerceptionError
-from bestman_bt.perception.pose_estimation import MultiStart, PoseEstimator, PoseHypothesis
-from bestman_bt.perception.segmentation import Cluster
+from bestman_bt.perception.pose_estimation.base import PoseEstimator, PoseHypothesis
+from bestman_bt.perception.pose_estimation.multi_start import MultiStart
+from bestman_bt.perception.segmentation.base import Cluster
+from bestman_bt.perception.view import View
 
 Tables = Callable[..., RenderedTable]
 TABLE = Pose.from_xyz_rpy((0.76, 0.0, 0.75))

@@ -8,13 +8,9 @@ import pytest
 
 from benchmarks.rendered_table import RenderedTable, TrueObject, known_models, render_table, solid
 from bestman_bt.messages import Box, ObjectModel, Pose, RGBDImage
-from bestman_bt.perception import PerceptionError
-from bestman_bt.perception.detection import (
-    DetectedScene,
-    FromImage,
-    ImageDetection,
-    LabelledCluster,
-)
+from bestman_bt.perception.detection.base import DetectedScene, LabelledCluster
+from bestman_bt.perception.detection.from_image import FromImage, ImageDetection
+from bestman_bt.perception.errors import PerceptionError
 
 TABLE = Pose.from_xyz_rpy((0.76, 0.0, 0.75))
 MODELS = known_models(0)

@@ -7,9 +7,10 @@ import pytest
 
 from benchmarks.rendered_table import RenderedTable, TrueObject, known_models, render_table
 from bestman_bt.messages import Pose
-from bestman_bt.perception.detection import DetectedScene, ModelRegistration
-from bestman_bt.perception.segmentation import PlaneDbscan
-from bestman_bt.scene import read_object
+from bestman_bt.perception.detection.base import DetectedScene
+from bestman_bt.perception.detection.from_image import ModelRegistration
+from bestman_bt.perception.segmentation.plane_dbscan import PlaneDbscan
+from bestman_bt.scene.object_file import read_object
 
 Tables = Callable[..., RenderedTable]
 MODELS = known_models(1)

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from bestman_bt.messages import Box, ObjectModel, PlacedShape, Pose, YawSet
-from bestman_bt.perception.detection import DetectedScene, ImageDetection, LabelledCluster
-from bestman_bt.perception.detection.base import Naming
-from bestman_bt.perception.pose_estimation import PoseHypothesis
-from bestman_bt.perception.segmentation import Cluster, SegmentedScene, SupportPlane
+from bestman_bt.perception.detection.base import DetectedScene, LabelledCluster, Naming
+from bestman_bt.perception.detection.from_image import ImageDetection
+from bestman_bt.perception.pose_estimation.base import PoseHypothesis
+from bestman_bt.perception.segmentation.base import Cluster, SegmentedScene, SupportPlane
 
 PLANE = SupportPlane(Pose(), (1.0, 1.0), np.zeros((3, 3)), 0.001)
 EMPTY = SegmentedScene((PLANE,), ())

@@ -12,10 +12,9 @@ from onnx import TensorProto, helper
 from benchmarks.rendered_table import known_models
 from bestman_bt.errors import MissingExtraError
 from bestman_bt.messages import CameraIntrinsics, RGBDImage
-from bestman_bt.perception import PerceptionError
-from bestman_bt.perception.detection import ImageDetection, OnnxDetector
-from bestman_bt.perception.detection.onnx_detector import letterbox
-from bestman_bt.perception.errors import DetectorModelError
+from bestman_bt.perception.detection.from_image import ImageDetection
+from bestman_bt.perception.detection.onnx_detector import OnnxDetector, letterbox
+from bestman_bt.perception.errors import DetectorModelError, PerceptionError
 from tests.perception.detection.train_tiny_detector import CLASSES, train, training_scene, true_boxes
 
 

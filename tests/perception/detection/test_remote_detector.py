@@ -17,7 +17,7 @@ import pytest
 
 from benchmarks.rendered_table import TrueObject, known_models, render_table
 from bestman_bt.messages import CameraIntrinsics, Pose, RGBDImage
-from bestman_bt.perception.detection import RemoteDetector
+from bestman_bt.perception.detection.remote_detector import RemoteDetector
 from bestman_bt.perception.errors import DetectorReplyError, DetectorUnreachableError
 from tests.answering_server import Server, Way, drips, drips_headers, raw, serving_at, sleeps
 

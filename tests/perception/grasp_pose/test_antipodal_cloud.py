@@ -8,8 +8,9 @@ import pytest
 
 from benchmarks.rendered_table import solid
 from bestman_bt.messages import Box, Cylinder, ObjectModel, PlacedShape, PointCloud, Pose, Sphere
-from bestman_bt.perception import PerceptionError
-from bestman_bt.perception.grasp_pose import AntipodalCloud, GraspCandidate, GraspTarget
+from bestman_bt.perception.errors import PerceptionError
+from bestman_bt.perception.grasp_pose.antipodal_cloud import AntipodalCloud
+from bestman_bt.perception.grasp_pose.base import GraspCandidate, GraspTarget
 from bestman_bt.perception.pose_estimation.model_surface import sample_shape
 from tests.robot_models import gripper_model
 

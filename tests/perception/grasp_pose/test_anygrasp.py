@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from bestman_bt.messages import Box, PlacedShape, PointCloud, Pose
-from bestman_bt.perception import PerceptionError
-from bestman_bt.perception.grasp_pose import AnyGraspAdapter, GraspCandidate, GraspTarget
-from bestman_bt.perception.grasp_pose.anygrasp import camera_looking_at
+from bestman_bt.perception.errors import PerceptionError
+from bestman_bt.perception.grasp_pose.anygrasp import AnyGraspAdapter, camera_looking_at
+from bestman_bt.perception.grasp_pose.base import GraspCandidate, GraspTarget
 from bestman_bt.perception.pose_estimation.model_surface import sample_shape
 from tests.robot_models import gripper_model
 

@@ -9,15 +9,11 @@ import numpy as np
 import pytest
 
 from bestman_bt.messages import Pose
-from bestman_bt.perception.grasp_pose import (
-    GraspCandidate,
-    GraspRanking,
-    HandPlacement,
-)
+from bestman_bt.perception.grasp_pose.base import GraspCandidate
 from bestman_bt.perception.grasp_pose.contact_quality import ContactQuality, PadContacts, close_pads
 from bestman_bt.perception.grasp_pose.hand_poses import HandPoses, different_hands, hands_about
-from bestman_bt.perception.grasp_pose.hand_shape import HandShape, HandSize
-from bestman_bt.perception.grasp_pose.ranking import clear_candidates, columns_below
+from bestman_bt.perception.grasp_pose.hand_shape import HandPlacement, HandShape, HandSize
+from bestman_bt.perception.grasp_pose.ranking import GraspRanking, clear_candidates, columns_below
 from tests.robot_models import gripper_model, with_part
 
 GRIPPER = gripper_model(finger_depth=0.045, pad_size=(0.02, 0.016))

@@ -7,13 +7,10 @@ import pytest
 
 from bestman_bt.messages import Box, Handle, PlacedShape, Pose
 from bestman_bt.messages.handle import HandleKind
-from bestman_bt.perception import PerceptionError
-from bestman_bt.perception.grasp_pose import (
-    GraspCandidate,
-    GraspTarget,
-    HandleGrasp,
-    HandSize,
-)
+from bestman_bt.perception.errors import PerceptionError
+from bestman_bt.perception.grasp_pose.base import GraspCandidate, GraspTarget
+from bestman_bt.perception.grasp_pose.hand_shape import HandSize
+from bestman_bt.perception.grasp_pose.handle_grasp import HandleGrasp
 from tests.robot_models import gripper_model, with_part
 
 GRIPPER = gripper_model(finger_depth=0.039, pad_size=(0.02, 0.02))

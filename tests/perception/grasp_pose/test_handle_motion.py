@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from bestman_bt.messages import Handle, Pose
-from bestman_bt.perception.grasp_pose import handle_motion
+from bestman_bt.perception.grasp_pose.hand_poses import handle_motion
 
 
 def handle(**more: Any) -> Handle:

@@ -8,8 +8,9 @@ import pytest
 
 from benchmarks.rendered_table import known_models, solid, tumbler
 from bestman_bt.messages import Box, Cylinder, ObjectGrasp, ObjectModel, PlacedShape, Pose, Sphere
-from bestman_bt.perception import PerceptionError
-from bestman_bt.perception.grasp_pose import GraspCandidate, GraspTarget, ModelBased
+from bestman_bt.perception.errors import PerceptionError
+from bestman_bt.perception.grasp_pose.base import GraspCandidate, GraspTarget
+from bestman_bt.perception.grasp_pose.model_based import ModelBased
 from tests.robot_models import gripper_model
 
 GRIPPER = gripper_model(finger_depth=0.045, pad_size=(0.02, 0.02))

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from bestman_bt.messages import Pose
-from bestman_bt.perception.grasp_pose import GraspCandidate, GraspRanking
+from bestman_bt.perception.grasp_pose.base import GraspCandidate
+from bestman_bt.perception.grasp_pose.ranking import GraspRanking
 
 
 def candidate(x: float, quality: float, clearance: float = 1.0) -> GraspCandidate:

@@ -7,9 +7,8 @@ import pytest
 import trimesh
 
 from bestman_bt.messages import Mesh
-from bestman_bt.perception import PerceptionError
-from bestman_bt.perception.object_models import simplified
-from bestman_bt.perception.object_models.convex_parts import ConvexDecomposition
+from bestman_bt.perception.errors import PerceptionError
+from bestman_bt.perception.object_models.convex_parts import ConvexDecomposition, simplified
 
 
 def mesh_of(shape: trimesh.Trimesh) -> Mesh:

@@ -8,7 +8,7 @@ import trimesh
 
 from bestman_bt.messages import Mesh
 from bestman_bt.perception.object_models.symmetry import SymmetrySearch
-from bestman_bt.scene import read_object
+from bestman_bt.scene.object_file import read_object
 
 create = trimesh.creation
 

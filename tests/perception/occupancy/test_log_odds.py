@@ -18,8 +18,9 @@ from bestman_bt.messages import (
     Pose,
     distance_to_shape,
 )
-from bestman_bt.perception import PerceptionError, View
+from bestman_bt.perception.errors import PerceptionError
 from bestman_bt.perception.occupancy import LogOdds, VoxelRegion, freed
+from bestman_bt.perception.view import View
 from tests.perception.seen_boxes import looking_at, view_of
 
 TABLE = PlacedShape(Box((0.8, 1.2, 0.04)), Pose(np.array([0.0, 0.0, 0.73])))

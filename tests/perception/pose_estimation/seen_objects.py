@@ -9,9 +9,10 @@ import numpy as np
 
 from benchmarks.rendered_table import TrueObject, mast_camera, render_table
 from bestman_bt.messages import ObjectModel, Pose
-from bestman_bt.perception import View
-from bestman_bt.perception.segmentation import Cluster, PlaneDbscan, Region
-from bestman_bt.scene import read_object
+from bestman_bt.perception.segmentation.base import Cluster, Region
+from bestman_bt.perception.segmentation.plane_dbscan import PlaneDbscan
+from bestman_bt.perception.view import View
+from bestman_bt.scene.object_file import read_object
 
 TABLE, SIZE = Pose.from_xyz_rpy((0.7, 0.0, 0.75)), (0.8, 1.2)
 MAST = mast_camera(0.8, 0.0)

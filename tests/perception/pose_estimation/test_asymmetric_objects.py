@@ -10,7 +10,8 @@ import pytest
 from benchmarks.rendered_table import TrueObject, mast_camera, solid
 from bestman_bt.messages import Box
 from bestman_bt.messages.pose import wrap_angle
-from bestman_bt.perception.pose_estimation import MultiStart, PoseHypothesis
+from bestman_bt.perception.pose_estimation.base import PoseHypothesis
+from bestman_bt.perception.pose_estimation.multi_start import MultiStart
 
 from .seen_objects import cluster_of, photographed, shipped, standing
 

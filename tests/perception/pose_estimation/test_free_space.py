@@ -3,8 +3,8 @@ from __future__ import annotations
 import numpy as np
 
 from bestman_bt.messages import CameraIntrinsics, Pose, RGBDImage
-from bestman_bt.perception import View
 from bestman_bt.perception.pose_estimation.yaw_profile import seen_space
+from bestman_bt.perception.view import View
 
 ORANGE, BROWN = (220, 110, 30), (140, 110, 80)
 PALETTE = np.array([ORANGE]) / 255.0

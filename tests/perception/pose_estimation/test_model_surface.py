@@ -8,7 +8,7 @@ from scipy.spatial import cKDTree
 
 from benchmarks.rendered_table import known_models, solid, tumbler
 from bestman_bt.messages import Box, Cylinder, ObjectModel, PlacedShape, Pose, Sphere
-from bestman_bt.perception import PerceptionError
+from bestman_bt.perception.errors import PerceptionError
 from bestman_bt.perception.pose_estimation.model_surface import model_surface, sample_shape
 
 

@@ -9,8 +9,10 @@ import pytest
 
 from benchmarks.rendered_table import RenderedTable, TrueObject, known_models, render_table, solid
 from bestman_bt.messages import Box, ObjectModel, Pose
-from bestman_bt.perception.pose_estimation import MultiStart, PoseHypothesis
-from bestman_bt.perception.segmentation import Cluster, PlaneDbscan
+from bestman_bt.perception.pose_estimation.base import PoseHypothesis
+from bestman_bt.perception.pose_estimation.multi_start import MultiStart
+from bestman_bt.perception.segmentation.base import Cluster
+from bestman_bt.perception.segmentation.plane_dbscan import PlaneDbscan
 
 Tables = Callable[..., RenderedTable]
 ESTIMATOR = MultiStart()

@@ -9,8 +9,10 @@ import pytest
 from benchmarks.rendered_table import TrueObject
 from bestman_bt.messages import Pose
 from bestman_bt.messages.pose import wrap_angle
-from bestman_bt.perception import PerceptionError, View
-from bestman_bt.perception.pose_estimation import MultiStart, MultiView, ViewObservation
+from bestman_bt.perception.errors import PerceptionError
+from bestman_bt.perception.pose_estimation.multi_start import MultiStart
+from bestman_bt.perception.pose_estimation.multi_view import MultiView, ViewObservation
+from bestman_bt.perception.view import View
 from bestman_bt.perception.view_planning import looking_at
 
 from .seen_objects import MAST, cluster_of, photographed, shipped, standing

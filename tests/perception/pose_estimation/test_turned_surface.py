@@ -8,7 +8,7 @@ import pytest
 from bestman_bt.messages import Pose
 from bestman_bt.perception.pose_estimation.model_surface import model_surface
 from bestman_bt.perception.pose_estimation.point_to_plane import TurnedSurface, slide, surface_distances, turned_surface
-from bestman_bt.scene import read_object
+from bestman_bt.scene.object_file import read_object
 
 
 @pytest.fixture(scope="module")

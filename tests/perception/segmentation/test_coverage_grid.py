@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from bestman_bt.messages import Pose
-from bestman_bt.perception.segmentation import ABSENT, FREE, OCCUPIED, UNSEEN, SurfaceCoverage
 from bestman_bt.perception.segmentation.horizontal_plane import footprint, overlaps
+from bestman_bt.perception.segmentation.surface_coverage import ABSENT, FREE, OCCUPIED, UNSEEN, SurfaceCoverage
 
 PLANE = Pose.from_xyz_rpy((1.0, 2.0, 0.7), (0.0, 0.0, 1.2)) @ Pose.from_xyz_rpy((0, 0, 0), (0.03, -0.02, 0.0))
 

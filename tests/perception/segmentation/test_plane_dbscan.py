@@ -10,9 +10,10 @@ import pytest
 
 from benchmarks.rendered_table import RenderedTable, TrueObject
 from bestman_bt.messages import Box, PlacedShape, Pose, RGBDImage
-from bestman_bt.perception import NoSurfaceError, View
-from bestman_bt.perception.segmentation import Open3DDbscan, PlaneDbscan, Region, SegmentedScene
-from bestman_bt.perception.segmentation.plane_dbscan import dbscan
+from bestman_bt.perception.errors import NoSurfaceError
+from bestman_bt.perception.segmentation.base import Region, SegmentedScene
+from bestman_bt.perception.segmentation.plane_dbscan import Open3DDbscan, PlaneDbscan, dbscan
+from bestman_bt.perception.view import View
 from tests.perception.seen_boxes import looking_at, view_of
 
 Tables = Callable[..., RenderedTable]

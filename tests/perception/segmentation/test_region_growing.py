@@ -9,8 +9,11 @@ import pytest
 from benchmarks.perception_measures.segmentation import composites, judge
 from benchmarks.rendered_table import RenderedTable, TrueObject, known_models, render_table
 from bestman_bt.messages import CameraIntrinsics, ObjectModel, Pose, RGBDImage
-from bestman_bt.perception import NoSurfaceError, View
-from bestman_bt.perception.segmentation import PlaneDbscan, Region, RegionGrowing, Segmentation, SegmentedScene
+from bestman_bt.perception.errors import NoSurfaceError
+from bestman_bt.perception.segmentation.base import Region, Segmentation, SegmentedScene
+from bestman_bt.perception.segmentation.plane_dbscan import PlaneDbscan
+from bestman_bt.perception.segmentation.region_growing import RegionGrowing
+from bestman_bt.perception.view import View
 
 Tables = Callable[..., RenderedTable]
 TABLE = Pose.from_xyz_rpy((0.76, 0.0, 0.75))

@@ -11,15 +11,11 @@ from benchmarks.rendered_shelf import RenderedShelf, camera_pose, random_shelf
 from benchmarks.rendered_table import RenderedTable, render_table
 from benchmarks.rendering import render_view
 from bestman_bt.messages import Box, CameraIntrinsics, PlacedShape, Pose, RGBDImage
-from bestman_bt.perception import NoSurfaceError, View
-from bestman_bt.perception.segmentation import (
-    Cluster,
-    RegionGrowing,
-    SupportPlane,
-    SupportSurfaces,
-    surface_regions,
-)
-from bestman_bt.perception.segmentation.support_surfaces import surface_sides
+from bestman_bt.perception.errors import NoSurfaceError
+from bestman_bt.perception.segmentation.base import Cluster, SupportPlane
+from bestman_bt.perception.segmentation.region_growing import RegionGrowing
+from bestman_bt.perception.segmentation.support_surfaces import SupportSurfaces, surface_regions, surface_sides
+from bestman_bt.perception.view import View
 
 Tables = Callable[..., RenderedTable]
 shelf = cache(random_shelf)

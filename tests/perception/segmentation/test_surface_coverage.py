@@ -7,12 +7,12 @@ import pytest
 
 from benchmarks.rendered_table import RenderedTable, TrueObject, render_table, solid
 from bestman_bt.messages import Box, Pose
-from bestman_bt.perception.segmentation import (
+from bestman_bt.perception.segmentation.plane_dbscan import PlaneDbscan
+from bestman_bt.perception.segmentation.surface_coverage import (
     ABSENT,
     FREE,
     OCCUPIED,
     UNSEEN,
-    PlaneDbscan,
     SurfaceCoverage,
     surface_coverage,
 )

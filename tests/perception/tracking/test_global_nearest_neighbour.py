@@ -12,7 +12,7 @@ from benchmarks.rendering import Color, render_view
 from bestman_bt.messages import Box, Cylinder, ObjectModel, PlacedShape, Pose, YawSet
 from bestman_bt.perception.tracking import GlobalNearestNeighbour, Presence, presence
 from bestman_bt.perception.view import View
-from bestman_bt.world_model import ObjectBelief
+from bestman_bt.world_model.world_model import ObjectBelief
 
 CAN = ObjectModel("can", (0.8, 0.2, 0.2), 0.3, 0.6, (PlacedShape(Cylinder(0.033, 0.1), Pose()),), symmetry_order=0)
 BOX = ObjectModel("box", (0.2, 0.3, 0.8), 0.3, 0.6, (PlacedShape(Box((0.06, 0.1, 0.12)), Pose()),), symmetry_order=2)

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from bestman_bt.messages import Box, CameraIntrinsics, PlacedShape, Pose, YawSet
-from bestman_bt.perception.pose_estimation import PoseHypothesis
+from bestman_bt.perception.pose_estimation.base import PoseHypothesis
 from bestman_bt.perception.view_planning import ExpectedYaw, looking_at
-from bestman_bt.scene import read_object
+from bestman_bt.scene.object_file import read_object
 
 K = CameraIntrinsics(640, 480, 433.0, 433.0, 320.0, 239.0)
 PLANNER = ExpectedYaw()

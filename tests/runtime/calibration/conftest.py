@@ -11,7 +11,7 @@ import pytest
 import yaml
 
 from bestman_bt.messages import Pose
-from bestman_bt.perception.calibration import CharucoBoard
+from bestman_bt.perception.calibration.boards import CharucoBoard
 from tests.perception.calibration.recorded import CAMERA, photographed, target_before_the_eye, turned
 
 BOARD = CharucoBoard(7, 5, 0.03, 0.0225)

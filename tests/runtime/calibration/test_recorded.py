@@ -11,10 +11,12 @@ import numpy as np
 import pytest
 import yaml
 
-from bestman_bt.configuration import ConfigurationError
+from bestman_bt.configuration.errors import ConfigurationError
 from bestman_bt.messages import Pose
-from bestman_bt.perception.calibration import CalibrationError, DegenerateMotionError, IntrinsicsCalibration
-from bestman_bt.runtime.calibration import load_dataset, plot_residuals, solve_hand_eye, solve_head, solve_intrinsics
+from bestman_bt.perception.calibration.boards import CalibrationError, DegenerateMotionError
+from bestman_bt.perception.calibration.intrinsics import IntrinsicsCalibration
+from bestman_bt.runtime.calibration.dataset import load_dataset
+from bestman_bt.runtime.calibration.solve import plot_residuals, solve_hand_eye, solve_head, solve_intrinsics
 from tests.perception.calibration.recorded import errors
 from tests.runtime.calibration.conftest import HAND_FROM_EYE, written_pose
 

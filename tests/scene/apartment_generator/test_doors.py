@@ -8,15 +8,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bestman_bt.navigation.global_planning import Costmap, Footprint
-from bestman_bt.scene import World, draw_world, load_scene, semantic_map
-from bestman_bt.scene.apartment_generator import Apartment, ApartmentOptions, generate_apartment
-from bestman_bt.scene.apartment_generator.generate import as_standing
+from bestman_bt.navigation.global_planning.costmap import Costmap
+from bestman_bt.navigation.global_planning.footprint import Footprint
+from bestman_bt.scene.apartment_generator.generate import Apartment, as_standing, generate_apartment
+from bestman_bt.scene.apartment_generator.options import ApartmentOptions
+from bestman_bt.scene.draw import draw_world
 from bestman_bt.scene.floor_grid import FloorGrid
+from bestman_bt.scene.load import load_scene
+from bestman_bt.scene.map_of_world import semantic_map
 from bestman_bt.scene.placing import leaf_outlines, standing_outlines
 from bestman_bt.scene.plane_geometry import polygons_overlap, wall_rectangle
-from bestman_bt.scene.scene import Wall
-from bestman_bt.world_model import WorldModel, open_leaves
+from bestman_bt.scene.scene import Wall, World
+from bestman_bt.world_model.openness import open_leaves
+from bestman_bt.world_model.world_model import WorldModel
 
 OPTIONS = ApartmentOptions(doors=1.0, half_open=0.5)
 SEEDS = range(8)

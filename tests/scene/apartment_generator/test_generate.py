@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from bestman_bt.scene.apartment_generator import Apartment, ApartmentError, ApartmentOptions, generate_apartment
+from bestman_bt.scene.apartment_generator.generate import Apartment, ApartmentError, generate_apartment
+from bestman_bt.scene.apartment_generator.options import ApartmentOptions
 from bestman_bt.scene.floor_grid import FloorGrid
 from bestman_bt.scene.plane_geometry import polygons_overlap, wall_rectangle
 from bestman_bt.scene.scene import Wall

@@ -9,14 +9,11 @@ import numpy as np
 import pytest
 
 from bestman_bt.messages import Box, Cylinder, PlacedShape, Pose, Sphere
-from bestman_bt.scene import Articulation, FurnitureModel
-from bestman_bt.scene.furniture_generator import (
-    FURNITURE_KINDS,
-    FinishOptions,
-    FurnitureOptionError,
-    HandleOptions,
-    generate_furniture,
-)
+from bestman_bt.scene.furniture_generator.generate import FURNITURE_KINDS, generate_furniture
+from bestman_bt.scene.furniture_generator.handle_design import HandleOptions
+from bestman_bt.scene.furniture_generator.option_error import FurnitureOptionError
+from bestman_bt.scene.furniture_generator.panel import FinishOptions
+from bestman_bt.scene.scene import Articulation, FurnitureModel
 
 SEEDS = range(12)
 WITH_FRONTS = [kind for kind in FURNITURE_KINDS if kind != "shelf"]

@@ -12,31 +12,18 @@ from hypothesis import strategies as st
 
 from bestman_bt.engine import FAILURE, RUNNING, SUCCESS, NodeRegistry
 from bestman_bt.runtime.plugins import node_registry
-from bestman_bt.task_planning.builders import (
-    BackchainBuilder,
-    ReactiveBuilder,
-    SequenceBuilder,
-    TreeBuilder,
-    kernels,
-    staircase,
-    steps_one_by_one,
-    steps_side_by_side,
-)
+from bestman_bt.task_planning.builders.backchain import BackchainBuilder
+from bestman_bt.task_planning.builders.base import TreeBuilder
+from bestman_bt.task_planning.builders.reactive import ReactiveBuilder
+from bestman_bt.task_planning.builders.regression import kernels, staircase
 from bestman_bt.task_planning.builders.replanning import with_replanning
-from bestman_bt.task_planning.builders.steps import depend
+from bestman_bt.task_planning.builders.sequence import SequenceBuilder
+from bestman_bt.task_planning.builders.steps import depend, steps_one_by_one, steps_side_by_side
 from bestman_bt.task_planning.limits import PlanLimits
 from bestman_bt.task_planning.simulation import SymbolicWorld, dry_run, load_simulated
-from bestman_bt.task_planning.symbolic import (
-    Action,
-    Fact,
-    Literal,
-    Operator,
-    PlanningError,
-    Problem,
-    TaskPlan,
-    instantiate,
-    parse_literals,
-)
+from bestman_bt.task_planning.symbolic.facts import parse_literals
+from bestman_bt.task_planning.symbolic.grounding import instantiate
+from bestman_bt.task_planning.symbolic.problem import Action, Fact, Literal, Operator, PlanningError, Problem, TaskPlan
 from tests.task_planning.disturbed_world import Upset
 from tests.task_planning.kitchen_domain import DOOR, FETCH, FETCH_GOAL, facts, kitchen, operator, plan_of
 

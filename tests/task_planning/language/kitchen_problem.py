@@ -5,14 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
-from bestman_bt.task_planning.symbolic import (
-    Forall,
-    Operator,
-    Problem,
-    parse_conditions,
-    parse_fact,
-    parse_literals,
-)
+from bestman_bt.task_planning.symbolic.facts import parse_conditions, parse_fact, parse_literals
+from bestman_bt.task_planning.symbolic.problem import Forall, Operator, Problem
 
 INSTRUCTION = "bring the mug from the drawer to the table"
 GOAL = ["on(mug, table)"]

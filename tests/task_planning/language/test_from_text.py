@@ -7,14 +7,11 @@ from pathlib import Path
 import pytest
 
 from bestman_bt.registry import PLANNERS, UnknownNameError
-from bestman_bt.task_planning.language import (
-    EndpointNotSetError,
-    ModelRefusedError,
-    NoValidAnswerError,
-    plan_from_text,
-)
+from bestman_bt.task_planning.language.errors import EndpointNotSetError, ModelRefusedError, NoValidAnswerError
+from bestman_bt.task_planning.language.from_text import plan_from_text
 from bestman_bt.task_planning.limits import LimitsExceededError, PlanLimits, plan_within
-from bestman_bt.task_planning.symbolic import Unsolvable, parse_literals
+from bestman_bt.task_planning.symbolic.facts import parse_literals
+from bestman_bt.task_planning.symbolic.problem import Unsolvable
 from tests.answering_server import Server, Way
 from tests.task_planning.language.kitchen_problem import GOAL, INSTRUCTION, RIGHT, kitchen
 from tests.task_planning.language.misbehaving_server import says, serving

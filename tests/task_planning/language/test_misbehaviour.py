@@ -13,7 +13,8 @@ from bestman_bt.task_planning.language.errors import (
     NoValidAnswerError,
 )
 from bestman_bt.task_planning.language.from_text import LanguagePlanner, Proposal
-from bestman_bt.task_planning.symbolic import PlanningError, parse_literals
+from bestman_bt.task_planning.symbolic.facts import parse_literals
+from bestman_bt.task_planning.symbolic.problem import PlanningError
 from tests.answering_server import Server, Way, breaks_off, sleeps
 from tests.task_planning.language.kitchen_problem import FETCH, RIGHT, answer, kitchen, step
 from tests.task_planning.language.misbehaving_server import (

@@ -6,7 +6,8 @@ from typing import Any
 
 from bestman_bt.task_planning.language.prompt import goal_messages, plan_messages
 from bestman_bt.task_planning.limits import PlanLimits
-from bestman_bt.task_planning.symbolic import Fact, Problem, parse_fact
+from bestman_bt.task_planning.symbolic.facts import parse_fact
+from bestman_bt.task_planning.symbolic.problem import Fact, Problem
 from tests.task_planning.language.kitchen_problem import INSTRUCTION, OPERATORS, kitchen
 
 

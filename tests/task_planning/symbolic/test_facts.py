@@ -2,17 +2,14 @@ from __future__ import annotations
 
 import pytest
 
-from bestman_bt.task_planning.symbolic import (
-    Fact,
+from bestman_bt.task_planning.symbolic.facts import (
     FactSyntaxError,
-    Forall,
-    GoalError,
-    Literal,
     goal_as_facts,
     parse_conditions,
     parse_fact,
     parse_literals,
 )
+from bestman_bt.task_planning.symbolic.problem import Fact, Forall, GoalError, Literal
 
 
 def test_a_goal_is_facts_joined_by_and():

@@ -4,21 +4,12 @@ from importlib.util import find_spec
 
 import pytest
 
-from bestman_bt.task_planning.symbolic import (
-    Fact,
-    Forall,
-    Literal,
-    Operator,
-    PddlError,
-    Problem,
-    SymbolicPlanner,
-    Unsolvable,
-    parse_conditions,
-    parse_literals,
-    read_pddl,
-)
+from bestman_bt.task_planning.symbolic.facts import parse_conditions, parse_literals
 from bestman_bt.task_planning.symbolic.fast_downward import FastDownwardPlanner, is_valid
+from bestman_bt.task_planning.symbolic.pddl_reading import PddlError, read_pddl
 from bestman_bt.task_planning.symbolic.pddl_writing import PddlText
+from bestman_bt.task_planning.symbolic.problem import Fact, Forall, Literal, Operator, Problem, Unsolvable
+from bestman_bt.task_planning.symbolic.search import SymbolicPlanner
 
 needs_fast_downward = pytest.mark.skipif(
     find_spec("up_fast_downward") is None, reason="Fast Downward is GPL: only with the extra planning, never by default"

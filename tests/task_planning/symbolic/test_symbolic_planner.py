@@ -7,7 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bestman_bt.task_planning.symbolic import (
+from bestman_bt.task_planning.symbolic.facts import parse_conditions, parse_fact, parse_literals
+from bestman_bt.task_planning.symbolic.grounding import ground, instantiate
+from bestman_bt.task_planning.symbolic.problem import (
     Fact,
     Forall,
     GoalError,
@@ -15,15 +17,9 @@ from bestman_bt.task_planning.symbolic import (
     Operator,
     PlanningError,
     Problem,
-    SymbolicPlanner,
     Unsolvable,
-    instantiate,
-    parse_conditions,
-    parse_fact,
-    parse_literals,
 )
-from bestman_bt.task_planning.symbolic.grounding import ground
-from bestman_bt.task_planning.symbolic.search import Found, RelaxedPlan, best_first
+from bestman_bt.task_planning.symbolic.search import Found, RelaxedPlan, SymbolicPlanner, best_first
 
 
 def operator(name, parameters, pre="", effects="", cost=1.0, hold=""):

@@ -11,8 +11,9 @@ from PIL import Image
 
 import bestman_bt
 from bestman_bt.messages import Box, PlacedShape, Pose
-from bestman_bt.visualization import RecordedBody, RobotSnapshot
-from bestman_bt.visualization.blender import (
+from bestman_bt.visualization.blender import painting
+from bestman_bt.visualization.blender.painting import (
+    SCRIPT,
     BlenderError,
     PaintedBody,
     PaintedFrame,
@@ -21,9 +22,8 @@ from bestman_bt.visualization.blender import (
     blender_python,
     install_blender,
     paint,
-    painting,
 )
-from bestman_bt.visualization.blender.painting import SCRIPT
+from bestman_bt.visualization.snapshot import RecordedBody, RobotSnapshot
 
 StandIn = Callable[[str], Path]
 URDF = """

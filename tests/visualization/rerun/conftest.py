@@ -10,8 +10,9 @@ import pyarrow.compute as pc
 import pytest
 
 from bestman_bt.messages import Box, CameraIntrinsics, Cylinder, PlacedShape, Pose
-from bestman_bt.visualization import RecordedBody
-from bestman_bt.visualization.rerun import RecordedCamera, RecordingSetup, RerunRecorder
+from bestman_bt.visualization.rerun.open_recording import RecordedCamera, RecordingSetup
+from bestman_bt.visualization.rerun.recorder import RerunRecorder
+from bestman_bt.visualization.snapshot import RecordedBody
 
 INTRINSICS = CameraIntrinsics(64, 48, 60.0, 60.0, 31.5, 23.5)
 UNREAD = ("rerun.controls.RowId", "log_time", "log_tick")

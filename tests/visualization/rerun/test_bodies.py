@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from bestman_bt.messages import Box, Cylinder, Mesh, PlacedShape, Pose, Sphere
-from bestman_bt.visualization import RecordedBody
 from bestman_bt.visualization.rerun.bodies import bounds
+from bestman_bt.visualization.snapshot import RecordedBody
 
 GREY = (0.5, 0.5, 0.5, 1.0)
 TETRAHEDRON = Mesh(

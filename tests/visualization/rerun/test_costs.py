@@ -9,7 +9,7 @@ import pytest
 from bestman_bt.engine import IDLE, RUNNING, SUCCESS
 from bestman_bt.messages import Pose
 from bestman_bt.records.events import StatesEvent
-from bestman_bt.visualization import RobotSnapshot
+from bestman_bt.visualization.snapshot import RobotSnapshot
 
 pytestmark = pytest.mark.slow
 

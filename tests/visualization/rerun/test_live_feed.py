@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from bestman_bt.visualization.rerun import LiveFeed
+from bestman_bt.visualization.rerun.viewer import LiveFeed
 
 
 def test_all_that_is_appended_arrives_and_then_the_end(tmp_path: Path) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from bestman_bt.messages import Box, Handle, ObjectModel, PlacedShape, PointCloud, Pose, RGBDImage, YawSet
-from bestman_bt.visualization import RecordingError
+from bestman_bt.visualization.errors import RecordingError
 from bestman_bt.visualization.marks import GraspMark, HandleMark, ObjectMark, SceneMarks, SurfaceMark
 from bestman_bt.visualization.rerun.look import RecordedLook, write_look
 

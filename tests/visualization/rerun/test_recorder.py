@@ -9,8 +9,11 @@ import pytest
 
 from bestman_bt.engine import FAILURE, RUNNING, SUCCESS
 from bestman_bt.messages import LaserScan, Path2D, PointCloud, Pose, Pose2D, RGBDImage
-from bestman_bt.visualization import RecordingError, RobotSnapshot
-from bestman_bt.visualization.rerun import RecordingSetup, RerunRecorder, SensorRecording
+from bestman_bt.visualization.errors import RecordingError
+from bestman_bt.visualization.rerun.open_recording import RecordingSetup
+from bestman_bt.visualization.rerun.recorder import RerunRecorder
+from bestman_bt.visualization.rerun.sensed import SensorRecording
+from bestman_bt.visualization.snapshot import RobotSnapshot
 from tests.visualization.conftest import changed
 
 

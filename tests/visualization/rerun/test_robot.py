@@ -5,7 +5,8 @@ import pinocchio
 import pytest
 
 from bestman_bt.messages import Pose
-from bestman_bt.visualization import RecordingError, RobotSnapshot
+from bestman_bt.visualization.errors import RecordingError
+from bestman_bt.visualization.snapshot import RobotSnapshot
 
 MESHLESS = """
 <robot name="r"><link name="a"><visual><geometry><mesh filename="none.obj"/></geometry></visual></link></robot>

@@ -20,16 +20,11 @@ from PIL import Image
 from bestman_bt.engine import RUNNING
 from bestman_bt.messages import Pose
 from bestman_bt.records.palette import LOOKS
-from bestman_bt.visualization import RecordingError, RobotSnapshot
-from bestman_bt.visualization.rerun import (
-    Display,
-    LiveFeed,
-    RecordingSetup,
-    RerunRecorder,
-    RerunViewer,
-    ViewerOptions,
-    check_recording,
-)
+from bestman_bt.visualization.errors import RecordingError
+from bestman_bt.visualization.rerun.open_recording import RecordingSetup
+from bestman_bt.visualization.rerun.recorder import RerunRecorder
+from bestman_bt.visualization.rerun.viewer import Display, LiveFeed, RerunViewer, ViewerOptions, check_recording
+from bestman_bt.visualization.snapshot import RobotSnapshot
 from tests.visualization.conftest import changed
 
 if TYPE_CHECKING:

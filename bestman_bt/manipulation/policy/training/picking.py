@@ -14,15 +14,15 @@ import numpy as np
 import ruckig
 from numpy.typing import NDArray
 
-from bestman_bt.manipulation.kinematics import InverseKinematics
+from bestman_bt.manipulation.kinematics.base import InverseKinematics
 from bestman_bt.manipulation.policy.base import Observation
 from bestman_bt.manipulation.policy.errors import PolicyError
 from bestman_bt.manipulation.policy.features import pose_error, pose_vector
 from bestman_bt.manipulation.policy.specification import PolicySpecification
 from bestman_bt.manipulation.policy.training.demonstrations import Demonstration
-from bestman_bt.manipulation.trajectory import SpeedScale
+from bestman_bt.manipulation.trajectory.base import SpeedScale
 from bestman_bt.messages import Pose
-from bestman_bt.robot_model import ArmModel
+from bestman_bt.robot_model.model import ArmModel
 
 Array = NDArray[np.float64]
 PICKING_FEATURES = (

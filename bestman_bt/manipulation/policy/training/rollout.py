@@ -7,12 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from bestman_bt.manipulation.kinematics import InverseKinematics
+from bestman_bt.manipulation.kinematics.base import InverseKinematics
 from bestman_bt.manipulation.policy.base import Observation, Policy
 from bestman_bt.manipulation.policy.chunk_stream import chunk_path
 from bestman_bt.manipulation.policy.features import pose_error, pose_vector
 from bestman_bt.messages import Pose
-from bestman_bt.robot_model import ArmModel
+from bestman_bt.robot_model.model import ArmModel
 
 
 @dataclass(frozen=True, eq=False)
