@@ -233,8 +233,8 @@ def test_what_cannot_be_written_is_told_before_anything_is_planned(bestman_bt: C
 def test_a_plug_in_brings_the_planner_and_the_builder(bestman_bt: Command, folder: Path) -> None:
     (folder / "mine.py").write_text(
         "from bestman_bt.registry import task_planner, tree_builder\n"
-        "from bestman_bt.task_planning.builders import SequenceBuilder\n"
-        "from bestman_bt.task_planning.symbolic import SymbolicPlanner\n"
+        "from bestman_bt.task_planning.builders.sequence import SequenceBuilder\n"
+        "from bestman_bt.task_planning.symbolic.search import SymbolicPlanner\n"
         "@task_planner('mine')\nclass Mine(SymbolicPlanner): ...\n"
         "@tree_builder('in_a_row')\nclass InARow(SequenceBuilder): ...\n"
         "@tree_builder('odd')\nclass Odd(SequenceBuilder):\n"

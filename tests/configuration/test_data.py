@@ -71,7 +71,7 @@ def test_an_installed_package_finds_its_own_data(tmp_path: Path) -> None:
         shutil.copy(ROOT / "bestman_bt" / name, package / name)
     for folder in ("assets", "configs"):
         shutil.copytree(ROOT / folder, package / "_data" / folder)
-    code = "from bestman_bt.configuration import find_data, load_task; print(find_data('scene', 'kitchen'))"
+    code = "from bestman_bt.configuration import data, task; print(data.find_data('scene', 'kitchen'))"
     run = subprocess.run(
         [sys.executable, "-c", code],
         cwd=tmp_path,

@@ -133,7 +133,7 @@ def test_the_configuration_of_a_run_names_its_plug_ins(plugin: str, tmp_path: Pa
             "p.py:2: the plug-in raised TypeError: Mine.plan should take (self, problem), but takes (self) (at ",
         ),
         (
-            "from bestman_bt.task_planning.builders import TreeBuilder\nclass B(TreeBuilder):\n root = lambda s: 1\n",
+            "from bestman_bt.task_planning.builders.base import TreeBuilder as T\nclass B(T):\n root = lambda s: 1\n",
             "p.py:2: the plug-in raised TypeError: B.root should take (self, plan, goal, writer), but takes (s) (at ",
         ),
     ],
@@ -218,7 +218,7 @@ def test_the_driver_guards_the_physics_before_a_plug_in_can_take_a_call_of_it(tm
     path.write_text(
         "from pybullet import resetJointState\nprint(resetJointState.__module__)\ndef register(registry): ...\n"
     )
-    program = "from bestman_bt.configuration import load_run\nfrom bestman_bt.runtime.setup import prepare\n"
+    program = "from bestman_bt.configuration.run import load_run\nfrom bestman_bt.runtime.setup import prepare\n"
     program += f"prepare(load_run('fetch_cup', plugins=[{str(path)!r}]))\n"
     ran = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert ran.stdout.splitlines()[-1] == "hal.pybullet.client"
@@ -314,18 +314,18 @@ def test_a_tasks_algorithm_file_is_counted_from_the_tasks_folder(decorated: Path
         ("class A: ...\n", "p.py:B", "p.py has no class 'B'; known: A"),
         ("x = 1\nclass A: ...\n", "p.py:A", "p.py:2: algorithms.global_planning: A should be a subclass of"),
         (
-            "from bestman_bt.navigation.global_planning import GlobalPlanner\n\nclass A(GlobalPlanner): ...\n",
+            "from bestman_bt.navigation.global_planning.base import GlobalPlanner\n\nclass A(GlobalPlanner): ...\n",
             "p.py:A",
             "p.py:3: algorithms.global_planning: A does not define plan, as a GlobalPlanner has to",
         ),
         (
-            "from bestman_bt.navigation.global_planning import GlobalPlanner\n\nclass A(GlobalPlanner):\n"
+            "from bestman_bt.navigation.global_planning.base import GlobalPlanner\n\nclass A(GlobalPlanner):\n"
             "    def plan(self, start, goal): ...\n",
             "p.py:A",
             "p.py:3: algorithms.global_planning: A.plan should take (self, start, goal, costmap), but takes (self",
         ),
         (
-            "class AParameters: ...\nfrom bestman_bt.navigation.global_planning import GlobalPlanner\n"
+            "class AParameters: ...\nfrom bestman_bt.navigation.global_planning.base import GlobalPlanner\n"
             "class A(GlobalPlanner):\n    def plan(self, start, goal, costmap): ...\n",
             "p.py:A",
             "p.py:1: algorithms.global_planning: the fields of AParameters should be those of A, as a dataclass",
@@ -335,7 +335,7 @@ def test_a_tasks_algorithm_file_is_counted_from_the_tasks_folder(decorated: Path
         ("", "q.py:A", "no such file: q.py"),
         ("", "no_such_module:A", "no_such_module cannot be imported: ModuleNotFoundError"),
         (
-            "from bestman_bt.navigation.global_planning import GlobalPlanner\nclass A(GlobalPlanner):\n"
+            "from bestman_bt.navigation.global_planning.base import GlobalPlanner\nclass A(GlobalPlanner):\n"
             "    def plan(self, start, goal, costmap): ...\n    def __init__(self):\n        self.x = self.y\n",
             "p.py:A",
             "p.py:5: algorithms.global_planning: A cannot be made: AttributeError: 'A' object has no attribute 'y'",
