@@ -12,8 +12,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bestman_bt.engine import Blackboard, ScriptError
-from bestman_bt.engine.scripting import MAX_SCRIPT_LENGTH, ScriptCompiler, parse_script
+from bestman_bt.engine.scripting.compiler import ScriptCompiler
 from bestman_bt.engine.scripting.operations import MAX_TEXT, add, concatenate
+from bestman_bt.engine.scripting.parser import MAX_SCRIPT_LENGTH, parse_script
 
 
 def evaluate(source: str, **entries: Any) -> Any:

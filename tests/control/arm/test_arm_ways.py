@@ -8,11 +8,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from bestman_bt.control.arm import ArmController, ArmWays, Passing
+from bestman_bt.control.arm.arm_controller import ArmController
+from bestman_bt.control.arm.arm_ways import ArmWays, Passing
 from bestman_bt.control.joint_state import JointStateSensor
 from bestman_bt.messages import MotionErrorCode
-from bestman_bt.robot_model import ArmModel, RobotModel
-from bestman_bt.world_model import SemanticMap, WorldModel
+from bestman_bt.robot_model.model import ArmModel, RobotModel
+from bestman_bt.world_model.semantic_map import SemanticMap
+from bestman_bt.world_model.world_model import WorldModel
 from hal.api import Motion, MotionStatus, NotConnectedError
 from tests.control.scripted_parts import ScriptedArm, ScriptedMotion, stepped_clock
 from tests.manipulation.two_arms import home, two_arms

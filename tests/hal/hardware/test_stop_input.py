@@ -13,16 +13,16 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from bestman_bt.configuration import ConfigurationError
+from bestman_bt.configuration.errors import ConfigurationError
 from bestman_bt.registry import CONNECTIONS
-from bestman_bt.robot_model import RobotModel, load_robot_model
+from bestman_bt.robot_model.compose import load_robot_model
 from bestman_bt.robot_model.connection_config import ConnectionConfig, SafetyConfig, StopInputConfig
+from bestman_bt.robot_model.model import RobotModel
 from hal.api import Arm, Gripper, MobileBase, MotionErrorCode
-from hal.hardware import HardwareRobot
-from hal.hardware.robot import STOP_INPUT
+from hal.hardware.robot import STOP_INPUT, HardwareRobot
 from hal.hardware.stop_input import StopInput
-from hal.parts import ConnectionFailedError
-from hal.twins import TwinProcess
+from hal.parts.part_connection import ConnectionFailedError
+from hal.twins.process import TwinProcess
 from tests.hal.hardware.test_stop_of_a_robot import Controller, until
 from tests.hal.twinned import twin_settings, wait_for
 
