@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 if not TYPE_CHECKING:
 
     def __getattr__(name):
-        """Tell which module has a skill."""
+        """Raise an error that names the module of a skill."""
         from bestman_bt.engine.own_files import raise_no_such_name
 
         raise_no_such_name(__name__, name)

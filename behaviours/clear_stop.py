@@ -1,4 +1,4 @@
-"""Going on after a stop."""
+"""Recovery from a stop."""
 
 from __future__ import annotations
 
@@ -10,19 +10,19 @@ from bestman_bt.messages.shapes import Count, NonNegative
 
 
 class ClearStop(Skill):
-    """Clear the robot's stop, so that the tree can try again what the stop has ended; nothing moves by itself.
+    """Clear the robot's stop, so that the tree can retry what the stop has ended; nothing moves by itself.
 
-    It is meant for stops that a controller makes of its own accord: a lost connection, a program that has ended. A
-    protective stop waits for a person (``bestman-bt robot release NAME``), a button is released at the robot. Who asks
-    for a stop ends the run: it cannot be cleared from here.
+    It is meant for stops caused by a controller: a lost connection, a program that has ended. A protective stop waits
+    for a person (``bestman-bt robot release NAME``), an emergency button is released at the robot. A stop requested by
+    a person ends the run and cannot be cleared from here.
     """
 
-    attempts = In[int](Count, "how often it is tried", default=3)
-    wait = In[float](NonNegative, "seconds between attempts: controllers want time", default=5.0)
-    FAILS: ClassVar = {"still_stopped": "somebody has to look: the message says what stops the robot"}
+    attempts = In[int](Count, "number of attempts", default=3)
+    wait = In[float](NonNegative, "seconds between attempts, for the controllers to recover", default=5.0)
+    FAILS: ClassVar = {"still_stopped": "a person has to check the robot: the message gives the cause of the stop"}
 
     def execute(self) -> Steps:
-        """Try, wait, try again; at once done where the robot is not stopped."""
+        """Try to clear the stop, with waits in between; succeed at once if the robot is not stopped."""
         stop = self.skills.stop
         attempts, wait = self.attempts, self.wait
         if not stop.latched:
@@ -37,4 +37,4 @@ class ClearStop(Skill):
                 self.feedback_message = f"cleared at attempt {attempt + 1}"
                 return
         times = "once" if attempts == 1 else f"{attempts} times"
-        raise SkillFailure("still_stopped", f"the robot stays stopped, tried {times}: {why}")
+        raise SkillFailure("still_stopped", f"the robot is still stopped after {times}: {why}")

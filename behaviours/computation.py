@@ -1,4 +1,4 @@
-"""Long computations (planning, registration) that a tick must not wait for."""
+"""Long computations (planning, registration) that run while the tree is ticked."""
 
 from __future__ import annotations
 
@@ -20,27 +20,27 @@ class Computation(ABC):
     def submit(self, work: Callable[[], Result], cost: float) -> Motion[Result]:
         """Start ``work``; ``cost``: seconds that it takes on the robot's computer, for simulated time.
 
-        The ``result`` of one that has failed raises what ``work`` raised.
+        If ``work`` raises, reading the ``result`` raises the same error.
         """
 
 
 class TimeSource(Protocol):
-    """Anything that tells the time."""
+    """A source of time."""
 
     def now(self) -> float: ...  # noqa: D102
 
 
 class InlineComputation(Computation):
-    """For simulation: computes at once, delivers at submit time + cost.
+    """Computation for simulation: computes at once, delivers at submit time + cost.
 
-    So the same seed gives the same run, whatever the load of the machine.
+    Thus the same seed gives the same run, independent of the machine's load.
     """
 
     def __init__(self, clock: TimeSource) -> None:
         self._clock = clock
 
     def submit(self, work: Callable[[], Result], cost: float) -> Motion[Result]:
-        """Run ``work`` now; an exception is kept for ``result``."""
+        """Run ``work`` now; an exception is raised when ``result`` is read."""
         return _Computed(self._clock, work, cost)
 
 
@@ -76,9 +76,9 @@ class _Computed(Motion[Result]):
 
 
 class Until(Motion[None]):
-    """Ends at the first look at which ``condition`` holds; with ``motion``, also when that has ended, however.
+    """Ends at the first check at which ``condition`` is true; with ``motion``, also when that has ended.
 
-    The motion goes on where the condition holds first; to cancel the waiting is to cancel it.
+    If the condition is true first, the motion continues; cancelling the wait cancels it.
     """
 
     def __init__(self, condition: Callable[[], bool], motion: Motion[Any] | None = None) -> None:
@@ -96,6 +96,6 @@ class Until(Motion[None]):
 
 
 def passed(clock: TimeSource, duration: float) -> Callable[[], bool]:
-    """A condition that holds from ``duration`` seconds after now on."""
+    """Return a condition that is true from ``duration`` seconds after now."""
     end = clock.now() + duration
     return lambda: clock.now() >= end

@@ -1,4 +1,4 @@
-"""Contacts that skills are about to make, declared by name while they last; everything else is a collision."""
+"""Intended contacts, declared by the skills while they last; every other contact is a collision."""
 
 from __future__ import annotations
 
@@ -14,24 +14,23 @@ from bestman_bt.world_model.world_model import WorldModel
 
 FLOOR = "floor"
 BESIDE = 0.05
-"""Metres beyond the mapped rectangle of a surface at which something still counts as standing on it."""
+"""Metres beyond the mapped rectangle of a surface within which an object still counts as standing on it."""
 
 MAX_FORCE = 200.0
-"""Newtons that a finger and an object, or an object and its support, may press on each other by default."""
+"""Default limit of the force between a finger and an object, or an object and its support, newtons."""
 MAX_HANDLE_FORCE = 600.0
-"""Newtons on a door or drawer by default: an end stop pushes back hard for a moment."""
+"""Default limit of the force on a door or drawer, newtons: an end stop causes a short peak."""
 MOST_FORCE = 600.0
-"""Newtons that no skill may declare more than: six times what the strongest gripper that is shipped presses, 100 N."""
+"""Largest force that a skill may declare, newtons: six times that of the strongest shipped gripper, 100 N."""
 
 
 @dataclass(frozen=True, eq=False)
 class Contact:
-    """One contact that a skill is about to make.
+    """An intended contact of a skill.
 
-    ``kind``: what presses on what: ``grasp`` and ``push``: the fingers on the object ``thing``; ``support``: the object
-    ``thing`` on the furniture ``on``, or on the ``floor``; ``handle``: the fingers on the door or drawer ``thing``,
-    ``furniture/leaf``, or its handle. ``max_force``: newtons. ``skill``: path of the node, which ``Skill.touching``
-    fills in.
+    ``kind``: ``grasp`` and ``push``: the fingers on the object ``thing``; ``support``: the object ``thing`` on the
+    furniture ``on``, or on the ``floor``; ``handle``: the fingers on the door or drawer ``thing``, ``furniture/leaf``,
+    or its handle. ``max_force``: newtons. ``skill``: path of the node, set by ``Skill.touching``.
     """
 
     kind: Literal["grasp", "push", "support", "handle"]
@@ -41,10 +40,10 @@ class Contact:
     skill: str = ""
 
     def fault(self, objects: Collection[str], articulations: Collection[str]) -> str:
-        """What is wrong with the declaration, and what would be right; empty where nothing is.
+        """Return why the declaration is invalid, and what is accepted; empty if it is valid.
 
-        ``objects``: the names that the robot knows. ``articulations``: the doors and drawers of its map; any name will
-        do where it has none, as in a world that is explored.
+        ``objects``: the names known to the robot. ``articulations``: the doors and drawers of its map; if it has none,
+        as during exploration, any name is accepted.
         """
         if not 0.0 < self.max_force <= MOST_FORCE:
             return f"max_force should be more than 0 and at most {MOST_FORCE:g} N, got {self.max_force:g}"
@@ -62,27 +61,30 @@ class Contact:
 
 
 def grasp(thing: str, max_force: float = MAX_FORCE) -> Contact:
-    """The fingers take, hold or let go of an object."""
+    """Declare that the fingers take, hold or release an object; ``max_force``: newtons."""
     return Contact("grasp", thing, max_force)
 
 
 def push(thing: str, max_force: float = MAX_FORCE) -> Contact:
-    """The fingers push an object."""
+    """Declare that the fingers push an object; ``max_force``: newtons."""
     return Contact("push", thing, max_force)
 
 
 def handle(articulation: str, max_force: float = MAX_HANDLE_FORCE) -> Contact:
-    """The fingers pull or push at a door or drawer, ``furniture/leaf``."""
+    """Declare that the fingers pull or push a door or drawer, ``furniture/leaf``; ``max_force``: newtons."""
     return Contact("handle", articulation, max_force)
 
 
 def support(thing: str, surface: str, max_force: float = MAX_FORCE) -> Contact:
-    """An object in the hand leaves or reaches what it stands on: a surface or a piece of furniture of the map."""
+    """Declare that a held object leaves or reaches its support: a surface or a piece of furniture of the map.
+
+    ``max_force``: newtons.
+    """
     return Contact("support", thing, max_force, surface.partition("/")[0])
 
 
 def surface_below(world: WorldModel, map_from_object: Pose) -> str:
-    """The mapped surface on which something at a pose stands; ``floor`` where there is none below it."""
+    """Return the mapped surface below an object at a pose, or ``floor``."""
     below: list[tuple[float, str]] = []
     for piece in world.map.furniture.values():
         for mapped in piece.surfaces:

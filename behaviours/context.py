@@ -1,4 +1,4 @@
-"""What skills work with: controllers, sensors, algorithms and beliefs of one robot."""
+"""The skills' environment: controllers, sensors, algorithms and beliefs of one robot."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ if TYPE_CHECKING:
     from bestman_bt.robot_model.model import ArmModel, GripperModel, RobotModel
 
 SWAY = 0.01
-"""Metres that an arm and what it holds may be beside where its encoders say while the base drives."""
+"""Metres by which an arm and its load may deviate from the encoder positions while the base drives."""
 STRUCK = frozenset(
     (
         MotionErrorCode.TRACKING,
@@ -67,32 +67,30 @@ STRUCK = frozenset(
         MotionErrorCode.FAULT,
     )
 )
-"""Codes of motions that something may have held up."""
+"""Error codes of motions that an obstacle may have blocked."""
 DRIVEN = "carry"
-"""The posture in which trees have the arm driven to a stand, for whoever chooses one before."""
+"""The posture of the arm while driving to a base placement, for choosing it in advance."""
 
 
 @dataclass(eq=False, repr=False)
 class SkillContext:
-    """Everything that a skill may use; controllers, sensors and algorithms are made when they are first asked for.
+    """Everything that a skill may use; controllers, sensors and algorithms are created on first use.
 
-    ``kinds``: what the robot has, kind → names of its parts. ``base``, ``arm``, ``gripper``, ``head`` and ``camera``
-    raise MissingPartError where it has none: skills declare in ``REQUIRES`` which of them they use.
-    ``stop``: the one over all parts, for leaves that go on after it.
-    ``camera``: the first that no arm carries, else the one on the hand. ``wrist_camera``: on the hand, where there is
-    one; ``tactile``: pads of the fingers, which may be none. ``wrist_wrench``: what touches the hand, where there is a
-    sensor. ``detection`` and what follows it are the algorithms that the configuration chose, by their slots.
-    ``make_accessor``: from the name of one of these attributes, and of an arm, to what it is; the same each time.
-    ``arm_name``: the arm whose ``arm``, ``gripper``, sensors of the hand, kinematics and held object these are; empty
-    without an arm. ``for_arm`` gives the context of another one.
-    ``sensors``: all of the robot by name, as its driver gives them; for kinds of your own.
-    ``observations``: what was seen of objects lately, by identity, in the map frame.
-    ``contacts``: those that skills declare now. ``handled``: the object that the fingers have touched last.
-    ``costs``: what a computation takes on the robot's computer, seconds by name. ``failures``: what leaves told,
-    oldest first. ``policies``: from the name or file of a learned policy to it. ``planners``, ``followers``: from the
-    name of a global and of a local planner to it, None for a name of Nav2's that means the configured one; they raise
-    LookupError. All three take the folders from which paths
-    are counted, too: ``Node.folders``.
+    ``kinds``: kind → names of the robot's parts. ``base``, ``arm``, ``gripper``, ``head`` and ``camera`` raise
+    MissingPartError if the robot has none: skills declare the ones that they need in ``REQUIRES``. ``stop``: the stop
+    of the whole robot, for leaves that recover from it. ``camera``: the first one that no arm carries, else the one on
+    the hand. ``wrist_camera``: on the hand, if any; ``tactile``: pads of the fingers, may be empty. ``wrist_wrench``:
+    contact forces on the hand, if there is a sensor. ``detection`` and the following attributes are the configured
+    algorithms, by their slots.
+    ``make_accessor``: maps an attribute name and an arm to the object; the same one each time. ``arm_name``: the arm of
+    ``arm``, ``gripper``, hand sensors, kinematics and held object; empty without an arm. ``for_arm`` returns the
+    context of another arm. ``sensors``: all sensors of the robot by name, for your own kinds. ``observations``: recent
+    observations of objects, by identity, in the map frame. ``contacts``: the currently declared contacts. ``handled``:
+    the object that the fingers touched last. ``costs``: computation times on the robot's computer, seconds by name.
+    ``failures``: failures reported by leaves, oldest first.
+    ``policies``: name or file → learned policy. ``planners``, ``followers``: name → global and local planner, None for
+    a name of Nav2 that means the configured one; they raise LookupError. All three also take the folders that paths are
+    relative to: ``Node.folders``.
     """
 
     clock: TimeSource
@@ -151,9 +149,9 @@ class SkillContext:
         self._for_arms[self.arm_name] = self
 
     def for_arm(self, name: str = "") -> SkillContext:
-        """What skills work with who use this arm; of an empty name the only arm or the robot's default one.
+        """Return the context of an arm; an empty name means the only arm or the robot's default one.
 
-        Base, head, cameras, beliefs and algorithms are the same for all. KeyError names the arms that there are.
+        Base, head, cameras, beliefs and algorithms are shared. Raises KeyError listing the arms.
         """
         if self.arm_name and name in ("", self.arm_name):
             return self
@@ -165,13 +163,13 @@ class SkillContext:
         return self._for_arms[arm]
 
     def has(self, kind: PartKind) -> bool:
-        """Whether the robot has a part of a kind; whether the arm carries a gripper."""
+        """Return whether the robot has a part of a kind; for a gripper, whether the arm carries one."""
         if kind == "gripper" and self.arm_name:
             return self.robot.gripper_of(self.arm_name) in self.kinds.get("gripper", ())
         return kind in self.kinds
 
     def make(self, kinds: Iterable[PartKind]) -> None:
-        """Make the controllers and sensors of these kinds now, as far as the robot has them, rather than in a tick."""
+        """Create the existing controllers and sensors of these kinds now instead of during a tick."""
         accessors = {"lidar": "base", "force_torque": "wrist_wrench"}
         for kind in kinds:
             if self.has(kind):
@@ -188,7 +186,7 @@ class SkillContext:
 
     @property
     def held(self) -> HeldObject | None:
-        """What the hand of the arm holds, as far as is believed."""
+        """The object held by the arm's hand according to the belief, or None."""
         return self.world.hands.get(self.arm_name)
 
     @held.setter
@@ -202,7 +200,7 @@ class SkillContext:
 
     @property
     def cameras(self) -> tuple[RGBDSensor, ...]:
-        """``camera`` and those on the hands, as far as the robot has them."""
+        """``camera`` and those on the hands, if any."""
         named = {self.camera.name: self.camera} if self.has("camera") else {}
         for arm in self.robot.arm_names:
             on_hand = self.for_arm(arm).wrist_camera
@@ -212,14 +210,14 @@ class SkillContext:
 
     @property
     def arm_model(self) -> ArmModel:
-        """The arm that skills move."""
+        """The model of the arm."""
         from bestman_bt.robot_model.model import ArmModel
 
         return self.robot.of(ArmModel)[self.arm.name]
 
     @property
     def gripper_model(self) -> GripperModel:
-        """The gripper that skills use."""
+        """The model of the gripper."""
         from bestman_bt.robot_model.model import GripperModel
 
         return self.robot.of(GripperModel)[self.gripper.name]
@@ -235,19 +233,21 @@ class SkillContext:
         return np.array([positions[name] for name in self.arm_model.joint_names])
 
     def reaching_arm(self, reachability: ReachabilityMap | None = None) -> ReachingArm:
-        """The arm as it is now, for a search of stands."""
+        """Return the current arm, for a search of base placements."""
         from bestman_bt.manipulation.kinematics.stand_pose import ReachingArm
 
         return ReachingArm(self.kinematics, self.arm_model, self.arm_positions(), self.rng, reachability)
 
     def base_from_tool(self) -> Pose:
-        """Where the tool is, by encoders."""
+        """Return the pose of the tool, by encoders."""
         return self.kinematics.tool_pose(self.arm_positions())
 
     def planning_scene(
         self, ignore: Iterable[str] = (), allowed_pairs: Iterable[tuple[str, str]] = ()
     ) -> PlanningScene:
-        """The scene around the arm, from beliefs and encoders; other arms that move are where they will rest."""
+        """Return the planning scene around the arm, from beliefs and encoders; moving arms are placed at their
+        targets.
+        """
         from bestman_bt.manipulation.collision.scene_from_world_model import planning_scene_from_world_model
 
         return planning_scene_from_world_model(
@@ -255,7 +255,7 @@ class SkillContext:
         ).allowing(*allowed_pairs)
 
     def met(self, failure: Failure) -> MotionObstacle | None:
-        """What a motion failed at: what its failure says, and of an arm or its hand the bodies that are nearest."""
+        """Return the obstacle of a failed motion; for an arm or hand without one, the nearest bodies."""
         arm = next((a for a in self.robot.arm_names if failure.part in (a, self.robot.gripper_of(a))), None)
         known = failure.obstacle
         if arm is None or failure.code not in STRUCK or (known is not None and known.pairs):
@@ -271,10 +271,10 @@ class SkillContext:
         return met if pair is None else replace(met, pairs=(pair,))
 
     def footprint(self, posture: str | None = None) -> Footprint:
-        """The outline of the base, with arm and held object where they stand out above it.
+        """Return the outline of the base, including arm and held object where they extend beyond it.
 
-        ``posture``: of the robot, in which the arm will be; the base alone where the robot has none of this name. By
-        default the arm is where it is now.
+        ``posture``: planned posture of the arm; only the base counts if the robot has no posture of this name. The
+        default is the current arm.
         """
         from bestman_bt.navigation.global_planning.footprint import Footprint
 
@@ -293,14 +293,14 @@ class SkillContext:
         return base.carrying(bodies, SWAY)
 
     def known_costmap(self, posture: str | None = None) -> Costmap:
-        """What the base must keep clear of: walls, furniture, and doors and drawers that are believed to stand open.
+        """Return the costmap of walls, furniture, and open doors and drawers.
 
-        ``posture``: as of ``footprint``.
+        ``posture``: as for ``footprint``.
         """
         return self.costmap.of_world(self.world, self.footprint(posture))
 
     def seen_costmap(self, posture: str | None = None) -> Costmap:
-        """``known_costmap`` and what the lidar sees that the map does not know."""
+        """Return ``known_costmap`` with the obstacles that the lidar sees but the map lacks."""
         costmap = self.known_costmap(posture)
         return self.base.layer.on(costmap) if self.costmap.obstacle else costmap
 
@@ -311,5 +311,5 @@ class SkillContext:
         return {arm: ArmBodies(self.robot, arm) for arm in self.robot.arm_names}
 
     def arm_world(self, scene: PlanningScene) -> CollisionWorld:
-        """The collision world of the arm in ``scene``."""
+        """Return the collision world of the arm in ``scene``."""
         return self.collision.world(scene, self.arm.name)

@@ -1,4 +1,4 @@
-"""Why a node failed, as logs, reports and ``result.json`` tell it."""
+"""Failures of nodes, as in logs, reports and ``result.json``."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from bestman_bt.messages import MotionObstacle
 
 @dataclass(frozen=True)
 class NodeFailure:
-    """``node``: its path in the tree, ``where``: its name with file and line. ``why``: in words.
+    """``node``: its path in the tree, ``where``: its name with file and line. ``why``: the reason in words.
 
-    ``stamp``: seconds on the robot's clock. ``part`` and ``vendor_code``: as of ``messages.Failure``. ``error_code`` is
-    empty for a leaf that tells none. ``obstacle``: what a motion failed at, where that is known.
+    ``stamp``: seconds on the robot's clock. ``part`` and ``vendor_code``: as in ``messages.Failure``. ``error_code``:
+    empty if the leaf gives none. ``obstacle``: the cause of a failed motion, if known.
     """
 
     node: str
@@ -27,15 +27,15 @@ class NodeFailure:
 
     @property
     def named(self) -> str:
-        """What people call the node; its path where no file defines it."""
+        """The node's name with file and line, or its path without a file."""
         return self.where or self.node
 
 
 READING_FAILS: Mapping[str, str] = {
-    "disconnected": "the controller is gone: ClearStop connects it again",
-    "no_data": "a sensor is silent or switched off: see that it runs",
+    "disconnected": "the connection is lost: ClearStop reconnects it",
+    "no_data": "a sensor is silent or switched off: check it",
 }
-"""Failure codes of whatever reads the robot, each with what a tree may try then."""
+"""Failure codes of reading the robot, each with advice for the tree."""
 
 MOTION_FAILS: Mapping[str, str] = {
     **READING_FAILS,
@@ -43,36 +43,36 @@ MOTION_FAILS: Mapping[str, str] = {
     "superseded": "two branches commanded the same part: let one wait for the other",
     "canceled": "the tree halted it; nothing is wrong",
     "refused": "beyond a limit, or the robot is stopped: ClearStop, else correct the tree",
-    "declined": "a person who was asked did not want this motion: another way, or none",
-    "tracking": "a part did not follow, something may hold it: Retreat or BackUp, then again",
-    "blocked": "something is in the way: BackUp, ClearEntireCostmap, then again",
-    "lost": "where the base is is not known well enough: Relocalise",
-    "tolerance": "it came to rest beside the goal: again",
+    "declined": "a person declined this motion: try another one, or none",
+    "tracking": "a part did not follow, it may be blocked: Retreat or BackUp, then retry",
+    "blocked": "an obstacle blocks the path: BackUp, ClearEntireCostmap, then retry",
+    "lost": "the base pose is too uncertain: Relocalise",
+    "tolerance": "it stopped beside the goal: retry",
     "unreachable": "the target is beyond the part's limits: stand elsewhere, by FindStandPose and NavigateTo",
-    "guarded": "what had to hold on the way no longer does, such as the grip: CheckHeld",
-    "other_arm_in_the_way": "another arm is in the way: move that away, or let one arm wait for the other",
-    "timeout": "it took too long: again, or with more time",
-    "collision": "a collision, or a protective stop: somebody releases it, ClearStop, Retreat, then look again",
-    "fault": "the part is broken: the message has its words, the vendor's code its number",
+    "guarded": "a condition of the motion was violated, such as the grip: CheckHeld",
+    "other_arm_in_the_way": "another arm blocks the motion: move it away, or let one arm wait for the other",
+    "timeout": "it took too long: retry, or allow more time",
+    "collision": "a collision, or a protective stop: have it released, ClearStop, Retreat, then look again",
+    "fault": "the part has a fault: see the message and the vendor's code",
 }
-"""Those of whatever moves: the codes of ``messages.MotionErrorCode``."""
+"""Failure codes of motions: those of ``messages.MotionErrorCode``."""
 
 SEEING_FAILS: Mapping[str, str] = {
-    "camera_no_image": "the camera delivers nothing: again, else see that it runs",
+    "camera_no_image": "the camera delivers no image: retry, else check it",
     "camera_black": "the picture is black: light, or a cover on the lens",
     "camera_no_depth": "nothing in sight has a depth: LookAt from elsewhere",
-    "camera_stale": "the pictures are too old: again",
+    "camera_stale": "the images are too old: retry",
 }
-"""Those of whatever takes a picture."""
+"""Failure codes of taking an image."""
 
 
 def declared_failures(leaf: type) -> dict[str, str]:
-    """Code → what a tree may try then: of the leaf and of what it derives from, the more special one first."""
+    """Return code → advice for the tree, of a leaf and its bases, the most derived first."""
     return _declared(leaf.__mro__)
 
 
 def own_failures(leaf: type) -> dict[str, str]:
-    """Those that not every skill has."""
+    """Return the declared failures without those common to all skills."""
     return _declared(cls for cls in leaf.__mro__ if cls.__module__ != "behaviours.skill")
 
 

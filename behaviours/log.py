@@ -1,4 +1,4 @@
-"""Log: a line of text with values of the blackboard, to log, page and terminal."""
+"""Log: a line of text with blackboard values, for log, page and terminal."""
 
 from __future__ import annotations
 
@@ -19,17 +19,15 @@ _KEY = re.compile(r"\{([^{}]+)\}")
 
 
 class Log(SyncAction):
-    """Say ``text``, in which ``{key}`` stands for an entry of the blackboard; one without a value stays as written.
+    """Log ``text``, in which ``{key}`` is replaced by a blackboard entry; an entry without a value stays as written.
 
-    Reals are rounded to six decimals.
-
-    The line is the node's feedback and a record of Python's ``logging``: it is shown wherever these are.
+    Floats are rounded to six decimals. The line is the node's feedback and a record of Python's ``logging``.
     """
 
-    text = In(object, "what to say, such as: the {object} is at {pose}")
+    text = In(object, "text to log, such as: the {object} is at {pose}")
 
     def on_tick(self) -> int:
-        """Put the text together and say it."""
+        """Format the text and log it."""
         written = self.attributes["text"]
         text = _KEY.sub(self._value, written) if isinstance(written, str) else _text(written)
         self.feedback_message = text
@@ -42,7 +40,7 @@ class Log(SyncAction):
 
 
 def _text(value: Any) -> str:
-    """A value as trees write it, with reals rounded to ``DECIMALS``, also those within a pose or a list."""
+    """Return a value as trees write it, with reals rounded to ``DECIMALS``, also those within a pose or a list."""
     if isinstance(value, str):
         return value
     try:
@@ -53,4 +51,4 @@ def _text(value: Any) -> str:
 
 
 class Say(Log):
-    """``Log`` by another name."""
+    """Alias of ``Log``."""

@@ -1,4 +1,4 @@
-"""Kinds of parts that skills ask a robot for."""
+"""Kinds of parts that skills require."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 PartKind: TypeAlias = Literal[
     "base", "lidar", "arm", "gripper", "head", "camera", "wrist_camera", "force_torque", "tactile"
 ]
-"""``head``: joints that turn a camera, and no arm. ``camera``: any; ``wrist_camera``: one that an arm carries."""
+"""``head``: joints, not of an arm, that turn a camera. ``camera``: any; ``wrist_camera``: carried by an arm."""
 
 WORDS: dict[PartKind, str] = {
     "base": "a mobile base",
@@ -29,13 +29,13 @@ WORDS: dict[PartKind, str] = {
 
 
 class MissingPartError(RobotError, LookupError):
-    """A skill asked for a part that its robot lacks, and had not declared it in ``REQUIRES``."""
+    """A skill used a part that its robot lacks and that it had not declared in ``REQUIRES``."""
 
     code = "missing_part"
 
 
 def parts_by_kind(robot: RobotModel, there: Collection[str]) -> dict[PartKind, tuple[str, ...]]:
-    """Kind → names of the robot's parts of it, of those that are ``there``; kinds that it lacks are left out."""
+    """Return kind → names of the robot's parts among ``there``; kinds without parts are left out."""
     from bestman_bt.robot_model.model import ArmModel, BaseModel, GripperModel, JointGroupModel
     from bestman_bt.robot_model.sensor_parts import CameraPart, LidarPart, MountedForceTorque, TactilePart
     from bestman_bt.robot_model.urdf_tree import arm_of
@@ -56,12 +56,12 @@ def parts_by_kind(robot: RobotModel, there: Collection[str]) -> dict[PartKind, t
 
 
 def parts_in_words(node: type[Any]) -> str:
-    """What a class of nodes declares: ``requires arm, gripper; uses wrist_camera``; empty where it declares nothing."""
+    """Return the declared parts of a node class: ``requires arm, gripper; uses wrist_camera``; may be empty."""
     declared = {"requires": getattr(node, "REQUIRES", ()), "uses": getattr(node, "USES", ())}
     return "; ".join(f"{word} {', '.join(kinds)}" for word, kinds in declared.items() if kinds)
 
 
 def listed(kinds: Iterable[PartKind]) -> str:
-    """The kinds in words: ``an arm and a gripper``."""
+    """Return the kinds in words: ``an arm and a gripper``."""
     words = [WORDS[kind] for kind in kinds]
     return " and ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words)

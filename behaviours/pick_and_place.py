@@ -1,4 +1,4 @@
-"""What trees in Python share: the subtrees of trees/subtrees/pick_and_place.xml, node by node the same.
+"""Subtrees for trees in Python, identical to trees/subtrees/pick_and_place.xml node by node.
 
 ``SubTree(pick_and_place, tree_id="PickAndPlace", object="{object}", source="table", target="counter", goal="{goal}")``
 """
@@ -20,7 +20,7 @@ from bestman_bt.engine import Fallback, ForceSuccess, Node, ReactiveSequence, Re
 
 
 def pick_and_place() -> Node:
-    """Bring an object to a goal and look whether it stands there; lost on the way, or placed badly: start over."""
+    """Bring an object to a goal and verify its pose; start over if it is lost on the way or misplaced."""
     bring = Sequence(
         "bring",
         [
@@ -36,13 +36,13 @@ def pick_and_place() -> Node:
 
 
 def have_object() -> Node:
-    """Take the object unless the hand holds it."""
+    """Pick the object unless the hand holds it."""
     taken = SubTree(pick, tree_id="Pick", name="pick", object="{object}", surface="{source}", arm="{arm}")
     return Fallback("have_object", [Holding(object="{object}", arm="{arm}"), taken])
 
 
 def pick() -> Node:
-    """Take the object: another stand pose, another look, another grasp where one fails."""
+    """Pick the object; on failure with another base placement, another look, another grasp."""
     look_and_grasp = Sequence(
         "look_and_grasp",
         [
@@ -76,12 +76,12 @@ def pick() -> Node:
 
 
 def carry() -> Node:
-    """Drive on as long as the hand holds the object."""
+    """Drive while the hand holds the object."""
     return ReactiveSequence("carry", [Holding(object="{object}", arm="{arm}"), NavigateTo(goal="{stand}")])
 
 
 def place() -> Node:
-    """Carry the object to the surface and put it at the goal."""
+    """Carry the object to the surface and place it at the goal."""
     from_one_stand = Sequence(
         "from_one_stand",
         [
@@ -95,13 +95,13 @@ def place() -> Node:
 
 
 def putting_down() -> Node:
-    """The subtree ``put_down`` with the entries that have its names here."""
+    """Return the subtree ``put_down`` with the entries of the same names."""
     same = {key: f"{{{key}}}" for key in ("object", "surface", "goal", "arm")}
     return SubTree(put_down, tree_id="PutDown", name="put_down", **same)
 
 
 def put_down() -> Node:
-    """Put what is held at the goal, from where the robot stands."""
+    """Place the held object at the goal from the current base pose."""
     past_the_arm = Sequence(
         "past_the_arm",
         [MoveArm(posture="carry", sight="{goal}", arm="{arm}"), *see_the_place()],  # which may have hidden it
@@ -120,7 +120,7 @@ def put_down() -> Node:
 
 
 def see_the_place() -> list[Node]:
-    """Look at the goal, and find the pose there."""
+    """Return the nodes that look at the goal and measure the pose there."""
     return [
         LookAt(surface="{surface}", point="{goal}"),
         FindPlacePose(object="{object}", surface="{surface}", goal="{goal}", pose="{place_pose}"),
@@ -128,7 +128,7 @@ def see_the_place() -> list[Node]:
 
 
 def put_aside() -> Node:
-    """Put what could not be placed to any free place on the surface: the next thing needs an empty hand."""
+    """Place an object that could not be placed at its goal anywhere free on the surface, to empty the hand."""
     at_a_free_place = Sequence(
         "at_a_free_place",
         [
@@ -145,7 +145,7 @@ def put_aside() -> Node:
 
 
 def verify() -> Node:
-    """Look whether the object stands where it should."""
+    """Check by a look whether the object is at its goal."""
     look = Sequence(
         "look",
         [
@@ -163,7 +163,7 @@ def verify() -> Node:
 
 
 def survey() -> Node:
-    """Stand before a surface and believe in all that is seen on it."""
+    """Stand in front of a surface and add all objects seen on it to the belief."""
     return RetryUntilSuccessful(
         "try_stands",
         [

@@ -1,4 +1,4 @@
-"""The base of all skill leaves: steps that take time, outcomes that are told, nothing left moving."""
+"""Base classes of skills: coroutine execution, error reporting, cancellation that stops all motion."""
 
 from __future__ import annotations
 
@@ -44,10 +44,10 @@ Steps: TypeAlias = Generator[Motion[Any], Any, None]
 """What ``execute`` returns: it yields the motion, or computation, to wait for and receives its result."""
 
 StepsTo: TypeAlias = Generator[Motion[Any], Any, Result]
-"""A part of a skill that takes time and hands a value back to ``yield from``."""
+"""A part of a skill that takes time and returns a value to ``yield from``."""
 
 ALGORITHM_ERRORS = (ManipulationError, PerceptionError, MissingExtraError, WrongResultError, *READING_ERRORS)
-"""What a skill may meet that computes, looks and reads; what it does not catch ends it with FAILURE and its code."""
+"""Errors of algorithms, perception and readings; uncaught ones end the skill with FAILURE and their code."""
 
 
 _ONE = re.compile(r"\band\b|;")
@@ -55,7 +55,9 @@ _ONE = re.compile(r"\band\b|;")
 
 
 class SkillFailure(Error):
-    """Ends a skill with FAILURE: ``code`` for programs, ``failure`` of a part of the robot, where that is why."""
+    """Ends a skill with FAILURE; ``code``: for programs, ``failure``: of the part of the robot that caused it, if
+    any.
+    """
 
     def __init__(self, code: str, text: str, failure: Failure | None = None) -> None:
         super().__init__(text)
@@ -64,19 +66,19 @@ class SkillFailure(Error):
 
     @classmethod
     def of(cls, failure: Failure | None) -> SkillFailure:
-        """The end of a skill whose motion has failed; None: it gave no reason."""
-        told = failure or Failure("fault", "the controller gave up without a reason")
+        """Return the failure of a skill whose motion has failed; None: without a reason."""
+        told = failure or Failure("fault", "the controller failed without a reason")
         return cls(str(told.code), str(told), told)
 
 
 @dataclass(frozen=True)
 class Declaration:
-    """What a skill needs and brings about, in terms of its ports: ``holding({object})``, ``at({goal})``.
+    """Preconditions and effects of a skill, in terms of its ports: ``holding({object})``, ``at({goal})``.
 
-    ``pre``: must hold at the start. ``hold``: must hold all the way. ``effects``: hold after success; ``not`` negates.
-    ``parameters``: port → type (object, place, container) of a leaf that task planners may order; None: it is a part of
-    such abilities only. ``cost``: what a planner counts it for. ``parts``: of the robot that it keeps busy: arm, base;
-    the hand belongs to the arm.
+    ``pre``: must hold at the start. ``hold``: must hold throughout. ``effects``: hold after success; ``not`` negates.
+    ``parameters``: port → type (object, place, container) for leaves that task planners may use; None: only part of
+    such abilities. ``cost``: for planners. ``parts``: parts of the robot in use: arm, base; the hand belongs to the
+    arm.
     """
 
     pre: tuple[str, ...] = ()
@@ -88,17 +90,17 @@ class Declaration:
 
 
 class OnRobot(Node):
-    """A node that knows the robot that its tree runs.
+    """A node that uses the robot of its tree.
 
-    ``REQUIRES``: kinds of parts that it cannot do without; a tree with it is refused on a robot that lacks one.
-    ``USES``: kinds of parts that it uses where the robot has them.
+    ``REQUIRES``: kinds of parts that it needs; a tree with it is refused on a robot that lacks one. ``USES``: kinds of
+    parts that it uses if available.
     """
 
     REQUIRES: ClassVar[tuple[PartKind, ...]] = ()
     USES: ClassVar[tuple[PartKind, ...]] = ()
 
     def __init_subclass__(cls, **options: Any) -> None:
-        """Raises TypeError where ``REQUIRES`` or ``USES`` is no tuple of kinds of parts."""
+        """Raise TypeError if ``REQUIRES`` or ``USES`` is not a tuple of kinds of parts."""
         super().__init_subclass__(**options)
         for name in ("REQUIRES", "USES"):
             kinds = getattr(cls, name)
@@ -108,19 +110,19 @@ class OnRobot(Node):
 
     @property
     def skills(self) -> SkillContext:
-        """The robot's controllers, algorithms and beliefs; of several arms those of the default one."""
+        """The robot's controllers, algorithms and beliefs; with several arms those of the default one."""
         return self.robot_skills
 
     @property
     def robot_skills(self) -> SkillContext:
-        """``skills``, whichever arm the node works with."""
+        """The robot's ``skills``, independent of the node's arm. Raises TypeError without a SkillContext."""
         context = self.context
         if not isinstance(context, SkillContext):
             raise TypeError(f"skills need a SkillContext as the tree's context, not {type(context).__name__}")
         return context
 
     def skills_of(self, arm: str) -> SkillContext:
-        """The same for one arm, by its name; SkillFailure (``bad_input``) where the robot has none of that name."""
+        """Return the context of one arm, by name. Raises SkillFailure (``bad_input``) for an unknown arm."""
         try:
             return self.robot_skills.for_arm(arm)
         except KeyError as error:
@@ -128,7 +130,7 @@ class OnRobot(Node):
 
 
 class OnArm(OnRobot):
-    """A node that works with one arm, its hand and what that holds: ``skills`` are those of the arm that it names."""
+    """A node that works with one arm, its hand and the held object: ``skills`` are those of its ``arm``."""
 
     arm = In[str](
         ArmName, "which arm, by its name in the robot's file; by default the only one, or its default_arm", default=""
@@ -136,20 +138,20 @@ class OnArm(OnRobot):
 
     @property
     def skills(self) -> SkillContext:
-        """Controllers and beliefs of the arm; SkillFailure (``bad_input``) where the robot has none of that name."""
+        """The context of the arm. Raises SkillFailure (``bad_input``) for an unknown arm."""
         return self.skills_of(self.arm)
 
 
 class Explained(OnRobot):
-    """Shared by skills and conditions: failures are told with a code and in words.
+    """Base of skills and conditions: failures have a code and a message.
 
-    ``FAILS``: the codes, each with what a tree may try then, by the names of leaves; those of base classes are added.
+    ``FAILS``: the codes, each with advice for the tree in terms of leaves; those of base classes are added.
     """
 
-    FAILS: ClassVar[Mapping[str, str]] = {"bad_input": "a port has a value that is not accepted: correct the tree"}
+    FAILS: ClassVar[Mapping[str, str]] = {"bad_input": "invalid value of a port: correct the tree"}
 
     def __init_subclass__(cls, **options: Any) -> None:
-        """Raises TypeError where ``FAILS`` is no mapping, or ``DECLARATION`` no Declaration or one of other ports."""
+        """Raise TypeError if ``FAILS`` is not a mapping, or ``DECLARATION`` is not a Declaration of existing ports."""
         super().__init_subclass__(**options)
         declared = getattr(cls, "DECLARATION", Declaration())
         if not isinstance(declared, Declaration):
@@ -163,13 +165,13 @@ class Explained(OnRobot):
                     what = f"{cls.__name__}.DECLARATION: {field} name the port {port!r}, which the skill does not have"
                     raise TypeError(f"{what}; {suggestion(port, list(ports))}")
         if not isinstance(cls.FAILS, Mapping):
-            raise TypeError(f"{cls.__name__}.FAILS should map codes to what a tree may try then, got {cls.FAILS!r}")
+            raise TypeError(f"{cls.__name__}.FAILS should map codes to advice for the tree, got {cls.FAILS!r}")
 
     error_code = Out(str, "why it failed, for programs; empty if not")
     error_message = Out(str, "why it failed, in words")
 
     def get_input(self, port: str) -> Any:
-        """The value of a port; SkillFailure (``bad_input``) for a number that is none, or a pose too far away."""
+        """Return the value of a port. Raises SkillFailure (``bad_input``) for NaN, or a pose too far away."""
         value = super().get_input(port)
         if any(math.isnan(number) for number in _numbers(value)):
             raise SkillFailure("bad_input", f"{port} is {value}; finite numbers are accepted")
@@ -179,11 +181,11 @@ class Explained(OnRobot):
         return value
 
     def wrong_input(self, message: str) -> Exception:
-        """SkillFailure (``bad_input``) for a value that a port does not accept."""
+        """Return a SkillFailure (``bad_input``) for a value that a port does not accept."""
         return SkillFailure("bad_input", message)
 
     def explain(self, code: str, why: str, failure: Failure | None = None) -> int:
-        """Record why the leaf fails, and which part of the robot did; returns FAILURE."""
+        """Record why the leaf fails, and the failed part of the robot; returns FAILURE."""
         self.feedback_message = why
         self.error_code = code
         self.error_message = why
@@ -195,11 +197,11 @@ class Explained(OnRobot):
         return FAILURE
 
     def _mistake(self, method: Callable[..., object], what: str) -> NodeError:
-        """The error for a method that breaks the interface of its base class, with file and line."""
+        """Return the error for a method that breaks the interface of its base class, with file and line."""
         return self.error(f"{type(self).__name__}.{method.__name__} {what} (at {defined_at(method)})")
 
     def explain_error(self, error: Error) -> int:
-        """The same for an error, with the failure that it carries."""
+        """Record an error with the failure that it carries; returns FAILURE."""
         return self.explain(str(error.code), str(error), getattr(error, "failure", None))
 
     def succeed(self, why: str = "") -> int:
@@ -211,14 +213,14 @@ class Explained(OnRobot):
 
 
 class Skill(Explained, StatefulAction):
-    """A leaf whose ``execute`` yields what it waits for; a halt cancels that and runs the ``finally`` clauses."""
+    """A leaf whose ``execute`` yields the motions to wait for; a halt cancels them and runs the ``finally`` clauses."""
 
     FAILS: ClassVar = {
         **MOTION_FAILS,
         **SEEING_FAILS,
-        "failed": "an algorithm has nothing to work with: the message says what it lacks",
-        "missing_extra": "install what the message names",
-        "wrong_result": "an algorithm of your own breaks its interface: correct it at the line that the message names",
+        "failed": "an algorithm lacks its input: see the message",
+        "missing_extra": "install the package in the message",
+        "wrong_result": "your own algorithm violates its interface: correct it at the line in the message",
     }
     DECLARATION: ClassVar[Declaration] = Declaration()
 
@@ -236,11 +238,10 @@ class Skill(Explained, StatefulAction):
 
     @contextmanager
     def touching(self, *contacts: Contact) -> Iterator[None]:
-        """Declare contacts for as long as the block lasts, before they are made; all others count as collisions.
+        """Declare contacts for the duration of the block, before they occur; all others count as collisions.
 
-        A contact that began within the block may go on after it: what was grasped stays in the hand. Raises NodeError
-        for an object that the robot does not know, a door or drawer that its map does not have though it has others,
-        and more than ``MOST_FORCE``.
+        A contact that began within the block may continue after it: a grasped object stays in the hand. Raises
+        NodeError for an unknown object, door or drawer, or more than ``MOST_FORCE``.
         """
         skills = self.skills
         known = [*skills.world.models, *skills.world.objects]
@@ -248,7 +249,7 @@ class Skill(Explained, StatefulAction):
         articulations = [f"{piece.name}/{leaf.name}" for piece in pieces for leaf in piece.leaves]
         for contact in contacts:
             if fault := contact.fault(known, articulations):
-                raise self._mistake(self.execute, f"declares a contact, {contact.kind}, that is refused: {fault}")
+                raise self._mistake(self.execute, f"declares an invalid contact, {contact.kind}: {fault}")
         declared = [replace(contact, skill=self.path) for contact in contacts]
         skills.contacts += declared
         for contact in declared:
@@ -260,7 +261,7 @@ class Skill(Explained, StatefulAction):
             skills.contacts[:] = [contact for contact in skills.contacts if contact not in declared]
 
     def on_start(self) -> int:
-        """Begin ``execute``."""
+        """Start ``execute``."""
         self.feedback_message = ""
         steps: object = self.execute()
         if not isinstance(steps, Generator):
@@ -270,7 +271,7 @@ class Skill(Explained, StatefulAction):
         return self._advance(None, None)
 
     def on_running(self) -> int:
-        """Go on once the awaited motion has ended."""
+        """Continue once the awaited motion has ended."""
         pending = self._pending
         if pending is None:
             return RUNNING
@@ -283,7 +284,7 @@ class Skill(Explained, StatefulAction):
         return self._advance(value, None)
 
     def on_halted(self) -> None:
-        """Stop whatever moves on behalf of this skill."""
+        """Stop all motions of this skill."""
         if self._pending is not None:
             self._pending.cancel()
             self._pending = None
@@ -292,12 +293,12 @@ class Skill(Explained, StatefulAction):
             self._steps = None
 
     def cancel(self) -> None:
-        """For other nodes: cancel what this skill waits for; it then ends as that does."""
+        """Cancel the awaited motion of this skill, on behalf of another node; the skill then ends accordingly."""
         if self._pending is not None:
             self._pending.cancel()
 
     def _not_awaited(self, steps: Steps, value: object) -> NodeError:
-        """The error for a yielded value that is no Motion, with file and line."""
+        """Return the error for a yielded value that is not a Motion, with file and line."""
         inner: Any = steps
         while isinstance(inner.gi_yieldfrom, Generator):
             inner = inner.gi_yieldfrom
@@ -306,7 +307,7 @@ class Skill(Explained, StatefulAction):
         return self.error(f"{type(self).__name__}.execute should yield {what}, got {value!r:.60} (at {place})")
 
     def _bring_about(self) -> None:
-        """Note what an ability declares to bring about: facts that have no function are believed by that."""
+        """Record the declared effects of an ability that have no predicate function; they are believed from then on."""
         effects = "; ".join(filter(_has_no_function, self.DECLARATION.effects))
         if self.DECLARATION.parameters is None or not effects:
             return
@@ -340,16 +341,16 @@ class Skill(Explained, StatefulAction):
 
 
 class SkillCondition(Explained, Condition):
-    """A condition leaf: ``check`` returns None if it holds, else ``(code, why)``."""
+    """A condition leaf: ``check`` returns None if it is true, else ``(code, why)``."""
 
     FAILS: ClassVar = READING_FAILS
 
     def check(self) -> tuple[str, str] | None:
-        """Decide; looks at beliefs and encoders only, never moves anything."""
+        """Return None if the condition is true, else ``(code, why)``; only read beliefs and encoders."""
         raise NotImplementedError(f"{type(self).__name__} does not define check()")
 
     def on_tick(self) -> int:
-        """SUCCESS if the condition holds."""
+        """Return SUCCESS if the condition is true."""
         try:
             refusal = self.check()
         except (SkillFailure, *READING_ERRORS) as error:
@@ -357,12 +358,12 @@ class SkillCondition(Explained, Condition):
         if refusal is None:
             return self.succeed()
         if not isinstance(refusal, tuple) or [type(words) for words in refusal] != [str, str]:
-            raise self._mistake(self.check, f"should return None where it holds, else (code, why); got {refusal!r:.60}")
+            raise self._mistake(self.check, f"should return None if it is true, else (code, why); got {refusal!r:.60}")
         return self.explain(*refusal)
 
 
 class InstantSkill(Explained, SyncAction, ABC):
-    """A leaf that is done within its tick and moves nothing: ``act`` raises SkillFailure to fail."""
+    """A leaf that finishes within its tick and moves nothing: ``act`` raises SkillFailure to fail."""
 
     FAILS: ClassVar = READING_FAILS
 
@@ -371,7 +372,7 @@ class InstantSkill(Explained, SyncAction, ABC):
         """Do the work."""
 
     def on_tick(self) -> int:
-        """SUCCESS once it is done."""
+        """Return SUCCESS if ``act`` succeeds."""
         try:
             self.act()
         except (SkillFailure, *READING_ERRORS) as error:
@@ -380,7 +381,7 @@ class InstantSkill(Explained, SyncAction, ABC):
 
 
 def _has_no_function(effect: str) -> bool:
-    """Whether an effect, ``forall p - place: in(p) -> not clean(p)``, says a fact that no function decides."""
+    """Return whether an effect, ``forall p - place: in(p) -> not clean(p)``, says a fact that no function decides."""
     said = [re.split(r"->|:|\bnot\b", one)[-1].strip(" (").partition("(")[0].strip() for one in _ONE.split(effect)]
     return any(
         name not in PREDICATES.names() or getattr(PREDICATES.resolve(name), "holds", None) is None for name in said
@@ -388,7 +389,7 @@ def _has_no_function(effect: str) -> bool:
 
 
 def _numbers(value: Any) -> Iterator[float]:
-    """The numbers of a value, however deep in lists; none of what has no numbers."""
+    """Yield the numbers of a value, also in nested lists; none for values without numbers."""
     match value:
         case float():
             yield value

@@ -1,4 +1,4 @@
-"""What a task with several goals asks for, taken apart."""
+"""Access to the goals of a task with several goals."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ FIELDS = ("object", "source", "target", "goal")
 
 
 class TakeGoal(Explained, SyncAction):
-    """Take one of a task's goals apart: which object, from where, to which surface, and where on it."""
+    """Split one of a task's goals into object, source, target surface, and pose on it."""
 
     entry = In(dict, "one of the root entry goals: object, source, target, goal")
     object = Out(str, "the object", required=True)
-    source = Out(str, "the surface to look for it first", required=True)
-    target = Out(str, "the surface where it shall go", required=True)
-    goal = Out(Pose, "where it shall stand, in the map frame", required=True)
+    source = Out(str, "the surface to search first", required=True)
+    target = Out(str, "the target surface", required=True)
+    goal = Out(Pose, "target pose, in the map frame", required=True)
 
     def on_tick(self) -> int:
-        """Writes each field to its port."""
+        """Write each field to its port."""
         entry: dict[str, object] = self.entry
         missing = [name for name in FIELDS if name not in entry]
         if missing:

@@ -41,7 +41,7 @@ def __dir__() -> list[str]:
 
 
 def __getattr__(name: str) -> Any:
-    """Import what is used when it is used: the engine alone should not load the simulator."""
+    """Import each public name on first use, so that the engine alone does not load the simulator."""
     if name in _HOMES:
         refuse_hidden_packages()
         return getattr(import_module(_HOMES[name]), name)
@@ -49,5 +49,5 @@ def __getattr__(name: str) -> Any:
         from bestman_bt.engine.own_files import raise_no_such_name
 
         raise_no_such_name(__name__, name)
-    renamed = "; it is bestman_bt.Session now, whose runs are judged" if name == "session" else ""
+    renamed = "; use bestman_bt.Session, whose runs are judged" if name == "session" else ""
     raise AttributeError(f"module 'bestman_bt' has no attribute {name!r}{renamed}")

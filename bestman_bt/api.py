@@ -1,6 +1,6 @@
-"""The way in from Python: ``import bestman_bt as bt``.
+"""The Python entry point: ``import bestman_bt as bt``.
 
-Robots, simulators and algorithms load when a session is opened, not before.
+Robots, simulators and algorithms load when a session opens, not on import.
 """
 
 from __future__ import annotations
@@ -27,15 +27,22 @@ _LOG = logging.getLogger(__name__)
 
 
 def load_tree(source: str | Path | Behaviour, plugins: Iterable[str | Path] = ()) -> Tree:
-    """Load and check a tree without a robot: a shipped name, a file, XML text, a node or a py_trees behaviour.
+    """Load and check a tree without a robot.
 
-    Raises TreeLoadError with everything that is wrong, ConfigurationError where there is no such tree or plug-in.
+    ``source``: the name of a shipped tree, a file, XML text, a node or a py_trees behaviour.
+
+    Raises:
+        TreeLoadError: listing every fault of the tree.
+        ConfigurationError: no such tree or plug-in.
     """
     return read_tree(source, node_registry(str(plugin) for plugin in plugins))
 
 
 def nodes(plugins: Iterable[str | Path] = ()) -> dict[str, NodeInfo]:
-    """Every node that trees may name, with its kind, ports and description; ConfigurationError for a bad plug-in."""
+    """Return every node that trees may use, by name, with its kind, ports and description.
+
+    Raises ConfigurationError if a plug-in cannot be loaded.
+    """
     return {info.name: info for info in node_registry(str(plugin) for plugin in plugins)}
 
 
@@ -51,10 +58,11 @@ def evaluate(  # noqa: PLR0913 - the options of bestman-bt eval, each by its nam
     jobs: int = 1,
     folder: str | Path | None = None,
 ) -> dict[str, Any]:
-    """Run seeds ``seed`` … ``seed + episodes - 1`` of tasks or of one suite; the result is that of ``eval --json``.
+    """Run tasks or one suite with seeds ``seed`` … ``seed + episodes - 1`` and return the result of ``eval --json``.
 
-    ``jobs``: processes. ``folder``: keeps every episode, and an evaluation of the same goes on where it stopped.
-    Raises ConfigurationError with everything that is wrong, before anything is started.
+    ``jobs``: number of processes. ``folder``: where every episode is saved; an evaluation with the same arguments
+    resumes from it.
+    Raises ConfigurationError listing every fault before anything starts.
     """
     from bestman_bt.configuration.errors import Problem, ProblemCollector, told_to_programs
     from bestman_bt.configuration.run import RunRequest
@@ -81,12 +89,12 @@ def evaluate(  # noqa: PLR0913 - the options of bestman-bt eval, each by its nam
 
 
 class Session(AbstractContextManager["Session"]):
-    """A robot in a world, ready to run trees that are judged: ``with Session(scene="kitchen", seed=1) as session:``.
+    """A robot in a world, ready to run judged trees: ``with Session(scene="kitchen", seed=1) as session:``.
 
-    Arguments as of ``runtime.session``: a ``task`` gives goal and limits, and robot and scene where none are named;
-    without a task the scene is the kitchen and the robot diff_panda. Entering it connects the robot; at the end of the
-    block the robot is stopped and disconnected, whatever happened. Entering raises ConfigurationError with everything
-    that is wrong, before anything is started.
+    The arguments are those of ``runtime.session``: a ``task`` sets goal and limits, and the robot and scene unless they
+    are given; without a task they default to diff_panda and the kitchen. Entering the context connects the robot;
+    leaving it always stops and disconnects the robot. Entering raises ConfigurationError listing every fault before
+    anything starts.
     """
 
     def __init__(
@@ -126,24 +134,24 @@ class Session(AbstractContextManager["Session"]):
 
     @property
     def robot(self) -> Robot:
-        """The Robotics API; ``robot.clock`` is the time of simulation or hardware."""
+        """The robot, through the Robotics API; ``robot.clock`` is simulated or hardware time, in seconds."""
         return self._open.session.robot
 
     @property
     def skills(self) -> SkillContext:
-        """What skills have: controllers, algorithms, ``world`` (what the robot believes), ``failures``."""
+        """The context of the skills: controllers, algorithms, ``world`` (the belief) and ``failures``."""
         return self._open.session.skills
 
     @property
     def setup(self) -> Setup:
-        """Configuration, robot model and scene."""
+        """The resolved configuration, robot model and scene."""
         return self._open.session.setup
 
     def load(self, tree: str | Path | Behaviour | Tree | None = None) -> Tree:
-        """Load a tree for this robot and make it the one that ``tick`` ticks; by default that of the task.
+        """Load a tree for this robot and make it the tree that ``tick`` ticks; the default is the tree of the task.
 
-        Raises TreeLoadError with everything that is wrong, also with names that scene, map and robot do not have.
-        Warns, in the log, of attributes that nobody reads and nodes that are never ticked.
+        Logs a warning for attributes that have no effect and for nodes that are never ticked.
+        Raises TreeLoadError listing every fault, including names that the scene, map or robot do not have.
         """
         self._tree = self._open.session.load(tree)
         for problem in ineffective_parts(self._tree):
@@ -151,7 +159,7 @@ class Session(AbstractContextManager["Session"]):
         return self._tree
 
     def tick(self) -> NodeStatus:
-        """Tick the loaded tree once, let the time of one tick pass, and return the root's status."""
+        """Tick the loaded tree once, advance the clock by one tick period and return the status of the root."""
         opened = self._open.session
         tree = self.load() if self._tree is None or opened.ended else self._tree
         tree.tick_once()
@@ -159,11 +167,14 @@ class Session(AbstractContextManager["Session"]):
         return tree.status
 
     def run(self, tree: str | Path | Behaviour | Tree | None = None, folder: str | Path | None = None) -> RunResult:
-        """Run a tree to its end and judge what has come of it; by default that of the task.
+        """Run a tree to its end and judge the outcome; the default is the tree of the task.
 
-        Without a goal the result is ``success`` where the tree succeeded and the audit is clean, and ``not_judged``
-        says so. The audit is of the whole session. ``folder`` receives ``result.json`` and the record of the run.
-        Raises as ``load``, before anything moves; ConfigurationError, too, for a ``folder`` that holds a run already.
+        Without a goal, the result is ``success`` if the tree succeeded and the audit is clean, and ``not_judged`` is
+        set. The audit covers the whole session. ``folder`` receives ``result.json`` and the record of the run.
+
+        Raises:
+            TreeLoadError: as ``load`` does, before anything moves.
+            ConfigurationError: ``folder`` already holds a run.
         """
         from bestman_bt.evaluation.run_folder import claim_run_folder
 

@@ -1,7 +1,6 @@
-"""One POST of JSON to a server that may be late, busy, talkative or broken, and asking again.
+"""An HTTP client with retries that POSTs JSON to a server that may be slow, busy or faulty.
 
-Whatever the server does, a try ends within its time and its bytes. Redirects are not followed: they would carry the
-question elsewhere.
+Every attempt is bounded in time and bytes. Redirects are not followed, because they would send the request elsewhere.
 """
 
 from __future__ import annotations
@@ -27,9 +26,11 @@ _BUSY = frozenset({408, 409, 425, 429})
 
 @dataclass(frozen=True)
 class PostLimits:
-    """``connect_timeout``, ``timeout``: seconds for the connection, and for each whole try. ``retries``: further tries
-    after one that may go better the next time, ``backoff`` seconds later, then twice that, and so on, or as long as the
-    server asks for; at most ``longest_wait``. ``max_reply``: bytes.
+    """Limits of a request and of its retries.
+
+    ``connect_timeout``, ``timeout``: seconds for the connection and for each whole attempt. ``retries``: further
+    attempts after a temporary failure, the first ``backoff`` seconds later, then doubling each time, or as long as the
+    server asks for, at most ``longest_wait`` seconds. ``max_reply``: bytes.
     """
 
     connect_timeout: float
@@ -42,14 +43,14 @@ class PostLimits:
 
 @dataclass(frozen=True)
 class Answer:
-    """``content``: the whole body."""
+    """The HTTP status and the whole body, ``content``."""
 
     status: int
     content: bytes
 
 
 class TryAgainError(Error):
-    """A try that may go better the next time, ``wait`` seconds later if the server asks for it."""
+    """A temporary failure; ``wait``: seconds until the next attempt, if the server asks for a delay."""
 
     def __init__(self, reason: str, wait: float = 0.0) -> None:
         super().__init__(reason)
@@ -57,19 +58,20 @@ class TryAgainError(Error):
 
 
 class NoAnswerError(Error):
-    """No answer in all tries; the text has their number and the reason of the last."""
+    """Every attempt failed; the message gives their number and the last reason."""
 
 
 class AnswerRefusedError(Error):
-    """An answer longer than is read, or packed in a way that was not asked for: reading it has no bound."""
+    """The answer exceeds the size limit, or uses an encoding that was not requested."""
 
 
 def ask_again(
     ask: Callable[[], Answered], limits: PostLimits, tell: Callable[[str], None] = lambda reason: None
 ) -> Answered:
-    """What ``ask`` returns, which raises TryAgainError where another try may go better; NoAnswerError after the last.
+    """Call ``ask`` until it succeeds and return its result; TryAgainError leads to another attempt.
 
-    ``tell``: is given the reason of each failure, and when it is asked again.
+    ``tell``: called with the reason of each failure and the delay before the next attempt.
+    Raises NoAnswerError after the last attempt.
     """
     reason = ""
     for left in range(limits.retries, -1, -1):
@@ -82,7 +84,7 @@ def ask_again(
         if left:
             time.sleep(wait)
     tries = f"{limits.retries + 1} tries" if limits.retries else "one try"
-    raise NoAnswerError(f"gave no answer in {tries}; the last: {reason}")
+    raise NoAnswerError(f"gave no answer in {tries}; last failure: {reason}")
 
 
 def post_json(
@@ -93,10 +95,12 @@ def post_json(
     *,
     through_proxy: bool,
 ) -> Answer:
-    """Post once. ``through_proxy``: that of the environment, if it names one.
+    """Send one POST request. ``through_proxy``: use the proxy of the environment, if any.
 
-    Raises TryAgainError where the server cannot be reached, is late, busy (408, 409, 425, 429) or fails (5xx), or
-    breaks off; AnswerRefusedError; httpx.InvalidURL or httpx.UnsupportedProtocol for what is no address.
+    Raises:
+        TryAgainError: the server is unreachable, late, busy (408, 409, 425, 429), fails (5xx) or breaks off.
+        AnswerRefusedError: the answer is too long or has an unexpected encoding.
+        httpx.InvalidURL, httpx.UnsupportedProtocol: ``url`` is not a valid address.
     """
     allowed = httpx.Timeout(limits.timeout, connect=min(limits.connect_timeout, limits.timeout))
     watch = _Deadline(limits.timeout)
@@ -125,14 +129,16 @@ def post_json(
 
 @functools.cache
 def _certificates(of_environment: bool) -> ssl.SSLContext:
-    """Whom to trust, read once: that takes longer than a question to this machine."""
+    """Return the trusted certificates, cached: loading them takes longer than a local request."""
     return httpx.create_ssl_context(trust_env=of_environment)
 
 
 def _content(answer: httpx.Response, most: int) -> bytes:
     packed = answer.headers.get("Content-Encoding", "identity")
     if packed != "identity":  # a few bytes can unpack to more than a machine holds
-        raise AnswerRefusedError("the answer is packed, which was not asked for")  # not quoted: it may echo a key
+        raise AnswerRefusedError(
+            "the answer is compressed, although no compression was requested"
+        )  # not quoted: it may echo a key
     content = bytearray()
     for chunk in answer.iter_raw():
         content += chunk

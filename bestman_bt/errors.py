@@ -1,39 +1,39 @@
-"""The base of all errors of this project, and its kinds: what a user wrote, the robot, an algorithm."""
+"""Base class of all errors of this project, and its kinds: user input, robot, algorithm."""
 
 from __future__ import annotations
 
 
 class Error(Exception):
-    """Base of all errors that bestman-bt raises on purpose. ``code`` is for programs, the message for people."""
+    """Base of all errors that bestman-bt raises on purpose. ``code``: for programs; the message: for people."""
 
     code: str = "failed"
 
 
 class InputError(Error):
-    """A file, an option or a name that a user gave cannot be used; on the command line exit code 2.
+    """A file, option or name given by the user is invalid; on the command line, exit code 2.
 
-    The message, or each entry of ``problems`` where there are several faults, names file, line, field and value, and
-    what would be right.
+    The message, or each entry of ``problems`` if there are several, names file, line, field, value and what is
+    accepted.
     """
 
 
 class RobotError(Error):
-    """The robot, one of its controllers or sensors does not do what was asked."""
+    """The robot, one of its controllers or one of its sensors failed to do what was requested."""
 
     code = "fault"
 
 
 class AlgorithmError(Error):
-    """An algorithm got something that it cannot work with, or found no result."""
+    """An algorithm received unusable input, or found no result."""
 
 
 class WrongResultError(AlgorithmError):
-    """A user's algorithm has returned what its interface does not allow; the message has its class, file and line."""
+    """A user's algorithm returned a value that its interface does not allow; the message gives class, file and line."""
 
     code = "wrong_result"
 
 
 class MissingExtraError(InputError, ImportError):
-    """A package that is needed is not installed; the message names the extra that brings it."""
+    """A required package is not installed; the message names the extra that provides it."""
 
     code = "missing_extra"

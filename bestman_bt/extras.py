@@ -1,4 +1,4 @@
-"""Packages that only one feature needs; without them its use raises an error with the command that installs them."""
+"""Optional dependencies: using a feature without its package raises an error with the install command."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ PACKAGE_OF_EXTRA = {
     "rerun": "rerun",
     "sim": "pybullet",
 }
-"""Extra → the package, by the name that it is imported by, without which nothing of the extra works."""
+"""Extra → the import name of the package that it cannot work without."""
 EXTRA_OF_SIMULATOR = {"mujoco": "mujoco", "pybullet": "sim"}
-"""Driver that simulates → the extra that it needs."""
+"""Simulation driver → the extra that it needs."""
 
 
 def is_installed(extra: str) -> bool:
@@ -31,7 +31,9 @@ def is_installed(extra: str) -> bool:
 
 
 def install_command(extra: str) -> str:
-    """Return what to type to install an extra, from where this installation came: an index, a file or a checkout."""
+    """Return the command that installs an extra from the source of this installation: an index, a file or a
+    checkout.
+    """
     # They take longer than what most commands do.
     from importlib import metadata
     from urllib.parse import urlsplit
@@ -50,22 +52,23 @@ def install_command(extra: str) -> str:
 
 
 def missing_extra(what: str, extra: str) -> MissingExtraError:
-    """Return the error that names ``extra`` as what ``what`` needs."""
+    """Return the error that says that ``what`` needs ``extra``."""
     package = PACKAGE_OF_EXTRA[extra]
     return MissingExtraError(f"{what} needs the package {package!r}: {install_command(extra)}", name=package)
 
 
 def require_extra(what: str, extra: str) -> None:
-    """Raise MissingExtraError where ``what`` cannot work because the package of ``extra`` is not installed."""
+    """Raise MissingExtraError if ``what`` cannot work because the package of ``extra`` is not installed."""
     if not is_installed(extra):
         raise missing_extra(what, extra)
 
 
 @cache
 def open3d() -> Any:
-    """The package open3d, which takes seconds to import. MissingExtraError where it or a system library is missing.
+    """Import and return open3d, which takes seconds.
 
-    Its wheels expect the system's libusb: that of the extra is loaded first, under the name that they look for.
+    Its wheels expect the system's libusb; that of the extra is loaded first, under the file name that they look for.
+    Raises MissingExtraError if open3d or one of its system libraries is missing.
     """
     require_extra("this", "open3d")
     try:
@@ -77,18 +80,18 @@ def open3d() -> Any:
 
 
 def hiding_files() -> list[str]:
-    """The files beside the script that hide a package of ours."""
+    """Return the files beside the script that hide a package of bestman-bt."""
     beside = Path(sys.path[0] if sys.path else "").resolve()
     names = ("behaviours", "hal") if beside != Path(__file__).parents[1] else ()
     return [str(beside / f"{name}.py") for name in names if (beside / f"{name}.py").is_file()]
 
 
 def hides(file: str) -> str:
-    """What is said of such a file."""
+    """Return the message for such a file."""
     return f"{file} hides the package '{Path(file).stem}' of bestman-bt, which robots and skills need: rename that file"
 
 
 def refuse_hidden_packages() -> None:
-    """Raise ImportError where a file beside the script hides a package of ours."""
+    """Raise ImportError if a file beside the script hides a package of bestman-bt."""
     for file in hiding_files():
         raise ImportError(hides(file), path=file)

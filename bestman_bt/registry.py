@@ -1,6 +1,6 @@
-"""Names of exchangeable classes: each is text ``"module:Class"`` until somebody uses it.
+"""Registries of exchangeable classes, each stored as text ``"module:Class"`` until first use.
 
-Own ones are added by decorators, in a plug-in or before the robot is prepared:
+Decorators add your own, in a plug-in or before the robot is prepared:
 
     @algorithm("global_planning/mine")
     class Mine(GlobalPlanner): ...
@@ -20,18 +20,18 @@ T = TypeVar("T")
 
 
 class UnknownNameError(InputError, LookupError):
-    """A name that no registry entry has."""
+    """The registry has no entry of this name."""
 
 
 class Registry:
-    """Names → ``"module:Class"``, resolved when used; third parties add names by entry points.
+    """Names → ``"module:Class"``, imported on first use; other packages add names by entry points.
 
-    ``group``: the entry-point group, for example ``bestman_bt.drivers``. ``what``: the word used in errors.
-    ``found_by``: ``"module:function"`` that finds more shipped ones, name → target.
+    ``group``: the entry-point group, for example ``bestman_bt.drivers``. ``what``: the noun used in error messages.
+    ``found_by``: ``"module:function"`` that returns further shipped entries, name → target.
     """
 
     additions: ClassVar[int] = 0
-    """How often ``add`` was called, of any registry: what a plug-in has brought shows in it."""
+    """Number of ``add`` calls on all registries; a plug-in that registers something raises it."""
 
     def __init__(self, group: str, what: str, entries: dict[str, str], found_by: str = "") -> None:
         self.group = group
@@ -47,7 +47,7 @@ class Registry:
         Registry.additions += 1
 
     def adding(self, name: str) -> Callable[[T], T]:
-        """A decorator that registers what it decorates under ``name``."""
+        """Return a decorator that registers a class under ``name``."""
 
         def add(target: T) -> T:
             self.add(name, target)
@@ -56,7 +56,7 @@ class Registry:
         return add
 
     def names(self) -> list[str]:
-        """All names, sorted."""
+        """Return all names, sorted."""
         self._discover()
         return sorted(self._entries)
 
@@ -64,7 +64,7 @@ class Registry:
         return iter(self.names())
 
     def resolve(self, name: str) -> type:
-        """Import and return the class; UnknownNameError suggests the closest name."""
+        """Import and return the class of ``name``. Raises UnknownNameError suggesting the closest name."""
         self._discover()
         if name not in self._entries:
             raise UnknownNameError(f"unknown {self.what} {name!r}; {suggestion(name, self._entries)}")
@@ -73,7 +73,7 @@ class Registry:
         return resolved
 
     def of_kind(self, kind: str, base: type) -> dict[str, type]:
-        """The registered subclasses of ``base`` whose names begin with ``kind/``, by what comes after that."""
+        """Return the registered subclasses of ``base`` whose names begin with ``kind/``, by the rest of the name."""
         classes = {name.removeprefix(f"{kind}/"): self.resolve(name) for name in self if name.startswith(f"{kind}/")}
         return {name: cls for name, cls in classes.items() if issubclass(cls, base)}
 
@@ -92,7 +92,7 @@ def _imported(name: str) -> Any:
 
 
 def suggestion(name: str, known: Iterator[str] | list[str] | dict[str, Any]) -> str:
-    """Words for an error message: the closest of the ``known`` names, else all of them."""
+    """Return the end of an error message: the closest of the ``known`` names, else all of them."""
     names = sorted(known)
     close = difflib.get_close_matches(name, names, n=1)
     return f"did you mean {close[0]!r}?" if close else f"known: {', '.join(names) or 'none'}"
@@ -121,7 +121,7 @@ CONNECTIONS = Registry(
         "xarm": "hal.xarm.connection:XArmConnection",
     },
 )
-"""Classes that speak to one vendor's controller, by the ``driver`` of a connection in a robot's YAML."""
+"""Drivers of vendors' controllers, by the ``driver`` of a connection in a robot's YAML."""
 
 PARTS = Registry(
     "bestman_bt.parts",
@@ -158,7 +158,7 @@ SIMULATED_SENSORS = Registry(
         "tactile": "hal.simulation.tactile:SimulatedTactile",
     },
 )
-"""Kind of part → its sensor in simulation, made of name, part and a generator for its noise."""
+"""Kind of part → its simulated sensor, constructed from name, part and a random generator for its noise."""
 
 ALGORITHMS = Registry(
     "bestman_bt.algorithms",
@@ -220,10 +220,10 @@ PLUGIN_EXAMPLES = {
     "localization/particle_filter": "examples/plugins/particle_filter.py:ParticleFilter",
     "motion_planning/prm": "examples/plugins/lazy_prm.py:PRM",
 }
-"""Algorithms that were registered once and are examples of plug-ins now: where the sources have them."""
+"""Formerly registered algorithms that are now example plug-ins → their place in the sources."""
 
 ALGORITHM_SLOTS = frozenset(name.partition("/")[0] for name in ALGORITHMS.shipped)
-"""What an algorithm may be for."""
+"""The slots that an algorithm can fill."""
 
 BEHAVIOURS = Registry(
     "bestman_bt.behaviours",
@@ -377,7 +377,7 @@ PREDICATES = Registry(
     {},
     "bestman_bt.facts.predicate:shipped_predicates",
 )
-"""What goals and declarations may say of the world: names of instances of ``Predicate``."""
+"""Predicates that goals and declarations may use: instances of ``Predicate`` by name."""
 
 GOALS = Registry(
     "bestman_bt.goals",
@@ -385,7 +385,7 @@ GOALS = Registry(
     {"facts": "bestman_bt.runtime.task_goals:Facts"},
     "bestman_bt.facts.goals.goal:shipped_goals",
 )
-"""What the ``goals`` of a task may ask for: subclasses of ``Goal``."""
+"""Kinds of ``goals`` of a task: subclasses of ``Goal``."""
 
 PLANNERS = Registry(
     "bestman_bt.planners",
@@ -407,13 +407,13 @@ BUILDERS = Registry(
         "sequence": "bestman_bt.task_planning.builders.sequence:SequenceBuilder",
     },
 )
-"""From plans to trees, subclasses of ``TreeBuilder``."""
+"""Tree builders, which turn plans into trees: subclasses of ``TreeBuilder``."""
 
 
 def algorithm(name: str) -> Callable[[T], T]:
-    """``@algorithm("slot/name")`` before a class: an algorithm that configurations may choose.
+    """Register the decorated class as an algorithm that configurations may choose: ``@algorithm("slot/name")``.
 
-    UnknownNameError for a slot that there is not.
+    Raises UnknownNameError for an unknown slot.
     """
     fault = slot_fault(name)
     if fault:
@@ -422,38 +422,40 @@ def algorithm(name: str) -> Callable[[T], T]:
 
 
 def slot_fault(name: str) -> str:
-    """What is wrong with the slot in the name of an algorithm, in words; empty where nothing is."""
+    """Return why the slot in an algorithm's name is invalid; empty if it is valid."""
     slot, _, own = name.partition("/")
     if not own:
-        return "a slot and a name are accepted, as 'global_planning/mine'"
+        return "should be a slot and a name, such as 'global_planning/mine'"
     return "" if slot in ALGORITHM_SLOTS else f"unknown slot {slot!r}; {suggestion(slot, list(ALGORITHM_SLOTS))}"
 
 
 def part(kind: str) -> Callable[[T], T]:
-    """``@part("kind")`` before a frozen dataclass that derives from ``PartConfig``: a kind of part for robot files."""
+    """Register the decorated frozen dataclass, a ``PartConfig``, as a kind of part for robot files:
+    ``@part("kind")``.
+    """
     return PARTS.adding(kind)
 
 
 def simulated_sensor(kind: str) -> Callable[[T], T]:
-    """``@simulated_sensor("kind")`` before a ``SimulatedSensor`` (``hal.simulation``): that part in simulation."""
+    """Register the decorated ``hal.simulation.SimulatedSensor`` for a kind of part: ``@simulated_sensor("kind")``."""
     return SIMULATED_SENSORS.adding(kind)
 
 
 def connection(driver: str) -> Callable[[T], T]:
-    """``@connection("driver")`` before a subclass of ``hal.hardware.connection.Connection``: a vendor's controller."""
+    """Register the decorated ``hal.hardware.Connection`` as a driver: ``@connection("driver")``."""
     return CONNECTIONS.adding(driver)
 
 
 def goal(name: str) -> Callable[[T], T]:
-    """``@goal("name")`` before a subclass of ``Goal``: a kind of goal that tasks may ask for."""
+    """Register the decorated ``Goal`` as a kind of goal for tasks: ``@goal("name")``."""
     return GOALS.adding(name)
 
 
 def task_planner(name: str) -> Callable[[T], T]:
-    """``@task_planner("name")`` before a subclass of ``TaskPlanner``."""
+    """Register the decorated ``TaskPlanner``: ``@task_planner("name")``."""
     return PLANNERS.adding(name)
 
 
 def tree_builder(name: str) -> Callable[[T], T]:
-    """``@tree_builder("name")`` before a subclass of ``TreeBuilder``."""
+    """Register the decorated ``TreeBuilder``: ``@tree_builder("name")``."""
     return BUILDERS.adding(name)

@@ -1,4 +1,4 @@
-"""Where this user's programs leave what others of them look for while they run: sockets and locks."""
+"""The folder of this user's running programs, where they leave sockets and locks for each other."""
 
 from __future__ import annotations
 
@@ -10,13 +10,16 @@ from pathlib import Path
 
 
 def runtime_folder() -> Path:
-    """A folder of mode 0700, for this run of the machine; PermissionError where somebody else has taken its name."""
+    """Return the folder, of mode 0700, for this boot of the machine.
+
+    Raises PermissionError if another user owns its name.
+    """
     base = Path(os.environ.get("XDG_RUNTIME_DIR") or tempfile.gettempdir())
     folder = (base if base.is_dir() else Path(tempfile.gettempdir())) / f"bestman-bt-{os.getuid()}"
     with contextlib.suppress(FileExistsError):
         folder.mkdir(mode=0o700)
     found = folder.lstat()  # of a link itself: it could lead elsewhere a moment later
     if not stat.S_ISDIR(found.st_mode) or found.st_uid != os.getuid():
-        raise PermissionError(f"{folder} is no folder of this user")
+        raise PermissionError(f"{folder} is not a folder of this user")
     folder.chmod(0o700)
     return folder

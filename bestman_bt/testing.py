@@ -1,6 +1,6 @@
-"""Tests of trees, without a robot and in simulated time: ``from bestman_bt.testing import TreeTester``.
+"""Test trees without a robot, in simulated time: ``from bestman_bt.testing import TreeTester``.
 
-With ``pytest_plugins = ["bestman_bt.testing"]`` in a ``conftest.py``, tests have the fixture ``tree_tester``, too.
+With ``pytest_plugins = ["bestman_bt.testing"]`` in a ``conftest.py``, tests also have the fixture ``tree_tester``.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from bestman_bt.runtime.plugins import node_registry
 
 
 class TreeTester:
-    """Runs one tree as often as asked, with leaves that do what each test says, and keeps what was tried of it."""
+    """Run one tree repeatedly with scripted leaves and accumulate the coverage of its nodes."""
 
     def __init__(
         self,
@@ -47,10 +47,13 @@ class TreeTester:
     ) -> SimulatedRun:
         """Run the tree to its end.
 
-        ``nodes``: path, name or type to what the leaf does, as in a scenario file: ``{"Grasp": {"results": ["FAILURE",
-        "SUCCESS"], "duration": 2.0}}``. ``default``: the same of all others; None: at random, after ``seed``.
-        ``entries``: of the root's blackboard. Raises ScenarioError, and TreeLoadError with all that is wrong with the
-        tree.
+        ``nodes``: path, name or type → scripted behaviour of the leaf, as in a scenario file: ``{"Grasp": {"results":
+        ["FAILURE", "SUCCESS"], "duration": 2.0}}``. ``default``: the same for all other leaves; None: random, from
+        ``seed``. ``entries``: of the root's blackboard.
+
+        Raises:
+            ScenarioError: the scenario is invalid.
+            TreeLoadError: listing every fault of the tree.
         """
         given = {"nodes": dict(nodes or {}), "entries": dict(entries or {})}
         scenario = Scenario.from_mapping(given if default is None else {**given, "default": default})
@@ -63,14 +66,16 @@ class TreeTester:
         return run
 
     def assert_coverage(self, at_least: float) -> None:
-        """AssertionError where a smaller share of the nodes has begun in the runs so far; it names the others."""
+        """Raise AssertionError, naming the missed nodes, if a smaller share of the nodes has been ticked in all runs so
+        far.
+        """
         share = 0.0 if self.coverage is None else self.coverage.share
         missed = [] if self.coverage is None else [node.path for node in self.coverage.never_ticked]
         assert share >= at_least, f"{share:.0%} of the nodes began, never: {', '.join(missed) or 'any'}"
 
 
 def assert_order(run: SimulatedRun, *paths: str) -> None:
-    """AssertionError where nodes with these paths, or names, did not begin one after the other, others between them."""
+    """Raise AssertionError unless nodes with these paths or names began in this order; others may begin in between."""
     order = run.order
     position = 0
     for wanted in paths:
@@ -82,12 +87,12 @@ def assert_order(run: SimulatedRun, *paths: str) -> None:
 
 
 def assert_halted(run: SimulatedRun, path: str) -> None:
-    """AssertionError where the node with this path, or name, was not interrupted while it ran."""
+    """Raise AssertionError unless the node with this path or name was halted while it was running."""
     halted = run.halted
     assert any(path in (found, found.rpartition("/")[2]) for found in halted), f"'{path}' was not halted, but {halted}"
 
 
 @pytest.fixture
 def tree_tester() -> Callable[..., TreeTester]:
-    """What makes a ``TreeTester``."""
+    """Provide the ``TreeTester`` class."""
     return TreeTester

@@ -46,7 +46,7 @@ def test_nodes_are_described_by_name() -> None:
 
 
 def test_the_old_name_says_the_new_one() -> None:
-    with pytest.raises(AttributeError, match=r"it is bestman_bt\.Session now"):
+    with pytest.raises(AttributeError, match=r"use bestman_bt\.Session"):
         bt.session  # noqa: B018 - reading it raises
     with pytest.raises(AttributeError, match=r"has no attribute 'sesion'$"):
         bt.sesion  # noqa: B018 - reading it raises

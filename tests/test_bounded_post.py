@@ -53,7 +53,7 @@ def test_each_try_waits_twice_as_long_as_the_one_before_up_to_the_longest_and_no
 ) -> None:
     told: list[str] = []
     limits = PostLimits(1.0, 1.0, retries=4, backoff=0.5, max_reply=1, longest_wait=3.0)
-    with pytest.raises(NoAnswerError, match="gave no answer in 5 tries; the last: busy 4"):
+    with pytest.raises(NoAnswerError, match="gave no answer in 5 tries; last failure: busy 4"):
         ask_again(asking(*(TryAgainError(f"busy {n}") for n in range(5))), limits, told.append)
     assert waits == [0.5, 1.0, 2.0, 3.0]
     assert told == [f"busy {n}; again in {wait:.1f} s" for n, wait in enumerate(waits)] + ["busy 4"]
@@ -66,7 +66,7 @@ def test_a_server_that_names_its_wait_gets_it_up_to_the_longest(waits: list[floa
 
 def test_without_retries_it_is_asked_once_and_another_failure_is_not_asked_again(waits: list[float]) -> None:
     once = PostLimits(1.0, 1.0, retries=0, backoff=1.0, max_reply=1)
-    with pytest.raises(NoAnswerError, match="in one try; the last: late"):
+    with pytest.raises(NoAnswerError, match="in one try; last failure: late"):
         ask_again(asking(TryAgainError("late"), "never"), once)
     with pytest.raises(ValueError, match="wrong"):
         ask_again(asking(ValueError("wrong"), "never"), LIMITS)

@@ -56,7 +56,7 @@ def test_what_is_no_folder_is_refused(base: Path, what: str) -> None:
         named(base).symlink_to(base / "elsewhere")
     if what == "link":
         (base / "elsewhere").mkdir(mode=0o755)
-    with pytest.raises(PermissionError, match="is no folder of this user"):
+    with pytest.raises(PermissionError, match="is not a folder of this user"):
         runtime_folder()
     assert not (base / "elsewhere").exists() or stat.S_IMODE((base / "elsewhere").stat().st_mode) == 0o755
 

@@ -1,1 +1,1 @@
-"""Skills at doors and drawers: finding handles, opening, closing, and what is believed of them."""
+"""Skills for doors and drawers: finding handles, opening, closing, and updating beliefs."""

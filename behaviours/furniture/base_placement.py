@@ -1,4 +1,4 @@
-"""Standing to open a door or drawer: where to see its handle from, and where to pull it from."""
+"""Base placement for opening a door or drawer: where to see its handle from, and where to pull it from."""
 
 from __future__ import annotations
 
@@ -40,9 +40,9 @@ TURNS = (0.0, -0.5, 0.5)
 
 
 class FindCloseStand(OnArm, Skill):
-    """Choose where to stand so that the arm pushes a door or drawer shut from where it is believed to be.
+    """Choose a base placement from which the arm can push a door or drawer shut from its believed opening.
 
-    Each time it is asked again it gives another stand, until none is left.
+    Each further call gives another placement, until none is left.
     """
 
     REQUIRES = ("base", "lidar", "arm", "gripper")
@@ -55,15 +55,15 @@ class FindCloseStand(OnArm, Skill):
     DECLARATION = Declaration(effects=("stand_known({articulation})",))
 
     def on_load(self) -> None:
-        """Nothing has been tried yet."""
+        """Reset the tried placements."""
         self._tried: list[Pose2D] = []
 
     def execute(self) -> Steps:
-        """For one way to push after another, until there is a stand for it."""
+        """Search the ways to push in turn for a base placement."""
         leaf = find_leaf(self.skills, self.articulation)
         stands = yield self.compute("stand_planning", self._rank, leaf)
         if not stands:
-            raise SkillFailure("no_stand", f"the arm cannot push {leaf.articulation} shut from anywhere free")
+            raise SkillFailure("no_stand", f"no free base placement lets the arm push {leaf.articulation} shut")
         best = stands[0].pose
         self._tried.append(best)
         self.stand = best
@@ -99,7 +99,7 @@ def _around(push: FrontPush) -> tuple[Pose2D, ...]:
 LOOK_DISTANCES = (0.90, 1.05, 0.75, 1.20)
 """Metres from a front to the middle of the base that looks at it."""
 LOOK_BEARINGS = tuple(math.radians(degrees) for degrees in (0, 50, -50))
-"""From where to look at it, from straight before it: a door that stands open unknown to the robot may be edge-on."""
+"""Directions to look from, relative to straight ahead: a door that is open without the robot knowing may be edge-on."""
 DISTANCES = (0.55, 0.65, 0.75, 0.85, 0.95, 1.05)
 """Metres from a handle to the middle of the base that pulls it."""
 BEARINGS = tuple(math.radians(degrees) for degrees in range(-75, 76, 15))
@@ -114,18 +114,18 @@ class FindLookStand(Skill):
     front = Out(Pose, "the middle of its front as it is believed, in the map frame", required=True)
     FAILS: ClassVar = {
         **UNKNOWN_ARTICULATION,
-        "no_stand": "what stands there may have gone: ForgetBlocked, then again",
+        "no_stand": "the obstacle may have gone: ForgetBlocked, then retry",
     }
     DECLARATION = Declaration(effects=("stand_known({articulation})",))
 
     def on_load(self) -> None:
-        """Nothing has been tried yet."""
+        """Reset the tried placements."""
         self._asked, self._position = 0, math.nan
 
     def execute(self) -> Steps:
-        """The first distance at which the base has room; each time it is asked again from another side, in turn.
+        """Return the first distance with room for the base; each further call gives another side, in turn.
 
-        Of a leaf that is no longer believed to be where it was, from straight before it again.
+        If the believed opening has changed, it starts straight in front again.
         """
         from bestman_bt.manipulation.kinematics.stand_along import stands_around
 
@@ -146,13 +146,13 @@ class FindLookStand(Skill):
                 self.stand = stand
                 self.front = front
                 return
-        raise SkillFailure("no_stand", f"no room to stand before {articulation}")
+        raise SkillFailure("no_stand", f"no room to stand in front of {articulation}")
 
 
 class FindOpenStand(OnArm, Skill):
-    """Choose where to stand so that the arm takes a handle and follows it as far as is asked, on one branch.
+    """Choose a base placement from which the arm can grasp a handle and follow it over the requested opening.
 
-    Each time it is asked again it gives another stand, until none is left.
+    The arm stays on one branch of inverse kinematics. Each further call gives another placement, until none is left.
     """
 
     REQUIRES = ("base", "lidar", "arm", "gripper")
@@ -168,11 +168,11 @@ class FindOpenStand(OnArm, Skill):
     DECLARATION = Declaration(pre=("handle_known({handle})",), effects=("stand_known({articulation})",))
 
     def on_load(self) -> None:
-        """Nothing has been tried yet."""
+        """Reset the tried placements."""
         self._tried: list[Pose2D] = []
 
     def execute(self) -> Steps:
-        """Rank stands around the handle by how well the arm follows the whole way."""
+        """Rank base placements around the handle by how well the arm follows the whole path."""
         name: str = self.handle
         articulation: str = self.articulation
         belief = self.skills.world.handles.get(name)
@@ -181,7 +181,7 @@ class FindOpenStand(OnArm, Skill):
         opening = plan_opening(self.skills, articulation, belief, self.opening)
         stands = yield self.compute("stand_planning", self._rank, opening, belief)
         if not stands:
-            raise SkillFailure("no_stand", f"the arm cannot follow {articulation} as far as asked from anywhere free")
+            raise SkillFailure("no_stand", f"no free base placement lets the arm open {articulation} as far as asked")
         best = stands[0].pose
         self._tried.append(best)
         self.stand = best

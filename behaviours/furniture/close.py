@@ -1,4 +1,4 @@
-"""Closing doors and drawers: push at the front with closed fingers until the end stop is felt."""
+"""Closing doors and drawers: push the front with closed fingers up to the end stop."""
 
 from __future__ import annotations
 
@@ -72,10 +72,10 @@ POINTS = 6
 
 @dataclass(frozen=True, eq=False)
 class FrontPush:
-    """One way to push: ``point`` (3,) on the front, in the front board's frame (x inwards), and how the hand is held.
+    """One way to push: ``point`` (3,) on the front, in the front board's frame (x inwards), and the hand's orientation.
 
-    ``tip``: metres from the tool frame to the finger tips, along z of the tool. ``palm``: (N, 3) metres, points all
-    over the palm in the tool frame. ``handles``: what stands out of the front, in the front board's frame.
+    ``tip``: metres from the tool frame to the finger tips, along z of the tool. ``palm``: (N, 3) metres, points of the
+    palm in the tool frame. ``handles``: what stands out of the front, in the front board's frame.
     """
 
     leaf: FurnitureLeaf
@@ -94,30 +94,32 @@ class FrontPush:
 
     @cached_property
     def tilts(self) -> tuple[float, ...]:
-        """Turns of the hand beside the leaf's own, about its hinge, with which the fingers alone touch the leaf.
+        """Extra rotations of the hand about the hinge with which only the fingers touch the leaf, radians.
 
-        A drawer's hand has no turn but 0. Empty where the palm would touch the front or a handle with any of them.
+        A drawer has only 0. Empty if the palm would touch the front or a handle in each of them.
         """
         return tuple(
             tilt for tilt in ((0.0,) if self.leaf.leaf.kind == "prismatic" else TILTS) if self._palm_is_free(tilt)
         )
 
     def at(self, position: float) -> NDArray[np.float64]:
-        """Where the pushed point is in the map, (3,), when the leaf is open by ``position``."""
+        """Return the pushed point in the map, (3,) metres, when the leaf is open by ``position``."""
         point: NDArray[np.float64] = self.leaf.front(position).apply(self.point[None])[0]
         return point
 
     def positions(self) -> list[float]:
-        """Where the leaf is at the stations, from where it is believed to be to closed."""
+        """Return the leaf positions at the stations, from the believed one to closed."""
         count = 1 + max(1, math.ceil(self.start * self.lever / STEP))
         return [float(position) for position in np.linspace(self.start, 0.0, count)]
 
     def stations(self, back: float = 0.0) -> list[list[Pose]]:
-        """Tool poses in the map frame, per station one for each tilt; ``back``: metres before the front."""
+        """Return the tool poses in the map frame, per station one for each tilt; ``back``: metres in front of the
+        leaf.
+        """
         return [[self._tool(position, tilt, back) for tilt in self.tilts] for position in self.positions()]
 
     def axis(self) -> JointAxis:
-        """The joint's axis in the map frame; it closes in the positive sense."""
+        """Return the joint's axis in the map frame; it closes in the positive sense."""
         from bestman_bt.control.arm.joint_axis import JointAxis
 
         point, direction = self.leaf.axis()
@@ -126,14 +128,14 @@ class FrontPush:
         return JointAxis("revolute", point, -direction, self.lever, 0.0)
 
     def opening(self, tip: NDArray[np.float64]) -> float:
-        """How far the leaf is open, radians or metres, with the finger tips (3,), map frame, at its front."""
+        """Return how far the leaf is open, radians or metres, with the finger tips (3,), map frame, at its front."""
         axis = self.axis()
         if axis.kind == "prismatic":
             return axis.travelled(tip, self.at(0.0))
         return axis.angle(tip, self.at(0.0))
 
     def guide(self, arc: ArcPath) -> FollowGuide:
-        """What hand and arm are to do along the way."""
+        """Return the guide of hand and arm along the path."""
         from bestman_bt.control.arm.constraint_following import FollowGuide
 
         closed_by = self.start - np.array(self.positions()[: len(arc.path)])
@@ -142,10 +144,10 @@ class FrontPush:
         return FollowGuide(self.lever * closed_by, door - (tilts - tilts[0]), arc.path, np.array([0.0, 0.0, self.tip]))
 
     def _palm_is_free(self, tilt: float) -> bool:
-        """Whether the palm keeps clear of the leaf while the finger tips are at the pushed point.
+        """Return whether the palm is clear of the leaf while the finger tips are at the pushed point.
 
-        Where the tips touch, the front is there, wherever the map has it. How the front is turned, and where on it the
-        tips are, is off by what the map is off.
+        The contact defines the position of the front; its orientation and the contact point on it have the error of the
+        map.
         """
         board, piece = self.leaf.leaf.shapes[0].shape, self.leaf.furniture
         assert isinstance(board, Box)
@@ -162,18 +164,18 @@ class FrontPush:
         return all((_distance(handle, palm) > gap).all() for handle in self.handles)
 
     def _tool(self, position: float, tilt: float, back: float) -> Pose:
-        """The finger tips at the pushed point, or ``back`` metres before it, in the map frame."""
+        """Return the finger tips at the pushed point, or ``back`` metres before it, in the map frame."""
         return self.leaf.front(position) @ self._front_from_tool(tilt, back)
 
     def _front_from_tool(self, tilt: float, back: float = 0.0) -> Pose:
-        """The hand beside the front board: z of the tool into it, turned by pitch, roll and tilt."""
+        """Return the hand beside the front board: z of the tool into it, turned by pitch, roll and tilt."""
         inwards = Pose.from_matrix(_INWARDS) @ _about([1.0, 0.0, 0.0], -self.pitch) @ _about([0.0, 0.0, 1.0], self.roll)
         hand = _about(self._hinge, tilt) @ inwards if tilt else inwards
         return Pose(self.point - (self.tip + back) * hand.rotation[:, 2], hand.quaternion)
 
     @cached_property
     def _hinge(self) -> NDArray[np.float64]:
-        """The joint's axis, (3,) unit, in the front board's frame: the same wherever the leaf is."""
+        """Return the joint's axis, (3,) unit, in the front board's frame; it does not depend on the opening."""
         axis: NDArray[np.float64] = self.leaf.front(self.start).rotation.T @ self.leaf.axis()[1]
         return axis
 
@@ -188,7 +190,9 @@ def _about(axis: object, angle: float) -> Pose:
 
 
 def pushes(skills: SkillContext, leaf: FurnitureLeaf) -> Iterator[FrontPush]:
-    """Ways to push a leaf shut, best places first: far from its hinge, or in the middle of a drawer; no handle near."""
+    """Yield ways to push a leaf shut, best points first: far from its hinge, or in the middle of a drawer; away from
+    handles.
+    """
     start = max(0.0, skills.world.articulations.get(leaf.articulation, 0.0))
     tip, palm = skills.gripper_model.part.pad_size[1] / 2, _palm(skills.gripper_model)
     map_from_front = leaf.front(start)
@@ -244,11 +248,11 @@ FINGER_FORCE = 10.0
 TOUCH = 8.0
 """Newtons at which the front counts as touched: less than any door or drawer takes to move."""
 SEARCH = 0.08
-"""Metres beyond where the front is believed to be in which it is looked for."""
+"""Metres beyond the believed front within which to search for it."""
 BEYOND = 0.06
-"""Metres beyond closed, by the map, until which resistance is waited for."""
+"""Metres beyond the mapped closed position up to which to wait for a resistance."""
 FELT = 0.02
-"""Metres by which the finger tips may be off, beside the piece's own error, when the end stop is felt."""
+"""Tolerance of the finger tips at the end stop, in addition to the piece's own error, metres."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -260,10 +264,10 @@ class _Plan:
 
 
 class Close(OnArm, Skill):
-    """Push a door or drawer shut from where the base stands, with closed fingers at its front.
+    """Push a door or drawer shut with closed fingers on its front, without moving the base.
 
-    It starts from where the leaf is believed to be, feels for the front, goes along with the map's joint, and ends when
-    something resists. Near closed that is the end stop; before, it is a jam, which is told with how far it is open.
+    It starts at the believed opening, feels for the front, follows the map's joint, and ends at a resistance. Near
+    closed that is the end stop; earlier it is a jam, reported with the remaining opening.
     """
 
     REQUIRES = ("arm", "gripper")
@@ -271,14 +275,14 @@ class Close(OnArm, Skill):
     articulation = In[str](ArticulationName, "furniture/leaf of the map")
     opening = In[float](NonNegative, "how far it may stay open: metres or radians", default=0.02)
     max_push = In[float](Positive, "newtons", default=40.0)
-    posture = In[str](PostureName, "of the arm at the end", default="carry")
+    posture = In[str](PostureName, "final posture of the arm", default="carry")
     left = Out(float, "how far it may still be open, metres or radians")
     FAILS: ClassVar = {
         **LEAF_FAILS,
         "no_push": "stand elsewhere: FindCloseStand, NavigateTo",
-        "not_found": "it is open less, or farther, than believed: FindLookStand, DetectHandle",
-        "jammed": "push from elsewhere: FindCloseStand, NavigateTo; or pull what jams out again: Open",
-        "lost_contact": "it is not where it is believed to be: FindLookStand, DetectHandle, then Close",
+        "not_found": "its opening differs from the belief: FindLookStand, DetectHandle",
+        "jammed": "push from elsewhere: FindCloseStand, NavigateTo; or open it again to clear the jam: Open",
+        "lost_contact": "it is not at its believed place: FindLookStand, DetectHandle, then Close",
     }
     DECLARATION = Declaration(pre=("not holding(any)",), effects=("not open({articulation})",))
 
@@ -342,13 +346,13 @@ class Close(OnArm, Skill):
         return self.skills.map_from_base @ base_from_tool @ Pose(np.array([0.0, 0.0, push.tip]))
 
     def _touch(self, push: FrontPush) -> StepsTo[float]:
-        """Go on straight until the front is felt; how far the leaf is open there."""
+        """Move straight until the front is felt; return the opening there."""
         skills = self.skills
         tool = skills.base_from_tool()
         touch: GuardedOutcome = yield skills.arm.move_until(tool.rotation[:, 2], 0.05, BEFORE + SEARCH, TOUCH)
         position = push.opening(self._tip(push, touch.tool).position)
         if not touch.touched:
-            why = f"the front of {push.leaf.articulation} is not where it is believed to be, open by {push.start:.2f}"
+            why = f"the front of {push.leaf.articulation} is not at its believed opening of {push.start:.2f}"
             raise SkillFailure("not_found", f"{why}: nothing is there up to {position:.2f}")
         return position
 
@@ -379,7 +383,7 @@ class Close(OnArm, Skill):
             skills.world.believe_articulation(leaf.articulation, 0.0)
             return left
         if failure is None:
-            raise SkillFailure("lost_contact", f"nothing resisted up to where {leaf.articulation} should be shut")
+            raise SkillFailure("lost_contact", f"no resistance up to the closed position of {leaf.articulation}")
         skills.world.believe_articulation(leaf.articulation, min(left, leaf.leaf.upper))
         if left > self.opening:
             self.left = left
@@ -388,7 +392,7 @@ class Close(OnArm, Skill):
         return left
 
     def _uncertainty(self, push: FrontPush) -> float:
-        """How far from shut, by the map, the end stop may be felt, metres or radians."""
+        """Return how far from shut, by the map, the end stop may be felt, metres or radians."""
         piece = push.leaf.furniture
         turned = piece.heading_error * (1.0 if push.leaf.leaf.kind == "revolute" else 0.0)
         return (FELT + 1.5 * piece.position_error) / push.lever + turned

@@ -1,4 +1,4 @@
-"""What is believed of doors and drawers, as conditions."""
+"""Conditions on the believed state of doors and drawers."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ _CONTAINER = BoundedPort(ArticulationName, description="a door or drawer of the 
 
 
 class TakeContainer(InstantSkill):
-    """Tell of a door or drawer on which furniture it is, and what open and shut mean for it."""
+    """Output the furniture of a door or drawer, and its thresholds for open and shut."""
 
     INPUT_PORTS: ClassVar = {"container": _CONTAINER}
-    furniture = Out(str, "the piece that it belongs to")
-    opening = Out(float, "how far it is opened to work behind it, metres or radians")
-    shut = Out(float, "up to where it counts as shut, metres or radians")
+    furniture = Out(str, "the furniture that it belongs to")
+    opening = Out(float, "target opening for working behind it, metres or radians")
+    shut = Out(float, "largest opening that counts as shut, metres or radians")
     FAILS: ClassVar = UNKNOWN_ARTICULATION
 
     def act(self) -> None:
-        """Asks the map."""
+        """Read the map."""
         leaf = find_leaf(self.skills, self.get_input("container"))
         openness = openness_of(leaf.leaf)
         self.furniture = leaf.furniture.name
@@ -36,33 +36,33 @@ class TakeContainer(InstantSkill):
 
 
 class BelieveLocked(InstantSkill):
-    """Remember that a door or drawer did not open, so that nothing is planned that needs it open."""
+    """Remember that a door or drawer did not open, so that no plan relies on opening it."""
 
     INPUT_PORTS: ClassVar = {"container": _CONTAINER}
     FAILS: ClassVar = UNKNOWN_ARTICULATION
 
     def act(self) -> None:
-        """Writes a belief; moves nothing."""
+        """Set the belief; nothing moves."""
         name: str = find_leaf(self.skills, self.get_input("container")).articulation
         self.skills.world.locked.add(name)
 
 
 class BelieveStuck(InstantSkill):
-    """Remember that a door or drawer could not be opened for now, so that something else is tried first.
+    """Remember that a door or drawer could not be opened for now, so that other ways are tried first.
 
-    What moves a door or drawer clears it, and ``ForgetBlocked``.
+    Any motion of a door or drawer clears it, as does ``ForgetBlocked``.
     """
 
     INPUT_PORTS: ClassVar = {"container": _CONTAINER}
     FAILS: ClassVar = UNKNOWN_ARTICULATION
 
     def act(self) -> None:
-        """Writes a belief; moves nothing."""
+        """Set the belief; nothing moves."""
         self.skills.world.blocked.add(find_leaf(self.skills, self.get_input("container")).articulation)
 
 
 class IsOpen(SkillCondition):
-    """Whether a door or drawer is believed to be open by at least, or by at most, so much."""
+    """Check whether the believed opening of a door or drawer is at least, or at most, a given value."""
 
     articulation = In[str](ArticulationName, "furniture/leaf of the map")
     at_least = In[float](NonNegative, "metres or radians", default=0.0)
@@ -74,13 +74,13 @@ class IsOpen(SkillCondition):
     }
 
     def check(self) -> tuple[str, str] | None:
-        """Asks the beliefs; takes no picture."""
+        """Check the belief, without an image."""
         name: str = self.articulation
         at_least, at_most = self.at_least, self.at_most
         leaf = find_leaf(self.skills, name).leaf
         position = self.skills.world.articulations.get(name, 0.0)
         unit = "rad" if leaf.kind == "revolute" else "m"
-        if not position >= at_least:  # nor where the belief is no number
+        if not position >= at_least:  # nor if the belief is not a number
             return "not_open", f"{name} is open by {position:.2f} {unit} only"
         if at_most is not None and not position <= at_most:
             return "not_closed", f"{name} is open by {position:.2f} {unit}"

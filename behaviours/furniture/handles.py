@@ -1,4 +1,4 @@
-"""Handles: where doors and drawers can be pulled."""
+"""Detection of the handles of doors and drawers."""
 
 from __future__ import annotations
 
@@ -28,17 +28,18 @@ if TYPE_CHECKING:
 
 
 MAP_MARGIN = 0.10
-"""Metres around a piece of furniture on the map in which its handles may be: the map is off, handles stick out."""
+"""Metres around mapped furniture within which its handles may be: the map has errors, handles protrude."""
 SAME_HANDLE = 0.05
-"""Metres beside its axis within which a seen handle is one that was seen before."""
+"""Metres beside its axis within which a detected handle counts as an earlier one."""
 JointKind = Annotated[str, OneOf(lambda: ("revolute", "prismatic"))]
 
 
 class DetectHandle(Skill):
-    """Look for handles through the head camera, on one piece of furniture or anywhere; fail if there is none.
+    """Detect handles with the head camera, on one piece of furniture or anywhere; fail if there are none.
 
-    All that are seen are believed; the output is the one nearest to ``near``, else the surest. Of an ``articulation``
-    it also tells, and believes, how far that stands open: where no handle on it is seen, by its board, before it fails.
+    All detected handles enter the belief; the output is the one nearest to ``near``, else the most certain. With
+    ``articulation``, its opening is also measured and believed: by its board if no handle on it is seen, before the
+    skill fails.
     """
 
     REQUIRES = ("camera",)
@@ -47,9 +48,9 @@ class DetectHandle(Skill):
     near = In(Pose, "choose the handle nearest to this, map frame", required=False)
     joint = In[str | None](JointKind, "only handles of a revolute or a prismatic joint", required=False)
     min_confidence = In[float](Share, "of the handle", default=0.5)
-    handle = Out(str, "the name under which the handle is believed")
-    pose = Out(Pose, "of the handle, in the map frame")
-    count = Out(int, "how many were seen")
+    handle = Out(str, "name of the handle in the belief")
+    pose = Out(Pose, "pose of the handle, in the map frame")
+    count = Out(int, "number of detected handles")
     opening = Out(float, "how far the articulation is open, metres or radians")
     FAILS: ClassVar = {
         **UNKNOWN_ARTICULATION,
@@ -59,7 +60,7 @@ class DetectHandle(Skill):
     DECLARATION = Declaration(effects=("handle_known({furniture})",))
 
     def execute(self) -> Steps:
-        """Capture, detect, believe, choose."""
+        """Capture, detect, update the belief, choose."""
         skills = self.skills
         furniture = self._furniture()
         view = skills.camera.capture()
@@ -67,7 +68,7 @@ class DetectHandle(Skill):
         seen = [handle.seen_from(view.map_from_base) for handle in scene.handles]
         articulation: str = self.articulation or ""
         if articulation:
-            # Whether a leaf is shut that was closed, its neighbours tell better than a map that was never measured.
+            # Neighbouring fronts show better than an unmeasured map whether a leaf is shut.
             closed = skills.world.articulations.get(articulation) == 0.0
             believe_shut_fronts(skills.world, find_leaf(skills, articulation).furniture.name, seen, closed)
             leaf = find_leaf(skills, articulation)
@@ -98,7 +99,7 @@ class DetectHandle(Skill):
         if found:
             handle, opening = max(found, key=lambda entry: entry[0].confidence)
             believed = skills.world.articulations.get(leaf.articulation, 0.0)
-            # A handle that was pushed shut unseen is where the map has it, and tells no more than that.
+            # A handle that was pushed shut unseen has its place from the map, and is no further evidence.
             for known in skills.world.handles_of(leaf.furniture, leaf.leaf) if believed > 0.0 else ():
                 since = opening_since(leaf, believed, known.handle, handle)
                 opening = opening if since is None else since
@@ -120,7 +121,7 @@ class DetectHandle(Skill):
         name = self.furniture
         known = self.skills.world.map.furniture
         if name and name not in known:
-            raise SkillFailure("unknown_furniture", f"no furniture {name!r} in the map; there are {', '.join(known)}")
+            raise SkillFailure("unknown_furniture", f"no furniture {name!r} in the map; known: {', '.join(known)}")
         return known[name] if name else None
 
     def _believe(self, handle: Handle, stamp: float) -> str:
@@ -155,7 +156,7 @@ class DetectHandle(Skill):
 
 
 def _same(known: Handle, seen: Handle) -> bool:
-    """Whether two handles overlap: of a long one, a view may show only a part."""
+    """Return whether two handles overlap: of a long one, a view may show only a part."""
     apart = seen.pose.position - known.pose.position
     along = float(apart @ known.axis)
     beside = float(np.linalg.norm(apart - along * known.axis))

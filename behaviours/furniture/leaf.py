@@ -1,4 +1,4 @@
-"""Doors and drawers of the map as skills work at them, and what the arm has around it there."""
+"""Doors and drawers of the map for skills, and the surroundings of the arm there."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 MEASURED = 0.01
-"""Metres of a piece's position error up to which its doors are where they are believed to be, for the palm too."""
+"""Largest position error of furniture, metres, up to which its doors count as known, for the palm too."""
 
 Touching = Literal["free", "nothing", "fingers", "hand"]
 """What may touch the furniture that is worked at: fingers its leaf, or the hand all of it.
@@ -35,34 +35,38 @@ and the hand may be within them. ``free``: nothing may.
 """
 
 LeafWorlds: TypeAlias = "dict[tuple[Pose2D | None, float, Touching], CollisionWorld]"
-"""What the arm has around it at a leaf, by stand, the leaf's position and what may touch."""
+"""Collision worlds at a leaf, by base placement, leaf position and allowed contacts."""
 
 UNKNOWN_ARTICULATION = {"unknown_articulation": "name a door or drawer of the map, as furniture/leaf"}
 
 
 @dataclass(frozen=True, eq=False)
 class FurnitureLeaf:
-    """A door or drawer: ``articulation`` is its name, ``furniture/leaf``."""
+    """A door or drawer; ``articulation``: its name, ``furniture/leaf``."""
 
     articulation: str
     furniture: MapFurniture
     leaf: MapLeaf
 
     def bodies(self) -> list[str]:
-        """Names of the bodies in the planning scene that the hand works at."""
+        """Return the names of the bodies in the planning scene that the hand works at."""
         return [self.furniture.name, *(f"{self.furniture.name}/{leaf.name}" for leaf in self.furniture.leaves)]
 
     def front(self, position: float) -> Pose:
-        """The middle of its front board in the map frame, axes as the furniture's, when it is open by ``position``."""
+        """Return the pose of the front board's centre in the map frame, with the furniture's axes, at an opening of
+        ``position``.
+        """
         return self.furniture.pose.to_pose() @ self.leaf.moved(position) @ self.leaf.shapes[0].pose
 
     def axis(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """A point on the axis and its direction, (3,) each, in the map frame; the joint opens in the positive sense."""
+        """Return a point on the axis and its direction, (3,) each, in the map frame; a positive motion opens the
+        joint.
+        """
         frame = self.furniture.pose.to_pose()
         return frame.apply(np.array([self.leaf.origin]))[0], frame.rotation @ np.array(self.leaf.axis)
 
     def check_opening(self, port: str, opening: float) -> None:
-        """SkillFailure (``bad_input``) where the leaf cannot be open by so much, radians or metres."""
+        """Raise SkillFailure (``bad_input``) if the leaf cannot be open by ``opening``, radians or metres."""
         upper, unit = self.leaf.upper, "rad" if self.leaf.kind == "revolute" else "m"
         if not 0.0 <= opening <= upper:
             raise SkillFailure(
@@ -70,7 +74,9 @@ class FurnitureLeaf:
             )
 
     def lever(self, position: NDArray[np.float64]) -> float:
-        """Metres that a point (3,) of the map moves per unit of the joint: distance from the hinge, or 1."""
+        """Return the metres that a point (3,) of the map moves per unit of the joint: the distance from the hinge, or
+        1.
+        """
         if self.leaf.kind == "prismatic":
             return 1.0
         point, axis = self.axis()
@@ -78,13 +84,13 @@ class FurnitureLeaf:
 
 
 def find_leaf(skills: SkillContext, articulation: str) -> FurnitureLeaf:
-    """The door or drawer ``furniture/leaf`` of the map; SkillFailure names what there is."""
+    """Return the door or drawer ``furniture/leaf`` of the map. Raises SkillFailure listing the known ones."""
     known = skills.world.map.furniture
     name, _, part = articulation.partition("/")
     leaf = next((leaf for leaf in known[name].leaves if leaf.name == part), None) if name in known else None
     if leaf is None:
         there = ", ".join(f"{piece.name}/{one.name}" for piece in known.values() for one in piece.leaves)
-        raise SkillFailure("unknown_articulation", f"no door or drawer {articulation!r} in the map; there are {there}")
+        raise SkillFailure("unknown_articulation", f"no door or drawer {articulation!r} in the map; known: {there}")
     return FurnitureLeaf(articulation, known[name], leaf)
 
 
@@ -98,10 +104,10 @@ def world_at_leaf(
     margin: float = 0.0,
     felt: Obstacle | None = None,
 ) -> CollisionWorld:
-    """What the arm has around it while the leaf is open by ``position``, radians or metres.
+    """Return the arm's collision world while the leaf is open by ``position``, radians or metres.
 
-    ``stand``: where the base will be, None where it is. ``ignore``: names to leave out. ``margin``: by how much more or
-    less the leaf may be open. ``felt``: where the leaf is by feel, instead of ``position``.
+    ``stand``: the future base pose, None for the current one. ``ignore``: names to leave out. ``margin``: uncertainty
+    of the opening. ``felt``: the leaf as measured by contact, in place of ``position``.
     """
     scene = _scene_at_leaf(skills, leaf, position, touching, stand, ignore, felt)
     if margin > 0.0:
@@ -148,7 +154,7 @@ def _scene_at_leaf(
 
 
 def _seen_with(world: WorldModel, leaf: FurnitureLeaf, base_from_map: Pose) -> PlacedShape:
-    """A box, base frame, around the leaf and what is in it, where they are believed to be: that goes along."""
+    """Return a box, base frame, around the believed leaf and its contents, which move along."""
     opened = base_from_map @ leaf.furniture.pose.to_pose() @ world.opening_of(leaf.furniture, leaf.leaf)
     return PlacedShape(leaf.leaf.hull.shape, opened @ leaf.leaf.hull.pose)
 
@@ -162,10 +168,10 @@ def free_along(
     skip: int = 0,
     worlds: LeafWorlds | None = None,
 ) -> IsFreeAt:
-    """Whether the arm is free at each station of a way on which the leaf is at ``positions``.
+    """Return a check whether the arm is free at each station while the leaf is at ``positions``.
 
-    ``skip``: stations at the start that belong to the first position, such as the one before a grasp. ``worlds``: made
-    for other ways of this leaf, while all else stood as it stands now; those that are made are added.
+    ``skip``: stations at the start that belong to the first position, such as the one before a grasp. ``worlds``: a
+    cache for other paths of this leaf in the same surroundings; new worlds are added.
     """
     known: LeafWorlds = {} if worlds is None else worlds
 
@@ -186,17 +192,17 @@ BASE_GAP = 0.05
 """Metres that the robot's body keeps from where the leaf passes."""
 SAME_STAND = 0.05
 BATCHES = (slice(0, 6), slice(6, 18))
-"""Which of the most promising stands are looked at for all ways first, and then, where none is good."""
+"""Ranges of the most promising base placements: checked first for all ways, then if none is good."""
 ROOM = 0.05
-"""Share of half their ranges that the joints keep on a way that is good enough to look no further."""
+"""Joint margin, as a fraction of half the range, of a way that ends the search."""
 ACROSS = np.linspace(-0.5, 0.5, 9)
 """Places on a front, as shares of its width, that stand for all of it."""
 
 
 def room_beside(skills: SkillContext, leaf: FurnitureLeaf, positions: Sequence[float]) -> Callable[[Pose2D], bool]:
-    """Whether the base has room at a stand (map frame) and its body is where the leaf does not pass at ``positions``.
+    """Return a check whether the base has room at a placement (map frame) and is clear of the leaf at ``positions``.
 
-    Body and head may be below or above the leaf; the arm is not looked at.
+    Body and head may be below or above the leaf; the arm is not checked.
     """
     from bestman_bt.manipulation.kinematics.link_hulls import body_between
 
@@ -221,7 +227,7 @@ def room_beside(skills: SkillContext, leaf: FurnitureLeaf, positions: Sequence[f
 
 
 def swept_by(leaf: FurnitureLeaf, positions: Sequence[float]) -> NDArray[np.float64]:
-    """Points (N, 2) of the map over which the front passes."""
+    """Return the points (N, 2) of the map, metres, over which the front passes."""
     front = leaf.leaf.shapes[0]
     assert isinstance(front.shape, Box)
     across = np.column_stack([np.zeros(len(ACROSS)), ACROSS * front.shape.size[1], np.zeros(len(ACROSS))])
@@ -230,9 +236,9 @@ def swept_by(leaf: FurnitureLeaf, positions: Sequence[float]) -> NDArray[np.floa
 
 @dataclass(frozen=True, eq=False)
 class LeafWay:
-    """One way to move a leaf: from one of ``stands`` the arm would follow ``stations``, both in the map frame.
+    """One way to move a leaf: the arm follows ``stations`` from one of ``stands``, both in the map frame.
 
-    ``positions``: where the leaf is meanwhile. ``touching``, ``skip``: as in ``free_along``.
+    ``positions``: of the leaf at the stations. ``touching``, ``skip``: as in ``free_along``.
     """
 
     stands: Sequence[Pose2D]
@@ -243,9 +249,9 @@ class LeafWay:
 
 
 def find_stands(skills: SkillContext, leaf: FurnitureLeaf, ways: Iterable[LeafWay]) -> list[StandAlong]:
-    """Stands from which the arm follows the whole of one of ``ways``, best first; empty if there is none.
+    """Return the base placements from which the arm follows the whole of one of ``ways``, best first; may be empty.
 
-    The arm's reachability map says which stands are looked at, so that few paths are searched in vain.
+    The arm's reachability map limits the candidates, so that few searches fail.
     """
     from bestman_bt.manipulation.kinematics.stand_along import ArcStands
 
@@ -278,7 +284,7 @@ def stands_along_leaf(
     search: ArcStands,
     reachability: ReachabilityMap | None = None,
 ) -> tuple[StandAlong, ...]:
-    """Of the stands of ``way`` those, best first, from which the arm follows it while the leaf moves.
+    """Return the base placements of ``way``, best first, from which the arm follows it while the leaf moves.
 
     ``worlds``: as in ``free_along``.
     """
@@ -292,7 +298,7 @@ def stands_along_leaf(
 
 
 def _reachability(skills: SkillContext) -> ReachabilityMap | None:
-    """The arm's map, from the disk; None where the kinematics in use has none."""
+    """Return the arm's map, from the disk, or None if the kinematics in use has none."""
     from bestman_bt.manipulation.kinematics.reachability_map import reachability_map
 
     return reachability_map(skills.kinematics, skills.arm_model) if skills.kinematics.fingerprint else None

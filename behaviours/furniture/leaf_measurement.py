@@ -1,4 +1,4 @@
-"""How far a door or drawer stands open, by a handle that was seen on it or by its board."""
+"""The opening of a door or drawer, measured by a handle detected on it or by its board."""
 
 from __future__ import annotations
 
@@ -24,25 +24,25 @@ if TYPE_CHECKING:
 # Where a piece of furniture really stands: measured by the front panel of a closed door or drawer.
 # The map is off by centimetres and degrees. A front whose borders were seen is off by millimetres, and the map knows
 # where on the piece that front is. A single front that stands out may be open, or the map may be wrong: fronts in one
-# plane, as on the map, are shut, and tell where the piece stands even where the map is wrong by much more.
+# plane, as on the map, are shut, and give the place of the piece even if the map's error is much larger.
 
 
 SAME_SIZE = 0.05
 """Metres by which a seen panel may differ from the map's front board."""
 SAME_HEIGHT = 0.05
 SLACK = 0.01
-"""Metres that a front may be beyond where the map's error allows it: noise, and a leaf that is not quite shut."""
+"""Tolerance of a front beyond the map's error, metres: noise, and a leaf that is not quite shut."""
 POSITION_ERROR = 0.008
 HEADING_ERROR = math.radians(0.4)
-"""How well a piece is known once a front of it was measured, metres and radians."""
+"""Errors of a piece after one of its fronts was measured, metres and radians."""
 SAME_PLACE = 0.015
-"""Metres within which two shut fronts tell the same place of a piece."""
+"""Metres within which two shut fronts agree on the place of a piece."""
 MISPLACED = 0.16
 """Metres, each axis, that a piece may stand from its place on the map where two of its fronts tell so."""
 
 
 def believe_place(world: WorldModel, furniture: str, handle: Handle) -> None:
-    """Correct where the map has a piece by a handle's panel, if that is one of its closed fronts; once per piece."""
+    """Correct the mapped pose of a piece by a handle's panel, if that is one of its closed fronts; once per piece."""
     piece = world.map.furniture[furniture]
     if piece.position_error <= POSITION_ERROR:
         return
@@ -58,10 +58,10 @@ def believe_place(world: WorldModel, furniture: str, handle: Handle) -> None:
 def believe_shut_fronts(
     world: WorldModel, furniture: str, handles: Iterable[Handle], explained_too: bool = False
 ) -> None:
-    """Correct where the map has a piece that two fronts in one plane show to be farther off than the map may be.
+    """Correct the mapped pose of a piece if two fronts in one plane show an error beyond the map's bounds.
 
-    ``explained_too``: also by less than that, and where the two are in two planes: the one farther back is shut, which
-    counts where the map's error explains it; by itself it shows no more.
+    ``explained_too``: also correct smaller errors, and use two fronts in different planes: the rear one is shut, if the
+    map's error explains it.
     """
     piece = world.map.furniture[furniture]
     if piece.position_error <= POSITION_ERROR:
@@ -91,13 +91,17 @@ def believe_shut_fronts(
 
 
 def _measured(piece: MapFurniture, leaf: MapLeaf, handle: Handle) -> Pose2D | None:
-    """Where the piece stands if the handle is on this leaf and that is shut; None if it is not, as far as is known."""
+    """Where the piece stands if the handle is on this leaf and that is shut, or None if it is not, as far as is
+    known.
+    """
     pose = _told(piece, leaf, handle)
     return pose if pose is not None and _explained(piece, pose) else None
 
 
 def _told(piece: MapFurniture, leaf: MapLeaf, handle: Handle) -> Pose2D | None:
-    """Where the piece would stand if the handle were on this leaf and that shut; None if the panel is not its front."""
+    """Where the piece would stand if the handle were on this leaf and that shut, or None if the panel is not its
+    front.
+    """
     front = leaf.shapes[0]
     if handle.panel is None or handle.panel_size is None or not isinstance(front.shape, Box):
         return None
@@ -112,7 +116,7 @@ def _told(piece: MapFurniture, leaf: MapLeaf, handle: Handle) -> Pose2D | None:
 
 
 def _explained(piece: MapFurniture, pose: Pose2D) -> bool:
-    """Whether the map's error explains that the piece stands at ``pose``."""
+    """Return whether the map's error explains that the piece stands at ``pose``."""
     near = np.abs(_off(piece, pose)).max() <= math.sqrt(2.0) * piece.position_error + SLACK
     return bool(near) and _turned(piece, pose) <= piece.heading_error + HEADING_ERROR
 
@@ -137,10 +141,11 @@ def _same(one: Pose2D, other: Pose2D) -> bool:
 def felt_leaf(
     opening: Opening, before: NDArray[np.float64], after: NDArray[np.float64], angle: float, stamp: float
 ) -> Obstacle:
-    """The leaf with its handle, in the map frame, after the held place went from ``before`` to ``after``, (3,) each.
+    """Return the leaf with its handle, in the map frame, after the held point moved from ``before`` to ``after``, (3,)
+    each.
 
-    ``angle``: radians by which the door has turned. The handle as it was seen tells where the front was; how the front
-    lies to both sides of the handle is the map's, with the map's error.
+    ``angle``: radians by which the door has turned. The detected handle gives the place of the front; the extent of the
+    front to both sides comes from the map, with its error.
     """
     leaf, handle = opening.leaf, opening.handle
     front, believed = leaf.leaf.shapes[0], leaf.front(opening.start)
@@ -163,7 +168,7 @@ def felt_leaf(
 
 
 def grown(leaf: Obstacle, by: float) -> Obstacle:
-    """The leaf with boxes that are larger by so many metres on each side."""
+    """Return the leaf with boxes enlarged by ``by`` metres on each side."""
     return replace(leaf, shapes=tuple(replace(placed, shape=_larger(placed.shape, by)) for placed in leaf.shapes))
 
 
@@ -192,7 +197,7 @@ FACING = math.cos(math.radians(12.0))
 LEVER = 0.3
 """Share of a door's width that a handle is from the hinge at least: nearer, a gap looks like a recessed edge."""
 SHUT = {"prismatic": 0.02, "revolute": math.radians(2.5)}
-"""What seems open by less than that, in addition to what the map may be off, counts as shut."""
+"""Openings below this value, in addition to the map's error, count as shut."""
 ON_BOARD = 0.9
 """Share of a seen plane that has to lie on a board."""
 BOARD_SEEN = 0.25
@@ -200,10 +205,9 @@ BOARD_SEEN = 0.25
 
 
 def opening_seen(leaf: FurnitureLeaf, handle: Handle) -> float | None:
-    """How far ``leaf`` is open if ``handle`` (map frame) is on it, radians or metres; None if it cannot be on it.
+    """Return the opening of ``leaf`` if ``handle`` (map frame) is on it, radians or metres, or None if it cannot be.
 
-    A door tells by the direction that its handle faces, a drawer by how far it stands out; the map's error is allowed
-    for.
+    A door is measured by the direction of its handle, a drawer by its distance; the map's error is tolerated.
     """
     piece, front = leaf.furniture, leaf.leaf.shapes[0]
     if not isinstance(front.shape, Box):
@@ -224,9 +228,9 @@ def opening_seen(leaf: FurnitureLeaf, handle: Handle) -> float | None:
 
 
 def opening_by_board(leaf: FurnitureLeaf, plane: SupportPlane) -> float | None:
-    """How far ``leaf`` is open if ``plane`` (map frame) is the front or the back of its board, radians or metres.
+    """Return the opening of ``leaf``, radians or metres, if ``plane`` (map frame) is a side of its board, or None.
 
-    None if it cannot be that. A door that is seen at a flat angle shows its board where its handle is not recognised.
+    A door seen at a flat angle shows its board where its handle is not recognised.
     """
     front = leaf.leaf.shapes[0]
     if not isinstance(front.shape, Box):
@@ -254,7 +258,8 @@ def _error(leaf: FurnitureLeaf) -> float:
 
 
 def _position(leaf: FurnitureLeaf, on_front: NDArray[np.float64], outward: NDArray[np.float64]) -> float | None:
-    """How far ``leaf`` is open if its front faces ``outward`` and goes through ``on_front``, (3,) each, map frame.
+    """Return how far ``leaf`` is open if its front faces ``outward`` and goes through ``on_front``, (3,) each, map
+    frame.
 
     None beyond where it can be.
     """
@@ -280,10 +285,10 @@ def _rounded(leaf: FurnitureLeaf, position: float) -> float:
 
 
 def opening_since(leaf: FurnitureLeaf, believed: float, known: Handle, seen: Handle) -> float | None:
-    """How far ``leaf`` is open by how its handle has moved since it was ``known`` and the leaf open by ``believed``.
+    """Return the opening of ``leaf`` by the motion of its handle since it was ``known`` at opening ``believed``.
 
-    Other than what ``opening_seen`` tells, that does not depend on where exactly the map has the piece. Handles are in
-    the map frame; radians or metres; None if ``seen`` is not that handle.
+    Unlike ``opening_seen``, it does not depend on the mapped pose of the piece. Handles are in the map frame; radians
+    or metres, or None if ``seen`` is not that handle.
     """
     frame, (_, axis) = leaf.furniture.pose.to_pose(), leaf.axis()
     if leaf.leaf.kind == "prismatic":

@@ -1,4 +1,4 @@
-"""Going along with a door or drawer, for skills that want to know how far it came also where it failed."""
+"""Following a door or drawer, for skills that also need the distance covered by a failed motion."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ if TYPE_CHECKING:
     from bestman_bt.manipulation.collision.base import CollisionWorld
 
 
-# Waiting until the wrist has learned what it reads while nothing touches the hand.
+# Waiting until the wrist sensor's offset without contact is measured.
 
 
 def tare_wrist(skill: Skill) -> Steps:
-    """Learn the wrist's offset, with the hand at rest and touching nothing; nothing to do without such a sensor.
+    """Measure the wrist sensor's offset with the hand at rest and without contact; do nothing without such a sensor.
 
-    It is over when the readings are gathered; where the hand was not still, the older offset serves.
+    It ends when the readings are collected; if the hand was not still, the previous offset remains.
     """
     wrist = skill.skills.wrist_wrench
     if wrist is not None:
@@ -39,18 +39,18 @@ def tare_wrist(skill: Skill) -> Steps:
 
 
 BACK_OFF = 0.12
-"""Metres that the hand goes straight back first."""
+"""Length of the straight retreat, metres."""
 FELT = 0.012
 """Metres by which the boards of a leaf may be beside where they are felt to be."""
 UNSURE = {"revolute": 0.06, "prismatic": 0.015}
-"""By how much a leaf may be open more or less than the hand's way has told, radians or metres."""
+"""Uncertainty of an opening that was measured by the hand's path, radians or metres."""
 
 
 def withdraw(skill: Skill, leaf: FurnitureLeaf, posture: str, felt: Obstacle | None = None) -> Steps:
-    """Go straight back, and take the arm to the named posture.
+    """Retreat straight back, then move the arm to the named posture.
 
-    ``felt``: where the leaf is, by feel; without it the arm goes by the map. The hand may be closer to the leaf than
-    the map's error lets any motion come, the arm only where it is so already.
+    ``felt``: the leaf as measured by contact; without it the map counts. The hand may start closer to the leaf than the
+    map's error allows; the arm only if it is that close already.
     """
     from bestman_bt.manipulation.kinematics.cartesian_path import cartesian_path
 
@@ -69,10 +69,10 @@ def withdraw(skill: Skill, leaf: FurnitureLeaf, posture: str, felt: Obstacle | N
 
 
 def _around(skills: SkillContext, leaf: FurnitureLeaf, position: float, felt: Obstacle | None) -> CollisionWorld:
-    """What the arm keeps clear of on its way home: a leaf that was felt, lest it is pushed.
+    """Return the collision world of the arm's retreat, including the leaf as felt, so as not to push it.
 
-    Where the arm would be within that, the leaf is not there: the grip was lost before, and the hand went on alone.
-    What else the arm touches, such as itself, says nothing of the leaf.
+    If the arm is already inside that leaf, the leaf is left out: the grip was lost earlier, and the hand moved on
+    alone. Other contacts of the arm, such as with itself, are no evidence.
     """
     positions = skills.arm_positions()
 
@@ -93,7 +93,7 @@ def _around(skills: SkillContext, leaf: FurnitureLeaf, position: float, felt: Ob
 def withdraw_after(
     skill: Skill, leaf: FurnitureLeaf, posture: str, failure: Exception, felt: Obstacle | None = None
 ) -> Steps:
-    """Withdraw; where that fails, too, what went wrong first is what is told."""
+    """Withdraw after a failure; if that fails as well, raise the first failure."""
     try:
         yield from withdraw(skill, leaf, posture, felt)
     except (SkillFailure, *ALGORITHM_ERRORS) as second:
@@ -102,13 +102,13 @@ def withdraw_after(
 
 
 FOLLOWING_FAILS = {
-    "locked": "it does not move at all: BelieveLocked, and take another one",
-    "jammed": "it got stuck on the way: Close or Open it the other way, then again",
-    "grip_lost": "the hand slipped off: FindLookStand, DetectHandle, then again",
+    "locked": "it does not move at all: BelieveLocked, and use another one",
+    "jammed": "it got stuck on the way: move it back by Close or Open, then retry",
+    "grip_lost": "the hand slipped off: FindLookStand, DetectHandle, then retry",
     "obstacle": "something pushes the hand aside: look again, from another stand",
     "out_of_reach": "stand elsewhere: FindOpenStand or FindCloseStand, NavigateTo",
 }
-"""Failure codes of going along with a door or drawer; ``timeout`` is one of all skills."""
+"""Failure codes of following a door or drawer; ``timeout`` is common to all skills."""
 LEAF_FAILS = {
     **UNKNOWN_ARTICULATION,
     **ARM_PLANNING_FAILS,
@@ -119,7 +119,7 @@ LEAF_FAILS = {
 
 
 def error_code(end: FollowEnd, reached: str = "") -> str:
-    """What skills report where a following failed, and where it ``reached`` its end and more was asked."""
+    """Return the error code of a failed following; ``reached``: the code if it ended at the joint's limit too early."""
     from bestman_bt.control.arm.constraint_following import FollowEnd
 
     codes = {
@@ -135,7 +135,7 @@ def error_code(end: FollowEnd, reached: str = "") -> str:
 
 
 def followed(following: Motion[FollowedMotion]) -> StepsTo[tuple[FollowedMotion, SkillFailure | None]]:
-    """The motion, and what ended it early; SkillFailure where there was none."""
+    """Return the motion, and the failure that ended it early, or None. Raises SkillFailure without a motion."""
     failure: SkillFailure | None = None
     try:
         yield following

@@ -1,4 +1,4 @@
-"""Opening doors and drawers: take the handle, go along with it, let go, step back."""
+"""Opening doors and drawers: grasp the handle, follow it, release it, retreat."""
 
 from __future__ import annotations
 
@@ -33,21 +33,21 @@ from bestman_bt.world_model.world_model import Obstacle
 
 
 class Open(OnArm, Skill):
-    """Open a door or drawer by a believed handle, from where the base stands; the hand lets go at the end.
+    """Open a door or drawer by a detected handle, without moving the base; the hand releases the handle at the end.
 
-    The hand feels its way: hinge or rail are learned on the way. What counts is how far the hand was carried. Halted
-    while it holds the handle, it lets go (the fingers open by themselves); a stopped robot keeps its hand as it is.
+    The hand is compliant and estimates hinge or rail while it moves. The opening is measured by the path of the hand.
+    If halted while holding the handle, it opens the fingers; a stopped robot keeps its hand unchanged.
     """
 
     REQUIRES = ("arm", "gripper")
     USES = ("force_torque",)
     articulation = In[str](ArticulationName, "furniture/leaf of the map")
     handle = In(str, "a believed handle")
-    opening = In[float](NonNegative, "how far it shall be open: metres of a drawer, radians of a door")
+    opening = In[float](NonNegative, "target opening: metres for a drawer, radians for a door")
     force = In[float](Positive, "closing force, newtons", default=40.0)
     max_pull = In[float](Positive, "newtons", default=45.0)
-    posture = In[str](PostureName, "of the arm at the end", default="carry")
-    opened = Out(float, "how far it is open, metres or radians")
+    posture = In[str](PostureName, "final posture of the arm", default="carry")
+    opened = Out(float, "reached opening, metres or radians")
     FAILS: ClassVar = {
         **LEAF_FAILS,
         "grip_lost": "look where the handle is now: FindLookStand, DetectHandle, then Open",
@@ -60,7 +60,7 @@ class Open(OnArm, Skill):
     DECLARATION = Declaration(pre=("handle_known({handle})", "not holding(any)"), effects=("open({articulation})",))
 
     def execute(self) -> Steps:
-        """Plan, grasp, follow, let go, withdraw."""
+        """Plan, grasp, follow, release, withdraw."""
         skills = self.skills
         name: str = self.handle
         if skills.held is not None:
@@ -113,9 +113,10 @@ class Open(OnArm, Skill):
         return held
 
     def _pull(self, opening: Opening, plan: HandlePull) -> StepsTo[float]:
-        """Go along, no farther than was planned: beyond that nobody has looked what the arm would run into.
+        """Follow the handle, no further than planned, because the arm's path was not checked beyond; return the
+        opening.
 
-        How far it is open then. A following that ends early tells how far it came, too.
+        A following that ends early also reports its opening.
         """
         from bestman_bt.control.arm.constraint_following import FollowGoal
 

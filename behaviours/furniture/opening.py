@@ -1,4 +1,4 @@
-"""What opening asks of the arm: how far, about what, and on which tool poses."""
+"""Geometry of opening for the arm: distance, hinge, tool poses."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 STEP = 0.04
 """Metres of the handle's way between two stations."""
 DRAWER_MARGIN = 0.025
-"""Metres that a drawer is pulled further than is asked: the hand gives a little, and the drawer rolls back."""
+"""Metres that a drawer is pulled beyond the target: the hand yields a little, and the drawer rolls back."""
 DOOR_MARGIN = 0.09
 """Radians, likewise."""
 END_STOP = 0.95
@@ -51,10 +51,10 @@ TILTS = tuple(math.radians(degrees) for degrees in range(-50, 51, 10))
 
 @dataclass(frozen=True, eq=False)
 class Opening:
-    """A leaf to be opened: its handle in the map frame, and how far that is to go, metres along its way.
+    """A leaf to open: its handle in the map frame, and the ``distance`` of the handle along its path, metres.
 
-    ``angle``: radians, of a door; None of a drawer. ``asked``: what counts as done, radians or metres. ``start``: how
-    far it is believed to be open already. ``most_tilt``: radians by which the hand may be turned beside the door.
+    ``angle``: radians, for a door; None for a drawer. ``asked``: the target opening, radians or metres. ``start``: the
+    believed opening. ``most_tilt``: largest rotation of the hand relative to the door, radians.
     """
 
     leaf: FurnitureLeaf
@@ -66,16 +66,16 @@ class Opening:
     most_tilt: float = TILTS[-1]
 
     def way(self) -> NDArray[np.float64]:
-        """Metres from the start at which the stations are, first 0."""
+        """Return the distances of the stations from the start, metres, first 0."""
         return np.linspace(0.0, self.distance, 1 + max(1, math.ceil(self.distance / STEP)))
 
     def positions(self) -> list[float]:
-        """Where the leaf is at the stations, radians or metres from closed."""
+        """Return the leaf positions at the stations, radians or metres from closed."""
         further = self.distance if self.angle is None else self.angle
         return [self.start + share * further for share in np.linspace(0.0, 1.0, len(self.way()))]
 
     def axis(self, base_from_map: Pose) -> JointAxis | None:
-        """Where a door's hinge is believed to be, in the base frame; it opens in the positive sense."""
+        """Return the believed hinge of a door in the base frame, or None; a positive motion opens it."""
         from bestman_bt.control.arm.joint_axis import JointAxis
 
         handle = self.handle.seen_from(base_from_map)
@@ -85,19 +85,21 @@ class Opening:
 
     @property
     def touching(self) -> Touching:
-        """Fingers around a bar reach no further than before the front; those at a knob or a lip may touch it."""
+        """The allowed contact: fingers around a bar stay clear of the front; those at a knob or a lip may touch it."""
         return "nothing" if self.handle.kind == "bar" and self.handle.standoff > FINGER_ROOM else "fingers"
 
     @property
     def bar_turns(self) -> bool:
-        """Whether the hand may turn about what it holds: a bar along the hinge turns between the fingers."""
+        """Whether the hand may rotate about the held part: a bar parallel to the hinge rotates between the fingers."""
         axis = self.handle.hinge_direction
         if self.angle is None or axis is None or self.handle.kind != "bar":
             return False
         return abs(float(self.handle.axis @ axis)) > PARALLEL
 
     def held_at(self, grasp: Pose) -> NDArray[np.float64]:
-        """Where in the tool frame the hand at ``grasp`` (map frame) holds a bar: on its axis; else the origin."""
+        """Return the point of the tool frame where the hand at ``grasp`` (map frame) holds a bar, on its axis; else the
+        origin.
+        """
         if not self.bar_turns:
             return np.zeros(3)
         apart = grasp.position - self.handle.pose.position
@@ -106,7 +108,9 @@ class Opening:
         return held
 
     def tilts(self, grasp: Pose) -> tuple[float, ...]:
-        """Turns about the hinge by which ``grasp`` (map frame) may go on beside the door's own, ascending, with 0."""
+        """Return the rotations about the hinge that ``grasp`` (map frame) allows relative to the door, ascending, with
+        0.
+        """
         axis = self.handle.hinge_direction
         if not self.bar_turns or axis is None:
             return (0.0,)
@@ -118,9 +122,10 @@ class Opening:
 
 
 def plan_opening(skills: SkillContext, articulation: str, belief: HandleBelief, asked: float) -> Opening:
-    """What the map says of the joint goes before what the handle's looks suggest; the true axis is felt later.
+    """Return the opening to plan for; the map's joint has priority over the handle's appearance, and contact refines
+    it.
 
-    SkillFailure (``bad_input``) where the leaf cannot be open as far as asked.
+    Raises SkillFailure (``bad_input``) if the leaf cannot be open as far as requested.
     """
     leaf = find_leaf(skills, articulation)
     leaf.check_opening("opening", asked)
@@ -141,9 +146,9 @@ def plan_opening(skills: SkillContext, articulation: str, belief: HandleBelief, 
 
 
 def _palm_limit(skills: SkillContext, handle: Handle) -> float:
-    """Radians that the hand may be turned about a bar until a corner of its palm is at the front.
+    """Return the largest rotation about a bar, radians, before a corner of the palm touches the front.
 
-    Where the map is too vague to check the palm against it, what was seen of the handle tells how far the front is.
+    If the map is too uncertain to check the palm, the detected handle gives the distance of the front.
     """
     from bestman_bt.perception.grasp_pose.hand_shape import HandSize
 
@@ -155,9 +160,9 @@ def _palm_limit(skills: SkillContext, handle: Handle) -> float:
 def stations(
     opening: Opening, grasp: Pose, tilts: tuple[float, ...] = (0.0,), base_from_map: Pose | None = None
 ) -> list[list[Pose]]:
-    """Tool poses along the way from ``grasp`` (map frame) on: at each station one per tilt of the hand beside the door.
+    """Return the tool poses along the path from ``grasp`` (map frame): at each station one per tilt of the hand.
 
-    In the base frame if ``base_from_map`` is given.
+    They are in the base frame if ``base_from_map`` is given.
     """
     from bestman_bt.perception.grasp_pose.hand_poses import handle_motion
 
@@ -167,12 +172,12 @@ def stations(
 
 
 def before(opening: Opening, grasp: Pose, pre_grasp: Pose, tilts: tuple[float, ...]) -> list[Pose]:
-    """For each tilt, from where the hand comes straight to the turned ``grasp``, map frame."""
+    """Return the start of the straight approach to the rotated ``grasp`` for each tilt, map frame."""
     return [_turned(opening, grasp, tilt) @ grasp.inverse() @ pre_grasp for tilt in tilts]
 
 
 def guide(opening: Opening, grasp: Pose, arc: ArcPath, tilts: tuple[float, ...]) -> FollowGuide:
-    """What the hand is to do along the way of ``arc`` from ``grasp`` (map frame) on, whose options are ``tilts``."""
+    """Return the guide of the hand along ``arc`` from ``grasp`` (map frame), whose options are ``tilts``."""
     from bestman_bt.control.arm.constraint_following import FollowGuide
 
     way = opening.way()[: len(arc.path)]
@@ -182,7 +187,7 @@ def guide(opening: Opening, grasp: Pose, arc: ArcPath, tilts: tuple[float, ...])
 
 
 def _turned(opening: Opening, grasp: Pose, tilt: float) -> Pose:
-    """The hand turned about the bar that it holds."""
+    """Return the hand turned about the bar that it holds."""
     axis = opening.handle.hinge_direction
     if axis is None or tilt == 0.0:
         return grasp
@@ -201,13 +206,13 @@ def _radius(handle: Handle) -> float:
 
 
 ENOUGH = 1
-"""Grasps from which the end of the way is reached, after which no further ones are looked at."""
+"""Number of grasps that reach the end of the path after which the search stops."""
 GRASPS = 6
-"""Different grasps that are looked at."""
+"""Largest number of different grasps to check."""
 SAME_PLACE = 0.02
 """Metres between the grasps of a bar that count as one."""
 SAME_BRANCH = 0.3
-"""Radians by which the straight way in may end beside the posture from which the arc was planned."""
+"""Largest distance, radians, between the end of the approach and the start posture of the arc."""
 DEPTH = 0.3
 """Share of what a bar stands off beyond the fingers' room by which it is held deeper than in the middle of the pads.
 
@@ -217,9 +222,9 @@ On the way it creeps towards the tips.
 
 @dataclass(frozen=True, eq=False)
 class HandlePull:
-    """``into``: (N, n) radians, the hand's straight way from before the handle around it. ``fingers``: how far open.
+    """``into``: (N, n) radians, the hand's straight approach around the handle. ``fingers``: opening, metres.
 
-    ``reached``: share of the way that is in reach.
+    ``reached``: fraction of the path within reach.
     """
 
     fingers: float
@@ -230,13 +235,13 @@ class HandlePull:
 
     @property
     def planned(self) -> float:
-        """Share of the way for which the guide has postures: of its stations the first is where the handle is now."""
+        """The fraction of the path for which the guide has postures; its first station is the current hand."""
         stations = (len(self.guide.ways) + 1) / self.reached - 1  # but for the one before the handle
         return min(1.0, (len(self.guide.ways) - 1) / (stations - 1))
 
 
 def plan_pull(skills: SkillContext, opening: Opening, belief: HandleBelief) -> HandlePull | None:
-    """The grasp from which the arm gets farthest from where it stands; None if there is none within reach."""
+    """Return the grasp that lets the arm move furthest from the current base, or None if none is within reach."""
     from bestman_bt.manipulation.kinematics.cartesian_path import cartesian_path
     from bestman_bt.manipulation.kinematics.stand_along import ArcStands
 
@@ -267,9 +272,9 @@ def plan_pull(skills: SkillContext, opening: Opening, belief: HandleBelief) -> H
 
 
 def pull_grasps(skills: SkillContext, opening: Opening, belief: HandleBelief) -> list[GraspCandidate]:
-    """Grasps of a believed handle in the base frame, best first.
+    """Return grasps of a detected handle in the base frame, best first.
 
-    Of those that hold a bar at the same place with the same finger up, which are turns about it, only the best.
+    Of grasps that differ only by a rotation about a bar, only the best is kept.
     """
     from bestman_bt.perception.grasp_pose.ranking import GraspRanking
 
@@ -289,7 +294,7 @@ def pull_grasps(skills: SkillContext, opening: Opening, belief: HandleBelief) ->
 
 
 def _deeper(candidate: GraspCandidate, opening: Opening) -> GraspCandidate:
-    """The grasp with a bar nearer to the palm, where the finger tips have room before the front."""
+    """Return the grasp with a bar nearer to the palm, where the finger tips have room before the front."""
     if opening.touching != "nothing":
         return candidate
     grasp, depth = candidate.grasp, DEPTH * (opening.handle.standoff - FINGER_ROOM)

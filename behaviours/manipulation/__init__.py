@@ -1,1 +1,1 @@
-"""Skills of arm and hand: moving, grasping, placing, pushing, acting by a policy."""
+"""Skills of arm and hand: moving, grasping, placing, pushing, running a policy."""

@@ -1,4 +1,4 @@
-"""Steps that several arm skills share: moving freely, following a straight path."""
+"""Steps shared by arm skills: free motion, straight paths."""
 
 from __future__ import annotations
 
@@ -25,36 +25,37 @@ MAX_HELD_TILT = math.radians(25.0)
 FREE_SPEED = SpeedScale(0.5, 0.35)
 CARRYING_SPEED = SpeedScale(0.4, 0.21)
 PLANS = 3
-"""How often a way is planned while other arms move into it."""
+"""Largest number of plans while other arms move into the path."""
 POSES_EXPLAINED = 12
-"""Tool poses that are looked at to say why the hand gets to none."""
+"""Number of tool poses checked to explain why the hand reaches none."""
 ESCAPE_SPEED = SpeedScale(0.05, 0.05)
 
 ARM_PLANNING_FAILS = {
     "start_out_of_limits": "Retreat",
     "start_in_collision": "Retreat, or BackUp",
-    "start_violates_constraint": "what is held leans: CheckHeld",
+    "start_violates_constraint": "the held object leans: CheckHeld",
     "goal_out_of_limits": "stand elsewhere: FindStandPose, NavigateTo",
     "goal_in_collision": "look again, or stand elsewhere: ScanScene, FindStandPose, NavigateTo",
     "goal_violates_constraint": "another grasp: PlanGrasp",
     "no_path": "stand elsewhere: FindStandPose, NavigateTo; or come from another posture: MoveArm",
-    "timed_path_invalid": "again; or stand elsewhere: FindStandPose, NavigateTo",
+    "timed_path_invalid": "retry; or stand elsewhere: FindStandPose, NavigateTo",
 }
-"""Failure codes of planning the arm's way (``PlanningErrorCode``); ``timeout`` is one of all skills."""
+"""Failure codes of motion planning (``PlanningErrorCode``); ``timeout`` is common to all skills."""
 
 
 def hand_contacts(skills: SkillContext, *others: str) -> list[tuple[str, str]]:
-    """Pairs of hand and finger links with other bodies, to be allowed where the hand works."""
+    """Return the pairs of hand and finger links with other bodies that are allowed where the hand works."""
     from bestman_bt.manipulation.collision.scene_from_world_model import hand_links
 
     return [(link, other) for link in hand_links(skills.robot, skills.arm.name) for other in others]
 
 
 def move_free(skill: Skill, goals: Sequence[NDArray[np.float64]], world: CollisionWorld | None = None) -> Steps:
-    """Plan around everything that is believed, or in ``world``, to one of ``goals``, each (n,) radians, and go there.
+    """Plan around all believed obstacles, or those in ``world``, to one of ``goals``, each (n,) radians, and move
+    there.
 
-    What is held stays upright within 25°, if it is now. Where the arm is believed to touch something already, a small
-    motion with ever more clearance comes first. Where another arm has moved into the way since, it is planned again.
+    A held object stays upright within 25°, if it is now. If the arm is believed to be in contact already, a small
+    motion of increasing clearance comes first. If another arm has moved into the path since, it is planned again.
     """
     from bestman_bt.manipulation.motion_planning.base import PlanningError, PlanningErrorCode
 
@@ -78,7 +79,7 @@ def move_free(skill: Skill, goals: Sequence[NDArray[np.float64]], world: Collisi
 
 
 def _planned(skill: Skill, goals: Sequence[NDArray[np.float64]], world: CollisionWorld) -> Motion[TimedPlan]:
-    """A motion from where the arm is."""
+    """Return a motion from where the arm is."""
     from bestman_bt.manipulation.motion_planning.upright import Upright
 
     skills = skill.skills
@@ -102,7 +103,7 @@ def _planned(skill: Skill, goals: Sequence[NDArray[np.float64]], world: Collisio
 
 
 def _escape(skill: Skill, world: CollisionWorld) -> Steps:
-    """Out of what the arm is believed to touch, slowly, where a small motion does that."""
+    """Move slowly out of a believed contact, if a small motion achieves this."""
     skills = skill.skills
     trajectory = yield skill.compute(
         "motion_planning",
@@ -117,7 +118,9 @@ def _escape(skill: Skill, world: CollisionWorld) -> Steps:
 
 
 def follow_path(skill: Skill, path: NDArray[np.float64], world: CollisionWorld, speed: float = 1.0) -> Steps:
-    """Follow joint waypoints (N, n), radians, that begin where the arm is, at a share ``speed`` of the usual speed."""
+    """Follow joint waypoints (N, n), radians, from the current positions, at a fraction ``speed`` of the usual
+    speed.
+    """
     trajectory = yield from timed_path(skill, path, world, speed)
     yield skill.skills.arm.follow(trajectory)
 
@@ -125,7 +128,7 @@ def follow_path(skill: Skill, path: NDArray[np.float64], world: CollisionWorld, 
 def timed_path(
     skill: Skill, path: NDArray[np.float64], world: CollisionWorld, speed: float = 1.0
 ) -> StepsTo[JointTrajectory]:
-    """The motion of ``follow_path``, checked; PlanningError where it would touch something."""
+    """Return the checked motion of ``follow_path``. Raises PlanningError if it would collide."""
     skills = skill.skills
     waypoints = np.vstack([skills.arm_positions(), path[1:]])
     scale = SpeedScale(FREE_SPEED.velocity * speed, FREE_SPEED.acceleration * speed)
@@ -142,9 +145,9 @@ def unreached(
     world: CollisionWorld | None = None,
     stage: MotionStage = MotionStage.REACH,
 ) -> SkillFailure:
-    """The failure of a skill whose hand gets to none of ``tool_poses`` (base frame), and what keeps it from there.
+    """Return the failure of a skill whose hand reaches none of ``tool_poses`` (base frame), with the obstacle.
 
-    ``world``: what is around the arm there, by default what is believed to be around it now.
+    ``world``: the arm's collision world, by default the believed one.
     """
     from bestman_bt.manipulation.motion_planning.query import in_the_way
 

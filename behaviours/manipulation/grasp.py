@@ -1,4 +1,4 @@
-"""Grasping: which grasps the arm can reach, and taking the object with one of them."""
+"""Grasping: selection of reachable grasps, and execution."""
 
 from __future__ import annotations
 
@@ -41,17 +41,17 @@ if TYPE_CHECKING:
     from bestman_bt.perception.grasp_pose.base import GraspCandidate
 
 
-# Checking what the hand holds: by its width, by touch, by sight.
+# Checks of the held object: by width, touch and sight.
 
 
 EMPTY = 0.6
-"""Share of the gap between the fingers that the camera must look through for the hand to be empty."""
+"""Visible fraction of the gap between the fingers from which the hand counts as empty."""
 
 
 class CheckHeld(OnArm, Skill):
-    """Make sure that the hand holds an object: gripper width, tactile pads and wrist camera, where there are any.
+    """Verify that the hand holds an object: by gripper width, and tactile pads and wrist camera, if any.
 
-    An object that has been lost is no longer believed to be in the hand.
+    A lost object is removed from the believed hand.
     """
 
     REQUIRES = ("arm", "gripper")
@@ -59,7 +59,7 @@ class CheckHeld(OnArm, Skill):
     object = In[str](ObjectName, "the object that the hand should hold")
     look = In(bool, "also use the wrist camera", default=True)
     width = Out(float, "metres between the fingers")
-    evidence = Out(str, "what was asked: width, touch, sight")
+    evidence = Out(str, "evidence used: width, touch, sight")
     FAILS: ClassVar = {
         "not_holding": "take it: DetectObject, PlanGrasp, Grasp",
         "object_lost": "find it again: ScanScene, DetectObject",
@@ -67,7 +67,7 @@ class CheckHeld(OnArm, Skill):
     DECLARATION = Declaration(pre=("holding({object})",), effects=("holding({object})",))
 
     def execute(self) -> Steps:
-        """Ask each sensor in turn, the cheapest first."""
+        """Check each sensor in turn, the cheapest first."""
         skills = self.skills
         name: str = self.object
         held = skills.held
@@ -101,11 +101,11 @@ class CheckHeld(OnArm, Skill):
         seen = skills.wrist_camera.capture()
         with_own_body = View(seen.image, seen.base_from_camera)
         gap = look_between_fingers(with_own_body, skills.base_from_tool(), skills.gripper_model, width)
-        return f"the camera looks through {gap.empty:.0%} of the gap" if gap.empty > EMPTY else ""
+        return f"the camera sees through {gap.empty:.0%} of the gap" if gap.empty > EMPTY else ""
 
 
 LEAST_FORCE = 20.0
-"""Newtons with which the hand closes at least, where no force is given."""
+"""Least closing force if none is given, newtons."""
 SAFETY = 4.0
 """By how much the moment of the pads exceeds that of the weight."""
 GRAVITY = 9.81
@@ -113,7 +113,8 @@ GRAVITY = 9.81
 
 @dataclass(frozen=True, eq=False)
 class PlannedGrasp:
-    """A grasp that the arm reaches from where the base stands; ``map_from_object`` is what it was planned for.
+    """A grasp that the arm reaches from the current base pose; ``map_from_object``: the object pose that it was planned
+    for.
 
     ``tool_from_object``: with the hand as planned.
     """
@@ -125,12 +126,12 @@ class PlannedGrasp:
 
 
 class PlanGrasp(OnArm, Skill):
-    """Choose grasps of a located object that the arm reaches without touching anything else, best first."""
+    """Choose grasps of a located object that the arm reaches without a collision, best first."""
 
     REQUIRES = ("arm", "gripper")
     USES = ("wrist_camera",)
     object = In[str](ObjectName, "a located object")
-    count = In[int](Count, "how many to keep", default=4)
+    count = In[int](Count, "number of grasps to keep", default=4)
     grasps = Out(list, "planned grasps, best first", required=True)
     FAILS: ClassVar = {
         "not_found": "DetectObject first",
@@ -184,23 +185,23 @@ class PlanGrasp(OnArm, Skill):
         return [grasp for _, grasp in planned[:count]]
 
     def _reachability(self, base_from_tool: Pose) -> float:
-        """1 where inverse kinematics finds a posture, whatever stands in the way; else 0."""
+        """Return 1 if inverse kinematics has a solution, ignoring obstacles, else 0."""
         skills = self.skills
         found = skills.kinematics.solve(base_from_tool, skills.arm_positions(), skills.rng, attempts=5).found
         return 1.0 if found else 0.0
 
 
 class Grasp(OnArm, Skill):
-    """Take an object with the first of the planned grasps, and lift it; the grasps that are left go back to the port.
+    """Grasp an object with the first of the planned grasps, and lift it; the remaining grasps are written to the port.
 
-    If the hand closes on nothing, or cannot lift what it holds, it opens and leaves as it came, and all grasps are
-    dropped: the object may have moved.
+    If the hand closes on nothing, or cannot lift the object, it opens, retreats, and drops all grasps, because the
+    object may have moved.
     """
 
     REQUIRES = ("arm", "gripper")
     object = In[str](ObjectName, "the object")
     grasps = InOut(list, "planned grasps, best first; used up one by one")
-    force = In[float | None](Positive, "closing force, newtons; by default by the weight", required=False)
+    force = In[float | None](Positive, "closing force, newtons; by default from the weight", required=False)
     FAILS: ClassVar = {
         **ARM_PLANNING_FAILS,
         "no_path": "Grasp again: the next planned grasp",
@@ -210,7 +211,7 @@ class Grasp(OnArm, Skill):
     DECLARATION = Declaration(pre=("grasps_known({object})", "not holding(any)"), effects=("holding({object})",))
 
     def on_load(self) -> None:
-        """Nothing has failed yet."""
+        """Reset the last failure."""
         self._last_failure: Exception | None = None
 
     def execute(self) -> Steps:
@@ -277,7 +278,7 @@ class Grasp(OnArm, Skill):
             world.occupancy = freed(world.occupancy, taken)
 
     def _check_held(self, expected: float | None) -> None:
-        """``expected``: metres between the fingers; None where nothing is known of the object's far side."""
+        """``expected``: metres between the fingers, or None if nothing is known of the object's far side."""
         width = self.skills.gripper.width()
         if expected is not None:
             problem = HELD_WIDTH.problem(width, expected)
@@ -290,7 +291,7 @@ class Grasp(OnArm, Skill):
             raise SkillFailure("grasp_failed", f"the hand closed but does not hold the {self.object}: {problem}")
 
     def _force(self, grasp: PlannedGrasp) -> float:
-        """Newtons that hold the weight, which turns what is held off its middle out of the pads."""
+        """Return the grip force, newtons, for the weight and its moment about the pads."""
         gripper = self.skills.gripper
         mass = self.skills.world.objects[self.object].model.mass
         lever = float(np.linalg.norm(grasp.tool_from_object.position[:2]))
@@ -298,7 +299,7 @@ class Grasp(OnArm, Skill):
         return min(max(LEAST_FORCE, needed), gripper.model.part.max_force)
 
     def _tool_from_object(self, grasp: PlannedGrasp) -> Pose:
-        """As it was seen, but with the contacts in the middle between the fingers, which have pushed it there."""
+        """Return the observed pose, with the contacts centred between the fingers, which have moved the object."""
         skills = self.skills
         base_from_object = skills.map_from_base.inverse() @ grasp.map_from_object
         tool_from_object = skills.base_from_tool().inverse() @ base_from_object
@@ -307,18 +308,18 @@ class Grasp(OnArm, Skill):
 
 
 class Holding(SkillCondition):
-    """Whether a hand holds an object, by its encoders; forgets an object that has been lost."""
+    """Check by encoders whether a hand holds an object; a lost object is removed from the belief."""
 
     REQUIRES = ("gripper",)
     object = In[str](ObjectName, "the object")
-    arm = In[str](ArmName, "the arm whose hand shall hold it; by default any", default="")
+    arm = In[str](ArmName, "the arm whose hand should hold it; by default any", default="")
     FAILS: ClassVar = {
         "not_holding": "take it: DetectObject, PlanGrasp, Grasp",
         "object_lost": "find it again: ScanScene, DetectObject",
     }
 
     def check(self) -> tuple[str, str] | None:
-        """Compares the fingers with the grasp."""
+        """Compare the width with that of the grasp."""
         name: str = self.object
         arm = self.arm or self.skills.world.arm_with(name)
         skills = self.skills if arm is None else self.skills_of(arm)
@@ -333,7 +334,7 @@ class Holding(SkillCondition):
 
 
 class Reachable(OnArm, SkillCondition):
-    """Whether the arm can reach a grasp of a seen object from where the base stands; collisions are not checked."""
+    """Check whether the arm reaches a grasp of a seen object from the current base; collisions are ignored."""
 
     REQUIRES = ("arm", "gripper")
     USES = ("wrist_camera",)
@@ -344,7 +345,7 @@ class Reachable(OnArm, SkillCondition):
     }
 
     def check(self) -> tuple[str, str] | None:
-        """Inverse kinematics for some of the candidates."""
+        """Solve inverse kinematics for some of the candidates."""
         skills = self.skills
         name: str = self.object
         belief = skills.world.objects.get(name)

@@ -1,4 +1,4 @@
-"""Grasps of what is believed: of objects and handles, in the base frame, whether or not the arm reaches them."""
+"""Grasp candidates of believed objects and handles, in the base frame, reachable or not."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ SURROUNDINGS_SPACING = 0.01
 
 
 def grasp_candidates(skills: SkillContext, belief: ObjectBelief) -> tuple[GraspCandidate, ...]:
-    """Grasps of a believed object in the base frame, best first; of a thing without a model, from its points."""
+    """Return grasps of a believed object in the base frame, best first; without a model, from its points."""
     from bestman_bt.perception.grasp_pose.base import GraspTarget
 
     base_from_map = skills.map_from_base.inverse()
@@ -62,7 +62,7 @@ def _from_the_open_side(
 
 
 def _camera_above(skills: SkillContext, candidates: tuple[GraspCandidate, ...]) -> tuple[GraspCandidate, ...]:
-    """Those with the camera of the hand above it: below, it touches what the object is put down on later."""
+    """Return the grasps with the hand's camera above the hand; below, it would touch the placing surface later."""
     if skills.wrist_camera is None:
         return candidates
     tool_from_camera = skills.base_from_tool().inverse() @ skills.wrist_camera.base_from_camera()
@@ -70,7 +70,7 @@ def _camera_above(skills: SkillContext, candidates: tuple[GraspCandidate, ...]) 
 
 
 def handle_grasp_candidates(skills: SkillContext, belief: HandleBelief) -> tuple[GraspCandidate, ...]:
-    """Grasps of a believed handle in the base frame, best first."""
+    """Return grasps of a believed handle in the base frame, best first."""
     from bestman_bt.perception.grasp_pose.base import GraspTarget
 
     handle = belief.handle.seen_from(skills.map_from_base.inverse())

@@ -1,4 +1,4 @@
-"""Moving the arm: to a posture, and out of a place where the hand has worked."""
+"""Motions of the arm: to a posture, and retreats."""
 
 from __future__ import annotations
 
@@ -47,9 +47,9 @@ ENOUGH = 6
 IN_VIEW = ((0.6, 0.0, 0.8), (0.75, 0.0, 0.8), (0.65, 0.25, 0.8), (0.65, -0.25, 0.8))
 """Points, (x, y, z) metres in the base frame, that the head camera should see: on a table before the robot."""
 SIGHT = (0.05, 0.08, 0.1)
-"""Metres: the radius that is kept free about a line of sight, and how much of it is not at the camera and the point."""
+"""Metres: radius of the free cylinder about a line of sight, and its gaps at the camera and the point."""
 ROOM_TO_TURN = (-0.42, 0.45, 0.42)
-"""Metres in the base frame: the arm stays before the first x, behind the second, and within this y on both sides."""
+"""Metres in the base frame: bounds of the arm: smallest x, largest x, largest |y|."""
 
 
 def postures_beside(
@@ -59,11 +59,12 @@ def postures_beside(
     world: CollisionWorld,
     sights: Sequence[NDArray[np.float64]] = (),
 ) -> tuple[list[NDArray[np.float64]], list[NDArray[np.float64]]]:
-    """Joint positions (n,) in which what is held stands upright beside the mast, whichever way the hand has taken it.
+    """Return joint positions (n,) that hold the object upright beside the mast, for any grasp orientation.
 
-    First those that leave the head camera's view free and do not stand out over the base, then others; each nearest to
-    the present ones first. Only the present ones, if they are such. They are sought near these and near ``posture``.
-    ``world``: what they must be free in. ``sights``: points (3,), base frame, that the camera should see as well.
+    First those that leave the head camera's view free and do not extend over the base, then others; each nearest to the
+    current ones first. If the current ones satisfy this, only they are returned. The search starts from these and
+    ``posture``. ``world``: collision world to satisfy. ``sights``: points (3,), base frame, that the camera should see
+    as well.
     """
     clear = _things_that_are_not_there(skills, (_lines(skills, [*IN_VIEW, *sights]), _fence()))
     now = skills.arm_positions()
@@ -93,7 +94,7 @@ def _nearest(postures: list[NDArray[np.float64]], now: NDArray[np.float64]) -> l
 
 
 def out_of_sight(skills: SkillContext, point: NDArray[np.float64]) -> CollisionWorld:
-    """In which the arm, with what it holds, is free where the head camera sees past it to a point (3,), base frame."""
+    """Return a collision world that also keeps the line of sight from head camera to a point (3,), base frame, free."""
     return _things_that_are_not_there(skills, (_lines(skills, [point]),))
 
 
@@ -128,7 +129,7 @@ def _fence() -> SceneObstacle:
 
 
 def _line_of_sight(eye: NDArray[np.float64], point: NDArray[np.float64]) -> PlacedShape:
-    """A cylinder from a camera at ``eye`` to ``point``, (3,) metres, without its ends."""
+    """Return a cylinder from a camera at ``eye`` to ``point``, (3,) metres, without its ends."""
     from scipy.spatial.transform import Rotation
 
     radius, after, before = SIGHT
@@ -141,7 +142,7 @@ def _line_of_sight(eye: NDArray[np.float64], point: NDArray[np.float64]) -> Plac
 
 
 PULL_OUT = 0.30
-"""Metres straight back with something that was taken from the side."""
+"""Length of the straight retreat with an object grasped from the side, metres."""
 LEVEL = 0.5
 """Cosine between the hand's axis and the vertical below which the hand counts as level."""
 ARRIVED = 0.02
@@ -152,16 +153,16 @@ itself and all else in a posture, where one has that room."""
 TURN = np.radians(15.0)
 """Radians between the turns of the hand that are tried so that what it holds has room."""
 
-UNKNOWN_POSTURE = {"unknown_posture": "name a posture of the robot"}
+UNKNOWN_POSTURE = {"unknown_posture": "use a posture of the robot"}
 
 
 class MoveArm(OnArm, Skill):
-    """Move the arm to a posture of the robot, around everything that is believed to be there."""
+    """Move the arm to a posture of the robot, around all believed obstacles."""
 
     REQUIRES = ("arm",)
     USES = ("camera",)
     posture = In[str](PostureName, "a posture of the robot, such as carry")
-    sight = In(Pose, "a place in the map that the head camera shall see past what is held", required=False)
+    sight = In(Pose, "a place in the map that the head camera should see past the held object", required=False)
     FAILS: ClassVar = {
         **ARM_PLANNING_FAILS,
         **UNKNOWN_POSTURE,
@@ -169,14 +170,14 @@ class MoveArm(OnArm, Skill):
     DECLARATION = Declaration(effects=("posture({posture})",))
 
     def execute(self) -> Steps:
-        """Plan and follow; at once done where the arm is there already."""
+        """Plan and follow; succeed at once if the arm is there already."""
         place: Pose | None = self.sight
         sight = None if place is None else self.skills.map_from_base.inverse().apply(place.position[None])[0]
         yield from _move_to(self, _postures(self, self.posture, sight))
 
 
 class Retreat(OnArm, Skill):
-    """Take the hand straight back from where it has worked, then move the arm to a posture."""
+    """Retreat the hand straight back, then move the arm to a posture."""
 
     REQUIRES = ("arm",)
     USES = ("camera",)
@@ -189,12 +190,12 @@ class Retreat(OnArm, Skill):
     DECLARATION = Declaration(effects=("posture({posture})",))
 
     def execute(self) -> Steps:
-        """Back along the hand's own axis as far as that is free, then on; with something in a level hand, too.
+        """Move back along the hand's axis as far as it is free, then plan on; also with an object in a level hand.
 
-        What was taken from the side may have come from between boards.
+        An object grasped from the side may have been between boards.
         """
         skills = self.skills
-        _posture(self, self.posture)  # an unknown one is told before anything moves
+        _posture(self, self.posture)  # an unknown one is reported before anything moves
         distance: float = self.distance
         if skills.held is None and distance > 0:
             scene = skills.planning_scene(allowed_pairs=hand_contacts(skills, *skills.world.objects))
@@ -233,11 +234,11 @@ def _move_to(skill: Skill, choices: Sequence[list[NDArray[np.float64]]]) -> Step
 
 
 def _postures(skill: Skill, name: str, sight: NDArray[np.float64] | None = None) -> list[list[NDArray[np.float64]]]:
-    """Joint positions (n,) to go to, the best choices first: the posture itself, or with something in the hand others.
+    """Return joint positions (n,) to move to, the best first: the posture itself, or alternatives with a held object.
 
-    Tried in turn: the posture, then with its last joint turned, then the postures whose names begin with its name and
-    an underscore, in the same way; then any that hold it upright beside the robot. ``sight``: a point (3,), base frame,
-    that the head camera shall see past what is held.
+    In order: the posture, with its last joint rotated, then postures whose names begin with its name and an underscore,
+    in the same way; then any that hold the object upright beside the robot. ``sight``: a point (3,), base frame, that
+    the head camera should see past the object.
     """
     from bestman_bt.manipulation.motion_planning.upright import Upright
 
@@ -275,20 +276,20 @@ def _posture(skill: Skill, name: str) -> NDArray[np.float64]:
 
 
 def _with_room(scene: PlanningScene, held: HeldObject) -> PlanningScene:
-    """The scene with what is held taken to be larger: it may sag and sway on the way."""
+    """Return the scene with an enlarged held object: it may sag and sway on the way."""
     assert scene.attached is not None
     reach = float(np.linalg.norm(held.tool_from_object.position)) + max(held.model.size) / 2
     return scene.holding(replace(scene.attached, padding=max(ROOM, SAG * reach)))
 
 
 def _turned(skill: Skill, posture: NDArray[np.float64]) -> list[NDArray[np.float64]]:
-    """The posture with its last joint at other angles within the limits."""
+    """Return the posture with its last joint at other angles within the limits."""
     arm = skill.skills.arm_model
     turns = np.arange(arm.lower[-1], arm.upper[-1], TURN)
     return [np.append(posture[:-1], angle) for angle in turns]
 
 
 def _reach(skill: Skill, positions: NDArray[np.float64], held: HeldObject) -> float:
-    """Metres from the middle of the base to the middle of what the hand holds, horizontally."""
+    """Return the horizontal distance, metres, from the middle of the base to that of the held object."""
     base_from_object = skill.skills.kinematics.tool_pose(positions) @ held.tool_from_object
     return float(np.linalg.norm(base_from_object.position[:2]))

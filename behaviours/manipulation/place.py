@@ -1,4 +1,4 @@
-"""Placing: where there is room, setting the object down, letting it go."""
+"""Placing: finding free space, setting the object down, releasing it."""
 
 from __future__ import annotations
 
@@ -29,44 +29,44 @@ if TYPE_CHECKING:
 
 
 DROP = 0.002
-"""Metres above the measured surface at which an object is let go by a hand that feels nothing."""
+"""Metres above the measured surface at which a hand without force sensing releases an object."""
 HOVER = 0.008
-"""Metres above the measured surface from which a hand that feels goes on by feel."""
+"""Metres above the measured surface from which a hand with force sensing lowers until contact."""
 SEARCH = 0.01
 """Metres below the measured surface at which that ends: surfaces are measured to millimetres."""
 SET_DOWN_SPEED = 0.02
 SET_DOWN_FORCE = 4.0
 """Newtons; enough to stand, too little to push the object up in the hand."""
 ASKEW = 0.004
-"""Metres above where it was to stand from which on what touches hangs askew in the hand."""
+"""Metres above the goal; an object that touches earlier is tilted in the hand."""
 LOOSER = (28.0, 20.0, 14.0, 10.0, 7.0, 5.0, 3.5)
 """Newtons with which the hand holds such a thing, one after the other, so that it sinks and does not fall."""
 BACK = 0.1
-"""Metres that the hand can go straight back from where it lets go."""
+"""Length of the straight retreat after releasing, metres."""
 PRE_PLACE = 0.12
 """Metres above the goal where the straight descent begins."""
 MAX_TAKEN = 0.03
-"""Share of the disc at the goal that may look taken: noise at the edges of things nearby."""
+"""Largest fraction of the disc at the goal that may appear occupied: noise at edges of nearby objects."""
 MIN_FREE = 0.4
-"""Share of the disc at the goal that must have been seen free; the rest may be hidden behind what is carried."""
+"""Least fraction of the disc at the goal that must be seen free; the rest may be hidden by the carried object."""
 TURNS_OF_A_ROUND_OBJECT = 12
 LOOSE = 3.0
-"""Newtons with which fingers that are caught close again before they open once more."""
+"""Closing force of stuck fingers before they open again, newtons."""
 NUDGE = 0.001
 """Metres that they are raised in between."""
 
 
 class FindPlacePose(Skill):
-    """Look at a surface and check that there is room at the goal; the height comes from the measured surface."""
+    """Look at a surface and check that the goal is free; the height comes from the measured surface."""
 
     REQUIRES = ("camera",)
     USES = ("wrist_camera",)
     object = In[str](ObjectName, "the object to place")
     surface = In[str](SurfaceName, "the surface, such as counter")
     goal = In(Pose, "x;y;z or x;y;z;roll;pitch;yaw in the map frame; z is measured")
-    radius = In[float](NonNegative, "of the free disc, metres", default=0.06)
+    radius = In[float](NonNegative, "radius of the free disc, metres", default=0.06)
     camera = In(str, "head, wrist, or its name", default="head")
-    pose = Out(Pose, "of the placed object, in the map frame", required=True)
+    pose = Out(Pose, "pose of the placed object, in the map frame", required=True)
     FAILS: ClassVar = {
         **UNKNOWN_SURFACE,
         **SURFACE_NOT_SEEN,
@@ -79,7 +79,7 @@ class FindPlacePose(Skill):
     DECLARATION = Declaration(effects=("free({goal})",))
 
     def execute(self) -> Steps:
-        """Capture, measure the surface, look for room."""
+        """Capture, measure the surface, check the free space."""
         from bestman_bt.perception.segmentation.surface_coverage import surface_coverage
 
         skills = self.skills
@@ -115,16 +115,16 @@ class FindPlacePose(Skill):
             raise SkillFailure("surface_full", f"no free {across} is left on the {surface}")
         if shares[OCCUPIED] > MAX_TAKEN:
             raise SkillFailure("goal_taken", f"{shares[OCCUPIED]:.0%} of the {across} at the goal is taken")
-        raise SkillFailure("goal_not_seen", f"only {shares[FREE]:.0%} of the {across} at the goal was seen to be free")
+        raise SkillFailure("goal_not_seen", f"only {shares[FREE]:.0%} of the {across} at the goal is seen to be free")
 
 
 class PlaceOn(OnArm, Skill):
-    """Bring the held object above its place and lower it straight until it is felt to stand there."""
+    """Move the held object above its place and lower it straight until contact."""
 
     REQUIRES = ("arm", "gripper")
     USES = ("force_torque",)
     object = In[str](ObjectName, "the held object")
-    pose = In(Pose, "where it shall stand, in the map frame")
+    pose = In(Pose, "target pose of the object, in the map frame")
     FAILS: ClassVar = {
         **ARM_PLANNING_FAILS,
         "not_holding": "find it and take it: DetectObject, PlanGrasp, Grasp",
@@ -134,7 +134,7 @@ class PlaceOn(OnArm, Skill):
     DECLARATION = Declaration(pre=("holding({object})", "free({pose})"), effects=("lowered({object}, {pose})",))
 
     def execute(self) -> Steps:
-        """Plan above and down, then move."""
+        """Plan the poses above and on the surface, then move."""
         skills = self.skills
         name: str = self.object
         held = skills.held
@@ -143,7 +143,7 @@ class PlaceOn(OnArm, Skill):
         base_from_object = skills.map_from_base.inverse() @ self.pose
         approach: Approach | None = yield self.compute("grasp_planning", self._plan, held, base_from_object)
         if approach is None:
-            raise SkillFailure("no_approach", f"no free way of the arm to put the {name} down there from here")
+            raise SkillFailure("no_approach", f"the arm has no free path to place the {name} there from this base pose")
         yield from move_free(self, [approach.pre])
         with self.touching(grasp(name), support(name, surface_below(skills.world, self.pose))):
             yield from follow_path(self, approach.into, self._lowering_world(held), speed=0.35)
@@ -151,12 +151,14 @@ class PlaceOn(OnArm, Skill):
                 yield from self._set_down(name)
 
     def _set_down(self, name: str) -> Steps:
-        """What is let go in the air falls; what hangs askew in the hand comes to stand earlier than believed."""
+        """Lower the object until contact, because a dropped one falls over; a tilted object touches earlier than
+        believed.
+        """
         outcome: GuardedOutcome = yield self.skills.arm.move_until(
             (0.0, 0.0, -1.0), SET_DOWN_SPEED, HOVER + SEARCH, SET_DOWN_FORCE
         )
         if not outcome.touched:
-            raise SkillFailure("nothing_below", f"the {name} stands on nothing 1 cm below the measured surface")
+            raise SkillFailure("nothing_below", f"the {name} has no contact 1 cm below the measured surface")
         if HOVER - outcome.distance > ASKEW:
             yield from self._level(HOVER - outcome.distance)
 
@@ -196,9 +198,9 @@ class PlaceOn(OnArm, Skill):
         return min(found, key=lambda approach: approach.cost) if found else None
 
     def _has_room_below(self, approach: Approach, down: Pose, lift: float, world: CollisionWorld) -> bool:
-        """Whether the arm stays clear of the support all the way that the object may be lowered by feel.
+        """Return whether the arm stays clear of the support over the whole lowering by contact.
 
-        The wrist feels what the object and the hand touch, but not what the arm does.
+        The wrist senses contacts of object and hand, but not of the arm.
         """
         from bestman_bt.manipulation.kinematics.cartesian_path import cartesian_path
 
@@ -211,7 +213,7 @@ class PlaceOn(OnArm, Skill):
         return PRE_PLACE
 
     def _lowering_world(self, held: HeldObject, hand: bool = False) -> CollisionWorld:
-        """The object, or also the ``hand``, may touch what it is put on."""
+        """Return the collision world in which the object, and optionally the ``hand``, may touch the support."""
         skills = self.skills
         supports = [name for name in skills.world.obstacles if name.endswith("/surface")]
         allowed = [(held.name, support) for support in supports]
@@ -221,20 +223,20 @@ class PlaceOn(OnArm, Skill):
 
 
 class Release(OnArm, Skill):
-    """Open the hand slowly, and believe that the object stands where the hand has left it."""
+    """Open the hand slowly, and believe the object at the place where the hand has left it."""
 
     REQUIRES = ("arm", "gripper")
     USES = ("force_torque",)
     object = In[str](ObjectName, "the held object")
-    surface = In[str | None](SurfaceName, "below it, to look for it there later", required=False)
+    surface = In[str | None](SurfaceName, "the surface below it, for later searches", required=False)
     FAILS: ClassVar = {
-        "not_holding": "there is nothing to let go of",
+        "not_holding": "there is nothing to release",
         "not_released": "it sticks to the fingers: Release again",
     }
     DECLARATION = Declaration(pre=("holding({object})",), effects=("not holding({object})",))
 
     def execute(self) -> Steps:
-        """Open a little, so that neighbours stay where they are."""
+        """Open a little, so that neighbouring objects stay in place."""
         skills = self.skills
         held = skills.held
         if held is None:
@@ -260,15 +262,15 @@ class Release(OnArm, Skill):
             # The arm must not leave with a thing that is neither held nor free.
             yield skills.gripper.close()
             opened = f"the fingers opened to {1e3 * outcome.width:.0f} mm, it is {1e3 * held.width:.0f} mm wide"
-            raise SkillFailure("not_released", f"the hand does not let go of the {held.name}: {opened}")
+            raise SkillFailure("not_released", f"the hand does not release the {held.name}: {opened}")
 
 
 def place_tool_poses(
     held: HeldObject, frame_from_object: Pose, above: float = PRE_PLACE, lift: float = DROP
 ) -> list[tuple[Pose, Pose]]:
-    """Tool poses (above, down) that put the held object to ``frame_from_object`` but for turns that look the same.
+    """Return tool poses (above, down) that place the held object at ``frame_from_object``, one per symmetric rotation.
 
-    ``above``: metres from the goal up to where the straight descent begins. ``lift``: up to where it ends.
+    ``above``: metres from the goal to the start of the straight descent. ``lift``: metres to its end.
     """
     count = held.model.symmetry_order or TURNS_OF_A_ROUND_OBJECT
     poses = []

@@ -1,4 +1,4 @@
-"""Placing into a drawer that stands open: where the goal is now, and lowering the object over the rim."""
+"""Placing into an open drawer: the current goal, and lowering the object over the rim."""
 
 from __future__ import annotations
 
@@ -23,22 +23,22 @@ from bestman_bt.world_model.world_model import HeldObject
 STEP = 0.02
 """Metres between the places that are considered."""
 ENOUGH = 0.05
-"""Metres of room beyond which more of it makes a place no better."""
+"""Metres of free space beyond which more does not improve a place."""
 SAME_PLACE = 0.06
-"""Metres: a place nearer than this to one that was given is the same one."""
+"""Metres within which a place counts as one that was given before."""
 
 
 class FindRoomIn(InstantSkill):
-    """Choose a place for the held object in a drawer that stands open, away from what is believed to be in it.
+    """Choose a place for the held object in an open drawer, away from objects believed to be in it.
 
-    Of the places with enough room in the part that has come out, the one nearest to the middle of that part; asked
-    again for the same object it gives another one.
+    It is the place nearest to the middle of the opened part that has enough room; each further call for the same object
+    gives another one.
     """
 
     object = In[str](ObjectName, "the held object")
     surface = In[str](SurfaceName, "the surface of the drawer, such as drawer_chest/drawer_3")
     margin = In[float](NonNegative, "metres to the drawer's walls and to other things", default=0.03)
-    pose = Out(Pose, "where it shall stand, in the map frame", required=True)
+    pose = Out(Pose, "target pose of the object, in the map frame", required=True)
     FAILS: ClassVar = {
         **UNKNOWN_SURFACE,
         "not_holding": "take it: DetectObject, PlanGrasp, Grasp",
@@ -46,12 +46,12 @@ class FindRoomIn(InstantSkill):
     }
 
     def on_load(self) -> None:
-        """Nothing has been given yet."""
+        """Reset the given places."""
         self._object = ""
         self._given = np.zeros((0, 2))
 
     def act(self) -> None:
-        """Asks the beliefs; takes no picture."""
+        """Read the belief, without an image."""
         world = self.skills.world
         name: str = self.object
         held = next((one for one in world.hands.values() if one.name == name), None)
@@ -115,7 +115,7 @@ OVER_THE_RIM = 0.03
 
 
 class GoalOnSurface(Explained, SyncAction):
-    """Tell where a goal is now: in a drawer it is given for the closed one, and goes with it."""
+    """Output the current pose of a goal: in a drawer it is given for the closed one, and moves along."""
 
     goal = In(Pose, "in the map frame, for the closed drawer")
     surface = In[str](SurfaceName, "the surface, such as drawer_chest/drawer_3")
@@ -123,7 +123,7 @@ class GoalOnSurface(Explained, SyncAction):
     FAILS: ClassVar = UNKNOWN_SURFACE
 
     def on_tick(self) -> int:
-        """Asks the beliefs."""
+        """Read the belief."""
         goal: Pose = self.goal
         try:
             furniture, surface = find_surface(self.skills, self.surface)
@@ -138,11 +138,11 @@ class GoalOnSurface(Explained, SyncAction):
 
 
 class PlaceIn(PlaceOn):
-    """Bring the held object over the rim of an open drawer and lower it straight until it all but stands there."""
+    """Move the held object over the rim of an open drawer and lower it straight until just above the bottom."""
 
     object = In[str](ObjectName, "the held object")
-    pose = In(Pose, "where it shall stand in the drawer, in the map frame")
-    FAILS: ClassVar = {"no_drawer": "see that it stands open: IsOpen, Open; ask where the goal is now: GoalOnSurface"}
+    pose = In(Pose, "target pose of the object in the drawer, in the map frame")
+    FAILS: ClassVar = {"no_drawer": "make sure that it is open: IsOpen, Open; update the goal: GoalOnSurface"}
     DECLARATION = Declaration(pre=("holding({object})", "free({pose})"), effects=("lowered({object}, {pose})",))
 
     def _above(self, held: HeldObject) -> float:
@@ -155,7 +155,7 @@ class PlaceIn(PlaceOn):
         return rim + OVER_THE_RIM - float(pose.position[2] + held.model.bounds()[0, 2])
 
     def _drawer(self, pose: Pose) -> tuple[MapFurniture, MapSurface]:
-        """The drawer in whose rectangle the pose lies, the one next below it."""
+        """Return the drawer in whose rectangle the pose lies, the one next below it."""
         world = self.skills.world
         below: list[tuple[float, MapFurniture, MapSurface]] = []
         for piece in world.map.furniture.values():

@@ -1,4 +1,4 @@
-"""Acting by a learned policy: its chunks are checked before they move anything, and the tool stays in its box."""
+"""Execution of learned policies: action chunks are checked before they move anything, and the tool stays in its box."""
 
 from __future__ import annotations
 
@@ -30,20 +30,20 @@ if TYPE_CHECKING:
     from bestman_bt.manipulation.policy.specification import PolicySpecification, Workspace
 
 
-# The arm and the gripper under a policy: one motion that goes on from chunk to chunk, watched and stopped.
+# The arm and the gripper under a policy: one motion from chunk to chunk, monitored and stoppable.
 
 
 POLICY_SPEED = SpeedScale(0.5, 0.35)
 OUTSIDE = 0.02
-"""Metres by which the measured tool may leave the box before the arm is stopped: its plans may not leave it at all."""
+"""Metres by which the measured tool may leave the box before the arm is stopped; plans may not leave it at all."""
 CLOSED = 0.002
 """Metres of gripper width below which a policy means: close; also by how much another width differs."""
 
 
 class PolicyMotion:
-    """What a policy has set in motion, by the clock's ``deadline`` and with the tool in ``box``.
+    """The motion of a policy until the clock's ``deadline``, with the tool in ``box``.
 
-    ``closed_at``: base_from_tool when the gripper was last told to close. Nothing moves after ``cancel``.
+    ``closed_at``: base_from_tool at the last close command of the gripper. Nothing moves after ``cancel``.
     """
 
     def __init__(self, skills: SkillContext, box: Workspace, deadline: float) -> None:
@@ -59,14 +59,13 @@ class PolicyMotion:
 
     @property
     def asked_width(self) -> float:
-        """What the gripper was told last, metres."""
+        """The last commanded gripper width, metres."""
         return self._width
 
     def asked(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Positions and velocities that the arm is asked to have now, (n,) each; at rest, where it is.
+        """Return the commanded positions and velocities of the arm now, (n,) each; the measured ones at rest.
 
-        Deltas that are added to what was asked make up for what gravity and lag take away, and what encoders tell of
-        velocities is coarse.
+        Deltas added to commanded positions compensate for gravity and lag, and measured velocities are coarse.
         """
         now, motion = self._skills.clock.now(), self.stream.motion
         if motion is not None and self.stream.moving(now):
@@ -76,24 +75,26 @@ class PolicyMotion:
         return positions, np.zeros(len(positions))
 
     def follow(self, spliced: StreamedMotion) -> None:
-        """Go on along a checked motion; StaleChunkError where it is too late for it."""
+        """Continue along a checked motion. Raises StaleChunkError if it arrives too late."""
         trajectory = self.stream.accept(spliced, self._skills.clock.now())
         self._arm = self._skills.arm.follow(trajectory, guard=self._objection)
 
     def carry_out(self, chunk: ActionChunk, seen: float, count: int) -> StepsTo[bool]:
-        """Until ``count`` actions of the chunk are over, which began at ``seen``; returns whether the gripper moved."""
+        """Wait until ``count`` actions of the chunk, which began at ``seen``, are over; return whether the gripper
+        moved.
+        """
         self._chunk = chunk, seen
         return (yield from self._until(seen + max(1, count) * chunk.dt))
 
     def finish(self) -> Steps:
-        """Until the motion under way is at rest."""
+        """Wait until the motion under way is at rest."""
         if self.stream.motion is not None:
             yield from self._until(self.stream.motion.end)
         while self._arm is not None and not self._arm.done:
             yield from self._until(self._skills.clock.now() + 1e-3)
 
     def cancel(self) -> None:
-        """Bring arm and fingers to rest; what is held stays held."""
+        """Bring arm and fingers to rest; a held object stays held."""
         for handle in (self._arm, self._fingers):
             if handle is not None:
                 handle.cancel()
@@ -122,10 +123,10 @@ class PolicyMotion:
         position = self._skills.base_from_tool().position
         if self.box.contains(position, OUTSIDE):
             return None
-        return f"the tool has left the workspace at {np.round(position, 3).tolist()}"
+        return f"the tool left the workspace at {np.round(position, 3).tolist()}"
 
     def _move_gripper(self) -> bool:
-        """Tell the gripper what the chunk says for now, where that is new; returns whether it moves."""
+        """Send the chunk's current gripper width if it is new; return whether the gripper moves."""
         gripper = self._skills.gripper
         moving = self._fingers is not None and not self._fingers.done
         if self._chunk is None or self._chunk[0].gripper_widths is None:
@@ -159,18 +160,18 @@ SUCCESSES = ("goal", "holding", "lifted")
 
 
 class RunPolicy(OnArm, Skill):
-    """Act by a learned policy until the tool is at the goal, or the gripper holds something, or has lifted it.
+    """Run a learned policy until the tool is at the goal, or the gripper holds something, or has lifted it.
 
-    The policy is asked again before its chunk is over, and the motion goes on without a stop. Each chunk is checked
-    against the workspace and against everything that is believed to be there before it moves anything. Fails with
-    ``timeout``, ``stalled``, ``workspace``, ``collision``, or with what the policy itself is to blame for, such as
-    ``bad_action`` or ``policy_unreachable``. The hand may touch ``object``, which is believed to be held at the end.
+    The policy is queried again before its chunk is over, and the motion continues without a stop. Each chunk is checked
+    against the workspace and all believed obstacles before it moves anything. Fails with ``timeout``, ``stalled``,
+    ``workspace``, ``collision``, or an error of the policy itself, such as ``bad_action`` or ``policy_unreachable``.
+    The hand may touch ``object``, which is believed to be held at the end.
     """
 
     REQUIRES = ("arm", "gripper")
     USES = ("camera", "wrist_camera")
     policy = In(str, "a shipped name, an .onnx file, the .yaml of a policy server or file.py:Class")
-    goal = In(Pose, "where the tool shall be, or what it shall pick, in the map frame", required=False)
+    goal = In(Pose, "target of the tool or of the picking, in the map frame", required=False)
     object = In[str | None](ObjectName, "a seen object that the policy picks", required=False)
     success = In[str](Annotated[str, OneOf(lambda: SUCCESSES)], "goal, holding or lifted", default="goal")
     lift = In[float](Positive, "metres, for lifted", default=0.1)
@@ -178,7 +179,7 @@ class RunPolicy(OnArm, Skill):
     position_tolerance = In[float](Positive, "metres", default=0.01)
     rotation_tolerance = In[float](Positive, "radians", default=0.1)
     workspace = In(str, "x;y;z;x;y;z in the base frame; the policy's by default", default="")
-    chunks = Out(int, "how many were carried out")
+    chunks = Out(int, "number of executed actions")
 
     # Of an object only where one is given; of the effects the one that ``success`` asks for.
     FAILS: ClassVar = {
@@ -198,8 +199,8 @@ class RunPolicy(OnArm, Skill):
         "bad_observation": "another policy, or the cameras that it needs",
         "bad_action": "pick by PlanGrasp, Grasp",
         "stale_chunk": "RunPolicy again; the policy is too slow",
-        "policy_unreachable": "see that its server runs",
-        "policy_server": "see what its server says",
+        "policy_unreachable": "check that its server is running",
+        "policy_server": "check the output of its server",
     }
     DECLARATION = Declaration(pre=("visible({object})",), effects=("tool_at({goal})", "holding({object})"))
 
@@ -207,7 +208,7 @@ class RunPolicy(OnArm, Skill):
     """What moves while the skill runs, for those who record it."""
 
     def execute(self) -> Steps:
-        """Ask, check, move, look again while it moves."""
+        """Query, check, move, and look again during the motion."""
         policy = self.skills.policies(self.policy, self.folders)
         try:
             timeout, goal = self.timeout, self._goal()
@@ -261,7 +262,7 @@ class RunPolicy(OnArm, Skill):
             acted = yield from motion.carry_out(chunk, seen, spec.executed or len(chunk.actions) // 2)
             still = 0 if moves or acted else still + 1
             if still == STILL_CHUNKS:
-                raise SkillFailure("stalled", f"the policy does not move any more{self._distance(goal)}")
+                raise SkillFailure("stalled", f"the policy no longer moves{self._distance(goal)}")
             done += 1
             self.chunks = done
         self._believe_held(motion, goal)
@@ -277,17 +278,17 @@ class RunPolicy(OnArm, Skill):
 
         skills = self.skills
         if spec.joint_names != skills.arm_model.joint_names or spec.robot not in ("", skills.robot.name):
-            raise SkillFailure("other_robot", f"the policy moves {spec.robot} {spec.joint_names}, not this arm")
+            raise SkillFailure("other_robot", f"the policy is for {spec.robot} {spec.joint_names}, not for this arm")
         success, name = self.success, self.object
         if name and name not in skills.world.objects:
             raise SkillFailure("not_found", f"the {name} has not been seen; detect it first")
         if goal is None and (spec.goal_size or success == "goal"):
             raise SkillFailure("no_goal", "the policy, or the condition of success, needs a goal")
         if spec.goal_size not in (0, 7):
-            raise SkillFailure("other_goal", f"the policy takes a goal of {spec.goal_size} numbers, a pose has 7")
+            raise SkillFailure("other_goal", f"the policy expects a goal of {spec.goal_size} numbers, but a pose has 7")
         given: str = self.workspace
         if not given and spec.workspace is None:
-            raise SkillFailure("no_workspace", "the policy knows no workspace: give one, the tool must stay in it")
+            raise SkillFailure("no_workspace", "the policy has no workspace: give one to bound the tool")
         try:
             box = Workspace.from_string(given) if given else Workspace(*map(np.array, spec.workspace or ()))
         except ManipulationError as error:
@@ -361,7 +362,9 @@ class RunPolicy(OnArm, Skill):
     def _checked(
         self, motion: PolicyMotion, path: NDArray[np.float64], dt: float, seen: float, begin: float
     ) -> StreamedMotion:
-        """The motion along ``path`` (H + 1, n) from the clock's ``begin`` on: in the box, and it touches nothing."""
+        """Return the motion along ``path`` (H + 1, n) from the clock's ``begin`` on: in the box, and it touches
+        nothing.
+        """
         from bestman_bt.manipulation.trajectory.base import first_touch
 
         skills = self.skills
@@ -380,7 +383,7 @@ class RunPolicy(OnArm, Skill):
         return spliced
 
     def _believe_held(self, motion: PolicyMotion, goal: Pose | None) -> None:
-        """The object that was picked is in the hand, as it was seen, but centred between the fingers."""
+        """Believe that the picked object is in the hand, as observed, but centred between the fingers."""
         skills, name = self.skills, self.object
         if not name or goal is None or motion.closed_at is None or self.success == "goal":
             return

@@ -1,7 +1,7 @@
-"""Pushing: an object is slid over its surface to a goal by the fingertips, which stand side by side behind it.
+"""Pushing: the fingertips, side by side, slide an object over its surface to a goal.
 
-Two fingers that touch the object beside each other make the push stable: it turns until it lies against both, and
-then moves with them (Lynch and Mason, "Stable pushing: mechanics, controllability, and planning", IJRR 1996).
+Two adjacent contacts make the push stable: the object rotates until it rests against both, and then moves with them
+(Lynch and Mason, "Stable pushing: mechanics, controllability, and planning", IJRR 1996).
 """
 
 from __future__ import annotations
@@ -47,15 +47,16 @@ SPREAD = 0.5
 EDGE = 0.03
 """Metres that the whole object stays away from the mapped edge of its surface: the map is off by as much."""
 SHORTEST = 0.004
-"""Metres: what is nearer to its goal is there."""
+"""Metres within which an object counts as being at its goal."""
 
 
 @dataclass(frozen=True, eq=False)
 class PushPlan:
-    """``pre``: (n,) radians, where free motion ends. ``into``: (N, n), straight on until just before the object.
+    """``pre``: (n,) radians, the end of the free motion. ``into``: (N, n), the straight approach to just before the
+    object.
 
     ``direction``: (3,) unit, base frame. ``gap``: metres from the end of ``into`` to the object. ``distance``: metres
-    that the object is to go.
+    to push the object.
     """
 
     pre: NDArray[np.float64]
@@ -67,25 +68,25 @@ class PushPlan:
 
 
 class Push(OnArm, Skill):
-    """Push a located object straight to a goal on its surface; the wrist feels whether something is in the way.
+    """Push a located object straight to a goal on its surface; the wrist sensor detects obstacles.
 
-    How far it really went is for the next look to say. What helps when it fails: ``no_approach``: another stand;
-    ``blocked``: look again, something unseen is in the way; ``not_found``: detect it first.
+    The real displacement is determined by the next look. Remedies: ``no_approach``: another base placement;
+    ``blocked``: look again, an unseen obstacle is in the path; ``not_found``: detect the object first.
     """
 
     REQUIRES = ("arm", "gripper")
     object = In[str](ObjectName, "a located object")
-    goal = In(Pose, "where its middle shall be, in the map frame; height and turn are free")
+    goal = In(Pose, "target of its middle, in the map frame; height and rotation are free")
     speed = In[float](Positive, "m/s", default=0.05)
-    max_force = In[float](Positive, "newtons against the hand", default=15.0)
-    pushed = Out(float, "metres that the hand went on with the object")
+    max_force = In[float](Positive, "limit of the force on the hand, newtons", default=15.0)
+    pushed = Out(float, "metres that the hand moved with the object")
     FAILS: ClassVar = {
         **UNKNOWN_SURFACE,
         **ARM_PLANNING_FAILS,
         "hand_not_empty": "put down what is held: FindPlacePose, PlaceOn, Release",
         "not_found": "DetectObject first",
         "no_approach": "stand elsewhere: FindPushStand, NavigateTo",
-        "blocked": "something unseen is in the way: DetectObjects",
+        "blocked": "an unseen obstacle is in the path: DetectObjects",
         "off_surface": "a goal farther from the edge",
         "not_withdrawn": "Retreat",
     }
@@ -94,7 +95,7 @@ class Push(OnArm, Skill):
     )
 
     def execute(self) -> Steps:
-        """Plan, set the fingers, approach, push under watch, go back."""
+        """Plan, set the fingers, approach, push with force monitoring, retreat."""
         skills = self.skills
         name: str = self.object
         goal: Pose = self.goal
@@ -105,13 +106,13 @@ class Push(OnArm, Skill):
             raise SkillFailure("not_found", f"the {name} has not been seen; detect it first")
         way = goal.position[:2] - belief.pose.position[:2]
         if float(np.linalg.norm(way)) < SHORTEST:
-            self.feedback_message = f"the {name} is there already"
+            self.feedback_message = f"the {name} is already there"
             return
         self._check_goal(belief, goal)
         yield skills.gripper.open(spread(belief.model, skills.gripper_model.max_width))
         plan: PushPlan | None = yield self.compute("grasp_planning", self._plan, belief, goal)
         if plan is None:
-            raise SkillFailure("no_approach", f"no free way of the arm to push the {name} there from here")
+            raise SkillFailure("no_approach", f"the arm has no free path to push the {name} there from this base pose")
         yield from move_free(self, [plan.pre])
         stands_on = belief.surface or surface_below(skills.world, belief.pose)
         with self.touching(push(name), support(name, stands_on)):
@@ -161,7 +162,7 @@ class Push(OnArm, Skill):
             for pre in kinematics.solve(behind, reference, skills.rng, 2, is_valid=free.is_free).solutions:
                 into = cartesian_path(kinematics, pre, beyond, free.is_free, max_translation=FINE)
                 if into.complete or len(into.path) < 2:
-                    continue  # it does not meet the object, or something else is in the way at once
+                    continue  # it does not reach the object, or an obstacle is in the way immediately
                 here = kinematics.tool_pose(into.path[-1])
                 touching = self._is_touched(free, into.path[-1], here, direction, belief.name)
                 pushed = Pose(here.position + distance * direction, here.quaternion)
@@ -180,7 +181,7 @@ class Push(OnArm, Skill):
         direction: NDArray[np.float64],
         name: str,
     ) -> bool:
-        """Whether the fingers, and nothing else, touch the object next: a little further on, to be sure."""
+        """Return whether the fingers, and nothing else, touch the object next: a little further on, to be sure."""
         onward = Pose(base_from_tool.position + CLEAR * direction, base_from_tool.quaternion)
         following = self.skills.kinematics.track(onward, positions)
         if following is None:
@@ -190,7 +191,7 @@ class Push(OnArm, Skill):
         return bool(pairs) and all(name in pair and any(finger in pair for finger in fingers) for pair in pairs)
 
     def _untouched(self, belief: ObjectBelief) -> PlanningScene:
-        """The scene with the object exactly where it is believed to be."""
+        """Return the scene with the object exactly where it is believed to be."""
         scene = self.skills.planning_scene()
         exact = [replace(o, padding=0.0) for o in scene.obstacles if o.name == belief.name]
         return scene.adding(*exact)
@@ -224,7 +225,7 @@ class Push(OnArm, Skill):
         )
 
     def _withdraw(self, name: str, plan: PushPlan) -> Steps:
-        """Straight back as far as that is free; the object itself is ahead of the hand and in nobody's way."""
+        """Retreat straight as far as it is free; the object is ahead of the hand and not in the path."""
         from bestman_bt.manipulation.kinematics.cartesian_path import cartesian_path
 
         skills = self.skills
@@ -238,12 +239,14 @@ class Push(OnArm, Skill):
 
 
 def spread(model: ObjectModel, max_width: float) -> float:
-    """Metres between the fingers."""
+    """Return the distance between the fingers for pushing, metres."""
     return min(SPREAD * float(min(model.size[:2])), max_width)
 
 
 def push_tool_poses(model: ObjectModel, frame_from_object: Pose, direction: NDArray[np.float64]) -> Iterator[Pose]:
-    """Tool poses behind an object that is to go in ``direction`` (3,), leaning back, either side of the hand up."""
+    """Yield tool poses behind an object to be pushed in ``direction`` (3,), leaning back, with either side of the hand
+    up.
+    """
     from scipy.spatial.transform import Rotation
 
     radius = float(np.linalg.norm(model.size[:2])) / 2
@@ -270,9 +273,9 @@ def _way(base_from_object: Pose, base_from_goal: Pose) -> tuple[NDArray[np.float
 
 
 class FindPushStand(FindStandPose):
-    """Choose where to stand to push an object that was seen to a goal: the arm reaches behind it and all the way.
+    """Choose a base placement to push a seen object to a goal: the arm reaches behind it and along the whole push.
 
-    Each time it is asked again for the same object and place it gives another stand, until all have been tried.
+    Each further call for the same object and goal gives another placement, until none is left.
     """
 
     FAILS: ClassVar = {"not_found": "DetectObject first"}

@@ -1,4 +1,4 @@
-"""A second look: the view of the wrist camera that tells most about how an object is turned."""
+"""A second look: the wrist camera view that best resolves an object's orientation."""
 
 from __future__ import annotations
 
@@ -29,22 +29,24 @@ if TYPE_CHECKING:
 
 
 TRIED_VIEWS = 24
-"""Views, the most telling first, for which a posture of the arm is sought."""
+"""Number of views, the most informative first, to solve arm postures for."""
 ROLLS = (0.0, math.pi / 2, -math.pi / 2, math.pi)
-"""Turns of the camera about its own axis: the picture tells the same, the arm may reach another one."""
+"""Rotations of the camera about its axis: equally informative, but not equally reachable."""
 GOALS = 4
-"""Views that the planner may choose from, once so many can be reached."""
+"""Number of reachable views after which the search ends."""
 
 
 class SecondLook(OnArm, Skill):
-    """Look at an object again from where that tells most about its yaw, and join the views; none if that is known."""
+    """Look at an object again from the view that best resolves its yaw, and fuse the views; none if the yaw is
+    known.
+    """
 
     REQUIRES = ("arm", "wrist_camera")
     object = In[str](ObjectName, "an object that was located")
-    max_yaw_width = In[float](NonNegative, "radians of yaw that may stay open", default=0.35)
+    max_yaw_width = In[float](NonNegative, "acceptable yaw uncertainty, radians", default=0.35)
     min_confidence = In[float](Share, "of the pose", default=0.5)
     pose = Out(Pose, "where the object is, in the map frame")
-    yaw_width = Out(float, "radians of yaw that are still open")
+    yaw_width = Out(float, "remaining yaw uncertainty, radians")
     FAILS: ClassVar = {
         **NO_CAMERA,
         **SURFACE_NOT_SEEN,
@@ -56,7 +58,7 @@ class SecondLook(OnArm, Skill):
     DECLARATION = Declaration(pre=("located({object})",), effects=("yaw_known({object})",))
 
     def execute(self) -> Steps:
-        """Rank views, reach the best one that can be reached, look, join."""
+        """Rank views, move to the best reachable one, look, fuse."""
         skills = self.skills
         name: str = self.object
         belief = skills.world.objects.get(name)
@@ -68,7 +70,7 @@ class SecondLook(OnArm, Skill):
                 raise SkillFailure("no_camera", f"the robot {skills.robot.name} has no camera on its hand to look with")
             postures = yield self.compute("view_planning", self._postures, belief, camera)
             if not postures:
-                raise SkillFailure("no_view", f"no telling view of the {name} is free and within reach from here")
+                raise SkillFailure("no_view", f"no informative view of the {name} is free and within reach from here")
             yield from self._go(postures)
             belief = yield from self._look(belief, camera)
             skills.world.objects[name] = belief
@@ -77,7 +79,7 @@ class SecondLook(OnArm, Skill):
         self.feedback_message = f"{name}: yaw open by {math.degrees(belief.yaw_set.width):.0f}°"
 
     def _postures(self, belief: ObjectBelief, camera: RGBDSensor) -> list[NDArray[np.float64]]:
-        """Joint positions (n,) of views that can be taken, the most telling first."""
+        """Return joint positions (n,) of feasible views, the most informative first."""
         skills = self.skills
         (hypothesis,) = self._joined(belief, skills.observations[belief.name])
         planner = skills.view_planning
@@ -101,7 +103,7 @@ class SecondLook(OnArm, Skill):
         return [base_from_camera @ roll @ camera_from_tool for roll in rolled]
 
     def _others(self, belief: ObjectBelief) -> list[PlacedShape]:
-        """What may stand in the way of the look, in the map frame."""
+        """Return the shapes that may occlude the view, in the map frame."""
         world = self.skills.world
         shapes = [shape for obstacle in world.obstacles.values() for shape in obstacle.shapes]
         for other in world.objects.values():
@@ -110,7 +112,7 @@ class SecondLook(OnArm, Skill):
         return shapes
 
     def _go(self, postures: Sequence[NDArray[np.float64]]) -> Steps:
-        """To the most telling view that a motion leads to."""
+        """Move to the most informative view that has a path."""
         for posture in postures[:-1]:
             try:
                 yield from move_free(self, [posture])
@@ -141,7 +143,7 @@ class SecondLook(OnArm, Skill):
         remember_view(skills, belief.name, seen)
         joined = yield self.compute("pose_estimation", self._joined, belief, skills.observations[belief.name])
         if not joined or joined[0].confidence < self.min_confidence:
-            raise SkillFailure("object_lost", f"the views of the {belief.name} do not fit together")
+            raise SkillFailure("object_lost", f"the views of the {belief.name} contradict each other")
         best: PoseHypothesis = joined[0]
         return replace(
             belief,

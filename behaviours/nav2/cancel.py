@@ -1,4 +1,4 @@
-"""Nav2's Cancel… nodes: what a leaf of the same tree does is ended, and that leaf fails."""
+"""Nav2's Cancel… nodes: end the motion of a leaf of the same tree, which then fails."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from bestman_bt.engine import RUNNING
 
 
 class _Cancel(InstantSkill):
-    """Cancel what the leaves of a kind wait for, wherever in the tree they run; SUCCESS also where none does."""
+    """Cancel the motions of all running leaves of a kind in the tree; SUCCESS also if there are none."""
 
     INPUT_PORTS: ClassVar = {**SERVER}
     LEAVES: ClassVar[tuple[str, ...]] = ()
@@ -54,12 +54,12 @@ class CancelWait(_Cancel):
 
 
 class CancelAssistedTeleop(_Cancel):
-    """Nothing to do: nobody drives by hand through a tree here."""
+    """Do nothing: teleoperation is not supported."""
 
 
 class CancelComputeAndTrackRoute(_Cancel):
-    """Nothing to do: no route is tracked here."""
+    """Do nothing: route tracking is not supported."""
 
 
 class CancelFollowObject(_Cancel):
-    """Nothing to do: nothing is followed here."""
+    """Do nothing: following objects is not supported."""

@@ -19,7 +19,7 @@ from bestman_bt.world_model.semantic_map import MapFurniture
 STAGED, STAGED_HEADING = 0.05, math.radians(5.0)
 """Metres and radians from the staging pose within which the base need not drive there first."""
 ATTEMPTS, UNDOCKING = 3, 0.5
-"""Approaches, and metres that it drives back, of Nav2's docking leaves."""
+"""Number of approaches, and distance of driving back in metres, of Nav2's docking leaves."""
 LOOKS, LOOK_PERIOD = 5, 0.1
 """Scans of a front that are taken at rest, and the seconds between them: their noise is independent."""
 
@@ -41,7 +41,7 @@ class _Docking(Skill):
         """Dock; the pose by where ``piece`` was seen, and the approaches that it took."""
         from bestman_bt.navigation.local_planning.pure_pursuit import PurePursuit
 
-        # Slow, and steering for a near point: what is off at the side goes away on the way.
+        # Slow, with a near steering point, which reduces lateral errors on the way.
         docking = PurePursuit(min_lookahead=0.12, max_lookahead=0.2, max_speed=0.2, position_tolerance=0.002)
         skills, goal = self.skills, pose
         why = ""
@@ -93,7 +93,7 @@ class _Docking(Skill):
         return edge.corrected(piece, goal)
 
     def _improve(self, goal: Pose2D) -> StepsTo[str]:
-        """Turn and drive what is left of the way; in words how far off the base is then, empty if it is not."""
+        """Correct the remaining error; return the remaining deviation in words, empty if within tolerance."""
         base, tolerance, turning = self.skills.base, self.tolerance, self.heading_tolerance
         for last in (False, True):
             off = goal.inverse() @ self.skills.world.base.pose
@@ -110,21 +110,21 @@ class _Docking(Skill):
 
 
 class DockAt(_Docking):
-    """Drive to a pose as exactly as the base can: from a place straight behind it, slowly, and once more if need be.
+    """Drive to a pose as exactly as the base can: slowly, from a pose straight behind it, and again if necessary.
 
-    The pose is reached by the map. Where ``furniture`` names a piece that the lidar sees, the pose is taken to be given
-    by where the map has that piece, and is corrected by where its front is seen: the distance from it and the angle to
-    it are then right, whereas along the front the map has the word.
+    The pose is in the map. If ``furniture`` names a piece that the lidar sees, the pose is corrected by the observed
+    front of that piece: distance and angle to the front are then exact, whereas the position along the front comes from
+    the map.
     """
 
     goal = In(Pose2D, "x;y;theta in the map frame, metres and radians")
-    furniture = In[str](FurnitureName, "whose front it is", default="")
+    furniture = In[str](FurnitureName, "the furniture to dock at", default="")
     attempts = In[int](Count, "approaches at most", default=3)
-    docked = Out(Pose2D, "the goal, by where the furniture was seen")
+    docked = Out(Pose2D, "the goal, corrected by the observed furniture")
     DECLARATION = Declaration(effects=("at({goal})",))
 
     def execute(self) -> Steps:
-        """Get behind the goal, look, approach, judge."""
+        """Move behind the goal, look, approach, check."""
         self.docked, _ = yield from self.dock(self.goal, self._piece(), self.attempts)
 
     def _piece(self) -> MapFurniture | None:
@@ -138,22 +138,22 @@ class DockAt(_Docking):
 
 
 class DockRobot(Nav2Errors, _Docking):
-    """Dock at ``dock_pose``, where the base then stands; docks by a name are not kept here."""
+    """Dock at ``dock_pose``, the pose of the docked base; named docks are not supported."""
 
     INPUT_PORTS: ClassVar = {
         **SERVER, **without_meaning("dock_id", "dock_type", "max_staging_time", "navigate_to_staging_pose"),
     }  # fmt: skip
-    use_dock_id = In(bool, "true is refused: there is no list of docks here", default=True)
+    use_dock_id = In(bool, "true is refused: named docks are not supported", default=True)
     dock_pose = In(Pose2D, "x;y;theta in the map frame, metres and radians", required=False)
-    success = Out(bool, "whether it is docked")
+    success = Out(bool, "whether the base is docked")
     num_retries = Out(int, "approaches beyond the first")
     FAILS: ClassVar = {"no_docks": 'use_dock_id="false" and a dock_pose'}
 
     def execute(self) -> Steps:
-        """As DockAt."""
+        """Dock as DockAt does."""
         self.success = False
         if self.use_dock_id or self.dock_pose is None:
-            raise SkillFailure("no_docks", "there is no list of docks here: a dock_pose is needed")
+            raise SkillFailure("no_docks", "named docks are not supported: give a dock_pose")
         _, attempts = yield from self.dock(self.dock_pose, None, ATTEMPTS)
         self.num_retries = attempts - 1
         self.success = True
@@ -168,7 +168,7 @@ class UndockRobot(Nav2Errors, Skill):
     FAILS: ClassVar = DRIVING_FAILS
 
     def execute(self) -> Steps:
-        """Drive."""
+        """Drive back."""
         self.success = False
         yield self.skills.base.drive(-UNDOCKING)
         self.success = True

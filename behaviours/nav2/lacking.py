@@ -1,4 +1,4 @@
-"""Nav2's leaves that have no counterpart here: their trees load, and where one is ticked it says what it lacks."""
+"""Nav2's leaves without a counterpart: their trees load, and ticking one fails with the reason."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ class _Lacking(Nav2Errors, InstantSkill):
     """Fail, and say why."""
 
     LACKS: ClassVar = ""
-    FAILS: ClassVar = {"not_available": "nothing: there is no such thing here; give the tree another way"}
+    FAILS: ClassVar = {"not_available": "this feature is not available; give the tree an alternative"}
 
     def act(self) -> None:
         """Say it."""
@@ -24,15 +24,15 @@ class _Lacking(Nav2Errors, InstantSkill):
 
 
 class ComputeRoute(_Lacking):
-    """A route over a graph; there is none here."""
+    """Compute a route over a graph; not supported."""
 
-    LACKS: ClassVar = "there is no route graph here; ComputePathToPose plans on the map"
+    LACKS: ClassVar = "route graphs are not supported; ComputePathToPose plans on the map"
     INPUT_PORTS: ClassVar = {**SERVER, **_ROUTE_INPUTS}
     OUTPUT_PORTS: ClassVar = {**_ROUTE_OUTPUTS, **nothing_written("planning_time")}
 
 
 class ComputeAndTrackRoute(_Lacking):
-    """A route over a graph, tracked; there is none here."""
+    """Compute and track a route over a graph; not supported."""
 
     LACKS: ClassVar = ComputeRoute.LACKS
     INPUT_PORTS: ClassVar = {**SERVER, **_ROUTE_INPUTS}
@@ -43,7 +43,7 @@ class ComputeAndTrackRoute(_Lacking):
 
 
 class ExtractRouteNodesAsGoals(_Lacking):
-    """The places of a route; there is none here."""
+    """Extract the nodes of a route as goals; not supported."""
 
     LACKS: ClassVar = ComputeRoute.LACKS
     INPUT_PORTS: ClassVar = without_meaning("route")
@@ -51,29 +51,29 @@ class ExtractRouteNodesAsGoals(_Lacking):
 
 
 class AssistedTeleop(_Lacking):
-    """Driving by hand, with collision checks; trees do not do that here."""
+    """Teleoperate with collision checks; not supported in trees."""
 
-    LACKS: ClassVar = "nobody drives by hand through a tree here"
+    LACKS: ClassVar = "teleoperation is not supported in trees"
     INPUT_PORTS: ClassVar = {**SERVER, **without_meaning("is_recovery", "time_allowance")}
 
 
 class FollowObject(_Lacking):
-    """Driving after something that moves; there is no such controller here."""
+    """Follow a moving object; not supported."""
 
-    LACKS: ClassVar = "there is no controller here that follows what moves"
+    LACKS: ClassVar = "following moving objects is not supported"
     INPUT_PORTS: ClassVar = {**SERVER, **without_meaning("pose_topic", "max_duration", "tracked_frame")}
     OUTPUT_PORTS: ClassVar = nothing_written("total_elapsed_time")
 
 
 class ToggleCollisionMonitor(_Lacking):
-    """Nothing to do to enable the collision monitor, which is always on; it cannot be switched off."""
+    """Enable the collision monitor, which is always on; disabling it is refused."""
 
     LACKS: ClassVar = "the collision monitor cannot be switched off by a tree"
     INPUT_PORTS: ClassVar = {**SERVICE}
     enable = In(bool, "false is refused", default=True)
 
     def act(self) -> None:
-        """Refuse to disable it."""
+        """Raise SkillFailure if it is to be disabled."""
         if not self.enable:
             raise SkillFailure("not_available", self.LACKS)
 
@@ -82,7 +82,7 @@ class _LackingCondition(SkillCondition):
     """Fail, and say why."""
 
     LACKS: ClassVar = ""
-    FAILS: ClassVar = {"not_available": "nothing: there is no such thing here; give the tree another way"}
+    FAILS: ClassVar = {"not_available": "this feature is not available; give the tree an alternative"}
 
     def check(self) -> tuple[str, str] | None:
         """Say it."""
@@ -90,21 +90,21 @@ class _LackingCondition(SkillCondition):
 
 
 class IsBatteryLow(_LackingCondition):
-    """Whether the battery is low; no robot here tells."""
+    """Check whether the battery is low; not supported, as no part reports its battery to trees."""
 
-    LACKS: ClassVar = "no part of the robot tells the state of its battery"
+    LACKS: ClassVar = "no part of the robot reports the state of its battery"
     INPUT_PORTS: ClassVar = without_meaning("min_battery", "battery_topic", "is_voltage")
 
 
 class IsBatteryCharging(_LackingCondition):
-    """Whether the battery is charged; no robot here tells."""
+    """Check whether the battery is charging; not supported."""
 
     LACKS: ClassVar = IsBatteryLow.LACKS
     INPUT_PORTS: ClassVar = without_meaning("battery_topic")
 
 
 class TransformAvailable(_LackingCondition):
-    """Whether a transform of ROS is there; there is no tf here."""
+    """Check whether a transform of ROS is available; not supported, as there is no tf."""
 
-    LACKS: ClassVar = "there is no tf here; InitialPoseReceived asks whether the base knows where it is"
+    LACKS: ClassVar = "there is no tf; InitialPoseReceived checks whether the base is localised"
     INPUT_PORTS: ClassVar = without_meaning("child", "parent")

@@ -1,4 +1,4 @@
-"""Small motions, mostly to recover by: Spin, BackUp, DriveOnHeading, Wait."""
+"""Small motions, mainly for recovery: Spin, BackUp, DriveOnHeading, Wait."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ if TYPE_CHECKING:
 TURN_AT_ONCE = math.pi / 2
 """Radians; a base turns within ±pi, so longer turns are made of several."""
 Turns = Annotated[float, Ge(-100.0), Le(100.0)]
-"""Radians: sixteen turns at most; who asks for more means another unit."""
+"""Radians: at most sixteen turns; larger values are probably in another unit."""
 Moving = Annotated[float, NotZero()]
-"""Metres or m/s; nothing moves by none."""
+"""Metres or m/s, not 0."""
 TIME_ALLOWANCE = BoundedPort(
     float, required=False, default_value=10.0, description="seconds, then it fails as timeout; 0 or less: no limit"
 )
@@ -34,7 +34,7 @@ class _Motion(Nav2Errors, Skill):
     """A motion that may take no longer than ``time_allowance``."""
 
     INPUT_PORTS: ClassVar = {**SERVER, **COLLISION_CHECKS, "time_allowance": TIME_ALLOWANCE}
-    FAILS: ClassVar = {"timeout": "again, with more time_allowance"}
+    FAILS: ClassVar = {"timeout": "retry with more time_allowance"}
 
     def in_time(self, motion: Motion[BasePose], end: float) -> StepsTo[None]:
         """Wait for a motion, until ``end`` seconds at most."""
@@ -51,7 +51,7 @@ class _Motion(Nav2Errors, Skill):
 
 
 class Spin(_Motion):
-    """Turn on the spot; by odometry, so that it also works where the base has lost its way."""
+    """Turn in place by odometry, which also works while the base is not localised."""
 
     REQUIRES = ("base", "lidar")
     INPUT_PORTS: ClassVar = {**without_meaning("is_recovery")}
@@ -67,14 +67,14 @@ class Spin(_Motion):
 
 
 class DriveOnHeading(_Motion):
-    """Drive straight on; the collision monitor stops it before whatever is in the way, which ends it as blocked."""
+    """Drive straight on; the collision monitor stops the base before obstacles, which ends the action as blocked."""
 
     REQUIRES = ("base", "lidar")
     dist_to_travel = In[float](Moving, "metres, backwards where it is negative", default=0.15)
     speed = In[float](Moving, "m/s, of the distance's sign", default=0.025)
 
     def on_load(self) -> None:
-        """Judge the signs where both are literals."""
+        """Check the signs if both ports are literals. Raises ValueError."""
         if are_literals(self, "dist_to_travel", "speed") and (words := self._of_two_signs()):
             raise ValueError(words)
 
@@ -83,7 +83,7 @@ class DriveOnHeading(_Motion):
         distance, speed = self.dist_to_travel, self.speed
         if distance * speed > 0.0:
             return ""
-        return f"dist_to_travel is {distance} m and speed {speed} m/s; both of one sign are accepted"
+        return f"dist_to_travel is {distance} m and speed {speed} m/s; they should have the same sign"
 
     def execute(self) -> Steps:
         """Drive."""

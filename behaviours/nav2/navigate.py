@@ -32,17 +32,17 @@ if TYPE_CHECKING:
 
 
 ALL_GOALS = -1
-"""What ``last_reached_index`` is where the path leads through all poses."""
+"""Value of ``last_reached_index`` if the path leads through all poses."""
 
 
 class _ComputePath(Nav2Errors, Skill):
-    """A path that leads through poses; without one the output is cleared, so that nobody drives an old path."""
+    """A path through poses; on failure the output is cleared, so that no outdated path is driven."""
 
     REQUIRES = ("base", "lidar")
     INPUT_PORTS: ClassVar = {**SERVER}
-    start = In(Pose2D, "x;y;theta instead of where the base is", required=False)
+    start = In(Pose2D, "x;y;theta, in place of the current base pose", required=False)
     planner_id = In[str](
-        PlannerName, "a global planner, as grid_astar or file.py:Class; the configured one", default=""
+        PlannerName, "a global planner, such as grid_astar or file.py:Class; by default the configured one", default=""
     )
     path_ = Out[Path2D | None](Path2D, "the path; empty on failure", port="path")
     FAILS: ClassVar = DRIVING_FAILS
@@ -70,11 +70,11 @@ class _ComputePath(Nav2Errors, Skill):
 
 
 class ComputePathToPose(_ComputePath):
-    """Plan a path to a pose, past ``viapoints`` where there are any."""
+    """Plan a path to a pose, past ``viapoints``, if any."""
 
     goal = In(Pose2D, "x;y;theta in the map frame, metres and radians")
-    viapoints = In(Goals, "passed on the way: x;y;theta;x;y;theta", required=False)
-    use_start = In(bool, "false: from where the base is, all the same", required=False)
+    viapoints = In(Goals, "poses to pass: x;y;theta;x;y;theta", required=False)
+    use_start = In(bool, "false: start at the current base pose in any case", required=False)
 
     def execute(self) -> Steps:
         """Plan."""
@@ -91,7 +91,7 @@ class ComputePathThroughPoses(_ComputePath):
     """Plan a path through several poses."""
 
     goals = In(Goals, "x;y;theta;x;y;theta in the map frame, metres and radians")
-    last_reached_index = Out(int, "-1: the path leads through all; else the last pose that can be got to")
+    last_reached_index = Out(int, "-1: the path leads through all poses; else the last reachable pose")
     FAILS: ClassVar = {"no_goals": "give a pose"}
 
     def execute(self) -> Steps:
@@ -109,7 +109,7 @@ class ComputePathThroughPoses(_ComputePath):
 def _legs(
     planner: GlobalPlanner, start: Pose2D, goals: Sequence[Pose2D], costmap: Costmap
 ) -> tuple[list[Path2D], PlanningFailure | None]:
-    """The paths from each pose to the next as far as there are any, and what ended that."""
+    """Return the paths from each pose to the next as far as there are any, and what ended that."""
     from bestman_bt.navigation.global_planning.base import PlanningFailure
 
     legs: list[Path2D] = []
@@ -128,8 +128,8 @@ def _legs(
 class FollowPath(Nav2Errors, Skill):
     """Drive along a path to its goal pose.
 
-    Where another path is put on the port meanwhile, the base goes over to it without stopping; where it is cleared, the
-    base goes on along the one that it has.
+    If the port gets another path meanwhile, the base switches to it without stopping; if it is cleared, the base
+    continues on the current path.
     """
 
     REQUIRES = ("base", "lidar")
@@ -137,12 +137,14 @@ class FollowPath(Nav2Errors, Skill):
     OUTPUT_PORTS: ClassVar = nothing_written("tracking_feedback")
     path_ = In(Path2D, "the path, in the map frame", required=False, port="path")
     controller_id = In[str](
-        FollowerName, "a local planner, as pure_pursuit or file.py:Class; the configured one", default=""
+        FollowerName,
+        "a local planner, such as pure_pursuit or file.py:Class; else the configured one",
+        default="",
     )
     FAILS: ClassVar = {"no_path": "ComputePathToPose first"}
 
     def execute(self) -> Steps:
-        """Follow whatever path there is until the last one has ended."""
+        """Follow the paths of the port until the last one has ended."""
         path: Path2D | None = self.path_
         if path is None:
             raise SkillFailure("no_path", "there is no path to follow")
@@ -165,7 +167,7 @@ class FollowPath(Nav2Errors, Skill):
         return skills.base.follow(path, skills.known_costmap(), follower)
 
     def _has_new(self) -> bool:
-        """Whether there is a path, and it, or who is to follow it, is not what it was."""
+        """Return whether the port has a path that is new, or has another follower."""
         path: Path2D | None = self.path_
         if path is None:
             return False
@@ -176,13 +178,13 @@ class FollowPath(Nav2Errors, Skill):
 
 
 class NavigateToPose(Nav2Errors, NavigateTo):
-    """Drive to a pose in the map frame: plan a path, follow it, plan again where it is blocked."""
+    """Drive to a pose in the map frame: plan a path, follow it, replan if it is blocked."""
 
     INPUT_PORTS: ClassVar = {**SERVER, **without_meaning("behavior_tree")}
 
 
 class NavigateThroughPoses(Nav2Errors, NavigateTo):
-    """Drive to several poses in the map frame, one after the other, as ``NavigateToPose`` does to each."""
+    """Drive to several poses in the map frame in order, as ``NavigateToPose`` drives to each."""
 
     INPUT_PORTS: ClassVar = {**SERVER, **without_meaning("goal", "behavior_tree")}
     goals = In(Goals, "x;y;theta;x;y;theta in the map frame, metres and radians")
@@ -190,7 +192,7 @@ class NavigateThroughPoses(Nav2Errors, NavigateTo):
     DECLARATION = Declaration()
 
     def execute(self) -> Steps:
-        """Drive to each."""
+        """Drive to each pose."""
         goals: Goals = self.goals
         if not goals:
             raise SkillFailure("no_goals", "there is no pose to drive to")

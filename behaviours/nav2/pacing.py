@@ -1,4 +1,4 @@
-"""How often a child is ticked, by how the base moves: SpeedController, DistanceController, PathLongerOnApproach."""
+"""Pacing of a child's ticks by the motion of the base: SpeedController, DistanceController, PathLongerOnApproach."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ WATCHED: dict[str, PortInformation] = {
 
 
 OCCUPANCY = without_meaning("cost_threshold", "use_footprint", "consider_unknown_as_obstacle")
-"""The footprint is asked for, always."""
+"""The footprint is always checked."""
 
 
 class GoalReached(At):
-    """Whether the base believes to be at a goal; by default within 25 cm and whichever way it faces, as Nav2's."""
+    """Check whether the base is believed to be at a goal; by default within 25 cm and any heading, as in Nav2."""
 
     INPUT_PORTS: ClassVar = {**FRAMES}
     tolerance_ = In[float](Positive, "metres", default=0.25, port="tolerance")
@@ -39,36 +39,36 @@ class GoalReached(At):
 
 
 class GoalUpdated(SkillCondition):
-    """Whether ``goal`` or ``goals`` have changed since this was asked the last time; not when asked the first time."""
+    """Check whether ``goal`` or ``goals`` have changed since the last check; false at the first one."""
 
     INPUT_PORTS: ClassVar = WATCHED
     AT_FIRST: ClassVar = False
 
     def on_load(self) -> None:
-        """Begin with nothing seen."""
+        """Reset the last goals."""
         self._seen: tuple[Any, Any] | None = None
 
     def halt(self) -> None:
-        """Forget what was seen: what comes then is another run."""
+        """Forget the last goals: the next check belongs to another run."""
         self._seen = None
         super().halt()
 
     def check(self) -> tuple[str, str] | None:
-        """Compares."""
+        """Compare with the last goals."""
         now = self.get_input("goal"), self.get_input("goals")
         updated = self.AT_FIRST if self._seen is None else now != self._seen
         self._seen = now
-        return None if updated else ("not_updated", "the goal is still the same")
+        return None if updated else ("not_updated", "the goal has not changed")
 
 
 class GlobalUpdatedGoal(GoalUpdated):
-    """Whether ``goal`` or ``goals`` have changed since this was asked the last time, or it is asked the first time."""
+    """Check whether ``goal`` or ``goals`` have changed since the last check; true at the first one."""
 
     AT_FIRST: ClassVar = True
 
 
 class ArePosesNear(SkillCondition):
-    """Whether two poses are within ``tolerance`` metres of one another."""
+    """Check whether two poses are within ``tolerance`` metres of each other."""
 
     INPUT_PORTS: ClassVar = {**FRAMES}
     ref_pose = In(Pose2D, "x;y;theta")
@@ -76,22 +76,22 @@ class ArePosesNear(SkillCondition):
     tolerance = In[float](Positive, "metres", default=0.5)
 
     def check(self) -> tuple[str, str] | None:
-        """Compares."""
+        """Compare the poses."""
         distance = self.ref_pose.distance_to(self.target_pose)
         return None if distance <= self.tolerance else ("not_near", f"{distance:.2f} m apart")
 
 
 class RemovePassedGoals(InstantSkill):
-    """Take the poses out of a list that the base is near to, in their order; the last one always stays."""
+    """Remove the leading poses of a list that the base is near to; the last pose always remains."""
 
     INPUT_PORTS: ClassVar = {**FRAMES, **without_meaning("input_waypoint_statuses")}
     OUTPUT_PORTS: ClassVar = nothing_written("output_waypoint_statuses")
     input_goals = In(Goals, "x;y;theta;x;y;theta, in driving order")
-    radius = In[float](NonNegative, "metres that count as passed", default=0.5)
-    output_goals = Out(Goals, "those that are left", required=True)
+    radius = In[float](NonNegative, "distance within which a pose counts as passed, metres", default=0.5)
+    output_goals = Out(Goals, "the remaining poses", required=True)
 
     def act(self) -> None:
-        """Compare with where the base is."""
+        """Compare with the current base pose."""
         goals: Goals = self.input_goals
         pose, passed = self.skills.world.base.pose, 0
         while passed < len(goals) - 1 and pose.distance_to(goals[passed]) <= self.radius:
@@ -100,23 +100,23 @@ class RemovePassedGoals(InstantSkill):
 
 
 class RemoveInCollisionGoals(InstantSkill):
-    """Take the poses out of a list at which the base would touch what is known or seen."""
+    """Remove the poses of a list at which the base would touch a known or seen obstacle."""
 
     REQUIRES = ("base", "lidar")
     INPUT_PORTS: ClassVar = {**SERVICE, **OCCUPANCY, **without_meaning("input_waypoint_statuses")}
     OUTPUT_PORTS: ClassVar = nothing_written("output_waypoint_statuses")
     input_goals = In(Goals, "x;y;theta;x;y;theta")
-    output_goals = Out(Goals, "those that are left", required=True)
+    output_goals = Out(Goals, "the remaining poses", required=True)
 
     def act(self) -> None:
-        """Ask the costmap."""
+        """Check the costmap."""
         goals: Goals = self.input_goals
         free = _is_free(self, goals)
         self.output_goals = Goals(goal for goal, kept in zip(goals, free, strict=True) if kept)
 
 
 class CheckPoseOccupancy(InstantSkill):
-    """Whether the base could stand at a pose, by what is known and seen; fails where it would touch something."""
+    """Check whether the base can stand at a pose without touching a known or seen obstacle."""
 
     REQUIRES = ("base", "lidar")
     INPUT_PORTS: ClassVar = {**SERVICE, **OCCUPANCY}
@@ -124,7 +124,7 @@ class CheckPoseOccupancy(InstantSkill):
     FAILS: ClassVar = {"goal_blocked": "another pose"}
 
     def act(self) -> None:
-        """Ask the costmap."""
+        """Check the costmap."""
         pose: Pose2D = self.pose
         if not _is_free(self, (pose,))[0]:
             raise SkillFailure("goal_blocked", f"the base would touch something at ({pose.x:.2f}, {pose.y:.2f}) m")
@@ -139,15 +139,15 @@ def _is_free(node: OnRobot, poses: Sequence[Pose2D]) -> list[bool]:
 
 
 class GetNextFewGoals(InstantSkill):
-    """The first poses of a list."""
+    """Output the first poses of a list."""
 
-    num_goals = In[int](Count, "how many, at most")
+    num_goals = In[int](Count, "largest number of poses")
     input_goals = In(Goals, "x;y;theta;x;y;theta, in driving order")
-    output_goals = Out(Goals, "the first of them")
+    output_goals = Out(Goals, "the first poses")
     FAILS: ClassVar = {"no_goals": "give a pose"}
 
     def act(self) -> None:
-        """Cut."""
+        """Cut the list."""
         goals: Goals = self.input_goals
         if not goals:
             raise SkillFailure("no_goals", "there is no pose")
@@ -155,69 +155,69 @@ class GetNextFewGoals(InstantSkill):
 
 
 class AppendGoalPoseToGoals(InstantSkill):
-    """A list of poses with one more at its end."""
+    """Append a pose to a list."""
 
     goal_pose = In(Pose2D, "x;y;theta")
-    input_goals = In(Goals, "x;y;theta;x;y;theta; none is an empty list", required=False)
+    input_goals = In(Goals, "x;y;theta;x;y;theta; missing: an empty list", required=False)
     output_goals = Out(Goals, "with it")
 
     def act(self) -> None:
-        """Append."""
+        """Append the pose."""
         self.output_goals = Goals((*(self.input_goals or ()), self.goal_pose))
 
 
 class GetCurrentPose(InstantSkill):
-    """Where the base believes to be, in the map frame."""
+    """Output the believed pose of the base, in the map frame."""
 
     INPUT_PORTS: ClassVar = {**FRAMES}
     current_pose = Out(Pose2D, "x;y;theta")
 
     def act(self) -> None:
-        """Ask the localisation."""
+        """Read the localisation."""
         self.current_pose = self.skills.world.base.pose
 
 
 class CheckStopStatus(OnRobot, StatefulAction):
-    """SUCCESS once the base has stood for ``duration_stopped``; RUNNING while it stands, FAILURE where it moves."""
+    """SUCCESS once the base has been at rest for ``duration_stopped``; RUNNING until then, FAILURE if it moves."""
 
     REQUIRES = ("base", "lidar")
     velocity_threshold = In[float](Positive, "m/s and rad/s", default=0.01)
     duration_stopped = In[int](WholeNumber, "milliseconds", default=1000)
 
     def on_start(self) -> int:
-        """Note the time."""
+        """Start the timer."""
         self._since = self.clock.now()
         return self.on_running()
 
     def on_running(self) -> int:
-        """Look at the measured velocity."""
+        """Check the measured velocity."""
         velocity = self.skills.base.velocity()
         if max(math.hypot(velocity.vx, velocity.vy), abs(velocity.wz)) > self.velocity_threshold:
             return FAILURE
         return SUCCESS if self.clock.now() - self._since >= self.duration_stopped * 1e-3 else RUNNING
 
     def on_halted(self) -> None:
-        """Nothing moves by looking."""
+        """Do nothing: the check moves nothing."""
 
 
 class DistanceTraveled(SkillCondition):
-    """True once the base has come ``distance`` metres farther than where this was true, or asked the first time."""
+    """True once the base is ``distance`` metres from its position at the first check or the last success."""
 
     INPUT_PORTS: ClassVar = {**FRAMES}
     distance = In[float](Positive, "metres, Euclidean distance", default=1.0)
     FAILS: ClassVar = {"not_travelled": "nothing is wrong"}
 
     def on_load(self) -> None:
-        """Begin nowhere."""
+        """Reset the start position."""
         self._from: Pose2D | None = None
 
     def halt(self) -> None:
-        """Forget where it began."""
+        """Reset the start position."""
         self._from = None
         super().halt()
 
     def check(self) -> tuple[str, str] | None:
-        """Compares."""
+        """Compare the distance."""
         pose = self.skills.world.base.pose
         self._from = self._from or pose
         travelled = pose.distance_to(self._from)
@@ -228,22 +228,22 @@ class DistanceTraveled(SkillCondition):
 
 
 class TimeExpired(SkillCondition):
-    """True once ``seconds`` after this was true, or asked the first time."""
+    """True once ``seconds`` have passed since the first check or the last success."""
 
     seconds = In[float](Positive, "seconds", default=1.0)
     FAILS: ClassVar = {"not_expired": "nothing is wrong"}
 
     def on_load(self) -> None:
-        """Begin with no time running."""
+        """Start with the timer stopped."""
         self._since: float | None = None
 
     def halt(self) -> None:
-        """Forget when it began."""
+        """Stop the timer."""
         self._since = None
         super().halt()
 
     def check(self) -> tuple[str, str] | None:
-        """Looks at the clock."""
+        """Check the clock."""
         now = self.clock.now()
         self._since = now if self._since is None else self._since
         if now - self._since < self.seconds:
@@ -253,18 +253,18 @@ class TimeExpired(SkillCondition):
 
 
 class GoalUpdater(Decorator):
-    """Hand a goal on to the child, and the one that was written to ``goal_update`` since then instead.
+    """Pass a goal on to the child, or a newer one from ``goal_update``.
 
-    ``goal_update`` and ``goals_update`` are entries, by default of the root, that somebody outside writes:
-    ``blackboard.set``, the control channel. As with Nav2's topics, what is older than the goal does not count.
+    ``goal_update`` and ``goals_update`` are entries, by default of the root, that external code writes:
+    ``blackboard.set``, the control channel. As with Nav2's topics, an update older than the goal is ignored.
     """
 
     input_goal = In(Pose2D, "x;y;theta", required=False)
     input_goals = In(Goals, "x;y;theta;x;y;theta", required=False)
     goal_update = In(object, "x;y;theta", default="{@goal_update}")
     goals_update = In(object, "x;y;theta;x;y;theta", default="{@goals_update}")
-    output_goal = Out(Pose2D, "the newer one of both")
-    output_goals = Out(Goals, "the newer ones of both")
+    output_goal = Out(Pose2D, "the newer goal")
+    output_goals = Out(Goals, "the newer goals")
 
     def on_tick(self) -> int:
         """Choose, then tick the child."""
@@ -286,9 +286,9 @@ class GoalUpdater(Decorator):
 
 
 class SpeedController(OnRobot, Decorator):
-    """Tick the child the more often the faster the base is; at once where it starts, and where the goal changes.
+    """Tick the child at a rate that grows with the base's speed; at once at the start and when the goal changes.
 
-    Between ``min_speed`` and ``max_speed`` the rate goes from ``min_rate`` to ``max_rate``. RUNNING in between.
+    From ``min_speed`` to ``max_speed`` the rate changes from ``min_rate`` to ``max_rate``. RUNNING in between.
     """
 
     REQUIRES = ("base", "lidar")
@@ -299,14 +299,14 @@ class SpeedController(OnRobot, Decorator):
     max_speed = In[float](Positive, "m/s", default=0.5)
 
     def on_load(self) -> None:
-        """Begin with no time running; judge the limits where all are literals."""
+        """Start with the timer stopped; check the limits if all are literals. Raises ValueError."""
         self._since, self._period, self._due = 0.0, 0.0, True
         self._goals: tuple[Any, Any] = (None, None)
         if are_literals(self, "min_rate", "max_rate", "min_speed", "max_speed"):
             self._limits()
 
     def on_tick(self) -> int:
-        """Tick the child if it runs or is due."""
+        """Tick the child if it is running or due."""
         now, goals = self.clock.now(), (self.get_input("goal"), self.get_input("goals"))
         if self._s <= IDLE or goals != self._goals:
             self._goals, self._since, self._due = goals, now, True
@@ -331,24 +331,24 @@ class SpeedController(OnRobot, Decorator):
         low, high = self.min_rate, self.max_rate
         slow, fast = self.min_speed, self.max_speed
         if low > high:
-            raise self.error(f"min_rate is {low} Hz and max_rate {high} Hz, but the minimum is not above the maximum")
+            raise self.error(f"min_rate is {low} Hz and max_rate {high} Hz, but the minimum should not be greater")
         if slow >= fast:
-            raise self.error(f"min_speed is {slow} m/s and max_speed {fast} m/s, but the minimum is below the maximum")
+            raise self.error(f"min_speed is {slow} m/s and max_speed {fast} m/s, but the minimum should be less")
         return low, high, slow, fast
 
 
 class DistanceController(OnRobot, Decorator):
-    """Tick the child where it starts, and whenever the base has come ``distance`` metres farther; RUNNING between."""
+    """Tick the child at the start, and after every ``distance`` metres of the base; RUNNING in between."""
 
     INPUT_PORTS: ClassVar = {**FRAMES}
     distance = In[float](Positive, "metres, Euclidean distance", default=1.0)
 
     def on_load(self) -> None:
-        """Begin nowhere."""
+        """Reset the position."""
         self._from, self._due = Pose2D(), True
 
     def on_tick(self) -> int:
-        """Tick the child if it runs or is due."""
+        """Tick the child if it is running or due."""
         pose = self.skills.world.base.pose
         if self._s <= IDLE:
             self._from, self._due = pose, True
@@ -364,17 +364,17 @@ class DistanceController(OnRobot, Decorator):
 
 
 class PathLongerOnApproach(Decorator):
-    """Tick the child where a new path close to the goal is much longer than the one before it; else SUCCESS.
+    """Tick the child if a new path close to the goal is much longer than the previous one; else SUCCESS.
 
-    That is what a blocked approach looks like: waiting may be better than going all the way round.
+    This indicates a blocked approach: waiting may be better than a long detour.
     """
 
-    path_ = In(Path2D, "the path that is planned again and again", required=False, port="path")
-    prox_len = In[float](Positive, "metres that count as close", default=3.0)
-    length_factor = In[float](Positive, "that counts as longer", default=2.0)
+    path_ = In(Path2D, "the path, replanned repeatedly", required=False, port="path")
+    prox_len = In[float](Positive, "distance that counts as close, metres", default=3.0)
+    length_factor = In[float](Positive, "ratio that counts as longer", default=2.0)
 
     def on_load(self) -> None:
-        """Begin with no path."""
+        """Reset the path."""
         self._before: Path2D | None = None
 
     def halt(self) -> None:
@@ -383,7 +383,7 @@ class PathLongerOnApproach(Decorator):
         super().halt()
 
     def on_tick(self) -> int:
-        """Compare the path with the one before."""
+        """Compare the path with the previous one."""
         path: Path2D | None = self.path_
         if self.child._s != RUNNING and not self._is_longer(path):
             self._before = path
@@ -395,7 +395,9 @@ class PathLongerOnApproach(Decorator):
         return status
 
     def _is_longer(self, path: Path2D | None) -> bool:
-        """Whether ``path`` leads to the same goal as the one before, and that one was short and this one is not."""
+        """Return whether ``path`` leads to the same goal as the one before, and that one was short and this one is
+        not.
+        """
         before = self._before
         if path is None or before is None or path is before or path.goal != before.goal:
             return False

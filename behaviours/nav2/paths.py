@@ -1,4 +1,4 @@
-"""Paths on the blackboard: cutting, smoothing, and asking of them."""
+"""Operations on paths of the blackboard: cutting, smoothing, checks."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ if TYPE_CHECKING:
     from bestman_bt.navigation.global_planning.costmap import Costmap
 
 LEAVES = 1e-3
-"""Metres by which interpolation may make a place that is left seem nearer."""
+"""Tolerance of interpolation when leaving an obstacle, metres."""
 PATH = PortInformation(Path2D, required=False, description="the path")
 NO_PATH = {"no_path": "ComputePathToPose first"}
 
 
 def path_at(node: OnRobot, port: str) -> Path2D:
-    """The path of a port; SkillFailure (``no_path``) where there is none yet."""
+    """Return the path of a port. Raises SkillFailure (``no_path``) if there is none."""
     path: Path2D | None = node.get_input(port)
     if path is None:
         raise SkillFailure("no_path", "there is no path yet")
@@ -49,7 +49,7 @@ class TruncatePath(InstantSkill):
 
 
 class TruncatePathLocal(InstantSkill):
-    """Cut out of a path what is around the base: so many metres ahead of and behind the place nearest to it."""
+    """Cut the part of a path around the base: from ``distance_backward`` behind to ``distance_forward`` ahead of it."""
 
     INPUT_PORTS: ClassVar = {
         **FRAMES,
@@ -60,13 +60,13 @@ class TruncatePathLocal(InstantSkill):
     OUTPUT_PORTS: ClassVar = {"output_path": PATH}
     distance_forward = In(float, "metres ahead; below 0: to its end", default=8.0)
     distance_backward = In[float](NonNegative, "metres behind", default=4.0)
-    pose = In(Pose2D, "x;y;theta instead of where the base is", required=False)
+    pose = In(Pose2D, "x;y;theta, in place of the current base pose", required=False)
     max_robot_pose_search_dist = In(
-        float, "metres of path beyond the last place within which the next one is looked for", default=math.inf
+        float, "metres of path beyond the last place to search for the next one", default=math.inf
     )
 
     def on_load(self) -> None:
-        """Begin with no place."""
+        """Reset the place on the path."""
         self._progress = PlaceOnPath()
 
     def act(self) -> None:
@@ -84,15 +84,15 @@ class TruncatePathLocal(InstantSkill):
 
 
 class SmoothPath(Nav2Errors, InstantSkill):
-    """Round the corners of a path; where the base would then touch something, the path stays as it was."""
+    """Smooth the corners of a path; if the base would then touch an obstacle, the path is unchanged."""
 
     REQUIRES = ("base", "lidar")
     INPUT_PORTS: ClassVar = {**SERVER, **without_meaning("max_smoothing_duration"), "unsmoothed_path": PATH}
     FAILS: ClassVar = NO_PATH
     OUTPUT_PORTS: ClassVar = {"smoothed_path": PATH, **nothing_written("smoothing_duration")}
-    check_for_collisions = In(bool, "keep the path as it was where it would touch", default=False)
+    check_for_collisions = In(bool, "keep the path if the smoothed one would collide", default=False)
     smoother_id = In[str](SmootherName, "simple_smoother", default="")
-    was_completed = Out(bool, "false: the path is as it was")
+    was_completed = Out(bool, "false: the path is unchanged")
 
     def act(self) -> None:
         """Smooth."""
@@ -107,10 +107,10 @@ class SmoothPath(Nav2Errors, InstantSkill):
 
 
 class ConcatenatePaths(InstantSkill):
-    """One path after the other; either may be missing, not both."""
+    """Concatenate two paths; one of them may be missing."""
 
     input_path1 = In(Path2D, "the first", required=False)
-    input_path2 = In(Path2D, "what comes after it", required=False)
+    input_path2 = In(Path2D, "the second", required=False)
     output_path = Out(Path2D, "both")
     FAILS: ClassVar = NO_PATH
 
@@ -125,7 +125,7 @@ class ConcatenatePaths(InstantSkill):
 
 
 class GetPoseFromPath(InstantSkill):
-    """A pose of a path by its number; the last one is the path's goal."""
+    """Output a pose of a path by its index; the last one is the path's goal."""
 
     INPUT_PORTS: ClassVar = {"path": PATH}
     FAILS: ClassVar = NO_PATH
@@ -133,7 +133,7 @@ class GetPoseFromPath(InstantSkill):
     pose = Out(Pose2D, "the pose; it faces along the path")
 
     def act(self) -> None:
-        """Look it up."""
+        """Look up the pose."""
         path = path_at(self, "path")
         count = len(path.points)
         at = self.index + count if self.index < 0 else self.index
@@ -147,30 +147,30 @@ class GetPoseFromPath(InstantSkill):
 
 
 class PathExpiringTimer(SkillCondition):
-    """True once ``seconds`` after the path has changed, or this was true; not when asked the first time."""
+    """True once ``seconds`` have passed since the path changed or the last success; false at the first check."""
 
     path_ = In(Path2D, "the path", required=False, port="path")
     seconds = In[float](Positive, "seconds", default=1.0)
     FAILS: ClassVar = {"not_expired": "nothing is wrong"}
 
     def on_load(self) -> None:
-        """Begin with no time running."""
+        """Start with the timer stopped."""
         self._since: float | None = None
         self._path: Path2D | None = None
 
     def check(self) -> tuple[str, str] | None:
-        """Looks at the clock."""
+        """Check the clock."""
         now, path = self.clock.now(), self.path_
         if self._since is None or path is not self._path:
             self._since, self._path = now, path
         if now - self._since < self.seconds:
-            return "not_expired", "the path is new"
+            return "not_expired", "the path has just changed"
         self._since = now
         return None
 
 
 class IsWithinPathTrackingBounds(SkillCondition):
-    """Whether the base is beside the path that it drives by no more than so many metres and radians."""
+    """Check whether the base deviates from its current path by no more than the given metres and radians."""
 
     REQUIRES = ("base", "lidar")
     INPUT_PORTS: ClassVar = without_meaning("tracking_feedback")
@@ -180,7 +180,7 @@ class IsWithinPathTrackingBounds(SkillCondition):
     FAILS: ClassVar = {"off_path": "ComputePathToPose again"}
 
     def check(self) -> tuple[str, str] | None:
-        """Compares where the base is with the path; where none is driven, nothing is off it."""
+        """Compare the base pose with the path; true if no path is being driven."""
         path, pose = self.skills.base.path, self.skills.world.base.pose
         if path is None or len(path.points) < 2:
             return None
@@ -198,7 +198,7 @@ class IsWithinPathTrackingBounds(SkillCondition):
 
 
 class IsPathValid(SkillCondition):
-    """Whether the base can drive what is left of a path, by what is known and seen of its surroundings now."""
+    """Check whether the rest of a path is free, according to the map and the lidar."""
 
     REQUIRES = ("base", "lidar")
     INPUT_PORTS: ClassVar = {
@@ -207,12 +207,12 @@ class IsPathValid(SkillCondition):
         **without_meaning("stop_at_first_collision"),
         "path": PATH,
     }
-    max_lookahead_distance = In(float, "metres ahead that are looked at; below 0: all", default=-1.0)
-    collision_poses = Out(Goals, "where it would touch first, if anywhere")
+    max_lookahead_distance = In(float, "metres ahead to check; below 0: all", default=-1.0)
+    collision_poses = Out(Goals, "first colliding pose, if any")
     FAILS: ClassVar = {**NO_PATH, "path_blocked": "ComputePathToPose again"}
 
     def check(self) -> tuple[str, str] | None:
-        """Asks the costmap."""
+        """Check the costmap."""
         from bestman_bt.navigation.path_pieces import nearest_along, piece
 
         path = path_at(self, "path")
@@ -228,20 +228,20 @@ class IsPathValid(SkillCondition):
 
 
 class ValidatePath(IsPathValid):
-    """IsPathValid by the name of newer releases of Nav2, where it is an action."""
+    """IsPathValid as an action, its name in newer releases of Nav2."""
 
     KIND: ClassVar = "Action"
 
 
 class IsGoalNearby(SkillCondition):
-    """Whether less than ``proximity_threshold`` metres of a path are left to drive."""
+    """Check whether less than ``proximity_threshold`` metres of a path remain."""
 
     INPUT_PORTS: ClassVar = {**FRAMES}
     path_ = In(Path2D, "the path; none is not near", required=False, port="path")
     proximity_threshold = In[float](Positive, "metres", default=1.0)
     max_robot_pose_search_dist = In(
         float,
-        "metres of path beyond the last place within which the next one is looked for; below 0: all",
+        "metres of path beyond the last place to search for the next one; below 0: all",
         default=-1.0,
     )
     FAILS: ClassVar = {
@@ -250,11 +250,11 @@ class IsGoalNearby(SkillCondition):
     }
 
     def on_load(self) -> None:
-        """Begin with no place."""
+        """Reset the place on the path."""
         self._progress = PlaceOnPath()
 
     def check(self) -> tuple[str, str] | None:
-        """Asks the localisation."""
+        """Check the localisation."""
         path: Path2D | None = self.path_
         if path is None:
             return "no_path", "there is no path yet"
@@ -268,14 +268,14 @@ class IsGoalNearby(SkillCondition):
 
 
 class PlaceOnPath:
-    """Where on a path the base is; it goes on from the last place where no more than a part of the path is searched."""
+    """The place of the base on a path; it continues from the last place if only part of the path is searched."""
 
     def __init__(self) -> None:
         self._path: Path2D | None = None
         self._at = 0.0
 
     def find(self, path: Path2D, pose: Pose2D, window: float) -> float:
-        """Metres along ``path``, at most ``window`` beyond where it was the last time."""
+        """Return the metres along ``path``, at most ``window`` beyond the last place."""
         from bestman_bt.navigation.path_pieces import nearest_along
 
         if path is not self._path or math.isinf(window):
@@ -285,9 +285,9 @@ class PlaceOnPath:
 
 
 def first_contact(path: Path2D, costmap: Costmap) -> Pose2D | None:
-    """The first pose on a path at which the base would touch an obstacle of the costmap.
+    """Return the first pose on a path at which the base would touch an obstacle of the costmap, or None.
 
-    A base that stands within a margin already may leave it: up to the first free pose it only must not come nearer.
+    A base that starts within a margin may leave it: up to the first free pose it only must not approach the obstacle.
     """
     from bestman_bt.navigation.local_planning.swept_path import SweptPath
 

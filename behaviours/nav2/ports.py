@@ -1,4 +1,4 @@
-"""Ports of Nav2's trees: names of algorithms, and what means nothing here but is taken, so that its files load."""
+"""Ports of Nav2's trees: names of algorithms, and ports that are accepted without effect so that its files load."""
 
 from __future__ import annotations
 
@@ -27,34 +27,35 @@ def _followers() -> list[str]:
 
 
 NAV2_NAMES: Final = ("GridBased", "FollowPath", "route_smoother", "SmoothPath")
-"""What Nav2's configuration calls its planner, controller and smoothers; a task may say what they and others mean."""
+"""Names of planner, controller and smoothers in Nav2's configuration; a task may map these and others."""
 
 
 @dataclass(frozen=True)
 class OursOrNav2s(OneOf):
-    """One of our names, or of Nav2's for what is configured."""
+    """A name of this library, or Nav2's name of a configured algorithm."""
 
     def refusal(self, value: Any) -> str:
-        """Return why ``value`` is not accepted, in words, or an empty text."""
+        """Return why ``value`` is not accepted; empty if it is."""
         return "" if value in NAV2_NAMES else super().refusal(value)
 
 
 @dataclass(frozen=True)
 class AlgorithmName(OursOrNav2s):
-    """A registered algorithm, or one's own as ``file.py:Class`` or ``module:Class``: whoever runs the tree finds it.
+    """A registered algorithm, or a user's own as ``file.py:Class`` or ``module:Class``, resolved when the tree is
+    loaded for a robot.
 
-    ``slot``: the slot of the configuration whose algorithms these are.
+    ``slot``: the slot of the configuration for these algorithms.
     """
 
     slot: str
 
     def refusal(self, value: Any) -> str:
-        """Return why ``value`` is not accepted, in words, or an empty text."""
+        """Return why ``value`` is not accepted; empty if it is."""
         return "" if ":" in value else super().refusal(value)
 
 
 class Nav2Errors(Explained):
-    """Tells why a leaf has failed by Nav2's names of the outputs, too; the code is ours, a word."""
+    """Also writes the failure to Nav2's output ports; the code is a word, not Nav2's number."""
 
     error_code_id = Out(str, "error_code by Nav2's name")
     error_msg = Out(str, "error_message by Nav2's name")
@@ -75,21 +76,20 @@ class Nav2Errors(Explained):
 PlannerName = Annotated[str, AlgorithmName(_planners, "global_planning")]
 FollowerName = Annotated[str, AlgorithmName(_followers, "local_planning")]
 SmootherName = Annotated[str, OursOrNav2s(lambda: ("", "simple_smoother"))]
-"""Names of algorithms; an empty one is what is configured, or the only one that there is."""
+"""Names of algorithms; empty: the configured one, or the only one."""
 
 
 def without_meaning(*names: str) -> dict[str, PortInformation]:
-    """Input ports that nothing reads: names of ROS servers and frames, their timeouts, plug-ins of theirs."""
+    """Return input ports that are not read: names of ROS servers and frames, their timeouts and plug-ins."""
     return {
-        name: PortInformation(Any, required=False, description="without meaning here; accepted for Nav2's files")
-        for name in names
+        name: PortInformation(Any, required=False, description="no effect; accepted for Nav2's files") for name in names
     }
 
 
 def nothing_written(*names: str) -> dict[str, PortInformation]:
-    """Output ports to which nothing is written."""
+    """Return output ports that are never written."""
     return {
-        name: PortInformation(Any, required=False, description="nothing is written; accepted for Nav2's files")
+        name: PortInformation(Any, required=False, description="never written; accepted for Nav2's files")
         for name in names
     }
 
@@ -100,5 +100,5 @@ FRAMES = without_meaning("global_frame", "robot_base_frame")
 
 
 def are_literals(node: Node, *ports: str) -> bool:
-    """Whether none of the ports is mapped to an entry: what they say together can be judged when the tree is loaded."""
+    """Return whether no port is mapped to an entry, so that their values can be checked when the tree is loaded."""
     return all(key_of(node.attributes.get(port, ""), port) is None for port in ports)

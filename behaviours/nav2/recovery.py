@@ -1,4 +1,4 @@
-"""Asking whether a recovery may help: IsStuck, WouldAPlannerRecoveryHelp, WouldAControllerRecoveryHelp, …"""
+"""Conditions on recoveries: IsStuck, WouldAPlannerRecoveryHelp, WouldAControllerRecoveryHelp, …"""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from bestman_bt.engine import BoundedPort, In, InOut
 from bestman_bt.messages import Pose2D
 from bestman_bt.messages.shapes import Positive
 
-# Forgetting what the lidar has seen: ClearEntireCostmap and its kin. What is still there is seen again at once.
+# ClearEntireCostmap and related leaves: obstacles that still exist are seen again immediately.
 
 
 PORTS = {**SERVICE, **without_meaning("plugins")}
@@ -22,28 +22,28 @@ RESET_DISTANCE = BoundedPort(Positive, required=False, default_value=1.0, descri
 
 
 class ClearEntireCostmap(InstantSkill):
-    """Forget all obstacles that were seen; what the map has stays."""
+    """Forget all seen obstacles; those of the map remain."""
 
     REQUIRES = ("base", "lidar")
     INPUT_PORTS: ClassVar = PORTS
 
     def act(self) -> None:
-        """Forget them."""
+        """Clear the obstacles."""
         self.skills.base.layer.clear()
 
 
 class ClearCostmap(ClearEntireCostmap):
-    """ClearEntireCostmap by its short name."""
+    """Alias of ClearEntireCostmap."""
 
 
 class ClearCostmapAroundRobot(InstantSkill):
-    """Forget the obstacles that were seen in a square around the base."""
+    """Forget the seen obstacles in a square around the base."""
 
     REQUIRES = ("base", "lidar")
     INPUT_PORTS: ClassVar = {**PORTS, "reset_distance": RESET_DISTANCE}
 
     def act(self) -> None:
-        """Forget them."""
+        """Clear the obstacles."""
         self.skills.base.layer.clear(lambda points: _within(points, self._centre(), self.get_input("reset_distance")))
 
     def _centre(self) -> Pose2D:
@@ -51,7 +51,7 @@ class ClearCostmapAroundRobot(InstantSkill):
 
 
 class ClearCostmapAroundPose(ClearCostmapAroundRobot):
-    """Forget the obstacles that were seen in a square around a pose."""
+    """Forget the seen obstacles in a square around a pose."""
 
     pose = In(Pose2D, "x;y;theta in the map frame")
 
@@ -61,13 +61,13 @@ class ClearCostmapAroundPose(ClearCostmapAroundRobot):
 
 
 class ClearCostmapExceptRegion(InstantSkill):
-    """Forget the obstacles that were seen, but for those in a square around the base."""
+    """Forget the seen obstacles outside of a square around the base."""
 
     REQUIRES = ("base", "lidar")
     INPUT_PORTS: ClassVar = {**PORTS, "reset_distance": RESET_DISTANCE}
 
     def act(self) -> None:
-        """Forget them."""
+        """Clear the obstacles."""
         pose, side = self.skills.world.base.pose, self.get_input("reset_distance")
         self.skills.base.layer.clear(lambda points: ~_within(points, pose, side))
 
@@ -79,17 +79,17 @@ def _within(points: NDArray[np.float64], centre: Pose2D, side: float) -> NDArray
 
 
 class AreErrorCodesPresent(SkillCondition):
-    """Whether an ``error_code`` is one of ``error_codes_to_check``."""
+    """Check whether an ``error_code`` is one of ``error_codes_to_check``."""
 
-    error_code = InOut(str, "of the leaf that failed", default="")
+    error_code = InOut(str, "error code of the failed leaf", default="")
     error_codes_to_check = In(list[str], "code;code", required=False)
     CODES: ClassVar[tuple[str, ...]] = ()
-    """What is looked for where the port names none."""
+    """Codes to check if the port names none."""
 
-    FAILS: ClassVar = {"other_code": "the failure is of another kind; nothing is wrong"}
+    FAILS: ClassVar = {"other_code": "the failure has another code; this is a valid result"}
 
     def check(self) -> tuple[str, str] | None:
-        """Compares."""
+        """Compare the code."""
         code = self.error_code
         if code in (self.error_codes_to_check or self.CODES):
             return None
@@ -97,43 +97,43 @@ class AreErrorCodesPresent(SkillCondition):
 
 
 class WouldAPlannerRecoveryHelp(AreErrorCodesPresent):
-    """Whether planning failed for a reason that may go away: something is in the way, and not the goal off the map."""
+    """Check whether planning failed for a temporary reason, such as an obstacle, but not a goal off the map."""
 
     CODES: ClassVar = ("no_path", "start_blocked", "goal_blocked", "arm_in_the_way")
 
 
 class WouldAControllerRecoveryHelp(AreErrorCodesPresent):
-    """Whether driving failed for a reason that may go away."""
+    """Check whether driving failed for a temporary reason."""
 
     CODES: ClassVar = ("blocked", "tolerance", "no_path", "path_blocked")
 
 
 class ReinitializeGlobalLocalization(Relocalise):
-    """Relocalise by Nav2's name: where the base is is sought on the whole map."""
+    """Relocalise by Nav2's name: search for the base on the whole map."""
 
     INPUT_PORTS: ClassVar = {**SERVICE}
 
 
 class WouldASmootherRecoveryHelp(AreErrorCodesPresent):
-    """Whether smoothing failed for a reason that may go away."""
+    """Check whether smoothing failed for a temporary reason."""
 
     CODES: ClassVar = ("failed", "path_blocked", "timeout")
 
 
 class WouldARouteRecoveryHelp(AreErrorCodesPresent):
-    """Whether a route failed for a reason that may go away."""
+    """Check whether a route failed for a temporary reason."""
 
     CODES: ClassVar = ("no_path", "timeout")
 
 
 class IsStuck(SkillCondition):
-    """True from when a commanded base has stalled, or was stopped harder than it brakes, until it moves again."""
+    """True while a commanded base is stalled, or after a harder stop than its braking limit, until it moves again."""
 
     REQUIRES = ("base", "lidar")
     FAILS: ClassVar = {"not_stuck": "nothing is wrong"}
 
     def check(self) -> tuple[str, str] | None:
-        """Asks the base's controller."""
+        """Check the base's controller."""
         if self.skills.base.stuck:
             return None
-        return "not_stuck", "the base moves as it is told"
+        return "not_stuck", "the base moves as commanded"

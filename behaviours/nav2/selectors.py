@@ -1,4 +1,4 @@
-"""Nav2's selectors: which algorithm the leaves after them take, by a name that others may write meanwhile."""
+"""Nav2's selectors: write the name of an algorithm for later leaves; external code may change it meanwhile."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ class _Selector(InstantSkill):
     """Names an algorithm: that of the root entry ``topic_name``, else the default."""
 
     OF: ClassVar = ""
-    topic_name = In(str, "the root entry by which others choose; Nav2 has a topic", required=False)
+    topic_name = In(str, "the root entry for external selection, in place of Nav2's topic", required=False)
 
     def __init_subclass__(cls, **options: Any) -> None:
-        """Each has ports named after what it selects."""
+        """Name the ports after the selected kind."""
         kind = cls.OF
-        cls.INPUT_PORTS = {f"default_{kind}": PortInformation(str, False, "the one that is taken until then", "")}
+        cls.INPUT_PORTS = {f"default_{kind}": PortInformation(str, False, "the default until then", "")}
         cls.OUTPUT_PORTS = {f"selected_{kind}": PortInformation(str, False, "its name")}
         super().__init_subclass__(**options)
 
@@ -32,36 +32,36 @@ class _Selector(InstantSkill):
 
 
 class PlannerSelector(_Selector):
-    """Name the planner that ``planner_id`` of the leaves after it takes."""
+    """Select the planner for ``planner_id`` of later leaves."""
 
     OF = "planner"
 
 
 class ControllerSelector(_Selector):
-    """Name the path follower that ``controller_id`` of the leaves after it takes."""
+    """Select the path follower for ``controller_id`` of later leaves."""
 
     OF = "controller"
 
 
 class SmootherSelector(_Selector):
-    """Name the smoother that ``smoother_id`` of the leaves after it takes."""
+    """Select the smoother for ``smoother_id`` of later leaves."""
 
     OF = "smoother"
 
 
 class GoalCheckerSelector(_Selector):
-    """Name a goal checker; FollowPath takes the name, and has one way to arrive."""
+    """Select a goal checker; FollowPath accepts the name, but has only one."""
 
     OF = "goal_checker"
 
 
 class ProgressCheckerSelector(_Selector):
-    """Name a progress checker; FollowPath takes the name, and has one way to see that it is stuck."""
+    """Select a progress checker; FollowPath accepts the name, but has only one."""
 
     OF = "progress_checker"
 
 
 class PathHandlerSelector(_Selector):
-    """Name a path handler; FollowPath takes the name, and has one way to follow."""
+    """Select a path handler; FollowPath accepts the name, but has only one."""
 
     OF = "path_handler"

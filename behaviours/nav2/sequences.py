@@ -1,4 +1,4 @@
-"""Nav2's nodes of control that know no robot: NonblockingSequence, PersistentSequence, SingleTrigger, …"""
+"""Nav2's control nodes without a robot: NonblockingSequence, PersistentSequence, SingleTrigger, …"""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from bestman_bt.engine import FAILURE, IDLE, RUNNING, SUCCESS, Control, Decorato
 
 
 class NonblockingSequence(Control):
-    """Tick all children, those after one that runs, too; SUCCESS where all succeed in one tick."""
+    """Tick all children, including those after a running one; SUCCESS if all succeed in one tick."""
 
     def on_tick(self) -> int:
-        """Tick each."""
+        """Tick each child."""
         self.set_state(RUNNING)
         done = True
         for child in self.nodes_below():
@@ -29,12 +29,12 @@ class NonblockingSequence(Control):
 
 
 class PersistentSequence(Control):
-    """A sequence that keeps in an entry which child is next; a halt changes nothing about that."""
+    """A sequence that keeps the index of its next child in an entry, which survives a halt."""
 
-    current_child_idx = InOut(int, "the child that is next, from 0", default=0)
+    current_child_idx = InOut(int, "index of the next child, from 0", default=0)
 
     def on_tick(self) -> int:
-        """Go on with that child."""
+        """Continue with that child. Raises NodeError for an index outside of the children."""
         children, index = self.nodes_below(), self.current_child_idx or 0
         if index < 0:
             raise self.error(f"current_child_idx is {index}; 0 to {len(children)} are accepted")
@@ -55,24 +55,24 @@ class PersistentSequence(Control):
 
 
 class PauseResumeController(Control):
-    """Tick the first child; nobody can pause here by a service: ``bestman-bt pause`` holds the whole run."""
+    """Tick the first child; pausing by a service is not supported: ``bestman-bt pause`` pauses the whole run."""
 
     MAX_CHILDREN: ClassVar = 4
     INPUT_PORTS: ClassVar = without_meaning("pause_service_name", "resume_service_name")
 
     def on_tick(self) -> int:
-        """Tick it."""
+        """Tick the first child."""
         return self.nodes_below()[0].execute_tick()
 
 
 class SingleTrigger(Decorator):
-    """Tick the child until it ends once, then FAILURE, until this is halted or its parent has ended.
+    """Tick the child until it ends once, then FAILURE, until this node is halted or its parent has ended.
 
-    As in Nav2 it begins anew beneath a parent that makes finished children idle; there, ``RunOnce`` is meant.
+    As in Nav2 it restarts below a parent that resets finished children; use ``RunOnce`` there.
     """
 
     def on_load(self) -> None:
-        """Begin with nothing triggered."""
+        """Reset the trigger."""
         self._ended = False
 
     def on_tick(self) -> int:
@@ -88,16 +88,16 @@ class SingleTrigger(Decorator):
 
 
 class GoalUpdatedController(Decorator):
-    """Tick the child where it starts, and where ``goal`` or ``goals`` change; RUNNING in between."""
+    """Tick the child at the start, and when ``goal`` or ``goals`` change; RUNNING in between."""
 
     INPUT_PORTS: ClassVar = WATCHED
 
     def on_load(self) -> None:
-        """Begin with no goal."""
+        """Reset the goals."""
         self._goals: tuple[Any, Any] = (None, None)
 
     def on_tick(self) -> int:
-        """Tick the child if it runs or is due."""
+        """Tick the child if it is running or due."""
         goals = self.get_input("goal"), self.get_input("goals")
         due = self._s <= IDLE or goals != self._goals
         self._goals = goals

@@ -1,4 +1,4 @@
-"""Standing: base poses from which the arm reaches an object or a place."""
+"""Base placement: base poses from which the arm reaches an object or a place."""
 
 from __future__ import annotations
 
@@ -27,50 +27,52 @@ if TYPE_CHECKING:
 
 
 SAME_STAND = 0.05
-"""Metres: a stand nearer than this to one that was tried is the same one."""
+"""Metres within which a base placement counts as one that was tried before."""
 SAME_TARGET = 0.05
 PRE_REACH = 0.1
-"""Metres before its place from where the hand should go straight into furniture."""
+"""Length of the straight approach of the hand into furniture, metres."""
 PART = 0.25
 """Share of a surface's size from its middle to the middle of a quarter."""
 HAND_ABOVE = 0.08
-"""Metres above a surface at which the hand should be able to work where the object has not been seen yet."""
+"""Working height of the hand above a surface for an object that has not been seen yet, metres."""
 
 
 @dataclass(frozen=True, eq=False)
 class StandTarget:
-    """``tool_poses``: in the map frame, each a sequence of which all are to be reached. ``at``: (2,) what for."""
+    """``tool_poses``: in the map frame, each a sequence that must be reached completely. ``at``: (2,) metres, the
+    target.
+    """
 
     tool_poses: Sequence[Sequence[Pose]]
     at: NDArray[np.float64]
 
 
 class FindStandPose(OnArm, Skill):
-    """Choose where to stand to reach an object (where it was seen), a goal on a surface, or else the surface itself.
+    """Choose a base placement to reach an object (where it was seen), a goal on a surface, or the surface itself.
 
-    Of a surface the middle is preferred; where that is out of reach, another part of it will do.
-    Each time it is asked again for the same target it gives another stand, until all have been tried.
+    The middle of a surface is preferred; if it is out of reach, another part is used. Each further call for the same
+    target gives another placement, until none is left.
     """
 
     REQUIRES = ("base", "lidar", "arm", "gripper")
     USES = ("wrist_camera",)
     surface = In[str](SurfaceName, "the surface to stand at, such as table")
-    object = In[str | None](ObjectName, "the object to reach, where it has been seen", required=False)
+    object = In[str | None](ObjectName, "the object to reach, if it has been seen", required=False)
     goal = In(Pose, "the place to reach, in the map frame", required=False)
     stand = Out(Pose2D, "where to stand, in the map frame", required=True)
     FAILS: ClassVar = {
         **UNKNOWN_SURFACE,
-        "no_stand": "what stands there may have gone: ForgetBlocked, then again",
+        "no_stand": "the obstacle may have gone: ForgetBlocked, then retry",
     }
     DECLARATION = Declaration(effects=("stand_known({surface})",))
 
     def on_load(self) -> None:
-        """Nothing has been tried yet."""
+        """Reset the tried placements."""
         self._target = np.full(2, np.inf)
         self._tried: list[Pose2D] = []
 
     def execute(self) -> Steps:
-        """Rank the stands along the furniture by what the arm reaches from them."""
+        """Rank the base placements along the furniture by the arm's reach."""
         furniture, _ = find_surface(self.skills, self.surface)
         targets = self._targets()
         if np.linalg.norm(targets[0].at - self._target) > SAME_TARGET:
@@ -154,9 +156,11 @@ class FindStandPose(OnArm, Skill):
         return [stand for stand in beside if all(stand.distance_to(tried) > SAME_STAND for tried in self._tried)]
 
     def _why_none(self, furniture: MapFurniture, target: StandTarget) -> SkillFailure:
-        """No room for the base, or what the arm meets from the free stand that is nearest to the target."""
+        """Return the failure: no room for the base, or the obstacle of the arm at the placement nearest to the
+        target.
+        """
         skills, costmap = self.skills, self.skills.seen_costmap(DRIVEN)
-        text = f"the arm cannot reach its target from anywhere free at the {furniture.name}"
+        text = f"no free base placement at the {furniture.name} lets the arm reach its target"
         free = [stand for stand in self._beside(furniture, target) if costmap.clearance_at(stand) > 0.0]
         if not free:
             at = MotionObstacle(MotionStage.STAND, (("base", furniture.name),))
@@ -168,9 +172,9 @@ class FindStandPose(OnArm, Skill):
         return unreached(skills, SkillFailure("no_stand", text), poses, self._world_at(nearest), MotionStage.STAND)
 
     def _world_at(self, stand: Pose2D) -> CollisionWorld:
-        """What the arm will have around it there, but for the target itself and for what stands on the surface.
+        """Return the arm's collision world there, without the target and the objects on the surface.
 
-        What is in the way at a goal is for the one to tell who looks at the place.
+        Obstacles at a goal are left to the skill that looks at the place.
         """
         from bestman_bt.manipulation.collision.scene_from_world_model import planning_scene_from_world_model
 

@@ -1,4 +1,4 @@
-"""Exploring: mapping a place that nothing is known of."""
+"""Exploration: mapping an unknown place."""
 
 from __future__ import annotations
 
@@ -27,42 +27,42 @@ if TYPE_CHECKING:
 
 
 AHEAD = (1.5, 0.0, 0.35)
-"""Where the camera looks on the way, metres in the base frame."""
+"""Target of the camera while driving, metres in the base frame."""
 LOOK_PERIOD = 0.8
-"""Seconds between two looks at what is still unknown and whether the way is free."""
+"""Seconds between two checks of the unknown space and of the path."""
 PICTURE_DISTANCE, PICTURE_TURN = 0.5, math.radians(25.0)
 """Metres that the base moves, or radians that it turns, between two images of the way ahead."""
 LOOK_AHEAD = 1.5
 """Metres of the path ahead that must be free."""
 EVERY_POINT = 7
-"""Of a depth image's points, one in so many is drawn."""
+"""Subsampling of the points of a depth image."""
 PADDING = 0.025
 """Metres by which the base's outline is grown: beams clear cells that posts half fill."""
 ARRIVED = 0.30
-"""Metres from a goal where all that is to be seen from it has been: the base need not come to rest there."""
+"""Metres from a goal within which it counts as reached if it offers no further view."""
 
-NO_ROOM = "too little around the base is known to be free to drive from where it stands"
+NO_ROOM = "too little known free space around the base to drive"
 
 
 class ExploreAndMap(Skill):
-    """Map the surroundings by lidar SLAM: drive from place to place where unknown floor can be seen until none is left.
+    """Map the surroundings by lidar SLAM: drive to places with a view of unknown floor until none is left.
 
-    The map's frame is the one in which the base believes to be at the start. A camera, where there is
-    one, looks for table tops and what else the lidar does not see. Afterwards the base localises as before.
+    The map's frame is that of the believed base pose at the start. A camera, if any, looks for table tops and other
+    obstacles above the lidar plane. Afterwards the base localises as before.
     """
 
     REQUIRES = ("base", "lidar")
     USES = ("head", "camera")
-    file = In(str, "where to save the map, NAME.yaml; else not saved", required=False)
-    max_time = In[float](Positive, "seconds, then it ends", default=900.0)
+    file = In(str, "file to save the map in, NAME.yaml; not saved without it", required=False)
+    max_time = In[float](Positive, "time limit, seconds", default=900.0)
     grid = Out(OccupancyGrid, "the map")
-    area = Out(float, "floor that was found free, m²")
-    saved = Out(str, "the file, where one was written")
+    area = Out(float, "free floor found, m²")
+    saved = Out(str, "the written file, if any")
     FAILS: ClassVar = {
         "timeout": "ExploreAndMap with more max_time",
         "no_image": "ExploreAndMap again",
         "start_blocked": "DriveOnHeading or BackUp, then ExploreAndMap again",
-        "not_saved": "give a file in a folder that can be written to",
+        "not_saved": "give a file in a writable folder",
     }
     DECLARATION = Declaration(effects=("mapped()",))
 
@@ -95,7 +95,7 @@ class ExploreAndMap(Skill):
         self.feedback_message = f"{area:.0f} m² of free floor, {slam.estimate.loop_closures} loop closures"
 
     def _localise_by(self, localizer: Localizer, told: BasePose) -> None:
-        """Back to the map that was there before: as unsure as that was told where the base was at the start."""
+        """Restore the previous localisation, with the uncertainty of the initial base pose."""
         base, now = self.skills.base, self.skills.world.base
         base.localise_by(localizer)
         far = told.pose.distance_to(now.pose)
@@ -141,7 +141,7 @@ class ExploreAndMap(Skill):
         return False
 
     def _grown(self, footprint: Footprint) -> Footprint:
-        """The outline of base and arm as one: how high something is that the lidar has seen is not known."""
+        """Return the outline of base and arm as one: how high something is that the lidar has seen is not known."""
         from bestman_bt.navigation.global_planning.footprint import Footprint
 
         corners = footprint.corners * (1.0 + PADDING / np.linalg.norm(footprint.corners, axis=1, keepdims=True))
@@ -150,7 +150,7 @@ class ExploreAndMap(Skill):
         return Footprint(corners, footprint.turning_drift).carrying([reaching], margin=0.0).above
 
     def _drive(self, path: Path2D, view: FrontierView, overhangs: Overhangs, end: float) -> StepsTo[bool]:
-        """Drive until there is nothing more to see from the goal; whether that is so, on the way or there."""
+        """Drive until the goal offers no further view; return whether this is reached, on the way or at the goal."""
         skills, explorer = self.skills, self.skills.exploration
         handle = skills.base.follow(path)
         while True:
@@ -172,19 +172,19 @@ class ExploreAndMap(Skill):
                 return costmap.clearance_at(view.pose) > 0.0
 
     def _look(self, overhangs: Overhangs) -> tuple[OccupancyGrid, Costmap]:
-        """The map as it is now, and what to keep clear of."""
+        """Return the map as it is now, and what to keep clear of."""
         skills = self.skills
         if skills.has("camera") and self._picture_due():
             self._pictured = self._pose
             try:
                 view = skills.camera.capture().in_map
             except READING_ERRORS as error:
-                text = f"what hangs over the floor cannot be seen: {error}"
+                text = f"the camera cannot detect overhanging obstacles: {error}"
                 raise SkillFailure("no_image", text, error.failure) from error
             overhangs.add(view.cloud().points[::EVERY_POINT], view.viewpoint)
         grid = skills.slam.grid
         if not grid.data.size:
-            raise SkillFailure("start_blocked", "the lidar has seen nothing yet that a map could be drawn of")
+            raise SkillFailure("start_blocked", "the lidar has not seen anything to map yet")
         return grid, skills.costmap.of_grid(overhangs.drawn_on(grid), self._outline)
 
     def _picture_due(self) -> bool:
@@ -201,7 +201,7 @@ class ExploreAndMap(Skill):
         return self.skills.global_planning.plan(self._pose, goal, costmap)
 
     def _is_free(self, path: Path2D, costmap: Costmap) -> bool:
-        """Whether the next metres of the path are."""
+        """Return whether the next metres of the path are."""
         steps = np.diff(path.points, axis=0)
         lengths = np.linalg.norm(steps, axis=1)
         pieces = [

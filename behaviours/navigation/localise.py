@@ -1,4 +1,4 @@
-"""Knowing where the base is: from the start, and again after it has lost its way."""
+"""Localisation of the base: at the start, and after it is lost."""
 
 from __future__ import annotations
 
@@ -19,15 +19,15 @@ if TYPE_CHECKING:
 
 
 KNOWN_POSITION_STD = 0.5
-"""Metres; a pose that is less certain is none."""
+"""Largest position uncertainty of a usable pose, metres."""
 ROOM_TO_TURN = 0.03
 """Metres that the lidar must see free around the base before it turns without a map."""
 
 
 class Relocalise(Skill):
-    """Find the base on the whole map, wherever it believes to be; turn and look again until there is one such place.
+    """Find the base on the whole map, ignoring its believed pose; turn and look again until the result is unique.
 
-    Nothing is driven but turns on the spot, and those only where the lidar sees room for them.
+    The base only turns in place, and only if the lidar sees enough room.
     """
 
     REQUIRES = ("base", "lidar")
@@ -37,17 +37,17 @@ class Relocalise(Skill):
         "radians between two scans, within a half turn",
         default=math.pi / 2,
     )
-    certainty = In[float](Annotated[float, Gt(0), Lt(1)], "probability that the place must have", default=0.95)
+    certainty = In[float](Annotated[float, Gt(0), Lt(1)], "least probability of the found place", default=0.95)
     pose = Out(Pose2D, "where the base was found, in the map frame")
     FAILS: ClassVar = {
         "ambiguous": "drive on and look again: DriveOnHeading, then Relocalise",
-        "not_on_map": "the map is of another place, or much has changed: ExploreAndMap",
+        "not_on_map": "the map shows another place, or much has changed: ExploreAndMap",
         "no_room": "BackUp, then Relocalise",
     }
     DECLARATION = Declaration(effects=("localised",))
 
     def execute(self) -> Steps:
-        """Look, search, turn; then let the tracking settle on what was found."""
+        """Look, search, turn; then let the tracking converge on the result."""
         skills = self.skills
         looks, certainty = self.looks, self.certainty
         scans: list[OdometryScan] = []
@@ -81,37 +81,37 @@ class Relocalise(Skill):
         radius = float(np.linalg.norm(corners, axis=1).max())
         away = np.linalg.norm(self.skills.base.lidar.base_from_lidar.apply(seen.scan.points()), axis=1)
         if away.size and away.min() < radius + ROOM_TO_TURN:
-            raise SkillFailure("no_room", f"the base cannot turn to look around: something is {away.min():.2f} m away")
+            raise SkillFailure("no_room", f"the base cannot turn: an obstacle is {away.min():.2f} m away")
 
 
 class InitialPoseReceived(SkillCondition):
-    """Whether the base has a pose on the map to go on from: it was told one, or has found it, and has not lost it."""
+    """Check whether the base has a pose on the map: given or found, and not lost since."""
 
     REQUIRES = ("base", "lidar")
     INPUT_PORTS: ClassVar = {
-        "initial_pose_received": PortInformation(bool, False, "without meaning here; accepted for Nav2's files")
+        "initial_pose_received": PortInformation(bool, False, "no effect; accepted for Nav2's files")
     }
-    max_position_std = In[float](Positive, "metres, of the believed position", default=KNOWN_POSITION_STD)
+    max_position_std = In[float](Positive, "largest std of the position, metres", default=KNOWN_POSITION_STD)
     FAILS: ClassVar = {
         "no_pose": "Relocalise",
         "lost": "Relocalise",
     }
 
     def check(self) -> tuple[str, str] | None:
-        """Asks the localisation."""
+        """Check the localisation."""
         believed, limit = self.skills.world.base, self.max_position_std
         if believed.position_std > limit:
-            return "no_pose", f"the base may be ±{believed.position_std:.1f} m from where it believes to be"
+            return "no_pose", f"the believed base position is uncertain by ±{believed.position_std:.1f} m"
         if self.skills.base.localisation.lost:
-            return "lost", "the base has lost its way"
+            return "lost", "the base is not localised"
         return None
 
 
 def _told(places: tuple[Place, ...]) -> str:
     if not places:
-        return "the map has no place that looks like this"
+        return "no place of the map matches the scans"
     best = places[0]
     where = f"({best.pose.x:.2f}, {best.pose.y:.2f}) m, {math.degrees(best.pose.theta):.0f}°"
     if len(places) == 1:
         return f"the base is at {where}"
-    return f"the base is at {where} with a probability of {best.probability:.0%}; {len(places)} places look like this"
+    return f"the base is at {where} with a probability of {best.probability:.0%}; {len(places)} places match the scans"

@@ -1,4 +1,4 @@
-"""Navigating: where to stand, and how to get there."""
+"""Navigation: planning and driving, with replanning and recoveries."""
 
 from __future__ import annotations
 
@@ -29,16 +29,16 @@ if TYPE_CHECKING:
 
 
 class BelieveBlocked(InstantSkill):
-    """Remember that there was nowhere to stand from where a surface could be reached.
+    """Remember that no base placement could reach a surface.
 
-    Doors and drawers of the same furniture that stand open then count as in its way, whenever they are open again.
+    Open doors and drawers of the same furniture then count as obstacles to it, whenever they are open again.
     """
 
     surface = In[str](SurfaceName, "the surface, such as table")
     FAILS: ClassVar = UNKNOWN_SURFACE
 
     def act(self) -> None:
-        """Writes a belief; moves nothing. What moves a door or drawer clears it."""
+        """Set the belief; nothing moves. Any motion of a door or drawer clears it."""
         world = self.skills.world
         furniture, surface = find_surface(self.skills, self.surface)
         place = f"{furniture.name}/{surface.name}"
@@ -49,12 +49,12 @@ class BelieveBlocked(InstantSkill):
 
 
 class ForgetBlocked(InstantSkill):
-    """Forget which surfaces could not be reached, or seen but in part, to try them once more."""
+    """Forget which surfaces could not be reached, or only partly seen, to try them again."""
 
-    forgotten = Out(int, "how many there were")
+    forgotten = Out(int, "number of forgotten surfaces")
 
     def act(self) -> None:
-        """Writes a belief; moves nothing."""
+        """Set the belief; nothing moves."""
         world = self.skills.world
         in_part = {place for _, place in world.searched_in_part}
         blocked = world.blocked | {place for _, place in world.in_the_way}
@@ -68,49 +68,49 @@ class ForgetBlocked(InstantSkill):
 
 
 CHECK_PERIOD = 0.2
-"""Seconds between two looks whether the path is still free."""
+"""Seconds between two checks of the path."""
 DETOUR = 1.5
-"""Metres that another path may be longer to be taken at once; for a longer one, who stands in the way may go away."""
+"""Largest detour to take at once, metres; before a longer one, it waits for the obstacle to move away."""
 NEAR = 2.0
-"""Metres before something on the path at which the base stops and waits where there is no other path."""
+"""Metres before an obstacle on the path at which the base stops and waits if there is no other path."""
 SUDDEN = 1.2
-"""Metres: what the path meets nearer than that has come there. It may come so near that the lidar no longer sees it."""
+"""Metres: an obstacle on the path nearer than this must have moved there, perhaps too near for the lidar."""
 WAIT_FOR_SHORT, WAIT_FOR_ANY = 5.0, 8.0
-"""Seconds that it waits for a path that is not much longer, and for any path at all."""
+"""Seconds to wait for a short detour, and for any path."""
 PASSING = ("blocked", "tolerance", "path_blocked", "disconnected")
-"""Failures that may pass: something or somebody is in the way, or a sensor is silent for a moment."""
+"""Temporary failures: an obstacle or person on the path, or a sensor that is silent for a moment."""
 BACK_UP = 0.8
-"""Metres, at most: who waits for the robot goes on when it has gone."""
+"""Largest distance of backing up, metres, which also lets waiting people pass."""
 PAUSE = 2.0
-"""Seconds that what failed has to recover."""
+"""Pause before a retry, seconds."""
 PEOPLE = 3
 """Recoveries that an ordinary failure uses up; one with a person moving nearby uses up 1."""
 
 DRIVING_FAILS = {
     "start_blocked": "BackUp, or ClearEntireCostmap",
     "goal_blocked": "another goal: FindStandPose",
-    "start_outside": "where the base believes to be is not on the map: Relocalise",
+    "start_outside": "the believed base pose is off the map: Relocalise",
     "goal_outside": "a goal on the map",
     "no_path": "ClearEntireCostmap, or another goal: FindStandPose",
     "arm_in_the_way": "MoveArm to a posture within the base's outline, such as carry",
 }
-"""Failure codes of planning the base's way (``PlanningFailureReason``)."""
+"""Failure codes of global planning (``PlanningFailureReason``)."""
 
 
 class NavigateTo(Skill):
-    """Drive to a pose in the map frame, around what the map does not know.
+    """Drive to a pose in the map frame, around obstacles that the map does not contain.
 
-    Five times a second the path is held against what the lidar sees; where it is no longer free another one is driven.
-    Where there is none, the base waits. What failed is tried again after a recovery: back up, forget what was seen.
+    Five times a second the path is checked against the lidar; if it is no longer free, another one is driven. If there
+    is none, the base waits. A failed drive is retried after a recovery: back up, forget the seen obstacles.
     """
 
     REQUIRES = ("base", "lidar")
     goal = In(Pose2D, "x;y;theta in the map frame, metres and radians")
     max_replans = In[int](WholeNumber, "recoveries after a block", default=5)
-    path_ = Out(Path2D, "the path that is driven", port="path")
+    path_ = Out(Path2D, "the current path", port="path")
     FAILS: ClassVar = {
         **DRIVING_FAILS,
-        "path_blocked": "something stands in the way for good: BelieveBlocked, or another goal by FindStandPose",
+        "path_blocked": "a permanent obstacle: BelieveBlocked, or another goal by FindStandPose",
     }
     DECLARATION = Declaration(effects=("at({goal})",))
 
@@ -121,7 +121,7 @@ class NavigateTo(Skill):
         yield from self.drive_to(self.goal)
 
     def drive_to(self, goal: Pose2D) -> Steps:
-        """Drive to ``goal``, with recoveries; SkillFailure where they do not help."""
+        """Drive to ``goal``, with recoveries. Raises SkillFailure if they do not help."""
         most, spent = PEOPLE * self.max_replans, 0
         for attempt in count():
             self._walked_about = False
@@ -137,7 +137,7 @@ class NavigateTo(Skill):
             yield from self._recover(attempt)
 
     def _drive(self, goal: Pose2D) -> Steps:
-        """One attempt: along a path, and along another one where that is no longer free."""
+        """Make one attempt: along a path, and along another one if it is no longer free."""
         base, known = self.skills.base, self.skills.known_costmap()
         path = yield from self._wait_for_path(goal, known, math.inf)
         while True:
@@ -155,7 +155,7 @@ class NavigateTo(Skill):
             path = other
 
     def _follow(self, motion: Motion[BasePose], goal: Pose2D, known: Costmap) -> StepsTo[Path2D | None]:
-        """Until the drive has ended or the path is no longer free: None or another path."""
+        """Wait until the drive has ended or the path is no longer free; return None or another path."""
         skills, base = self.skills, self.skills.base
         while True:
             yield Until(passed(skills.clock, CHECK_PERIOD), motion)
@@ -178,9 +178,9 @@ class NavigateTo(Skill):
                 return (yield from self._wait_for_path(goal, known, most))
 
     def _wait_for_path(self, goal: Pose2D, known: Costmap, most: float) -> StepsTo[Path2D]:
-        """The next path to drive; where only what the map lacks is in the way, it stands and looks until there is one.
+        """Return the next path to drive; if only unmapped obstacles block all paths, wait until there is one.
 
-        ``known``: what the map has. ``most``: metres; a longer one has to wait, too. SkillFailure where there is none.
+        ``known``: the map. ``most``: metres; a longer path also leads to waiting. Raises SkillFailure if there is none.
         """
         from bestman_bt.navigation.global_planning.base import PlanningFailure
 
@@ -199,9 +199,9 @@ class NavigateTo(Skill):
                         raise SkillFailure(without.reason.value, without.text)
                 failure = path
                 if waited > WAIT_FOR_ANY:
-                    text = f"{failure.text}; something that the map does not have is in the way"
+                    text = f"{failure.text}; an obstacle that is not on the map blocks the path"
                     raise SkillFailure("path_blocked", text)
-            self.feedback_message = "waiting for a free way"
+            self.feedback_message = "waiting for a free path"
             yield base.park()
 
     def _plan(self, goal: Pose2D, costmap: Costmap) -> StepsTo[Path2D | PlanningFailure]:
@@ -211,7 +211,7 @@ class NavigateTo(Skill):
         return path
 
     def _recover(self, attempt: int) -> Steps:
-        """Let time pass and forget what was seen; the first and every second time back up, too, where there is room."""
+        """Wait and forget the seen obstacles; the first and every second time also back up, if there is room."""
         skills, base = self.skills, self.skills.base
         yield skills.computation.submit(lambda: None, PAUSE)
         try:
@@ -240,26 +240,26 @@ class NavigateTo(Skill):
 
 
 class ReturnToStart(NavigateTo):
-    """Drive back to where the robot stood when its tree was loaded; as ``NavigateTo`` does."""
+    """Drive back to the pose of the robot when its tree was loaded, as ``NavigateTo`` does."""
 
     INPUT_PORTS: ClassVar = {
         "goal": PortInformation(
             Pose2D, required=False, description="x;y;theta in the map frame; by default the root entry 'start'"
         )
     }
-    FAILS: ClassVar = {"no_start": "where it started is not known: NavigateTo a named pose"}
+    FAILS: ClassVar = {"no_start": "the start pose is unknown: NavigateTo a named pose"}
     DECLARATION = Declaration(effects=("at({goal})",))
 
     def execute(self) -> Steps:
         """Drive there."""
         goal: Pose2D | None = self.goal or self.board.get("@start")
         if goal is None:
-            raise SkillFailure("no_start", "where the robot stood at the start is not known on its map")
+            raise SkillFailure("no_start", "the robot's start pose is not known on its map")
         yield from self.drive_to(goal)
 
 
 class At(SkillCondition):
-    """Whether the base believes to be at a pose."""
+    """Check whether the base is believed to be at a pose."""
 
     goal = In(Pose2D, "x;y;theta in the map frame, metres and radians")
     tolerance = In[float](Positive, "metres", default=0.05)
@@ -267,7 +267,7 @@ class At(SkillCondition):
     FAILS: ClassVar = {"not_at_goal": "NavigateTo"}
 
     def check(self) -> tuple[str, str] | None:
-        """Asks the localisation."""
+        """Check the localisation."""
         goal: Pose2D = self.goal
         pose = self.skills.world.base.pose
         distance = pose.distance_to(goal)

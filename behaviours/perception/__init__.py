@@ -1,1 +1,1 @@
-"""Skills that look: detecting, scanning, searching, tidying, and beliefs made of what was seen."""
+"""Perception skills: detection, scanning, searching, tidying, and updates of the belief."""

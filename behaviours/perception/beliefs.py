@@ -1,4 +1,4 @@
-"""From what a view shows to what is believed: identities, things without a model, the surface itself."""
+"""From views to beliefs: identities, unknown objects, measured surfaces."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ if TYPE_CHECKING:
     from bestman_bt.perception.segmentation.base import Cluster
 
 
-# Beliefs of objects that nobody has looked at: whoever tells knows where they stand.
+# Beliefs of objects that the robot has not looked at: their places are given.
 
 
 class BelieveObject(InstantSkill):
-    """Believe that an object stands at a pose, such as in a fixture or where another robot has seen it.
+    """Believe that an object stands at a pose, for example in a fixture or as reported by another robot.
 
-    Where a surface is named, it is believed to be as high as the object's lowest point.
+    If a surface is named, its height is set to the object's lowest point.
     """
 
     object = In[str](ObjectName, "an object that the robot has a model of")
@@ -43,11 +43,11 @@ class BelieveObject(InstantSkill):
     DECLARATION = Declaration(effects=("located({object})",))
 
     def act(self) -> None:
-        """Takes no picture."""
+        """Set the belief without taking an image."""
         world, name = self.skills.world, self.object
         model = world.models.get(name)
         if model is None:
-            raise SkillFailure("unknown_object", f"no model of {name!r}; there are {', '.join(world.models)}")
+            raise SkillFailure("unknown_object", f"no model of {name!r}; known: {', '.join(world.models)}")
         pose, surface = self.pose, self.surface
         if surface:
             lowest = float(pose.position[2] + (pose.rotation[2] * model.bounds()).min(axis=0).sum())
@@ -64,17 +64,17 @@ class BelieveObject(InstantSkill):
 
 
 REMEMBERED_VIEWS = 4
-"""Views of one object that are kept, to be joined with the next one."""
+"""Number of stored views of an object, to be fused with the next one."""
 MAP_ERROR = 0.03
-"""Metres by which furniture may stand beside its place on the map."""
+"""Largest displacement of furniture from its mapped place, metres."""
 THING_STD = 0.003
-"""Metres: how well the middle of a measured box is known."""
+"""Standard deviation of the middle of a measured box, metres."""
 THING_DENSITY = 400.0
-"""kg/m³: what a thing without a model is taken to weigh."""
+"""kg/m³, density of an object without a model."""
 
 
 def believe_surface(skills: SkillContext, surface: str, view: RGBDView, scene: DetectedScene) -> tuple[str, ...]:
-    """Believe in a surface as measured, and in what stands on it; returns as ``believe_objects``."""
+    """Add a measured surface and the objects on it to the belief; returns as ``believe_objects`` does."""
     skills.world.obstacles[f"{surface}/surface"] = measured_surface(skills, surface, view, scene.plane)
     return believe_objects(skills, view, scene, surface)
 
@@ -82,7 +82,9 @@ def believe_surface(skills: SkillContext, surface: str, view: RGBDView, scene: D
 def believe_objects(
     skills: SkillContext, view: RGBDView, scene: DetectedScene, surface: str | None = None
 ) -> tuple[str, ...]:
-    """Explain what was seen by what is believed; returns the identities: of the detections, then of the unknown."""
+    """Match the observations with the belief; returns the identities: of the detections, then of the unknown
+    objects.
+    """
     from bestman_bt.perception.pose_estimation.multi_view import ViewObservation
 
     world = skills.world
@@ -107,12 +109,12 @@ def believe_objects(
 
 
 def remember_view(skills: SkillContext, name: str, observation: ViewObservation) -> None:
-    """Keep what was seen of an object, in the map frame, to be joined with other views of it."""
+    """Store an observation of an object, in the map frame, to be fused with other views."""
     skills.observations[name] = [*skills.observations.get(name, []), observation][-REMEMBERED_VIEWS:]
 
 
 def only_nearest(scene: DetectedScene, belief: ObjectBelief, base_from_object: Pose) -> DetectedScene:
-    """The scene with nothing in it but what may be the believed object: of its model, nearest to its place."""
+    """Return the scene reduced to the observation of the believed object: of its model, nearest to its place."""
     if belief.recognised:
         same = [found for found in scene.detections if found.name == belief.model.name]
         same.sort(key=lambda found: float(np.linalg.norm(found.pose.position - base_from_object.position)))
@@ -125,7 +127,7 @@ def only_nearest(scene: DetectedScene, belief: ObjectBelief, base_from_object: P
 
 
 def seen_words(scene: DetectedScene) -> str:
-    """What was seen, for an error message."""
+    """Return the observations in words, for an error message."""
     from bestman_bt.perception.detection.base import LabelledCluster
 
     seen = [f"{found.name} ({found.confidence:.2f}{score_words(found.score)})" for found in scene.detections]
@@ -138,12 +140,12 @@ def seen_words(scene: DetectedScene) -> str:
 
 
 def score_words(score: float | None) -> str:
-    """``, score 0.80``: a detector's own; empty where it gives none."""
+    """Return the detector's score in words, ``, score 0.80``; empty without one."""
     return "" if score is None else f", score {score:.2f}"
 
 
 def _part_of_furniture(skills: SkillContext, view: RGBDView, cluster: Cluster, surface: str | None) -> bool:
-    """Whether the map explains a cluster: it lies within furniture other than that which it was searched on."""
+    """Return whether the map explains a cluster: it lies within furniture other than that which it was searched on."""
     known = skills.world.map
     searched = surface.partition("/")[0] if surface is not None else None
     place = (view.map_from_base @ cluster.bounding_box.pose).position
@@ -177,7 +179,7 @@ def _sighting(view: RGBDView, found: Detection, surface: str | None) -> ObjectBe
 
 
 def _thing(view: RGBDView, cluster: Cluster, surface: str | None, models: Collection[str]) -> ObjectBelief:
-    """A thing that no model explains, named where a detector has a name for it: its box is its model.
+    """Return a thing that no model explains, named where a detector has a name for it: its box is its model.
 
     ``models``: their names. What bears one of these and was not fitted has confidence 0.
     """

@@ -1,4 +1,4 @@
-"""Looking: where the head camera points."""
+"""Pointing the head camera and the wrist camera."""
 
 from __future__ import annotations
 
@@ -20,24 +20,25 @@ from bestman_bt.messages import Pose
 
 
 DISTANCES = (0.48, 0.42, 0.55, 0.36)
-"""Metres from the camera to what it looks at, the best first: a drawer of 70 cm is seen from side to side."""
+"""Distances of the camera from its target, metres, the best first: it sees a drawer of 70 cm completely."""
 TILTS = tuple(math.radians(degrees) for degrees in (0.0, 12.0, -12.0, 24.0, -24.0, 36.0))
-"""From straight down, about the longer side of the surface; positive looks away from who stands before it."""
+"""Tilts from straight down about the longer side of the surface; positive: away from the front."""
 ENOUGH = 3
-"""Postures that the planner may choose from."""
+"""Number of postures offered to the planner."""
 
 
 class LookInto(OnArm, Skill):
-    """Hold the wrist camera above a surface so that it looks down into it: where an object was seen, else on all of it.
+    """Hold the wrist camera above a surface so that it looks down at an object, if it was seen, else at the whole
+    surface.
 
-    Of a drawer it looks at the part that has come out of the furniture.
+    For a drawer it looks at the part that has come out of the furniture.
     """
 
     REQUIRES = ("arm", "wrist_camera")
     USES = ("camera",)
     surface = In[str](SurfaceName, "the surface, such as drawer_chest/drawer_3")
-    object = In[str | None](ObjectName, "looked at where it has been seen", required=False)
-    point = In(Pose, "a pose in the map frame; goes before the others", required=False)
+    object = In[str | None](ObjectName, "the target, if it has been seen", required=False)
+    point = In(Pose, "a pose in the map frame; has priority", required=False)
     FAILS: ClassVar = {
         **UNKNOWN_SURFACE,
         **NO_CAMERA,
@@ -47,7 +48,7 @@ class LookInto(OnArm, Skill):
     DECLARATION = Declaration(pre=("not holding(any)",), effects=("looking_at({surface})",))
 
     def execute(self) -> Steps:
-        """Find postures of the arm, go to the first that is reached."""
+        """Find arm postures, and move to the first that has a path."""
         camera = camera_called(self.skills, "wrist")
         surface: str = self.surface
         camera_from_tool = camera.base_from_camera().inverse() @ self.skills.base_from_tool()
@@ -87,7 +88,7 @@ class LookInto(OnArm, Skill):
                     yield Pose(target - distance * view.rotation[:, 2], view.quaternion)
 
     def _target(self, base_from_furniture: Pose) -> NDArray[np.float64]:
-        """The middle of what is to be seen, (3,) metres in the base frame."""
+        """Return the middle of the view target, (3,) metres in the base frame."""
         skills = self.skills
         base_from_map = skills.map_from_base.inverse()
         point: Pose | None = self.point
@@ -105,11 +106,11 @@ class LookInto(OnArm, Skill):
 
 
 class LookAt(Skill):
-    """Turn the head camera to a point, to an object where it was last seen, or else to a surface of the map."""
+    """Turn the head camera to a point, to the last seen place of an object, or to a surface of the map."""
 
     REQUIRES = ("head", "camera")
-    point = In(Pose, "a pose in the map frame; goes before the others", required=False)
-    object = In[str | None](ObjectName, "an object; used where it has been seen", required=False)
+    point = In(Pose, "a pose in the map frame; has priority", required=False)
+    object = In[str | None](ObjectName, "an object; used if it has been seen", required=False)
     surface = In[str | None](SurfaceName, "a surface of the map, such as table", required=False)
     FAILS: ClassVar = {
         **UNKNOWN_SURFACE,
@@ -118,7 +119,7 @@ class LookAt(Skill):
     DECLARATION = Declaration(effects=("looking_at({object})",))
 
     def on_load(self) -> None:
-        """ValueError where there is nothing to look at."""
+        """Raise ValueError if no target is given."""
         if not any(self.attributes.get(port) for port in ("point", "object", "surface")):
             raise ValueError("it has nothing to look at: give a point, an object or a surface")
 

@@ -1,4 +1,4 @@
-"""Perceiving: which objects stand on a surface, and exactly where."""
+"""Perception of the objects on a surface, and of their exact poses."""
 
 from __future__ import annotations
 
@@ -32,18 +32,18 @@ if TYPE_CHECKING:
     from bestman_bt.perception.segmentation.base import Region
 
 
-# What is believed of objects, as conditions: no picture is taken.
+# Conditions on believed objects: no image is taken.
 
 
 class BelievedSurface(Explained, SyncAction):
-    """Tell on which surface an object is believed to stand; another one where it has not been seen."""
+    """Output the surface on which an object is believed to stand, or a default if it has not been seen."""
 
     object = In[str](ObjectName, "the object")
     otherwise = In[str](SurfaceName, "the surface to search first")
     surface = Out(str, "the surface", required=True)
 
     def on_tick(self) -> int:
-        """Asks the beliefs."""
+        """Read the belief."""
         belief = self.skills.world.objects.get(self.object)
         known = belief.surface if belief is not None else None
         self.surface = known or self.otherwise
@@ -51,14 +51,14 @@ class BelievedSurface(Explained, SyncAction):
 
 
 class ObjectVisible(SkillCondition):
-    """Whether an object was seen lately."""
+    """Check whether an object was seen recently."""
 
     object = In[str](ObjectName, "the object")
     max_age = In[float](NonNegative, "seconds", default=5.0)
     FAILS: ClassVar = {"not_visible": "DetectObject, or ScanScene"}
 
     def check(self) -> tuple[str, str] | None:
-        """Asks the beliefs; takes no picture."""
+        """Check the belief, without an image."""
         name: str = self.object
         belief = self.skills.world.objects.get(name)
         if belief is None:
@@ -70,16 +70,16 @@ class ObjectVisible(SkillCondition):
 
 
 class ObjectAt(SkillCondition):
-    """Whether an object, as last seen, stands upright at a goal."""
+    """Check whether an object, as last seen, stands upright at a goal."""
 
     object = In[str](ObjectName, "the object")
-    goal = In(Pose, "where it should be, in the map frame")
+    goal = In(Pose, "target pose, in the map frame")
     tolerance = In[float](Positive, "metres, horizontally", default=0.02)
     yaw_tolerance = In[float | None](Positive, "radians; any yaw without it", required=False)
     FAILS: ClassVar = {"not_at_goal": "DetectObject, PlanGrasp, Grasp, then PlaceOn"}
 
     def check(self) -> tuple[str, str] | None:
-        """Asks the beliefs; takes no picture."""
+        """Check the belief, without an image."""
         name: str = self.object
         goal: Pose = self.goal
         belief = self.skills.world.objects.get(name)
@@ -98,7 +98,7 @@ class ObjectAt(SkillCondition):
 
 
 def yaw_difference(yaw: float, other: float, symmetry_order: int) -> float:
-    """Radians between two yaws of an object; turns by ``symmetry_order`` look the same, 0: any turn does."""
+    """Return the difference of two yaws, radians, modulo rotations by 2π/``symmetry_order``; 0 for order 0."""
     if symmetry_order == 0:
         return 0.0
     return abs(wrap_angle((yaw - other) * symmetry_order)) / symmetry_order
@@ -108,13 +108,13 @@ NO_CAMERA = {"no_camera": "a robot that has the camera"}
 
 
 class DetectObjects(Skill):
-    """Look at a surface through a camera; believe in all that is seen there, and in how high the surface is."""
+    """Look at a surface through a camera; add the seen objects and the height of the surface to the belief."""
 
     REQUIRES = ("camera",)
     USES = ("wrist_camera",)
     surface = In[str](SurfaceName, "the surface to look at, such as table")
     camera = In(str, "head, wrist, or its name", default="head")
-    objects = Out(list, "names of what was seen")
+    objects = Out(list, "names of the seen objects")
     FAILS: ClassVar = {
         **UNKNOWN_SURFACE,
         **SURFACE_NOT_SEEN,
@@ -123,7 +123,7 @@ class DetectObjects(Skill):
     DECLARATION = Declaration(effects=("scanned({surface})",))
 
     def execute(self) -> Steps:
-        """Capture, detect, believe."""
+        """Capture, detect, update the belief."""
         view, scene = yield from _look(self)
         names = believe_surface(self.skills, self.surface, view, scene)
         self.objects = list(names)
@@ -134,7 +134,7 @@ class DetectObjects(Skill):
 
 
 class DetectObject(Skill):
-    """Look at a surface through a camera; believe in what is seen there; fail if the object is not."""
+    """Look at a surface through a camera and update the belief; fail if the object is not seen."""
 
     REQUIRES = ("camera",)
     USES = ("wrist_camera",)
@@ -143,7 +143,7 @@ class DetectObject(Skill):
     min_confidence = In[float](Share, "of the pose", default=0.5)
     camera = In(str, "head, wrist, or its name", default="head")
     pose = Out(Pose, "where the object is, in the map frame")
-    yaw_width = Out(float, "radians of yaw that the view leaves open")
+    yaw_width = Out(float, "remaining yaw uncertainty, radians")
     score = Out(float, "the detector's own, 0 to 1, if it gives one")
     FAILS: ClassVar = {
         **UNKNOWN_SURFACE,
@@ -155,7 +155,7 @@ class DetectObject(Skill):
     DECLARATION = Declaration(effects=("visible({object})",))
 
     def execute(self) -> Steps:
-        """Capture, detect, believe."""
+        """Capture, detect, update the belief."""
         skills = self.skills
         name: str = self.object
         surface: str = self.surface
@@ -190,7 +190,7 @@ def _look(leaf: DetectObject | DetectObjects) -> StepsTo[tuple[RGBDView, Detecte
 
 
 class EstimatePose(Skill):
-    """Look closer at an object that was seen: one more image, one model, a better pose."""
+    """Look closer at a seen object: one more image, only its model, a more accurate pose."""
 
     REQUIRES = ("camera",)
     USES = ("wrist_camera",)
@@ -198,7 +198,7 @@ class EstimatePose(Skill):
     min_confidence = In[float](Share, "of the pose", default=0.5)
     camera = In(str, "head, wrist, or its name", default="head")
     pose = Out(Pose, "where the object is, in the map frame")
-    yaw_width = Out(float, "radians of yaw that the view leaves open")
+    yaw_width = Out(float, "remaining yaw uncertainty, radians")
     FAILS: ClassVar = {
         **UNKNOWN_SURFACE,
         **SURFACE_NOT_SEEN,
@@ -242,7 +242,7 @@ class EstimatePose(Skill):
 
 
 def region_around(base_from_object: Pose, height: float) -> Region:
-    """Half a metre square around an object of ``height`` metres that stands upright, in the base frame."""
+    """Return half a metre square around an upright object of ``height`` metres, in the base frame."""
     from bestman_bt.perception.segmentation.base import Region
 
     foot = base_from_object.position - [0.0, 0.0, height / 2]
@@ -250,7 +250,7 @@ def region_around(base_from_object: Pose, height: float) -> Region:
 
 
 def camera_called(skills: SkillContext, name: str) -> RGBDSensor:
-    """The camera on the ``head`` or on the ``wrist``, or of a name of its own; SkillFailure where there is none."""
+    """Return the camera on the ``head`` or ``wrist``, or the one of this name. Raises SkillFailure if there is none."""
     if name == "head":
         return skills.camera
     camera = skills.wrist_camera if name == "wrist" else None

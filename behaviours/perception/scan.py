@@ -1,4 +1,4 @@
-"""Scanning: several views of a surface, joined into one belief of what stands there and of what space is free."""
+"""Scanning: several views of a surface, fused into one belief of its objects and of free space."""
 
 from __future__ import annotations
 
@@ -39,25 +39,23 @@ MAPPED_AROUND = 2.4
 
 
 class ScanScene(Skill):
-    """Turn the head over a surface, or around where none is named, and believe in what all views show together.
+    """Turn the head over a surface, or around without one, and update the belief from all views together.
 
-    A camera that nothing turns takes one picture.
-
-    The space around is mapped as free, occupied or unknown, for planning.
+    A fixed camera takes one image. The surrounding space is mapped as free, occupied or unknown, for planning.
     """
 
     REQUIRES = ("camera",)
     USES = ("head",)
     surface = In[str | None](SurfaceName, "a surface, such as table; else all in view", required=False)
-    views = In[int](Count, "how many pictures to take", default=3)
-    further = In(bool, "add to the space that the last scan of this surface has mapped", default=False)
-    objects = Out(list, "names of what was seen")
-    changes = Out(list, "what was noticed: cup moved, can_2 added")
+    views = In[int](Count, "number of images", default=3)
+    further = In(bool, "extend the space mapped by the last scan of this surface", default=False)
+    objects = Out(list, "names of the seen objects")
+    changes = Out(list, "detected changes: cup moved, can_2 added")
     FAILS: ClassVar = {**UNKNOWN_SURFACE, **SURFACE_NOT_SEEN}
     DECLARATION = Declaration(effects=("scanned({surface})",))
 
     def execute(self) -> Steps:
-        """Look, detect and map, view by view; then join the views of each object."""
+        """Look, detect and map, view by view; then fuse the views of each object."""
         skills = self.skills
         count: int = self.views
         noticed = len(skills.world.changes)
@@ -129,7 +127,7 @@ class ScanScene(Skill):
         return scene
 
     def _surface_of(self, view: RGBDView, plane: SupportPlane) -> str | None:
-        """The mapped surface that a measured plane is, if it is one."""
+        """Return the mapped surface that a measured plane is, if it is one."""
         place = (view.map_from_base @ plane.frame_from_plane).position
         for furniture in self.skills.world.map.furniture.values():
             for surface in furniture.surfaces:
@@ -139,7 +137,7 @@ class ScanScene(Skill):
         return None
 
     def _mapped(self) -> VoxelRegion:
-        """The box to map, in the map frame."""
+        """Return the box to map, in the map frame."""
         from bestman_bt.perception.occupancy import VoxelRegion
 
         skills = self.skills

@@ -1,4 +1,4 @@
-"""Searching: was what was looked for seen? If not, was all seen where it may be, and that it was looked for there."""
+"""Searching: whether an object was found, or its possible places were all seen."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ from behaviours.skill import ObjectName, SkillCondition, SurfaceName
 from bestman_bt.engine import In
 
 HIDDEN_AT_MOST = 0.02
-"""Share of a surface that may stay hidden when all of it counts as seen: the corner behind a thing that is known."""
+"""Hidden fraction of a surface up to which it counts as completely seen: corners behind known objects."""
 THING = 0.06
-"""Metres: how wide a thing without a model is taken to be."""
+"""Assumed width of an object without a model, metres."""
 
 
 class FoundOrSeenAll(SkillCondition):
-    """Whether it is known where an object is, or no part of a surface is left that may hide it.
+    """Check whether the place of an object is known, or no hidden part of a surface is left that may contain it.
 
-    Asks the space that ``ScanScene`` has mapped, of what the robot's own arm hid, too.
+    It uses the space mapped by ``ScanScene``, including what the robot's own arm has hidden.
     """
 
-    object = In[str](ObjectName, "the object that is looked for")
+    object = In[str](ObjectName, "the object to search for")
     surface = In[str](SurfaceName, "the surface that was scanned, such as table")
     FAILS: ClassVar = {
         **UNKNOWN_SURFACE,
@@ -29,7 +29,7 @@ class FoundOrSeenAll(SkillCondition):
     }
 
     def check(self) -> tuple[str, str] | None:
-        """Asks the beliefs; takes no picture."""
+        """Check the belief, without an image."""
         if self.object in self.skills.world.objects:
             return None
         hidden = hidden_part(self.skills, self.object, self.surface)
@@ -39,9 +39,9 @@ class FoundOrSeenAll(SkillCondition):
 
 
 def hidden_part(skills: SkillContext, name: str, surface_name: str) -> float:
-    """Share of a surface, 0 to 1, that the last scan did not show well enough for an object to be noticed there.
+    """Return the fraction of a surface, 0 to 1, in which the last scan could not have detected an object.
 
-    0 without a scan, and of drawers, into which the camera on the hand looks from above.
+    It is 0 without a scan, and for drawers, into which the wrist camera looks from above.
     """
     from bestman_bt.perception.occupancy import hidden_share
 
@@ -54,21 +54,21 @@ def hidden_part(skills: SkillContext, name: str, surface_name: str) -> float:
 
 
 class FoundOn(SkillCondition):
-    """Whether an object is believed to be on a surface that was just looked at; remembers where it was not found.
+    """Check whether an object is believed to be on a surface that was just looked at; remember failed searches.
 
-    Found on another surface on the way it counts as not found here, and its place is known. Where a part of the surface
-    was hidden all the time, ``ForgetBlocked`` makes it worth looking there again.
+    If it was found on another surface on the way, the check fails, and its place is known. If a part of the surface was
+    always hidden, ``ForgetBlocked`` allows another search there.
     """
 
-    object = In[str](ObjectName, "the object that is looked for")
+    object = In[str](ObjectName, "the object to search for")
     surface = In[str](SurfaceName, "the surface that was looked at, such as table")
     FAILS: ClassVar = {
         **UNKNOWN_SURFACE,
-        "not_found": "look elsewhere: Plan, or another place",
+        "not_found": "search elsewhere: Plan, or another place",
     }
 
     def check(self) -> tuple[str, str] | None:
-        """Asks the beliefs; takes no picture."""
+        """Check the belief, without an image."""
         world = self.skills.world
         name: str = self.object
         furniture, surface = find_surface(self.skills, self.surface)

@@ -1,4 +1,4 @@
-"""Surfaces of the map as skills use them: where to look for one, and what the arm must keep clear of."""
+"""Mapped surfaces for skills: search regions and collision bodies."""
 
 from __future__ import annotations
 
@@ -21,25 +21,25 @@ if TYPE_CHECKING:
 
 
 MARGIN = 0.08
-"""Metres beyond the mapped rectangle in which a surface is sought: the map is off by up to 3 cm and 2°."""
+"""Metres beyond the mapped rectangle to search for a surface: the map has errors up to 3 cm and 2°."""
 
 BOARD = 0.06
-"""Metres below the next surface at which things on this one end: the thickness of a board, and the map's error."""
+"""Gap below the next higher surface, metres: the thickness of a board, and the map's error."""
 RIM = 0.015
-"""Metres of an enclosed surface next to its walls that are left out."""
+"""Margin to leave out next to the walls of an enclosed surface, metres."""
 BOARD_OUTSIDE = 0.04
-"""Metres: how thick the top of furniture is taken to be."""
+"""Assumed thickness of the top of furniture, metres."""
 INNER_BOARD = 0.008
-"""Metres that a board within furniture is thick at least."""
+"""Least thickness of a board within furniture, metres."""
 SLAB_GROWTH = 0.02
-"""Metres by which a measured surface is taken to be larger on each side than what was seen of it."""
+"""Margin to add to the seen part of a surface on each side, metres."""
 
-UNKNOWN_SURFACE = {"unknown_surface": "name a surface of the map"}
+UNKNOWN_SURFACE = {"unknown_surface": "use a surface of the map"}
 SURFACE_NOT_SEEN = {"surface_not_seen": "stand at it and look at it first: FindStandPose, NavigateTo, LookAt"}
 
 
 def find_surface(skills: SkillContext, name: str) -> tuple[MapFurniture, MapSurface]:
-    """The mapped surface, of a drawer where that is believed to be; SkillFailure names what there is."""
+    """Return the mapped surface, a drawer's at its believed opening. Raises SkillFailure listing the known ones."""
     try:
         return skills.world.surface(name)
     except KeyError as error:
@@ -47,7 +47,7 @@ def find_surface(skills: SkillContext, name: str) -> tuple[MapFurniture, MapSurf
 
 
 def with_open_drawers(skills: SkillContext, furniture: MapFurniture) -> MapFurniture:
-    """The piece with a footprint that ends where the drawer that stands open farthest, and its handle, do."""
+    """Return the piece with a footprint that includes the most open drawer and its handle."""
     frame = furniture.pose.to_pose().inverse()
     front = -furniture.footprint[0] / 2
     reach = front
@@ -63,10 +63,10 @@ def with_open_drawers(skills: SkillContext, furniture: MapFurniture) -> MapFurni
 
 
 def surface_region(skills: SkillContext, name: str, view: RGBDView) -> Region:
-    """Where to look for a surface, in the base frame.
+    """Return the search region of a surface, in the base frame.
 
-    A surface with another one above it, such as a shelf board, is enclosed by walls: there the measured board is taken,
-    without its rim, where ``view`` shows it.
+    A surface below another one, such as a shelf board, is enclosed by walls: if ``view`` shows it, the region is the
+    measured board without its rim.
     """
     from bestman_bt.perception.segmentation.base import Region
     from bestman_bt.perception.segmentation.support_surfaces import surface_regions
@@ -90,7 +90,9 @@ def surface_region(skills: SkillContext, name: str, view: RGBDView) -> Region:
 
 
 def measured_surface(skills: SkillContext, name: str, view: RGBDView, plane: SupportPlane) -> Obstacle:
-    """The furniture below a measured surface as an obstacle: a slab where the surface was seen, and ``_support``."""
+    """Return the furniture below a measured surface as an obstacle: a slab at the measured surface, and
+    ``_support``.
+    """
     furniture, surface = find_surface(skills, name)
     if furniture.is_inside(surface):
         slab = plane.slab(thickness=INNER_BOARD)
@@ -104,7 +106,9 @@ def measured_surface(skills: SkillContext, name: str, view: RGBDView, plane: Sup
 
 
 def told_surface(skills: SkillContext, name: str, height: float) -> Obstacle:
-    """As ``measured_surface``, of a surface that is known to be ``height`` metres above the floor."""
+    """Return the obstacle of a surface at a known height, ``height`` metres above the floor, as
+    ``measured_surface``.
+    """
     furniture, surface = find_surface(skills, name)
     thickness = INNER_BOARD if furniture.is_inside(surface) else BOARD_OUTSIDE
     mapped = furniture.pose.to_pose() @ surface.pose
@@ -116,7 +120,7 @@ def told_surface(skills: SkillContext, name: str, height: float) -> Obstacle:
 def _support(
     name: str, furniture: MapFurniture, surface: MapSurface, slab: PlacedShape, height: float, stamp: float
 ) -> Obstacle:
-    """The slab, and below it the mapped body of the furniture, grown by the map's error.
+    """Return the slab, and below it the mapped body of the furniture, grown by the map's error.
 
     Of furniture that opens it is the slab alone, within it a thin one: the map knows the boards below and around it,
     and a drawer goes through where a solid body would be.

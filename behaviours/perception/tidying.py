@@ -1,4 +1,4 @@
-"""Tidying: which of the things that were seen do not stand where they belong, and where there is room for them."""
+"""Tidying: which seen objects are out of place, and where there is free space for them."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 SAME_PLACE = 0.08
-"""Metres: a place nearer than this to one that was given before is the same one."""
+"""Metres within which a place counts as one that was given before."""
 BEFORE_BASE = 0.6
 """Metres before the base where a place is reached best."""
 MAX_TILT = np.radians(10.0)
@@ -32,24 +32,24 @@ ON_SURFACE = 0.03
 """Metres above or below the mapped height of a surface at which a thing stands on it."""
 
 _WHERE: dict[str, PortInformation] = {
-    "surface": BoundedPort(SurfaceName, description="the surface on which they belong, such as counter/top"),
+    "surface": BoundedPort(SurfaceName, description="the target surface, such as counter/top"),
     "region_x": PortInformation(list, description="from, to: metres in the frame of the surface"),
     "region_y": PortInformation(list, description="from, to: metres in the frame of the surface"),
 }
 _WHICH: dict[str, PortInformation] = {
-    "objects": PortInformation(list, description="names of the things that belong there, as far as they are seen"),
-    "seen": PortInformation(list, description="names of those that were seen so far"),
+    "objects": PortInformation(list, description="names of the objects that belong there"),
+    "seen": PortInformation(list, description="names of the objects seen so far"),
 }
 
 
 class RememberSeen(Explained, SyncAction):
-    """Add those of the named things that are believed to be somewhere to the list of what was seen."""
+    """Add the named objects with a believed place to the list of seen objects."""
 
     INPUT_PORTS: ClassVar = {"objects": _WHICH["objects"]}
-    seen = InOut(list, "the list; begun where there is none", required=False)
+    seen = InOut(list, "the list; created if missing", required=False)
 
     def on_tick(self) -> int:
-        """Asks the beliefs."""
+        """Read the belief."""
         wanted: Sequence[str] = self.get_input("objects")
         before: Sequence[str] = self.seen or ()
         now = [belief.name for belief in self.skills.world.objects.values() if _is_wanted(belief, wanted)]
@@ -59,7 +59,7 @@ class RememberSeen(Explained, SyncAction):
 
 
 class FindUntidy(Explained, SyncAction):
-    """List the things, of those that were seen, that are not believed to stand upright within a region of a surface."""
+    """List the seen objects that are not believed to stand upright within a region of a surface."""
 
     INPUT_PORTS: ClassVar = {"seen": _WHICH["seen"], **_WHERE}
     margin = In[float](NonNegative, "metres inside the region", default=0.035)
@@ -67,14 +67,14 @@ class FindUntidy(Explained, SyncAction):
     FAILS: ClassVar = UNKNOWN_SURFACE
 
     def on_tick(self) -> int:
-        """Asks the beliefs."""
+        """Read the belief."""
         untidy = _untidy(self)
         self.untidy = untidy
         return self.succeed(", ".join(untidy) or "nothing")
 
 
 class IsTidy(SkillCondition):
-    """Whether all things that were seen are believed to stand upright within a region; not where none was seen."""
+    """Check whether all seen objects are believed to stand upright within a region; false if none was seen."""
 
     INPUT_PORTS: ClassVar = FindUntidy.INPUT_PORTS
     FAILS: ClassVar = {
@@ -84,9 +84,9 @@ class IsTidy(SkillCondition):
     }
 
     def check(self) -> tuple[str, str] | None:
-        """Asks the beliefs; takes no picture."""
+        """Check the belief, without an image."""
         if not self.get_input("seen"):
-            return "nothing_seen", "none of the things that should be tidied was seen"
+            return "nothing_seen", "none of the objects to tidy was seen"
         untidy = _untidy(self)
         if untidy:
             where = f"within the region on the {self.get_input('surface')}"
@@ -95,13 +95,13 @@ class IsTidy(SkillCondition):
 
 
 class FindFreePlace(Skill):
-    """Look at a surface and choose a place on it, anywhere or within a region, where there is room for an object.
+    """Look at a surface and choose a free place on it for an object, anywhere or within a region.
 
-    The place nearest to the robot; asked again for the same object it gives another one.
+    It is the place nearest to the robot; each further call for the same object gives another one.
     """
 
     REQUIRES = ("camera",)
-    object = In[str](ObjectName, "the object that shall stand there")
+    object = In[str](ObjectName, "the object to place")
     surface = In[str](SurfaceName, "the surface, such as counter/top")
     region_x = In(list, "from, to: metres in its frame; all of it by default", required=False)
     region_y = In(list, "from, to: metres in its frame; all of it by default", required=False)
@@ -117,12 +117,12 @@ class FindFreePlace(Skill):
     DECLARATION = Declaration(effects=("free({goal})",))
 
     def on_load(self) -> None:
-        """Nothing has been given yet."""
+        """Reset the given places."""
         self._object = ""
         self._given: list[NDArray[np.float64]] = []
 
     def execute(self) -> Steps:
-        """Capture, measure the surface, look for room."""
+        """Capture, measure the surface, search for free space."""
         from bestman_bt.perception.segmentation.surface_coverage import surface_coverage
 
         skills = self.skills

@@ -73,7 +73,7 @@ class BroughtUpRobot:
         return self.robot.identities()
 
     def joint_positions(self) -> dict[str, float]:
-        """All joints that are read, by name."""
+        """Return all joints that are read, by name."""
         return {
             joint: float(position)
             for group in self.joint_groups.values()
@@ -91,13 +91,13 @@ class BroughtUpRobot:
         return "" if motion.status is MotionStatus.SUCCEEDED else str(motion.failure or motion.status)
 
     def make_ready(self) -> None:
-        """A stop of an earlier step is cleared; RobotError where it cannot be."""
+        """A stop of an earlier step is cleared. Raises RobotError if it cannot be."""
         if self.robot.stopped:
             self.robot.clear_stop()
 
     @contextmanager
     def left_to_others(self) -> Iterator[None]:
-        """Disconnected meanwhile: controllers have one client. RobotError where it cannot be connected again."""
+        """Disconnected meanwhile: controllers have one client. Raises RobotError if it cannot be connected again."""
         self.robot.disconnect()
         try:
             yield

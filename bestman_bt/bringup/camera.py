@@ -56,7 +56,9 @@ def _age(subject: BroughtUpRobot, image: RGBDImage) -> float:
 
 
 def board_finding(name: str, image: RGBDImage, base_from_eye: Pose, base_from_board: Pose) -> Finding | None:
-    """The board of an image, brought into the base by the model's mount of the camera, against where it is; or none."""
+    """Return the board of an image, brought into the base by the model's mount of the camera, against where it is; or
+    none.
+    """
     sighting = BOARD.find(image.rgb)
     if sighting is None:
         return None

@@ -20,7 +20,7 @@ POSE_TOLERANCE, TURN_TOLERANCE = 0.002, math.radians(0.5)
 
 
 def identity(subject: BroughtUpRobot) -> Iterator[Finding]:
-    """The same as in an earlier part of this bring-up, where there is one."""
+    """The same as in an earlier part of this bring-up, if any."""
     for name, told in subject.identities().items():
         owed = subject.signed_serials.get(name, "")
         firmware = subject.signed_firmware.get(name, "")
@@ -40,7 +40,7 @@ def identity(subject: BroughtUpRobot) -> Iterator[Finding]:
 def _of_each_arm(
     look: Callable[[BroughtUpRobot, str, ArmFacts], Finding],
 ) -> Callable[[BroughtUpRobot], Iterator[Finding]]:
-    """The step that looks at each arm whose controller tells something of it."""
+    """Return the step that looks at each arm whose controller tells something of it."""
 
     def look_at(subject: BroughtUpRobot, name: str, arm: Arm) -> Finding:
         told = subject.robot.arm_facts(name)
@@ -75,7 +75,7 @@ def _limits(subject: BroughtUpRobot, name: str, group: JointGroup) -> Finding:
 def _agreed(
     compare: Callable[[RobotModel, str, ArmFacts], Comparison | None], untold: str
 ) -> Callable[[BroughtUpRobot], Iterator[Finding]]:
-    """The step that compares one thing that a controller may tell; ``untold``: what it does not tell."""
+    """Return the step that compares one thing that a controller may tell; ``untold``: what it does not tell."""
 
     def look_at(subject: BroughtUpRobot, arm: str, told: ArmFacts) -> Finding:
         found = compare(subject.model, arm, told)
@@ -106,7 +106,7 @@ def model_tool_pose(subject: BroughtUpRobot, arm: str, told: ArmFacts) -> Pose:
 
 
 def turn_between(one: Pose, other: Pose) -> float:
-    """The angle, radians."""
+    """Return the angle, radians."""
     trace = float(np.trace(one.rotation.T @ other.rotation))
     return math.acos(float(np.clip((trace - 1.0) / 2.0, -1.0, 1.0)))
 

@@ -54,7 +54,7 @@ class Mover:
         threading.Thread(target=self._listen, daemon=True).start()
 
     def wait_until_it_moves(self) -> None:
-        """RobotError where it does not."""
+        """Raises RobotError if it does not."""
         deadline = time.monotonic() + START_TIME
         while self.at is None or self._begin is None or float(np.max(np.abs(self.at - self._begin))) < SET_OUT:
             if time.monotonic() > deadline or self._process.poll() is not None:
@@ -62,7 +62,7 @@ class Mover:
             time.sleep(0.005)
 
     def pid_of(self, process: str) -> int | None:
-        """Of one of ``PROCESSES``; None where there is none."""
+        """Of one of ``PROCESSES``, or None if there is none."""
         pid = self._process.pid
         for _ in range(PROCESSES.index(process)):
             below = [child for child in _children(pid) if b"python" in Path(f"/proc/{child}/cmdline").read_bytes()]
@@ -96,7 +96,7 @@ def _children(pid: int) -> list[int]:
 
 @contextmanager
 def killed(subject: BroughtUpRobot, part: str, process: str) -> Iterator[NDArray[np.float64] | None]:
-    """Where the part was when a process of a program that moved it was killed; None where there is no such process.
+    """Where the part was when a process of a program that moved it was killed, or None if there is no such process.
 
     The robot is connected again when this yields.
     """
@@ -146,7 +146,7 @@ def _stands(
 
 
 def _dead_man(subject: BroughtUpRobot, name: str, base: MobileBase) -> Finding:
-    """The base of a robot whose robot process is killed while it creeps: nobody tells it to stop."""
+    """Return the base of a robot whose robot process is killed while it creeps: nobody tells it to stop."""
     with killed(subject, name, PROCESSES[1]) as at:
         here = base.odometry()
         assert at is not None

@@ -95,7 +95,9 @@ def bring_up(
 
 
 def begun(subject: BroughtUpRobot, path: Path) -> BringUpFile:
-    """The file as it is; a new one where there is none, or where it tells of another content of the robot's file."""
+    """Return the file as it is; a new one where there is none, or where it tells of another content of the robot's
+    file.
+    """
     if path.is_file():
         file = BringUpFile.read(path)
         if file.content == subject.model.content:
@@ -104,7 +106,7 @@ def begun(subject: BroughtUpRobot, path: Path) -> BringUpFile:
 
 
 def left(file: BringUpFile) -> list[Step]:
-    """The steps that are still to be done."""
+    """Return the steps that are still to be done."""
     done = {name for name, step in file.steps.items() if step.outcome != "failed"}
     return [step for step in STEPS if step.name not in done]
 

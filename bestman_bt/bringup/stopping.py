@@ -90,7 +90,7 @@ def _stops(name: str, speeds: tuple[float, ...], stop_at: Callable[[float], Stop
 
 
 def _base_stopped(subject: BroughtUpRobot, base: MobileBase, speed: float) -> Stop | str:
-    """The stop, or why there was none."""
+    """Return the stop, or why there was none."""
     robot, asked = subject.robot, min(speed, base.model.part.max_vx)
     begun = robot.clock.now()
     while base.velocity().vx < SLOWER * asked:
@@ -111,7 +111,7 @@ def _base_stopped(subject: BroughtUpRobot, base: MobileBase, speed: float) -> St
 
 
 def _stopped(subject: BroughtUpRobot, arm: Arm, share: float) -> Stop | str:
-    """The stop, or why there was none."""
+    """Return the stop, or why there was none."""
     robot, model = subject.robot, arm.model
     here, middle = arm.positions(), 0.5 * (model.lower[0] + model.upper[0])
     target = here.copy()

@@ -27,7 +27,7 @@ OptionalNode = Annotated[str | None, typer.Argument(metavar="[NODE]", help=_NODE
 
 
 def node_of(text: str) -> int | str:
-    """A node as requests name it: by its number, or by its path."""
+    """Return a node as requests name it: by its number, or by its path."""
     return int(text) if text.isdecimal() else text
 
 
@@ -43,7 +43,9 @@ def running_statuses() -> list[tuple[Path, dict[str, Any]]]:
 
 
 def chosen(run: str | None) -> tuple[Path, dict[str, Any]]:
-    """The execution that ``run`` names, or the only one; ends with exit code 1 where none runs, else InputError."""
+    """Return the execution that ``run`` names, or the only one; ends with exit code 1 where none runs, else
+    InputError.
+    """
     running = running_statuses()
     if not running:
         print("nothing is running", file=sys.stderr)
@@ -58,7 +60,7 @@ def chosen(run: str | None) -> tuple[Path, dict[str, Any]]:
 
 
 def ask(path: Path, message: dict[str, Any]) -> dict[str, Any]:
-    """The answer to a request; a refusal is printed and ends the program with exit code 1."""
+    """Return the answer to a request; a refusal is printed and ends the program with exit code 1."""
     try:
         return request(path, message)
     except ControlError as error:
@@ -79,7 +81,7 @@ def waits_at(status: dict[str, Any]) -> str:
 
 
 def _is_named(run: str, path: Path, status: dict[str, Any]) -> bool:
-    """Whether ``run`` names an execution; its folder may be told from the working directory."""
+    """Return whether ``run`` names an execution; its folder may be told from the working directory."""
     names = {path.name, path.stem, str(path), str(status["pid"]), status["task"]}
     if status.get("folder"):
         folder = Path(status["folder"])

@@ -77,7 +77,7 @@ def command(
 
 
 def _picture(cloud: PointCloud) -> np.ndarray:
-    """The whole cloud, from 35° above and 30° to the side."""
+    """Return the whole cloud, from 35° above and 30° to the side."""
     lower, upper = cloud.points.min(axis=0), cloud.points.max(axis=0)
     middle, radius = (lower + upper) / 2, max(float(np.linalg.norm(upper - lower)) / 2, 1e-3)
     yaw, pitch = math.radians(150.0), math.radians(35.0)

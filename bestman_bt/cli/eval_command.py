@@ -157,7 +157,7 @@ class EpisodeOptions:
     plugins: Plugins = None
 
     def suite(self, tasks: list[str]) -> Suite:
-        """The suite of tasks, everything checked; ConfigurationError."""
+        """Return the suite of tasks, everything checked; ConfigurationError."""
         asked = RunRequest(
             scene=self.scene, robot=self.robot, settings=self.settings, plugins=self.plugins, driver=self.engine
         )
@@ -183,7 +183,7 @@ class JobOptions:
     ] = None
 
     def check(self) -> None:
-        """ConfigurationError where they do not go together."""
+        """Raises ConfigurationError if they do not go together."""
         problems = []
         if self.merge and self.shard:
             problems.append(Problem("--merge", None, "", "takes all shards together; leave --shard out"))

@@ -68,7 +68,9 @@ def command(
 
 
 def _stands(known: Mapping[str, MapFurniture], at: Sequence[str], asked: RunRequest) -> dict[str, Setup | SceneError]:
-    """The robot before each piece, everything checked; SceneError in place of one of all that has no room before it."""
+    """Return the robot before each piece, everything checked; SceneError in place of one of all that has no room before
+    it.
+    """
     problems = [
         Problem("--at", None, "", f"the map has no furniture {name!r}; {suggestion(name, list(known))}")
         for name in at
@@ -96,7 +98,9 @@ def _make_folder(path: Path) -> None:
 
 
 def _save(look: LookResult, folder: Path, clouds: bool) -> list[Path]:
-    """An annotated picture of each view, its cloud if asked for, and one recording of all where rerun is installed."""
+    """Return an annotated picture of each view, its cloud if asked for, and one recording of all where rerun is
+    installed.
+    """
     files = []
     for number, view in enumerate(look.views):
         picture = annotated_image(view.image, view.in_map.frame_from_camera, look.marks)

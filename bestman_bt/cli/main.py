@@ -64,7 +64,7 @@ class Verbs(TyperGroup):
     """Finds ``bestman_bt.cli.<verb>_command:command`` (or ``verbs``, a group) when a verb is asked for."""
 
     def list_commands(self, ctx: Any) -> list[str]:
-        """All verbs, in the order of use."""
+        """Return all verbs, in the order of use."""
         return list(VERBS)
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
@@ -87,7 +87,9 @@ class Verbs(TyperGroup):
 
 
 def _in_plain_words(command: Any) -> Any:
-    """The command, whose numbers are not called ``int range`` in help and faults; a missing RUN names the latest."""
+    """Return the command, whose numbers are not called ``int range`` in help and faults; a missing RUN names the
+    latest.
+    """
     for inner in getattr(command, "commands", {}).values():
         _in_plain_words(inner)
     for parameter in command.params:

@@ -49,7 +49,7 @@ class ObjectOptions:
     )
 
     def read(self) -> NewObject:
-        """The same as values; ConfigurationError where one makes no sense."""
+        """Return the same as values. Raises ConfigurationError if one makes no sense."""
         from bestman_bt.runtime.object_import import NewObject
 
         return NewObject(

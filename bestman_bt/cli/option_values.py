@@ -7,12 +7,12 @@ from bestman_bt.configuration.quantity import parse_quantity
 
 
 def wrong_input(source: str, message: str) -> ConfigurationError:
-    """The error for an option, or a file, that is wrong."""
+    """Return the error for an option, or a file, that is wrong."""
     return ConfigurationError([Problem(source, None, "", message)])
 
 
 def number(option: str, text: str, *dimensions: str, allow_zero: bool = False) -> float:
-    """A quantity above 0 in SI units, such as ``5mm`` of the dimension ``length``. Raises ConfigurationError."""
+    """Return a quantity above 0 in SI units, such as ``5mm`` of the dimension ``length``. Raises ConfigurationError."""
     try:
         value = parse_quantity(text, *dimensions)
     except ValueError as error:

@@ -143,5 +143,5 @@ class MonitorOptions:
 
 
 def is_package(path: str) -> bool:
-    """Whether an argument names a folder of trees, or a project of Groot2."""
+    """Return whether an argument names a folder of trees, or a project of Groot2."""
     return Path(path).suffix == ".btproj" or Path(path).is_dir()

@@ -76,7 +76,7 @@ class GoalOptions:
     ] = ""
 
     def check(self) -> None:
-        """ConfigurationError for what contradicts itself."""
+        """Raises ConfigurationError for what contradicts itself."""
         if self.text is not None and self.goal is not None:
             raise wrong_input("bestman-bt plan", "give a text or --goal, one of them")
         if self.text is not None and not self.text.strip():
@@ -120,7 +120,7 @@ class ExecutionOptions:
     runs: Annotated[Path, typer.Option(help="Where run folders are made.")] = Path("runs")
 
     def check(self, text: str | None, world: Path | None) -> None:
-        """ConfigurationError where what is asked cannot be run; nothing for what is not to be."""
+        """Raises ConfigurationError if what is asked cannot be run; nothing for what is not to be."""
         if not self.run:
             return
         if world is not None:
@@ -132,7 +132,7 @@ class ExecutionOptions:
         refuse_unwritable_folder(self.runs, "--runs")
 
     def is_wanted(self, text: str | None) -> bool:
-        """Whether it is to be run; what a model made of ``text`` only if somebody agrees."""
+        """Return whether it is to be run; what a model made of ``text`` only if somebody agrees."""
         return self.run and (text is None or self.yes or typer.confirm("Run it?", err=True))
 
 
@@ -190,7 +190,10 @@ def command(
 
 
 def _question(wanted: GoalOptions, where: PlanningOptions) -> tuple[PlanQuestion, str | None]:
-    """What is asked of the planner, and the goal as facts, for a text None; ConfigurationError with all faults."""
+    """What is asked of the planner, and the goal as facts, for a text None.
+
+    Raises ConfigurationError with all faults.
+    """
     asked = Wanted(wanted.goal, wanted.given or (), wanted.planner, wanted.builder, wanted.limits)
     question, goal = asked_question(asked, where.request, where.world)
     if wanted.text is None and goal is None:
@@ -209,13 +212,15 @@ def _judged_by(question: PlanQuestion, problem: Problem) -> tuple[str, str]:
 
 
 def _said_where(config: RunConfig, xml: str) -> str:
-    """The tree with a comment that names its scene and robot; an XML comment may not contain two hyphens in a row."""
+    """Return the tree with a comment that names its scene and robot; an XML comment may not contain two hyphens in a
+    row.
+    """
     where = f"Planned for the scene {config.task.scene}, the robot {config.task.robot} and the seed {config.seed}."
     return f"<!-- {where.replace('--', '- -')} -->\n{xml}"
 
 
 def _to_run(tree: Path, planned: PlanningOptions, config: RunConfig, settings: Sequence[str]) -> str:
-    """The command that runs the saved tree as it was planned for."""
+    """Return the command that runs the saved tree as it was planned for."""
     where = {"--task": planned.task, "--scene": planned.scene, "--robot": planned.robot}
     if planned.task is None:
         where = {"--scene": config.task.scene, "--robot": config.task.robot}

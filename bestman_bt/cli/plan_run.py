@@ -39,8 +39,8 @@ def run_plan(question: PlanQuestion, problem: Problem, made: PlanTree, planner: 
 
 
 def judged_by_goal(setup: Setup, problem: Problem, asked: FactsFields, tree: Path) -> RunConfig:
-    """The run's configuration with the plan's goal for that of the task, if it has one; facts that cannot be judged
-    are told.
+    """Return the run's configuration with the plan's goal for that of the task, if it has one; facts that cannot be
+    judged are told.
     """
     judged = sum(map(can_be_judged, problem.goal))
     for literal in problem.goal:

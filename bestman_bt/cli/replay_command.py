@@ -56,7 +56,7 @@ def command(
 
 
 def _recording(run: Path) -> Path:
-    """The recording of a run folder, or the file itself, once it has been found to be one."""
+    """Return the recording of a run folder, or the file itself, once it has been found to be one."""
     path = run / RECORDING_NAME if run.is_dir() else run
     if not path.is_file():
         message = "there is no such run folder or file"

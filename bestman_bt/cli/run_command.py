@@ -64,7 +64,7 @@ from hal.twins.remote_truth import RemoteTruth
 
 
 class Groot2View:
-    """Serves the tree that a run ticks, until the context ends. ConfigurationError where that cannot be."""
+    """Serves the tree that a run ticks, until the context ends. Raises ConfigurationError if that cannot be."""
 
     def __init__(self, port: int) -> None:
         self._port = port
@@ -180,7 +180,7 @@ class TreeOptions:
     ] = None
 
     def of(self, config: RunConfig) -> RunConfig:
-        """The run with them; ConfigurationError where they do not fit it."""
+        """Return the run with them. Raises ConfigurationError if they do not fit it."""
         if self.scenario is not None and not self.pretend:
             raise ConfigurationError([Problem("--scenario", None, "", "is of --pretend: give that, too")])
         if self.pretend and config.driver not in EXTRA_OF_SIMULATOR:
@@ -208,7 +208,7 @@ class ViewOptions:
     )
 
     def check(self, driver: str) -> None:
-        """ConfigurationError where the run cannot be watched so."""
+        """Raises ConfigurationError if the run cannot be watched so."""
         if self.gui and not os.environ.get("DISPLAY"):
             raise ConfigurationError([Problem("--gui", None, "", "needs an X display, and DISPLAY is not set")])
         if self.live and driver not in EXTRA_OF_SIMULATOR:
@@ -382,7 +382,7 @@ def exit_code(result: RunResult) -> int:
 
 
 def _replayed(recording: Path, tree: str | None, driver: str) -> RunConfig:
-    """The run as it was recorded, with another tree if one is given."""
+    """Return the run as it was recorded, with another tree if one is given."""
     if not (recording / "config.yaml").is_file():
         raise ConfigurationError([Problem("--recording", None, "", f"{recording} is no folder of a run")])
     config = read_run(recording / "config.yaml")
@@ -391,7 +391,7 @@ def _replayed(recording: Path, tree: str | None, driver: str) -> RunConfig:
 
 
 def _request(tree: str | None, asked: RunOptions) -> RunRequest:
-    """With the task that names the tree, where none is given. ConfigurationError where nothing can be run."""
+    """With the task that names the tree, where none is given. Raises ConfigurationError if nothing can be run."""
     request = RunRequest(tree=tree, **vars(asked))
     if tree is None and asked.task is None and asked.driver == "replay":
         raise ConfigurationError(

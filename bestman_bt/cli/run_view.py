@@ -139,7 +139,7 @@ def _add_files(table: Table, result: RunResult, folder: Path) -> None:
 
 
 def _metric_words(metrics: Mapping[str, float]) -> str:
-    """``place error 3.1 mm, tilt 0.2°``: metrics of single objects are left out where there is one over all."""
+    """``place error 3.1 mm, tilt 0.2°``: metrics of single objects are left out, if any over all."""
     told = []
     for name, value in metrics.items():
         if not any(name.startswith(f"{other}_") for other in metrics):

@@ -128,7 +128,7 @@ def _enums(texts: Iterable[str]) -> dict[str, int]:
 
 
 def _without_changes(run: SimulatedRun) -> SimulatedRun:
-    """The run without its long lists: a thousand of them are kept."""
+    """Return the run without its long lists: a thousand of them are kept."""
     return replace(run, changes=[], transitions=[])
 
 

@@ -42,7 +42,10 @@ _OF_PYDANTIC = re.compile(r"^(Value error,|Input|String|Tuple|Dictionary) ")
 
 
 def check(document: Document, dataclass_type: type[T]) -> T:
-    """Build a frozen dataclass from a document; ConfigurationError lists all unknown, missing and wrong fields."""
+    """Build a frozen dataclass from a document.
+
+    Raises ConfigurationError listing all unknown, missing and wrong fields.
+    """
     value, problems = salvage(document, dataclass_type)
     if problems:
         raise ConfigurationError(problems)
@@ -72,7 +75,7 @@ def numbered(entries: Sequence[T]) -> Iterator[tuple[int, T]]:
 
 
 def is_whole(value: Any) -> bool:
-    """Whether nothing that is owed was left out of a salvaged value, nor of what it holds."""
+    """Return whether nothing that is owed was left out of a salvaged value, nor of what it holds."""
     if dataclasses.is_dataclass(value):
         return not hasattr(type(value), "UNREAD") and all(map(is_whole, vars(value).values()))
     if isinstance(value, Mapping):
@@ -154,8 +157,8 @@ class _Salvaging:
     without_unit: list[FieldPath] = dataclasses.field(default_factory=list)
 
     def fields(self, data: Mapping[Any, Any], kind: Any, path: FieldPath) -> Any:  # noqa: C901 - one check after the other
-        """A dataclass, which raises UnreadError for what is missing, where something is; none of fields that are wrong
-        together, or one of them with the default of another.
+        """Return a dataclass, which raises UnreadError for what is missing, where something is; none of fields that are
+        wrong together, or one of them with the default of another.
         """
         known, read, lacking, count = _field_types(kind), dict[str, Any](), False, len(self.problems)
         for name, written in data.items():
@@ -344,7 +347,7 @@ def _cached_field_types(dataclass_type: Any) -> dict[str, Any]:
 
 
 def _bare(annotation: Any) -> Any:
-    """The annotation without ``Annotated`` and ``| None``."""
+    """Return the annotation without ``Annotated`` and ``| None``."""
     while typing.get_origin(annotation) in (typing.Annotated, typing.Union, types.UnionType):
         arms = _arms(annotation)
         if len(arms) != 1:

@@ -29,7 +29,9 @@ _OF_USERS = ("object", "part", "robot")
 
 
 def data_root() -> Path:
-    """The folder that holds ``assets``, ``configs`` and ``trees``: the checkout's, else the installed package's."""
+    """Return the folder that holds ``assets``, ``configs`` and ``trees``: the checkout's, else the installed
+    package's.
+    """
     package = Path(__file__).resolve().parents[1]
     checkout = package.parent
     if (checkout / "pyproject.toml").is_file() and (checkout / "assets").is_dir():
@@ -38,7 +40,7 @@ def data_root() -> Path:
 
 
 def shipped_trees() -> tuple[Path, ...]:
-    """The folders from which any tree may include: that of the shipped trees."""
+    """Return the folders from which any tree may include: that of the shipped trees."""
     return (data_root() / _FOLDERS["tree"][0],)
 
 
@@ -57,9 +59,10 @@ def own_parts() -> Path:
 
 
 def pybullet_data() -> Path | None:
-    """The folder of models in PyBullet's wheel: installed with it, else where ``bestman-bt robot descriptions`` put it.
+    """Return the folder of models in PyBullet's wheel: installed with it, else where ``bestman-bt robot descriptions``
+    put it.
 
-    None where it is neither.
+    None if it is neither.
     """
     installed = find_spec("pybullet_data")
     if installed is not None and installed.submodule_search_locations:
@@ -88,7 +91,7 @@ def data_names(kind: str) -> list[str]:
 
 
 def find_data(kind: str, name: str | Path, asked_by: Problem | None = None) -> Path:
-    """The file of ``name``: a path (with a folder or a suffix) means that file, a bare name a shipped one.
+    """Return the file of ``name``: a path (with a folder or a suffix) means that file, a bare name a shipped one.
 
     Of an object, a part or a robot, a bare name also means one that the user has added.
 
@@ -136,7 +139,9 @@ def beside(file: Path, kind: str, name: str) -> str:
 
 
 def in_folders(name: str, folders: Iterable[Path]) -> str:
-    """The path of a file in the first of ``folders`` that has it, else ``name``; a name without a suffix is kept."""
+    """Return the path of a file in the first of ``folders`` that has it, else ``name``; a name without a suffix is
+    kept.
+    """
     if not Path(name).suffix:
         return name
     return next((str(found) for folder in folders if (found := folder / name).is_file()), name)

@@ -51,12 +51,14 @@ class Document:
         return ("configuration", None)
 
     def problem(self, path: FieldPath, message: str) -> Problem:
-        """A fault of the value at ``path``."""
+        """Return a fault of the value at ``path``."""
         source, line = self.origin(path)
         return Problem(source, line, dotted(path), message)
 
     def count(self, path: FieldPath) -> int | None:
-        """How many entries the list at ``path`` has as written, the wrong ones too; None where there is no list."""
+        """Return how many entries the list at ``path`` has as written, the wrong ones too, or None if there is no
+        list.
+        """
         written: Any = self.data
         for key in path:
             written = written.get(key) if isinstance(written, dict) else None
@@ -72,7 +74,7 @@ class Document:
         return Document(data, origins)
 
     def below(self, *path: str | int) -> Document:
-        """The mapping at ``path`` as a document of its own; origins go along."""
+        """Return the mapping at ``path`` as a document of its own; origins go along."""
         data: Any = self.data
         for key in path:
             data = data[key]
@@ -82,7 +84,7 @@ class Document:
 
 
 def dotted(path: FieldPath) -> str:
-    """A field path as people write it: ``parts.arm.xyz[2]``."""
+    """Return a field path as people write it: ``parts.arm.xyz[2]``."""
     text = ""
     for key in path:
         text += f"[{key}]" if isinstance(key, int) else f".{key}" if text else key
@@ -136,7 +138,7 @@ def parse_document(text: str, source: str, faults: list[Problem] | None = None) 
 
 
 def _nodes(text: str) -> tuple[Any, yaml.Node | None]:
-    """A loader and the root node; what libyaml refuses is read again for the words of the error."""
+    """Return a loader and the root node; what libyaml refuses is read again for the words of the error."""
     try:
         loader: Any = _FastLoader(text)
         return loader, loader.get_single_node()
@@ -146,7 +148,7 @@ def _nodes(text: str) -> tuple[Any, yaml.Node | None]:
 
 
 def parse_value(text: str) -> Any:
-    """The value of a YAML text; ValueError when it is not YAML."""
+    """Return the value of a YAML text. Raises ValueError when it is not YAML."""
     try:
         return yaml.load(text, Loader=_Loader)  # noqa: S506 - a safe loader
     except yaml.MarkedYAMLError as error:
@@ -156,7 +158,7 @@ def parse_value(text: str) -> Any:
 
 
 def _display(path: Path) -> str:
-    """The path as people would type it: relative where it lies below the working directory."""
+    """Return the path as people would type it: relative where it lies below the working directory."""
     try:
         return str(path.resolve().relative_to(Path.cwd()))
     except ValueError:
@@ -200,7 +202,7 @@ def _record(
 
 
 def _names_entries_of(there: Any, value: Mapping[Any, Any]) -> bool:
-    """Whether ``value``, index → entry, is to be laid over a list."""
+    """Return whether ``value``, index → entry, is to be laid over a list."""
     return isinstance(there, list) and bool(value) and all(key in range(len(there)) for key in value)
 
 

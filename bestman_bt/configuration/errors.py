@@ -40,7 +40,7 @@ class ConfigurationError(InputError, ValueError):
         super().__init__("\n".join(str(problem) for problem in self.problems))
 
     def within(self, *path: str) -> ConfigurationError:
-        """The same faults, their fields named from further out: ``drawers`` within ``generate.drawers``."""
+        """Return the same faults, their fields named from further out: ``drawers`` within ``generate.drawers``."""
         outer = ".".join(path)
         return ConfigurationError(
             replace(problem, field=f"{outer}.{problem.field}" if problem.field else outer) for problem in self.problems
@@ -94,14 +94,14 @@ def told_to_programs() -> Iterator[None]:
 
 
 def in_python(text: str) -> str:
-    """A text that names options of the command line, with the parameters of Python functions for them."""
+    """Return a text that names options of the command line, with the parameters of Python functions for them."""
     if text == "command line":
         return "arguments"
     return (_GIVEN if _GIVEN.fullmatch(text) else _NAMED).sub(_as_parameter, text)
 
 
 def _problem_in_python(problem: Any) -> Any:
-    """A Problem of a configuration, or of a tree."""
+    """Return a Problem of a configuration, or of a tree."""
     texts = {name: getattr(problem, name) for name in ("source", "message", "suggestion") if hasattr(problem, name)}
     return replace(problem, **{name: in_python(text) for name, text in texts.items()})
 

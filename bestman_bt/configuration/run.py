@@ -54,11 +54,11 @@ class RunConfig:
     scenario: str = ""
 
     def changed(self, **fields: Any) -> RunConfig:
-        """The same run with other values of these fields."""
+        """Return the same run with other values of these fields."""
         return _remembering(dataclasses.replace(self, **fields), self.written)
 
     def problem(self, path: FieldPath, message: str) -> Problem:
-        """A fault of the task's field at ``path``, with the file and line, or the option, that gave it."""
+        """Return a fault of the task's field at ``path``, with the file and line, or the option, that gave it."""
         origins = {(): (f"task {self.name}", None), **self.written.origins}
         return Document({}, origins).problem(path, message)
 
@@ -188,7 +188,7 @@ def parse_settings(settings: Iterable[str]) -> dict[str, Any]:
 
 
 def dump_run(run: RunConfig, absolute: bool = False) -> str:
-    """The run as YAML text, SI numbers; without the addresses and tokens of controllers.
+    """Return the run as YAML text, SI numbers; without the addresses and tokens of controllers.
 
     ``absolute``: with the whole paths of files that are named from the working directory, to be read anywhere.
     """

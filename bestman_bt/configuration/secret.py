@@ -18,7 +18,7 @@ Secret = Annotated[str, SecretMark()]
 
 
 def may_tell_secret(key: str) -> bool:
-    """Whether the value of an option ``--set`` with that key is left out of messages and files."""
+    """Return whether the value of an option ``--set`` with that key is left out of messages and files."""
     return _TELLING.search(key) is not None
 
 

@@ -110,7 +110,7 @@ class TaskConfig:
     description: str = ""
 
     def asked(self, kind: str) -> Mapping[str, Any] | None:
-        """The fields of the first goal of a kind, as they were written; None where it is not asked."""
+        """Return the fields of the first goal of a kind, as they were written, or None if it is not asked."""
         return next((goal[kind] for goal in self.goals if kind in goal), None)
 
     @property
@@ -121,7 +121,7 @@ class TaskConfig:
         return (self.predicate,) if isinstance(self.predicate, str) else self.predicate
 
     def algorithm(self, slot: str) -> tuple[str, dict[str, Any]]:
-        """Name and parameters of the algorithm in a slot; KeyError names the slots that there are."""
+        """Name and parameters of the algorithm in a slot. Raises KeyError naming the slots that there are."""
         if slot not in self.algorithms:
             raise KeyError(f"no algorithm is chosen for {slot!r}; there are {', '.join(self.algorithms) or 'none'}")
         parameters = dict(self.algorithms[slot])
@@ -129,7 +129,7 @@ class TaskConfig:
 
 
 def task_document(name_or_path: str | Path, faults: list[Problem] | None = None) -> Document:
-    """The document of a task with the default algorithms below it; raises, and ``faults``, as ``read_document``.
+    """Return the document of a task with the default algorithms below it; raises, and ``faults``, as ``read_document``.
 
     Paths that it names are counted from its file.
     """
@@ -169,7 +169,7 @@ def load_task(name_or_path: str | Path) -> TaskConfig:
 
 
 def check_task(document: Document, faults: list[Problem] | None = None) -> TaskConfig:
-    """A task from its document; raises ConfigurationError.
+    """Return a task from its document; raises ConfigurationError.
 
     With ``faults`` what is wrong is added there instead and left out of the task, so that the rest can be checked, too;
     an algorithm that is wrong is then the default, and a tree, scene or robot that is not named is empty.
@@ -217,7 +217,7 @@ def _in_goals(document: Document, faults: list[Problem]) -> Document:
 
 
 def task_of_tree(tree: str) -> str | None:
-    """The shipped task that names a shipped tree, the first in the order of names; None if there is none.
+    """Return the shipped task that names a shipped tree, the first in the order of names, or None if there is none.
 
     ``tree``: its name or its file. A file of the same name elsewhere is another tree.
     """

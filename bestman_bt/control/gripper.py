@@ -71,7 +71,7 @@ class GripperController:
         return self.gripper.width()
 
     def pressing(self) -> bool:
-        """Whether a closing motion was blocked by something that the fingers still press on."""
+        """Return whether a closing motion was blocked by something that the fingers still press on."""
         return self.gripper.state().object_held
 
     def open(self, width: float | None = None, speed: float | None = None) -> Motion[GripperOutcome]:
@@ -94,7 +94,8 @@ class GripperController:
         return self.open(width, self.release_speed)
 
     def watch_slip(self, tolerance: float = HELD_WIDTH.slip) -> Callable[[], str | None]:
-        """A guard over what is held now: it answers with a text once the fingers press no more, or close further.
+        """Return a guard over what is held now: it answers with a text once the fingers press no more, or close
+        further.
 
         ``tolerance``: metres by which the width may still shrink or grow.
         """

@@ -50,7 +50,7 @@ class History(Generic[Value]):
         self._values = [*self._values[old:keep], value]
 
     def at(self, stamp: float) -> Value:
-        """The value at a time, seconds; NotRecordedError outside what is recorded."""
+        """Return the value at a time, seconds; NotRecordedError outside what is recorded."""
         if not self._stamps:
             raise NotRecordedError("nothing is recorded yet")
         first, last = self._stamps[0], self._stamps[-1]
@@ -68,7 +68,7 @@ class History(Generic[Value]):
 
 
 def pose_between(first: Pose2D, second: Pose2D, share: float) -> Pose2D:
-    """The pose (m, rad) at ``share``, 0 to 1, of the way from one to the other, turning the shorter way."""
+    """Return the pose (m, rad) at ``share``, 0 to 1, of the way from one to the other, turning the shorter way."""
     turned = wrap_angle(second.theta - first.theta)
     return Pose2D(
         first.x + share * (second.x - first.x),

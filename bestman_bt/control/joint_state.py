@@ -70,7 +70,7 @@ class JointStateSensor:
         self._history.clear()
 
     def at(self, stamp: float) -> Mapping[str, float]:
-        """The positions at a time of the robot's clock, seconds; those of now while nothing is recorded.
+        """Return the positions at a time of the robot's clock, seconds; those of now while nothing is recorded.
 
         Raises NotRecordedError before the recording and after it, JointStateError as ``positions``.
         """
@@ -86,7 +86,7 @@ class JointStateSensor:
             self._history.add(self._clock.now(), self.positions())
 
     def positions(self) -> Mapping[str, float]:
-        """Joint name → measured position, radians or metres; JointStateError where a part tells none."""
+        """Joint name → measured position, radians or metres. Raises JointStateError if a part tells none."""
         positions: dict[str, float] = {}
         for name, part in self._parts.items():
             try:

@@ -14,7 +14,7 @@ from hal.api import Lidar
 
 
 def deskewed(scan: LaserScan, moved: Pose2D) -> LaserScan:
-    """The scan that a lidar at rest would have taken at its stamp.
+    """Return the scan that a lidar at rest would have taken at its stamp.
 
     ``moved``: the lidar's motion (m, rad) from the first beam to the end of the sweep, taken as even. Where two hits
     fall onto one beam the nearer stays.
@@ -45,9 +45,9 @@ class LidarSensor:
         return self._kinematics.pose(self._lidar.frame, {}).to_pose2d()
 
     def scan(self) -> LaserScan:
-        """The latest scan, in the lidar frame."""
+        """Return the latest scan, in the lidar frame."""
         return self._lidar.scan()
 
     def points(self) -> NDArray[np.float64]:
-        """The hits of the latest scan in the base frame, (N, 2) metres."""
+        """Return the hits of the latest scan in the base frame, (N, 2) metres."""
         return self.base_from_lidar.apply(self.scan().points())

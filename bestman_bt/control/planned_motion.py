@@ -18,10 +18,10 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class PlannedMotion:
-    """``words``: what ``part`` is to do. ``duration``: seconds at full speed; None where nobody knows.
+    """``words``: what ``part`` is to do. ``duration``: seconds at full speed, or None if nobody knows.
 
     ``swept``: outlines (N, 2) of what it passes through, metres in the map frame. ``heights``: lowest and highest of
-    it above the floor, metres; None where that says nothing.
+    it above the floor, metres, or None if that says nothing.
     """
 
     part: str
@@ -49,7 +49,9 @@ Confirm = Callable[[PlannedMotion], bool]
 
 
 def declined(confirm: Confirm | None, planned: Callable[[], PlannedMotion]) -> Motion[Any] | None:
-    """A motion that has failed as DECLINED, where a person is asked before motions and refuses this one; else None."""
+    """Return a motion that has failed as DECLINED, where a person is asked before motions and refuses this one; else
+    None.
+    """
     if confirm is None or confirm(shown := planned()):
         return None
     refused: Motion[Any] = Motion(shown.part)
@@ -58,7 +60,7 @@ def declined(confirm: Confirm | None, planned: Callable[[], PlannedMotion]) -> M
 
 
 def outline(points: Array) -> Array:
-    """The convex outline (M, 2) of points (N, 2)."""
+    """Return the convex outline (M, 2) of points (N, 2)."""
     from scipy.spatial import ConvexHull, QhullError  # commands that only read trees do without SciPy
 
     try:

@@ -124,7 +124,7 @@ class RGBDSensor:
         self._subscribers.append(subscriber)
 
     def capture(self) -> RGBDView:
-        """The latest image; CameraError if the camera delivers nothing to work with."""
+        """Return the latest image. Raises CameraError if the camera delivers nothing to work with."""
         image = self._ideal(self._taken())
         try:
             positions = self.joints.at(image.stamp)

@@ -39,16 +39,16 @@ class TactileSensor:
         return float(self.pad.read().pressure.sum())
 
     def pressed(self) -> bool:
-        """Whether something touches the pad."""
+        """Return whether something touches the pad."""
         return self.force() > self.pressed_force
 
     def image(self) -> NDArray[np.uint8]:
-        """The pressure as a grey picture, (rows, columns): 0 nothing, 255 ``full_scale`` or more."""
+        """Return the pressure as a grey picture, (rows, columns): 0 nothing, 255 ``full_scale`` or more."""
         shares = np.clip(self.pad.read().pressure / self.full_scale, 0.0, 1.0)
         return np.round(255 * shares).astype(np.uint8)
 
     def centre(self) -> NDArray[np.float64] | None:
-        """Where on the picture the pressure is in the mean, (row, column) in taxels; None if nothing presses."""
+        """Where on the picture the pressure is in the mean, (row, column) in taxels, or None if nothing presses."""
         pressure = np.maximum(self.pad.read().pressure, 0.0)
         if pressure.sum() <= self.pressed_force:
             return None
@@ -57,7 +57,7 @@ class TactileSensor:
         return np.asarray(moments / pressure.sum())
 
     def slipping(self) -> bool:
-        """Whether what presses on the pad slides over it."""
+        """Return whether what presses on the pad slides over it."""
         reading = self.pad.read()
         pressed = reading.pressure.sum() > self.pressed_force
         return bool(pressed and np.hypot(*reading.sliding) > self.slip_speed)
@@ -121,7 +121,9 @@ class WristWrench:
         return Wrench(values[:3], values[3:], reading.stamp)
 
     def contact_at(self, base_from_tool: Pose) -> Wrench:
-        """The same about the origin of the tool, in the axes of the base; the tool's pose comes from the encoders."""
+        """Return the same about the origin of the tool, in the axes of the base; the tool's pose comes from the
+        encoders.
+        """
         wrench, base_from_sensor = self.contact(), self._base_from_sensor()
         force = base_from_sensor.rotation @ wrench.force
         torque = base_from_sensor.rotation @ wrench.torque
@@ -129,14 +131,16 @@ class WristWrench:
         return Wrench(force, torque, wrench.stamp)
 
     def hand_weight(self) -> NDArray[np.float64]:
-        """The force of the hand's weight where it is now, (3,) newtons, in the axes of ``frame``, by the model."""
+        """Return the force of the hand's weight where it is now, (3,) newtons, in the axes of ``frame``, by the
+        model.
+        """
         return self._weight(self._base_from_sensor())[:3]
 
     def _base_from_sensor(self) -> Pose:
         return self.kinematics.pose(self.sensor.frame, self.joints.positions())
 
     def _weight(self, base_from_sensor: Pose) -> NDArray[np.float64]:
-        """The wrench of the hand's weight in the sensor's frame, (6,); the base stands level."""
+        """Return the wrench of the hand's weight in the sensor's frame, (6,); the base stands level."""
         force = base_from_sensor.rotation.T @ np.array([0.0, 0.0, -self._payload.mass * GRAVITY])
         return np.concatenate([force, np.cross(self._payload.centre, force)])
 

@@ -59,12 +59,12 @@ def build_tree(
     faults: list[Problem] | None = None,
     **options: Unpack[LoadOptions],
 ) -> Tree:
-    """Make a tree of nodes that were made in Python; native py_trees behaviours among them get nodes of their own.
+    """Build a tree from nodes made in Python; native py_trees behaviours get wrapper nodes.
 
-    ``faults`` and ``options``: as of ``load_tree``.
+    ``faults`` and ``options``: as in ``load_tree``.
 
     Raises:
-        TreeLoadError: with everything that is wrong in ``problems``.
+        TreeLoadError: listing every fault in ``problems``.
     """
     tree = new_tree(registry or NodeRegistry(), tree_id, file, **options)
     board = tree.blackboard
@@ -83,9 +83,9 @@ def build_tree(
 
 
 def load_python_tree(path: Path) -> Behaviour:
-    """Return what the ``build()`` of a Python file returns: a node, a native py_trees behaviour, or a loaded tree.
+    """Return the result of ``build()`` of a Python file: a node, a native py_trees behaviour, or a loaded tree.
 
-    The files beside it can be imported meanwhile.
+    While it runs, the modules in the same folder can be imported.
 
     Raises:
         TreeLoadError: the file does not exist, fails to run or ends the program, or defines no ``build()``.
@@ -121,7 +121,7 @@ def load_python_tree(path: Path) -> Behaviour:
 
 @cache
 def named_from(tree_file: str, file: str) -> str:
-    """What messages about a tree call a file: beside the tree's own file, as that is called."""
+    """Return the name of a file for messages, relative to the tree's own file where possible."""
     own, found = Path(tree_file), Path(file).resolve()
     if found == own.resolve():
         return tree_file
@@ -177,7 +177,7 @@ class _Adopter(Builder):
                 node.attributes.pop(problem.field, None)
 
     def _read(self, node: SubTree, loaded: Tree | Path, place: NodePlace, depth: int) -> Node:
-        """Make what a SubTree's XML says, with the values that its loaded tree's entries were given."""
+        """Build the node of a SubTree from XML, with the entries given to its loaded tree."""
         registry, wanted = self.tree.registry, None
         source, search_path = (loaded, ()) if isinstance(loaded, Path) else (loaded.origin or ("", ()))
         if isinstance(loaded, Tree):
@@ -217,7 +217,7 @@ class _Adopter(Builder):
         check_values(info, node.attributes, self.tree.registry, self.tree.compiler, report)
 
     def _where_made(self, node: Node, place: NodePlace) -> NodePlace:
-        """The place, with the file that has made the node, where that is known."""
+        """Return the place, with the file that has made the node, where that is known."""
         if not node.line:
             return place
         file = named_from(self.tree.file, node.made_in)

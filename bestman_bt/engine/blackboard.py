@@ -1,10 +1,10 @@
 """The blackboard: one per SubTree, linked to its parent by remapping that is resolved once, to a slot.
 
-A ``Slot`` is one entry. Nodes and scripts hold slots, never keys, so that a read at tick time is one attribute.
+A ``Slot`` is one entry. Nodes and scripts hold slots, never keys, so that a read at tick time is one attribute access.
 Entries are locked to the type of their first typed use. Values are mirrored into py_trees' blackboard under
-``/<tree>/<subtree path>/<key>``, so that its display and activity stream show them; each tree has a name of
-its own there, and nothing is read back from it. Where native behaviours are in the tree, its top blackboard is
-shared with py_trees instead (``SharedEntries``).
+``/<tree>/<subtree path>/<key>`` for its display and activity stream; each tree has a unique name there, and the engine
+never reads the mirror. A tree with native behaviours shares its top blackboard with py_trees instead
+(``SharedEntries``).
 """
 
 from __future__ import annotations
@@ -30,15 +30,15 @@ Watcher = Callable[["Slot", Any], None]
 
 
 def key_fault(key: str) -> str:
-    """What is wrong with the name of an entry; empty where nothing is."""
+    """Return why the key of an entry is invalid; empty if it is valid."""
     if key and key != "@" and key.count("@") <= 1:
         return ""
-    return f"'{key}' is not a key (it must be named, with '@' at most once, in front)"
+    return f"'{key}' is not a key (it must not be empty; '@' is allowed once, at the front)"
 
 
 @dataclass(frozen=True)
 class Entry:
-    """What is known of one entry: its value, how often and when (clock seconds) it was written, its type."""
+    """A snapshot of one entry: value, number of writes, clock time of the last write in seconds, type."""
 
     key: str
     value: Any
@@ -48,13 +48,13 @@ class Entry:
 
 
 class TreeKey(KeyMetaData):
-    """What py_trees knows of the keys that mirror a tree's entries."""
+    """The metadata of py_trees for keys that mirror a tree's entries."""
 
 
 class Store:
-    """What the blackboards of one tree share: the time of the current tick, converters, the py_trees mirror.
+    """State shared by the blackboards of one tree: the time of the current tick, converters, the py_trees mirror.
 
-    ``found``: where the top blackboard is shared with py_trees, the keys that had a value before; else None.
+    ``found``: the keys that had a value before the top blackboard was shared with py_trees; None if it is not shared.
     """
 
     __slots__ = (
@@ -84,10 +84,10 @@ class Store:
         weakref.finalize(self, _forget, self.paths, self.client)
 
     def show(self, path: str) -> None:
-        """Make a key known to py_trees' blackboard; all keys of a tree belong to one client, the tree."""
+        """Register a key with py_trees' blackboard; all keys of a tree belong to one client, the tree."""
         if self.found is not None and not path.startswith(f"/{self.name}/"):
             metadata = PyTreesBlackboard.metadata.setdefault(path, KeyMetaData())
-            metadata.read.add(self.client)  # a writer would be in the way of clients that ask to be the only one
+            metadata.read.add(self.client)  # a writer would deny others exclusive access
             if path not in self.found:
                 self.paths[path] = metadata
             return
@@ -103,7 +103,7 @@ class Store:
         PyTreesBlackboard.storage.pop(path, None)
 
     def refuse_if_exclusive(self, slot: Slot) -> None:
-        """Raise BlackboardError where a native behaviour has asked to be the only one that writes an entry."""
+        """Raise BlackboardError if a native behaviour has exclusive write access to an entry."""
         metadata = PyTreesBlackboard.metadata.get(slot.path)
         if metadata is not None and metadata.exclusive:
             owner = PyTreesBlackboard.clients.get(next(iter(metadata.exclusive)), "unknown")
@@ -112,11 +112,13 @@ class Store:
             )
 
     def look_for_observers(self) -> None:
-        """Notice whether anybody watches every write: a watcher of all keys, or py_trees' activity stream."""
+        """Update whether every write is observed, by a watcher of all keys or py_trees' activity stream."""
         self.observed = bool(self.watchers) or PyTreesBlackboard.activity_stream is not None
 
     def stream(self, slot: Slot, previous: Any, writer: Any) -> None:
-        """Tell py_trees' activity stream of one write; the writer is a node, or None for scripts and outside."""
+        """Report one write to py_trees' activity stream; the writer is a node, or None for scripts and external
+        code.
+        """
         kind = ActivityType.INITIALISED if previous is None else ActivityType.WRITE
         name, client = (self.name, self.client) if writer is None else (writer.name, writer.id)
         if PyTreesBlackboard.activity_stream is not None:
@@ -163,7 +165,7 @@ class Slot:
         self.watchers: tuple[Watcher, ...] = ()
 
     def write(self, value: Any, writer: Any = None) -> None:
-        """Store a value that already has the right type, and tell whoever watches."""
+        """Store a value that already has the right type, and notify the watchers."""
         previous = self.value
         store = self.store
         self.value = value
@@ -185,7 +187,7 @@ class Slot:
         """Make the entry exist, as a port that uses it does at load; the first port decides its type.
 
         Raises:
-            BlackboardError: the entry has another type, and is no string that could be converted.
+            BlackboardError: the entry has another type and does not hold a string that can be converted.
         """
         untyped = data_type in UNTYPED
         if not self.exists:
@@ -213,9 +215,9 @@ class Slot:
         self.write(value, writer)
 
     def take(self, value: Any, *, typed: bool) -> None:
-        """Store what a native py_trees behaviour has written under this entry's key, and tell whoever watches.
+        """Store the value that a native py_trees behaviour wrote under this entry's key, and notify the watchers.
 
-        ``typed``: the value must fit the type that the entry is locked to; else it takes off the lock.
+        ``typed``: the value must fit the locked type; if False, the lock is removed.
 
         Raises:
             BlackboardError: the value does not fit.
@@ -253,8 +255,8 @@ class Slot:
 class Blackboard:
     """The entries of one SubTree.
 
-    Keys that the SubTree remaps lead to the parent's slot; with ``autoremap`` so do all keys that do not start
-    with ``_``; ``@key`` leads to the topmost blackboard.
+    Keys that the SubTree remaps lead to the parent's slot; with ``autoremap`` all keys that do not start with ``_`` do.
+    ``@key`` leads to the topmost blackboard.
     """
 
     __slots__ = ("_resolved", "_slots", "autoremap", "parent", "path", "remapping", "store")
@@ -288,14 +290,14 @@ class Blackboard:
 
     @property
     def root(self) -> Blackboard:
-        """The topmost blackboard, which ``@key`` means."""
+        """The topmost blackboard, which holds the entries of ``@key``."""
         board = self
         while board.parent is not None:
             board = board.parent
         return board
 
     def slot(self, key: str) -> Slot:
-        """Return the slot that ``key`` means here; it is made, but does not exist yet, when it is new."""
+        """Return the slot of ``key`` in this scope; an unknown key gets a new slot that does not exist yet."""
         slot = self._resolved.get(key) or self._slots.get(key)
         if slot is None:
             slot = self._resolve(key)
@@ -316,10 +318,10 @@ class Blackboard:
         return slot
 
     def slot_to_write(self, key: str) -> Slot:
-        """Return the slot that a port which declares or writes ``key`` here means.
+        """Return the slot for a port that declares or writes ``key``.
 
-        It is the one that is read, but where a SubTree maps a key to ``@outer``: as in BehaviorTree.CPP, writing
-        then makes an entry named ``@outer`` in the tree around the SubTree.
+        It is the slot that is read, except where a SubTree maps a key to ``@outer``: as in BehaviorTree.CPP, writing
+        then creates an entry named ``@outer`` in the enclosing tree.
         """
         return self.root._made(key[1:]) if key[:1] == "@" else self._made(key)
 
@@ -337,7 +339,7 @@ class Blackboard:
         return self.local_slot(key)
 
     def local_slot(self, key: str) -> Slot:
-        """Return this blackboard's own slot for ``key``, whatever the remapping says (SubTree literals)."""
+        """Return this blackboard's own slot for ``key``, ignoring the remapping (for SubTree literals)."""
         slot = self._slots.get(key)
         if slot is None:
             path = self.local_path(key)
@@ -353,22 +355,22 @@ class Blackboard:
         return f"/{self.store.name}/{middle}{key}"
 
     def shared_key(self, key: str) -> str:
-        """How an entry of a blackboard that is shared with py_trees is called here: ``steps`` for ``/steps``."""
+        """Return the local name of an entry of a blackboard that is shared with py_trees: ``steps`` for ``/steps``."""
         return key.lstrip("/") if self.store.found is not None and not self.path else key
 
     def is_registered(self, key: str) -> bool:
-        """Whether a client of py_trees has registered an entry, which need not have a value yet."""
+        """Return whether a client of py_trees has registered an entry, which may have no value yet."""
         metadata = PyTreesBlackboard.metadata.get(self.local_path(key))
         return metadata is not None and not isinstance(metadata, TreeKey)
 
     def registered(self) -> list[str]:
-        """The entries that clients of py_trees have registered, of a blackboard that is shared with them."""
+        """Return the entries of a shared blackboard that clients of py_trees have registered."""
         if self.store.found is None or self.path:
             return []
         return [path.lstrip("/") for path, one in PyTreesBlackboard.metadata.items() if not isinstance(one, TreeKey)]
 
     def share(self) -> None:
-        """Make the entries of this blackboard, a tree's topmost, those of py_trees' blackboard."""
+        """Share the entries of this blackboard, a tree's topmost, with py_trees' blackboard."""
         store = self.store
         store.found = frozenset(PyTreesBlackboard.storage)
         for key, slot in self._slots.items():
@@ -394,8 +396,8 @@ class Blackboard:
         """Store a value.
 
         Raises:
-            BlackboardError: the value does not fit the type that the entry is locked to, or a native py_trees
-                behaviour is the only one that may write it.
+            BlackboardError: the value does not fit the locked type of the entry, or a native py_trees behaviour has
+                exclusive write access.
         """
         slot = self.slot(key)
         if self.store.found is not None:
@@ -406,17 +408,17 @@ class Blackboard:
     __setitem__ = set
 
     def unset(self, key: str) -> None:
-        """Remove one of this blackboard's own entries; keys that lead elsewhere stay, as in BehaviorTree.CPP."""
+        """Remove one of this blackboard's own entries; remapped keys are left alone, as in BehaviorTree.CPP."""
         slot = self._slots.get(key)
         if slot is not None:
             slot.clear()
 
     def slots(self) -> list[Slot]:
-        """Return this blackboard's own slots, also those that do not exist yet."""
+        """Return this blackboard's own slots, including those that do not exist yet."""
         return list(self._slots.values())
 
     def keys(self) -> list[str]:
-        """Return the keys of this blackboard's own entries, in the order of their making."""
+        """Return the keys of this blackboard's own entries, in the order of creation."""
         return [key for key, slot in self._slots.items() if slot.exists]
 
     def __contains__(self, key: str) -> bool:
@@ -430,7 +432,7 @@ class Blackboard:
         return [(key, slot.value) for key, slot in self._slots.items() if slot.exists]
 
     def entry(self, key: str) -> Entry:
-        """Return everything that is known of an entry.
+        """Return the snapshot of an entry.
 
         Raises:
             BlackboardError: there is no such entry.
@@ -466,13 +468,14 @@ _MISSING: Final = object()
 
 
 class SharedEntries:
-    """The entry ``steps`` of the top blackboard is py_trees' key ``/steps``, ``ns/steps`` is ``/ns/steps``.
+    """Entries shared with py_trees: ``steps`` of the top blackboard is its key ``/steps``, ``ns/steps`` is
+    ``/ns/steps``.
 
-    What our nodes, scripts and those outside write reaches py_trees at once; what native behaviours have written
-    becomes the entry's value with ``take_over``. A type that a port declares holds for native writers, too; others may
-    change an entry's type as they like. It is made of a blackboard that is shared, once the tree's ports have declared
-    their entries. The clients of ``behaviours`` lose their keys when the tree is gone: the next tree of the same kind
-    may ask for exclusive access again.
+    Writes of nodes, scripts and external code reach py_trees at once; ``take_over`` imports the writes of native
+    behaviours. The type that a port declares also binds native writers; other types may change freely. Construct it
+    from a shared blackboard after the tree's ports have declared their entries. The clients of ``behaviours`` lose
+    their keys when the tree is garbage-collected, so that the next tree of the same kind can get exclusive access
+    again.
     """
 
     def __init__(self, board: Blackboard, behaviours: Iterable[Behaviour]) -> None:
@@ -483,7 +486,7 @@ class SharedEntries:
         self.take_over()
 
     def take_over(self) -> None:
-        """Give entries the values that py_trees' keys have.
+        """Import the values of py_trees' keys into the entries.
 
         Raises:
             BlackboardError: a value does not fit the type that a port declares.
@@ -502,7 +505,7 @@ class SharedEntries:
                 slot.take(value, typed=slot in self._typed)
 
     def _slot_of(self, path: str) -> Slot | None:
-        """The entry that is py_trees' key; None where it is one of another blackboard of a tree."""
+        """Return the entry that is py_trees' key, or None if it is one of another blackboard of a tree."""
         if isinstance(PyTreesBlackboard.metadata.get(path), TreeKey):
             return None
         try:
@@ -513,13 +516,14 @@ class SharedEntries:
 
 def _unregister(clients: list[list[Client]]) -> None:
     for client in (one for attached in clients for one in attached):
-        with suppress(KeyError):  # somebody has cleared py_trees' blackboard
+        with suppress(KeyError):  # py_trees' blackboard has been cleared
             client.unregister(clear=False)
 
 
 def forget_dropped_trees() -> None:
-    """Remove the keys of trees that nobody holds any more, before their behaviours are made again: values of an earlier
-    run would be read, and exclusive access be refused.
+    """Remove the keys of trees that are no longer referenced, before their behaviours are created again.
+
+    Otherwise values of an earlier run would be read, and exclusive access would be refused.
     """
     if any(not isinstance(metadata, TreeKey) for metadata in PyTreesBlackboard.metadata.values()):
         gc.collect()

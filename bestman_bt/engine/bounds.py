@@ -1,4 +1,4 @@
-"""What a port accepts beyond its type: the bounds of ``annotated_types``, and names out of a list."""
+"""Bounds of ports beyond their type: the bounds of ``annotated_types``, and lists of names."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ from bestman_bt.engine.spelling import closest
 
 @dataclass(frozen=True)
 class OneOf:
-    """One of the names that ``names`` returns when a value is checked, for what is registered may grow."""
+    """One of the names that ``names`` returns when a value is checked; the list may grow at run time."""
 
     names: Callable[[], Collection[str]]
 
     def refusal(self, value: Any) -> str:
-        """Return why ``value`` is not accepted, in words, or an empty text."""
+        """Return why ``value`` is not accepted; empty if it is."""
         return _unknown(value, self.names())
 
 
 @dataclass(frozen=True)
 class Named:
-    """The name of something of a ``kind``, such as ``surface``: whoever knows the world checks that it is there."""
+    """The name of something of a ``kind``, such as ``surface``; the world model checks that it exists."""
 
     kind: str
 
@@ -38,9 +38,9 @@ class NotZero:
 
 @dataclass(frozen=True)
 class BoundedPort(PortInformation):
-    """A port that says what it accepts, as ``BoundedPort(Annotated[float, Gt(0)])``: other literals do not load.
+    """A port that declares its bounds, such as ``BoundedPort(Annotated[float, Gt(0)])``: other literals do not load.
 
-    Its numbers are finite, and a literal is the number alone: ``50cm`` is not read as 50.
+    Its numbers must be finite, and a literal must be a number alone: ``50cm`` is not read as 50.
     """
 
     bounds: tuple[Any, ...] = field(default=(), init=False)
@@ -58,7 +58,7 @@ class BoundedPort(PortInformation):
 
 
 def refusal(value: Any, bounds: Iterable[Any]) -> str:
-    """Return why ``value`` is not accepted, in words, or an empty text."""
+    """Return why ``value`` is not accepted; empty if it is."""
     wrong = isinstance(value, float) and not math.isfinite(value)
     for bound in bounds:
         if isinstance(bound, OneOf):
@@ -70,7 +70,7 @@ def refusal(value: Any, bounds: Iterable[Any]) -> str:
 
 
 def range_in_words(bounds: Iterable[Any]) -> str:
-    """Return what numbers keep to, such as ``above 0``; an empty text for names, and where all are accepted."""
+    """Return the bounds of a number in words, such as ``above 0``; empty for names, and if there are none."""
     limits = [bound for bound in bounds if not isinstance(bound, (OneOf, Named))]
     match limits:
         case [Ge(ge=low), Le(le=high)]:
@@ -87,7 +87,7 @@ def _flat(bounds: Iterable[Any]) -> Iterator[Any]:
 
 
 def _condition(bound: Any) -> tuple[Callable[[Any], bool], str]:
-    """Whether a number keeps to a bound, and what that asks for."""
+    """Return a check of one bound, and the bound in words."""
     match bound:
         case Gt(gt=limit):
             return lambda value: bool(value > limit), f"above {limit:.6g}"
@@ -99,7 +99,7 @@ def _condition(bound: Any) -> tuple[Callable[[Any], bool], str]:
             return lambda value: bool(value <= limit), f"of {limit:.6g} or less"
         case NotZero():
             return lambda value: bool(value != 0), "other than 0"
-    raise TypeError(f"{bound!r} is no bound of a port; Gt, Ge, Lt, Le, Interval, NotZero, OneOf and Named are")
+    raise TypeError(f"{bound!r} is not a bound of a port; use Gt, Ge, Lt, Le, Interval, NotZero, OneOf or Named")
 
 
 def _unknown(name: str, names: Collection[str]) -> str:

@@ -1,4 +1,4 @@
-"""The built-in nodes: every registry has them from the start."""
+"""The built-in nodes, which every registry contains."""
 
 from __future__ import annotations
 
@@ -42,4 +42,4 @@ EXTENSIONS: Final = frozenset((
     "ConsumeQueue", "ForEach", "ManualSelector", "PipelineSequence", "PopFromQueue", "QueueSize", "RateController",
     "RecoveryNode", "RoundRobin",
 ))  # fmt: skip
-"""Built-in nodes that are not among those that every BehaviorTree.CPP 4 process has."""
+"""Built-in nodes that BehaviorTree.CPP 4 does not provide by itself."""

@@ -1,4 +1,4 @@
-"""Time as the engine sees it: Timeout, Delay, Sleep and the tick loop all read one clock."""
+"""The engine's time: Timeout, Delay, Sleep and the tick loop all read one clock."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from typing import Protocol, runtime_checkable
 
 @runtime_checkable
 class EngineClock(Protocol):
-    """What a clock owes the engine."""
+    """The clock interface that the engine requires."""
 
     def now(self) -> float:
-        """Return the time in seconds since an arbitrary origin; it never goes back."""
+        """Return the monotonic time in seconds since an arbitrary origin."""
         ...
 
     def sleep(self, dt: float) -> None:
-        """Let ``dt`` seconds of this clock's time pass (a simulation steps its physics here)."""
+        """Let ``dt`` seconds of this clock's time pass; a simulation steps its physics here."""
         ...
 
 
@@ -25,7 +25,7 @@ class WakeableClock(EngineClock, Protocol):
     """A clock whose sleep can be cut short, so that a wake-up starts the next tick at once."""
 
     def wait(self, dt: float, wake: threading.Event) -> None:
-        """Let up to ``dt`` seconds pass; return early once ``wake`` is set."""
+        """Let up to ``dt`` seconds pass; return early when ``wake`` is set."""
         ...
 
 
@@ -47,7 +47,7 @@ class WallClock:
 
 
 class ManualClock:
-    """Simulated time for tests: it passes only when somebody sleeps or calls ``advance``."""
+    """Simulated time for tests: it passes only in ``sleep``, ``wait`` and ``advance``."""
 
     def __init__(self, start: float = 0.0) -> None:
         self._now = start
@@ -57,7 +57,7 @@ class ManualClock:
         return self._now
 
     def advance(self, dt: float) -> None:
-        """Move the time forward by ``dt`` seconds (``dt`` must not be negative)."""
+        """Move the time forward by ``dt`` seconds. Raises ValueError if ``dt`` is negative."""
         if dt < 0:
             raise ValueError(f"dt must not be negative but got {dt}")
         self._now += dt

@@ -1,7 +1,7 @@
-"""From text in a tree file to typed values: ``"3"`` to 3, ``"1.0;2.0"`` to a list, and types of your own.
+"""Conversion of text in a tree file to typed values: ``"3"`` to 3, ``"1.0;2.0"`` to a list, and your own types.
 
-A type takes part by a classmethod ``from_string(text)``, or by an entry in a ``ConverterRegistry``.
-Lists separate their items by ``;`` as BehaviorTree.CPP does; ``json:[1, 2]`` is accepted too.
+A type takes part by a classmethod ``from_string(text)``, or by an entry in a ``ConverterRegistry``. Lists separate
+their items by ``;`` as in BehaviorTree.CPP; ``json:[1, 2]`` is accepted too.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ def type_name(data_type: Any) -> str:
 
 
 def compatible(first: Any, second: Any) -> bool:
-    """Return whether an entry that is used as ``first`` here and as ``second`` there can hold one value for both."""
+    """Return whether one value can serve an entry that is used as both types."""
     options = [_options(first), _options(second)]
     return any(_compatible(a, b) for a in options[0] for b in options[1])
 
@@ -60,7 +60,7 @@ def _compatible(first: Any, second: Any) -> bool:
 
 
 def to_bool(text: str) -> bool:
-    """Convert ``true``/``false`` (also ``True``, ``TRUE``) and ``1``/``0``."""
+    """Convert ``true``/``false`` (also ``True``, ``TRUE``) and ``1``/``0``. Raises ConversionError for other text."""
     if text in _TRUE:
         return True
     if text in _FALSE:
@@ -69,7 +69,10 @@ def to_bool(text: str) -> bool:
 
 
 def to_int(text: str) -> int:
-    """Convert the decimal integer that ``text`` begins with, as BehaviorTree.CPP does; it must fit into 64 bits."""
+    """Convert the decimal integer at the start of ``text``, as BehaviorTree.CPP does.
+
+    Raises ConversionError if there is none, or if it does not fit into 64 bits.
+    """
     match = _INTEGER.match(text)
     if match is not None:
         value = int(match.group())
@@ -79,7 +82,10 @@ def to_int(text: str) -> int:
 
 
 def to_float(text: str) -> float:
-    """Convert the decimal number that ``text`` begins with, with or without an exponent; ``inf`` and ``nan`` too."""
+    """Convert the decimal number at the start of ``text``, with or without an exponent, or ``inf`` and ``nan``.
+
+    Raises ConversionError if there is none.
+    """
     match = _REAL.match(text)
     if match is not None:
         return float(match.group())
@@ -87,21 +93,21 @@ def to_float(text: str) -> float:
 
 
 def to_status(text: str) -> NodeStatus:
-    """Convert the name of a status."""
+    """Convert the name of a status. Raises ConversionError for an unknown name."""
     if text in STATUS_NAMES:
         return NodeStatus[text]
     raise ConversionError(f"'{text}' is not a status (one of {', '.join(STATUS_NAMES)})")
 
 
 def number_from_text(text: str) -> int | float | str:
-    """Return the int or float that ``text`` spells in full, else the text: how SubTree literals are typed."""
+    """Return the int or float if ``text`` is a number, else the text: the type of SubTree literals."""
     if _INTEGER.fullmatch(text) and int(text) in _INT64:
         return int(text)
     return float(text) if _REAL.fullmatch(text) else text
 
 
 def partly_read(text: str, data_type: Any) -> bool:
-    """Return whether ``text`` goes on behind the number that is read from it, by more than spaces."""
+    """Return whether more than spaces follows the number that is read from ``text``."""
     text = text.rstrip()
     if data_type is int:
         return _INTEGER.fullmatch(text) is None
@@ -114,7 +120,7 @@ def text_of_number(value: float) -> str:
 
 
 class ConverterRegistry:
-    """Finds the converter of a type; types of your own are added by ``register``."""
+    """Finds the converter of a type; ``register`` adds your own types."""
 
     def __init__(self) -> None:
         self._converters: dict[Any, Converter] = {
@@ -128,12 +134,12 @@ class ConverterRegistry:
         self.enums: dict[str, int] = {}
 
     def register(self, data_type: Any, converter: Converter) -> None:
-        """Use ``converter`` for literals of ports that declare ``data_type``."""
+        """Use ``converter`` for the literals of ports that declare ``data_type``."""
         self._converters[data_type] = converter
         self._found.clear()
 
     def converter(self, data_type: Any) -> Converter | None:
-        """Return the converter of ``data_type``; None where no text can stand for a value of it."""
+        """Return the converter of ``data_type``, or None if it has no text form."""
         try:
             return self._found[data_type]
         except KeyError:
@@ -230,7 +236,10 @@ class ConverterRegistry:
 
 
 def text_of(value: Any) -> str:
-    """Return the literal that stands for ``value`` in a tree file; the inverse of the converters."""
+    """Return the literal for ``value`` in a tree file; the inverse of the converters.
+
+    Raises ConversionError if its type has no text form.
+    """
     if isinstance(value, str):
         return value
     if isinstance(value, bool):
@@ -270,14 +279,14 @@ def _as_text(value: Any) -> str | None:
 
 
 _SCALARS: dict[Any, Callable[[Any], Any]] = {bool: _as_bool, int: _as_int, float: _as_float, str: _as_text}
-"""Each gives the value as that type, None where something would be lost."""
+"""Each casts a value to that type, or returns None if something would be lost."""
 
 
 def cast(value: Any, data_type: Any, registry: ConverterRegistry) -> Any:
-    """Return ``value`` as ``data_type``: text is converted, numbers are cast where nothing is lost.
+    """Return ``value`` as ``data_type``: text is converted, numbers are cast if nothing is lost.
 
     Raises:
-        ConversionError: the value is of another type.
+        ConversionError: the value has another type.
     """
     if data_type in UNTYPED:
         return value

@@ -1,4 +1,4 @@
-"""What runs of a tree have tried of it, and what they have not: nodes, results, recoveries."""
+"""Coverage of a tree by runs: nodes, results, recoveries."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _FALLBACKS = (Fallback, ReactiveFallback, RecoveryNode, TryCatch)
 
 @dataclass(frozen=True)
 class NodeUse:
-    """How often a node began, succeeded, failed and was halted."""
+    """How often a node started, succeeded, failed and was halted."""
 
     began: int = 0
     succeeded: int = 0
@@ -27,7 +27,7 @@ class NodeUse:
 
 @dataclass
 class Coverage:
-    """Counts of state changes, by node number, over all runs that were added."""
+    """Counts of state changes, by node number, over all added runs."""
 
     tree: Tree
     runs: int = 0
@@ -36,7 +36,7 @@ class Coverage:
     _states: dict[int, int] = field(default_factory=dict)
 
     def add(self, changes: Iterable[tuple[int, int]]) -> None:
-        """Count the changes of a whole run, as (number of the node, new state)."""
+        """Count the changes of a whole run, each (number of the node, new state)."""
         states: dict[int, int] = {}
         self.runs += 1
         for uid, state in changes:
@@ -49,39 +49,39 @@ class Coverage:
             states[uid] = state
 
     def of(self, node: Node) -> NodeUse:
-        """How often a node did what."""
+        """Return the counts of a node."""
         counts, uid = self.counts, node.uid
         return NodeUse(counts[uid, IDLE], counts[uid, SUCCESS], counts[uid, FAILURE], self.halts[uid])
 
     @property
     def never_ticked(self) -> list[Node]:
-        """Nodes that never began, the topmost of each branch alone."""
+        """Nodes that never started, only the topmost of each branch."""
         return [node for node in self._idle() if not (isinstance(node.parent, Node) and not self.of(node.parent).began)]
 
     @property
     def share(self) -> float:
-        """The share of nodes that have begun at least once."""
+        """The fraction of nodes that have started at least once, 0 to 1."""
         return 1.0 - len(self._idle()) / len(self.tree.nodes)
 
     @property
     def never_failed(self) -> list[Node]:
-        """Leaves that have ended, and never with FAILURE, though they can."""
+        """Leaves that have ended but never failed, although they can fail."""
         return self._without(FAILURE)
 
     @property
     def never_succeeded(self) -> list[Node]:
-        """Leaves that have begun, and never succeeded, though they can."""
+        """Leaves that have started but never succeeded, although they can succeed."""
         return self._without(SUCCESS)
 
     @property
     def never_left(self) -> list[Node]:
-        """Nodes that have begun and never ended by themselves."""
+        """Nodes that have started but never ended by themselves."""
         uses = [(node, self.of(node)) for node in self.tree.nodes]
         return [node for node, use in uses if use.began and not use.succeeded + use.failed]
 
     @property
     def unused_recoveries(self) -> list[Node]:
-        """Nodes that have begun, and whose second child, the way out of a failure, never has."""
+        """Fallbacks and recovery nodes that have started, but whose second child, the recovery, never has."""
         found = [node for node in self.tree.nodes if isinstance(node, _FALLBACKS) and self.of(node).began]
         return [node for node in found if len(node.nodes_below()) > 1 and not self.of(node.nodes_below()[1]).began]
 

@@ -1,4 +1,4 @@
-"""Who reads and who writes which blackboard entry of a loaded tree, through all remapping."""
+"""Data flow: the readers and writers of each blackboard entry of a loaded tree, through all remapping."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ SCRIPT_ATTRIBUTES = (
 
 @dataclass(frozen=True)
 class EntryUse:
-    """One place where a node reads or writes an entry; ``key`` is the name that the entry has there."""
+    """One read or write of an entry; ``key``: the local name of the entry."""
 
     slot: Slot
     node: Node
@@ -121,10 +121,10 @@ def _operands(expression: Expression) -> Sequence[Expression]:
 
 
 def render_ports(tree: Tree) -> str:
-    """Return which SubTree maps what to whom, and who reads and writes each entry, as text."""
+    """Return the remapping of each SubTree and the readers and writers of each entry, as text."""
     readers: dict[int, set[str]] = defaultdict(set)
     writers: dict[int, set[str]] = defaultdict(set)
-    own: dict[str, set[str]] = defaultdict(set)  # of a board, by what the paths of its entries begin with
+    own: dict[str, set[str]] = defaultdict(set)  # of a board, by the prefix of the paths of its entries
     for use in entry_uses(tree):
         (writers if use.writes else readers)[id(use.slot)].add(_place(use))
         own[use.slot.path.removesuffix(use.slot.key)].add(use.slot.key)

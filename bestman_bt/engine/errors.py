@@ -10,13 +10,13 @@ from bestman_bt.errors import Error, InputError
 
 
 class EngineError(Error):
-    """Base of everything that the engine raises on purpose."""
+    """Base of all errors that the engine raises on purpose."""
 
 
 class NodeError(EngineError):
-    """A node could not execute; ``node`` is its full path, ``where`` what the message calls it.
+    """A node could not execute; ``node``: its full path, ``where``: its name in the message.
 
-    ``backtrace``: the nodes through which the tick came to it, the root first, itself last, each with type and place.
+    ``backtrace``: the ancestors of the node, root first, and the node itself, each with type and place.
     """
 
     def __init__(
@@ -44,12 +44,12 @@ class ConversionError(EngineError, ValueError):
 
 @dataclass(frozen=True)
 class Problem:
-    """One thing that is wrong with a tree file.
+    """One fault of a tree file.
 
-    ``field`` is the port or attribute that is meant. ``severity`` is ``"error"``, ``"latent"`` (the tree loads, as it
-    does in BehaviorTree.CPP, but fails once the node is ticked or its tree is used) or ``"warning"``.
-    ``line`` is 0 where no line is known (trees built in Python). ``missing``: the tree may be right in another
-    BehaviorTree.CPP process; a node, port or tree that it names is not here.
+    ``field``: the port or attribute concerned. ``severity``: ``"error"``, ``"latent"`` (the tree loads, as in
+    BehaviorTree.CPP, but fails once the node is ticked or its tree is used) or ``"warning"``. ``line``: 0 if unknown
+    (trees built in Python). ``missing``: a node, port or tree is unknown here, but may exist in another
+    BehaviorTree.CPP process.
     """
 
     file: str
@@ -75,12 +75,12 @@ class Problem:
 
 _SEVERITIES = {"latent": "error once it is ticked", "warning": "warning"}
 MOST_LINES: Final = 8
-"""Lines that a message names for one cause."""
+"""Largest number of line numbers in the message of one cause."""
 _NO_PORTS = frozenset(("name", "path", "ros_pkg", "main_tree_to_execute"))
 
 
 class TreeLoadError(EngineError, InputError):
-    """A tree does not load; ``problems`` holds everything that is wrong with it, in document order."""
+    """A tree does not load; ``problems`` lists every fault, in document order."""
 
     def __init__(self, problems: Sequence[Problem]) -> None:
         self.problems = list(problems)
@@ -88,7 +88,7 @@ class TreeLoadError(EngineError, InputError):
 
 
 def in_lines(problems: Iterable[Problem]) -> list[str]:
-    """Return the problems in words, one line for all of one cause in a file, with the first place and the others."""
+    """Return the problems as text, one line per cause and file, with the first place and the others."""
     by_cause: dict[Problem, list[Problem]] = {}
     for problem in problems:
         by_cause.setdefault(replace(problem, line=0), []).append(problem)

@@ -1,4 +1,4 @@
-"""A tree as a picture: SVG drawn here, without graphviz, and DOT for those who have it."""
+"""Pictures of a tree: SVG drawn without graphviz, and DOT for use with graphviz."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ STATE_MARKS = ("·", "▶", "✓", "✗", "↷")
 
 
 def render_text(tree: Tree, states: Mapping[int, int] | None = None, *, ports: bool = True) -> str:
-    """Return the tree as indented text, one node a line.
+    """Return the tree as indented text, one node per line.
 
     Args:
         tree: the tree.
-        states: uid to status, to mark the nodes with; ``current_states(tree)`` gives the live ones.
-        ports: whether each node's attributes follow its name.
+        states: uid → status, to mark the nodes with; ``current_states(tree)`` returns the live ones.
+        ports: whether to print each node's attributes after its name.
     """
     lines: list[str] = []
     _render(tree, tree.root, "", "", states, ports, lines)
@@ -37,9 +37,9 @@ def render_text(tree: Tree, states: Mapping[int, int] | None = None, *, ports: b
 
 
 def render_paths(tree: Tree) -> str:
-    """Return a line for each node: its number and its path, by either of which breakpoints and requests name it.
+    """Return a line for each node with its number and path, the names for breakpoints and requests.
 
-    A path that several nodes have names none of them; those are named by number.
+    A path shared by several nodes names none of them; use their numbers.
     """
     count = Counter(node.path for node in tree.nodes)
     shared = "  (by number alone: several have this path)"
@@ -47,12 +47,12 @@ def render_paths(tree: Tree) -> str:
 
 
 def current_states(tree: Tree, *, last_results: bool = True) -> dict[int, int]:
-    """Return uid to status of every node, now; with ``last_results`` an idle node shows what it returned last."""
+    """Return the current uid → status of every node; with ``last_results`` an idle node shows its last result."""
     return {node.uid: node.last_result if last_results else node.state for node in tree.nodes}
 
 
 def node_label(node: Node) -> str:
-    """Return a node's name, and its type where the name is another."""
+    """Return a node's name, and its type if the name differs."""
     if isinstance(node, SubTree):
         return f"SubTree {node.tree_id}" + (f" '{node.name}'" if node.name != node.tree_id else "")
     return node.type_id if node.name == node.type_id else f"{node.type_id} '{node.name}'"
@@ -123,7 +123,7 @@ _STATE: Final = ("#8a8f98", "#1f6feb", "#1a7f37", "#cf222e", "#9a6700")
 
 @dataclass
 class Box:
-    """What is drawn for one node: text, frame and tooltip, and the boxes to the right of it."""
+    """The drawing of one node: text, frame and tooltip, and the boxes to its right."""
 
     lines: list[str]
     tooltip: str
@@ -137,12 +137,12 @@ class Box:
 
     @property
     def width(self) -> float:
-        """Of the frame, pixels."""
+        """Width of the frame, pixels."""
         return max(len(line) for line in self.lines) * _CHARACTER + 2 * _PADDING
 
     @property
     def height(self) -> float:
-        """Of the frame, pixels."""
+        """Height of the frame, pixels."""
         return len(self.lines) * _LINE + _PADDING
 
 
@@ -252,7 +252,7 @@ _SHAPES: Final = {
 
 
 def render_dot(tree: Tree, states: Mapping[int, int] | None = None) -> str:
-    """Return the tree in graphviz' DOT language."""
+    """Return the tree in the DOT language of graphviz."""
     lines = [f"digraph {quoted(tree.tree_id)} {{", "  rankdir=LR;", '  node [fontname="monospace", style=filled];']
     for node in tree.nodes:
         status = IDLE if states is None else states.get(node.uid, IDLE)
@@ -271,5 +271,5 @@ def _escaped(text: str) -> str:
 
 
 def quoted(text: str) -> str:
-    """Return a text as DOT takes it."""
+    """Return a quoted string for DOT."""
     return f'"{_escaped(text)}"'

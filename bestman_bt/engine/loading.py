@@ -1,4 +1,4 @@
-"""From a tree file (or nodes made in Python) to a ``Tree``: instances, blackboards, remapping, scripts."""
+"""Loading: from a tree file (or nodes made in Python) to a ``Tree`` with blackboards, remapping and scripts."""
 
 from __future__ import annotations
 
@@ -32,19 +32,19 @@ if TYPE_CHECKING:
     from bestman_bt.engine.substitution import SubstitutionRules
 
 MAX_NODES = 65_535
-"""As many as a node number of two bytes can count, in logs and in Groot2's protocol."""
+"""Limit of two-byte node numbers, in logs and in Groot2's protocol."""
 
 _RESERVED = frozenset(("ID", "name", "_autoremap"))
 _TRUE = frozenset(("true", "1", "True", "TRUE"))
 
 
 class LoadOptions(TypedDict, total=False):
-    """What every loader of trees takes beside its source: the arguments of ``new_tree``, by name."""
+    """Common options of all loaders of trees: the arguments of ``new_tree``, by name."""
 
     context: Any
-    """Handed to every node as ``self.context``."""
+    """Available to every node as ``self.context``."""
     clock: EngineClock | None
-    """What Timeout, Delay, Sleep and the tick loop read; wall time by default."""
+    """The clock of Timeout, Delay, Sleep and the tick loop; wall time by default."""
     blackboard: Blackboard | None
     """The root blackboard; a new one by default. Give it a parent to add entries above, for ``@key``."""
 
@@ -65,16 +65,16 @@ def load_tree(
     Args:
         source: a path, or text that begins with ``<``.
         registry: the nodes that the file may name; the built-in ones by default.
-        main_tree: the tree to run, where the file holds several; overrides ``main_tree_to_execute``.
-        search_path: folders that ``<include>`` may reach beside the file's own.
-        substitutions: nodes to be replaced by others, for tests.
-        faults: errors of the tree are added here, those too that only a tick would meet; what is wrong is left out of
-            it, so that the rest can be checked further. A tree that has some is not to be ticked.
-        package: other files that have SubTrees.
+        main_tree: the tree to run, if the file holds several; overrides ``main_tree_to_execute``.
+        search_path: folders that ``<include>`` may use besides the file's own.
+        substitutions: nodes to replace, for tests.
+        faults: receives the errors of the tree, including those of a later tick; faulty parts are left out, so that
+            the rest can be checked. Do not tick a tree that has errors.
+        package: other files that contain SubTrees.
         options: ``context``, ``clock`` and ``blackboard``, see ``LoadOptions``.
 
     Raises:
-        TreeLoadError: with everything that is wrong in ``problems``; with ``faults``, only where no tree is left.
+        TreeLoadError: listing every fault in ``problems``; with ``faults``, only if no tree is left.
     """
     if isinstance(source, Path) or not source.lstrip("\ufeff \t\r\n").startswith("<"):
         path = Path(source)
@@ -110,10 +110,9 @@ def load_documents(
     gaps: Gaps | None = None,
     **options: Unpack[LoadOptions],
 ) -> Tree:
-    """Make a tree of documents that were read; raises and fills ``faults`` as ``load_tree``.
+    """Build a tree from documents that were read; raises and fills ``faults`` as ``load_tree`` does.
 
-    ``gaps``: gives nodes and trees that are missing here others in their place, and keeps what was missing, which is no
-    error then.
+    ``gaps``: replaces nodes and trees that are unknown here, and records them; they are not errors then.
     """
     if documents.old:
         raise TreeLoadError(documents.old)
@@ -135,7 +134,7 @@ def new_tree(
     clock: EngineClock | None = None,
     blackboard: Blackboard | None = None,
 ) -> Tree:
-    """Make a tree without nodes."""
+    """Create a tree without nodes."""
     compiler = compiler or ScriptCompiler(registry.enums)
     board = blackboard or Blackboard(tree_id, converters=registry.converters)
     tree = Tree(registry=registry, compiler=compiler, blackboard=board, tree_id=tree_id, context=context, clock=clock)
@@ -144,19 +143,19 @@ def new_tree(
 
 
 class Gaps(ABC):
-    """What is missing here of a tree that may run in another BehaviorTree.CPP process."""
+    """Handles the parts of a tree that are unknown here, but may exist in another BehaviorTree.CPP process."""
 
     def __init__(self) -> None:
         self.problems: list[Problem] = []
 
     def take(self, problems: list[Problem]) -> None:
-        """Take those of the problems that say what is missing."""
+        """Take over the problems about unknown parts."""
         self.problems += [problem for problem in problems if problem.missing]
         problems[:] = [problem for problem in problems if not problem.missing]
 
     @abstractmethod
     def fill(self, checker: Checker) -> None:
-        """Give ``checker.misfits``, and trees that are not there, others in their place."""
+        """Replace ``checker.misfits`` and missing trees."""
 
 
 def _checked(
@@ -167,7 +166,7 @@ def _checked(
     faults: list[Problem] | None,
     gaps: Gaps | None,
 ) -> tuple[str, set[str]]:
-    """The tree to run, and what is left out of it (``Tree.left_out``); raises as ``load_tree``."""
+    """Return the tree to run and the left-out names (``Tree.left_out``); raises as ``load_tree`` does."""
     main = main_tree_of(documents, main_tree)
     checker = check_documents(documents, registry, compiler, main)
     wrong = checker.wrong
@@ -246,7 +245,7 @@ def _instead(element: Element, registry: NodeRegistry) -> Element:
 
 
 def words_of(attributes: Mapping[str, Any]) -> set[str]:
-    """The entries that attributes may name, in ports, scripts or as names of entries."""
+    """Return the entries that attributes may name, in ports, in scripts or as entry names."""
     keys = {key for port, value in attributes.items() if (key := key_of(value, port)) is not None}
     return keys.union(*(re.findall(r"\w+", str(value)) for value in attributes.values()))
 
@@ -254,9 +253,9 @@ def words_of(attributes: Mapping[str, Any]) -> set[str]:
 def check_documents(
     documents: Documents, registry: NodeRegistry, compiler: ScriptCompiler, main: str | None
 ) -> Checker:
-    """Check every tree in the documents; what is wrong is appended to their problems.
+    """Check every tree in the documents, and append the faults to their problems.
 
-    What is wrong with a node in a tree that ``main`` does not use keeps nothing from loading; None: all are used.
+    Faulty nodes in trees that ``main`` does not use do not prevent loading; None: all trees count as used.
     """
     checker = Checker(registry, compiler, documents)
     used = documents.trees.keys() if main is None or len(documents.trees) == 1 else documents.used_trees(main)
@@ -268,11 +267,11 @@ def check_documents(
 
 
 class NoMainTree(Problem):
-    """The file holds several trees, and neither it nor anybody else says which is to run."""
+    """The file holds several trees, and the main tree is not specified."""
 
 
 def main_tree_of(documents: Documents, wanted: str | None) -> str | None:
-    """Return the ID of the tree to run; None, and a problem, where it cannot be told."""
+    """Return the ID of the tree to run, or None, with a problem recorded, if it is ambiguous or missing."""
     trees = documents.trees
     field = "" if wanted else "main_tree_to_execute"
     name = wanted or documents.main_tree
@@ -291,7 +290,7 @@ def main_tree_of(documents: Documents, wanted: str | None) -> str | None:
     if not trees:
         documents.problems.append(Problem(documents.file, 1, "root", "", "the file holds no <BehaviorTree>"))
         return None
-    message = f"it is missing, and the file holds {len(trees)} trees: {', '.join(trees)}"
+    message = f"the attribute is missing, and the file holds {len(trees)} trees: {', '.join(trees)}"
     own = [name for name in trees if trees[name].file == documents.file]
     roots = documents.unused_trees()
     suggestion = f'write main_tree_to_execute="{(roots or own or list(trees))[0]}"'
@@ -300,7 +299,7 @@ def main_tree_of(documents: Documents, wanted: str | None) -> str | None:
 
 
 def raise_if_any(problems: list[Problem]) -> None:
-    """Raise TreeLoadError with the problems that are errors, if there are any."""
+    """Raise TreeLoadError with the problems that are errors, if any."""
     errors = [problem for problem in problems if problem.severity == "error"]
     if errors:
         raise TreeLoadError(_in_order(errors))
@@ -312,7 +311,7 @@ def _in_order(problems: Iterable[Problem]) -> list[Problem]:
 
 @contextmanager
 def without_garbage_collection() -> Iterator[None]:
-    """Keep the collector from walking over a growing tree again and again; it cost a third of the load time."""
+    """Pause garbage collection while a tree grows; repeated collections cost a third of the load time."""
     enabled = gc.isenabled()
     gc.disable()
     try:
@@ -326,7 +325,7 @@ def declare(board: Blackboard, key: str, data_type: Any) -> None:
     """Make the entry that a port is mapped to exist, or check that the port's type fits it.
 
     Raises:
-        BlackboardError: it does not.
+        BlackboardError: the type does not fit.
     """
     slot = board.slot(key)
     if not slot.exists:
@@ -335,7 +334,7 @@ def declare(board: Blackboard, key: str, data_type: Any) -> None:
 
 
 class Builder:
-    """Makes the nodes of one tree, in construction order."""
+    """Creates the nodes of one tree, in construction order."""
 
     def __init__(
         self,
@@ -352,10 +351,10 @@ class Builder:
         self.under_way: list[TreeDefinition] = []
 
     def finish(self, root: Node | None, shared: SharedEntries | None = None) -> None:
-        """Hand the root over to the tree.
+        """Complete the tree with its root.
 
         Raises:
-            TreeLoadError: something went wrong on the way.
+            TreeLoadError: a node could not be built.
         """
         raise_if_any(self.problems)
         assert root is not None
@@ -363,7 +362,7 @@ class Builder:
         self.tree.complete(root, self.depth, shared)
 
     def build(self, element: Element, place: NodePlace, depth: int = 1) -> Node:
-        """Make the node of an element and all below it."""
+        """Build the node of an element and its descendants."""
         info: NodeInfo = element.info
         attributes: dict[str, Any] = element.attributes
         cls = info.cls
@@ -414,7 +413,7 @@ class Builder:
                 self._report(node, str(error), port)
 
     def install(self, node: Node, info: NodeInfo, place: NodePlace) -> Node:
-        """Give a node that exists already its number, place, entries and scripts; a substitution may replace it."""
+        """Give an existing node its number, place, entries and scripts; a substitution may replace it."""
         node.info = info
         node.place = place
         node.uid = len(self.tree.nodes) + 1
@@ -483,7 +482,7 @@ class Builder:
         assert definition is not None
         if tree_id in place.ancestors and (not self.documents.scoped or definition in self.under_way):
             route = " -> ".join((*place.ancestors, tree_id))
-            self._report(node, f"the trees call each other in a circle: {route}", "ID")
+            self._report(node, f"the trees include each other recursively: {route}", "ID")
             raise TreeLoadError(self.problems)
         ports = {k: v for k, v in attributes.items() if k[0] != "_" and k not in _RESERVED}
         autoremap = attributes.get("_autoremap") in _TRUE
@@ -501,7 +500,7 @@ class Builder:
     def enter(
         self, node: SubTree, named: bool, ports: dict[str, Any], autoremap: bool, place: NodePlace, file: str
     ) -> NodePlace:
-        """Make the blackboard of a SubTree and return the place inside it."""
+        """Create the blackboard of a SubTree and return the place inside it."""
         step = node.name if named else f"{node.tree_id}::{node.uid}"
         path = place.prefix + step
         if path in self.tree.blackboards:

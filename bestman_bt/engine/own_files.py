@@ -1,6 +1,6 @@
-"""Python files of users: while one is loaded, it can import the files beside it, as a script can.
+"""Users' Python files: while one is loaded, it can import the files beside it, like a script.
 
-Modules of two folders do not meet: each ``helpers.py`` is found by the files beside it alone.
+Modules of different folders are separate: each ``helpers.py`` is visible only to files of its folder.
 """
 
 from __future__ import annotations
@@ -26,18 +26,18 @@ PACKAGES = ("bestman_bt", "behaviours", "hal")
 """The importable packages of this project."""
 
 _names: dict[Path, set[str]] = {}
-"""Folder → the names of modules and packages that lie in it."""
+"""Folder → the names of its modules and packages."""
 _loaded: dict[Path, dict[str, ModuleType]] = {}
-"""Folder → what was imported from it, by name."""
+"""Folder → the modules imported from it, by name."""
 _open: list[Path] = []
 """Folders whose files are being loaded, the innermost last."""
 
 
 @contextmanager
 def importable(folder: Path) -> Iterator[None]:
-    """Make what lies in ``folder`` importable; modules of other such folders, and of the script, are not seen.
+    """Make the modules in ``folder`` importable, and hide modules of other such folders and of the script.
 
-    What is imported is kept for the next file of the folder.
+    The imported modules are cached for the next file of the folder.
     """
     folder = folder.resolve()
     if _open and _open[-1] == folder:
@@ -73,10 +73,10 @@ def importable(folder: Path) -> Iterator[None]:
 
 
 def load_file(path: Path, name: str) -> ModuleType:
-    """Run a Python file as the module ``name``, which stays in ``sys.modules``; what it raises passes.
+    """Execute a Python file as the module ``name``, which stays in ``sys.modules``; its exceptions propagate.
 
     Raises:
-        ImportError: it is no Python file.
+        ImportError: it is not a Python file.
     """
     specification = importlib.util.spec_from_file_location(name, path)
     if specification is None or specification.loader is None:
@@ -93,13 +93,13 @@ def load_file(path: Path, name: str) -> ModuleType:
 
 
 def plugin_module(path: Path) -> str:
-    """The name of the module that a user's file is loaded as; files of one name in two folders have two."""
+    """Return the module name for a user's file; files of the same name in different folders get different names."""
     return f"bestman_bt_plugin_{path.stem}_{zlib.crc32(bytes(path.resolve())):08x}"
 
 
 @contextmanager
 def module_of(cls: type) -> Iterator[ModuleType]:
-    """The module that a class comes from, while what lies beside it is importable if it is a user's."""
+    """Yield the module of a class; modules beside it are importable meanwhile if it is a user's."""
     for folder, modules in _loaded.items():
         module = modules.get(cls.__module__)
         if module is not None and getattr(module, cls.__name__, None) is cls:
@@ -110,9 +110,9 @@ def module_of(cls: type) -> Iterator[ModuleType]:
 
 
 def described(error: BaseException, path: Path) -> tuple[str, int, str]:
-    """Return file, line (0: unknown) and words of what was raised while ``path`` was loaded.
+    """Return file, line (0: unknown) and message of an error raised while ``path`` was loaded.
 
-    It is the last line that the error has passed in the file, or in one of its folder.
+    It is the innermost line in the file, or in a file of its folder.
     """
     words = f"{type(error).__name__}: {error}"
     if isinstance(error, ImportError):
@@ -134,7 +134,7 @@ def described(error: BaseException, path: Path) -> tuple[str, int, str]:
 
 
 def _right_places(error: ImportError) -> list[str]:
-    """Which modules of ours have what a file imports from another; else those of the name that is missing."""
+    """Return the modules of this project that define a name that could not be imported."""
     wanted, frames = error.name or "", _frames(error)
     if wanted.partition(".")[0] not in PACKAGES or not frames:
         return []
@@ -155,7 +155,7 @@ def _right_places(error: ImportError) -> list[str]:
 
 @lru_cache
 def homes_of(name: str) -> list[str]:
-    """The modules of ours from which a class, function or constant is imported, skills first."""
+    """Return the modules of this project that export a class, function or constant, skills first."""
     defined = re.compile(rf"^(?:class |def |){name}\b", re.MULTILINE)
     found = []
     for module, path in _modules().items():
@@ -169,9 +169,9 @@ def homes_of(name: str) -> list[str]:
 
 
 def raise_no_such_name(module: str, name: str) -> NoReturn:
-    """Raise AttributeError, with the module that has ``name``; ImportError for classes, where a ``from`` import asks.
+    """Raise AttributeError naming the module that has ``name``; ImportError for a ``from`` import of a class.
 
-    A ``from`` import would drop the words of an AttributeError.
+    A ``from`` import would discard the message of an AttributeError.
     """
     asking = sys._getframe(2)
     homes = [home for home in (homes_of(name) if name[:1].isupper() else ()) if home != module]
@@ -194,7 +194,7 @@ def _frames(error: BaseException) -> list[traceback.FrameSummary]:
 
 
 def own_line(error: BaseException) -> str:
-    """``file:line``, the innermost line of a user's file that an error has passed; empty where it has passed none."""
+    """Return ``file:line``, the innermost line of a user's file in an error's traceback, or an empty text."""
     for frame in reversed(_frames(error)):
         if Path(frame.filename).resolve().parent in _names:
             return f"{frame.filename}:{frame.lineno}"
@@ -202,13 +202,15 @@ def own_line(error: BaseException) -> str:
 
 
 def defined_at(function: Callable[..., object]) -> str:
-    """``file:line`` of a function or method."""
+    """Return ``file:line`` of a function or method."""
     code = inspect.unwrap(getattr(function, "__func__", function)).__code__
     return f"{code.co_filename}:{code.co_firstlineno}"
 
 
 def signature_fault(cls: type, base: type) -> str:
-    """Which method of ``cls`` cannot be called as its interface ``base`` is, with file and line; else empty."""
+    """Return the method of ``cls`` that cannot be called like its interface ``base``, with file and line; empty if
+    none.
+    """
     for name in dir(base):
         wanted, own = inspect.getattr_static(base, name), inspect.getattr_static(cls, name)
         if name.startswith("_") or own is wanted or not (inspect.isfunction(wanted) and inspect.isfunction(own)):
@@ -229,7 +231,7 @@ def _arguments(function: Callable[..., object]) -> str:
 
 
 def in_words(error: BaseException) -> str:
-    """The kind and the text of an error, and its line in a user's file if it has one."""
+    """Return type and message of an error, and its line in a user's file, if any."""
     place = own_line(error)
     text = str(error)
     kind = type(error).__name__
@@ -237,7 +239,7 @@ def in_words(error: BaseException) -> str:
 
 
 def _is_from(name: str, module: ModuleType, folder: Path) -> bool:
-    """Whether a module is one of those in a folder of a user."""
+    """Return whether a module is one of those in a folder of a user."""
     top = name.partition(".")[0]
     if top not in _names[folder]:
         return False
@@ -246,7 +248,9 @@ def _is_from(name: str, module: ModuleType, folder: Path) -> bool:
 
 
 def _is_elsewhere(name: str, module: ModuleType, folder: Path) -> bool:
-    """Whether a module comes from another folder of a user, or hides one of this folder, as a script's own does."""
+    """Return whether a module comes from another folder of a user, or hides one of this folder, as a script's own
+    does.
+    """
     if any(_is_from(name, module, other) for other in _names if other != folder):
         return True
     top = name.partition(".")[0]
@@ -257,5 +261,5 @@ def _is_elsewhere(name: str, module: ModuleType, folder: Path) -> bool:
 
 
 def _file_of(module: ModuleType) -> str:
-    """The file of a module, or the folder of a package without one; empty where it has none."""
+    """Return the file of a module, or the folder of a package without one; empty where it has none."""
     return getattr(module, "__file__", None) or next(iter(getattr(module, "__path__", ())), "")

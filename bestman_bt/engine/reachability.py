@@ -1,4 +1,4 @@
-"""Which results a node can have at all, and which children can therefore never be ticked."""
+"""Reachability: the possible results of each node, and children that can never be ticked."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _FALLBACKS: Final = (controls.Fallback, controls.AsyncFallback, controls.Reactiv
 
 
 def possible_results(node: Node) -> frozenset[int]:
-    """Return the statuses that a tick of ``node`` may return, as far as the tree alone tells."""
+    """Return the statuses that a tick of ``node`` may return, judged by the tree alone."""
     results = set(_core_results(node))
     for attribute, status in _CONDITIONS:
         if attribute in node.attributes:
@@ -80,7 +80,7 @@ def _in_order(node: Node, *, go: int, stop: int) -> frozenset[int]:
 
 
 def unreachable_children(tree: Tree) -> Iterator[tuple[Node, Node]]:
-    """Yield each child that can never be ticked, and the sibling that is in its way."""
+    """Yield each child that can never be ticked, and the sibling that prevents it."""
     for node in tree.nodes:
         go = SUCCESS if isinstance(node, _SEQUENCES) else FAILURE if isinstance(node, _FALLBACKS) else None
         if go is None:

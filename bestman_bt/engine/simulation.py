@@ -1,4 +1,4 @@
-"""Runs a tree in simulated time: no waiting, the same result on any machine, with or without the code of its leaves."""
+"""Simulated runs of a tree: no waiting, deterministic, with or without the code of its leaves."""
 
 from __future__ import annotations
 
@@ -26,18 +26,18 @@ from bestman_bt.engine.unwritten import unwritten_reads
 from bestman_bt.engine.xml.writer import tree_to_xml
 
 LIMIT: Final = 600.0
-"""Simulated seconds after which a tree is halted, by default."""
+"""Default time limit of a run, simulated seconds."""
 MAX_TICKS: Final = 100_000
-"""Ticks after which a tree is halted: one that wakes itself up lets no time pass."""
+"""Largest number of ticks: a tree that keeps waking itself up lets no time pass."""
 
 
 @dataclass(frozen=True)
 class SimulatedRun:
-    """What a run gave: the last status, the simulated seconds, the state changes as (time, path, state), the tree.
+    """The result of a simulated run: last status, simulated seconds, state changes as (time, path, state), tree.
 
-    ``error``: what ended it, if a node could not execute. ``simulated``: of a run with a scenario, the types of leaves
-    whose results are made up, and where each is known from. ``transitions``: the changes as (number of node, state).
-    ``invented``: entries that nobody writes, which got a value after their port's type.
+    ``error``: the message if a node could not execute. ``simulated``: in a run with a scenario, the types of simulated
+    leaves, each with the source of its description. ``transitions``: the changes as (number of the node, state).
+    ``invented``: unwritten entries that got a plausible value of their port's type.
     """
 
     status: int
@@ -67,12 +67,12 @@ class SimulatedRun:
         return any(found == path for _, found, _ in self.changes)
 
     def _repr_svg_(self) -> str:
-        """The tree, coloured by what its nodes returned last: what notebooks show."""
+        """Return the tree, coloured by the last results, for display in notebooks."""
         return render_svg(self.tree, current_states(self.tree))
 
     @property
     def order(self) -> list[str]:
-        """The paths of the nodes, each time one began."""
+        """The paths of the nodes in the order in which they started, repeated for each start."""
         states: dict[str, int] = {}
         began = []
         for _, path, state in self.changes:
@@ -83,7 +83,7 @@ class SimulatedRun:
 
     @property
     def halted(self) -> list[str]:
-        """The paths of the nodes, each time one was interrupted while it was RUNNING."""
+        """The paths of the nodes that were halted while RUNNING, repeated for each halt."""
         states: dict[str, int] = {}
         found = []
         for _, path, state in self.changes:
@@ -110,25 +110,25 @@ def simulate(  # noqa: PLR0913 - each by its name
     clock: EngineClock | None = None,
     drive: Callable[[Tree], tuple[int, int]] | None = None,
 ) -> SimulatedRun:
-    """Load a tree, tick it until it ends, and return what happened.
+    """Load a tree, tick it until it ends, and return the run.
 
     Args:
         source: a file, XML text, or the root of a tree made in Python.
         registry: the nodes that it may name.
-        entries: root entries that are set before the first tick.
-        context: handed to the nodes.
-        substitutions: nodes to be replaced, for instance by TestNodes with delays.
+        entries: root entries to set before the first tick.
+        context: the context of the nodes.
+        substitutions: nodes to replace, for instance by TestNodes with delays.
         period: simulated seconds between ticks.
         limit: simulated seconds after which the tree is halted; its status is then RUNNING.
-        scenario: what the leaves do; they are simulated then, whether or not there is code for them. The engine's own
-            nodes (scripts, Sleep, blackboard) are real. A node that cannot execute ends the run with ``error``.
-        seed: decides what a scenario leaves open.
-        package: other files that have SubTrees, and models of nodes.
-        search_path: folders that includes may reach.
-        main_tree: the tree to run, where the file holds several.
-        clock: another than a simulated one, that of ``drive``.
-        drive: ticks the tree to its end in another way than by ``period`` and ``limit``, and returns its last status
-            and how many ticks that were.
+        scenario: behaviour of the leaves; with it all leaves are simulated, even those with code. The engine's own
+            nodes (scripts, Sleep, blackboard) are executed. A node that cannot execute ends the run with ``error``.
+        seed: of the random behaviour.
+        package: other files that contain SubTrees and models of nodes.
+        search_path: folders that includes may use.
+        main_tree: the tree to run, if the file holds several.
+        clock: replaces the simulated clock; for use with ``drive``.
+        drive: ticks the tree to its end in place of ``period`` and ``limit``, and returns its last status and the
+            number of ticks.
 
     Raises:
         TreeLoadError: the tree does not load.
@@ -186,14 +186,14 @@ def _ticked(tree: Tree, period: float, limit: float) -> tuple[int, int]:
 
 
 def in_words(failure: EngineError) -> str:
-    """What ended a run, with the way of its last tick."""
+    """Return the message of an error that ended a run, with the path of the last tick."""
     if not isinstance(failure, NodeError) or not failure.backtrace:
         return str(failure)
     return f"{failure} (the tick went through {' > '.join(failure.backtrace)})"
 
 
 def _invent_entries(tree: Tree) -> list[str]:
-    """Give entries that are read and that nobody writes a value after their port's type; returns their names."""
+    """Give unwritten entries a plausible value of their port's type; returns their names."""
     found = []
     for read in list(unwritten_reads(tree)):
         slot = read.node.board.slot_to_write(read.key)
@@ -206,7 +206,7 @@ def _invent_entries(tree: Tree) -> list[str]:
 
 
 def _as_xml(source: str | Path | Node, registry: NodeRegistry | None) -> str | Path:
-    """A tree made in Python as XML: its leaves get stand-ins as those of a file do."""
+    """Return a tree made in Python as XML: its leaves get stand-ins as those of a file do."""
     if isinstance(source, Node):
         return tree_to_xml(build_tree(source, registry=registry))
     is_text = isinstance(source, str) and source.lstrip("\ufeff \t\r\n").startswith("<")

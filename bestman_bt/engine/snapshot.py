@@ -1,4 +1,4 @@
-"""The blackboards of a tree, kept aside: a backup in memory, and JSON to export and import."""
+"""Snapshots of a tree's blackboards: a backup in memory, and JSON to export and import."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ _CONTAINERS = (list, dict, set, deque)
 
 @dataclass(frozen=True)
 class BlackboardBackup:
-    """The entries of every blackboard of a tree at one moment: path to key to (value, type)."""
+    """The entries of all blackboards of a tree at one moment: path → key → (value, type)."""
 
     boards: Mapping[str, Mapping[str, tuple[Any, Any]]]
 
 
 def backup(tree: Tree) -> BlackboardBackup:
-    """Return a copy of all entries; lists, dictionaries, sets and queues are copied with what is in them."""
+    """Return a copy of all entries; lists, dictionaries, sets and queues are copied deeply."""
     return BlackboardBackup(
         {
             path: {slot.key: (_copied(slot.value), slot.kind) for slot in board.slots() if slot.exists}
@@ -35,10 +35,10 @@ def backup(tree: Tree) -> BlackboardBackup:
 
 
 def restore(tree: Tree, saved: BlackboardBackup) -> None:
-    """Set all entries back; those that are not in the backup are removed.
+    """Restore all entries; those that are not in the backup are removed.
 
     Raises:
-        BlackboardError: the backup is of a tree with other SubTrees; nothing is changed.
+        BlackboardError: the backup belongs to a tree with other SubTrees; nothing is changed.
     """
     if set(saved.boards) != set(tree.blackboards):
         raise BlackboardError(
@@ -60,9 +60,9 @@ def _copied(value: Any) -> Any:
 
 
 def to_json(tree: Tree) -> str:
-    """Return all entries that have a value as JSON: SubTree path (the main tree: its ID) to key to value.
+    """Return all entries that have a value as JSON: SubTree path (the main tree: its ID) → key → value.
 
-    Values that JSON does not know become ``{"__type": name, "text": literal}``.
+    Values without a JSON form become ``{"__type": name, "text": literal}``.
 
     Raises:
         BlackboardError: a value has neither a JSON nor a text form.
@@ -92,11 +92,11 @@ def _json_value(slot: Slot) -> Any:
 
 
 def from_json(tree: Tree, text: str) -> None:
-    """Set the entries that ``text`` holds; others stay. Values take the type that their entry is locked to.
+    """Set the entries in ``text``; others are unchanged. Values take the locked type of their entry.
 
     Raises:
-        BlackboardError: it is not of the form that ``to_json`` gives, names SubTrees that the tree does not have, or a
-            value does not fit its entry.
+        BlackboardError: it is not in the format of ``to_json``, names unknown SubTrees, or a value does not fit its
+            entry.
     """
     try:
         data = json.loads(text)
@@ -118,6 +118,6 @@ def _import(board: Blackboard, key: str, value: Any) -> None:
     if isinstance(value, dict) and "__type" in value:
         name = value["__type"]
         if slot.kind is None or getattr(slot.kind, "__name__", "") != name:
-            raise BlackboardError(f"entry '{slot.path}' holds a {name}, but no port in the tree declares that type")
+            raise BlackboardError(f"entry '{slot.path}' holds a {name}, which no port in the tree declares")
         value = str(value.get("text", ""))
     slot.assign(value)

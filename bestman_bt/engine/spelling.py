@@ -1,4 +1,4 @@
-"""The known name that a misspelt one probably means."""
+"""Suggestions for misspelt names."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""Substitution rules: swap nodes of a loaded tree for others, to test the tree without its robot.
+"""Substitution rules: replace nodes of a loaded tree, to test the tree without its robot.
 
-A rule's filter is a node's name, its type, or a wildcard over its path (``arm/*``); the first that fits wins.
+A rule's filter is a node's name, its type, or a wildcard over its path (``arm/*``); the first match applies.
 """
 
 from __future__ import annotations
@@ -23,23 +23,23 @@ if TYPE_CHECKING:
 
 
 class SubstitutionError(EngineError):
-    """A set of rules is not well formed, or names a node that is not registered."""
+    """A set of rules is invalid, or names a node that is not registered."""
 
 
 @dataclass
 class SubstitutionRules:
-    """Filters and what takes the place of the nodes that they match: a registered name, or a TestNode."""
+    """Filters → the replacement of the matching nodes: a registered name, or a TestNode."""
 
     rules: dict[str, str | TestNodeConfig] = field(default_factory=dict)
 
     def add(self, pattern: str, replacement: str | TestNodeConfig) -> SubstitutionRules:
-        """Replace the nodes that ``pattern`` matches; returns the rules, to add more."""
+        """Replace the nodes that match ``pattern``; returns the rules, for chaining."""
         self.rules[pattern] = replacement
         return self
 
     @classmethod
     def from_json(cls, text: str | Mapping[str, Any]) -> SubstitutionRules:
-        """Read BehaviorTree.CPP's form: ``{"TestNodeConfigs": {...}, "SubstitutionRules": {...}}``.
+        """Read the format of BehaviorTree.CPP: ``{"TestNodeConfigs": {...}, "SubstitutionRules": {...}}``.
 
         Raises:
             SubstitutionError: a field is missing, unknown or of the wrong type.
@@ -54,7 +54,7 @@ class SubstitutionRules:
         return cls({str(k): configs.get(v, str(v)) for k, v in data["SubstitutionRules"].items()})
 
     def replace(self, node: Node, tree: Tree) -> Node:
-        """Return what takes the place of ``node``: itself where no rule fits.
+        """Return the replacement of ``node``, or itself if no rule matches.
 
         Raises:
             SubstitutionError: the rule names a node that is not registered.
@@ -68,7 +68,7 @@ class SubstitutionRules:
         else:
             found = tree.registry.find(rule)
             if found is None:
-                raise SubstitutionError(f"the node '{rule}' that is to replace '{node.path}' is not registered")
+                raise SubstitutionError(f"'{rule}', the replacement of '{node.path}', is not registered")
             info = found
         other = info.cls.__new__(info.cls)
         Node._set_up(other, node.name, node.attributes, [])

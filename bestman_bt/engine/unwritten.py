@@ -22,23 +22,23 @@ _ONCE = (
     *(*_IN_ORDER, decorators.SubTree, decorators.Inverter, decorators.ForceSuccess, decorators.ForceFailure),
     *(decorators.Timeout, decorators.Delay, decorators.RunOnce),
 )
-"""Nodes that tick each child to its end once: what stands first in them has ended when the next begins."""
+"""Nodes that tick each child to its end once: an earlier child has ended when the next one starts."""
 
 
 MOST_HINTS = 50
-"""Suggestions that are looked for in one tree: each compares a name with all others."""
+"""Largest number of suggestions per tree: each compares a name with all others."""
 _OURS = ("bestman_bt.", "behaviours.", "py_trees.", "builtins")
-"""Modules whose nodes write through their ports alone."""
+"""Modules whose nodes write only through their ports."""
 
 
 @dataclass(frozen=True)
 class UnwrittenRead:
     """An entry that has no value when it is read.
 
-    ``node``, ``port``, ``key``: where it is named outermost, which is the SubTree that hands it in, else the reader.
-    ``fails``: whether reading it ends the tree, for the reader has no default. ``later``: the line of what writes it
-    only afterwards, 0 where no line is known; None: nothing in the tree writes it. ``not_given``: the node is a SubTree
-    of another file, which reads the port and was not given it.
+    ``node``, ``port``, ``key``: its outermost use, which is the SubTree that passes it in, else the reader. ``fails``:
+    whether reading it ends the tree, because the reader has no default. ``later``: the line of a write that comes too
+    late, 0 if the line is unknown; None: nothing in the tree writes it. ``not_given``: the node is a SubTree of another
+    file that reads a port which was not given.
     """
 
     node: Node
@@ -50,29 +50,29 @@ class UnwrittenRead:
     not_given: bool = False
 
     def problem(self, severity: str, why: str = "") -> Problem:
-        """The same in words; ``why`` in place of what is known from the tree alone."""
+        """Return it as a problem; ``why`` replaces the reason that the tree alone gives."""
         if self.not_given:
             words = f"it is not given, and the tree '{self.node.type_id}' reads it"
             return problem_at(self.node, self.port, words, self.suggestion, severity)
         if not why and self.later is None:
             why = "which nothing in the tree writes"
         elif not why:
-            why = "which is written only afterwards" + (f", in line {self.later}" if self.later else "")
+            why = "which is written only later" + (f", in line {self.later}" if self.later else "")
         return problem_at(self.node, self.port, f"reads '{{{self.key}}}', {why}", self.suggestion, severity)
 
 
 def problem_at(node: Node, port: str, message: str, suggestion: str, severity: str = "error") -> Problem:
-    """Return a problem of a node's port, with the file and the line that say it."""
+    """Return a problem of a node's port, with file and line."""
     file = "" if node.place is None else node.place.file
     element = "SubTree" if isinstance(node, decorators.SubTree) else node.type_id
     return Problem(file, node.line, element, port, message, suggestion, severity)
 
 
 def unwritten_reads(tree: Tree, given: Iterable[str] = ()) -> Iterator[UnwrittenRead]:
-    """Yield each entry that is read before it has a value; ``given`` are root entries that somebody sets before.
+    """Yield each entry that is read before it has a value; ``given``: root entries set before the run.
 
-    What is written by code that does not say so in ports (``may_write_unseen``) is not known here. A port whose default
-    is an empty text takes an entry without a value for that, and does not count.
+    Writes of code that does not declare them in ports (``may_write_unseen``) are not visible here. A port whose default
+    is an empty text accepts an entry without a value and does not count.
     """
     uses, subtrees, hints = entry_uses(tree), SubTrees(tree), 0
     fatal = {id(use.slot) for use in uses if not use.writes and _fails(tree, use)}
@@ -107,7 +107,7 @@ def unwritten_reads(tree: Tree, given: Iterable[str] = ()) -> Iterator[Unwritten
 
 
 class SubTrees:
-    """The SubTrees of a tree by their paths, and what is named within each; made in one pass over its nodes."""
+    """The SubTrees of a tree by path, and the entries used in each; built in one pass over its nodes."""
 
     def __init__(self, tree: Tree) -> None:
         self._by_path = {one.subtree_path: one for one in tree.nodes if isinstance(one, decorators.SubTree)}
@@ -133,11 +133,11 @@ class SubTrees:
             place = self._by_path[place.path].place
 
     def used_in(self, subtree: decorators.SubTree) -> list[str]:
-        """The keys of the entries that nodes within a SubTree's tree read or write."""
+        """Return the keys of the entries that nodes inside a SubTree's tree read or write."""
         return list(self._used[subtree.subtree_path])
 
     def unread_ports(self, subtree: decorators.SubTree) -> list[str]:
-        """Attributes of a SubTree that nothing within its tree reads or writes."""
+        """Return the attributes of a SubTree that nothing inside its tree reads or writes."""
         path = subtree.subtree_path
         if path in self._unseen:
             return []
@@ -145,7 +145,7 @@ class SubTrees:
         return [port for port in subtree.attributes if port[0] != "_" and port not in named]
 
     def of_another_file(self, node: Node) -> decorators.SubTree | None:
-        """The SubTree, of a tree in another file, that lacks what a node reads there."""
+        """Return the SubTree of another file that lacks an entry read by a node inside it."""
         place = node.place
         while place is not None and place.path:
             outer = self._by_path[place.path]
@@ -157,19 +157,20 @@ class SubTrees:
         return None
 
     def named_at(self, use: EntryUse) -> tuple[Node, str, str]:
-        """Node, port and key where an entry is named outermost: the SubTree that hands it in, else its user."""
+        """Return node, port and key of an entry's outermost use: the SubTree that passes it in, else its user."""
         return _named_at(self._by_path, use)
 
 
 def _meant(subtrees: SubTrees, subtree: decorators.SubTree, key: str) -> str:
     """Words that suggest the attribute of a SubTree that may stand for ``key``, or how to give that."""
     hint = closest(key, subtrees.unread_ports(subtree))
-    return f"did you mean it by '{hint}'?" if hint else f'give {key}="…"'
+    return f"did you mean '{hint}'?" if hint else f'give {key}="…"'
 
 
 def entries_of(tree: Tree) -> tuple[dict[str, bool], list[str]]:
-    """What a tree takes and leaves as a SubTree: its root entries that only others write, with whether an empty one is
-    an error, and those that it writes itself.
+    """Return the inputs and outputs of a tree as a SubTree.
+
+    These are its root entries that only others write, with whether an empty one is an error, and those that it writes.
     """
     uses = [use for use in entry_uses(tree) if tree.blackboard.slot(use.slot.key) is use.slot]
     written = dict.fromkeys(use.slot.key for use in uses if use.writes)
@@ -181,7 +182,7 @@ def entries_of(tree: Tree) -> tuple[dict[str, bool], list[str]]:
 
 
 def named_at(tree: Tree, use: EntryUse) -> tuple[Node, str, str]:
-    """Return node, port and key where one entry is named outermost; of many, ask ``SubTrees``."""
+    """Return node, port and key of the outermost use of one entry; for many entries, use ``SubTrees``."""
     return _named_at({node.subtree_path: node for node in tree.nodes if isinstance(node, decorators.SubTree)}, use)
 
 
@@ -199,7 +200,7 @@ def _named_at(subtrees: Mapping[str, decorators.SubTree], use: EntryUse) -> tupl
 
 
 def may_write_unseen(node: Node) -> bool:
-    """Whether a node's code may write entries that its ports do not name: it has, or asks for, its blackboard."""
+    """Return whether a node's code may write undeclared entries: it has, or asks for, its blackboard."""
     if isinstance(node, PyTreesBehaviour):
         below = node.behaviour.iterate()
         return any(one.blackboards or not type(one).__module__.startswith("py_trees.") for one in below)
@@ -214,7 +215,7 @@ def _names(code: CodeType) -> set[str]:
 
 
 def _fails(tree: Tree, use: EntryUse) -> bool:
-    """Whether reading an empty entry here is an error: of ports that must have a value, and of scripts."""
+    """Return whether reading an empty entry here is an error: of ports that must have a value, and of scripts."""
     port = tree.info_of(use.node).ports.get(use.port)
     is_needed = port is None or port.strict or use.port == "code"
     return is_needed and not isinstance(use.node, WasEntryUpdated)
@@ -226,7 +227,7 @@ def _empty_will_do(tree: Tree, use: EntryUse) -> bool:
 
 
 def _ended_before(reader: Node, writer: Node) -> bool:
-    """Whether the reader has ended for good before the writer is ticked for the first time."""
+    """Return whether the reader has ended for good before the writer is ticked for the first time."""
     routes = _route(reader), _route(writer)
     shared = [a for a, b in zip(*routes, strict=False) if a is b]
     if len(shared) in map(len, routes) or not all(type(node) in _ONCE for node in shared):
@@ -237,7 +238,7 @@ def _ended_before(reader: Node, writer: Node) -> bool:
 
 
 def _route(node: Node) -> list[Node]:
-    """The nodes from the root to this one."""
+    """Return the nodes from the root to this one."""
     route = [node]
     while isinstance(route[-1].parent, Node):
         route.append(route[-1].parent)
@@ -249,6 +250,6 @@ def _hint(node: Node, key: str, slot: Slot, written: dict[int, list[Node]], know
     board = node.board
     outer = board.parent
     if outer is not None and key not in board.remapping and id(outer.slot(key)) in written:
-        return f"the tree outside has '{key}'; map it with {key}=\"{{{key}}}\""
+        return f"the enclosing tree has '{key}'; map it with {key}=\"{{{key}}}\""
     hint = closest(key, [other.key for other in known if other is not slot])
     return f"did you mean '{{{hint}}}'?" if hint else ""

@@ -1,7 +1,7 @@
-"""Checks a tree file without running it: every error that loading would report, and warnings beyond.
+"""Checks of a tree file without running it: every error that loading would report, and warnings beyond.
 
-Warnings: entries that are read but that nothing in the tree writes, children that can never be ticked, SubTree ports
-that shadow an entry outside, trees that nothing uses, attributes that look like misspelt scripts.
+Warnings: entries that are read but never written, children that can never be ticked, SubTree ports that shadow an outer
+entry, unused trees, attributes that look like misspelt scripts.
 """
 
 from __future__ import annotations
@@ -43,16 +43,16 @@ def validate_file(
     given: Iterable[str] = (),
     package: Package | None = None,
 ) -> list[Problem]:
-    """Return everything that is wrong with a tree file, errors and warnings; empty where nothing is.
+    """Return all errors and warnings of a tree file.
 
-    What is ``missing`` alone may be right in another BehaviorTree.CPP process.
+    Problems with ``missing`` set may be valid in another BehaviorTree.CPP process.
 
     Args:
         path: an XML file or a Python file with ``build()``.
         registry: the nodes that it may name.
         search_path: folders that it may include from.
-        given: root entries that somebody sets before the tree runs.
-        package: other files that have its SubTrees, and models of nodes.
+        given: root entries set before the tree runs.
+        package: other files with its SubTrees and models of nodes.
     """
     registry = registry or NodeRegistry()
     found: list[Problem] = []
@@ -94,12 +94,12 @@ def validate_file(
 
 
 def tree_warnings(tree: Tree, given: Iterable[str] = ()) -> list[Problem]:
-    """Return what looks wrong in a tree that loads; ``given`` are root entries that somebody sets before."""
+    """Return the warnings of a tree that loads; ``given``: root entries set before the run."""
     return [*(read.problem("warning") for read in unwritten_reads(tree, given)), *ineffective_parts(tree)]
 
 
 def ineffective_parts(tree: Tree) -> list[Problem]:
-    """Return warnings of what a tree says without effect: attributes nobody reads, nodes that are never ticked."""
+    """Return warnings about parts without effect: unread attributes, nodes that are never ticked."""
     uses = entry_uses(tree)
     written = {id(use.slot) for use in uses if use.writes}
     found = [*_shadowing(tree, written), *_misspelt(tree), *_unread(tree)]
@@ -109,7 +109,7 @@ def ineffective_parts(tree: Tree) -> list[Problem]:
     found += [_warning(node, "msec", "0 means that it never times out") for node in never]
     found.extend(_unfit_below_reactive(tree))
     for child, sibling in unreachable_children(tree):
-        message = f"it can never be ticked: '{sibling.name}' before it ends or blocks its parent"
+        message = f"it can never be ticked: the earlier child '{sibling.name}' always ends or blocks the parent"
         found.append(_warning(child, "", message))
     return found
 
@@ -139,7 +139,7 @@ def _shadowing(tree: Tree, written: set[int]) -> Iterator[Problem]:
             if port in ("ID", "name") or port[0] == "_" or key_of(value, port) is not None:
                 continue
             if id(node.board.slot(port)) in written:
-                message = "the literal shadows the entry of this name outside, which _autoremap would share"
+                message = "the literal shadows the outer entry of this name, which _autoremap would share"
                 yield _warning(node, port, message)
 
 
@@ -147,15 +147,15 @@ def _unfit_below_reactive(tree: Tree) -> Iterator[Problem]:
     """Leaves that a reactive node asks anew, or interrupts, and that are not made for it."""
     for node in tree.nodes:
         if STRICT in node.attributes and not isinstance(node, _REACTIVE):
-            yield _warning(node, STRICT, "it means something to ReactiveSequence and ReactiveFallback alone")
+            yield _warning(node, STRICT, "it only affects ReactiveSequence and ReactiveFallback")
         if node.children or is_placeholder(node) or not any(isinstance(above, _REACTIVE) for above in upwards(node)):
             continue
         kind: Any = type(node)
         if isinstance(node, Condition):
             if isinstance(kind.on_tick, FunctionType) and "RUNNING" in kind.on_tick.__code__.co_names:
-                yield _warning(node, "", "a condition that may return RUNNING holds up the reactive node above it")
+                yield _warning(node, "", "a condition that may return RUNNING blocks the reactive node above it")
         elif isinstance(node, StatefulAction) and kind.on_halted is StatefulAction.on_halted:
-            yield _warning(node, "", "a reactive node may interrupt it, and it defines no on_halted()")
+            yield _warning(node, "", "a reactive node may halt it, and it does not define on_halted()")
 
 
 def _unread(tree: Tree) -> Iterator[Problem]:
@@ -165,7 +165,7 @@ def _unread(tree: Tree) -> Iterator[Problem]:
             continue
         for port in subtrees.unread_ports(node):
             hint = closest(port, subtrees.used_in(node))
-            message = f"nothing in the tree '{node.tree_id}' names it"
+            message = f"nothing in the tree '{node.tree_id}' uses it"
             yield problem_at(node, port, message, f"did you mean '{hint}'?" if hint else "", "warning")
 
 
@@ -173,7 +173,7 @@ def _lost_writes(tree: Tree, uses: list[EntryUse]) -> Iterator[Problem]:
     for use in uses:
         outer = use.node.board.remapping.get(use.key, "")
         if use.writes and outer[:1] == "@":
-            message = f"what it writes to '{{{use.key}}}' does not reach '{outer}', which the SubTree maps it to"
+            message = f"its writes to '{{{use.key}}}' do not reach '{outer}', to which the SubTree maps it"
             yield _warning(use.node, use.port, message, f"write to '{{{outer}}}' itself")
 
 
@@ -183,5 +183,5 @@ def _misspelt(tree: Tree) -> Iterator[Problem]:
             if attribute[0] == "_" and attribute not in _KNOWN_ATTRIBUTES:
                 hint = closest(attribute, _KNOWN_ATTRIBUTES)
                 if hint:
-                    message = "it is no script attribute and does nothing"
+                    message = "it is not a script attribute and has no effect"
                     yield _warning(node, attribute, message, f"did you mean '{hint}'?")

@@ -25,7 +25,7 @@ CHEATS = ("teleports", "grasp_constraints", "ground_truth_reads", "tampering", "
 
 
 def counter_words(cheat: str) -> str:
-    """A counter's name, for people."""
+    """Return a counter's name, for people."""
     return cheat.replace("_", " ")
 
 
@@ -102,7 +102,7 @@ class Audit:
         return ((", ".join(cheats), *found) if cheats else ()) + self.faults(max_penetration)
 
     def to_document(self) -> dict[str, Any]:
-        """The ``audit`` of ``result.json``: counters first, then their details."""
+        """Return the ``audit`` of ``result.json``: counters first, then their details."""
         document = asdict(self)
         document["collisions"] = len(self.collisions)
         document["collision_details"] = [_told(collision) for collision in self.collisions[:LISTED]]
@@ -192,7 +192,7 @@ def audit(
 
 
 def _since(record: AuditRecord, began: float) -> AuditRecord:
-    """The record with all times but those of penetrations, which nobody is told, counted from ``began`` on."""
+    """Return the record with all times but those of penetrations, which nobody is told, counted from ``began`` on."""
     lists = {field.name: getattr(record, field.name) for field in fields(record) if field.name != "penetrations"}
     shifted: dict[str, Any] = {
         name: tuple(_shifted(one, began) for one in seen) for name, seen in lists.items() if type(seen) is tuple

@@ -26,7 +26,8 @@ _DOCUMENTS, _TREES = (".yaml", ".yml"), (".xml", ".urdf", ".xacro")
 
 
 def named_files(values: Any, folder: Path = Path()) -> list[Path]:
-    """Every file that texts in nested ``values`` name, from ``folder`` or as an addition of the user; in turn, too.
+    """Return every file that texts in nested ``values`` name, from ``folder`` or as an addition of the user; in turn,
+    too.
 
     ``file.py:Class`` names its file. YAML files, trees and URDF are read for what they name, Python files for this and
     for the modules beside them that they import. Sorted.
@@ -136,7 +137,7 @@ def config_fingerprint(config: RunConfig) -> str:
 
 
 def commit() -> str:
-    """The commit of the checkout, with ``+changes`` where files differ from it; "" outside a checkout."""
+    """Return the commit of the checkout, with ``+changes`` where files differ from it; "" outside a checkout."""
     root = data_root()
     if not (root / ".git").exists():
         return ""

@@ -106,7 +106,7 @@ class ComparedEntries:
 
     @cached_property
     def comparison(self) -> PairedComparison:
-        """The statistics; ConfigurationError where the two have no seed in common."""
+        """The statistics. Raises ConfigurationError if the two have no seed in common."""
         try:
             return compare_runs(self.first.results, self.second.results)
         except ValueError as error:
@@ -138,7 +138,7 @@ class ComparedEntries:
 
 
 def within(entries: Sequence[FinishedEntry]) -> list[ComparedEntries]:
-    """Each entry with the first one of its task; where all are of different tasks, with the first of all."""
+    """Return each entry with the first one of its task; where all are of different tasks, with the first of all."""
     firsts = {entry.task: entry for entry in reversed(entries)}
     compared = [(firsts[entry.task], entry) for entry in entries if entry is not firsts[entry.task]]
     compared = compared or [(entries[0], entry) for entry in entries[1:]]
@@ -148,7 +148,7 @@ def within(entries: Sequence[FinishedEntry]) -> list[ComparedEntries]:
 def matched(
     firsts: Sequence[FinishedEntry], seconds: Sequence[FinishedEntry], given: tuple[str, str]
 ) -> list[ComparedEntries]:
-    """The entries of one name, or the only two; ConfigurationError where nothing matches."""
+    """Return the entries of one name, or the only two. Raises ConfigurationError if nothing matches."""
     if len(firsts) == len(seconds) == 1:
         return [ComparedEntries(firsts[0], seconds[0], _told_apart(firsts[0].name, seconds[0].name, given))]
     by_name = {entry.name: entry for entry in seconds}
@@ -168,7 +168,7 @@ def matched(
 
 
 def _told_apart(first: str, second: str, given: tuple[str, str]) -> tuple[str, str]:
-    """Names of entries, or of the folders where those are the same; ConfigurationError where these are, too."""
+    """Names of entries, or of the folders where those are the same. Raises ConfigurationError if these are, too."""
     if first != second:
         return first, second
     folders = [Path(side.rpartition(":")[0] if side.endswith(f":{first}") else side) for side in given]

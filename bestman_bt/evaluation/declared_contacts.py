@@ -73,7 +73,7 @@ class _Use:
     incidents: list[ContactIncident] = field(default_factory=list)
 
     def covers(self, incident: ContactIncident, models: Mapping[str, str]) -> bool:
-        """Whether it is the declared contact, by kinds, names and time."""
+        """Return whether it is the declared contact, by kinds, names and time."""
         contact, kinds = self.declared.contact, incident.kinds
         if contact.kind == "handle":
             fits = kinds == ("fingers", "furniture") and incident.leaf == contact.thing != ""
@@ -85,7 +85,9 @@ class _Use:
         return fits and self._in_time(incident)
 
     def _is(self, name: str, models: Mapping[str, str]) -> bool:
-        """Whether the declared thing may be that object: by name, else by looks; after the first contact it is one."""
+        """Return whether the declared thing may be that object: by name, else by looks; after the first contact it is
+        one.
+        """
         contact = self.declared.contact
         if self.incidents:
             return name == (self.incidents[0].first if contact.kind == "support" else self.incidents[0].second)
@@ -123,7 +125,9 @@ class DeclaredContacts:
         return "" if incident.peak_force <= most else f"{most:g} N were declared"
 
     def made(self) -> list[dict[str, Any]]:
-        """The contacts that were made as declared, for ``result.json``: by whom, when, how hard (times in s, N)."""
+        """Return the contacts that were made as declared, for ``result.json``: by whom, when, how hard (times in s,
+        N).
+        """
         return [_told(use.declared.contact, use.incidents) for use in self._uses if use.incidents]
 
 

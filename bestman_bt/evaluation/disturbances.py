@@ -53,7 +53,9 @@ class NewPlaces:
         self._models = {placed.name: placed.model for placed in self._world.objects}
 
     def beside(self, name: str, distance: tuple[float, float], rng: np.random.Generator) -> NewPlace | None:
-        """A place on the surface that an object stands on, ``distance`` metres away; None where none was drawn."""
+        """Return a place on the surface that an object stands on, ``distance`` metres away, or None if none was
+        drawn.
+        """
         below = (surface for surface in self._surfaces(inside=True) if is_over(self._evidence, name, surface))
         for surface in below:
             here = (self._map_from(surface).inverse() @ self._evidence.truth.object_pose(name)).position
@@ -66,7 +68,9 @@ class NewPlaces:
         return None
 
     def elsewhere(self, name: str, asked: str | None, rng: np.random.Generator) -> NewPlace | None:
-        """A place on the surface ``asked`` for, else on any that is open to the room and not of the same furniture."""
+        """Return a place on the surface ``asked`` for, else on any that is open to the room and not of the same
+        furniture.
+        """
         surfaces = list(self._surfaces(inside=False))
         if asked is None:
             below = self._evidence.truth.supports(name)
@@ -95,7 +99,9 @@ class NewPlaces:
         return surface_pose(self._evidence, surface)[1]
 
     def _place(self, name: str, surface: str, x: float, y: float, rng: np.random.Generator) -> NewPlace | None:
-        """At ``x``, ``y`` of a surface (x from its front to its back), turned anyhow; None if that is no good place."""
+        """At ``x``, ``y`` of a surface (x from its front to its back), turned anyhow, or None if that is no good
+        place.
+        """
         piece, map_from_surface, size, room = surface_pose(self._evidence, surface)
         model = self._models[name]
         on_surface = Pose2D(x, y, float(rng.uniform(-math.pi, math.pi)))
@@ -194,7 +200,7 @@ class Disturbances:
     # What has to happen
 
     def _is_seen(self, script: _Script) -> bool:
-        """The robot knows where it is, has not had it in its hand yet, and the hand is far away."""
+        """Return the robot knows where it is, has not had it in its hand yet, and the hand is far away."""
         name, truth = str(script.asked.object), self._truth
         if name not in self._session.skills.world.objects or name in self._was_held:
             return False

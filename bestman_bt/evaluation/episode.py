@@ -133,7 +133,7 @@ class _FailedLeaf:
 class _EndsWithRecording(ExecutionWatcher):
     """Cancels an execution where the one that it replays was cancelled, or when it goes on after the recording.
 
-    ``last_tick``: seconds until where it was cancelled, None where it was not: nothing is recorded of how it went on.
+    ``last_tick``: seconds until where it was cancelled, None if it was not: nothing is recorded of how it went on.
     ``why``: when, and at which node, it went on after the recording; empty where it did not.
     """
 
@@ -159,7 +159,7 @@ class _EndsWithRecording(ExecutionWatcher):
 
 
 def _last_tick_replayed(config: RunConfig) -> float | None:
-    """Seconds until the last tick of the cancelled run that is replayed; None where none is, or it ended otherwise.
+    """Seconds until the last tick of the cancelled run that is replayed, or None if none is, or it ended otherwise.
 
     A tick too few, if in doubt: in a tick after it, motions would be seen to have been stopped.
     """
@@ -372,7 +372,7 @@ def run_episode(
 
 
 def _recorder(stack: ExitStack, setup: Setup, folder: Path | None, keeping: Keeping) -> Callable[[Robot], Robot] | None:
-    """What writes down, for the driver ``replay``, all that skills read and command; None where nobody asked for it."""
+    """What writes down, for the driver ``replay``, all that skills read and command, or None if nobody asked for it."""
     if folder is None or not setup.config.record:
         return None
 
@@ -451,7 +451,9 @@ def _judge(
 
 
 def _pretended(result: RunResult, types: dict[str, str]) -> RunResult:
-    """The result of a run whose leaves of these types, if any, were simulated: no success, whatever came of it."""
+    """Return the result of a run whose leaves of these types, if any, were simulated: no success, whatever came of
+    it.
+    """
     if not types:
         return result
     why = f"leaves without code here were simulated: {', '.join(types)}"

@@ -105,7 +105,9 @@ _OTHER_FAMILY = {
 
 
 def duration_of(leaf: type[Node]) -> str | None:
-    """The duration that a leaf's time counts to, also of a class derived from a shipped one; None: to no duration."""
+    """Return the duration that a leaf's time counts to, also of a class derived from a shipped one; None: to no
+    duration.
+    """
     for base in leaf.__mro__:
         folder, _, rest = base.__module__.partition(".")
         if folder == "behaviours":

@@ -63,7 +63,7 @@ class Evaluation:
         self._interrupted = False
 
     def __enter__(self) -> Evaluation:
-        """Open the journal and count what was finished; ConfigurationError where it cannot be used."""
+        """Open the journal and count what was finished. Raises ConfigurationError if it cannot be used."""
         if self._folder is not None:
             self._journal = self._stack.enter_context(Journal(self._folder / "episodes.jsonl"))
             self.notes += self._journal.notes
@@ -149,7 +149,7 @@ class Evaluation:
         }
 
     def finished_entries(self) -> list[FinishedEntry]:
-        """The results of all entries but the controls."""
+        """Return the results of all entries but the controls."""
         return [
             FinishedEntry(entry.name, entry.config.name, tuple(self._results_of(entry)), entry.settings)
             for entry in self.suite.entries
@@ -160,7 +160,9 @@ class Evaluation:
         return [result for _, result in sorted(self.results[entry.name].items())]
 
     def entry_document(self, entry: SuiteEntry) -> dict[str, Any]:
-        """The summary of one entry; ``met``: all its episodes are done, and its targets met or else all successful."""
+        """Return the summary of one entry; ``met``: all its episodes are done, and its targets met or else all
+        successful.
+        """
         results = self._results_of(entry)
         busy = sum(result.wall_time_s for result in results)
         summary = summarize(entry.config.name, entry.config.seed, results, busy)

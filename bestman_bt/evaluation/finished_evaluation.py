@@ -25,7 +25,10 @@ class FinishedEntry:
 
 
 def read_entries(given: str) -> list[FinishedEntry]:
-    """The entries of ``FOLDER``, or the one that ``FOLDER:ENTRY`` names; ConfigurationError where there is none."""
+    """Return the entries of ``FOLDER``, or the one that ``FOLDER:ENTRY`` names.
+
+    Raises ConfigurationError if there is none.
+    """
     path, colon, name = given, "", ""
     if not Path(given).is_dir():
         path, colon, name = given.rpartition(":")

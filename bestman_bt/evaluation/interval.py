@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 
 def wilson_interval(successes: int, trials: int) -> tuple[float, float]:
-    """The Wilson score interval of a proportion, 95 %; ``(0, 1)`` without trials."""
+    """Return the Wilson score interval of a proportion, 95 %; ``(0, 1)`` without trials."""
     from scipy.stats import binomtest  # takes half a second to import
 
     if not 0 <= successes <= trials:
@@ -19,7 +19,7 @@ def wilson_interval(successes: int, trials: int) -> tuple[float, float]:
 
 
 def median_interval(values: Sequence[float]) -> list[float] | None:
-    """The 95 % interval of the median by order statistics; None of fewer than six values."""
+    """Return the 95 % interval of the median by order statistics; None of fewer than six values."""
     count = len(values)
     ordered = sorted(values)
     rank = 0

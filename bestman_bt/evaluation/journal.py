@@ -48,7 +48,7 @@ class Journal:
         self.notes: list[str] = []
 
     def __enter__(self) -> Journal:
-        """Read what is there, and take the file; ConfigurationError where that is not possible."""
+        """Read what is there, and take the file. Raises ConfigurationError if that is not possible."""
         try:
             self._path.parent.mkdir(parents=True, exist_ok=True)
             self._file = self._path.open("a+b")
@@ -136,7 +136,7 @@ class Journal:
 
 
 def read_episodes(path: Path) -> Mapping[EpisodeKey, RunResult]:
-    """The finished episodes of a journal that others may be writing; raises OSError, ConfigurationError."""
+    """Return the finished episodes of a journal that others may be writing; raises OSError, ConfigurationError."""
     results, _, damaged = _parsed(path.read_bytes().rpartition(b"\n")[0])
     if damaged:
         raise _damaged(path, damaged)
@@ -144,7 +144,7 @@ def read_episodes(path: Path) -> Mapping[EpisodeKey, RunResult]:
 
 
 def _parsed(data: bytes) -> tuple[dict[EpisodeKey, RunResult], list[bytes], dict[int, Exception]]:
-    """The episodes, the lines that tell them, and what is wrong with which other line."""
+    """Return the episodes, the lines that tell them, and what is wrong with which other line."""
     results: dict[EpisodeKey, RunResult] = {}
     sound: list[bytes] = []
     damaged: dict[int, Exception] = {}
@@ -160,7 +160,7 @@ def _parsed(data: bytes) -> tuple[dict[EpisodeKey, RunResult], list[bytes], dict
 
 
 def _has_ended(holder: str) -> bool:
-    """Whether a process of this machine, as a lock file names it, is no more."""
+    """Return whether a process of this machine, as a lock file names it, is no more."""
     match holder.split():
         case ["process", number, "on", host] if number.isdecimal() and host == socket.gethostname():
             return not Path(f"/proc/{number}").exists()

@@ -20,7 +20,7 @@ Judge = Callable[[Session, Truth, Clock | None, float], Verdict]
 
 
 def find_judge(config: RunConfig, known: Collection[Problem] = ()) -> Judge | None:
-    """What judges a run of the task; None where it names no predicate.
+    """What judges a run of the task, or None if it names no predicate.
 
     ``known``: what is wrong with the task already: of goals that could not be read none is missed.
     ConfigurationError for unknown names and for what the predicates need and the task does not give.

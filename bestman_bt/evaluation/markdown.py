@@ -47,7 +47,7 @@ def _lines(document: dict[str, Any]) -> Iterator[str]:
 
 
 def verdict(document: dict[str, Any]) -> str:
-    """Whether all targets were met; of tasks without a suite, whether all episodes succeeded."""
+    """Return whether all targets were met; of tasks without a suite, whether all episodes succeeded."""
     if document["interrupted"]:
         return f"interrupted, {document['episodes']} of {_asked(document)} episodes completed"
     if any(entry["missing"] for entry in document["entries"]):
@@ -64,7 +64,7 @@ def _asked(document: dict[str, Any]) -> int:
 
 
 def own_targets(entry: dict[str, Any]) -> list[dict[str, Any]]:
-    """The targets that were written for an entry, without those that every entry has."""
+    """Return the targets that were written for an entry, without those that every entry has."""
     return [target for target in entry["targets"] if target["what"] not in ALWAYS_ASKED]
 
 
@@ -88,7 +88,7 @@ def _table(entries: list[dict[str, Any]]) -> Iterator[str]:
 
 
 def accuracy_words(accuracy: dict[str, dict[str, Any]]) -> str:
-    """``place_error_mm 3.1 / 7.9``: metrics of single objects are left out where there is one over all."""
+    """``place_error_mm 3.1 / 7.9``: metrics of single objects are left out, if any over all."""
     shown = [name for name in accuracy if not any(name.startswith(f"{other}_") for other in accuracy if other != name)]
     return ", ".join(f"{name} {spread_words(accuracy[name])}" for name in shown)
 

@@ -32,7 +32,7 @@ class SuccessComparison:
 
     ``difference``: success rate of the second minus that of the first, with its ``interval`` (95 %, Tango's score
     interval). ``p_value``: McNemar's test, exact. ``pairs_needed``: with which a difference of this size is shown
-    with 80 % probability; None where none was seen.
+    with 80 % probability, or None if none was seen.
     """
 
     both: int
@@ -85,7 +85,7 @@ class PairedComparison:
 
 
 def compare_runs(first: Sequence[RunResult], second: Sequence[RunResult]) -> PairedComparison:
-    """Compare runs of the same seeds; ValueError where no seed is in both. Cancelled runs do not count."""
+    """Compare runs of the same seeds. Raises ValueError if no seed is in both. Cancelled runs do not count."""
     firsts, seconds = ({r.seed: r for r in side if r.outcome is not Outcome.CANCELLED} for side in (first, second))
     seeds = sorted(firsts.keys() & seconds.keys())
     if not seeds:
@@ -120,7 +120,7 @@ def compare_successes(pairs: Sequence[tuple[bool, bool]]) -> SuccessComparison:
 
 
 def tango_interval(only_first: int, only_second: int, pairs: int) -> tuple[float, float]:
-    """The 95 % score interval of the difference of two paired proportions, second minus first.
+    """Return the 95 % score interval of the difference of two paired proportions, second minus first.
 
     T. Tango, Equivalence test and confidence interval for the difference in proportions for the paired-sample design,
     Statistics in Medicine 17, 1998.
@@ -167,7 +167,7 @@ def compare_values(
 
 
 def hodges_lehmann(differences: NDArray[np.float64]) -> tuple[float, tuple[float, float] | None]:
-    """The median of all means of two of the (n,) differences, and its 95 % interval, None with fewer than six.
+    """Return the median of all means of two of the (n,) differences, and its 95 % interval, None with fewer than six.
 
     M. Hollander, D. A. Wolfe, Nonparametric Statistical Methods, section 3.
     """
@@ -182,7 +182,7 @@ def hodges_lehmann(differences: NDArray[np.float64]) -> tuple[float, tuple[float
 
 
 def _lower_rank_sum(count: int) -> int:
-    """The smallest sum of signed ranks that is, by chance, not exceeded with at least 2.5 %."""
+    """Return the smallest sum of signed ranks that is, by chance, not exceeded with at least 2.5 %."""
     if count > _EXACT_UP_TO:
         return int(count * (count + 1) / 4 - _Z * math.sqrt(count * (count + 1) * (2 * count + 1) / 24))
     chances = np.ones(1)

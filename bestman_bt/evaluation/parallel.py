@@ -67,7 +67,7 @@ def run_episodes(
 
 
 def run_or_tell(config: RunConfig, folder: Path | None) -> RunResult:
-    """The result of one run; one that breaks gives a result that tells the error."""
+    """Return the result of one run; one that breaks gives a result that tells the error."""
     run_folder = make_run_folder(config, folder) if folder is not None else None
     start = time.perf_counter()
     try:
@@ -112,7 +112,7 @@ class _Worker:
         self.connection.send((config, folder))
 
     def outcome(self, config: RunConfig, wall_limit: float) -> RunResult | None:
-        """The result, once there is one; afterwards ``alive`` tells whether the worker can take the next."""
+        """Return the result, once there is one; afterwards ``alive`` tells whether the worker can take the next."""
         passed = time.perf_counter() - self._began
         try:
             if self.connection.poll():

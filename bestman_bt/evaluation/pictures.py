@@ -47,7 +47,7 @@ class Pictures:
         return path
 
     def _overview(self) -> Viewpoint:
-        """All rooms, from above the longer side."""
+        """Return all rooms, from above the longer side."""
         xs, ys = self._wall_ends()
         x, y = (min(xs) + max(xs)) / 2, (min(ys) + max(ys)) / 2
         width = max(max(xs) - min(xs), 4.0)

@@ -194,7 +194,7 @@ class Recording:
 
 
 def goal_points(entries: Mapping[str, Any]) -> dict[str, NDArray[np.float64]]:
-    """The places among what a task tells its tree: entry → (3,) metres, map frame.
+    """Return the places among what a task tells its tree: entry → (3,) metres, map frame.
 
     Only some goals are places: that of a plan is facts, as text.
     """
@@ -232,7 +232,7 @@ def _person(walker: Walker) -> RecordedBody:
 
 
 def _leaf(furniture: PlacedFurniture, articulation: Articulation) -> RecordedBody:
-    """A door or drawer in a frame at its joint, as hal.simulation.scene_recorder.SceneSnapshot gives its pose."""
+    """Return a door or drawer in a frame at its joint, the frame of ``hal.simulation.scene_recorder.SceneSnapshot``."""
     joint = Pose(np.array(articulation.origin))
     shapes = tuple(PlacedShape(part.shape, joint.inverse() @ part.pose) for part in articulation.parts)
     name = f"{furniture.name}/{articulation.name}"

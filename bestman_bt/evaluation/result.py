@@ -33,8 +33,8 @@ class RunResult:
     """One run, judged.
 
     ``success``: the tree succeeded, the audit is clean and, where the run was judged, the predicate holds.
-    ``predicate``: None where it was not; ``not_judged``: why not, in words. ``held_at_start``: whether it held before
-    the first tick, None where nobody judged. ``moved_by_others``: objects, doors and drawers of the goal that a
+    ``predicate``: None if it was not; ``not_judged``: why not, in words. ``held_at_start``: whether it held before
+    the first tick, None if nobody judged. ``moved_by_others``: objects, doors and drawers of the goal that a
     disturbance moved and the robot never touched.
     ``interventions``: what somebody changed by hand while it ran: entries that were set, results that were forced.
     ``pretended``: types of leaves that were simulated, since they have no code here, and where each is known from.
@@ -86,7 +86,7 @@ class RunResult:
         return self.sim_time_s / self.wall_time_s if self.wall_time_s > 0 else 0.0
 
     def to_document(self) -> dict[str, Any]:
-        """The JSON document; no NaN or infinity in it."""
+        """Return the JSON document; no NaN or infinity in it."""
         document = {**asdict(self), "outcome": str(self.outcome)}
         document |= {"judged": self.judged, "real_time_factor": round(self.real_time_factor, 3)}
         versions = document.pop("versions")
@@ -95,7 +95,7 @@ class RunResult:
 
     @classmethod
     def from_document(cls, document: Any) -> RunResult:
-        """The result that ``to_document`` told; ValueError, with the field, for anything else."""
+        """Return the result that ``to_document`` told; ValueError, with the field, for anything else."""
         if not isinstance(document, dict):
             raise ValueError("it is no JSON object")
         fields = {key: value for key, value in document.items() if key not in DERIVED}

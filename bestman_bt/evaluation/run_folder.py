@@ -15,7 +15,7 @@ RESULT_NAME = "result.json"
 def make_run_folder(config: RunConfig, parent: Path = Path("runs")) -> Path:
     """Make the folder of a run, with its ``config.yaml``; a number is added where the name is taken.
 
-    Raises ConfigurationError where ``parent`` cannot hold it.
+    Raises ConfigurationError if ``parent`` cannot hold it.
     """
     stem = f"{datetime.now():%Y%m%d-%H%M%S}-{config.name}-{config.seed}"
     try:
@@ -28,7 +28,7 @@ def make_run_folder(config: RunConfig, parent: Path = Path("runs")) -> Path:
 
 
 def claim_run_folder(folder: Path) -> None:
-    """Make the folder that a program names for one run; ConfigurationError where it holds a run already."""
+    """Make the folder that a program names for one run. Raises ConfigurationError if it holds a run already."""
     there = [name for name in (RESULT_NAME, STATES_FILE, EVENTS_FILE, LOG_FILE) if (folder / name).exists()]
     message = f"holds a run already ({', '.join(there)}); name another folder, one for each run"
     if not there:

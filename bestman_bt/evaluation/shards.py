@@ -100,7 +100,7 @@ class Contradiction:
 
 
 def journals(folders: Iterable[Path]) -> list[Path]:
-    """Every journal below the folders; ConfigurationError where one has none."""
+    """Return every journal below the folders. Raises ConfigurationError if one has none."""
     found: dict[Path, None] = {}
     problems = []
     for folder in folders:
@@ -116,7 +116,7 @@ def journals(folders: Iterable[Path]) -> list[Path]:
 def gathered(
     episodes: Mapping[Path, Mapping[EpisodeKey, RunResult]],
 ) -> tuple[dict[EpisodeKey, RunResult], list[Contradiction]]:
-    """The episodes of all journals, of each the first one, and which contradict one another."""
+    """Return the episodes of all journals, of each the first one, and which contradict one another."""
     results: dict[EpisodeKey, RunResult] = {}
     origins: dict[EpisodeKey, Path] = {}
     contradictions = []

@@ -120,7 +120,9 @@ class Suite:
 
 
 def is_suite(name: str) -> bool:
-    """Whether it names a suite: a shipped one, or a file that holds ``tasks`` or ``controls``, or nothing at all."""
+    """Return whether it names a suite: a shipped one, or a file that holds ``tasks`` or ``controls``, or nothing at
+    all.
+    """
     if Path(name).suffix == ".yaml" and Path(name).is_file():
         data = read_document(Path(name)).data
         return not data or bool({"tasks", "controls"} & set(data))
@@ -133,7 +135,7 @@ def make_suite(
     seed: int | None,
     asked: RunRequest,
 ) -> Suite:
-    """The suite that is named, or one made of the tasks, which asks that all episodes succeed.
+    """Return the suite that is named, or one made of the tasks, which asks that all episodes succeed.
 
     ``asked``: what holds for each run, without its task and seed.
     """
@@ -218,11 +220,13 @@ class Entered:
     entry: EntryConfig
 
     def problem(self, field: tuple[str | int, ...], message: str) -> Problem:
-        """A fault of a field of the entry."""
+        """Return a fault of a field of the entry."""
         return self.document.problem((self.kind, self.key, *field), message)
 
     def placed(self, problem: Problem) -> Problem:
-        """A fault that a run was said to have, at the line of the suite where it was given; those of files stay."""
+        """Return a fault that a run was said to have, at the line of the suite where it was given; those of files
+        stay.
+        """
         if problem.line is not None:
             return problem
         fields: dict[str, tuple[str | int, ...]] = {"--tree": ("tree",)}
@@ -253,7 +257,10 @@ class Entered:
 
 
 def _prepared(path: Path, entered: Entered, seed: int, settings: tuple[str, ...], driver: str) -> RunConfig:
-    """The configuration of an entry's runs with everything checked; ConfigurationError names the suite's lines."""
+    """The configuration of an entry's runs with everything checked.
+
+    Raises ConfigurationError naming the suite's lines.
+    """
     entry = entered.entry
     faults, wrong = ProblemCollector(), list[Problem]()
     config: RunConfig | None = None

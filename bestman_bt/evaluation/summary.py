@@ -15,7 +15,7 @@ from bestman_bt.evaluation.result import Outcome, RunResult
 
 
 def summarize(task: str, first_seed: int, results: Sequence[RunResult], wall_time_s: float) -> dict[str, Any]:
-    """The document that ``eval --json`` prints; ``results`` in the order of their seeds.
+    """Return the document that ``eval --json`` prints; ``results`` in the order of their seeds.
 
     ``errors``: runs in which something raised. ``false_successes``: runs whose tree reported success while the
     predicate does not hold. ``unearned``: successes that are not the robot's doing, and why; they count in

@@ -24,7 +24,7 @@ _COMMA = re.compile(r",(?![^\[{]*[\]}])")
 def combinations(settings: Sequence[str], together: bool = False) -> list[tuple[str, ...]]:
     """``["a=1,2", "b=x"]`` → ``[("a=1", "b=x"), ("a=2", "b=x")]``: all combinations, the last setting varying fastest.
 
-    ``together``: the first values of all, the second ones and so on. ConfigurationError where nothing varies.
+    ``together``: the first values of all, the second ones and so on. Raises ConfigurationError if nothing varies.
     """
     swept = []
     for setting in settings:
@@ -46,8 +46,8 @@ def combinations(settings: Sequence[str], together: bool = False) -> list[tuple[
 def sweep_suite(suite: Callable[[tuple[str, ...]], Suite], settings: Sequence[tuple[str, ...]]) -> Suite:
     """One suite whose entries are those of ``suite(combination)`` for each combination, without controls.
 
-    An entry is named after the settings that differ, and its task where there are several; ConfigurationError with all
-    that is wrong with any of them.
+    An entry is named after the settings that differ, and its task where there are several. Raises ConfigurationError
+    with all that is wrong with any of them.
     """
     constant = set.intersection(*map(set, settings))
     faults = ProblemCollector()

@@ -29,7 +29,7 @@ class Truth(Protocol):
         """Of an object."""
 
     def articulation_position(self, name: str) -> float:
-        """How far a door or drawer is open, radians or metres from closed."""
+        """Return how far a door or drawer is open, radians or metres from closed."""
 
     def base_pose(self) -> Pose:
         """Of the robot's base frame."""
@@ -38,7 +38,7 @@ class Truth(Protocol):
         """Of a frame of the robot."""
 
     def touches_robot(self, name: str) -> bool:
-        """Whether the robot presses on an object."""
+        """Return whether the robot presses on an object."""
 
     def supports(self, name: str) -> tuple[str, ...]:
         """Names of the bodies other than the robot that an object touches."""
@@ -48,7 +48,7 @@ class Truth(Protocol):
 class DrawnTask:
     """A task in the world that the seed has drawn. ``world_model``: what the robot is given of it at the start.
 
-    ``absent``: objects that the scene leaves out. ``registry``: of the nodes that there are; None where they could not
+    ``absent``: objects that the scene leaves out. ``registry``: of the nodes that there are, or None if they could not
     be loaded, or nobody asks.
     """
 
@@ -91,7 +91,7 @@ class Verdict:
 
 
 def joined(verdicts: Iterable[Verdict]) -> Verdict:
-    """All of them hold, or what is wrong with any."""
+    """Return all of them hold, or what is wrong with any."""
     told = list(verdicts)
     metrics = {name: value for verdict in told for name, value in verdict.metrics.items()}
     return Verdict(all(v.holds for v in told), "; ".join(v.why for v in told if not v.holds), metrics)

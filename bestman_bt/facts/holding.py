@@ -7,12 +7,12 @@ from bestman_bt.facts.predicate import Beliefs, Predicate
 
 
 def is_held(evidence: Evidence, name: str) -> bool:
-    """Whether the robot presses on an object, and that stands on nothing."""
+    """Return whether the robot presses on an object, and that stands on nothing."""
     return evidence.truth.touches_robot(name) and not evidence.truth.supports(name)
 
 
 def believed_held(beliefs: Beliefs, name: str) -> bool:
-    """Whether a hand is believed to hold an object."""
+    """Return whether a hand is believed to hold an object."""
     return beliefs.world.arm_with(name) is not None
 
 

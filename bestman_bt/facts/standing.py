@@ -18,7 +18,7 @@ AT_REST = 0.001
 
 
 def is_moving(evidence: Evidence, name: str) -> bool:
-    """Whether an object has moved during the rest time."""
+    """Return whether an object has moved during the rest time."""
     way = evidence.truth.object_pose(name).position - evidence.before[name]
     return float(np.linalg.norm(way)) > AT_REST
 
@@ -42,14 +42,15 @@ def rest_faults(evidence: Evidence, name: str, surface: str) -> list[str]:
 
 
 def is_over(evidence: Evidence, name: str, surface: str) -> bool:
-    """Whether the middle of an object is above a surface, within its outline, and below the next one above."""
+    """Return whether the middle of an object is above a surface, within its outline, and below the next one above."""
     _, map_from_surface, size, room = surface_pose(evidence, surface)
     local = map_from_surface.inverse().apply(evidence.truth.object_pose(name).position[None])[0]
     return bool(np.all(np.abs(local[:2]) <= np.array(size) / 2)) and 0.0 < float(local[2]) < room
 
 
 def surface_pose(evidence: Evidence, name: str) -> tuple[PlacedFurniture, Pose, tuple[float, float], float]:
-    """The piece, the true pose in the map of a surface of it (open drawers are where they are), its size, and its room.
+    """Return the piece, the true pose in the map of a surface of it (open drawers are where they are), its size, and
+    its room.
 
     The room is what there is up to the next surface above, metres; infinite without one.
     """
@@ -64,7 +65,9 @@ def surface_pose(evidence: Evidence, name: str) -> tuple[PlacedFurniture, Pose, 
 
 
 def moved_by_drawer(evidence: Evidence, name: str) -> Pose:
-    """How far the drawer that a surface belongs to is open, in the furniture frame; nothing for other surfaces."""
+    """Return how far the drawer that a surface belongs to is open, in the furniture frame; nothing for other
+    surfaces.
+    """
     wanted, _, part = name.partition("/")
     piece = next(p for p in evidence.task.world.furniture if p.name == wanted)
     leaf = piece.model.leaf_of(part)

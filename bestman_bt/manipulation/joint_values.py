@@ -29,7 +29,10 @@ class JointLimits(Protocol):
 
 
 def joint_vector(values: ArrayLike, count: int, what: str) -> NDArray[np.float64]:
-    """Return ``values`` as a new (count,) float64 array; ManipulationError names ``what`` if it does not fit."""
+    """Return ``values`` as a new (count,) float64 array.
+
+    Raises ManipulationError naming ``what`` if it does not fit.
+    """
     array = np.array(values, dtype=float)
     if array.shape != (count,):
         raise ManipulationError(f"{what} should be {count} joint positions but has shape {array.shape}")
@@ -39,7 +42,7 @@ def joint_vector(values: ArrayLike, count: int, what: str) -> NDArray[np.float64
 
 
 def joint_path(values: ArrayLike, count: int, what: str) -> NDArray[np.float64]:
-    """Return ``values`` as a new (N, count) float64 array, N ≥ 1; ManipulationError names ``what``."""
+    """Return ``values`` as a new (N, count) float64 array, N ≥ 1. Raises ManipulationError naming ``what``."""
     array = np.array(values, dtype=float)
     if array.ndim != 2 or array.shape[1] != count or len(array) == 0:
         raise ManipulationError(f"{what} should have shape (N, {count}) but has {array.shape}")

@@ -88,7 +88,7 @@ class PostureSearch:
         self._shoulder, self._reach = self._kinematics.reach
 
     def home(self, rng: np.random.Generator) -> Array:
-        """The hand in front, looking down, far from singularities and limits: (n,) joint positions."""
+        """Return the hand in front, looking down, far from singularities and limits: (n,) joint positions."""
         x, y, z = self._shoulder
         tool = _looking_down(np.array([x + self.home_reach * self._reach, y, z + self.home_height * self._reach]), 0.0)
 
@@ -101,25 +101,27 @@ class PostureSearch:
         return self._best(iter([tool] * 8), cost, rng, "home", self._empty)
 
     def carry(self, rng: np.random.Generator, home: Array, head: dict[str, float]) -> Array:
-        """The hand above the base, looking down, something in it, within the smallest radius and out of the first
-        camera's view.
+        """Return the hand above the base, looking down, something in it, within the smallest radius and out of the
+        first camera's view.
         """
         middle = np.array([0.0, 0.0, self._shoulder[2] + 0.35 * self._reach])
         tools = self._around(middle, self.carry_box, rng)
         return self._best(tools, lambda q: self._cost(q, home, head), rng, "carry", self._holding, home)
 
     def carry_beside(self, rng: np.random.Generator, home: Array, head: dict[str, float]) -> Array:
-        """The hand beside the base, looking down, lower than above it: for what is large."""
+        """Return the hand beside the base, looking down, lower than above it: for what is large."""
         middle = self._shoulder + np.array([0.0, -0.38, 0.05]) * self._reach
         tools = self._around(middle, self.beside_box, rng)
         return self._best(tools, lambda q: self._cost(q, home, head), rng, "carry_beside", self._holding, home)
 
     def radius(self, positions: Array) -> float:
-        """How far arm and hand reach from the base's axis, metres."""
+        """Return how far arm and hand reach from the base's axis, metres."""
         return max(float(np.hypot(points[:, 0], points[:, 1]).max()) for points in self._points(positions, {}))
 
     def stands_out(self, positions: Array) -> float:
-        """How far arm and hand stand out beyond the outline of the robot's first base, metres; 0 without a base."""
+        """Return how far arm and hand stand out beyond the outline of the robot's first base, metres; 0 without a
+        base.
+        """
         base = next(iter(self.robot.of(BaseModel).values()), None)
         if base is None:
             return 0.0
@@ -131,7 +133,9 @@ class PostureSearch:
         return max(0.0, *beyond)
 
     def hidden(self, positions: Array, head: dict[str, float]) -> float:
-        """The share of the table that arm and hand hide from the first camera; ``head``: joints that carry it."""
+        """Return the share of the table that arm and hand hide from the first camera; ``head``: joints that carry
+        it.
+        """
         camera = next(iter(self.robot.of(CameraPart).values()), None)
         if camera is None or set(self._arm.joint_names) & joints_above(self.robot, camera.optical_frame):
             return 0.0
@@ -144,7 +148,7 @@ class PostureSearch:
         return room + self.hidden_weight * self.hidden(positions, head) + self.travel_weight * travel
 
     def _held(self, arm: str) -> AttachedObject:
-        """A thing of usual size in the hand; what hangs below it is what a posture for an empty hand forgets."""
+        """Return a thing of usual size in the hand; what hangs below it is what a posture for an empty hand forgets."""
         radius, length = self.held
         along = Pose(np.array([0.0, 0.0, length / 6.0]))
         touched = frozenset(hand_links(self.robot, arm))
@@ -161,7 +165,7 @@ class PostureSearch:
         world: CollisionWorld,
         home: Array | None = None,
     ) -> Array:
-        """The free configuration of least ``cost``; with ``home``, one that a motion leads to from there."""
+        """Return the free configuration of least ``cost``; with ``home``, one that a motion leads to from there."""
         middle = np.clip(0.0, self._arm.lower + 0.1, self._arm.upper - 0.1)
         free: list[tuple[float, Array]] = []
         for tool in tools:

@@ -1,4 +1,4 @@
-"""Value types that travel between floors: frozen dataclasses over numpy arrays, SI units, quaternions xyzw."""
+"""Value types shared by all packages: frozen dataclasses over numpy arrays, SI units, quaternions xyzw."""
 
 from bestman_bt.messages.failure import Failure, MotionErrorCode, MotionObstacle, MotionStage
 from bestman_bt.messages.grids import VOXEL_FREE, VOXEL_OCCUPIED, VOXEL_UNKNOWN, OccupancyGrid, VoxelGrid

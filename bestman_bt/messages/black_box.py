@@ -1,4 +1,4 @@
-"""What the parts of a robot were told and measured in the seconds before it stopped, as a file."""
+"""The black box: commands and measurements of all parts in the seconds before a stop, as a file."""
 
 from __future__ import annotations
 
@@ -21,15 +21,16 @@ ABOUT = "about"
 
 
 class BlackBoxError(Error):
-    """A file is no black box, or a damaged one."""
+    """A file is not a black box, or is damaged."""
 
 
 @dataclass(frozen=True, eq=False)
 class PartTrace:
-    """One part. ``times`` (N,): seconds of the robot's clock. ``values`` (N, C) by ``columns``; SI units, radians.
+    """The trace of one part. ``times`` (N,): seconds of the robot's clock. ``values`` (N, C): by ``columns``; SI units,
+    radians.
 
-    A column is named by what it is and of which joint: ``set position arm_joint1``, ``measured width``. ``reasons``:
-    when the gate held set-points back, and why; empty words: no more.
+    A column is named by quantity and joint: ``set position arm_joint1``, ``measured width``. ``reasons``: the times at
+    which the gate began to hold back set-points, each with the reason; an empty reason marks its end.
     """
 
     times: NDArray[np.float64]
@@ -38,7 +39,7 @@ class PartTrace:
     reasons: tuple[tuple[float, str], ...] = ()
 
     def of(self, column: str) -> NDArray[np.float32]:
-        """The values (N,) of a column; KeyError."""
+        """Return the values (N,) of a column. Raises KeyError for an unknown column."""
         if column not in self.columns:
             raise KeyError(column)
         values: NDArray[np.float32] = self.values[:, self.columns.index(column)]
@@ -47,14 +48,16 @@ class PartTrace:
 
 @dataclass(frozen=True, eq=False)
 class BlackBox:
-    """``stopped_at``: seconds of the robot's clock when it stopped, or a motion failed; ``reason``: why, in words."""
+    """``stopped_at``: seconds of the robot's clock when it stopped or a motion failed; ``reason``: why; ``parts``: by
+    name.
+    """
 
     stopped_at: float
     reason: str
     parts: Mapping[str, PartTrace]
 
     def save(self, path: Path) -> None:
-        """Write an ``.npz`` file that numpy alone reads."""
+        """Write an ``.npz`` file that can be read with numpy alone."""
         about = {
             "stopped_at": self.stopped_at,
             "reason": self.reason,
@@ -70,7 +73,7 @@ class BlackBox:
 
     @staticmethod
     def load(path: Path) -> BlackBox:
-        """Read such a file; BlackBoxError."""
+        """Read a file that ``save`` wrote. Raises BlackBoxError if it is not a black box, damaged or too large."""
         try:
             if path.stat().st_size > MAX_BYTES:
                 raise BlackBoxError(f"{path.name} has more than {MAX_BYTES} bytes")
@@ -86,4 +89,4 @@ class BlackBox:
                     parts[str(name)] = PartTrace(times, values, columns, reasons)
                 return BlackBox(float(about["stopped_at"]), str(about["reason"]), parts)
         except (OSError, KeyError, ValueError, TypeError, AttributeError, EOFError, zipfile.BadZipFile) as error:
-            raise BlackBoxError(f"{path.name} is no black box: {type(error).__name__}: {error}") from error
+            raise BlackBoxError(f"{path.name} is not a black box: {type(error).__name__}: {error}") from error

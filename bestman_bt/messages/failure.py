@@ -1,4 +1,4 @@
-"""Why something failed: one record from the controller of a part to the result of a run."""
+"""Failures: one record that travels from the controller of a part to the result of a run."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from enum import StrEnum
 
 
 class MotionErrorCode(StrEnum):
-    """Why a motion, or an action of a controller, failed or was cancelled."""
+    """Error codes of a motion or of a controller's action that failed or was cancelled."""
 
     STOPPED = "stopped"  # the robot or the part was stopped
     SUPERSEDED = "superseded"  # a newer command took the part over
@@ -31,7 +31,7 @@ class MotionErrorCode(StrEnum):
 
 
 class MotionStage(StrEnum):
-    """How far a motion had come when it failed."""
+    """The stage at which a motion failed."""
 
     STAND = "base placement"
     REACH = "inverse kinematics"
@@ -44,11 +44,11 @@ class MotionStage(StrEnum):
 
 @dataclass(frozen=True)
 class MotionObstacle:
-    """What a motion failed at.
+    """The cause of a failed motion: collision, joint limit or reach.
 
-    ``pairs``: names of bodies that are in each other's way, the most important first. ``joint``: the one at its limit,
-    or off its set-point. ``beyond``: how far the joint is there, or the target out of reach; radians or metres.
-    ``positions``: joint name → radians or metres, the pose that was tried last.
+    ``pairs``: names of colliding bodies, the most important first. ``joint``: the joint at its limit, or off its
+    set-point. ``beyond``: the excess of that joint, or the distance by which the target is out of reach; radians or
+    metres. ``positions``: joint name → radians or metres, the pose that was tried last.
     """
 
     stage: MotionStage
@@ -66,16 +66,16 @@ class MotionObstacle:
         elif self.joint:
             said = self.joint if self.beyond is None else f"{self.joint} is off by {self.beyond:.3f}"
         else:
-            said = "nothing is known of it" if self.beyond is None else f"out of reach by {self.beyond:.3f} m"
+            said = "no details are known" if self.beyond is None else f"out of reach by {self.beyond:.3f} m"
         return f"{self.stage}: {said}"
 
 
 @dataclass(frozen=True)
 class Failure:
-    """``code`` for programs: a MotionErrorCode, or one that a skill declares; ``text`` for people.
+    """``code``: for programs, a MotionErrorCode or a code that a skill declares; ``text``: for people.
 
-    ``part``: the name of the robot's part, empty where none is meant. ``vendor_code``: the vendor's own, as ``C31``.
-    ``obstacle``: what a motion failed at, where that is known.
+    ``part``: the name of the robot's part, or empty. ``vendor_code``: the vendor's own code, such as ``C31``.
+    ``obstacle``: the cause of a failed motion, if known.
     """
 
     code: str

@@ -1,4 +1,4 @@
-"""Arrays inside frozen messages: checked once, then read-only."""
+"""Arrays of frozen messages: checked once, then read-only."""
 
 from __future__ import annotations
 
@@ -11,10 +11,9 @@ from numpy.typing import ArrayLike, DTypeLike, NDArray
 def frozen_array(
     values: ArrayLike, shape: tuple[int | None, ...], what: str, dtype: DTypeLike = np.float64
 ) -> NDArray[Any]:
-    """Return ``values`` as a read-only array of ``dtype``.
+    """Return ``values`` as a read-only array of ``dtype``; an array that is read-only already is not copied.
 
-    ``shape`` gives the expected extents, None where any length fits. An array that is already read-only is
-    not copied. Raises ValueError that names ``what`` and the shape found.
+    ``shape``: the expected extents, None where any length fits. Raises ValueError naming ``what`` and the actual shape.
     """
     array = np.asarray(values, dtype=dtype)
     if array.shape != shape and not _fits(array.shape, shape):

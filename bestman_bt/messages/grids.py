@@ -1,4 +1,4 @@
-"""Occupancy grids, as in ROS."""
+"""Occupancy grids in two and three dimensions, with the conventions of ROS."""
 
 from __future__ import annotations
 
@@ -18,9 +18,11 @@ VOXEL_UNKNOWN, VOXEL_FREE, VOXEL_OCCUPIED = 0, 1, 2
 
 @dataclass(frozen=True, eq=False)
 class VoxelGrid:
-    """``states``: (X, Y, Z) uint8 of VOXEL_UNKNOWN, VOXEL_FREE, VOXEL_OCCUPIED; ``resolution``: a voxel's edge, metres.
+    """``states``: (X, Y, Z) uint8 of VOXEL_UNKNOWN, VOXEL_FREE, VOXEL_OCCUPIED; ``resolution``: edge of a voxel,
+    metres.
 
-    ``frame_from_grid``: the outer corner of voxel (0, 0, 0); the axes run along the grid. ``stamp``: the latest view's.
+    ``frame_from_grid``: the outer corner of voxel (0, 0, 0); the axes run along the grid. ``stamp``: of the latest
+    view, seconds.
     """
 
     states: NDArray[np.uint8]
@@ -32,12 +34,12 @@ class VoxelGrid:
         object.__setattr__(self, "states", frozen_array(self.states, (None, None, None), "VoxelGrid states", np.uint8))
 
     def centres(self, state: int) -> NDArray[np.float64]:
-        """Centres (N, 3) of all voxels in ``state``, metres, in the frame."""
+        """Return the centres (N, 3) of all voxels in ``state``, metres, in the frame of ``frame_from_grid``."""
         indices = np.argwhere(self.states == state)
         return self.frame_from_grid.apply((indices + 0.5) * self.resolution)
 
     def state_at(self, points: NDArray[np.float64]) -> NDArray[np.uint8]:
-        """States (N,) at points (N, 3) of the frame; VOXEL_UNKNOWN outside the grid."""
+        """Return the states (N,) at points (N, 3) of the frame, metres; VOXEL_UNKNOWN outside the grid."""
         indices = np.floor(self.frame_from_grid.inverse().apply(points) / self.resolution).astype(np.intp)
         inside = ((indices >= 0) & (indices < self.states.shape)).all(axis=1)
         states = np.full(len(points), VOXEL_UNKNOWN, dtype=np.uint8)
@@ -45,7 +47,7 @@ class VoxelGrid:
         return states
 
     def with_unknown_from(self, other: VoxelGrid) -> VoxelGrid:
-        """What is unknown here as ``other`` has it, a grid in the same frame; known voxels stay as they are."""
+        """Return this grid with its unknown voxels filled from ``other``, a grid in the same frame."""
         states = np.array(self.states)
         unknown = np.argwhere(states == VOXEL_UNKNOWN)
         centres = self.frame_from_grid.apply((unknown + 0.5) * self.resolution)
@@ -72,17 +74,17 @@ class OccupancyGrid:
         object.__setattr__(self, "origin", frozen_array(self.origin, (2,), "OccupancyGrid origin"))
 
     def to_cells(self, points: ArrayLike) -> NDArray[np.intp]:
-        """Cells (row, column) of map points (..., 2); they may lie outside the grid."""
+        """Return the cells (row, column) (..., 2) of map points (..., 2), metres; they may lie outside the grid."""
         xy = (np.asarray(points, dtype=float) - self.origin) / self.resolution
         return np.floor(xy[..., ::-1]).astype(np.intp)
 
     def to_points(self, cells: ArrayLike) -> NDArray[np.float64]:
-        """Map points (..., 2), metres, at the centres of cells (row, column)."""
+        """Return the map points (..., 2), metres, at the centres of cells (row, column) (..., 2)."""
         centres: NDArray[np.float64] = (np.asarray(cells, dtype=float)[..., ::-1] + 0.5) * self.resolution
         return centres + self.origin
 
     def contains(self, cells: ArrayLike) -> NDArray[np.bool_]:
-        """Which cells (..., 2) lie inside the grid."""
+        """Return which of the cells (row, column) (..., 2) lie inside the grid, (...) bool."""
         cells = np.asarray(cells)
         inside: NDArray[np.bool_] = np.all((cells >= 0) & (cells < self.data.shape), axis=-1)
         return inside

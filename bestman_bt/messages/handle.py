@@ -1,4 +1,4 @@
-"""Handles: what a door or a drawer is pulled by."""
+"""Handles of doors and drawers."""
 
 from __future__ import annotations
 
@@ -18,18 +18,18 @@ HingeSide = Literal["left", "right", "top", "bottom"]
 
 @dataclass(frozen=True, eq=False)
 class Handle:
-    """A place to take a door or drawer, and how that is likely to move.
+    """A handle of a door or drawer, and its probable motion.
 
-    ``pose``: frame_from_handle, origin in the middle of what is gripped, z out of the front (towards who opens it), x
-    along the bar or the edge (a knob: horizontal), y completes. ``radius``: metres, of bar or knob; of an edge, half
-    its thickness. ``length``: metres along x. ``standoff``: metres from the front panel to the origin, along z.
-    ``panel``: frame_from_panel, the middle of the front panel that the handle belongs to, z as the handle's and
-    x horizontal; ``panel_size``: (horizontal, vertical) metres; None where its borders were not seen.
-    ``joint``: the suggested kind of joint, and ``joint_confidence``, 0.5 (a guess) to 1. ``hinge_side``: seen from the
-    front, for a revolute joint. ``hinge``: a point (3,) on its axis, and ``hinge_direction``: (3,) unit; None where
+    ``pose``: frame_from_handle; origin in the middle of the gripped part, z out of the front, x along the bar or edge
+    (horizontal for a knob). ``radius``: metres, of bar or knob; for an edge, half its thickness. ``length``: metres
+    along x. ``standoff``: metres from the front panel to the origin, along z.
+    ``panel``: frame_from_panel, the middle of the handle's front panel, z as for the handle and x horizontal;
+    ``panel_size``: (horizontal, vertical) metres, or None if its borders were not seen.
+    ``joint``: the probable kind of joint, with ``joint_confidence`` from 0.5 (a guess) to 1. ``hinge_side``: seen from
+    the front, for a revolute joint. ``hinge``: a point (3,) on its axis, and ``hinge_direction``: (3,) unit, or None if
     unknown.
-    ``opening_direction``: (3,) unit, in which the handle starts to move. ``confidence``: 0 to 1 that it is a handle.
-    ``position_std``: metres.
+    ``opening_direction``: (3,) unit, the initial direction of the handle's motion. ``confidence``: 0 to 1 that it is a
+    handle. ``position_std``: metres.
     """
 
     kind: HandleKind
@@ -61,11 +61,11 @@ class Handle:
 
     @property
     def outward(self) -> NDArray[np.float64]:
-        """Unit normal (3,) of the front, towards who opens it."""
+        """Unit normal (3,) of the front, pointing out of the furniture."""
         return self.pose.rotation[:, 2]
 
     def seen_from(self, other_from_frame: Pose) -> Handle:
-        """The same handle, given in another frame."""
+        """Return the same handle, expressed in another frame."""
         turn = other_from_frame.rotation
         return Handle(
             self.kind,

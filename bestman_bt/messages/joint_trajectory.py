@@ -1,4 +1,4 @@
-"""Timed joint motions."""
+"""Paths of the base and timed joint trajectories."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from bestman_bt.messages.pose import Pose, Pose2D
 
 @dataclass(frozen=True, eq=False)
 class Path2D:
-    """``points``: (N, 2) metres in the map frame, in driving order; ``goal``: the pose to end in.
+    """``points``: (N, 2) metres in the map frame, in driving order; ``goal``: the final pose.
 
-    ``reverse``: (N - 1,) bool, the segments between the points that are driven backwards; none where left out.
+    ``reverse``: (N - 1,) bool, the segments driven backwards; empty means none.
     """
 
     points: NDArray[np.float64]
@@ -47,9 +47,9 @@ class Path2D:
 
 
 def joint_motion(kind: JointKind, origin: ArrayLike, axis: ArrayLike, position: float) -> Pose:
-    """Where the points of a closed leaf are when it is open by ``position``, radians or metres: frame_from_closed.
+    """Return frame_from_closed, the motion of a door or drawer that is open by ``position``, radians or metres.
 
-    ``origin``: (3,) metres, a point on the ``axis``, (3,) unit, both in that frame.
+    ``origin``: (3,) metres, a point on the joint ``axis``, (3,) unit, both in that frame.
     """
     direction = np.asarray(axis, dtype=float)
     if kind == "prismatic":
@@ -63,8 +63,8 @@ def joint_motion(kind: JointKind, origin: ArrayLike, axis: ArrayLike, position: 
 class JointTrajectory:
     """Samples of a joint motion.
 
-    ``joint_names``: n names. ``times``: (N,) seconds from the start, strictly rising from 0.
-    ``positions``, ``velocities``: (N, n), radians or metres (per second).
+    ``joint_names``: n names. ``times``: (N,) seconds from the start, strictly rising from 0. ``positions``,
+    ``velocities``: (N, n), radians or metres (per second).
     """
 
     joint_names: tuple[str, ...]
@@ -86,11 +86,13 @@ class JointTrajectory:
 
     @property
     def duration(self) -> float:
-        """Length in seconds."""
+        """Duration in seconds."""
         return float(self.times[-1])
 
     def sample(self, time: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Position and velocity, each (n,), at ``time`` seconds: cubic Hermite between samples, held at the ends."""
+        """Return position and velocity, each (n,), at ``time`` seconds: cubic Hermite between samples, clamped at the
+        ends.
+        """
         if time <= 0.0:
             return self.positions[0], self.velocities[0]
         if time >= self.times[-1]:

@@ -1,4 +1,4 @@
-"""Models of movable objects: what perception fits and what the hand grasps."""
+"""Models of movable objects, for perception and grasping."""
 
 from __future__ import annotations
 
@@ -11,36 +11,38 @@ from numpy.typing import NDArray
 from bestman_bt.messages.pose import Pose, wrap_angle
 from bestman_bt.messages.shapes import Box, Cylinder, Mesh, PlacedShape, Sphere
 
-# Yaws that an object may have, as far as it was seen: a set of arcs.
+# The yaws that agree with the views of an object so far: a set of arcs.
 
 
 @dataclass(frozen=True)
 class YawSet:
-    """``arcs``: (middle, half width) pairs in radians about z of the frame, disjoint; the likeliest first.
+    """``arcs``: (middle, half width) pairs in radians about z of the frame, disjoint, the most probable first.
 
-    An object without a yaw (a body of revolution) has the empty set: there is nothing to know.
+    The set is empty for a body of revolution, which has no yaw.
     """
 
     arcs: tuple[tuple[float, float], ...] = ()
 
     @property
     def width(self) -> float:
-        """Sum of the arcs' full widths, radians; 0 to 2π."""
+        """Sum of the full widths of the arcs, radians; 0 to 2π."""
         return min(2.0 * math.pi, sum(2.0 * half for _, half in self.arcs))
 
     def contains(self, yaw: float) -> bool:
-        """Whether ``yaw`` lies in one of the arcs; the empty set holds every yaw."""
+        """Return whether ``yaw``, radians, lies in one of the arcs; the empty set contains every yaw."""
         return not self.arcs or any(abs(wrap_angle(yaw - middle)) <= half for middle, half in self.arcs)
 
     def turned(self, angle: float) -> YawSet:
-        """The set after the frame's content is turned by ``angle`` radians about z."""
+        """Return the set after the frame's content is turned by ``angle`` radians about z."""
         return YawSet(tuple((wrap_angle(middle + angle), half) for middle, half in self.arcs))
 
 
 @dataclass(frozen=True, eq=False)
 class ObjectGrasp:
-    """A grasp found beforehand: ``object_from_tool`` (z leaves the hand, y closes), metres between the fingers where
-    they touch, and ``quality`` 0 to 1.
+    """A precomputed grasp.
+
+    ``object_from_tool``: z leaves the hand, y closes. ``width``: metres between the fingers at contact. ``quality``: 0
+    to 1.
     """
 
     object_from_tool: Pose
@@ -50,13 +52,13 @@ class ObjectGrasp:
 
 @dataclass(frozen=True)
 class ObjectModel:
-    """A rigid object: its frame has z up when the object stands, origin at the centre of its bounding box.
+    """A rigid object; frame: z up when the object stands upright, origin at the centre of its bounding box.
 
     ``color``: rgb, each 0 to 1. ``mass``: kg. ``friction``: lateral coefficient. ``collision``: solid parts;
-    ``visual``: what a camera sees (empty: the collision shapes). ``symmetry_order``: rotations about z that look
-    the same: 1 none, 2 half turns, 4 quarter turns, n turns by 2π/n, 0 any angle (a body of revolution).
-    ``visual_colors``: rgb of each visual shape; empty: all have ``color``. ``grasps``: antipodal grasps found
-    beforehand, best first; may be empty.
+    ``visual``: shapes that a camera sees (empty: the collision shapes). ``symmetry_order``: number of rotations about z
+    that look the same: 1 none, 2 half turns, 4 quarter turns, n turns by 2π/n, 0 any angle (a body of revolution).
+    ``visual_colors``: rgb of each visual shape; empty: all have ``color``. ``grasps``: precomputed antipodal grasps,
+    best first; may be empty.
     """
 
     name: str
@@ -71,12 +73,14 @@ class ObjectModel:
 
     @property
     def appearance(self) -> tuple[tuple[PlacedShape, tuple[float, float, float]], ...]:
-        """What cameras see: each shape and its rgb colour."""
+        """The visible shapes, each with its rgb colour, 0 to 1."""
         seen = self.visual or self.collision
         return tuple(zip(seen, self.visual_colors or (self.color,) * len(seen), strict=True))
 
     def bounds(self) -> NDArray[np.float64]:
-        """The bounding box of the collision shapes in the object frame: (2, 3), lower and upper corner, metres."""
+        """Return the bounding box of the collision shapes in the object frame: (2, 3), lower and upper corner,
+        metres.
+        """
         corners = np.concatenate([placed.pose.apply(_corners(placed)) for placed in self.collision])
         return np.stack([corners.min(axis=0), corners.max(axis=0)])
 

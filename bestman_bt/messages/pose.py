@@ -23,7 +23,7 @@ class Twist2D:
 
 
 MAX_HEADING = 4.0 * math.pi
-"""Radians; beyond, degrees are meant, or a number has gone wrong."""
+"""Radians; a larger value is probably in degrees, or faulty."""
 MAX_COORDINATE = 1e5
 """Metres."""
 
@@ -63,7 +63,7 @@ class Pose:
 
     @classmethod
     def from_xyz_rpy(cls, xyz: ArrayLike, rpy: ArrayLike = (0.0, 0.0, 0.0)) -> Pose:
-        """Build from a translation (metres) and fixed-axis roll, pitch, yaw (radians), as URDF's ``origin``."""
+        """Build from a translation (metres) and fixed-axis roll, pitch, yaw (radians), as ``origin`` in URDF."""
         roll, pitch, yaw = np.asarray(rpy, dtype=float) / 2.0
         cr, sr, cp, sp = math.cos(roll), math.sin(roll), math.cos(pitch), math.sin(pitch)
         cy, sy = math.cos(yaw), math.sin(yaw)
@@ -103,7 +103,9 @@ class Pose:
 
     @classmethod
     def from_string(cls, text: str) -> Pose:
-        """Parse ``x;y;z`` or ``x;y;z;roll;pitch;yaw`` (metres, radians), the form of a port literal."""
+        """Parse ``x;y;z`` or ``x;y;z;roll;pitch;yaw`` (metres, radians), the form of a port literal. Raises
+        ValueError.
+        """
         numbers = _parse_numbers(text, (3, 6), "a pose 'x;y;z' or 'x;y;z;roll;pitch;yaw' (metres, radians)")
         return cls.from_xyz_rpy(numbers[:3], numbers[3:] or (0.0, 0.0, 0.0))
 
@@ -135,7 +137,7 @@ class Pose:
 
     @property
     def roll_pitch_yaw(self) -> tuple[float, float, float]:
-        """Fixed-axis angles as URDF writes them, radians; where the pitch is a right angle, roll is 0."""
+        """Fixed-axis roll, pitch, yaw as in URDF, radians; roll is 0 if the pitch is a right angle."""
         m = self.rotation
         level = math.hypot(m[0, 0], m[1, 0])
         pitch = math.atan2(-m[2, 0], level)
@@ -150,7 +152,7 @@ class Pose:
         return math.acos(float(np.clip(1 - 2 * (x * x + y * y), -1.0, 1.0)))
 
     def inverse(self) -> Pose:
-        """The inverse transform."""
+        """Return the inverse transform."""
         x, y, z, w = self.quaternion
         return Pose(-self.rotation.T @ self.position, np.array([-x, -y, -z, w]))
 
@@ -169,12 +171,12 @@ class Pose:
         return Pose(self.position + self.rotation @ other.position, quaternion)
 
     def apply(self, points: ArrayLike) -> NDArray[np.float64]:
-        """Transform points of shape (..., 3)."""
+        """Transform points of shape (..., 3), metres."""
         transformed: NDArray[np.float64] = np.asarray(points, dtype=float) @ self.rotation.T + self.position
         return transformed
 
     def to_pose2d(self) -> Pose2D:
-        """Project onto the ground plane."""
+        """Project onto the ground plane: x, y and yaw."""
         return Pose2D(float(self.position[0]), float(self.position[1]), self.yaw)
 
     def __repr__(self) -> str:
@@ -193,21 +195,21 @@ class Pose2D:
 
     @classmethod
     def from_string(cls, text: str) -> Pose2D:
-        """Parse ``x;y;theta`` (metres, radians), the form of a port literal; who leaves theta out does not mean 0."""
+        """Parse ``x;y;theta`` (metres, radians), the form of a port literal. Raises ValueError, also without theta."""
         pose = cls(*_parse_numbers(text, (3,), "a planar pose 'x;y;theta' (metres, radians)"))
         if pose.fault:
             raise ValueError(pose.fault)
         return pose
 
     def checked(self, what: str) -> Pose2D:
-        """The pose itself; ValueError that names ``what`` where a number of it is not finite."""
+        """Return the pose itself. Raises ValueError naming ``what`` if a number is not finite."""
         if not math.isfinite(self.x + self.y + self.theta):
             raise ValueError(f"{what} is x {self.x:g} m, y {self.y:g} m, theta {self.theta:g} rad; it should be finite")
         return self
 
     @property
     def fault(self) -> str:
-        """In words why nobody can be asked to drive there: too large a heading, too far away; else empty."""
+        """Why the pose cannot be a goal: heading too large or position too far away; empty if it can."""
         if not abs(self.theta) <= MAX_HEADING:
             return f"theta is {self.theta:.6g} rad; at most two turns, ±{MAX_HEADING:.2f} rad, are accepted"
         if not max(abs(self.x), abs(self.y)) <= MAX_COORDINATE:
@@ -220,7 +222,7 @@ class Pose2D:
         return np.array([self.x, self.y])
 
     def inverse(self) -> Pose2D:
-        """The inverse transform."""
+        """Return the inverse transform."""
         c, s = math.cos(self.theta), math.sin(self.theta)
         return Pose2D(-c * self.x - s * self.y, s * self.x - c * self.y, -self.theta)
 
@@ -234,7 +236,7 @@ class Pose2D:
         )
 
     def apply(self, points: ArrayLike) -> NDArray[np.float64]:
-        """Transform points of shape (..., 2)."""
+        """Transform points of shape (..., 2), metres."""
         c, s = math.cos(self.theta), math.sin(self.theta)
         rotated: NDArray[np.float64] = np.asarray(points, dtype=float) @ np.array([[c, s], [-s, c]])
         rotated += (self.x, self.y)
@@ -245,7 +247,7 @@ class Pose2D:
         return Pose.from_xyz_rpy((self.x, self.y, z), (0.0, 0.0, self.theta))
 
     def distance_to(self, other: Pose2D) -> float:
-        """Straight-line distance of the positions, metres."""
+        """Return the Euclidean distance of the positions, metres."""
         return math.hypot(self.x - other.x, self.y - other.y)
 
 
@@ -253,18 +255,18 @@ class Pose2D:
 
 
 class Goals(tuple[Pose2D, ...]):
-    """Poses in the map frame, in driving order; as text, their numbers one after the other: ``x;y;theta;x;y;theta``."""
+    """Poses in the map frame, in driving order; as text ``x;y;theta;x;y;theta``."""
 
     __slots__ = ()
 
     @classmethod
     def from_string(cls, text: str) -> Goals:
-        """Parse ``x;y;theta`` of each pose (metres, radians), the form of a port literal."""
+        """Parse ``x;y;theta`` of each pose (metres, radians), the form of a port literal. Raises ValueError."""
         parts = text.split(";") if text.strip() else []
         if len(parts) % 3:
-            raise ValueError(f"poses 'x;y;theta;x;y;theta' (metres, radians) expected, got {text!r}")
+            raise ValueError(f"expected poses 'x;y;theta;x;y;theta' (metres, radians), got {text!r}")
         return cls(Pose2D.from_string(";".join(parts[i : i + 3])) for i in range(0, len(parts), 3))
 
     def to_string(self) -> str:
-        """The text that ``from_string`` reads."""
+        """Return the text that ``from_string`` parses."""
         return ";".join(f"{pose.x!r};{pose.y!r};{pose.theta!r}" for pose in self)

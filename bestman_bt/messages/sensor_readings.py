@@ -1,4 +1,4 @@
-"""Camera images with depth."""
+"""Sensor readings: wrenches, point clouds, laser scans, camera images."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Wrench:
 
 @dataclass(frozen=True, eq=False)
 class PointCloud:
-    """``points``: (N, 3) float64, metres. ``colors``: (N, 3) uint8 or None. The frame is named by the variable."""
+    """``points``: (N, 3) float64, metres. ``colors``: (N, 3) uint8, or None. The variable's name tells the frame."""
 
     points: NDArray[np.float64]
     colors: NDArray[np.uint8] | None = None
@@ -47,11 +47,11 @@ class PointCloud:
         return len(self.points)
 
     def transformed(self, target_from_source: Pose) -> PointCloud:
-        """The same points in another frame."""
+        """Return the same points in another frame."""
         return PointCloud(target_from_source.apply(self.points), self.colors)
 
     def selected(self, index: NDArray[np.bool_] | NDArray[np.intp]) -> PointCloud:
-        """The points that ``index`` (mask or indices) selects."""
+        """Return the points selected by ``index``, a mask (N,) or indices."""
         return PointCloud(self.points[index], None if self.colors is None else self.colors[index])
 
 
@@ -62,8 +62,9 @@ class PointCloud:
 class LaserScan:
     """A planar scan as in ROS: beam i points at ``angle_min + i * angle_increment`` in the lidar frame.
 
-    ``ranges``: (N,) float64 metres, inf where nothing was hit between ``range_min`` and ``range_max``. ``stamp``:
-    seconds, of the first beam; each further one is ``time_increment`` seconds later. ValueError for other ranges.
+    ``ranges``: (N,) float64 metres, inf for beams without a hit between ``range_min`` and ``range_max``. ``stamp``:
+    seconds, of the first beam; each further beam is ``time_increment`` seconds later. Raises ValueError for a negative
+    or NaN range.
     """
 
     ranges: NDArray[np.float64]
@@ -79,7 +80,7 @@ class LaserScan:
         wrong = np.flatnonzero(~(self.ranges >= 0.0))
         if len(wrong):
             first = int(wrong[0])
-            raise ValueError(f"LaserScan ranges[{first}] is {self.ranges[first]:g} m; 0 or more, or inf, is accepted")
+            raise ValueError(f"LaserScan ranges[{first}] is {self.ranges[first]:g} m; it should be 0 or more, or inf")
 
     @property
     def angles(self) -> NDArray[np.float64]:
@@ -87,7 +88,7 @@ class LaserScan:
         return self.angle_min + self.angle_increment * np.arange(len(self.ranges), dtype=np.float64)
 
     def points(self) -> NDArray[np.float64]:
-        """The hits in the lidar frame, (M, 2) metres; beams without a hit are left out."""
+        """Return the hits in the lidar frame, (M, 2) metres, without the beams that hit nothing."""
         hit = np.isfinite(self.ranges)
         ranges, angles = self.ranges[hit], self.angles[hit]
         return np.column_stack([ranges * np.cos(angles), ranges * np.sin(angles)])
@@ -95,10 +96,10 @@ class LaserScan:
 
 @dataclass(frozen=True)
 class CameraIntrinsics:
-    """Pinhole model: sizes, focal lengths and principal point in pixels (pixel centres at whole numbers).
+    """Pinhole model: image size, focal lengths and principal point in pixels (pixel centres at whole numbers).
 
-    ``distortion``: of the lens, OpenCV's (k1, k2, p1, p2, k3) or nothing; empty means an ideal or rectified image,
-    which is all that algorithms accept: the sensor rectifies.
+    ``distortion``: of the lens, OpenCV's (k1, k2, p1, p2, k3); empty for an ideal or rectified image, the only kind
+    that algorithms accept. The sensor rectifies.
     """
 
     width: int
@@ -112,7 +113,8 @@ class CameraIntrinsics:
     def __post_init__(self) -> None:
         if len(self.distortion) not in (0, 4, 5):
             raise ValueError(
-                f"CameraIntrinsics distortion should be empty or k1, k2, p1, p2 and maybe k3, but is {self.distortion}"
+                "CameraIntrinsics distortion should be empty or (k1, k2, p1, p2) with an optional k3, "
+                f"but is {self.distortion}"
             )
 
     @property
@@ -125,8 +127,8 @@ class CameraIntrinsics:
 class RGBDImage:
     """A registered colour and depth image.
 
-    ``rgb``: (H, W, 3) uint8. ``depth``: (H, W) float32, metres along the optical axis, 0 where unknown.
-    ``stamp``: seconds on the robot's clock. The optical frame has x right, y down, z forward.
+    ``rgb``: (H, W, 3) uint8. ``depth``: (H, W) float32, metres along the optical axis, 0 where unknown. ``stamp``:
+    seconds of the robot's clock. The optical frame has x right, y down, z forward.
     """
 
     rgb: NDArray[np.uint8]
@@ -140,13 +142,13 @@ class RGBDImage:
         object.__setattr__(self, "depth", frozen_array(self.depth, size, "RGBDImage depth", np.float32))
 
     def points(self) -> NDArray[np.float64]:
-        """Organised points in the optical frame, (H, W, 3) metres; NaN where the depth is unknown.
+        """Return the organised points in the optical frame, (H, W, 3) metres, NaN where the depth is unknown.
 
-        ValueError on an image of a lens with distortion: rectify it first.
+        Raises ValueError if the image has lens distortion: rectify it first.
         """
         k = self.intrinsics
         if k.distortion:
-            raise ValueError(f"points of an image with distortion {k.distortion} were asked for; rectify it first")
+            raise ValueError(f"the image has lens distortion {k.distortion}; rectify it before computing points")
         z = np.where(np.isfinite(self.depth) & (self.depth > 0), self.depth, np.nan).astype(np.float64)
         u, v = np.meshgrid(np.arange(k.width), np.arange(k.height))
         return np.stack([(u - k.cx) * z / k.fx, (v - k.cy) * z / k.fy, z], axis=-1)

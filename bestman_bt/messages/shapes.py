@@ -30,13 +30,13 @@ Several = Annotated[int, Ge(2)]
 
 @dataclass(frozen=True)
 class NotBelow:
-    """Annotates a number that should not be smaller than that of ``field``: ``Annotated[float, NotBelow("least")]``."""
+    """Annotates a number that must not be smaller than ``field``: ``Annotated[float, NotBelow("least")]``."""
 
     field: str
 
 
 class OrderError(Error, ValueError):
-    """Two ``fields`` are each right, and wrong together."""
+    """Two ``fields`` are valid on their own, but contradict each other."""
 
     def __init__(self, message: str, fields: tuple[str, str]) -> None:
         super().__init__(message)
@@ -44,7 +44,7 @@ class OrderError(Error, ValueError):
 
 
 def check_bounds(parameters: object) -> None:
-    """OrderError where a field of a dataclass is smaller than the one that its ``NotBelow`` names."""
+    """Raise OrderError if a field of a dataclass is smaller than the field that its ``NotBelow`` names."""
     for name, hint in typing.get_type_hints(type(parameters), include_extras=True).items():
         for mark in getattr(hint, "__metadata__", ()):
             if not isinstance(mark, NotBelow):
@@ -64,7 +64,7 @@ class Box:
 
 @dataclass(frozen=True)
 class Cylinder:
-    """A cylinder along z, centred on its frame; metres."""
+    """A cylinder along z, centred on its frame; ``radius``, ``length``: metres."""
 
     radius: float
     length: float
@@ -72,7 +72,7 @@ class Cylinder:
 
 @dataclass(frozen=True)
 class Sphere:
-    """A ball centred on its frame; metres."""
+    """A sphere centred on its frame; ``radius``: metres."""
 
     radius: float
 
@@ -90,7 +90,7 @@ class Mesh:
 
     @property
     def volume(self) -> float:
-        """Cubic metres inside a closed surface; negative where its faces turn inwards."""
+        """Return the volume inside a closed surface, m³; negative if its faces point inwards."""
         a, b, c = (self.vertices[self.faces[:, corner]] for corner in range(3))
         return float(np.einsum("ij,ij->i", a, np.cross(b, c)).sum()) / 6.0
 
@@ -100,7 +100,7 @@ Shape: TypeAlias = Box | Cylinder | Sphere | Mesh
 
 @dataclass(frozen=True)
 class PlacedShape:
-    """A shape at ``pose`` in the frame of the body that it belongs to."""
+    """A shape at ``pose`` in the frame of its body."""
 
     shape: Shape
     pose: Pose
@@ -110,7 +110,9 @@ class PlacedShape:
 
 
 def distance_to_shape(points: NDArray[np.float64], placed: PlacedShape) -> NDArray[np.float64]:
-    """Distances (N,) of points (N, 3) from a solid shape, metres, 0 inside; a mesh counts as its bounding box."""
+    """Return the distances (N,) of points (N, 3) from a solid shape, metres, 0 inside; a mesh counts as its bounding
+    box.
+    """
     local = placed.pose.inverse().apply(points)
     shape = placed.shape
     match shape:

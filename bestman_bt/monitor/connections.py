@@ -19,7 +19,7 @@ RESERVED = 96
 
 
 def most_connections() -> int:
-    """How many connections there may be: fewer where the process may have few file descriptors."""
+    """Return how many connections there may be: fewer where the process may have few file descriptors."""
     soft, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
     return MOST_CONNECTIONS if soft == resource.RLIM_INFINITY else max(16, min(MOST_CONNECTIONS, soft - RESERVED))
 

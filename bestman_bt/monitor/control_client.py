@@ -21,7 +21,7 @@ TOKEN_VARIABLE = "BESTMAN_BT_MONITOR_TOKEN"
 
 
 def page_address(host: str, port: int, token: str | None) -> str:
-    """The address that opens the page."""
+    """Return the address that opens the page."""
     query = f"?token={quote(token, safe='')}" if token else ""
     return f"http://{f'[{host}]' if ':' in host else host}:{port}/{query}"
 
@@ -42,7 +42,7 @@ def socket_folder() -> Path:
 
 
 def running_executors() -> list[Path]:
-    """The sockets of the executors that run now; sockets that nobody serves any more are removed."""
+    """Return the sockets of the executors that run now; sockets that nobody serves any more are removed."""
     alive = []
     for path in sorted(socket_folder().glob("*.sock")):
         with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as connection:

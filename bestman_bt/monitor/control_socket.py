@@ -108,7 +108,7 @@ def _answer_line(answer: dict[str, Any]) -> bytes:
 
 
 def topics_of(message: Request) -> frozenset[Topic]:
-    """What a request subscribes to; RequestRefusedError for what is no topic."""
+    """What a request subscribes to. Raises RequestRefusedError for what is no topic."""
     topics = message.get("topics", list(TOPICS))
     if not isinstance(topics, list) or not all(topic in TOPICS for topic in topics):
         raise RequestRefusedError(f"topics is a list of some of {', '.join(TOPICS)}")

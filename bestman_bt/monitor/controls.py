@@ -25,7 +25,7 @@ class UnknownControlError(RunError):
 
 
 def check_fields(what: str, asked: Request) -> None:
-    """RunError where a request has a field that the control does not take, by its name."""
+    """Raises RunError if a request has a field that the control does not take, by its name."""
     for name in asked:
         if name not in FIELDS.get(what, ()):
             meant = closest(name, FIELDS.get(what, ()))
@@ -58,7 +58,7 @@ def _set(asked: Request, nodes: NodeList) -> Request:
 def _speed(asked: Request, nodes: NodeList) -> Request:
     share = asked.get("share")
     if isinstance(share, bool) or not isinstance(share, int | float):
-        raise RunError("speed wants a share, a number up to 1")
+        raise RunError("speed needs a share, a number up to 1")
     return {"share": share}
 
 
@@ -110,7 +110,7 @@ FIELDS: dict[str, tuple[str, ...]] = {
 
 
 def _node(asked: Request, nodes: NodeList) -> Request:
-    """The node; breakpoints and forced results are hooks on nodes of the main tree."""
+    """Return the node; breakpoints and forced results are hooks on nodes of the main tree."""
     uid = asked.get("node")
     if isinstance(uid, str):  # a path, which the executor knows
         return {"node": _text(asked, "node")}

@@ -21,14 +21,14 @@ LARGEST_RESULT = 1 << 20
 
 
 def run_folders(given: Path) -> list[Path]:
-    """The run folders that a path means: itself, or those in it; or a log of BehaviorTree.CPP."""
+    """Return the run folders that a path means: itself, or those in it; or a log of BehaviorTree.CPP."""
     if has_record(given) or is_log(given):
         return [given]
     return sorted(path for path in given.iterdir() if has_record(path)) if given.is_dir() else []
 
 
 def identity_of(folder: Path) -> str:
-    """The id of a recorded run: the same in each monitor, so that a page finds it again."""
+    """Return the id of a recorded run: the same in each monitor, so that a page finds it again."""
     return f"run-{hashlib.sha256(str(folder.absolute()).encode()).hexdigest()[:12]}"
 
 
@@ -105,7 +105,7 @@ class RecordedRun(MonitoredRun):
         raise RunError("the run is over; only the page's own time can be moved")
 
     async def picture(self, number: int) -> bytes:
-        """A picture of the folder."""
+        """Return a picture of the folder."""
         found = self.history.picture(number)
         if found is None:
             raise RunError("there is no such picture")
@@ -116,7 +116,7 @@ class RecordedRun(MonitoredRun):
 
 
 def read_run(folder: Path) -> RunHistory:
-    """All that a run folder tells; what is damaged or missing is told in its log.
+    """Return all that a run folder tells; what is damaged or missing is told in its log.
 
     Raises:
         RunError: it is no run folder, or nothing in it can be read.

@@ -66,9 +66,9 @@ class MonitoredRun(ABC):
 
     @abstractmethod
     async def picture(self, number: int) -> bytes:
-        """A picture as JPEG or PNG; raises RunError where there is none any more."""
+        """Return a picture as JPEG or PNG; raises RunError where there is none any more."""
 
 
 def running_first(runs: Iterable[MonitoredRun]) -> list[MonitoredRun]:
-    """The order in which lists show runs: those that go on, then the newest."""
+    """Return the order in which lists show runs: those that go on, then the newest."""
     return sorted(runs, key=lambda run: (not run.is_live, -float(run.history.about.get("started") or 0), run.id))

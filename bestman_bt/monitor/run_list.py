@@ -95,7 +95,7 @@ class AttachedRun(MonitoredRun):
         return answer
 
     async def picture(self, number: int) -> bytes:
-        """A picture that is still held in memory."""
+        """Return a picture that is still held in memory."""
         found = self.history.picture(number)
         if found is None:
             raise RunError("this picture is not held any more")
@@ -237,7 +237,7 @@ class RunList:
             await run.stop()
 
     def get(self, identity: str) -> MonitoredRun | None:
-        """A run by its id."""
+        """Return a run by its id."""
         return next((run for run in self._runs() if run.id == identity), None)
 
     def summaries(self) -> list[dict[str, Any]]:

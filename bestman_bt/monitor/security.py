@@ -33,7 +33,7 @@ FORBIDDEN = 4403
 
 
 def is_loopback(host: str) -> bool:
-    """Whether only this machine can reach a server that listens there."""
+    """Return whether only this machine can reach a server that listens there."""
     if host == "localhost":
         return True
     try:
@@ -43,13 +43,13 @@ def is_loopback(host: str) -> bool:
 
 
 def new_token() -> str:
-    """A token that nobody guesses."""
+    """Return a token that nobody guesses."""
     return secrets.token_urlsafe(24)
 
 
 @dataclass(frozen=True)
 class AccessRules:
-    """``token``: None where none is demanded. ``hosts``: names that a request may be for; empty: any.
+    """``token``: None if none is demanded. ``hosts``: names that a request may be for; empty: any.
 
     Host names are checked on loopback, where a foreign page could make its own name point to this machine.
     """
@@ -60,7 +60,7 @@ class AccessRules:
 
     @classmethod
     def of(cls, host: str, port: int, token: str | None) -> AccessRules:
-        """The rules of a server that listens on ``host``."""
+        """Return the rules of a server that listens on ``host``."""
         hosts = frozenset({"localhost", "127.0.0.1", "::1", host}) if is_loopback(host) else frozenset()
         return cls(port, token, hosts)
 
@@ -129,7 +129,7 @@ class Guard:
         return bool(name) and (not self._rules.hosts or name in self._rules.hosts)
 
     def _is_our_origin(self, headers: Headers) -> bool:
-        """Whether a page of this server asks; who is no browser says so by naming the server as its origin."""
+        """Return whether a page of this server asks; who is no browser says so by naming the server as its origin."""
         try:
             origin = urlsplit(headers.get("origin", ""))
         except ValueError:

@@ -77,14 +77,14 @@ class _Site:
         return JSONResponse({"service": SERVICE, "sockets": str(socket_folder()), "read_only": self.config.read_only})
 
     async def page(self, _: Request) -> Response:
-        """The page itself."""
+        """Return the page itself."""
         index = STATIC / "index.html"
         if not index.is_file():
             return _error("this installation has no built page: bestman_bt/monitor/static is empty", 404)
         return FileResponse(index, headers={"Cache-Control": "no-cache"})
 
     async def image(self, request: Request) -> Response:
-        """A picture of a run."""
+        """Return a picture of a run."""
         run = self.runs.get(request.path_params["identity"])
         if run is None:
             return _error("there is no such run; GET /api/runs lists them", 404)
@@ -119,7 +119,7 @@ class _Site:
             return _error(str(error), 409)
 
     async def refused(self, _: Request, error: Exception) -> Response:
-        """An error as JSON."""
+        """Return an error as JSON."""
         assert isinstance(error, HTTPException)
         return _error(error.detail, error.status_code, error.headers)
 
@@ -141,7 +141,7 @@ class _Site:
 
 
 def make_app(config: ServerConfig, runs: RunList) -> ASGIApp:
-    """The application; ``runs`` is started and stopped with it."""
+    """Return the application; ``runs`` is started and stopped with it."""
     site = _Site(config, runs)
     routes = [
         Route("/health", site.health),
@@ -162,7 +162,9 @@ def _error(text: str, status: int, headers: Mapping[str, str] | None = None) -> 
 
 
 async def _asked(request: Request) -> dict[str, Any]:
-    """The JSON object of a request, empty without a body; raises RunError. No foreign page can send JSON unasked."""
+    """Return the JSON object of a request, empty without a body; raises RunError. No foreign page can send JSON
+    unasked.
+    """
     content = b""
     try:
         async with asyncio.timeout(BODY_TIME):
@@ -238,7 +240,7 @@ class MonitorServer:
 
 
 def bind(host: str, port: int) -> socket.socket:
-    """Listen; OSError where the port is taken or the host is not ours."""
+    """Listen. Raises OSError if the port is taken or the host is not ours."""
     family, kind, protocol, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
     listening = socket.socket(family, kind, protocol)
     try:

@@ -74,7 +74,7 @@ class Updates:
         }
 
     def _all(self) -> list[Message]:
-        """The full state, now or at the time that is looked at."""
+        """Return the full state, now or at the time that is looked at."""
         history = self.run.history
         time = history.last if self._at is None else min(max(self._at, history.states.first), history.last)
         is_now = self._at is None

@@ -29,7 +29,7 @@ MAX_OUTCOMES = 100_000
 
 
 def compare(a: RunHistory, b: RunHistory) -> dict[str, Any]:
-    """``parted`` (None where they never do) and ``words``.
+    """``parted`` (None if they never do) and ``words``.
 
     Compared are the outcomes of the leaves in their order, not their times: two runs that differ in speed alone do not
     part. Leaves are the same where their paths are.
@@ -288,7 +288,7 @@ class Viewer:
 
 
 def _parsed(text: str) -> Message:
-    """The request; an empty one for what is none."""
+    """Return the request; an empty one for what is none."""
     try:
         asked = json.loads(text)
     except (ValueError, RecursionError):

@@ -64,7 +64,7 @@ class _MapFile:
 
 
 def read_map(path: str | Path) -> OccupancyGrid:
-    """The map of a YAML file; its image is looked for beside it. Raises MapFileError with all that is wrong."""
+    """Return the map of a YAML file; its image is looked for beside it. Raises MapFileError with all that is wrong."""
     path = Path(path)
     if not path.exists():
         raise MapFileError(f"{path}: there is no such file; expected a map's YAML")

@@ -55,7 +55,7 @@ def piece(path: Path2D, begin: float, end: float) -> Path2D:
 
 
 def before_goal(path: Path2D, distance: float) -> Path2D:
-    """A path with two points or more up to the last point ``distance`` metres (Euclidean) from its end.
+    """Return a path with two points or more up to the last point ``distance`` metres (Euclidean) from its end.
 
     It ends facing the goal, as a robot stands that is to go on from there; nothing but the beginning is left where the
     whole path is nearer.
@@ -117,7 +117,7 @@ class PathSmoother:
     refinements: WholeNumber = 2
 
     def smooth(self, path: Path2D) -> Path2D:
-        """The smoothed path, which keeps its first and its last point and its cusps."""
+        """Return the smoothed path, which keeps its first and its last point and its cusps."""
         if len(path.points) < 3:
             return path
         bounds = [0, *(np.flatnonzero(np.diff(path.reverse)) + 1).tolist(), len(path.points) - 1]

@@ -49,7 +49,7 @@ class Rectification:
         )
 
     def apply(self, image: RGBDImage) -> RGBDImage:
-        """The ideal image: colour interpolated, depth of the nearest pixel, so that edges stay edges.
+        """Return the ideal image: colour interpolated, depth of the nearest pixel, so that edges stay edges.
 
         PerceptionError if the image is not of this camera.
         """
@@ -62,5 +62,5 @@ class Rectification:
 
 @lru_cache(maxsize=8)
 def rectification(intrinsics: CameraIntrinsics) -> Rectification | None:
-    """The rectification of a camera, made at the first question; None where there is nothing to rectify."""
+    """Return the rectification of a camera, made at the first question, or None if there is nothing to rectify."""
     return Rectification(intrinsics) if any(intrinsics.distortion) else None

@@ -20,7 +20,7 @@ CLOUD_FILES = (".ply", ".pcd", ".xyz", ".pts")
 
 
 def read_cloud(path: Path) -> PointCloud:
-    """A cloud of a file, metres; with colours if it has some. Raises PerceptionError."""
+    """Return a cloud of a file, metres; with colours if it has some. Raises PerceptionError."""
     _check_suffix(path)
     if not path.is_file():
         raise PerceptionError(f"{path}: no such file")
@@ -46,7 +46,7 @@ def write_cloud(path: Path, cloud: PointCloud, normals: NDArray[np.float64] | No
 
 
 def thinned(cloud: PointCloud, edge: float) -> PointCloud:
-    """The mean of position and colour in each cube of ``edge`` metres."""
+    """Return the mean of position and colour in each cube of ``edge`` metres."""
     return _ours(_theirs(cloud).voxel_down_sample(edge))
 
 

@@ -60,7 +60,7 @@ def hidden_share(grid: VoxelGrid, frame_from_surface: Pose, size: tuple[float, f
 
 
 def freed(grid: VoxelGrid, shapes: Iterable[PlacedShape], slack: float = 0.015) -> VoxelGrid:
-    """The grid after the bodies with these shapes (in its frame) have been taken away, for example by the hand.
+    """Return the grid after the bodies with these shapes (in its frame) have been taken away, for example by the hand.
 
     Occupied voxels that touch a shape, or come within ``slack`` metres of one, become free.
     """
@@ -127,7 +127,7 @@ class OccupancyMapper(ABC):
         """What is known now; the stamp is that of the latest view (0 before the first)."""
 
     def fuse(self, views: Sequence[View], region: VoxelRegion) -> VoxelGrid:
-        """The occupancy of a region from these views alone, in their order."""
+        """Return the occupancy of a region from these views alone, in their order."""
         self.begin(region)
         for view in views:
             self.add(view)

@@ -211,7 +211,7 @@ class GlobalNearestNeighbour(Tracker):
 
 
 def _seen_again(before: ObjectBelief, sighting: ObjectBelief, moved: bool) -> ObjectBelief:
-    """The new sighting; a yaw that was known better before is kept while the object has not moved."""
+    """Return the new sighting; a yaw that was known better before is kept while the object has not moved."""
     since = sighting.stamp if moved else before.since
     known_better = not moved and before.yaw_set.arcs and before.yaw_set.width < sighting.yaw_set.width
     if not known_better:

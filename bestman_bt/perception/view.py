@@ -15,7 +15,7 @@ from bestman_bt.perception.errors import PerceptionError
 class View:
     """An image and ``frame_from_camera``: the pose of the optical frame in a frame whose z points up (base or map).
 
-    Raises PerceptionError where the image is not that of an ideal pinhole: rectify it first.
+    Raises PerceptionError if the image is not that of an ideal pinhole: rectify it first.
     """
 
     image: RGBDImage
@@ -34,7 +34,7 @@ class View:
         return self.frame_from_camera.position
 
     def cloud(self, around: NDArray[np.float64] | None = None) -> PointCloud:
-        """The measured points in the frame, row by row, without the pixels that have no depth.
+        """Return the measured points in the frame, row by row, without the pixels that have no depth.
 
         ``around``: (K, 3) metres, corners of a convex body; only the rectangle of pixels that shows it is taken.
         """
@@ -74,7 +74,7 @@ class View:
         return points, depth, (rows, columns)
 
     def seen_from(self, other_from_frame: Pose) -> View:
-        """The same view, given in another frame."""
+        """Return the same view, given in another frame."""
         return View(self.image, other_from_frame @ self.frame_from_camera)
 
     def project(self, points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -111,6 +111,8 @@ class View:
 
 
 def known_depth(depth: NDArray[np.float32]) -> NDArray[np.float32]:
-    """The depths with 0 in place of NaN, infinite and negative ones: what a camera writes where it knows nothing."""
+    """Return the depths with 0 in place of NaN, infinite and negative ones: what a camera writes where it knows
+    nothing.
+    """
     known: NDArray[np.float32] = np.where(np.isfinite(depth) & np.greater(depth, 0.0), depth, np.float32(0.0))
     return known

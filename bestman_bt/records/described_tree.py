@@ -21,7 +21,7 @@ _CATEGORIES: dict[str, Category] = {name: name for name in get_args(Category)}
 
 
 def describe_tree(tree: Tree, number: int = MAIN_TREE, under: int | None = None) -> TreeEvent:
-    """The event that tells a loaded tree; ``number`` and ``under`` as there."""
+    """Return the event that tells a loaded tree; ``number`` and ``under`` as there."""
     try:
         xml = full_tree_xml(tree, builtin_models=False)
     except XmlError:  # a native behaviour of py_trees, or a value without a text form: shown, but not as XML
@@ -32,7 +32,7 @@ def describe_tree(tree: Tree, number: int = MAIN_TREE, under: int | None = None)
 def describe_changes(
     tree: Tree, changes: StateChanges, start: float, tick: int, number: int = MAIN_TREE
 ) -> StatesEvent:
-    """The event of one tick's changes, ``start`` being the run's; with what the nodes that are not idle say."""
+    """Return the event of one tick's changes, ``start`` being the run's; with what the nodes that are not idle say."""
     said = {uid: text for uid, state in changes if state != IDLE and (text := tree.nodes[uid - 1].feedback_message)}
     return StatesEvent(changes.stamp - start, tick, list(changes), said, number)
 
@@ -65,7 +65,7 @@ def _shortened(text: str) -> str:
 
 
 def describe_xml(xml: str, file: str = "the log") -> TreeEvent:
-    """The main tree that ``full_tree_xml`` has written: parents before children, paths as of the tree that ran.
+    """Return the main tree that ``full_tree_xml`` has written: parents before children, paths as of the tree that ran.
 
     Raises:
         LogError: it is no such text.

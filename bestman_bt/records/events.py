@@ -321,17 +321,17 @@ _EVENTS: TypeAdapter[Event] = TypeAdapter(Annotated[Event, Field(discriminator="
 
 
 def topic_of(event: Event) -> Topic | None:
-    """The topic that an event belongs to; None for those that everybody is told."""
+    """Return the topic that an event belongs to, or None for those that everybody is told."""
     return _TOPIC_OF.get(event.event)
 
 
 def to_line(event: Event) -> bytes:
-    """An event as one line of JSON."""
+    """Return an event as one line of JSON."""
     return _EVENTS.dump_json(event) + b"\n"
 
 
 def from_line(line: bytes | str) -> Event:
-    """The event of a line.
+    """Return the event of a line.
 
     Raises:
         EventError: it is none, or misses something.

@@ -120,7 +120,7 @@ class RunHistory:
         return {str(uid): text for uid in self._messages if (text := self.message_at(uid, time))}
 
     def entry_at(self, scope: str, key: str, time: float) -> dict[str, Any] | None:
-        """A blackboard entry with ``changed_at``; None where there is none at ``time``."""
+        """Return a blackboard entry with ``changed_at``, or None if there is none at ``time``."""
         found = self._entries[scope, key].at(time)
         return None if found is None or found[1] is None else {**asdict(found[1]), "changed_at": found[0]}
 
@@ -134,16 +134,16 @@ class RunHistory:
         return boards
 
     def pictures_at(self, time: float) -> list[Picture]:
-        """The latest picture of each camera."""
+        """Return the latest picture of each camera."""
         latest = {picture.camera: picture for picture in self.pictures if picture.time <= time}
         return list(latest.values())
 
     def picture(self, number: int) -> Picture | None:
-        """A picture that is still held."""
+        """Return a picture that is still held."""
         return next((picture for picture in self.pictures if picture.number == number), None)
 
     def lines_since(self, version: int, most: int) -> list[dict[str, Any]]:
-        """The newest ``most`` log lines after ``version``."""
+        """Return the newest ``most`` log lines after ``version``."""
         fresh = takewhile(lambda pair: pair[0] > version, reversed(self.log))
         return [asdict(line) for _, line in islice(fresh, most)][::-1]
 
@@ -217,7 +217,7 @@ class RunHistory:
         self.tree_version = self.version
 
     def shown(self, event: StatesEvent) -> Transitions:
-        """The changes of an event by uids of ``nodes``, and with NO where a condition has answered."""
+        """Return the changes of an event by uids of ``nodes``, and with NO where a condition has answered."""
         offset, count = self.nodes.range_of(event.tree)
         told = [(offset + uid, state) for uid, state in event.changes if 0 < uid <= count and 0 <= state <= SKIPPED]
         uids, states = np.array(told, dtype=np.uint32).reshape(-1, 2).T

@@ -16,7 +16,7 @@ class Keeping:
         self.lost: dict[str, str] = {}
 
     def write(self, what: str, write: Callable[[], object]) -> bool:
-        """Whether it could be written; nothing more is tried of what has failed once."""
+        """Return whether it could be written; nothing more is tried of what has failed once."""
         if what in self.lost:
             return False
         try:

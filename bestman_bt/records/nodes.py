@@ -30,13 +30,13 @@ class NodeList(Sequence[DescribedNode]):
         return self._nodes[index]
 
     def node(self, uid: int) -> DescribedNode:
-        """The node with this uid; EventError where there is none."""
+        """Return the node with this uid. Raises EventError if there is none."""
         if not 0 < uid <= len(self._nodes):
             raise EventError(f"there is no node {uid}")
         return self._nodes[uid - 1]
 
     def children(self, uid: int) -> list[DescribedNode]:
-        """The nodes below one, left to right; below a leaf the roots of the trees that it ticked."""
+        """Return the nodes below one, left to right; below a leaf the roots of the trees that it ticked."""
         return [self._nodes[child - 1] for child in self._children[self.node(uid).uid]]
 
     def depth(self, uid: int) -> int:
@@ -55,11 +55,11 @@ class NodeList(Sequence[DescribedNode]):
             pending += reversed(self.children(node.uid))
 
     def leaves(self) -> list[DescribedNode]:
-        """The nodes without any below them, in the order of reading."""
+        """Return the nodes without any below them, in the order of reading."""
         return [node for node in self.depth_first() if not self._children[node.uid]]
 
     def path_of(self, uid: int) -> str:
-        """A node's path; its number where there is no such node."""
+        """Return a node's path; its number where there is no such node."""
         return self._nodes[uid - 1].path if 0 < uid <= len(self._nodes) else f"#{uid}"
 
     @property
@@ -68,13 +68,13 @@ class NodeList(Sequence[DescribedNode]):
         return list(self._ranges)
 
     def range_of(self, tree: int) -> tuple[int, int]:
-        """What to add to the uids of a tree, and how many nodes it has; EventError for an unknown one."""
+        """What to add to the uids of a tree, and how many nodes it has. Raises EventError for an unknown one."""
         if tree not in self._ranges:
             raise EventError(f"no tree {tree} was told")
         return self._ranges[tree]
 
     def inside(self, uid: int) -> tuple[int, int]:
-        """The tree that a node belongs to, and its uid there; EventError for an unknown one."""
+        """Return the tree that a node belongs to, and its uid there. Raises EventError for an unknown one."""
         for tree, (offset, count) in self._ranges.items():
             if offset < uid <= offset + count:
                 return tree, uid - offset

@@ -53,7 +53,7 @@ WAS = {
 
 
 def look_of(nodes: NodeStates, uid: int) -> Look:
-    """A node now. One that is idle has the look of its last result, dimmed, as Groot2 shows it."""
+    """Return a node now. One that is idle has the look of its last result, dimmed, as Groot2 shows it."""
     state, result = int(nodes.states[uid]), int(nodes.results[uid])
     if state != IDLE:
         return LOOKS[state]

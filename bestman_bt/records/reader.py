@@ -54,12 +54,12 @@ class RecordError(InputError):
 
 
 def is_log(path: Path) -> bool:
-    """Whether it is a file by whose name one knows a log of BehaviorTree.CPP."""
+    """Return whether it is a file by whose name one knows a log of BehaviorTree.CPP."""
     return path.suffix in LOG_SUFFIXES and path.is_file()
 
 
 def has_record(folder: Path) -> bool:
-    """Whether a folder has states or events of a run."""
+    """Return whether a folder has states or events of a run."""
     return (folder / STATES_FILE).is_file() or (folder / EVENTS_FILE).is_file()
 
 
@@ -181,7 +181,7 @@ def _take_states(history: RunHistory, log: BtLog, name: str, changes: _Changes) 
 
 
 def _is_read(path: Path, faults: list[str]) -> bool:
-    """Whether there is such a log, of a size that is read."""
+    """Return whether there is such a log, of a size that is read."""
     try:
         size = (path if path.exists() else first_segment(path)).stat().st_size
     except FileNotFoundError:
@@ -201,7 +201,7 @@ def _add_fault(faults: list[str], name: str, why: object) -> None:
 
 
 def first_event(folder: Path) -> Event | None:
-    """The event that begins a run's events; None where that cannot be read."""
+    """Return the event that begins a run's events, or None if that cannot be read."""
     try:
         line, newline, _ = read_segment(first_segment(folder / EVENTS_FILE), LONGEST_FIRST_LINE).partition(b"\n")
         return from_line(line) if newline else None
@@ -210,7 +210,9 @@ def first_event(folder: Path) -> Event | None:
 
 
 def read_picture(folder: Path, name: str) -> bytes:
-    """A picture that an event of this folder names; raises RecordError for anything that is not one inside of it."""
+    """Return a picture that an event of this folder names; raises RecordError for anything that is not one inside of
+    it.
+    """
     try:
         inside = folder.resolve() / PICTURES_FOLDER  # not resolved itself: it may be a link that leads elsewhere
         path = (folder / name).resolve()
@@ -277,7 +279,7 @@ def _left_out(time: float, file: str) -> LogEvent:
 
 
 def _lines(path: Path) -> Iterator[tuple[int, bytes | None]]:
-    """The whole lines of a file and its earlier segments, numbered as they are read; None where some are missing."""
+    """The whole lines of a file and its earlier segments, numbered as they are read, or None if some are missing."""
     number = 0
     try:
         segments = read_segments(path, MOST_READ, LONGEST_SEGMENT)

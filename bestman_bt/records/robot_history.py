@@ -41,7 +41,7 @@ class Samples(Generic[T]):
             del self._times[1:half:2], self._values[1:half:2]
 
     def at(self, time: float) -> tuple[float, T] | None:
-        """The last value at ``time`` or before, with its own time."""
+        """Return the last value at ``time`` or before, with its own time."""
         index = bisect_right(self._times, time) - 1
         return (self._times[index], self._values[index]) if index >= 0 else None
 
@@ -63,7 +63,7 @@ class Freshness(Generic[K]):
         self._versions[key] = version
 
     def since(self, version: int) -> list[K]:
-        """The keys that changed after ``version``, the newest first."""
+        """Return the keys that changed after ``version``, the newest first."""
         changed = []
         for key, touched in reversed(self._versions.items()):
             if touched <= version:
@@ -131,12 +131,12 @@ class RobotHistory:
         self.scan_version = version
 
     def at(self, time: float) -> dict[str, Any] | None:
-        """The newest sample at ``time`` or before, as told to the page."""
+        """Return the newest sample at ``time`` or before, as told to the page."""
         found = self._samples.at(time)
         return None if found is None else {"time": found[0], **found[1].document()}
 
     def scan_at(self, time: float) -> dict[str, Any] | None:
-        """The newest scan at ``time`` or before."""
+        """Return the newest scan at ``time`` or before."""
         found = self._scans.at(time)
         if found is None:
             return None
@@ -149,7 +149,7 @@ class RobotHistory:
         }
 
     def joint_names(self) -> list[str]:
-        """The joints of the newest sample."""
+        """Return the joints of the newest sample."""
         return list(self._names.get("joints", ()))
 
     def series(self, joints: list[str]) -> dict[str, list[list[float]]]:

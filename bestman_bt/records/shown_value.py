@@ -26,7 +26,7 @@ _shortened.maxstring = _shortened.maxother = LONGEST_TEXT
 
 
 def show_value(value: Any, kind: Any = None) -> ShownEntry:
-    """A value, and the type that its entry is locked to (by default the value's own); never raises."""
+    """Return a value, and the type that its entry is locked to (by default the value's own); never raises."""
     try:
         name = type_name(type(value) if kind is None else kind)
         return ShownEntry(name, _text(value), value if _is_plain(value) else None)

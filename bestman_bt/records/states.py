@@ -41,7 +41,7 @@ class NodeStates:
         return len(self.states) - 1
 
     def grown(self, count: int) -> NodeStates:
-        """A copy with room for ``count`` nodes; new ones are IDLE."""
+        """Return a copy with room for ``count`` nodes; new ones are IDLE."""
         other = NodeStates(max(count, len(self)))
         for name, values in vars(self).items():
             getattr(other, name)[: len(values)] = values
@@ -77,7 +77,7 @@ class NodeStates:
         return np.sort(order)
 
     def running(self) -> list[int]:
-        """The uids that run, in the order of the tree."""
+        """Return the uids that run, in the order of the tree."""
         return [int(uid) for uid in np.flatnonzero(self.states == RUNNING)]
 
     def statistics(self, uids: Iterable[int], time: float) -> dict[str, list[float]]:
@@ -187,11 +187,11 @@ class StateHistory:
         return Transitions(times[fresh], changes.uids[fresh], changes.statuses[fresh])
 
     def changes(self) -> Transitions:
-        """All that are held, in the order of time."""
+        """Return all that are held, in the order of time."""
         return Transitions.joined([chunk.changes() for chunk in self._chunks] or [Transitions.none()])
 
     def at(self, time: float) -> Moment:
-        """The moment at ``time``; the first one that is held where that is earlier."""
+        """Return the moment at ``time``; the first one that is held where that is earlier."""
         if not self._chunks:
             return Moment(self.time, self.tick, self.now.grown(0))
         index = bisect_right(self._chunks, time, key=lambda chunk: chunk.time) - 1

@@ -38,7 +38,10 @@ KEPT_EVERY = {"robot": 0.19, "scan": 1.9}
 
 
 def make_folder(parent: Path, stem: str) -> Path:
-    """Make a new folder for a run, with a number where the name is taken; OSError where ``parent`` cannot hold it."""
+    """Make a new folder for a run, with a number where the name is taken.
+
+    Raises OSError if ``parent`` cannot hold it.
+    """
     for number in count(1):
         folder = parent / (stem if number == 1 else f"{stem}-{number}")
         with suppress(FileExistsError):

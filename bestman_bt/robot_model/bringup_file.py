@@ -81,7 +81,7 @@ def bringup_path(robot_file: Path, twin: bool = False) -> Path:
 
 
 def content_of(document: Document) -> str:
-    """A digest of what a robot's file and those of its parts say, but not of where its controllers are."""
+    """Return a digest of what a robot's file and those of its parts say, but not of where its controllers are."""
     data = {key: value for key, value in document.data.items() if key != "bringup"}
     data["connections"] = {
         name: {key: value for key, value in connection.items() if key not in _ADDRESSED}

@@ -165,7 +165,9 @@ def _base_frame(
     names: list[str],
     faults: ProblemCollector,
 ) -> str | None:
-    """The base frame; None where there is none of that name, or the root part, which should have it, is unread."""
+    """Return the base frame, or None if there is none of that name, or the root part, which should have it, is
+    unread.
+    """
     if not names or names[0] not in placed:
         return None
     base_frame = config.base_frame or placed[names[0]].root
@@ -204,7 +206,7 @@ def _joined(name: str, config: RobotConfig, placed: Mapping[str, PlacedPart]) ->
 def _place_parts(
     config: RobotConfig, document: Document, faults: ProblemCollector
 ) -> tuple[dict[str, PlacedPart], bool]:
-    """The parts that can be read, and whether that is all of them, each mounted on another."""
+    """Return the parts that can be read, and whether that is all of them, each mounted on another."""
     placed: dict[str, PlacedPart] = {}
     taken: set[str] = set()
     unread = mislaid = flawed = (
@@ -338,7 +340,9 @@ def _declared_pairs(
 
 
 def _is_misspelt(name: str, parts: list[str], links: list[str]) -> bool:
-    """Whether it can be said that a name is wrong while links of parts are unknown: it is nearly one that is known."""
+    """Return whether it can be said that a name is wrong while links of parts are unknown: it is nearly one that is
+    known.
+    """
     return bool(get_close_matches(name, [*parts, *links], n=1, cutoff=0.7))
 
 
@@ -361,7 +365,8 @@ def load_problems(model: RobotModel, placed: Mapping[str, PlacedPart], document:
 
 
 def with_calibration(document: Document, folder: Path, faults: ProblemCollector) -> Document:
-    """A robot's document with the ``parts`` of its ``calibration`` files laid over its own, one file after the other.
+    """Return a robot's document with the ``parts`` of its ``calibration`` files laid over its own, one file after the
+    other.
 
     ``folder``: where relative names begin. Files that cannot be read and parts of another robot are left out, and added
     to ``faults``.
@@ -392,7 +397,7 @@ def with_calibration(document: Document, folder: Path, faults: ProblemCollector)
 
 
 def combine(base: str, arm: str, hand: str, column: str = "column") -> RobotModel:
-    """The robot ``<base>+<arm>+<hand>``, its parts called ``base``, ``column``, ``arm`` and ``gripper``.
+    """Return the robot ``<base>+<arm>+<hand>``, its parts called ``base``, ``column``, ``arm`` and ``gripper``.
 
     Names or paths of part descriptions. Raises ConfigurationError if one is unknown or has no place for the next one.
     """

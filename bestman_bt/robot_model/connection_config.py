@@ -55,7 +55,7 @@ class StopInputConfig:
 
 
 def host_and_port(address: str) -> tuple[str, int]:
-    """The two of ``HOST:PORT``, an IPv6 host in brackets; ValueError."""
+    """Return the two of ``HOST:PORT``, an IPv6 host in brackets; ValueError."""
     host, _, port = address.rpartition(":")
     host = host.removeprefix("[").removesuffix("]")
     if not host or not port.isascii() or not port.isdigit() or not 0 < int(port) < 65536:

@@ -59,7 +59,9 @@ def describe(
     postures: Mapping[str, Mapping[str, float]],
     ignored_pairs: list[tuple[str, str]],
 ) -> RobotModel:
-    """The model of ``urdf``; ``placed``: its parts by name, ``ignored_pairs``: links that need no collision check."""
+    """Return the model of ``urdf``; ``placed``: its parts by name, ``ignored_pairs``: links that need no collision
+    check.
+    """
     hand_of = _hands(urdf, placed)
     tools = {arm: placed[gripper].config for gripper, arm in hand_of.items()}
     wheels = frozenset(
@@ -93,7 +95,9 @@ def _resolve(
     hand: PartConfig | None,
     before: Mapping[str, Part],
 ) -> Part | None:
-    """The part with what the URDF adds to it; None for a structure. ``hand``: on an arm; ``before``: bases at least."""
+    """Return the part with what the URDF adds to it, or None for a structure. ``hand``: on an arm; ``before``: bases at
+    least.
+    """
     match part.config:
         case BasePart() as base:
             outline = _footprint(urdf, base_frame, part, placed)
@@ -134,7 +138,7 @@ def _joints_below(link: str, urdf: ET.Element) -> tuple[str, ...]:
 
 
 def _tool(config: object) -> str | None:
-    """Where a part grasps; None for one that does not."""
+    """Where a part grasps, or None for one that does not."""
     return config.tool if isinstance(config, GripperPart | SuctionPart | JointGroupPart) else None
 
 

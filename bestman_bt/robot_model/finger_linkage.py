@@ -28,7 +28,7 @@ class MimicJoint:
 
 
 def all_positions(driven: Mapping[str, float], mimics: Iterable[MimicJoint]) -> dict[str, float]:
-    """The positions of driven joints, and of all that follow them directly or by way of another follower."""
+    """Return the positions of driven joints, and of all that follow them directly or by way of another follower."""
     positions = dict(driven)
     waiting = list(mimics)
     while waiting:
@@ -90,7 +90,9 @@ def link_poses(elements: list[ET.Element], positions: Mapping[str, float], links
 
 
 def _middle(elements: list[ET.Element], link: str) -> NDArray[np.float64]:
-    """The mean of the corners of a link's collision shapes, (3,) metres in its frame; its origin if it has none."""
+    """Return the mean of the corners of a link's collision shapes, (3,) metres in its frame; its origin if it has
+    none.
+    """
     found = next(element for element in elements if element.tag == "link" and element.get("name") == link)
     clouds = [
         origin_pose(collision).apply(outline(collision.find("geometry"))) for collision in found.findall("collision")

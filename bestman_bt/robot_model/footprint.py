@@ -79,7 +79,7 @@ def convex_hull(points: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def origin_pose(element: ET.Element) -> Pose:
-    """The pose that an element's ``<origin>`` gives."""
+    """Return the pose that an element's ``<origin>`` gives."""
     origin = element.find("origin")
     if origin is None:
         return Pose()

@@ -251,7 +251,7 @@ def camera_body(name: str, d: CameraBody) -> list[ET.Element]:
 
 
 def built_in_lidar(name: str, d: BuiltInLidar) -> list[ET.Element]:
-    """The link ``<name>_link``: the scan plane is its x-y plane."""
+    """Return the link ``<name>_link``: the scan plane is its x-y plane."""
     root, frame = f"{name}_mount", f"{name}_link"
     return [link(root), link(frame), fixed_joint(f"{frame}_joint", root, frame, d.xyz)]
 
@@ -262,7 +262,9 @@ class BuiltInSensor:
 
 
 def built_in_sensor(name: str, _: BuiltInSensor) -> list[ET.Element]:
-    """The link ``<name>_link``; of a sensor between flange and hand, which carries the hand, z leaves the flange."""
+    """Return the link ``<name>_link``; of a sensor between flange and hand, which carries the hand, z leaves the
+    flange.
+    """
     return [link(f"{name}_link")]
 
 

@@ -55,9 +55,10 @@ def with_first_limits(model: RobotModel) -> RobotModel:
 def read_connections(
     config: RobotConfig, document: Document, parts: Mapping[str, PartConfig | None]
 ) -> tuple[dict[str, ConnectionConfig], list[Problem]]:
-    """The connections with their options as the driver's own dataclass, and all that is wrong with them and ``safety``.
+    """Return the connections with their options as the driver's own dataclass, and all that is wrong with them and
+    ``safety``.
 
-    ``parts``: those of the robot; None where one could not be read.
+    ``parts``: those of the robot, or None if one could not be read.
     """
     faults = ProblemCollector(
         [*_part_problems(config, document, list(parts)), *_safety_problems(config.safety, document)]
@@ -185,7 +186,7 @@ def _safety_problems(safety: SafetyConfig, document: Document) -> Iterator[Probl
 
 
 def _within(safety: SafetyConfig, part: Part) -> Part:
-    """The part, no faster or stronger than ``safety`` allows."""
+    """Return the part, no faster or stronger than ``safety`` allows."""
     config: Any = getattr(part, "part", None)
     match part:
         case ArmModel():

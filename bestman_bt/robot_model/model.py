@@ -135,7 +135,9 @@ class GripperModel:
         return all_positions(dict.fromkeys(self.part.joints, position), self.followers)
 
     def width(self, positions: ArrayLike) -> float:
-        """The opening width where ``part.joints`` are at ``positions`` (n,); a linkage: the mean of what they say."""
+        """Return the opening width where ``part.joints`` are at ``positions`` (n,); a linkage: the mean of what they
+        say.
+        """
         if not self.opening:
             return float(np.sum(positions))
         q, widths = self._table
@@ -143,7 +145,7 @@ class GripperModel:
         return float(np.mean(np.interp(np.asarray(positions, float), q[::order], widths[::order])))
 
     def transmission(self, width: float) -> float:
-        """How far each joint moves per metre of opening width, rad/m or 1; positive."""
+        """Return how far each joint moves per metre of opening width, rad/m or 1; positive."""
         positions, widths = self._table
         index = int(np.clip(np.searchsorted(widths, width), 1, len(widths) - 1))
         return abs(float((positions[index] - positions[index - 1]) / (widths[index] - widths[index - 1])))
@@ -253,7 +255,7 @@ class RobotModel:
     serial_numbers: Mapping[str, str] = field(default_factory=dict)
 
     def of(self, kind: type[Kind]) -> dict[str, Kind]:
-        """The parts of one kind by name: ``robot.of(LidarPart)``."""
+        """Return the parts of one kind by name: ``robot.of(LidarPart)``."""
         return {name: part for name, part in self.parts.items() if isinstance(part, kind)}
 
     @property
@@ -262,7 +264,10 @@ class RobotModel:
         return tuple(self.of(ArmModel))
 
     def arm_named(self, name: str = "") -> str:
-        """The arm of this name; of an empty one the only arm, or the ``default_arm``. KeyError names the arms."""
+        """Return the arm of this name; of an empty one the only arm, or the ``default_arm``.
+
+        Raises KeyError naming the arms.
+        """
         if name in self.arm_names:
             return name
         known = ", ".join(self.arm_names) or "none"
@@ -273,13 +278,13 @@ class RobotModel:
         raise KeyError(f"robot {self.name!r} has no default arm: name one of its arms; it has {known}")
 
     def gripper_of(self, arm: str) -> str | None:
-        """The gripper that an arm carries; of a robot with one arm or none, its first gripper."""
+        """Return the gripper that an arm carries; of a robot with one arm or none, its first gripper."""
         if len(self.arm_names) < 2:
             return next(iter(self.of(GripperModel)), None)
         return next((name for name in self.of(GripperModel) if self.hand_of.get(name) == arm), None)
 
     def posture(self, name: str, joint_names: tuple[str, ...]) -> NDArray[np.float64]:
-        """Positions (n,) of ``joint_names`` in a posture; KeyError names what there is."""
+        """Positions (n,) of ``joint_names`` in a posture. Raises KeyError naming what there is."""
         if name not in self.postures:
             raise KeyError(f"robot {self.name!r} has no posture {name!r}; it has {', '.join(self.postures) or 'none'}")
         missing = [joint for joint in joint_names if joint not in self.postures[name]]

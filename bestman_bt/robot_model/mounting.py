@@ -71,7 +71,7 @@ Place = tuple[str, Vector, Vector]
 
 
 def mount_place(mounted: MountedPart, part: PlacedPart | None, placed: Mapping[str, PlacedPart]) -> Place | None:
-    """Where ``part`` goes; None if its ``mount`` is neither a link nor a part that carries others.
+    """Where ``part`` goes, or None if its ``mount`` is neither a link nor a part that carries others.
 
     The name of a part means its ``tip`` (of an arm), ``top`` (of a structure) or ``deck`` (of a base).
     """
@@ -130,7 +130,9 @@ def mount_problems(
 
 
 def _misspelt_part(document: Document, field: tuple[str, str, str], mount: str) -> list[Problem]:
-    """A mount that is nearly the name of a part, letter by letter; else it may be a frame, of a part that is unread."""
+    """Return a mount that is nearly the name of a part, letter by letter; else it may be a frame, of a part that is
+    unread.
+    """
     parts = [name for name in document.data["parts"] if isinstance(name, str) and field[1] != name]
     names = [name for name in parts if name.count("_") == mount.count("_")]  # column_top is no misspelt column
     close = get_close_matches(mount, names, n=1, cutoff=0.7)

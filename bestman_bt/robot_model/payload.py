@@ -24,7 +24,7 @@ class Payload:
 
 
 def payload(model: RobotModel, link: str, positions: Mapping[str, float] | None = None) -> Payload:
-    """All that hangs on ``link``, itself included, its joints at ``positions`` by name, all others at zero.
+    """Return all that hangs on ``link``, itself included, its joints at ``positions`` by name, all others at zero.
 
     Joints of a parallel hand open to both sides alike and leave the centre where it is.
     """
@@ -67,7 +67,7 @@ def arm_payload(
 
 
 def flange_of(model: RobotModel, arm: str) -> str:
-    """The link that carries the hand of an arm: the tip of its part, by the name that it has in the robot."""
+    """Return the link that carries the hand of an arm: the tip of its part, by the name that it has in the robot."""
     links = {element.get("name", "") for element in ET.fromstring(model.urdf).findall("link")}
     tip = model.of(ArmModel)[arm].part.tip
     return tip if tip in links else f"{arm}_{tip}"

@@ -91,7 +91,7 @@ def _mass(inertial: ET.Element | None) -> float | None:
 
 
 def _make_possible(inertial: ET.Element) -> bool:
-    """Whether the principal moments are positive; the smallest is raised to what the sum of two owes the third.
+    """Return whether the principal moments are positive; the smallest is raised to what the sum of two owes the third.
 
     Simulators take moments that violate this as zero, and the link then spins freely about that axis.
     """
@@ -183,7 +183,7 @@ class PlacedPart:
         return [element.get("name", "") for element in self.elements if element.tag == "link"]
 
     def mass_of(self, links: Iterable[str]) -> float:
-        """The mass of some of its links, kg."""
+        """Return the mass of some of its links, kg."""
         wanted = set(links)
         masses = (e.find("inertial/mass") for e in self.elements if e.tag == "link" and e.get("name", "") in wanted)
         return sum(float(mass.get("value", "0")) for mass in masses if mass is not None)

@@ -38,14 +38,14 @@ class Srdf:
     faults: tuple[str, ...] = ()
 
     def group(self, name: str) -> SrdfGroup:
-        """A group by name; UrdfError names those there are."""
+        """Return a group by name. Raises UrdfError naming those there are."""
         if name not in self.groups:
             raise UrdfError(f"the SRDF has no group {name!r}; {suggestion(name, list(self.groups))}")
         return self.groups[name]
 
 
 def read_srdf(path: Path) -> Srdf:
-    """Read an SRDF; UrdfError says why it is none. What is wrong inside it is among its ``faults``."""
+    """Read an SRDF. Raises UrdfError saying why it is none. What is wrong inside it is among its ``faults``."""
     try:
         robot = ET.parse(path).getroot()
     except (OSError, ET.ParseError) as error:

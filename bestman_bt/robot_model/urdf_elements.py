@@ -19,12 +19,12 @@ def numbers(values: Vector) -> str:
 
 
 def origin(xyz: Vector = ZERO, rpy: Vector = ZERO) -> ET.Element:
-    """An ``<origin>``: metres, radians."""
+    """Return an ``<origin>``: metres, radians."""
     return ET.Element("origin", xyz=numbers(xyz), rpy=numbers(rpy))
 
 
 def inertial(mass: float, moments: Vector, xyz: Vector = ZERO) -> ET.Element:
-    """An ``<inertial>`` with a diagonal inertia ``moments`` (kg m²) about ``xyz``."""
+    """Return an ``<inertial>`` with a diagonal inertia ``moments`` (kg m²) about ``xyz``."""
     element = ET.Element("inertial")
     element.append(origin(xyz))
     ET.SubElement(element, "mass", value=f"{mass:.9g}")
@@ -39,7 +39,7 @@ def tiny_inertial() -> ET.Element:
 
 
 def box_inertial(mass: float, size: Vector, xyz: Vector = ZERO) -> ET.Element:
-    """The inertial of a homogeneous box of extents ``size`` centred at ``xyz``."""
+    """Return the inertial of a homogeneous box of extents ``size`` centred at ``xyz``."""
     x, y, z = size
     return inertial(mass, (mass / 12 * (y * y + z * z), mass / 12 * (x * x + z * z), mass / 12 * (x * x + y * y)), xyz)
 
@@ -52,7 +52,7 @@ def shape(
     rgba: Vector | None = None,
     material: str = "",
 ) -> ET.Element:
-    """A ``<visual>`` or ``<collision>`` of a primitive; ``rgba`` colours it under the name ``material``."""
+    """Return a ``<visual>`` or ``<collision>`` of a primitive; ``rgba`` colours it under the name ``material``."""
     element = ET.Element(tag)
     element.append(origin(xyz, rpy))
     holder = ET.SubElement(element, "geometry")
@@ -73,7 +73,7 @@ def shape(
 def mesh_visual(
     filename: str, xyz: Vector = ZERO, rpy: Vector = ZERO, rgba: Vector = (0.7, 0.7, 0.7, 1.0), material: str = ""
 ) -> ET.Element:
-    """A ``<visual>`` of a mesh file by its absolute path."""
+    """Return a ``<visual>`` of a mesh file by its absolute path."""
     element = ET.Element("visual")
     element.append(origin(xyz, rpy))
     ET.SubElement(ET.SubElement(element, "geometry"), "mesh", filename=filename)
@@ -82,7 +82,7 @@ def mesh_visual(
 
 
 def link(name: str, *children: ET.Element) -> ET.Element:
-    """A ``<link>``; one without an inertial gets a tiny one."""
+    """Return a ``<link>``; one without an inertial gets a tiny one."""
     element = ET.Element("link", name=name)
     if not any(child.tag == "inertial" for child in children):
         element.append(tiny_inertial())
@@ -91,7 +91,7 @@ def link(name: str, *children: ET.Element) -> ET.Element:
 
 
 def fixed_joint(name: str, parent: str, child: str, xyz: Vector = ZERO, rpy: Vector = ZERO) -> ET.Element:
-    """A ``<joint type="fixed">``."""
+    """Return a ``<joint type="fixed">``."""
     element = ET.Element("joint", name=name, type="fixed")
     element.append(origin(xyz, rpy))
     ET.SubElement(element, "parent", link=parent)
@@ -102,7 +102,7 @@ def fixed_joint(name: str, parent: str, child: str, xyz: Vector = ZERO, rpy: Vec
 def turning_joint(
     name: str, parent: str, child: str, axis: Vector, xyz: Vector = ZERO, continuous: bool = False
 ) -> ET.Element:
-    """A revolute or continuous joint; limits are written by the composer."""
+    """Return a revolute or continuous joint; limits are written by the composer."""
     element = fixed_joint(name, parent, child, xyz)
     element.set("type", "continuous" if continuous else "revolute")
     ET.SubElement(element, "axis", xyz=numbers(axis))
@@ -111,7 +111,7 @@ def turning_joint(
 
 
 def sliding_joint(name: str, parent: str, child: str, axis: Vector, xyz: Vector = ZERO) -> ET.Element:
-    """A prismatic joint; limits are written by the composer."""
+    """Return a prismatic joint; limits are written by the composer."""
     element = turning_joint(name, parent, child, axis, xyz)
     element.set("type", "prismatic")
     return element
@@ -132,12 +132,12 @@ def move_origin(elements: Iterable[ET.Element], link_name: str, to: Vector) -> N
 
 
 def parent_of(joint: ET.Element) -> str:
-    """The link before a joint."""
+    """Return the link before a joint."""
     return _end(joint, "parent")
 
 
 def child_of(joint: ET.Element) -> str:
-    """The link behind a joint."""
+    """Return the link behind a joint."""
     return _end(joint, "child")
 
 

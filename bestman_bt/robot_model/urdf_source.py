@@ -32,7 +32,9 @@ class UrdfError(Error, ValueError):
 
 
 def locate_urdf(source: str, folder: Path) -> Path:
-    """The file behind ``package:path`` (data of an installed Python package) or a path relative to ``folder``."""
+    """Return the file behind ``package:path`` (data of an installed Python package) or a path relative to
+    ``folder``.
+    """
     package, separator, inside = source.partition(":")
     if not separator:
         path = folder / source
@@ -56,7 +58,7 @@ def locate_urdf(source: str, folder: Path) -> Path:
 
 @cache
 def _example_robots() -> Path:
-    """The folder of robots of the distribution example-robot-data, which is no importable package."""
+    """Return the folder of robots of the distribution example-robot-data, which is no importable package."""
     try:
         package = distribution("example-robot-data")
     except PackageNotFoundError as error:
@@ -182,7 +184,7 @@ def _clean_link(link: ET.Element, path: Path, materials: dict[str, ET.Element], 
 
 
 def locate_mesh(filename: str, urdf: Path, packages: Sequence[Path] = ()) -> Path:
-    """The file that a URDF calls ``filename``; UrdfError tells where it was looked for.
+    """Return the file that a URDF calls ``filename``; UrdfError tells where it was looked for.
 
     ``package://NAME/…`` is looked for in ``packages``, in the folders above the URDF, as ROS does in
     ``ROS_PACKAGE_PATH`` and ``AMENT_PREFIX_PATH``, and, where the package's folder has another name, without it.

@@ -34,7 +34,10 @@ def joints_above(model: RobotModel, frame: str) -> frozenset[str]:
 
 
 def arm_of(model: RobotModel, part: str) -> str | None:
-    """The arm that a part is or that carries it; None for parts that no arm moves. KeyError for an unknown part."""
+    """Return the arm that a part is or that carries it, or None for parts that no arm moves.
+
+    Raises KeyError for an unknown part.
+    """
     if part in model.arm_names:
         return part
     if part in model.hand_of:
@@ -80,15 +83,18 @@ class UrdfTree:
         return next(name for name in self.links if name not in self.above)
 
     def moves(self, joint: ET.Element) -> bool:
-        """Whether it is no fixed joint."""
+        """Return whether it is no fixed joint."""
         return joint.get("type") != "fixed"
 
     def driven(self, joint: ET.Element) -> bool:
-        """Whether it moves by itself and follows no other joint."""
+        """Return whether it moves by itself and follows no other joint."""
         return self.moves(joint) and joint.find("mimic") is None
 
     def path_to(self, tip: str, base: str | None = None) -> list[ET.Element]:
-        """The joints from ``base`` (default: the root) to ``tip``; UrdfError if ``tip`` does not hang on it."""
+        """Return the joints from ``base`` (default: the root) to ``tip``.
+
+        Raises UrdfError if ``tip`` does not hang on it.
+        """
         chain: list[ET.Element] = []
         link = self.known(tip)
         while link != base and link in self.above:
@@ -103,7 +109,7 @@ class UrdfTree:
         return read_subtree(self.path, root, self._cut, self._packages)
 
     def below(self, link: str) -> list[ET.Element]:
-        """All joints beyond ``link``."""
+        """Return all joints beyond ``link``."""
         found, waiting = [], [link]
         while waiting:
             name = waiting.pop(0)
@@ -114,13 +120,13 @@ class UrdfTree:
         return found
 
     def known(self, link: str) -> str:
-        """``link``, if there is one of that name; UrdfError suggests the closest."""
+        """``link``, if there is one of that name. Raises UrdfError suggesting the closest."""
         if link not in self.links:
             raise UrdfError(f"{self.path.name} has no link {link!r}; {suggestion(link, list(self.links))}")
         return link
 
     def group_joints(self, srdf: Srdf, name: str) -> list[str]:
-        """The driven joints of an SRDF group, in the file's order; UrdfError tells all that the URDF lacks."""
+        """Return the driven joints of an SRDF group, in the file's order; UrdfError tells all that the URDF lacks."""
         group = srdf.group(name)
         faults = self._lacking(f"the SRDF's group {name!r}", group)
         if faults:

@@ -1,4 +1,4 @@
-"""The composition root: from a configuration to a robot, its beliefs, algorithms and skills, and a running tree."""
+"""The composition root: builds robot, beliefs, algorithms, skills and a running tree from a configuration."""
 
 from bestman_bt.extras import refuse_hidden_packages
 

@@ -1,4 +1,4 @@
-"""Algorithms as the configuration chooses them: slot → class, with checked parameters."""
+"""Resolution of the configured algorithms: slot → class, with checked parameters."""
 
 from __future__ import annotations
 
@@ -57,10 +57,10 @@ from bestman_bt.world_model.semantic_map import SemanticMap
 
 @dataclass(frozen=True)
 class AlgorithmSlot:
-    """What a slot of ``algorithms:`` holds: a subclass of ``base``, registered as ``kind/NAME``.
+    """A slot of ``algorithms:``, for subclasses of ``base`` registered as ``kind/NAME``.
 
-    ``given``: fields of the algorithm that the session fills: the robot, the map, other algorithms. All its other
-    fields are parameters.
+    ``given``: fields of the algorithm that the session fills: the robot, the map, other algorithms. All other fields
+    are parameters.
     """
 
     base: type[Any]
@@ -100,10 +100,10 @@ _OF_ARMS = ("kinematics", "collision")
 
 
 class Algorithms:
-    """The algorithms that a configuration chose, one per slot, each made when it is first asked for: ``detection``.
+    """The configured algorithms, one attribute per slot, such as ``detection``; each is created on first use.
 
-    ``semantic_map``: what the base is localised on; only a localizer needs it. A user's own ones are made at once, to
-    see whether they can. ConfigurationError lists what is wrong in any slot.
+    ``semantic_map``: the map for localisation; only a localizer needs it. A user's own algorithms are created at once,
+    to check that they can be. Raises ConfigurationError listing the faults of all slots.
     """
 
     def __init__(self, config: RunConfig, model: RobotModel, semantic_map: SemanticMap | None = None) -> None:
@@ -123,11 +123,14 @@ class Algorithms:
 
     def __getattr__(self, slot: str) -> Any:
         if slot not in SLOTS:
-            raise AttributeError(f"there is no slot {slot!r}; there are {', '.join(SLOTS)}")
+            raise AttributeError(f"there is no slot {slot!r}; known: {', '.join(SLOTS)}")
         return self.of_arm(slot, "")
 
     def of_arm(self, slot: str, arm: str) -> Any:
-        """The algorithm in a slot; ``arm``: whose kinematics, by default the default arm's. All else is of no arm."""
+        """Return the algorithm in a slot; ``arm``: the arm of its kinematics, by default the default arm.
+
+        Only kinematics depends on the arm.
+        """
         key = (slot, (arm or self._model.arm_named()) if slot == "kinematics" else "")
         if key not in self._of_arms:
             self._of_arms[key] = self._made(*key)
@@ -153,14 +156,17 @@ class Algorithms:
 
 
 def check_odometry(config: RunConfig, model: RobotModel) -> None:
-    """ConfigurationError for an odometry filter that needs the gyroscope which the robot lacks."""
+    """Raise ConfigurationError if the odometry filter needs a gyroscope that the robot lacks."""
     if model.of(BaseModel) and not model.of(ImuPart) and make_algorithm(config, "odometry").uses_gyro:
         message = f"needs a robot with an inertial measurement unit, and {config.task.robot} has none"
         raise ConfigurationError([config.problem(("algorithms", "odometry", "algorithm"), message)])
 
 
 def prepare_detection(config: RunConfig) -> None:
-    """Have the detector read its files; ConfigurationError where it cannot. Wrong parameters beside are not used."""
+    """Let the detector load its files.
+
+    Raises ConfigurationError if that fails. Invalid parameters of its parts are ignored here.
+    """
     make = partial(make_algorithm, config, faults=[])
     detector: Detector = make("detection", segmentation=make("segmentation"), pose_estimator=make("pose_estimation"))
     try:
@@ -170,10 +176,11 @@ def prepare_detection(config: RunConfig) -> None:
 
 
 def algorithm_by_name(config: RunConfig, slot: str, name: str, folders: tuple[Path, ...] = ()) -> Any:
-    """The algorithm that a tree names, as it is configured where that is the same one, else with its own defaults.
+    """Return the algorithm that a tree names: with its configured parameters if it is the configured one, else
+    defaults.
 
-    A name of Nav2's means what the task says; None where that is the configured one. ``folders``: where
-    ``file.py:Class`` and ``module:Class`` are looked for first. Raises UnknownNameError.
+    A name of Nav2 is mapped by the task; None means the configured algorithm. ``folders``: searched first for
+    ``file.py:Class`` and ``module:Class``. Raises UnknownNameError.
     """
     name = config.task.nav2.of(slot).get(name, name)
     if not name:
@@ -185,7 +192,7 @@ def algorithm_by_name(config: RunConfig, slot: str, name: str, folders: tuple[Pa
 
 
 def nav2_problems(config: RunConfig) -> Iterator[Problem]:
-    """Names of Nav2's that the task maps to what is not there; trees may use the others from now on."""
+    """Yield a problem for each Nav2 name that the task maps to an unknown algorithm."""
     for slot, kind in (("global_planning", "planners"), ("local_planning", "controllers")):
         for name, ours in config.task.nav2.of(slot).items():
             try:
@@ -199,15 +206,17 @@ def nav2_problems(config: RunConfig) -> Iterator[Problem]:
 
 
 def told_by_tree(error: ConfigurationError) -> str:
-    """What a tree says of a class that it names and that cannot be made: the message, and its line in that file."""
+    """Return the message for a tree that names a class which cannot be created, with file and line."""
     problem = error.problems[0]
     where = f"{problem.source}:{problem.line}: " if problem.line and problem.source.endswith(".py") else ""
     return where + problem.message
 
 
 def algorithm_problems(tree: Tree, config: RunConfig) -> Iterator[TreeProblem]:
-    """Own algorithms (``file.py:Class``, ``module:Class``) that a tree names and that cannot be made, each where the
-    tree says it."""
+    """Yield the user's algorithms (``file.py:Class``, ``module:Class``) that a tree names but that cannot be created.
+
+    Each problem gives the line in the tree.
+    """
     told: set[tuple[int, str]] = set()
     for node in tree.nodes:
         for port, information in tree.info_of(node).ports.items():
@@ -233,12 +242,12 @@ def make_algorithm(
     faults: list[Problem] | None = None,
     **parts: Any,
 ) -> Any:
-    """The algorithm in ``slot``, made as ``Class(*needs, **parameters, **parts)``.
+    """Return the algorithm in ``slot``, created as ``Class(*needs, **parameters, **parts)``.
 
-    ``name``: another one than the configured, which then has its own default parameters. ``folders``: where files and
-    modules that it names are looked for first. ``parts``: other algorithms that it stands on. With ``faults`` wrong
-    parameters are added there and left out.
-    Raises ConfigurationError that names the slot, the field and what would be right.
+    ``name``: replaces the configured one; its parameters are then the defaults. ``folders``: searched first for files
+    and modules. ``parts``: other algorithms that it uses. With ``faults``, invalid parameters are added there and left
+    out.
+    Raises ConfigurationError naming the slot, the field and what is accepted.
     """
     algorithm, parameters = _choose(config, slot, name, folders, faults)
     if algorithm.__module__.startswith("bestman_bt."):
@@ -247,9 +256,9 @@ def make_algorithm(
 
 
 def parameters_of(algorithm: type[Any], slot: str = "") -> type[Any] | None:
-    """A dataclass of the parameters alone of an algorithm in ``slot``; None where it has none.
+    """Return a dataclass of the parameters of an algorithm in ``slot``, or None if it has none.
 
-    They are the fields of the algorithm's dataclass but for those that the session gives.
+    They are the fields of the algorithm's dataclass without those that the session fills.
     """
     kind: Any = algorithm  # mypy takes the types of dataclasses for unhashable
     given = SLOTS[slot].given if slot else ()
@@ -286,7 +295,7 @@ def _choose(
     folders: tuple[Path, ...] = (),
     faults: list[Problem] | None = None,
 ) -> tuple[type[Any], dict[str, Any]]:
-    """The class in a slot and the parameters that are set for it; raises as ``make_algorithm``."""
+    """Return the class in a slot and the parameters that are set for it; raises as ``make_algorithm``."""
     configured, values = config.task.algorithm(slot)
     if name and name != configured:
         values = {}
@@ -309,7 +318,7 @@ def _choose(
         beside = getattr(module, f"{algorithm.__name__}Parameters", None)
         if beside is not None:
             source, line = inspect.getsourcefile(beside), inspect.getsourcelines(beside)[1]
-            message = f"the fields of {beside.__name__} should be those of {algorithm.__name__}, as a dataclass"
+            message = f"the fields of {beside.__name__} should match the dataclass fields of {algorithm.__name__}"
             raise ConfigurationError([Problem(str(source), line, f"algorithms.{slot}", message)])
         parameters_type = parameters_of(algorithm, slot)
         if parameters_type is None:
@@ -337,16 +346,16 @@ def _parameters_of_none(
 
 
 def algorithms_by_slot() -> dict[str, dict[str, type[Any]]]:
-    """Slot → the registered algorithms that it may hold, by name."""
+    """Return slot → its registered algorithms, by name."""
     return {slot: _in_slot(slot) for slot in SLOTS}
 
 
 def _in_slot(slot: str) -> dict[str, type[Any]]:
-    """The registered algorithms that a slot may hold, by name."""
+    """Return the registered algorithms that a slot may hold, by name."""
     base, kind = SLOTS[slot].base, SLOTS[slot].kind
     named = {name: ALGORITHMS.resolve(name) for name in ALGORITHMS if name.startswith(f"{kind}/")}
     bases = {other.base for other in SLOTS.values() if other.kind == kind}
-    # What is of another slot of its kind is not offered; what is of none is, to be told that it is none.
+    # Classes of another slot of this kind are not offered; classes of none are, so that the message says so.
     return {
         name.removeprefix(f"{kind}/"): cls
         for name, cls in named.items()
@@ -355,10 +364,10 @@ def _in_slot(slot: str) -> dict[str, type[Any]]:
 
 
 def class_at(name: str, folders: tuple[Path, ...], problem: Callable[[str], Problem]) -> type[Any]:
-    """The class that ``file.py:Class`` or ``module:Class`` names; ConfigurationError where there is none.
+    """Return the class that ``file.py:Class`` or ``module:Class`` names. Raises ConfigurationError if there is none.
 
-    ``folders``: where it is looked for first. ``problem``: the fault of what names it, with a message; a module beside
-    that file, or in the working directory, is found, too.
+    ``folders``: searched first. ``problem``: makes the fault from a message; modules beside its file, or in the working
+    directory, are found too.
     """
     written = Path(problem("").source)
     folders = (*folders, written.parent if written.is_file() else Path.cwd())
@@ -384,7 +393,7 @@ def class_at(name: str, folders: tuple[Path, ...], problem: Callable[[str], Prob
 
 
 def _module_at(name: str, folders: tuple[Path, ...]) -> ModuleType:
-    """The module of that name in the first of ``folders`` that has it, else as Python finds it."""
+    """Return the module of that name in the first of ``folders`` that has it, else as Python finds it."""
     top = name.partition(".")[0]
     for folder in folders:
         if (folder / f"{top}.py").is_file() or (folder / top).is_dir():
@@ -394,7 +403,9 @@ def _module_at(name: str, folders: tuple[Path, ...]) -> ModuleType:
 
 
 def refuse_unfinished(algorithm: type[Any], base: type[Any], field: str) -> None:
-    """ConfigurationError for a class that is no ``base``, as the slot holds, lacks methods of it, or has others."""
+    """Raise ConfigurationError for a class that is not a ``base``, or whose methods are missing or differ in
+    signature.
+    """
     missing = sorted(getattr(algorithm, "__abstractmethods__", ()))
     fault = "" if missing or not issubclass(algorithm, base) else signature_fault(algorithm, base)
     if issubclass(algorithm, base) and not missing and not fault:
@@ -407,7 +418,10 @@ def refuse_unfinished(algorithm: type[Any], base: type[Any], field: str) -> None
 
 
 def made_of_own(algorithm: type[Any], base: type[Any], field: str, *needs: Any, **given: Any) -> Any:
-    """An instance of a user's class whose results are checked; ConfigurationError, with its line, where it raises."""
+    """Return an instance of a user's class whose results are checked.
+
+    Raises ConfigurationError, with the line in the user's file, if the class raises.
+    """
     try:
         return with_checked_results(algorithm, base)(*needs, **given)
     except Exception as error:  # a user's class may raise anything
@@ -418,6 +432,6 @@ def made_of_own(algorithm: type[Any], base: type[Any], field: str, *needs: Any, 
 
 
 def _placed(config: RunConfig, slot: str, problem: Problem) -> Problem:
-    """The problem of a parameter, with the place where the run was given it."""
+    """Return the problem of a parameter, with the place where the run was given it."""
     field = problem.field.split(".") if problem.field else []
     return config.problem(("algorithms", slot, *field), problem.message)

@@ -1,4 +1,4 @@
-"""Which blackboard entries of a tree were written since one last looked."""
+"""Detection of blackboard entries of a tree that were written since the last look."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from bestman_bt.records.shown_value import REMOVED, show_value
 
 
 class WrittenEntry(NamedTuple):
-    """An entry as it is now; ``scope``: path of its SubTree; ``exists``: False for one that was removed."""
+    """The current state of an entry; ``scope``: path of its SubTree; ``exists``: False if it was removed."""
 
     scope: str
     key: str
@@ -21,9 +21,9 @@ class WrittenEntry(NamedTuple):
 
 
 class BlackboardChanges:
-    """Compares the entries' sequence numbers and stamps: who writes is not slowed down by it.
+    """Compares the entries' sequence numbers and stamps, so that writers are not slowed down.
 
-    Both, because an entry that was removed counts from 1 again.
+    It uses both, because the sequence number of a removed entry starts again at 1.
     """
 
     def __init__(self, tree: Tree) -> None:
@@ -31,7 +31,7 @@ class BlackboardChanges:
         self._seen: dict[Slot, tuple[int, float] | None] = {}
 
     def collect(self) -> list[WrittenEntry]:
-        """What has changed since the last call; at first all entries."""
+        """Return the entries written since the last call; the first call returns all entries."""
         seen, written = self._seen, []
         for scope, board in self._tree.blackboards.items():
             for slot in board.slots():
@@ -43,7 +43,7 @@ class BlackboardChanges:
 
 
 def blackboard_event(time: float, tick: int, written: list[WrittenEntry]) -> BlackboardEvent:
-    """The event that tells it; values are read here, so call it where that may take its time."""
+    """Return the event of written entries; it formats the values here, which may take time."""
     entries: dict[str, dict[str, ShownEntry]] = {}
     for entry in written:
         shown = show_value(entry.value, entry.kind) if entry.exists else REMOVED

@@ -1,4 +1,4 @@
-"""Breakpoints on nodes, and results that are forced on them once; both by hooks around the nodes' ticks."""
+"""Breakpoints on nodes and forced results, implemented by hooks around the nodes' ticks."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ RESULTS = {"SUCCESS": SUCCESS, "FAILURE": FAILURE}
 
 
 class BreakpointError(Error):
-    """A breakpoint or a forced result that makes no sense, in words."""
+    """A breakpoint or forced result is invalid."""
 
 
 @dataclass(eq=False)
 class Breakpoint:
-    """``condition``: a script that must hold, in the scope of the node; ``once``: it is cleared when it is hit."""
+    """``condition``: a script that must be true, in the scope of the node; ``once``: cleared when hit."""
 
     node: Node
     when: When
@@ -31,9 +31,10 @@ class Breakpoint:
     held: bool = False
 
     def met(self, begins_or_ends: bool) -> bool:
-        """Whether to hold now.
+        """Return whether to hold now.
 
-        Without a condition where the node begins, or has its result; with one at the first tick at which it holds.
+        Without a condition: when the node starts, or has its result. With one: at the first tick at which it becomes
+        true.
         """
         if self.holds is None:
             return begins_or_ends
@@ -45,7 +46,7 @@ class Breakpoint:
         return self.held and not before
 
     def document(self) -> dict[str, Any]:
-        """As the control channel tells it."""
+        """Return the breakpoint as a document for the control channel."""
         return {
             "node": self.node.uid,
             "path": self.node.path,
@@ -56,9 +57,9 @@ class Breakpoint:
 
 
 class Breakpoints:
-    """Those of one executor's tree. All but ``documents`` are for the executor's thread.
+    """The breakpoints of one executor's tree. All methods except ``documents`` belong to the executor's thread.
 
-    ``changed``: called after a breakpoint was set, cleared or used up. Nodes are named by uid or path.
+    ``changed``: called after a breakpoint was set, cleared or used up. Nodes are given by uid or path.
     """
 
     def __init__(self, executor: Executor, changed: Callable[[], None]) -> None:
@@ -68,14 +69,19 @@ class Breakpoints:
         self._forced: dict[Node, int] = {}
 
     def documents(self) -> list[dict[str, Any]]:
-        """All breakpoints."""
+        """Return all breakpoints as documents."""
         return [breakpoint.document() for breakpoint in list(self._breakpoints.values())]
 
     def add(self, node: int | str, when: str, condition: str | None = None, once: bool = False) -> None:
-        """Set one in place of another there; raises BreakpointError, or ScriptError for the condition."""
+        """Set a breakpoint; it replaces another one at the same place.
+
+        Raises:
+            BreakpointError: node, moment or condition is invalid.
+            ScriptError: the condition does not compile.
+        """
         found, moment = self._node(node), self._when(when)
         if not isinstance(condition, str | None):
-            raise BreakpointError(f"a condition is a script, not {condition!r}")
+            raise BreakpointError(f"a condition should be a script, got {condition!r}")
         made = Breakpoint(found, moment, condition or None, once)
         if made.condition is not None:
             made.holds = found.owner.compiler.compile_condition(made.condition, found.board)
@@ -84,7 +90,7 @@ class Breakpoints:
         self._changed()
 
     def clear(self, node: int | str | None = None, when: str | None = None) -> None:
-        """Clear one; without ``when`` both of the node, without ``node`` all."""
+        """Clear one breakpoint; without ``when`` both of the node, without ``node`` all."""
         found = None if node is None else self._node(node)
         moment = None if when is None else self._when(when)
         for key in list(self._breakpoints):
@@ -94,7 +100,10 @@ class Breakpoints:
         self._changed()
 
     def force(self, node: int | str, result: str) -> None:
-        """Let the node's next tick give this result instead; one that runs is halted first."""
+        """Force the result of the node's next tick; a running node is halted first.
+
+        Raises BreakpointError for an unknown node or result.
+        """
         if not isinstance(result, str) or result not in RESULTS:
             raise BreakpointError(f"a result is {' or '.join(RESULTS)}, not {result!r}")
         found = self._node(node)
@@ -150,11 +159,11 @@ class Breakpoints:
                 hint = f"; did you mean {' or '.join(repr(path) for path in close[:5])}?" if close[0] else ""
                 raise BreakpointError(f"{error.args[0]}{hint}") from error
         if isinstance(node, bool) or not isinstance(node, int) or not 1 <= node <= len(tree.nodes):
-            raise BreakpointError(f"a node is a path or a number from 1 to {len(tree.nodes)}, not {node!r}")
+            raise BreakpointError(f"a node should be a path or a number from 1 to {len(tree.nodes)}, got {node!r}")
         return tree.nodes[node - 1]
 
     def _when(self, when: Any) -> When:
         if when not in ("before", "after"):
-            raise BreakpointError(f"a breakpoint is before or after a node, not {when!r}")
+            raise BreakpointError(f"a breakpoint should be 'before' or 'after' a node, got {when!r}")
         moment: When = when
         return moment

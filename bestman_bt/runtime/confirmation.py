@@ -1,4 +1,4 @@
-"""``run --confirm``: each motion is shown, and starts once a person has said so."""
+"""``run --confirm``: each motion is displayed, and starts after a person has confirmed it."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from bestman_bt.runtime.executor import Executor, PauseReason
 
 
 class Confirmation:
-    """Holds the execution while a person looks: to let it go on starts the motion, ``decline`` refuses it.
+    """Pauses the execution before each motion: resuming starts the motion, ``decline`` refuses it.
 
-    ``asked``: is called with each motion, in the executor's thread, before it waits. ``executor``: whose motions they
-    are; without one they start at once.
+    ``asked``: called with each motion, in the executor's thread, before it waits. ``executor``: the executor of the
+    motions; without one they start at once.
     """
 
     def __init__(self) -> None:
@@ -25,11 +25,14 @@ class Confirmation:
 
     @property
     def pending(self) -> PlannedMotion | None:
-        """What waits for an answer now."""
+        """The motion that waits for an answer, or None."""
         return self._pending
 
     def confirm(self, planned: PlannedMotion) -> bool:
-        """Show a motion and wait; whether it may start. EngineError where the execution is ended meanwhile."""
+        """Display a motion, wait for the answer, and return whether it may start.
+
+        Raises EngineError if the execution ends meanwhile.
+        """
         if self.executor is None:
             return True
         with self._lock:
@@ -45,11 +48,11 @@ class Confirmation:
                 self._pending = None
 
     def start(self) -> bool:
-        """Let the motion that waits start; False where none does."""
+        """Start the waiting motion; return False if there is none."""
         return self._answer(declined=False)
 
     def decline(self) -> bool:
-        """Refuse the motion that waits; False where none does."""
+        """Refuse the waiting motion; return False if there is none."""
         return self._answer(declined=True)
 
     def _answer(self, declined: bool) -> bool:

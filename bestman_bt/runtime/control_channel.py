@@ -1,19 +1,19 @@
-"""The control channel: a Unix socket through which others watch, pause, step, halt, set and stop an execution.
+"""The control channel: a Unix socket to watch, pause, step, halt, change and stop an execution.
 
-One JSON object a line in each direction. Requests, which are answered by ``{"ok": true, …}`` or
-``{"ok": false, "error": …}``:
+One JSON object per line in each direction. The answers are ``{"ok": true, …}`` or ``{"ok": false, "error": …}``. The
+requests are:
 
 - ``{"do": "status"}``, ``pause``, ``resume``, ``step``, ``halt``, ``stop``
-- ``{"do": "decline"}``: refuses the motion that waits to be confirmed, which ``resume`` starts
-- ``{"do": "speed", "share": 0.05 to 1}``: of its speed at which the robot moves; ``pause`` lets it wait on its way
-- ``{"do": "set", "key": …, "value": …, "scope": …}``: a blackboard entry; ``scope``: path of a SubTree, else the root;
-  the answer has a ``note`` where the entry is new
-- ``{"do": "breakpoint", "node": …, "when": "before" or "after", "condition": script, "once": false}``: the execution
-  waits there, within the tick; nodes are named by uid or path
+- ``{"do": "decline"}``: refuse the motion that waits for confirmation; ``resume`` starts it
+- ``{"do": "speed", "share": 0.05 to 1}``: scale the robot's speed; ``pause`` also stops motions on their way
+- ``{"do": "set", "key": …, "value": …, "scope": …}``: set a blackboard entry; ``scope``: path of a SubTree, else the
+  root; the answer has a ``note`` if the entry is new
+- ``{"do": "breakpoint", "node": …, "when": "before" or "after", "condition": script, "once": false}``: hold the
+  execution there, within the tick; nodes are given by uid or path
 - ``{"do": "clear_breakpoint", "node": …, "when": …}``, ``{"do": "breakpoints"}``
-- ``{"do": "force", "node": …, "result": "SUCCESS" or "FAILURE"}``: what the node's next tick returns
-- ``{"do": "subscribe", "topics": […]}``: after the answer come events, see ``bestman_bt.records.events``: first how
-  all stands, then what happens, until the execution ends; without ``topics`` those of all
+- ``{"do": "force", "node": …, "result": "SUCCESS" or "FAILURE"}``: set the result of the node's next tick
+- ``{"do": "subscribe", "topics": […]}``: after the answer, send events (see ``bestman_bt.records.events``): first the
+  current state, then changes until the execution ends; all topics without ``topics``
 """
 
 from __future__ import annotations
@@ -38,9 +38,9 @@ from bestman_bt.runtime.executor import Executor, PauseReason
 from bestman_bt.runtime.telemetry import Telemetry
 
 LONGEST_MARK = 200
-"""Characters of what was changed by hand, as the result tells it."""
+"""Largest number of characters of a manual change in the result."""
 TASK_WAIT = 2.0
-"""Seconds that what is done between ticks waits for the tick that goes on."""
+"""Seconds that a task between ticks waits for the tick under way."""
 
 KNOWN = (
     "status, subscribe, pause, resume, step, decline, speed, set, breakpoint, clear_breakpoint, "
@@ -50,9 +50,9 @@ KNOWN = (
 
 
 class ControlChannel:
-    """Serves one executor; ``stop_robot`` is called at once, from the serving thread: a stop that no tree may clear.
+    """Serves one executor; ``stop_robot`` is called at once, from the serving thread: an emergency stop.
 
-    ``robot_state``: what ``status`` tells of the robot and its parts, in words. ``speed``: of the robot.
+    ``robot_state``: the state of the robot and its parts for ``status``, in words. ``speed``: of the robot.
     """
 
     def __init__(
@@ -77,7 +77,7 @@ class ControlChannel:
         return serve(self, run_folder)
 
     def answer(self, message: Any) -> dict[str, Any]:
-        """Carry out one request; what ``subscribe`` asks for begins with ``subscribe``."""
+        """Execute one request and return its answer; for ``subscribe`` the caller starts the events."""
         try:
             more = self._do(message)
         except (
@@ -106,7 +106,7 @@ class ControlChannel:
         }
 
     def _standing(self) -> dict[str, Any]:
-        """What is going on, in more detail than each answer tells."""
+        """Return the detailed state for ``status``."""
         active = [node.path for node in self._executor.tree.nodes if node.state == RUNNING and not node.children]
         failure = self._telemetry.last_failure
         return {
@@ -118,15 +118,15 @@ class ControlChannel:
         }
 
     def subscribe(self, message: Request, outbox: Outbox) -> None:
-        """Let the events come that a request has asked for, which ``answer`` has agreed to."""
+        """Start the events of a request that ``answer`` has accepted."""
         self._telemetry.subscribe(outbox, topics_of(message))
 
     def forget(self, outbox: Outbox) -> None:
-        """Tell somebody nothing more."""
+        """End a subscription."""
         self._telemetry.forget(outbox)
 
     def _drive(self, what: str) -> None:
-        """Let the tree go on, or not."""
+        """Pause, resume, step, halt or stop."""
         executor = self._executor
         match what:
             case "stop":
@@ -155,7 +155,7 @@ class ControlChannel:
 
     def _set_speed(self, share: Any) -> None:
         if isinstance(share, bool) or not isinstance(share, int | float):
-            raise RequestRefusedError(f"speed wants a share, a number from {SLOWEST:g} to 1")
+            raise RequestRefusedError(f"speed needs a share, a number from {SLOWEST:g} to 1")
         self._speed.set(share)
 
     def _change_breakpoints(self, what: str, message: Any) -> None:
@@ -169,7 +169,7 @@ class ControlChannel:
             self._telemetry.intervened(f"{node} was forced to return {message.get('result')}")
 
     def _do(self, message: Any) -> dict[str, Any]:
-        """Carry out a request; returns what its answer tells beside what each tells."""
+        """Execute a request and return the additional fields of its answer."""
         what = message.get("do") if isinstance(message, dict) else None
         match what:
             case "speed":
@@ -178,7 +178,7 @@ class ControlChannel:
                 self._drive(what)
             case "set":
                 if "value" not in message:
-                    raise RequestRefusedError("set wants a key (text) and a value")
+                    raise RequestRefusedError("set needs a key (text) and a value")
                 return self._set(message.get("key"), message.get("value"), message.get("scope") or "")
             case "breakpoint" | "clear_breakpoint" | "force":
                 self._between_ticks(lambda: self._change_breakpoints(what, message))
@@ -194,7 +194,7 @@ class ControlChannel:
 
     def _set(self, key: Any, value: Any, scope: Any) -> dict[str, str]:
         if not isinstance(key, str) or not key:
-            raise RequestRefusedError("set wants a key (text) and a value")
+            raise RequestRefusedError("set needs a key (text) and a value")
         board = self._executor.tree.blackboards.get(scope) if isinstance(scope, str) else None
         if board is None:
             raise RequestRefusedError(f"there is no SubTree {scope!r}")
@@ -216,21 +216,21 @@ class ControlChannel:
         return notes
 
     def _between_ticks(self, task: Callable[[], None]) -> None:
-        """Have something done in the executor's thread, and wait for it; raises what it raises.
+        """Run ``task`` in the executor's thread and wait for it; its exceptions propagate.
 
-        What has not begun in time is refused, and not done later either.
+        A task that has not started in time is cancelled and refused.
         """
         asked = self._executor.between_ticks(task)
         try:
             asked.result(TASK_WAIT)
         except (CancelledError, TimeoutError) as error:
             asked.cancel()
-            raise RequestRefusedError("the tree does not tick any more") from error
+            raise RequestRefusedError("the execution has ended") from error
 
     def _tell_breakpoints(self) -> None:
         self._telemetry.tell(BreakpointsEvent(self._breakpoints.documents()))
 
 
 def _told(hold: PauseReason) -> dict[str, Any]:
-    """What is planned is told only where something is."""
+    """Return the reason of a pause without empty fields of a planned motion."""
     return {name: value for name, value in asdict(hold).items() if value or name not in ("words", "swept")}

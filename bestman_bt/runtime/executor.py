@@ -1,4 +1,4 @@
-"""The executor: ticks a tree until it ends, is cancelled or runs out of time; pauses and steps on request."""
+"""The executor: ticks a tree until it ends, is cancelled or times out; supports pause and step."""
 
 from __future__ import annotations
 
@@ -22,27 +22,31 @@ from bestman_bt.errors import InputError
 from hal.api import RobotError
 
 MAX_WAKE_UPS = 1000
-"""Ticks in a row at one and the same time."""
+"""Largest number of consecutive ticks without progress of the clock."""
 MAX_TASKS = 16
-"""What is done between two ticks at most for those who ask for it; the rest waits for the next."""
+"""Largest number of tasks between two ticks; the rest waits for the next tick."""
 WRAP_UP_TIME = 5.0
-"""Seconds after an interrupt in which further ones do not break off what stops the robot and writes results."""
+"""Seconds after an interrupt during which further ones do not abort the stopping of the robot and the writing of
+results.
+"""
 PAUSE_POLL = 0.05
-"""Seconds after which a paused executor looks again whether it was cancelled or given something to do."""
+"""Seconds between checks of a paused executor for cancellation and tasks."""
 
 
 class Ending(StrEnum):
-    """Why an execution ended."""
+    """The reason why an execution ended."""
 
     FINISHED = "finished"  # the root returned SUCCESS or FAILURE
-    CANCELLED = "cancelled"  # somebody asked: Ctrl-C, the control channel, ``cancel()``
+    CANCELLED = "cancelled"  # on request: Ctrl-C, the control channel, ``cancel()``
     TIMEOUT = "timeout"  # the time limit was reached
     ERROR = "error"  # a node raised, or the robot did between ticks
 
 
 @dataclass(frozen=True)
 class Execution:
-    """How a tree ran. ``tree_status``: SUCCESS, FAILURE or IDLE (halted). ``why``: in words where it did not finish."""
+    """The result of an execution. ``tree_status``: SUCCESS, FAILURE or IDLE (halted). ``why``: the reason, if it did
+    not finish.
+    """
 
     ending: Ending
     tree_status: str
@@ -59,9 +63,9 @@ class Execution:
 
 @dataclass(frozen=True)
 class PauseReason:
-    """Why an execution waits: ``node`` (path) and ``when`` where that is a breakpoint.
+    """The reason why an execution waits: for a breakpoint, ``node`` (path) and ``when``.
 
-    ``words`` and ``swept`` (outlines in the map frame) of a motion that a person is to confirm.
+    ``words`` and ``swept`` (outlines in the map frame, metres): the motion that a person has to confirm.
     """
 
     reason: Literal["asked", "breakpoint", "confirm"] = "asked"
@@ -72,13 +76,13 @@ class PauseReason:
 
 
 class ExecutionWatcher(Protocol):
-    """Is told, in the executor's thread, what goes on."""
+    """Callbacks of an execution, called in the executor's thread."""
 
     def after_tick(self) -> None:
-        """A tick has ended."""
+        """Called after each tick."""
 
     def held(self, hold: PauseReason | None) -> None:
-        """The execution waits now; None: it goes on. Need not be defined."""
+        """Called when the execution starts to wait, with None when it continues. Optional."""
         return
 
 
@@ -86,8 +90,8 @@ class Executor:
     """Runs one tree on one clock.
 
     ``period``: seconds between ticks. ``time_limit``: seconds of the clock, without pauses. ``after_tick``: called
-    after each tick. ``watchers`` are told of pauses, too.
-    ``cancel``, ``pause``, ``resume`` and ``step`` may be called from any thread.
+    after each tick. ``watchers``: also notified of pauses. ``cancel``, ``pause``, ``resume`` and ``step`` are
+    thread-safe.
     """
 
     def __init__(
@@ -120,18 +124,18 @@ class Executor:
         self._tasks: deque[tuple[Callable[[], None], Future[None]]] = deque()
 
     def cancel(self, reason: str = "cancelled on request") -> None:
-        """End the execution: no node of the tree begins a tick any more. The first reason is kept."""
+        """End the execution: no further node of the tree is ticked. The first reason is kept."""
         self._cancel_reason = self._cancel_reason or reason
         self.tree.refuse_ticks()
         self._go.set()
         self.tree.wake_up()
 
     def pause(self) -> None:
-        """Do not tick until ``resume`` or ``step``; the clock stands still in simulation."""
+        """Pause ticking until ``resume`` or ``step``; in simulation the clock stands still."""
         self._go.clear()
 
     def resume(self) -> None:
-        """Tick on, also after a tick that was asked for by ``step`` and is held up within."""
+        """Continue ticking, also after a ``step`` whose tick is held."""
         self._step = False
         self._go.set()
 
@@ -142,23 +146,25 @@ class Executor:
         self._go.set()
 
     def wait_for_step(self, timeout: float) -> bool:
-        """Whether, within ``timeout`` seconds, the tick of the last ``step`` ends, or a breakpoint holds it."""
+        """Wait up to ``timeout`` seconds; return whether the tick of the last ``step`` has ended or is held at a
+        breakpoint.
+        """
         return self._stepped.wait(timeout)
 
     @property
     def paused(self) -> bool:
-        """Whether the execution waits."""
+        """Whether the execution is paused."""
         return not self._go.is_set()
 
     @property
     def held_at(self) -> PauseReason | None:
-        """Where and why the execution waits now; None while it goes on."""
+        """Where and why the execution waits, or None while it is running."""
         return self._hold
 
     def hold(self, hold: PauseReason) -> None:
-        """Wait here, within a tick, until ``resume`` or ``step``: for what is called in the executor's thread.
+        """Wait within a tick until ``resume`` or ``step``; for calls in the executor's thread.
 
-        In simulation the clock stands still; on hardware motions that are under way wait, as in a pause.
+        In simulation the clock stands still; on hardware, motions under way are paused as well.
 
         Raises:
             EngineError: the execution was cancelled meanwhile.
@@ -173,16 +179,16 @@ class Executor:
         self.tree.raise_if_refused()
 
     def between_ticks(self, task: Callable[[], None]) -> Future[None]:
-        """Run ``task`` in the executor's thread before the next tick, or while it waits; what it raises is told to you.
+        """Run ``task`` in the executor's thread before the next tick or during a pause; the future gets its exception.
 
-        The future is cancelled where the execution ends before; you may cancel it as long as it is not begun.
+        The future is cancelled if the execution ends first; the caller may cancel it until it starts.
         """
         future: Future[None] = Future()
         self._tasks.append((task, future))
         return future
 
     def run(self) -> Execution:
-        """Tick until the end; whatever the end, nothing is left running in the tree."""
+        """Tick until the end and return the result; the tree is always halted at the end."""
         start, wall_start = self.clock.now(), time.perf_counter()
         ending, status, why = Ending.FINISHED, IDLE, ""
         self.tree.allow_ticks()  # the reason of an earlier ``cancel`` is seen before the first one
@@ -194,7 +200,7 @@ class Executor:
                     ending, status, why = self._loop(start)
                 finally:
                     self._looping = False
-            except InputError:  # told as such, by those who started it
+            except InputError:  # reported by the caller
                 raise
             except Exception as error:  # a user's code may raise anything; it is reported and logged below
                 known = isinstance(error, (EngineError, RobotError))
@@ -261,7 +267,7 @@ class Executor:
             self.clock.sleep(self.period)
 
     def _wait_for_turn(self, hold: PauseReason = PauseReason()) -> None:
-        """Do what is to be done between ticks; while paused, wait."""
+        """Run the tasks between ticks; while paused, wait."""
         waits, begun = False, self.clock.now()
         while True:
             self._do_tasks()
@@ -298,10 +304,10 @@ class Executor:
 
     @contextmanager
     def interrupts(self) -> Iterator[None]:
-        """Let the first Ctrl-C or termination signal cancel between ticks, and a second one in the middle of a tick.
+        """Let the first Ctrl-C or termination signal cancel between ticks, and a second one interrupt a tick.
 
-        Kept on after ``run()``, until what follows a cancelled execution is done, it ignores more of them meanwhile,
-        for ``WRAP_UP_TIME`` at most.
+        If still active after ``run()``, during the wrap-up of a cancelled execution, it ignores further signals for at
+        most ``WRAP_UP_TIME`` seconds.
         """
         if threading.current_thread() is not threading.main_thread():
             yield

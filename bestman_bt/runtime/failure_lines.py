@@ -1,4 +1,4 @@
-"""One line of the log for each failure of a leaf: which node, with what code, and why in words."""
+"""One log line for each failure of a leaf: node, code and reason."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from bestman_bt.engine.errors import Problem
 from bestman_bt.engine.unwritten import problem_at
 from bestman_bt.records.described_tree import category_of
 
-# Failure codes that were merged with others: what still names an old one is told the new one.
+# Failure codes that were merged with others: uses of an old one get the new one as a suggestion.
 
 
 RENAMED_CODES = {
@@ -25,14 +25,16 @@ _QUOTED = re.compile(r"'([^']*)'")
 
 
 def renamed_codes(tree: Tree) -> Iterator[Problem]:
-    """Old codes in the scripts, cases and lists of codes of a tree; own skills that declare one may keep it."""
+    """Yield renamed error codes in scripts, cases and code lists of a tree; codes of the user's own skills are
+    exempt.
+    """
     own = {code for kind in {type(node) for node in tree.nodes} for code in declared_failures(kind)}
     for node in tree.nodes:
         for port, text in node.attributes.items():
             for code in _codes(port, text):
                 if code in RENAMED_CODES and code not in own:
                     new = RENAMED_CODES[code]
-                    yield problem_at(node, port, f"no skill fails as {code!r}", f"it is called {new!r} now")
+                    yield problem_at(node, port, f"no skill fails with {code!r}", f"use {new!r}")
 
 
 def _codes(port: str, text: object) -> list[str]:
@@ -47,9 +49,9 @@ def _codes(port: str, text: object) -> list[str]:
 
 
 class FailureLines:
-    """Puts together what the tree and what the skills tell; what conditions deny is an answer, and no failure.
+    """Combines failures of the tree and of the skills; a condition that is false is not a failure.
 
-    ``told``: what skills told, oldest first; it grows while the run goes on.
+    ``told``: failures reported by skills, oldest first; it grows during the run.
     """
 
     def __init__(self, told: Sequence[NodeFailure] = ()) -> None:
@@ -57,7 +59,7 @@ class FailureLines:
         self._read = len(told)
 
     def of(self, tree: Tree, uids: Iterable[int]) -> list[NodeFailure]:
-        """The lines of leaves that have just failed."""
+        """Return the failures of leaves that have just failed, by uid."""
         new = {failure.node: failure for failure in self._told[self._read :]}
         self._read = len(self._told)
         lines = []
@@ -72,7 +74,7 @@ class FailureLines:
 
 
 def failure_codes(tree: Tree) -> frozenset[int]:
-    """The entries of ``StateChanges.codes`` that say that an action failed."""
+    """Return the entries of ``StateChanges.codes`` that mark the failure of an action."""
     return frozenset(
         node.uid * 8 + FAILURE for node in tree.nodes if not node.children and category_of(node) == "action"
     )

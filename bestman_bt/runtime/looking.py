@@ -1,4 +1,4 @@
-"""Looking at a piece of furniture: where to stand, which tree to run, and what it made the robot believe, as marks."""
+"""Look at a piece of furniture: where to stand, which tree to run, and the resulting beliefs as marks."""
 
 from __future__ import annotations
 
@@ -28,19 +28,19 @@ from bestman_bt.visualization.marks import GraspMark, HandleMark, ObjectMark, Sc
 from bestman_bt.world_model.semantic_map import MapFurniture
 
 STAND_OFFS = (0.90, 1.05, 0.75, 1.20, 0.60, 1.40)
-"""Metres between the middle of the base and the front of what it looks at; the first with room is taken."""
+"""Metres between the middle of the base and the front of the furniture; the first one with room is used."""
 STAND_OFFS_AT_TABLES = (0.60, 0.75, 0.90, 1.05, 1.20, 1.40)
 """The same for furniture that is no more than its top, such as a table: the nearer the better."""
 ROOM = 0.38
-"""Metres that the middle of the base keeps from everything."""
+"""Metres, clearance of the middle of the base from obstacles."""
 FRONT_STEP = 1.25
-"""Metres of a front's height that one look shows: a higher front is looked at several times."""
+"""Metres of a front's height that one view covers: a higher front takes several views."""
 TREE = "look"
 
 
 @dataclass(frozen=True, eq=False)
 class LookResult:
-    """What one stand before ``furniture`` gave: the views in the order taken, all marks in the map frame, failures."""
+    """The result of one stand in front of ``furniture``: views in order, all marks in the map frame, failures."""
 
     furniture: str
     views: tuple[RGBDView, ...]
@@ -49,13 +49,13 @@ class LookResult:
 
 
 def furniture_to_look_at(asked: RunRequest) -> dict[str, MapFurniture]:
-    """The furniture on the robot's map of a scene, by name; raises as ``load_scene`` and ``draw_world``."""
+    """Return the furniture on the robot's map of a scene, by name; raises as ``load_scene`` and ``draw_world`` do."""
     config = run_of_options(replace(asked, tree=TREE, robot="diff_panda"))
     return dict(semantic_map(draw_world(load_scene(config.task.scene, config.scene_settings), asked.seed)).furniture)
 
 
 def look_at(furniture: MapFurniture, stand: RunConfig | Setup, views: int = 1) -> LookResult:
-    """Run the tree ``look`` on a robot that is ``standing_before`` the furniture; raises as ``prepare``."""
+    """Run the tree ``look`` on a robot that is ``standing_before`` the furniture; raises as ``prepare`` does."""
     with open_session(stand) as session:
         under = session.skills.world.map.standing_under(furniture.name)
         seen: list[RGBDView] = []
@@ -76,14 +76,14 @@ def look_at(furniture: MapFurniture, stand: RunConfig | Setup, views: int = 1) -
 
 
 def unseen(furniture: str, code: str, why: Exception) -> LookResult:
-    """What is told of furniture that could not be looked at."""
+    """Return the result for furniture that could not be looked at."""
     return LookResult(furniture, (), SceneMarks(), (NodeFailure("", code, str(why)),))
 
 
 def standing_before(furniture: MapFurniture, asked: RunRequest) -> RunConfig:
-    """A run whose robot starts straight before the furniture, at the best distance at which there is room.
+    """Return a run whose robot starts straight in front of the furniture, at the best distance with enough room.
 
-    Raises SceneError where there is none, else as ``run_of_options`` and ``load_scene``.
+    Raises SceneError if there is none, else as ``run_of_options`` and ``load_scene`` do.
     """
     asked = replace(asked, tree=TREE)
     config = run_of_options(asked)
@@ -102,14 +102,14 @@ def standing_before(furniture: MapFurniture, asked: RunRequest) -> RunConfig:
             placed.append(f"scene.start_clearance={ROOM}")
             return run_of_options(replace(asked, settings=[*placed, *(asked.settings or ())]))
     message = (
-        f"no room for the robot before the {furniture.name}: nowhere from {min(distances)} m to {max(distances)} m "
-        f"before it are {ROOM} m free on all sides"
+        f"no room for the robot in front of the {furniture.name}: it needs {ROOM} m on all sides "
+        f"at a distance of {min(distances)} to {max(distances)} m"
     )
     raise SceneError([Problem(str(asked.scene), None, "", message)])
 
 
 def _apart(wall: Wall, one: Pose2D, other: Pose2D) -> bool:
-    """Whether a wall stands between two places."""
+    """Return whether a wall stands between two places."""
 
     def left(a: NDArray[np.float64], b: NDArray[np.float64], point: NDArray[np.float64]) -> bool:
         along, to = b - a, point - a
@@ -122,7 +122,7 @@ def _apart(wall: Wall, one: Pose2D, other: Pose2D) -> bool:
 
 
 def scene_marks(skills: SkillContext) -> SceneMarks:
-    """Everything that the robot believes of its surroundings, with the best grasp of each thing, in the map frame."""
+    """Return all beliefs about the surroundings, with the best grasp of each object, in the map frame."""
     world = skills.world
     return SceneMarks(
         objects=object_marks(skills),
@@ -133,7 +133,7 @@ def scene_marks(skills: SkillContext) -> SceneMarks:
 
 
 def object_marks(skills: SkillContext) -> tuple[ObjectMark, ...]:
-    """The objects that the robot believes in, with the points that were measured of them, in the map frame."""
+    """Return the believed objects with their measured points, in the map frame."""
     marks = []
     for name, belief in skills.world.objects.items():
         seen = [observation.cluster.points for observation in skills.observations.get(name, ())]
@@ -177,7 +177,9 @@ def _surfaces(skills: SkillContext) -> Iterable[SurfaceMark]:
 
 
 def _fronts(furniture: MapFurniture, floor: float) -> list[str]:
-    """Points on the front from bottom to top, ``x;y;z`` in the map frame; ``floor``: metres, on what it stands."""
+    """Return points on the front from bottom to top, ``x;y;z`` in the map frame; ``floor``: height of its support,
+    metres.
+    """
     rise = furniture.height - floor
     count = math.ceil(rise / FRONT_STEP)
     middles = [(-furniture.footprint[0] / 2, 0.0, floor + rise * (i + 0.5) / count) for i in range(count)]

@@ -1,4 +1,4 @@
-"""A new object from a mesh: checked, cut into convex parts, its symmetry and grasps found, its files written."""
+"""Import of an object from a mesh: checks, convex decomposition, symmetry, grasps, files."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ from bestman_bt.scene.mesh_file import (
 from bestman_bt.scene.object_file import LARGEST, SMALLEST, SYMMETRY_ORDERS, Symmetry, read_object
 
 DENSITY = 500.0
-"""kg/m³: what a thing of unknown mass is taken for; wood, or something thin-walled with something in it."""
+"""kg/m³, density of an object of unknown mass: wood, or a filled thin-walled container."""
 GRASPS = 128
 """Grasps found for an object, at most."""
 GREY = (0.6, 0.6, 0.6)
@@ -48,11 +48,11 @@ _UNITS = {"mm": 0.001, "cm": 0.01, "m": 1.0}
 
 @dataclass(frozen=True)
 class NewObject:
-    """What is said of an object besides its mesh.
+    """The description of an object besides its mesh.
 
     ``scale``: metres per unit of the mesh; ``up``: its axis that points up. ``mass``: kg, None: by ``DENSITY``.
-    ``color``: rgb 0 to 1, None: the mesh's own. ``symmetry``: ``auto`` finds it. ``open_surface``: take a mesh with
-    holes too. ``library``: what reads and simplifies the mesh.
+    ``color``: rgb 0 to 1, None: that of the mesh. ``symmetry``: ``auto`` detects it. ``open_surface``: also accept a
+    mesh with holes. ``library``: reads and simplifies the mesh.
     """
 
     name: str
@@ -68,9 +68,9 @@ class NewObject:
 
 @dataclass(frozen=True)
 class ImportedObject:
-    """The object as scenes will read it, and its files: ``object``, ``mesh``, ``collision``, ``grasps``, ``picture``.
+    """The object for scenes, and its files: ``object``, ``mesh``, ``collision``, ``grasps``, ``picture``.
 
-    ``watertight``: whether the mesh was. ``triangles``: of the mesh given.
+    ``watertight``: whether the mesh was. ``triangles``: number of triangles of the given mesh.
     """
 
     model: ObjectModel
@@ -83,9 +83,10 @@ class ImportedObject:
 def import_object(
     mesh_file: Path, new: NewObject, gripper: GripperModel, gripper_name: str, folder: Path, replace: bool = False
 ) -> ImportedObject:
-    """Make the files of an object in ``folder``, all or none. Raises ConfigurationError, also if there is one already.
+    """Write the files of an object into ``folder``, all or none.
 
-    ``gripper``: that grasps are found for; ``gripper_name``: of it, for people.
+    ``gripper``: to find grasps for; ``gripper_name``: its name, for people. Raises ConfigurationError, also if the
+    object exists already.
     """
     files = {
         "object": folder / f"{new.name}.yaml",
@@ -116,9 +117,9 @@ def import_object(
 
 
 def write_grasps(object_file: Path, gripper: GripperModel, gripper_name: str) -> ObjectModel:
-    """Find the grasps of an object anew, write them beside its file, and name them there.
+    """Find the grasps of an object again, write them beside its file, and reference them there.
 
-    Raises ConfigurationError for a file that is no object.
+    Raises ConfigurationError for a file that is not an object.
     """
     model = read_object(object_file)
     grasps = AntipodalModel().grasps(model, gripper, np.random.default_rng(0), GRASPS)
@@ -136,17 +137,19 @@ def _fault(source: Path | str, field: str, message: str) -> ConfigurationError:
 
 def _check_name(name: str, files: Mapping[str, Path], replace: bool) -> None:
     if not _NAME.fullmatch(name) or _RESERVED.fullmatch(name):
-        message = "a name is letters, digits, _ and -, begins with a letter, and is none of random_000 to random_999"
+        message = "a name should be letters, digits, _ and -, begin with a letter, and not be random_000 to random_999"
         raise _fault("--name", name, message)
     there = [path for path in files.values() if path.exists()]
     if there and not replace:
-        raise _fault(there[0], "", "is there already; --force replaces it")
+        raise _fault(there[0], "", "already exists; --force replaces it")
     if name in data_names("object") and not files["object"].exists():
         raise _fault("--name", name, "another object has this name; choose a different one")
 
 
 def _checked_mesh(mesh_file: Path, new: NewObject) -> tuple[Mesh, int, bool]:
-    """The mesh in metres, z up, its bounding box about the origin; how many triangles were given; whether closed."""
+    """Return the mesh in metres, z up, its bounding box about the origin; how many triangles were given; whether
+    closed.
+    """
     try:
         if not mesh_file.is_file():
             raise MeshError("no such mesh")
@@ -180,7 +183,7 @@ def _checked_mesh(mesh_file: Path, new: NewObject) -> tuple[Mesh, int, bool]:
 
 
 def _better_scale(longest: float) -> str:
-    """A hint at the unit that would make an object of ordinary size, if there is one."""
+    """Return a hint at the unit that would make an object of ordinary size, if there is one."""
     for unit, metres in _UNITS.items():
         if 0.03 <= longest * metres <= 0.5:
             return f"; if its unit is {unit} (--scale {metres:g}), that is {longest * metres:.3g} m"

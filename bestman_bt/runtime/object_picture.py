@@ -1,4 +1,4 @@
-"""A picture of an object for people: how it looks with its axes, and where a gripper takes it."""
+"""Pictures of an object for people: the object with its axes, and its grasps."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ AXES = (
 """Colours of x, y and z, and the turns that bring z there."""
 GRASP = (0.1, 0.55, 0.75)
 SHOWN = slice(0, 20, 4)
-"""Grasps drawn: the best ones lie on each other."""
+"""Number of grasps to draw: the best ones overlap."""
 
 
 def object_picture(model: ObjectModel, gripper: GripperModel | None = None, side: int = 420) -> NDArray[np.uint8]:
-    """The object with its axes (x red, y green, z blue) and, for a gripper, beside it the best of its grasps.
+    """Return the object with its axes (x red, y green, z blue) and, given a gripper, its best grasps beside it.
 
     Returns (side, side or 2·side, 3) uint8.
     """

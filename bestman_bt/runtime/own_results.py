@@ -1,4 +1,4 @@
-"""Checks what the methods of a user's algorithm return, against the types of the interface."""
+"""Checks of the values that a user's algorithm returns, against the types of the interface."""
 
 from __future__ import annotations
 
@@ -21,10 +21,9 @@ _SEQUENCES = (tuple, list, Sequence)
 
 
 def with_checked_results(algorithm: type[Any], base: type[Any]) -> type[Any]:
-    """The class, whose methods and properties of the interface ``base`` raise WrongResultError for what that does not
-    allow.
+    """Return a subclass whose interface methods and properties of ``base`` raise WrongResultError for invalid results.
 
-    Looked at are types, numbers that are none, paths that leave the costmap and commands that are not finite.
+    Checked are types, NaN, paths that leave the costmap and commands that are not finite.
     """
     checked: dict[str, Any] = {
         "__module__": algorithm.__module__,
@@ -63,9 +62,9 @@ def _fault(result: Any, hint: Any, arguments: Sequence[Any]) -> str:
     if not _is_a(result, hint):
         return f"should return {_named(hint)}, got {_got(result)}"
     if _has_nan(result):
-        return f"returned a {type(result).__name__} with a number that is none (NaN)"
+        return f"returned a {type(result).__name__} that contains NaN"
     if isinstance(result, FollowerCommand) and not np.all(np.isfinite(dataclasses.astuple(result.twist))):
-        return f"returned the velocity {result.twist}; finite numbers are accepted"
+        return f"returned the velocity {result.twist}; it should be finite"
     if isinstance(result, Path2D):
         return _path_fault(result, next((one for one in arguments if isinstance(one, Costmap)), None))
     return ""
@@ -73,7 +72,7 @@ def _fault(result: Any, hint: Any, arguments: Sequence[Any]) -> str:
 
 def _path_fault(path: Path2D, costmap: Costmap | None) -> str:
     if not len(path.points):
-        return "returned a Path2D without a point; one at least is needed"
+        return "returned a Path2D without points; it should have at least one"
     outside = np.zeros(0) if costmap is None else path.points[~costmap.contains(path.points)]
     if not len(outside):
         return ""
@@ -82,7 +81,7 @@ def _path_fault(path: Path2D, costmap: Costmap | None) -> str:
 
 
 def _is_a(value: Any, hint: Any) -> bool:
-    """Whether a value is of a type as it is annotated; what ``isinstance`` cannot tell is taken for granted."""
+    """Return whether a value matches a type annotation; what ``isinstance`` cannot check counts as a match."""
     origin, arguments = get_origin(hint), get_args(hint)
     if origin in (Union, UnionType):
         return any(_is_a(value, one) for one in arguments)

@@ -1,4 +1,4 @@
-"""What a description says of a part beyond its URDF, found out from the URDF as far as it goes."""
+"""Properties of a part that its description needs beyond the URDF, inferred from the URDF where possible."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ Facts = tuple[dict[str, Any], list[str]]
 Array = NDArray[np.float64]
 
 FEWEST_ARM_JOINTS = 4
-TIME_TO_SPEED = 0.25  # seconds in which a joint whose acceleration nobody tells reaches its top speed
+TIME_TO_SPEED = 0.25  # seconds to full speed of a joint without a known acceleration
 FRICTION = 0.8
 GUESSED_SLIP = 2.0
 SAMPLES = 200
@@ -35,15 +35,18 @@ _UNITS = {
     False: {"lower": "rad", "upper": "rad", "velocity": "rad/s", "acceleration": "rad/s²", "effort": "N m"},
     True: {"lower": "m", "upper": "m", "velocity": "m/s", "acceleration": "m/s²", "effort": "N"},
 }
-"""Of limits, of joints that turn and of those that slide."""
+"""Units of limits, of revolute and of prismatic joints."""
 
 
 def arm_facts(tree: UrdfTree, joints: Sequence[str] | None) -> Facts:
-    """The longest chain of driven joints, or ``joints``; what hangs beyond its last one is cut off."""
+    """Infer an arm: the longest chain of driven joints, or ``joints``; links beyond its last joint are cut off.
+
+    Raises UrdfError.
+    """
     if joints is None:
         ends = [child_of(joint) for joint in tree.joints.values() if tree.driven(joint)]
         if not ends:
-            raise UrdfError(f"{tree.path.name} has no joint that moves: it is no arm")
+            raise UrdfError(f"{tree.path.name} has no movable joint: it is not an arm")
         longest = max((tree.path_to(end) for end in ends), key=lambda chain: sum(map(tree.driven, chain)))
         chain = _before_the_hand(tree, [joint for joint in longest if tree.driven(joint)])
         if len(chain) < 2:
@@ -54,7 +57,7 @@ def arm_facts(tree: UrdfTree, joints: Sequence[str] | None) -> Facts:
     for before, after in itertools.pairwise(chain):
         if before not in tree.path_to(child_of(after)):
             names = f"{before.get('name')!r} and {after.get('name')!r}"
-            raise UrdfError(f"{tree.path.name}: {names} are on different branches: that is no chain")
+            raise UrdfError(f"{tree.path.name}: {names} are on different branches: they do not form a chain")
     tip, cut = _tip(tree, child_of(chain[-1]))
     limits, notes = _limits(chain)
     root = _foot(tree, [parent_of(joint) for joint in tree.path_to(child_of(chain[0]))])
@@ -64,10 +67,13 @@ def arm_facts(tree: UrdfTree, joints: Sequence[str] | None) -> Facts:
 
 
 def gripper_facts(tree: UrdfTree, joints: Sequence[str] | None) -> Facts:
-    """Two fingers: their joints, the positions where they are open and closed, the tool frame between them."""
+    """Infer a gripper with two fingers: joints, open and closed positions, the tool frame between the fingers.
+
+    Raises UrdfError.
+    """
     names = list(joints) if joints is not None else _hand_joints(tree)
     if not names:
-        raise UrdfError(f"{tree.path.name} has no joint that moves fingers: it is no gripper")
+        raise UrdfError(f"{tree.path.name} has no joint that moves fingers: it is not a gripper")
     root = _common_root(tree, names)
     subtree = tree.subtree(root)
     mimics = [mimic for mimic in subtree.mimics if mimic.leader in tree.joints]
@@ -116,7 +122,9 @@ def gripper_facts(tree: UrdfTree, joints: Sequence[str] | None) -> Facts:
 
 
 def base_facts(tree: UrdfTree, joints: Sequence[str] | None) -> Facts:
-    """Two wheels make a differential drive, four that are not steered a skid drive."""
+    """Infer a base: two wheels make a differential drive, four unsteered wheels a skid-steered drive. Raises
+    UrdfError.
+    """
     names = list(joints) if joints is not None else [n for n, joint in tree.joints.items() if tree.driven(joint)]
     wheels = [name for name in names if tree.joints[name].get("type") == "continuous"]
     if len(wheels) not in (2, 4):
@@ -133,7 +141,7 @@ def base_facts(tree: UrdfTree, joints: Sequence[str] | None) -> Facts:
             f"{subtree.root!r}: it should lie on the floor below them"
         )
     track = float(places[rows[0]][1] - places[rows[1]][1])
-    notes = ["speeds, accelerations and the torque of the wheels are guesses: a URDF does not tell them"]
+    notes = ["speeds, accelerations and the torque of the wheels are guesses: they are not in a URDF"]
     if len(wheels) == 4:
         notes.append(
             f"'turning_slip: {GUESSED_SLIP:g}' and 'rotor_inertia' are guesses: "
@@ -157,7 +165,7 @@ def base_facts(tree: UrdfTree, joints: Sequence[str] | None) -> Facts:
 def written_limits(
     tree: UrdfTree, joints: Sequence[str], limits: Mapping[str, Sequence[float]]
 ) -> dict[str, list[str]]:
-    """The limits of joints as text with units."""
+    """Return the limits of joints as text with units."""
     units = [_UNITS[tree.joints[name].get("type") == "prismatic"] for name in joints]
     return {
         key: [f"{value} {unit[key]}" for value, unit in zip(row, units, strict=True)] for key, row in limits.items()
@@ -165,7 +173,7 @@ def written_limits(
 
 
 def overlapping_pairs(robot: RobotModel) -> list[tuple[str, str]]:
-    """Pairs of links that overlap in nearly all of a row of random configurations of the arm: by construction."""
+    """Return the pairs of links that overlap in nearly all of several random arm configurations: by construction."""
     found: dict[tuple[str, str], int] = {}
     for name, arm in robot.of(ArmModel).items():
         world = CoalCollisionModel(robot).world(PlanningScene(positions={}, self_padding=0.0), name)
@@ -208,7 +216,7 @@ def _foot(tree: UrdfTree, links: Sequence[str]) -> str:
 
 
 def _hand_joints(tree: UrdfTree) -> list[str]:
-    """The driven joints, but for those of an arm that carries the hand in the same file."""
+    """Return the driven joints, but for those of an arm that carries the hand in the same file."""
     driven = [name for name, joint in tree.joints.items() if tree.driven(joint)]
     chains = [[joint.get("name", "") for joint in tree.path_to(child_of(tree.joints[name]))] for name in driven]
     chain = max(chains, key=len, default=[])
@@ -238,7 +246,7 @@ def _moves_below(tree: UrdfTree, joint: ET.Element) -> bool:
 
 
 def _tip(tree: UrdfTree, link: str) -> tuple[str, list[str]]:
-    """The last frame that hangs rigidly on the arm's last link, and what has to be cut off there."""
+    """Return the last frame that hangs rigidly on the arm's last link, and what has to be cut off there."""
     cut = [child_of(j) for j in tree.joints.values() if parent_of(j) == link and _moves_below(tree, j)]
     rigid = [j for j in tree.below(link) if not _moves_below(tree, j) and not tree.moves(j)]
     frames = [child_of(j) for j in rigid if parent_of(j) == link and not tree.links[child_of(j)].findall("collision")]
@@ -255,7 +263,7 @@ def _common_root(tree: UrdfTree, names: Sequence[str]) -> str:
 
 
 def _finger_clouds(elements: list[ET.Element], positions: dict[str, float]) -> dict[str, Array]:
-    """The corners of each link's shapes in the root link's frame, (N, 3) metres."""
+    """Return the corners of each link's shapes in the root link's frame, (N, 3) metres."""
     links = [element for element in elements if element.tag == "link"]
     poses = link_poses(elements, positions, [link.get("name", "") for link in links])
     clouds = {}
@@ -271,7 +279,7 @@ def _finger_clouds(elements: list[ET.Element], positions: dict[str, float]) -> d
 def _finger_links(
     tree: UrdfTree, root: str, clouds: dict[str, Array], names: Sequence[str], mimics: Sequence[MimicJoint]
 ) -> tuple[str, str]:
-    """The last links with a shape on two different branches that move."""
+    """Return the last links with a shape on two different branches that move."""
     moving = {*names, *(mimic.joint for mimic in mimics)}
     tips = []
     for branch in (j for j in tree.joints.values() if parent_of(j) == root):
@@ -291,7 +299,7 @@ def _apart(clouds: dict[str, Array], first: str, second: str) -> float:
 
 
 def _ahead(clouds: dict[str, Array], fingers: tuple[str, str], closing: Array) -> tuple[Array, float]:
-    """The axis of the root frame along which the fingers reach farthest, and how far; never the closing one."""
+    """Return the axis of the root frame along which the fingers reach farthest, and how far; never the closing one."""
     points = np.concatenate([clouds[finger] for finger in fingers])
     candidates = [sign * axis for axis in np.eye(3) for sign in (1.0, -1.0)]
     closing = closing / np.linalg.norm(closing)

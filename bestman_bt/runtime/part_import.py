@@ -1,4 +1,4 @@
-"""Parts from any URDF: what kind of part it is, what the file leaves out, and the description to keep."""
+"""Import of parts from any URDF: the kind of part, what the file leaves out, and the description."""
 
 from __future__ import annotations
 
@@ -32,9 +32,9 @@ from bestman_bt.runtime.part_facts import (
 
 @dataclass(frozen=True)
 class PartRequest:
-    """``kind``: None to find out. ``group``: of the SRDF, None for the whole file. ``packages``: for ``package://``.
+    """``kind``: None to infer it. ``group``: of the SRDF, None for the whole file. ``packages``: for ``package://``.
 
-    ``cut``: links to leave out, with all that hangs on them.
+    ``cut``: links to leave out, with their descendants.
     """
 
     name: str
@@ -46,7 +46,7 @@ class PartRequest:
 
 @dataclass(frozen=True)
 class ImportedPart:
-    """``description``: the text of its YAML; ``robot``: the part alone; ``notes``: what the file did not say."""
+    """``description``: its YAML text; ``robot``: the part alone; ``notes``: what the file left open."""
 
     name: str
     kind: str
@@ -56,10 +56,10 @@ class ImportedPart:
 
 
 def import_part(urdf: Path, request: PartRequest, srdf: Srdf | None = None) -> ImportedPart:
-    """Describe the part that a URDF file is; UrdfError or ConfigurationError tell what is wrong with it.
+    """Create the description of the part in a URDF file. Raises UrdfError or ConfigurationError.
 
-    A kind that is not asked for follows from the joints: wheels that turn without end about a level axis make a base,
-    a chain of at least four joints an arm, up to three that move fingers a gripper.
+    If not given, the kind follows from the joints: continuous wheels about a level axis make a base, a chain of at
+    least four joints an arm, up to three joints that move fingers a gripper.
     """
     tree, joints = _read(urdf, request, srdf)
     kind = request.kind or _kind(tree, joints)
@@ -90,7 +90,7 @@ def import_part(urdf: Path, request: PartRequest, srdf: Srdf | None = None) -> I
     else:
         pairs = [sorted(pair) for pair in overlapping_pairs(robot)]
         if pairs:
-            notes.append(f"{len(pairs)} pairs of links overlap wherever the joints stand: they need no check")
+            notes.append(f"{len(pairs)} pairs of links always overlap: they are excluded from collision checks")
     if pairs:
         data["may_touch"] = sorted(map(list, {tuple(pair) for pair in pairs}))
         robot = _alone(urdf, request.name, data)
@@ -125,7 +125,7 @@ def _states(
             unsaid = [joint for joint in joints if joint not in positions]
             if unsaid:
                 if len(unsaid) < len(joints):
-                    notes.append(f"the state {name!r} of the SRDF was left out: it says nothing of {', '.join(unsaid)}")
+                    notes.append(f"the state {name!r} of the SRDF was left out: it lacks {', '.join(unsaid)}")
                 continue
             values = [positions[joint] for joint in joints]
             within = all(
@@ -139,29 +139,29 @@ def _states(
 
 
 def _strangers(tree: UrdfTree, srdf: Srdf) -> list[str]:
-    """A note of what states and pairs of an SRDF name and the URDF lacks: an SRDF may be of a larger robot."""
+    """Return a note of what states and pairs of an SRDF name and the URDF lacks: an SRDF may be of a larger robot."""
     named = {joint for of_group in srdf.states.values() for state in of_group.values() for joint in state}
     paired = {link for pair in srdf.disabled_pairs for link in pair}
     lost = sorted({*(named - set(tree.joints)), *(paired - set(tree.links))})
-    return [f"passed over, for the URDF lacks what the SRDF names there: {', '.join(lost)}"] if lost else []
+    return [f"ignored, because the URDF lacks what the SRDF names there: {', '.join(lost)}"] if lost else []
 
 
 def _left_out(tree: UrdfTree, fields: Mapping[str, Any]) -> list[str]:
-    """Notes of what the file holds beside the part: what is cut off, and joints that others have to move."""
+    """Return notes on what is not part of the import: cut links, and joints that others have to move."""
     cut = fields.get("cut", ())
-    notes = [f"cut off, with all that hangs on it: {', '.join(cut)}"] if cut else []
+    notes = [f"cut off, with all descendants: {', '.join(cut)}"] if cut else []
     moved = {*fields.get("joints", ()), *fields.get("wheel_joints", ())}
     others = [name for name, joint in tree.joints.items() if tree.driven(joint) and name not in moved]
     if others:
         notes.append(
-            f"the file moves more than this part does: {', '.join(others)}; import them as parts of their own, "
+            f"the file has joints outside this part: {', '.join(others)}; import them as separate parts, "
             "with --kind or a --group of an SRDF"
         )
     return notes
 
 
 def _alone(urdf: Path, name: str, data: Mapping[str, Any]) -> RobotModel:
-    """The part as a robot of its own: whatever is wrong with it shows now, as a fault of the user's file."""
+    """Return the part as a robot of its own: whatever is wrong with it shows now, as a fault of the user's file."""
     with TemporaryDirectory() as folder:
         file = Path(folder) / f"{name}.yaml"
         file.write_text(_text(data, ()), encoding="utf-8")
@@ -173,7 +173,7 @@ def _alone(urdf: Path, name: str, data: Mapping[str, Any]) -> RobotModel:
 
 
 def _read(urdf: Path, request: PartRequest, srdf: Srdf | None) -> tuple[UrdfTree, list[str] | None]:
-    """The URDF and the joints of the group that is asked for; UrdfError tells the faults of both files."""
+    """Return the URDF and the joints of the requested group. Raises UrdfError listing the faults of both files."""
     faults = list(srdf.faults) if srdf is not None else []
     joints: list[str] | None = None
     try:

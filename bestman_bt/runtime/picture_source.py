@@ -1,4 +1,4 @@
-"""Pictures that skills take as events: all of them for who subscribes, and in run folders the last before a failure."""
+"""Images of the skills as events: all of them for subscribers, and in run folders the last one before a failure."""
 
 from __future__ import annotations
 
@@ -21,18 +21,18 @@ from bestman_bt.robot_model.model import ArmModel
 
 FOLDER = "pictures"
 SCENE = "scene"
-"""What the picture of a failed motion is called, in the place of a camera's name."""
+"""Name of the picture of a failed motion, in place of a camera's name."""
 MOST_PICTURES = 50
-"""Pictures that a run folder gets."""
+"""Largest number of pictures in a run folder."""
 WIDEST_LIVE, WIDEST_KEPT, WIDEST_SCENE = 480, 320, 840
-"""Pixels that a picture is wide at most."""
+"""Largest width of a picture, pixels."""
 QUALITY = 80
 
 
 class PictureSource:
-    """Listens to the robot's cameras: no picture is taken for it. ``folder``: of the run, if there is one.
+    """Listens to the robot's cameras without taking images itself. ``folder``: of the run, if any.
 
-    Of a failed motion it draws the scene as the robot believes it to be, what was in the way in red.
+    For a failed motion it also renders the believed scene, with the obstacles in red.
     """
 
     def __init__(self, skills: SkillContext, folder: Path | None) -> None:
@@ -45,18 +45,18 @@ class PictureSource:
             camera.subscribe(partial(self._seen, camera.name))
 
     def begin(self, tell: Tell) -> None:
-        """Somebody keeps or watches from now on."""
+        """Start publishing to ``tell``."""
         self._tell = tell
 
     def after_tick(self, time: float, tick: int, wanted: frozenset[Topic]) -> None:
-        """Tell what was taken in this tick."""
+        """Publish the images of this tick."""
         if "images" in wanted and self._tell is not None:
             for camera, view in self._untold.items():
                 self._tell(partial(_live_events, time, camera, view.image.rgb))
         self._untold.clear()
 
     def failed(self, time: float, node: str) -> None:
-        """Keep what was seen last, from whichever camera, and the scene of a failed motion."""
+        """Save the latest image of any camera, and the scene of a failed motion."""
         if self._last is not None:
             camera, view = self._last
             self._keep(time, node, camera, view.stamp, lambda: view.image.rgb, WIDEST_KEPT)
@@ -79,7 +79,9 @@ class PictureSource:
         self._tell(partial(_kept_events, time, camera, rgb, self._folder, file, node, widest))
 
     def _drawn(self, obstacle: MotionObstacle) -> Callable[[], NDArray[np.uint8]] | None:
-        """Draws the scene of the arm that failed, in the pose that was tried last; None for a robot without an arm."""
+        """Draws the scene of the arm that failed, in the pose that was tried last, or None for a robot without an
+        arm.
+        """
         from bestman_bt.visualization.scene_picture import scene_picture
 
         arms = self._skills.robot.of(ArmModel).items()

@@ -1,4 +1,4 @@
-"""From a scene and a goal to a plan, and a tree of it that was checked and can be run."""
+"""Planning from a scene and a goal: a plan, and a checked tree that can be run."""
 
 from __future__ import annotations
 
@@ -29,14 +29,14 @@ from bestman_bt.task_planning.verification import verify
 from bestman_bt.world_model.world_model import WorldModel
 
 TIME_LIMIT = "1200 s"
-"""For what is planned without a task: to search a kitchen takes its time."""
+"""For planning without a task: a search of a kitchen takes long."""
 
 
 def planning_state(asked: RunRequest, world: Path | None = None) -> tuple[Setup, WorldModel]:
-    """The setup, and what is believed in it: at the start, or as in the file ``world``. ConfigurationError.
+    """Return the setup and the beliefs: at the start, or as in the file ``world``.
 
-    The scene is that of the task or of ``world``; without one the furnished kitchen, and diff_panda, where nothing else
-    is asked.
+    The scene is that of the task or of ``world``; the default is the furnished kitchen with diff_panda. Raises
+    ConfigurationError.
     """
     from bestman_bt.runtime.world_file import read_world
 
@@ -60,16 +60,16 @@ def planning_state(asked: RunRequest, world: Path | None = None) -> tuple[Setup,
 
 @dataclass(frozen=True)
 class Transcript:
-    """Where what is said to and by a language model is written, or taken from."""
+    """Files of the conversation with a language model: written to ``record``, or read from ``replay``."""
 
     record: Path | None = None
     replay: Path | None = None
 
 
 class PlanQuestion:
-    """A goal in a state, and who is to reach it: what is asked of planners, builders and verification.
+    """A planning request: a goal, the beliefs and the chosen planner, builder and limits.
 
-    ``beliefs``: what is known when it is planned. ``builder``: its name.
+    ``beliefs``: the knowledge at planning time. ``builder``: its name.
     """
 
     def __init__(self, setup: Setup, beliefs: WorldModel, builder: str, limits: PlanLimits) -> None:
@@ -80,7 +80,7 @@ class PlanQuestion:
         self.domain = Domain.of(setup.registry)
 
     def give(self, facts: Iterable[str]) -> None:
-        """Take what somebody says of where things are, ``on(cup, table)``; GoalError for anything else."""
+        """Add given places of objects, ``on(cup, table)``. Raises GoalError for other facts."""
         places = self.domain.places_told(self.domain.problem(Beliefs(self.beliefs)), facts)
         wrong = GoalFaults()
         for name in sorted(places.keys() & self.beliefs.objects.keys()):
@@ -92,13 +92,21 @@ class PlanQuestion:
         self.setup.world_model.told.update(places)
 
     def understood(self, goal: str | None) -> Problem:
-        """The problem of reaching a goal from what is believed; GoalError for one that makes no sense here."""
+        """Return the problem of reaching a goal from the beliefs.
+
+        Raises GoalError for an invalid goal.
+        """
         return self.domain.problem(Beliefs(self.beliefs), goal)
 
     def answer(
         self, text: str | None, goal: str | None, planner: str | TaskPlanner, transcript: Transcript
     ) -> tuple[Problem, TaskPlan]:
-        """The problem as it is understood, and a plan. Raises PlanningError."""
+        """Return the problem as understood, and a plan.
+
+        Raises:
+            PlanningError: there is no plan.
+            ConfigurationError: the request is invalid.
+        """
         problem = self.understood(goal)
         if text is None and planner != "language":
             chosen = made_planner(planner) if isinstance(planner, str) else planner
@@ -122,7 +130,7 @@ class PlanQuestion:
         return found.problem, found.plan
 
     def told(self, problem: Problem) -> dict[str, str]:
-        """Object → the one place where it can be, of what was not seen."""
+        """Return object → its place, for unseen objects that can be in one place only."""
         places: dict[str, list[str]] = {}
         for fact in problem.state:
             if fact.predicate == UNSEEN.name:
@@ -130,23 +138,25 @@ class PlanQuestion:
         return {name: found[0] for name, found in sorted(places.items()) if len(found) == 1}
 
     def tree(self, problem: Problem, plan: TaskPlan) -> PlanTree:
-        """The tree of a plan."""
+        """Return the tree of a plan."""
         leaves = [ability.name for ability in self.domain.abilities if not ability.is_subtree]
         return made_builder(self.builder).build(plan, problem.goal, leaves)
 
     def xml(self, made: PlanTree, problem: Problem, plan: TaskPlan, planner: str) -> str:
-        """The tree as a file of its own; where the plan rests on an assumption, it plans anew if that is wrong."""
+        """Return the tree as a self-contained file; if the plan rests on an assumption, the tree replans when it is
+        wrong.
+        """
         if not assumed(plan):
             return made.xml(self.setup.registry)
         return self.replanning_xml(made, problem, planner)
 
     def replanning_xml(self, made: PlanTree, problem: Problem, planner: str) -> str:
-        """The tree that plans anew where the plan fails."""
+        """Return the tree that replans when the plan fails."""
         again = planner_anew(planner)
         return with_replanning(made, problem.goal, again, self.builder, self.setup.registry, self.limits)
 
     def faults(self, problem: Problem, made: PlanTree) -> list[Fault]:
-        """What verification says of the tree, which is in no file yet."""
+        """Return the verification faults of the tree."""
         xml = made.document().to_xml()
         found = verify(xml, problem, self.setup.registry, self.setup.robot_model, self.beliefs)
         named = f"tree of the builder {self.builder}"
@@ -158,7 +168,7 @@ class PlanQuestion:
 
 @dataclass(frozen=True)
 class Wanted:
-    """A goal (None: a text or the task says it), facts that are given, and who plans and builds in which limits."""
+    """A goal (None: from a text or the task), given facts, planner, builder and limits."""
 
     goal: str | None
     given: Iterable[str]
@@ -168,9 +178,9 @@ class Wanted:
 
 
 def asked_question(wanted: Wanted, where: RunRequest, world: Path | None) -> tuple[PlanQuestion, str | None]:
-    """The question, and its goal as facts; ConfigurationError with all that is wrong with any of it.
+    """Return the request, and its goal as facts. Raises ConfigurationError listing every fault.
 
-    ``where``, ``world``: as of ``planning_state``.
+    ``where``, ``world``: as for ``planning_state``.
     """
     wrong, made, allowed, goal = ProblemCollector(), None, PlanLimits(), wanted.goal
     with _noted(wrong, "--goal"):
@@ -203,7 +213,7 @@ def asked_question(wanted: Wanted, where: RunRequest, world: Path | None) -> tup
 
 @contextmanager
 def _noted(wrong: ProblemCollector, option: str) -> Iterator[None]:
-    """Note what is wrong with an option, to be told with all else that is."""
+    """Collect the faults of an option, to be reported with all others."""
     with wrong.step():
         try:
             yield
@@ -216,25 +226,25 @@ def _noted(wrong: ProblemCollector, option: str) -> Iterator[None]:
 
 
 def assumed(plan: TaskPlan) -> tuple[Action, ...]:
-    """The actions of a plan that only hope that a thing is where they look for it."""
+    """Return the actions of a plan that assume an object to be where they look for it."""
     return tuple(
         action for action in plan.actions if any(condition.fact.predicate == UNSEEN.name for condition in action.pre)
     )
 
 
 def planner_anew(planner: str) -> str:
-    """Which planner plans anew while a tree runs: a language model is asked no more."""
+    """Return the planner for replanning at run time: never a language model."""
     return "symbolic" if planner == "language" else planner
 
 
 def refusals(faults: Iterable[Fault]) -> list[str]:
-    """Those for which a tree is not to be run."""
+    """Return the faults because of which a tree must not be run."""
     return [str(fault) for fault in faults if fault.severity != "warning"]
 
 
 @dataclass(frozen=True, repr=False)
 class PlannedTree:
-    """``xml``: the verified tree of the plan; where the plan rests on an assumption, with replanning."""
+    """``xml``: the verified tree of the plan, with replanning if the plan rests on an assumption."""
 
     setup: Setup
     problem: Problem
@@ -248,7 +258,7 @@ class PlannedTree:
         return f"PlannedTree({goal}, in {Path(str(task.scene)).stem} by {Path(str(task.robot)).stem}: {actions})"
 
     def run(self) -> Execution:
-        """Run the tree in the scene that was planned for."""
+        """Run the tree in the scene of the plan."""
         from bestman_bt.runtime.robot_session import open_session
 
         with open_session(self.setup) as opened:
@@ -270,14 +280,14 @@ def plan(  # noqa: PLR0913 - the options of bestman-bt plan, each by its name
     settings: Iterable[str] = (),
     plugins: Iterable[str] = (),
 ) -> PlannedTree:
-    """Plan for a goal, make a tree of the plan and verify it; the arguments are those of ``bestman-bt plan``.
+    """Plan for a goal, build a tree of the plan and verify it; the arguments are those of ``bestman-bt plan``.
 
     ``goal``: facts, ``on(cup, counter) and closed(drawer_3)``, the same in PDDL, or the name of a ``.pddl`` problem
-    file. ``planner``: a name, or an object; a tree that plans anew needs a name, so after an object it is ``symbolic``.
+    file. ``planner``: a name or an object; replanning needs a name, so after an object it uses ``symbolic``.
 
     Raises:
         PlanningError: there is no plan, or its tree was refused.
-        ConfigurationError: with everything that is wrong with the arguments.
+        ConfigurationError: listing every fault of the arguments.
     """
     file = None if world is None else Path(world)
     asked = RunRequest(task, None, scene, robot, seed, tuple(settings), tuple(plugins))

@@ -1,4 +1,4 @@
-"""Plug-ins: Python files that add leaves, algorithms, drivers and planners without being packaged."""
+"""Plug-ins: Python files that add leaves, algorithms, drivers and planners without packaging."""
 
 from __future__ import annotations
 
@@ -26,15 +26,15 @@ _COULD_BRING = (
 )
 
 _useful: set[Path] = set()
-"""Plug-ins that have brought something: what files beside them add is not added again when they are loaded again."""
+"""Plug-ins that have added something: modules beside them are not executed again on a reload."""
 
 
 def node_registry(plugins: Iterable[str] = ()) -> NodeRegistry:
-    """All nodes that trees may name: the engine's, the skill library's and those of plug-ins.
+    """Return all nodes that trees may name: of the engine, the skill library and plug-ins.
 
-    A plug-in is a Python file; every node class that it defines becomes a leaf, every ``Predicate`` one for goals, and
-    its ``register(registry)``, if it has one, is called with the registry. Decorators of ``bestman_bt.registry`` name
-    all else. Raises ConfigurationError with file and line where one raises or brings nothing.
+    A plug-in is a Python file; every node class in it becomes a leaf, every ``Predicate`` can be used in goals, and its
+    ``register(registry)``, if any, is called with the registry. Everything else is registered by the decorators of
+    ``bestman_bt.registry``. Raises ConfigurationError with file and line if a plug-in raises or adds nothing.
     """
     registry = NodeRegistry()
     for name in BEHAVIOURS:
@@ -54,8 +54,8 @@ def read_tree(
 ) -> Tree:
     """Load a tree: a shipped name, a file, XML text, a node or a py_trees behaviour.
 
-    ``gaps``: fills what has no code here; without it, that is an error. ``options``: as of ``engine.load_tree``, which
-    it raises as; ConfigurationError where there is no such tree.
+    ``gaps``: replaces unknown nodes; without it they are errors. ``options``: those of ``engine.load_tree``. Raises
+    ConfigurationError if there is no such tree, else as ``engine.load_tree`` does.
     """
     if isinstance(source, Behaviour):
         return build_tree(source, registry=registry, **options)
@@ -88,7 +88,7 @@ def _load(plugin: str, registry: NodeRegistry) -> Problem | None:
             elif not leaves and Registry.additions == before and path.resolve() not in _useful:
                 return Problem(f"--plugin {plugin}", None, "", f"brings nothing; {_COULD_BRING}")
             _useful.add(path.resolve())
-    except (Exception, SystemExit) as error:  # noqa: BLE001 - a plug-in may raise anything; told with file and line
+    except (Exception, SystemExit) as error:  # noqa: BLE001 - a plug-in may raise anything; reported with file and line
         sys.modules.pop(name, None)
         file, line, words = described(error, path)
         return Problem(file, line or None, "", f"the plug-in raised {words}")

@@ -1,4 +1,4 @@
-"""Learned policies by name: shipped ones, or a user's file or class."""
+"""Lookup of learned policies: shipped ones, or a user's file or class."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ from bestman_bt.runtime.tree_checks import literals
 
 
 def find_policy(name: str, folders: Iterable[Path] = ()) -> Policy:
-    """The policy of a bare name (a shipped one), an .onnx or a .yaml file, or the class ``file.py:Class``.
+    """Return the policy of a shipped name, an .onnx or .yaml file, or the class ``file.py:Class``.
 
-    ``folders``: where a file is looked for first. Raises PolicyModelError, which suggests the closest name.
+    ``folders``: searched first for a file. Raises PolicyModelError suggesting the closest name.
     """
     if ":" in name:
         return _own_policy(name, tuple(folders))
@@ -45,7 +45,7 @@ def _own_policy(name: str, folders: tuple[Path, ...]) -> Policy:
 
 
 def policy_problems(tree: Tree) -> Iterator[Problem]:
-    """Policies that a tree names and that are not there, or whose description is wrong, each where the tree says it."""
+    """Yield the policies that a tree names but that are missing or invalid, each with its line in the tree."""
     told: set[tuple[int, str]] = set()
     for node in tree.nodes:
         if not isinstance(node, RunPolicy) or "policy" not in node.attributes:

@@ -1,4 +1,4 @@
-"""Who demonstrates the shipped policies: our inverse kinematics, and for picking our grasp planner."""
+"""Experts that demonstrate for the shipped policies: inverse kinematics, and the grasp planner for picking."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from bestman_bt.scene.object_file import read_object
 
 
 def reaching_expert(robot: RobotModel) -> ReachingExpert:
-    """For the robot's arm, around its posture ``home``."""
+    """Return the expert for the robot's arm, around its posture ``home``."""
     arm = robot.of(ArmModel)["arm"]
     return ReachingExpert(DampedLeastSquares(robot), arm, robot.posture("home", arm.joint_names))
 
 
 def picking_expert(robot: RobotModel, name: str) -> PickingExpert:
-    """For the robot's arm and a shipped object, with the best grasp from above that the grasp planner finds.
+    """Return the expert for the robot's arm and a shipped object, with the best grasp from above.
 
-    LookupError where the hand cannot take it from above.
+    Raises LookupError if the hand cannot grasp it from above.
     """
     arm = robot.of(ArmModel)["arm"]
     model = read_object(find_data("object", name))

@@ -1,4 +1,4 @@
-"""What there is to know of a robot at a glance: plain values for people and programs."""
+"""Summary of a robot: plain values for people and programs."""
 
 from __future__ import annotations
 
@@ -35,15 +35,15 @@ from bestman_bt.robot_model.payload import payload
 
 REQUIREMENT = "pybullet==3.2.7"
 SHA256 = "5d858abf7c12a21ef3ed351cf81dac1b5e486ec25c9ab59bfc84beb89034edff"
-"""Of the wheel for CPython 3.11 on Linux x86-64; the models in it serve any machine."""
+"""Hash of the wheel for CPython 3.11 on Linux x86-64; its models work on any machine."""
 FOLDER = "pybullet_data"
 
 
 def bring_pybullet_data(wheel: Path | None = None) -> Path:
-    """Unpack the folder pybullet_data alone into ``own_pybullet_data()``, and return that.
+    """Unpack the folder pybullet_data into ``own_pybullet_data()`` and return its path.
 
-    ``wheel``: a file; by default ``REQUIREMENT`` is downloaded with the settings of pip or uv, and its hash checked.
-    Raises ConfigurationError where that fails; then nothing is left.
+    ``wheel``: a file; by default ``REQUIREMENT`` is downloaded with the settings of pip or uv, and its hash is checked.
+    Raises ConfigurationError if that fails; then nothing is left behind.
     """
     target = own_pybullet_data()
     target.parent.mkdir(parents=True, exist_ok=True)
@@ -76,7 +76,7 @@ def _download(into: Path) -> None:
     elif (uv := shutil.which("uv")) is not None:
         command = [uv, "pip", "install", "--python-platform", "x86_64-manylinux2014"]
     else:
-        raise _fault("descriptions", f"neither pip nor uv is here to download {REQUIREMENT}; --wheel takes a file")
+        raise _fault("descriptions", f"cannot download {REQUIREMENT} without pip or uv; give a file with --wheel")
     command += ["--quiet", "--no-deps", "--only-binary=:all:", "--python-version", "3.11"]
     command += ["--target", str(into), "--require-hashes", "-r", str(lock)]
     done = subprocess.run(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, check=False)
@@ -92,18 +92,21 @@ MOVING = (BaseModel, ArmModel, GripperModel, JointGroupModel)
 
 
 def find_robot(name: str) -> RobotModel:
-    """A robot by its name or file, or ``BASE+ARM+HAND``: three parts put together by rule."""
+    """Return a robot by its name or file, or ``BASE+ARM+HAND``: three parts combined by rule.
+
+    Raises ConfigurationError.
+    """
     parts = name.split("+")
     if len(parts) == 3:
         return combine(*parts)
     if len(parts) > 1 and not Path(name).is_file():
-        message = f"a combination has three parts, BASE+ARM+HAND, this one has {len(parts)}"
+        message = f"a combination should have three parts, BASE+ARM+HAND, got {len(parts)}"
         raise ConfigurationError([Problem(name, None, "", message)])
     return load_robot_model(name)
 
 
 def robot_facts(model: RobotModel) -> dict[str, Any]:
-    """Mass, footprint, reach, loads, widths, sensors and postures of a robot; SI units."""
+    """Return mass, footprint, reach, loads, widths, sensors and postures of a robot; SI units."""
     return {
         "name": model.name,
         "mass_kg": round(payload(model, model.base_frame).mass, 3),
@@ -138,7 +141,7 @@ def robot_facts(model: RobotModel) -> dict[str, Any]:
 
 
 def part_facts() -> list[dict[str, Any]]:
-    """Name, kind and description of every part there is, by kind; and whether it is an end effector."""
+    """Return name, kind and description of every known part, by kind, and whether it is an end effector."""
     parts = []
     for name in data_names("part"):
         data = read_document(find_data("part", name)).data

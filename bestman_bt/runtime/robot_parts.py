@@ -1,4 +1,4 @@
-"""The controllers and sensors that skills use, over the parts of a connected robot; each is made on first use."""
+"""Controllers and sensors for skills, over the parts of a connected robot; each is created on first use."""
 
 from __future__ import annotations
 
@@ -50,9 +50,9 @@ OF_AN_ARM = frozenset(("arm", "gripper", "wrist_camera", "tactile", "wrist_wrenc
 
 
 class RobotParts:
-    """What a ``SkillContext`` has of a robot. ``kinds``: what the robot has, kind → names of its parts.
+    """The robot's side of a ``SkillContext``. ``kinds``: kind → names of the robot's parts.
 
-    ``default_arm``: the arm that skills use which name none; empty where there is no such arm.
+    ``default_arm``: the arm of skills that do not name one; empty if there is none.
     """
 
     def __init__(
@@ -65,7 +65,9 @@ class RobotParts:
         self._of_arms: dict[str, _ArmParts] = {}
 
     def made(self, attribute: str, arm: str) -> Any:
-        """What a ``SkillContext`` has under a name, made at the first request; ``arm``: whose, if it is of an arm."""
+        """Return an attribute of a ``SkillContext``, created on first use; ``arm``: for attributes that each arm
+        has.
+        """
         if attribute in SLOTS:
             return self.algorithms.of_arm(attribute, arm)
         if attribute not in OF_AN_ARM:
@@ -76,7 +78,7 @@ class RobotParts:
 
     @cached_property
     def base(self) -> BaseController:
-        """Drives the base and knows where it is, by its lidar."""
+        """The controller that drives the base and localises it by its lidar."""
         base, imu = self.first("base", MobileBase), next(iter(self.all(Imu)), None)
         gyro = None
         if imu is not None:
@@ -94,13 +96,13 @@ class RobotParts:
 
     @cached_property
     def head(self) -> HeadController:
-        """Turns ``camera``."""
+        """The controller that turns the head's ``camera``."""
         group, optical_frame = self.first("head", JointGroup), self._camera.optical_frame
         return HeadController(group, self.forward, self.joints, optical_frame, confirm=self.confirm)
 
     @cached_property
     def camera(self) -> RGBDSensor:
-        """The first camera that no arm carries; else the one on the hand."""
+        """The first camera that no arm carries, else the one on the hand."""
         return self.sensor(self._camera)
 
     @cached_property
@@ -110,7 +112,7 @@ class RobotParts:
 
     @cached_property
     def arm_ways(self) -> ArmWays | None:
-        """Who gives way to whom, on a robot with several arms."""
+        """Right of way between several arms, or None for one arm."""
         several = len(self.model.arm_names) > 1
         return ArmWays(self.model, self.joints, self.world, self.robot.clock) if several else None
 
@@ -126,17 +128,20 @@ class RobotParts:
         return elsewhere[0] if elsewhere else self.first("camera", Camera)
 
     def sensor(self, camera: Camera) -> RGBDSensor:
-        """What takes views through a camera."""
+        """Return the sensor that takes views through a camera."""
         driven = bool(self.kinds.get("base") and self.kinds.get("lidar"))
         base_at = (lambda stamp: self.base.pose_at(stamp)) if driven else None
         return RGBDSensor(camera, self.forward, self.joints, self.world, self.robot.clock, base_at)
 
     def all(self, part_type: type[PartType]) -> list[PartType]:
-        """All parts of a type."""
+        """Return all parts of a type."""
         return [part for part in self.robot.parts.values() if isinstance(part, part_type)]
 
     def first(self, kind: PartKind, part_type: type[PartType], arm: str = "") -> PartType:
-        """The first part of a kind, of several arms that of ``arm``; MissingPartError names what there is instead."""
+        """Return the first part of a kind; with several arms, that of ``arm``.
+
+        Raises MissingPartError listing the parts that the robot has.
+        """
         found = self.of_arm(kind, part_type, arm)
         if not found:
             whose = f" on arm {arm}" if len(self.model.arm_names) > 1 and arm else ""
@@ -146,7 +151,7 @@ class RobotParts:
         return found[0]
 
     def of_arm(self, kind: PartKind, part_type: type[PartType], arm: str) -> list[PartType]:
-        """The parts of a kind; of a robot with several arms those that ``arm`` is or carries, if it is not empty."""
+        """Return the parts of a kind; with several arms, those of ``arm``, unless it is empty."""
         names = self.kinds.get(kind, ())
         if arm and len(self.model.arm_names) > 1:
             names = tuple(name for name in names if arm_of(self.model, name) == arm)
@@ -197,7 +202,7 @@ class _ArmParts:
 
     @cached_property
     def wrist_camera(self) -> RGBDSensor | None:
-        """On the hand, where there is one."""
+        """On the hand, if any."""
         found = self._parts.of_arm("wrist_camera", Camera, self._arm)
         return self._parts.sensor(found[0]) if found else None
 
@@ -208,7 +213,7 @@ class _ArmParts:
 
     @cached_property
     def wrist_wrench(self) -> WristWrench | None:
-        """What touches the hand, where there is a sensor."""
+        """The wrench at the hand, or None without a sensor."""
         parts = self._parts
         found = parts.of_arm("force_torque", ForceTorque, self._arm)
         return WristWrench(found[0], parts.forward, parts.joints, parts.robot.clock) if found else None

@@ -24,11 +24,13 @@ from hal.simulation.camera import ScenePhotographer
 
 Picture = NDArray[np.uint8]
 FROM = (1.0, -1.15, 0.45)
-"""Where a picture is taken from, in directions of the robot: before it, to its right, from above."""
+"""Directions from the robot to the camera: in front, to its right, above."""
 
 
 def robot_picture(model: RobotModel, width: int = 480, height: int = 560, posture: str = "home") -> Picture:
-    """A robot on a floor in a posture, (height, width, 3) uint8; without such a posture, with its joints at zero."""
+    """Return a robot on a floor in a posture, (height, width, 3) uint8; its joints are at zero without such a
+    posture.
+    """
     positions = dict(model.postures.get(posture, {}))
     for gripper in model.of(GripperModel).values():
         positions |= gripper.joint_positions(gripper.max_width)
@@ -52,7 +54,7 @@ def robot_picture(model: RobotModel, width: int = 480, height: int = 560, postur
 
 
 def contact_sheet(pictures: Sequence[tuple[str, Picture]], columns: int = 4) -> Picture:
-    """Pictures of one size in rows, each with its name below it: (h, w, 3) uint8."""
+    """Return equally sized pictures in rows, each with its name below it: (h, w, 3) uint8."""
     height, width = pictures[0][1].shape[:2]
     rows = math.ceil(len(pictures) / columns)
     columns = min(columns, len(pictures))
@@ -75,7 +77,7 @@ def _lifted(model: RobotModel, by: NDArray[np.float64]) -> RobotModel:
 
 
 def _extent(model: RobotModel, positions: dict[str, float]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """The corners of the box around all shapes, (3,) metres each, as the robot is shown."""
+    """Return the corners of the box around all shapes, (3,) metres each, as the robot is shown."""
     elements = list(ET.fromstring(model.urdf))
     links = [element for element in elements if element.tag == "link"]
     poses = link_poses(elements, positions, [element.get("name", "") for element in links])

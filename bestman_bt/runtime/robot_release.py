@@ -1,4 +1,4 @@
-"""Controllers that a person has to release, and the log of who did when."""
+"""Controllers that a person has to release, and the log of releases."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from hal.hardware.robot import HardwareRobot
 
 
 def real_robot(name: str, settings: Sequence[str] = ()) -> HardwareRobot:
-    """A robot behind its controllers, not connected yet; ConfigurationError where an address is missing."""
+    """Return a robot with its controllers, not connected yet. Raises ConfigurationError if an address is missing."""
     values = parse_settings(settings)
     strange = [key for key in values if not key.startswith("robot.")]
     if strange:
@@ -39,18 +39,21 @@ def real_robot(name: str, settings: Sequence[str] = ()) -> HardwareRobot:
 
 
 def held_controllers(name: str, settings: Sequence[str] = ()) -> list[tuple[Connection, str]]:
-    """The connections of a robot that people have to release, and why. ConnectionFailedError, ConfigurationError."""
+    """Return the connections of a robot that people have to release, each with the reason.
+
+    Raises ConnectionFailedError or ConfigurationError.
+    """
     causes = [(connection, connection.held()) for connection in real_robot(name, settings).connections.values()]
     return [(connection, cause) for connection, cause in causes if cause is not None]
 
 
 def log_file() -> Path:
-    """``$XDG_STATE_HOME/bestman-bt/releases.jsonl``: a line for each release."""
+    """Return ``$XDG_STATE_HOME/bestman-bt/releases.jsonl``, a log with a line for each release."""
     return Path(os.environ.get("XDG_STATE_HOME") or Path.home() / ".local/state") / "bestman-bt" / "releases.jsonl"
 
 
 def log_release(robot: str, controller: str, cause: str) -> dict[str, str]:
-    """Append who has released what, why it was held, and when; the line."""
+    """Append user, controller, cause and time of a release to the log, and return the entry."""
     at = datetime.now(UTC).isoformat(timespec="seconds")
     entry = {"at": at, "by": getpass.getuser(), "robot": robot, "controller": controller, "cause": cause}
     file = log_file()

@@ -43,11 +43,11 @@ from bestman_bt.runtime.tree_checks import unfilled_entries
 from hal.api import NotConnectedError, Robot, Sensor
 from hal.parts.simulated_clock import SimulatedClock
 
-# What the first event of a run tells.
+# The content of the first event of a run.
 
 
 def describe_run(setup: Setup, executor: Executor, folder: Path | None) -> RunEvent:
-    """An execution of this process that begins now."""
+    """Return the event that describes an execution of this process, at its start."""
     config = setup.config
     return RunEvent(
         task=config.name,
@@ -91,9 +91,8 @@ COMPUTATION_COSTS = {
 class Session:
     """A connected robot and its skills.
 
-    ``entries``: root blackboard entries of the configured task, which every tree gets. ``speed``: at which it moves
-    (``session.speed.set(0.3)``). ``ended``: after its ``with``
-    block; then it loads and runs nothing more.
+    ``entries``: root blackboard entries of the configured task, set in every tree. ``speed``: scales the robot's speed
+    (``session.speed.set(0.3)``). ``ended``: True after the ``with`` block; then nothing can be loaded or run.
     """
 
     setup: Setup
@@ -105,15 +104,18 @@ class Session:
     ended: bool = False
 
     def load(self, tree: str | Path | Behaviour | Tree | None = None) -> Tree:
-        """Load a tree for this robot: a shipped name, a file, XML text, a node or a py_trees behaviour; by default
-        that of the task. A tree that is loaded already gets the robot's skills and clock, and keeps its entries.
+        """Load a tree for this robot: a shipped name, a file, XML text, a node or a py_trees behaviour; by default the
+        task's.
 
-        In a session without a task, a shipped tree brings the goal of its shipped task, as in ``bestman-bt run TREE``.
-        Its root blackboard has what the task tells and, where that is known, ``start``: the pose of the base now.
-        Raises TreeLoadError with everything that is wrong, also with names that nothing in scene, map and robot bears
-        and nodes that need a part which the robot lacks, and ConfigurationError for a task whose goal this scene does
-        not have; warns of entries that are read and that nobody has filled yet. Controllers and sensors of what the
-        nodes need are made now. Raises NotConnectedError in a session that has ended.
+        A tree that is already loaded gets the robot's skills and clock, and keeps its entries. In a session without a
+        task, a shipped tree brings the goal of its shipped task, as in ``bestman-bt run TREE``. The root blackboard
+        gets the entries of the task and, if known, ``start``: the current pose of the base. Logs a warning for entries
+        that are read but not filled yet. Creates the controllers and sensors that the nodes need.
+
+        Raises:
+            TreeLoadError: listing every fault, including unknown names and parts that the robot lacks.
+            ConfigurationError: the task's goal does not exist in this scene.
+            NotConnectedError: the session has ended.
         """
         if self.ended:
             raise NotConnectedError("the session has ended, its robot is disconnected: run trees inside the with block")
@@ -135,7 +137,7 @@ class Session:
         return self._filled(loaded, entries if loaded is not tree else _missing(entries, loaded))
 
     def executor(self, tree: Tree, after_tick: Callable[[], None] | None = None) -> Executor:
-        """An executor with the configured tick rate and time limit."""
+        """Return an executor with the configured tick rate and time limit."""
         task = self.setup.config.task
         made = Executor(
             tree, self.robot.clock, period=1.0 / task.tick_rate, time_limit=task.time_limit, after_tick=after_tick
@@ -148,9 +150,9 @@ class Session:
     def run(
         self, tree: str | Path | Behaviour | Tree | None = None, after_tick: Callable[[], None] | None = None
     ) -> Execution:
-        """Load a tree and tick it to its end, for others to watch and control; the robot rests afterwards.
+        """Load a tree and tick it to its end, with telemetry and control channel; the robot is at rest afterwards.
 
-        Raises as ``load``, before anything moves.
+        Raises as ``load`` does, before anything moves.
         """
         executor = self.executor(self.load(tree), after_tick)
         telemetry = self.telemetry(executor)
@@ -160,18 +162,20 @@ class Session:
         return execution
 
     def control_channel(self, executor: Executor, telemetry: Telemetry) -> ControlChannel:
-        """Through which others watch and control an execution."""
+        """Return the control channel of an execution."""
         return ControlChannel(
             executor, self.skills.stop.hold, telemetry, self.robot_state, self.speed, self.confirmation
         )
 
     def robot_state(self) -> dict[str, dict[str, str]]:
-        """``parts``: name → ``ok``, ``stopped`` or what its driver says; ``robot``: the driver's diagnostics."""
+        """Return ``parts``: name → ``ok``, ``stopped`` or its diagnostics; ``robot``: the driver's diagnostics."""
         told, usual = self.robot.diagnostics(), "stopped" if self.robot.stopped else "ok"
         return {"parts": {name: told.get(name, usual) for name in self.robot.parts}, "robot": told}
 
     def check(self, tree: Tree, entries: Mapping[str, Any], known: Iterable[Problem] = ()) -> None:
-        """As ``load`` says; ``entries``: what a task fills; ``known``: what is wrong with the tree already."""
+        """Check a tree as ``load`` does; ``entries``: filled by a task; ``known``: faults found so far. Raises
+        TreeLoadError.
+        """
         wrong = [*known, *self.setup.missing_in(tree)]
         if wrong:
             raise TreeLoadError(sorted(wrong, key=lambda one: (one.file, one.line)))
@@ -179,14 +183,14 @@ class Session:
             _LOG.warning("%s", dataclasses.replace(problem, severity="warning"))
 
     def setup_for(self, tree: str | Path | Behaviour | Tree | None) -> Setup:
-        """That of the session; for a shipped tree in a session without a task, with its shipped task."""
+        """Return the setup of the session; for a shipped tree in a session without a task, with its shipped task."""
         named = tree.file if isinstance(tree, Tree) else tree
         shipped = isinstance(named, (str, Path)) and not self.setup.config.task.tree
         task = task_of_tree(str(named)) if shipped else None
         return self.setup if task is None else self.setup.with_task(task)
 
     def entries_of(self, setup: Setup) -> dict[str, Any]:
-        """Root blackboard entries of a tree that is run with ``setup``."""
+        """Return the root blackboard entries of a tree that is run with ``setup``."""
         return self.entries if setup is self.setup else dict(setup.entries)
 
     def _filled(self, tree: Tree, entries: Mapping[str, Any]) -> Tree:
@@ -198,9 +202,9 @@ class Session:
         return tree
 
     def telemetry(self, executor: Executor, folder: Path | None = None, keeping: Keeping | None = None) -> Telemetry:
-        """Create the telemetry of one execution: tree states, robot, images, failures; kept in ``folder``, if any.
+        """Create the telemetry of one execution: tree states, robot, images, failures; stored in ``folder``, if any.
 
-        There the robot writes its black box, too. ``keeping``: is told where the folder takes nothing more.
+        The robot writes its black box there, too. ``keeping``: notified if the folder cannot be written.
         """
         self.robot.keep_black_box_in(None if folder is None else folder.resolve())
         sources = (
@@ -222,10 +226,10 @@ def open_session(
     gui: bool = False,
     see_through: Callable[[Robot], Robot] | None = None,
 ) -> Iterator[Session]:
-    """Connect the configured robot; it is stopped and disconnected at the end, whatever happens.
+    """Connect the configured robot; it is always stopped and disconnected at the end.
 
     ``prepare_robot``: called right after connecting, before time runs (for evaluation and recording). ``gui``: show the
-    driver's own window, if it has one. ``see_through``: makes of the connected robot the one that skills see.
+    driver's own window, if it has one. ``see_through``: wraps the connected robot for the skills.
     """
     setup = prepare(config) if isinstance(config, RunConfig) else config
     driver = DRIVERS.resolve(setup.config.driver)
@@ -257,12 +261,12 @@ def open_session(
             if localised:
                 skills.base.close()
             skills.joints.close()
-            robot.keep_black_box_in(None)  # the stop at the end is none to tell of
+            robot.keep_black_box_in(None)  # the stop at the end is not reported
             robot.stop()
 
 
 class UnopenedSession(AbstractContextManager[Session]):
-    """What ``session()`` returns: ``with`` opens the session."""
+    """The result of ``session()``: ``with`` opens the session."""
 
     def __init__(self, opening: AbstractContextManager[Session]) -> None:
         self._opening = opening
@@ -279,9 +283,9 @@ class UnopenedSession(AbstractContextManager[Session]):
 
 
 def session_config(task: str | Path | None = None, **given: Any) -> RunConfig:
-    """The configuration of a session; ``given``: as of ``load_run``.
+    """Return the configuration of a session; ``given``: arguments of ``load_run``.
 
-    Without a task there is no goal, and the scene is the kitchen and the robot diff_panda where none are named.
+    Without a task there is no goal, and the scene defaults to the kitchen and the robot to diff_panda.
     """
     if task is None:
         given["scene"], given["robot"] = given.get("scene") or "kitchen", given.get("robot") or "diff_panda"
@@ -299,10 +303,10 @@ def session(
     driver: str = "pybullet",
     gui: bool = False,
 ) -> UnopenedSession:
-    """A session in one line: ``with session(scene="kitchen", seed=1) as s: s.run("fetch_cup")``.
+    """Return a session to be opened by ``with``: ``with session(scene="kitchen", seed=1) as s: s.run("fetch_cup")``.
 
-    The task gives goal and limits, and robot and scene where none are named. Its runs are not judged. Raises as
-    ``prepare``.
+    The task sets goal and limits, and the robot and scene unless they are given. Its runs are not judged. Opening
+    raises as ``prepare`` does.
     """
 
     @contextmanager

@@ -1,4 +1,4 @@
-"""The robot's own view of itself as events: where it believes to be, its joints, what it holds, its lidar, its path."""
+"""The robot's state as events: believed base pose, joints, held objects, lidar scan, path."""
 
 from __future__ import annotations
 
@@ -25,15 +25,17 @@ ROBOT_EVERY, SCAN_EVERY = 0.1, 0.5
 EARLY = 1e-3
 """Seconds that a tick may come early and still count as due."""
 MOST_POINTS = 180
-"""Points of a scan or a path that are told."""
+"""Largest number of points of a scan or path in an event."""
 DECIMALS = 4
-"""Of metres and radians."""
+"""Decimals of metres and radians."""
 
 Points = list[tuple[float, float]]
 
 
 class RobotSource:
-    """Reads the encoders beside the skills, whose recordings it leaves alone; scans are those that localise it."""
+    """Reads the encoders separately from the skills, so that recordings are not affected; scans are those of
+    localisation.
+    """
 
     def __init__(self, robot: Robot, model: RobotModel, skills: SkillContext, speed: OperatorSpeed) -> None:
         self._skills, self._speed = skills, speed
@@ -43,12 +45,12 @@ class RobotSource:
         self._path: Path2D | None = None
 
     def begin(self, tell: Tell) -> None:
-        """Tell the map."""
+        """Publish the map."""
         self._tell = tell
         tell(partial(_map_events, self._skills.world.map))
 
     def after_tick(self, time: float, tick: int, wanted: frozenset[Topic]) -> None:
-        """Tell what is due."""
+        """Publish the events that are due."""
         tell = self._tell
         if tell is None:
             return
@@ -66,7 +68,7 @@ class RobotSource:
             tell(partial(_scan_events, time, base.last_scan, base.lidar.base_from_lidar))
 
     def failed(self, time: float, node: str) -> None:
-        """Tells nothing more than is told anyhow."""
+        """Do nothing: all states are published anyway."""
 
     def _robot_now(self, time: float, tick: int) -> partial[tuple[RobotEvent]]:
         joints, diagnostics = {}, None

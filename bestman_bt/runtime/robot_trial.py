@@ -1,4 +1,4 @@
-"""What a robot has to do before anybody asks more of it: be composed, be loaded, stand, and move its arm."""
+"""Self-test of a robot: compose it, load it, let it stand, and move its arms."""
 
 from __future__ import annotations
 
@@ -27,9 +27,11 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class TrialProcedure:
-    """Tries a robot: it has to stand, and to move its arms to some postures.
+    """Tests a robot: it has to stand still, and to move its arms to some postures.
 
-    Seconds, radians. ``swing``: how far a joint may go from home; ``step``: between checked configurations.
+    ``standing``: seconds. ``postures``: number of postures. ``swing``: largest joint motion from home, radians;
+    ``step``: between checked configurations, radians. ``draws``: random postures to try. ``speed``: scale of the joint
+    speed.
     """
 
     standing: float = 5.0
@@ -40,7 +42,7 @@ class TrialProcedure:
     speed: float = 0.6
 
     def run(self, compose: Callable[[], RobotModel], seed: int) -> RobotTrial:
-        """Try the robot that ``compose`` makes, alone on a floor; postures are drawn at random from ``seed``.
+        """Test the robot that ``compose`` returns, alone on a floor; postures are random, from ``seed``.
 
         ``compose`` is called once to import modules, then the shortest of five calls counts (as ``timeit`` advises).
         """
@@ -82,9 +84,9 @@ class TrialProcedure:
 
 @dataclass(frozen=True)
 class RobotTrial:
-    """Times are of the processor, seconds. ``drift``: of the standing base, ``after``: once the arm has moved, metres.
+    """Times are processor seconds. ``drift``: of the standing base, ``after``: after the arm motions, metres.
 
-    ``reached``: how many postures the arms have got to of those ``asked``. ``touching``: links that met on the way.
+    ``reached``: postures that the arms reached, of ``asked``. ``touching``: links that collided on the way.
     """
 
     composed: float
@@ -98,17 +100,17 @@ class RobotTrial:
 
     @property
     def quick(self) -> bool:
-        """Composed in 50 ms, loaded in 1 s; a machine with much else to do may be slower."""
+        """Whether it was composed within 50 ms and loaded within 1 s; a busy machine may be slower."""
         return self.composed <= 0.05 and self.loaded <= 1.0
 
     @property
     def sound(self) -> bool:
-        """Drifted by at most 5 mm, all postures reached, nothing met."""
+        """Whether it drifted by at most 5 mm, reached all postures, and nothing collided."""
         return self.drift <= 0.005 and self.reached == self.asked and not self.touching
 
     @property
     def passed(self) -> bool:
-        """Quick and sound."""
+        """Whether it is quick and sound."""
         return self.quick and self.sound
 
 

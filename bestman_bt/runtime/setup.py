@@ -1,4 +1,4 @@
-"""What a configuration amounts to, all of it checked before anything is started."""
+"""The setup of a run: the resolved configuration, checked completely before anything starts."""
 
 from __future__ import annotations
 
@@ -66,13 +66,13 @@ from bestman_bt.world_model.world_model import BasePose, WorldModel
 
 START_POSITION_ERROR = 0.03
 START_HEADING_ERROR = math.radians(1.2)
-"""How far the pose that the robot is told at the start may be off: metres each way, radians."""
+"""Bounds of the error of the given initial pose: metres each way, radians."""
 
 NAMES_MODELS_ALONE = ("aruco", "color_shape", "model_registration")
-"""Detectors that name nothing but the objects of the scene."""
+"""Detectors that only name objects of the scene."""
 
 UNKNOWN_START = BasePose(Pose2D(), position_std=1.0, heading_std=math.pi, stamp=0.0)
-"""What a robot believes that nobody has told where it is: nothing that may be relied on."""
+"""The belief of a robot without a given initial pose: completely uncertain."""
 
 
 @dataclass(frozen=True)
@@ -81,38 +81,40 @@ class Setup(DrawnTask):
 
     registry: NodeRegistry
     slow_arms: str = field(default="", kw_only=True)
-    """Why real arms go as slowly as first motions should; empty where they do not."""
+    """Why real arms are limited to the slow speed of first motions; empty if they are not."""
 
     @cached_property
     def asked(self) -> tuple[Goal[Any], ...]:
-        """What the task asks for."""
+        """The goals of the task."""
         return goals_of(self)
 
     @property
     def goals(self) -> tuple[PlaceGoal, ...]:
-        """Which objects the task wants where."""
+        """The object placements that the task asks for."""
         return tuple(goal.goal for goal in self.asked if isinstance(goal, Placed))
 
     @property
     def told(self) -> dict[str, str]:
-        """Object → surface, by its full name, where the task says that it is."""
+        """Object → full name of its surface, as given by the task."""
         return {name: place for goal in self.asked for name, place in goal.told().items()}
 
     @property
     def subjects(self) -> list[str]:
-        """The objects, doors and drawers whose state the task's goals are about."""
+        """Return the objects, doors and drawers that the task's goals refer to."""
         return list(dict.fromkeys(name for goal in self.asked for name in goal.subjects()))
 
     @cached_property
     def entries(self) -> dict[str, Any]:
-        """Root blackboard entries that the task fills; where handles are, it does not tell. SceneError if there is no
-        room for a goal.
+        """Root blackboard entries that the task fills, without handles. Raises SceneError if there is no room for a
+        goal.
         """
         return entries_of(self.asked)
 
     @cached_property
     def names(self) -> dict[str, list[str]]:
-        """What the ports of a tree may name here, by kind; no objects where the detector may know words of its own."""
+        """The names that ports of a tree may use here, by kind; without objects if the detector may know further
+        names.
+        """
         names: dict[str, list[str]] = {}
         with suppress(UnreadError):
             names |= known_names(self.world_model, self.absent)
@@ -125,15 +127,15 @@ class Setup(DrawnTask):
 
     @cached_property
     def usable_parts(self) -> frozenset[str]:
-        """Names of the robot's parts that are there: with real robots, those behind a connection."""
+        """Names of the robot's available parts: with hardware, those behind a connection."""
         if self.config.driver != "hardware":
             return frozenset(self.robot_model.parts)
         return frozenset(part for connection in self.robot_model.connections.values() for part in connection.parts)
 
     def missing_in(self, tree: Tree) -> list[TreeProblem]:
-        """What a tree asks for that is not there: parts, and things, policies and algorithms that it names.
+        """Return what a tree uses but the setup lacks: parts, named things, policies and algorithms.
 
-        Its entries are not filled yet.
+        The tree's entries are not filled yet.
         """
         found = [
             *as_far_as_read(lambda: lacking_parts(tree, self.robot_model, self.usable_parts))(),
@@ -146,7 +148,10 @@ class Setup(DrawnTask):
         return sorted(found, key=lambda one: (one.file, one.line))
 
     def with_task(self, task: str) -> Setup:
-        """The same robot and world with the goal of a task; ConfigurationError if that is not to be had here."""
+        """Return the same robot and world with the goal of a task.
+
+        Raises ConfigurationError if the goal does not exist here.
+        """
         own = self.config
         config = load_run(task, scene=own.task.scene, robot=own.task.robot, seed=own.seed, driver=own.driver)
         setup = replace(self, config=config)
@@ -162,12 +167,14 @@ def prepare(  # noqa: C901 - one check after the other
     known_faults: Iterable[Problem] = (),
     check: Callable[[RunConfig], object] | None = None,
 ) -> Setup:
-    """Load and check everything that a run needs; nothing is started.
+    """Load and check everything that a run needs, without starting anything.
 
-    ``all_entries``: whether the tree may read only what it, or the task, has filled by then. ``known_faults``: those
-    with which the configuration was loaded, to be told with all others. ``check``: finds more once plug-ins are loaded,
-    and raises them as ConfigurationError. Raises ConfigurationError, TreeLoadError or
-    SceneError.
+    ``all_entries``: whether the tree may only read entries that it, or the task, has filled. ``known_faults``: faults
+    from loading the configuration, reported with all others. ``check``: called once plug-ins are loaded; finds further
+    faults and raises them as ConfigurationError.
+
+    Raises:
+        ConfigurationError, TreeLoadError, SceneError: listing every fault.
     """
     faults = ProblemCollector([*known_faults])
     registry: NodeRegistry | None = None
@@ -223,19 +230,19 @@ def _setup(
     world: World | None,
     registry: NodeRegistry | None,
 ) -> Setup:
-    """Of what there is; the rest raises UnreadError where it is asked for, its faults are told already."""
+    """Return a setup of the parts that could be read; access to the others raises UnreadError."""
     there, known = robot or UNREAD, UNREAD
     if scene is not None and world is not None:
         start = UNKNOWN_START if robot is None else _told_start(config, world, robot)
         known = WorldModel(map=semantic_map(world), models=dict(scene.models), base=start)
     absent = scene.absent if scene is not None else ()
-    # Without nodes a setup has no tree to check: kinds of goals that need them are left out.
+    # A setup without nodes has no tree to check: kinds of goals that need nodes are left out.
     nodes: Any = registry
     return Setup(config, there, world or UNREAD, known, nodes, absent=absent)
 
 
 def _at_its_entry(config: RunConfig, problem: Problem) -> Problem:
-    """A plug-in's fault, at the line of the task that names the plug-in; ``--plugin`` where an option does."""
+    """Return a plug-in's fault, at the line of the task that names the plug-in; ``--plugin`` where an option does."""
     written = config.written.data.get("plugins")
     for index, plugin in enumerate(written if isinstance(written, list) else ()):
         if problem.source == f"--plugin {plugin}":
@@ -244,7 +251,7 @@ def _at_its_entry(config: RunConfig, problem: Problem) -> Problem:
 
 
 def _check_tree(setup: Setup, all_entries: bool, certain: bool) -> None:
-    """``certain``: whether the configuration has no fault, so that it is known which entries the task fills."""
+    """Check the tree of a setup; ``certain``: the configuration has no fault, so the entries of the task are known."""
     wrong: list[TreeProblem] = []
     tree = load_for(setup, faults=wrong)
     wrong += setup.missing_in(tree)
@@ -257,7 +264,7 @@ def _check_tree(setup: Setup, all_entries: bool, certain: bool) -> None:
 
 
 def _unfilled(tree: Tree, given: Collection[str], has_task: bool, known: Iterable[TreeProblem]) -> list[TreeProblem]:
-    """Errors alone, of ports that have no error yet."""
+    """Return only errors, and only of ports without an error so far."""
     told = {(one.file, one.line, one.field) for one in known}
     found = (one for one in unfilled_entries(tree, given, has_task) if one.severity == "error")
     return [one for one in found if (one.file, one.line, one.field) not in told]
@@ -277,7 +284,7 @@ def _prepare_algorithms(setup: Setup, faults: ProblemCollector) -> None:
 
 
 def tree_problems(error: TreeLoadError) -> list[Problem]:
-    """What is wrong with a tree, to be told with what is wrong with the rest of a configuration."""
+    """Return the faults of a tree as problems of a configuration."""
     return [
         Problem(
             *(p.file, p.line or None, f"<{p.node}> {p.field}".strip()),
@@ -288,11 +295,11 @@ def tree_problems(error: TreeLoadError) -> list[Problem]:
 
 
 def load_for(setup: Setup, tree: str | Path | Behaviour | None = None, **options: Any) -> Tree:
-    """Load a tree with the nodes of a setup; raises TreeLoadError or ConfigurationError."""
+    """Load a tree with the nodes of a setup. Raises TreeLoadError or ConfigurationError."""
     source = setup.config.task.tree if tree is None else tree
     if source == "":
         raise ConfigurationError(
-            [Problem("session", None, "tree", "give a tree: this session has no task to bring one")]
+            [Problem("session", None, "tree", "give a tree: this session has no task that has one")]
         )
     config = setup.config
     if config.search and not isinstance(source, Behaviour):
@@ -304,7 +311,9 @@ def load_for(setup: Setup, tree: str | Path | Behaviour | None = None, **options
 
 
 def _told_start(config: RunConfig, world: World, robot: RobotModel) -> BasePose:
-    """Where the robot is told to be at the start: roughly, as an operator would; exactly, where it cannot drive."""
+    """Return the initial base pose that the robot is given: approximate, as from an operator; exact if it cannot
+    drive.
+    """
     start = world.robot_start
     if not robot.of(BaseModel):
         return BasePose(start, 0.0, 0.0, 0.0)
@@ -330,13 +339,13 @@ def _driver_problems(config: RunConfig, model: RobotModel | None) -> Iterable[Pr
     if config.driver == "replay" and not config.recording:
         yield Problem("driver", None, "", "replay needs a recording: bestman-bt run --driver replay --recording RUN")
     if config.recording and config.driver != "replay":
-        yield Problem("driver", None, "", f"{config.driver} has no use for a recording; --driver replay has")
+        yield Problem("driver", None, "", f"{config.driver} does not use a recording; use --driver replay")
 
 
 def _connection_problems(config: RunConfig, model: RobotModel) -> Iterable[Problem]:
     """Every controller has to have its vendor's package and an address before any of them is connected."""
     if model.parts and not any(connection.parts for connection in model.connections.values()):
-        message = f"is missing, so no part of {model.name} is there for the driver hardware: see docs/hardware.md"
+        message = f"is missing, so the driver hardware has no part of {model.name}: see docs/hardware.md"
         yield Problem(str(config.task.robot), None, "connections", message)
     for name, connection in model.connections.items():
         driver: Any = CONNECTIONS.resolve(connection.driver)

@@ -1,4 +1,4 @@
-"""``facts``: what tasks ask of planners: facts that shall come about, and given places of things."""
+"""The goal ``facts`` for planners: facts to achieve, and given places of objects."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ from bestman_bt.task_planning.symbolic.problem import GoalError, Literal
 
 @dataclass(frozen=True)
 class FactsFields:
-    """The facts of ``goal``, such as ``on(cup, table) and closed(drawer_3)``, shall come about.
+    """The facts of ``goal``, such as ``on(cup, table) and closed(drawer_3)``, are to be achieved.
 
-    ``told``: object → surface where somebody said that it is. ``planner``, ``builder``, ``limits``: as of the node
-    ``ReachGoal``. ``replans``: how often it may be planned anew.
+    ``told``: object → its given surface. ``planner``, ``builder``, ``limits``: as for the node ``ReachGoal``.
+    ``replans``: largest number of replans.
     """
 
     goal: str
@@ -37,7 +37,7 @@ class FactsFields:
 
 
 class Facts(Goal[FactsFields]):
-    """Each fact that can be judged, by the true state; of the others the robot's own word counts."""
+    """Judges facts by the ground truth where possible; for the others the robot's belief counts."""
 
     parameters = FactsFields
     measures: ClassVar[Mapping[str, tuple[str, ...]]] = {"facts": ("facts_judged", "facts_share")}
@@ -46,12 +46,12 @@ class Facts(Goal[FactsFields]):
 
     @cached_property
     def literals(self) -> tuple[Literal, ...]:
-        """The facts, with the full names of things; GoalError for bad ones."""
+        """The facts, with the full names of things. Raises GoalError for invalid facts."""
         known = Beliefs(self.world_model.as_at_the_start())
         return Domain.of(self.task.registry).problem(known, self.asked.goal).goal
 
     def problems(self) -> Iterator[Problem]:
-        """Invalid goals, goals that cannot be judged, and unknown names."""
+        """Yield invalid goals, goals that cannot be judged, and unknown names."""
         yield from self._goal_faults()
         asked, config = self.asked, self.config
         for name, registered in (("planner", PLANNERS), ("builder", BUILDERS)):
@@ -63,7 +63,7 @@ class Facts(Goal[FactsFields]):
             yield self.fault(str(error), "limits")
         for name, place in asked.told.items():
             path = (*self.path, "told", name)
-            yield from unknown(config, path, name, self.world_model.models, "the robot knows no object")
+            yield from unknown(config, path, name, self.world_model.models, "the robot does not know an object")
             yield from unknown(config, path, place, surface_names(self.world_model), "the map has no surface")
 
     @as_far_as_read
@@ -80,11 +80,11 @@ class Facts(Goal[FactsFields]):
                 yield self.fault(message, "goal")
 
     def entries(self) -> dict[str, Any]:
-        """``goal``, ``planner``, ``builder``, ``limits``, ``replans``."""
+        """Return the entries ``goal``, ``planner``, ``builder``, ``limits``, ``replans``."""
         return {name: getattr(self.asked, name) for name in ("goal", "planner", "builder", "limits", "replans")}
 
     def told(self) -> dict[str, str]:
-        """As the task says."""
+        """Return object → full name of its surface, as given by the task."""
         found = {}
         for name, place in self.asked.told.items():
             furniture, surface = self.world_model.map.surface(place)
@@ -92,11 +92,13 @@ class Facts(Goal[FactsFields]):
         return found
 
     def subjects(self) -> list[str]:
-        """The first thing of each fact."""
+        """Return the first thing of each fact."""
         return [name for literal in self.literals for name in literal.fact.arguments[:1]]
 
     def judged(self, predicate: str, evidence: Evidence) -> Verdict:
-        """Metrics: ``facts_judged``, how many can be judged; ``facts_share``, how many of them hold."""
+        """Return the verdict with the metrics ``facts_judged``, the number of judgeable facts, and ``facts_share``, the
+        fraction that holds.
+        """
         verdicts = [_judged(evidence, literal) for literal in self.literals if can_be_judged(literal)]
         both = joined(verdicts)
         share = sum(verdict.holds for verdict in verdicts) / len(verdicts)
@@ -104,7 +106,7 @@ class Facts(Goal[FactsFields]):
 
 
 def can_be_judged(literal: Literal) -> bool:
-    """Whether it is about the world; of the robot's beliefs alone nothing is true or false."""
+    """Return whether a fact is about the world, not only about the robot's beliefs."""
     predicate = known_predicates().get(literal.fact.predicate)
     return predicate is not None and (predicate.why_still if literal.negated else predicate.why_not) is not None
 

@@ -1,4 +1,4 @@
-"""Faults of a task that show only against its scene and its robot: names that nothing there bears."""
+"""Faults of a task that depend on its scene and robot: unknown names."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ from bestman_bt.world_model.world_model import WorldModel
 
 
 def task_problems(task: DrawnTask) -> Iterator[Problem]:
-    """All unknown names of the task's goals, disturbances and contacts, and what else is wrong in its world.
+    """Yield all unknown names of the task's goals, disturbances and contacts, and other faults in its world.
 
-    Contacts with what the scene leaves out may be allowed all the same.
+    Contacts with objects that the scene leaves out may be allowed.
     """
     config, known = task.config, task.world_model
     faults: list[Problem] = []
@@ -48,7 +48,7 @@ def _tolerance_problems(config: RunConfig, world: World) -> Iterator[Problem]:
     extent = float(np.linalg.norm(np.ptp(np.array(places), axis=0)))
     asked = config.task.tolerances.position
     if extent > 0.0 and asked > extent:
-        message = f"should be less than the scene's extent, {extent:.1f} m, got {asked:g} m: it would allow any place"
+        message = f"should be less than the scene's extent, {extent:.1f} m, got {asked:g} m, which allows any place"
         yield config.problem(("tolerances", "position"), message)
 
 
@@ -70,7 +70,7 @@ def _disturbance_problems(
 
 @as_far_as_read
 def _contact_problems(task: DrawnTask) -> Iterator[Problem]:
-    """``allowed_contacts`` name bodies of the world, parts of the robot, or what the robot may be asked to fetch."""
+    """Check that ``allowed_contacts`` name bodies of the world, parts of the robot, or objects of the task."""
     config, known = task.config, task.world_model
     robot = ElementTree.fromstring(task.robot_model.urdf)
     walls = [f"wall_{index}" for index in range(len(task.world.walls))]

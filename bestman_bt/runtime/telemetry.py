@@ -1,7 +1,7 @@
-"""Watches one execution from inside and tells it to its run folder and to whoever subscribes.
+"""Telemetry of one execution: events for its run folder and for subscribers.
 
-In the executor's thread only references are collected; events are made of them in the thread of an ``EventStream``.
-Where nothing is kept and nobody watches, nothing is collected.
+The executor's thread only collects references; the thread of an ``EventStream`` turns them into events. Without a
+folder and subscribers nothing is collected.
 """
 
 from __future__ import annotations
@@ -41,15 +41,15 @@ from bestman_bt.runtime.failure_lines import FailureLines, failure_codes
 
 
 LONGEST_MESSAGE = 2000
-"""Characters of what a node says of itself."""
+"""Largest number of characters of a node's feedback."""
 _STATE_BITS = 7
 
 
 class TreeTap:
-    """Tells the states of a tree and what its leaves say of themselves.
+    """Publishes the states of a tree and the feedback of its leaves.
 
-    ``tell``: takes what makes events, False where it was lost; ``moment``: from a time of the clock to time and
-    ticks so far, as events have them; ``failed``: told the uids of actions that failed.
+    ``tell``: takes a function that makes events, returns False if it was dropped; ``moment``: converts a clock time to
+    time and tick count of events; ``failed``: called with the uids of failed actions.
     """
 
     def __init__(
@@ -71,17 +71,17 @@ class TreeTap:
         self._lost = False
 
     def attach(self) -> None:
-        """Begin, with the tree and how it stands now."""
+        """Start publishing, with the tree and its current state."""
         self._tell(lambda: (self._described(),))
         self._tree.subscribe(self._listen)
         self._tell_all()
 
     def detach(self) -> None:
-        """Listen no more."""
+        """Stop listening."""
         self._tree.unsubscribe(self._listen)
 
     def look(self) -> None:
-        """Tell what running leaves say now, where that is new, and all states if something was lost."""
+        """Publish new feedback of running leaves, and all states if events were dropped."""
         if self._lost:
             self._lost = False
             self._tell_all()
@@ -121,16 +121,16 @@ class TreeTap:
         return (StatesEvent(time, tick, changes, short, self._number),)
 
 
-# What our packages say to Python's ``logging`` while a run goes on becomes part of the run's log.
+# Records that these packages log with Python's ``logging`` during a run become part of the run's log.
 
 
 PACKAGES = ("bestman_bt", "behaviours", "hal")
 _LEVELS: dict[int, Level] = {logging.ERROR: "error", logging.WARNING: "warning", logging.INFO: "info"}
-"""From which number on a record has a level, highest first."""
+"""Level number → level of events, highest first."""
 
 
 class PackageLog(logging.Handler):
-    """Makes events of records, from INFO on; a context manager. ``now``: the time as events have it."""
+    """A context manager that turns log records from INFO on into events. ``now``: returns the time of events."""
 
     def __init__(self, tell: Callable[[LogEvent], None], now: Callable[[], float]) -> None:
         super().__init__(logging.INFO)
@@ -150,13 +150,13 @@ class PackageLog(logging.Handler):
         self._stack.close()
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Tell a record."""
+        """Publish a record."""
         try:
             message = record.getMessage()
             if record.exc_info and record.exc_info[1] is not None:
                 trace = self._formatter.formatException(record.exc_info)
                 message = f"{message}: {record.exc_info[1]!r}\n{trace}"
-        except Exception:  # noqa: BLE001 - as logging's own handlers: a wrong format is told, and harms nobody
+        except Exception:  # noqa: BLE001 - as in logging's own handlers: a wrong format is reported and does no harm
             self.handleError(record)
             return
         level: Level = next((name for number, name in _LEVELS.items() if record.levelno >= number), "debug")
@@ -164,32 +164,32 @@ class PackageLog(logging.Handler):
 
 
 LOOK_EVERY = 0.2
-"""Seconds of the clock between looks at what running leaves say of themselves."""
+"""Seconds of the clock between readings of the running leaves' feedback."""
 
 TIME_DECIMALS = 6
-"""Of seconds, as many as a .btlog holds."""
+"""Decimals of seconds, as many as a .btlog holds."""
 OUTCOMES = {Ending.CANCELLED: "cancelled", Ending.ERROR: "error"}
-"""Of executions that a judge does not even look at, as in ``result.json``."""
+"""Outcomes of executions that are not judged, as in ``result.json``."""
 
 
 class Source(Protocol):
-    """What there is to tell besides the tree; called in the executor's thread, ``time`` and ``tick`` as in events."""
+    """A source of events besides the tree; called in the executor's thread, with ``time`` and ``tick`` of events."""
 
     def begin(self, tell: Tell) -> None:
-        """Somebody keeps or watches from now on."""
+        """Called when recording or watching starts."""
 
     def after_tick(self, time: float, tick: int, wanted: frozenset[Topic]) -> None:
-        """A tick has ended; ``wanted``: what is subscribed to."""
+        """Called after each tick; ``wanted``: the subscribed topics."""
 
     def failed(self, time: float, node: str) -> None:
-        """An action has failed."""
+        """Called when an action has failed."""
 
 
 class Telemetry:
-    """Tells of one execution while it is used as a context; it watches the executor.
+    """Publishes one execution while used as a context; it watches the executor.
 
-    ``folder``: where the events are kept, if anywhere; ``keeping`` is told where that fails. ``told``: where skills
-    tell of their failures. ``sources``: what else is told.
+    ``folder``: where the events are stored, if given; ``keeping`` is notified if writing fails. ``told``: failures
+    reported by skills. ``sources``: further sources of events.
     """
 
     def __init__(
@@ -208,9 +208,9 @@ class Telemetry:
         self._stream = EventStream()
         self._failures = FailureLines(told)
         self.last_failure: NodeFailure | None = None
-        """Of an action; None as long as none has failed, and where nobody watches and nothing is kept."""
+        """The latest failure of an action; None before the first one, and without folder and subscribers."""
         self.interventions: list[str] = []
-        """What somebody changed by hand: entries that were set, results that were forced."""
+        """Manual interventions: entries that were set, results that were forced."""
         self._start = executor.clock.now()
         self._taps: dict[Tree, TreeTap] = {}
         self._trees = 0
@@ -248,30 +248,30 @@ class Telemetry:
 
     @property
     def waiting(self) -> int:
-        """How much is not yet written and sent; beyond ``MAX_WAITING`` it is dropped."""
+        """Number of events not yet written and sent; beyond ``MAX_WAITING`` events are dropped."""
         return self._stream.waiting
 
     def now(self) -> float:
-        """Seconds of the clock since the start, as events have them."""
+        """Return seconds of the clock since the start, as in events."""
         return round(self._executor.clock.now() - self._start, TIME_DECIMALS)
 
     def tell(self, event: Event) -> None:
-        """Tell an event that is made already; from any thread."""
+        """Publish a finished event; thread-safe."""
         self._stream.tell(lambda: (event,))
 
     def say(self, level: Level, message: str) -> None:
-        """A line of the log."""
+        """Publish a line of the log."""
         self.tell(LogEvent(self.now(), level, message, logger=__name__))
 
     def intervened(self, what: str) -> None:
-        """Somebody has changed by hand how the run goes on: it is told, and stands in the result."""
+        """Record a manual intervention, which is logged and listed in the result."""
         self.interventions.append(f"{self.now():.2f} s: {what}")
         self.say("warning", f"by hand: {what}")
 
     def end(self, outcome: str, tree_status: str, why: str = "", time: float | None = None) -> None:
-        """How the run has ended, for whoever judges it; without it the execution's own end is told.
+        """Publish the end of the run as judged; without this call, the execution's own end is published.
 
-        ``time``: when its tree ended, seconds since the start; by default now.
+        ``time``: the end of the tree, seconds since the start; by default now.
         """
         self._ended = True
         time = self.now() if time is None else round(time, TIME_DECIMALS)
@@ -281,27 +281,27 @@ class Telemetry:
         self.tell(EndEvent(time, outcome, tree_status, why))
 
     def end_as(self, execution: Execution) -> None:
-        """How the run has ended where nobody judges it."""
+        """Publish the end of a run that is not judged."""
         outcome = "success" if execution.succeeded else OUTCOMES.get(execution.ending, "failure")
         self.end(outcome, execution.tree_status, execution.why)
 
     # ---- subscribers, from threads of the control channel
 
     def subscribe(self, outbox: Outbox, topics: frozenset[Topic]) -> None:
-        """Tell somebody how all stands and what happens; see ``EventStream.add``."""
+        """Subscribe ``outbox``: send the current state, then new events of ``topics``; see ``EventStream.add``."""
         self._subscribers.add(outbox)
         self._stream.add(outbox, topics)
         self._executor.between_ticks(self._attach)
 
     def forget(self, outbox: Outbox) -> None:
-        """Tell somebody nothing more."""
+        """End a subscription."""
         self._subscribers.discard(outbox)
         self._stream.forget(outbox)
 
     # ---- in the executor's thread
 
     def after_tick(self) -> None:
-        """As a watcher of the executor."""
+        """Implement ``ExecutionWatcher``."""
         if not self._attached:
             return
         time, tick = self.now(), self._executor.ticks
@@ -315,12 +315,12 @@ class Telemetry:
                 self._detach()
 
     def entries_set(self) -> None:
-        """Entries were written from outside, between ticks: told at once, also while the execution is paused."""
+        """Publish entries written from outside between ticks, even while the execution is paused."""
         if self._attached:
             self._tell_blackboard(self.now(), self._executor.ticks)
 
     def held(self, hold: PauseReason | None) -> None:
-        """As a watcher of the executor."""
+        """Implement ``ExecutionWatcher``."""
         if hold is None:
             self.tell(ResumedEvent(self.now()))
             return

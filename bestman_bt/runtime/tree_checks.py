@@ -1,4 +1,4 @@
-"""What a tree asks for that is not there: names of things, and entries that nobody fills."""
+"""Checks of a tree against the setup: unknown names, and entries that are never filled."""
 
 from __future__ import annotations
 
@@ -32,13 +32,13 @@ ALWAYS_FILLED = ("start",)
 """Root entries that a session fills, whatever the task."""
 
 _IDENTITY = re.compile(r"(.+)_\d+")
-"""What the robot calls one of several objects of a name, and things that it has no model of: ``can_2``, ``thing_1``."""
+"""Names of one of several equal objects, and of unknown objects: ``can_2``, ``thing_1``."""
 
 
 def known_names(world: WorldModel, absent: Iterable[str] = ()) -> dict[str, list[str]]:
-    """What of the world ports may name, by kind.
+    """Return the names of the world that ports may use, by kind.
 
-    ``absent``: objects that the scene leaves out, which may be sought all the same.
+    ``absent``: objects that the scene leaves out, which may be searched for nevertheless.
     """
     pieces = world.map.furniture
     return {
@@ -50,10 +50,10 @@ def known_names(world: WorldModel, absent: Iterable[str] = ()) -> dict[str, list
 
 
 def lacking_parts(tree: Tree, robot: RobotModel, there: Collection[str]) -> list[Problem]:
-    """Nodes that require parts (``REQUIRES``) which the robot lacks, each where the tree has it.
+    """Return a problem for each node that requires a part (``REQUIRES``) which the robot lacks.
 
-    ``there``: names of the parts that are there; a real robot's others are behind no connection. Without any, the
-    robot's file is at fault, not the tree.
+    ``there``: names of the available parts; the others of a real robot have no connection. If it is empty, the robot's
+    file is at fault, not the tree.
     """
     if robot.parts and not there:
         return []
@@ -67,15 +67,15 @@ def lacking_parts(tree: Tree, robot: RobotModel, there: Collection[str]) -> list
             )
             unconnected = [kind for kind in lacking if kind in parts_by_kind(robot, robot.parts)]
             if unconnected:
-                message += f", and its {' and '.join(unconnected)} behind no connection"
+                message += f", and its {' and '.join(unconnected)} without a connection"
             problems.append(problem_at(node, "", message, ""))
     return problems
 
 
 def arm_problems(tree: Tree, robot: RobotModel) -> list[Problem]:
-    """Nodes that name an arm which the robot lacks or whose hand is missing; or none, where there are several arms.
+    """Return a problem for each node that names an unknown arm or one without a hand, or names none of several arms.
 
-    Robots without an arm are the business of ``lacking_parts``.
+    Robots without an arm are checked by ``lacking_parts``.
     """
     arms = robot.arm_names
     problems = unknown_names(tree, {"arm": arms}) if arms else []
@@ -104,7 +104,7 @@ def arm_problems(tree: Tree, robot: RobotModel) -> list[Problem]:
 
 
 def unknown_names(tree: Tree, names: Mapping[str, Collection[str]]) -> list[Problem]:
-    """Literals of ports that name something (``Named``) which is not there, each where the tree says it."""
+    """Return a problem for each literal of a ``Named`` port that names an unknown thing."""
     written = _literals_written(tree)
     found: dict[tuple[int, str, str], Problem] = {}
     for node in tree.nodes:
@@ -131,14 +131,15 @@ def _is_known(kind: str, value: str, names: Collection[str]) -> bool:
 def literals(
     node: Node, port: str, tree: Tree, written: Mapping[int, list[tuple[Node, str]]] | None = None
 ) -> Iterator[tuple[Node, str, str]]:
-    """The texts that a given port may read as far as the tree says them: node, attribute and text.
+    """Yield the texts that a port may read according to the tree: node, attribute and text.
 
-    ``written``: slot → the texts that nodes put there, and which; none are looked for without it.
+    ``written``: slot → the texts that nodes write there, each with its node; without it, written texts are not
+    considered.
     """
     value = node.attributes[port]
     key = key_of(value, port)
     if key is None:
-        if isinstance(value, (str, int, float)):  # a number, in a tree made in Python, is no name either
+        if isinstance(value, (str, int, float)):  # a number, in a tree made in Python, is not a name either
             yield node, port, str(value)
         return
     slot = node.board.slot(key)
@@ -161,10 +162,10 @@ def _literals_written(tree: Tree) -> dict[int, list[tuple[Node, str]]]:
 
 
 def unfilled_entries(tree: Tree, given: Collection[str], has_task: bool) -> list[Problem]:
-    """Entries that are read and that nobody has filled by then; errors where reading them fails, else warnings.
+    """Return problems for entries that are read before they are filled; errors if the read fails, else warnings.
 
-    ``given``: root entries that are set before the first tick, by a task where there is one. Where code may write
-    entries without saying so in its ports, all are warnings.
+    ``given``: root entries set before the first tick, by a task, if any. If code may write undeclared entries, all are
+    warnings.
     """
     unseen = any(may_write_unseen(node) for node in tree.nodes)
     problems = []
@@ -173,6 +174,6 @@ def unfilled_entries(tree: Tree, given: Collection[str], has_task: bool) -> list
             continue
         why = ""
         if read.key in TASK_ENTRIES and read.later is None and not (read.suggestion or read.not_given):
-            why = "which the task does not fill" if has_task else "which tasks fill, but no task is given"
+            why = "which is not filled by the task" if has_task else "which tasks fill, but no task is given"
         problems.append(read.problem("error" if read.fails and not unseen else "warning", why))
     return problems

@@ -1,4 +1,4 @@
-"""A saved world model: a YAML file with what the robot believed, and the scene that its map and models are of."""
+"""Saved world models: a YAML file with the robot's beliefs, and the scene of its map and models."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ from bestman_bt.world_model.saved_beliefs import SavedBeliefs, restored, saved
 from bestman_bt.world_model.world_model import WorldModel
 
 WORLD_NAME = "world.yaml"
-"""Its name in a run folder."""
+"""Name of the file in a run folder."""
 _HEADER = "# What the robot believed at the end of a run; bestman-bt plan --world FILE plans from it.\n"
 
 
 @dataclass(frozen=True)
 class WorldFile:
-    """``scene``, ``seed``, ``scene_settings``: where the beliefs were gained; ``robot``: whose they are."""
+    """``scene``, ``seed``, ``scene_settings``: the world of the beliefs; ``robot``: their owner."""
 
     scene: str
     robot: str = "diff_panda"
@@ -36,7 +36,10 @@ class WorldFile:
     written: Document = field(default_factory=lambda: Document({}), init=False, repr=False, compare=False)
 
     def world_model(self, setup: Setup) -> WorldModel:
-        """The beliefs, of the map and the models of a setup; ConfigurationError for names that these do not have."""
+        """Return a world model with these beliefs, and the map and models of a setup.
+
+        Raises ConfigurationError for names that these do not contain.
+        """
         try:
             return restored(self.beliefs, self.written, setup.world_model)
         except ConfigurationError as error:
@@ -44,7 +47,10 @@ class WorldFile:
 
 
 def read_world(path: Path) -> WorldFile:
-    """Read such a file, written by a run or by hand; ConfigurationError with all that is wrong, each with its line."""
+    """Read a world file written by a run or by hand.
+
+    Raises ConfigurationError listing every fault with its line.
+    """
     document = read_document(path)
     for kind in ("scene", "robot"):
         if isinstance(document.data.get(kind), str):
@@ -59,7 +65,7 @@ def read_world(path: Path) -> WorldFile:
 
 
 def write_world(path: Path, setup: Setup, world: WorldModel) -> None:
-    """Write what the robot believes after a run."""
+    """Write the robot's beliefs after a run."""
     config = setup.config
     document = {
         "scene": _from_anywhere("scene", config.task.scene),
@@ -73,5 +79,5 @@ def write_world(path: Path, setup: Setup, world: WorldModel) -> None:
 
 
 def _from_anywhere(kind: str, name: str) -> str:
-    """A bare name as it is, a path as an absolute one."""
+    """Return a bare name as it is, a path as an absolute one."""
     return name if beside(Path("a/b"), kind, name) == name else str(Path(name).resolve())

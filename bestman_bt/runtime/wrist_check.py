@@ -1,4 +1,4 @@
-"""Whether the wrist of a real arm tells forces with the sign that skills count on: by its hand's weight, twice."""
+"""Check of the sign of a real arm's wrist forces: by the weight of its hand in two poses."""
 
 from __future__ import annotations
 
@@ -15,17 +15,19 @@ from bestman_bt.robot_model.model import ArmModel
 from hal.api import Arm, ForceTorque, MotionStatus, Robot, RobotError
 
 TURN = math.radians(30.0)
-"""By which one of the last joints turns the hand."""
+"""Radians by which one of the last joints turns the hand."""
 SPEED_SCALE = 0.05
 READINGS, PERIOD = 50, 0.02
 LEAST_CHANGE = 2.0
-"""Newtons of the weight that have to change their direction, or nothing can be told."""
+"""Least change of the weight, newtons, for a meaningful check."""
 AGREEMENT = 0.5
 
 
 @dataclass(frozen=True)
 class WristCheck:
-    """``joint``: which turned the hand. ``expected``, ``felt``: newtons that the weight changed by, along the first."""
+    """``joint``: the joint that turned the hand. ``expected``, ``felt``: change of the weight along the expected
+    direction, newtons.
+    """
 
     joint: str
     expected: float
@@ -33,19 +35,21 @@ class WristCheck:
 
     @property
     def fault(self) -> str | None:
-        """What is wrong, in words; None where the two agree within a half."""
+        """Return the fault in words, or None if the two values agree within a half."""
         if self.expected < LEAST_CHANGE:
             return f"the hand's weight changes by {self.expected:.1f} N only: turn the arm to another posture first"
         share = self.felt / self.expected
         if share < -AGREEMENT:
-            return "the wrist tells forces with the other sign: it should be what the world does to the hand"
+            return "the wrist sensor has the opposite sign: it should measure the force of the world on the hand"
         if not AGREEMENT < share < 1.0 / AGREEMENT:
-            return f"the wrist feels {share:.2f} of the weight that the robot file's hand has: another frame, or hand"
+            return f"the wrist measures {share:.2f} of the weight of the hand in the robot file: wrong frame or hand"
         return None
 
 
 def check_wrist(robot: Robot, arm_name: str, sensor_name: str) -> WristCheck:
-    """Turn the hand of a connected robot by ``TURN``, slowly, and back; RobotError where it does not move so."""
+    """Turn the hand of a connected robot by ``TURN``, slowly, and back. Raises RobotError if it does not move as
+    commanded.
+    """
     arm, sensor = robot.part(arm_name, Arm), robot.part(sensor_name, ForceTorque)
     wrist = WristWrench(sensor, ForwardKinematics(robot.model), JointStateSensor(robot.parts, robot.model), robot.clock)
     here = arm.positions()
@@ -61,7 +65,7 @@ def check_wrist(robot: Robot, arm_name: str, sensor_name: str) -> WristCheck:
 
 
 def _turn(robot: Robot, arm: Arm, wrist: WristWrench, here: NDArray[np.float64]) -> tuple[str, NDArray[np.float64]]:
-    """The joint of the last three, and the positions (n,), that turn the weight in the hand the most."""
+    """Return the joint of the last three, and the positions (n,), that turn the weight in the hand the most."""
     model = robot.model.of(ArmModel)[arm.name]
     best, joint, target = -1.0, "", here
     for index in range(len(here) - 3, len(here)):
@@ -88,7 +92,7 @@ def _move(robot: Robot, arm: Arm, positions: NDArray[np.float64]) -> None:
 
 
 def _felt(robot: Robot, sensor: ForceTorque) -> NDArray[np.float64]:
-    """The mean force (3,), after a moment for the hand to come to rest."""
+    """Return the mean force (3,), after a moment for the hand to come to rest."""
     robot.clock.sleep(0.5)
     forces = []
     for _ in range(READINGS):

@@ -25,7 +25,7 @@ _TRIES = 200
 
 
 def exactly_placed(scene: SceneConfig, generator: Callable[[str], np.random.Generator]) -> tuple[PlacedFurniture, ...]:
-    """The unmapped furniture that the scene has at one place, as far as it came. ``generator``: as below."""
+    """Return the unmapped furniture that the scene has at one place, as far as it came. ``generator``: as below."""
     return tuple(
         _unmapped(scene, name, Pose2D(*asked.at))
         for name, asked in scene.file.unmapped.items()
@@ -40,7 +40,7 @@ def draw_changes(
     robot: Pose2D,
     generator: Callable[[str], np.random.Generator],
 ) -> tuple[PlacedFurniture, ...] | None:
-    """The furniture with what was moved and what came; None where something finds no place.
+    """Return the furniture with what was moved and what came, or None if something finds no place.
 
     It may stand in the way, but what a disc of the scene's ``passage`` could reach without it, it still reaches, save
     what the piece itself takes. Where a piece that was moved finds no such place, it cuts off no more than it did where
@@ -92,7 +92,7 @@ class _Floor:
         rng: np.random.Generator,
         stood: Pose2D | None = None,
     ) -> Pose2D | None:
-        """A pose within the limits of x, y and yaw, beside all that is taken, that leaves a way.
+        """Return a pose within the limits of x, y and yaw, beside all that is taken, that leaves a way.
 
         Where there is none, one that cuts off no more than the piece did where it ``stood``.
         """

@@ -46,7 +46,7 @@ _MOVED = 0.6  # metres each way
 
 
 def with_apartment(scene: SceneConfig, seed: int) -> SceneConfig:
-    """The scene as if its file had listed the seed's apartment; one without a generator as it is.
+    """Return the scene as if its file had listed the seed's apartment; one without a generator as it is.
 
     The robot may start anywhere where there is room, unless the file says where. Raises ApartmentError.
     """
@@ -100,7 +100,7 @@ class SceneError(ConfigurationError):
 
 
 def draw_world(scene: SceneConfig, seed: int) -> World:
-    """Draw the world of a seed; the same seed gives the same world. Raises SceneError where nothing fits.
+    """Draw the world of a seed; the same seed gives the same world. Raises SceneError if nothing fits.
 
     Each thing has its own stream of random numbers: to leave one object out moves no other, unless they competed for
     room.
@@ -156,7 +156,7 @@ def _generator(seed: int, attempt: int, *names: str) -> np.random.Generator:
 
 
 def _shares(seed: int, piece: str) -> list[float]:
-    """How far a piece is off along x, along y and in its heading, -1 to 1 of what it may be off."""
+    """Return how far a piece is off along x, along y and in its heading, -1 to 1 of what it may be off."""
     shares: list[float] = _generator(seed, 0, "furniture", piece).uniform(-1.0, 1.0, 3).tolist()
     return shares
 
@@ -215,7 +215,7 @@ def _goal(
     furniture: tuple[PlacedFurniture, ...],
     objects: tuple[PlacedObject, ...],
 ) -> Pose:
-    """The goal keeps its margin from the edges of the surface where it really is and where the map has it."""
+    """Return the goal keeps its margin from the edges of the surface where it really is and where the map has it."""
     goal: GoalPlacement = scene.file.goals[name]
     model = scene.goal_models[name]
     generator = _generator(seed, attempt, "goals", name)
@@ -272,7 +272,7 @@ def _changed(
     furniture: tuple[PlacedFurniture, ...],
     start: Pose2D,
 ) -> tuple[tuple[PlacedFurniture, ...], tuple[Walker, ...]]:
-    """The furniture as it stands after what has changed since the map was made, and who walks between it."""
+    """Return the furniture as it stands after what has changed since the map was made, and who walks between it."""
     fixed = [wall_rectangle(wall) for wall in walls] + [line for piece in furniture for line in leaf_outlines(piece)]
     standing = draw_changes(scene, furniture, fixed, start, partial(_generator, seed, attempt, "changes"))
     if standing is None:

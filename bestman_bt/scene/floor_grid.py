@@ -25,7 +25,7 @@ class FloorGrid:
 
     @classmethod
     def of(cls, outlines: Iterable[Points], resolution: float = 0.025) -> FloorGrid:
-        """The floor between convex counter-clockwise polygons; what lies beyond all of them is taken, too."""
+        """Return the floor between convex counter-clockwise polygons; what lies beyond all of them is taken, too."""
         polygons = list(outlines)
         corners = np.concatenate(polygons)
         origin = corners.min(axis=0)

@@ -83,7 +83,7 @@ class ArticulationConfig:
 
 
 def read_articulations(configs: Mapping[str, ArticulationConfig], document: Document) -> tuple[Articulation, ...]:
-    """The articulations of a furniture file; ConfigurationError tells all that is wrong with them."""
+    """Return the articulations of a furniture file; ConfigurationError tells all that is wrong with them."""
     faults, read = ProblemCollector(), []
     for name, config in configs.items():
         problems = [*_joint_faults(name, config, document), *_handle_faults(name, config, document)]
@@ -234,7 +234,7 @@ class GeneratedFurnitureFile:
 
 
 def read_furniture(name: str | Path, asked_by: Problem | None = None) -> FurnitureModel:
-    """The furniture of a shipped name or a file; raises ConfigurationError."""
+    """Return the furniture of a shipped name or a file; raises ConfigurationError."""
     path = find_data("furniture", name, asked_by)
     document = read_document(path)
     return (_generated if "generate" in document.data else _written)(path.stem, document)

@@ -22,7 +22,7 @@ Row = tuple[float, float, float]
 
 
 def tube_mesh(radius: float, length: float, wall: float, bottom: float, segments: int = 40) -> Mesh:
-    """A vessel open at the top, centred on its bounding box, z up; faces turn outwards, the inside included."""
+    """Return a vessel open at the top, centred on its bounding box, z up; faces turn outwards, the inside included."""
     angles = np.linspace(0.0, 2.0 * np.pi, segments, endpoint=False)
     ring = np.column_stack([np.cos(angles), np.sin(angles)])
     half, inner = length / 2, radius - wall
@@ -43,7 +43,9 @@ def tube_mesh(radius: float, length: float, wall: float, bottom: float, segments
 
 
 def revolved_mesh(profile: Sequence[tuple[float, float]]) -> Mesh:
-    """The surface of a body turned about z; ``profile``: (radius, z), both ends on the axis, outwards on its right."""
+    """Return the surface of a body turned about z; ``profile``: (radius, z), both ends on the axis, outwards on its
+    right.
+    """
     from trimesh.creation import revolve  # takes a quarter of a second to import
 
     body = revolve(np.array(profile), sections=SIDES)
@@ -90,7 +92,7 @@ def _ring_part(rows: NDArray[np.float64], part: int) -> Mesh:
 
 
 def bent_bar(radius: float, bar: float, start: float, sweep: float, sides: int = 12) -> tuple[Mesh, tuple[Mesh, ...]]:
-    """A round bar bent along an arc in the xz plane, closed at its ends, and its convex parts.
+    """Return a round bar bent along an arc in the xz plane, closed at its ends, and its convex parts.
 
     ``radius``: of the arc about the origin, ``bar``: of the bar, metres. ``start``: radians from x towards z.
     """
@@ -114,7 +116,7 @@ def bent_bar(radius: float, bar: float, start: float, sweep: float, sides: int =
 
 
 def convex_hull(points: NDArray[np.float64]) -> Mesh:
-    """The convex hull of (N, 3) points, faces outwards. Raises scipy's QhullError for flat points."""
+    """Return the convex hull of (N, 3) points, faces outwards. Raises scipy's QhullError for flat points."""
     hull = ConvexHull(points)
     a, b, c = (points[hull.simplices[:, k]] for k in range(3))
     inwards = (np.cross(b - a, c - a) * hull.equations[:, :3]).sum(axis=1) < 0

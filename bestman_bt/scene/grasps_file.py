@@ -35,7 +35,7 @@ class GraspsFile:
 
 
 def read_grasps(path: Path, asked_by: Problem) -> tuple[ObjectGrasp, ...]:
-    """The grasps of a file; raises ConfigurationError, at ``asked_by`` where it is not there or is not JSON."""
+    """Return the grasps of a file; raises ConfigurationError, at ``asked_by`` where it is not there or is not JSON."""
     try:
         document = Document(json.loads(path.read_text(encoding="utf-8")), {(): (str(path), None)})
         return tuple(

@@ -85,7 +85,7 @@ def load_scene(name_or_path: str | Path, overrides: Mapping[str, Any] | None = N
 
 
 def _extended(path: Path, below: tuple[Path, ...], faults: ProblemCollector) -> tuple[Document, bool]:
-    """The document over those that it extends, and whether one of these could not be read."""
+    """Return the document over those that it extends, and whether one of these could not be read."""
     document = _from_its_folder(read_document(path, faults.problems), path)
     base_name = document.data.get("extends")
     if not isinstance(base_name, str):
@@ -111,7 +111,7 @@ def _wrongly_absent(document: Document, base: Mapping[str, Any]) -> Iterator[Pro
 
 
 def _from_its_folder(document: Document, path: Path) -> Document:
-    """The document with the paths that it names counted from its file."""
+    """Return the document with the paths that it names counted from its file."""
     data = copy.deepcopy(document.data)
     if isinstance(data.get("extends"), str):
         data["extends"] = beside(path, "scene", data["extends"])
@@ -142,7 +142,7 @@ def _without_absent(document: Document) -> Document:
 
 
 def _resolved(scene: SceneConfig, problems: list[Problem]) -> SceneConfig:
-    """The scene with what it names, as far as that can be read; what is wrong is added to ``problems``."""
+    """Return the scene with what it names, as far as that can be read; what is wrong is added to ``problems``."""
     file, document = scene.file, scene.document
     problems += [*_generator_faults(scene, document), *_name_faults(file, document)]
     furniture: dict[str, FurnitureModel] = {}

@@ -20,7 +20,9 @@ _ON_THE_FACE = 0.002
 
 
 def boards(model: FurnitureModel, elevation: float) -> tuple[PlacedShape, ...]:
-    """The boxes of the body of furniture that opens, raised by ``elevation``; nothing of furniture that does not."""
+    """Return the boxes of the body of furniture that opens, raised by ``elevation``; nothing of furniture that does
+    not.
+    """
     return _raised(_boxes(model.parts), elevation) if model.articulations else ()
 
 
@@ -44,7 +46,7 @@ def leaves(model: FurnitureModel, elevation: float, opened: Mapping[str, float])
 
 
 def _plain_boards(leaf: Articulation) -> list[PlacedShape]:
-    """The front as one slab as large as its panel, and what lies behind it."""
+    """Return the front as one slab as large as its panel, and what lies behind it."""
     boxes = _boxes(leaf.parts)
     panel = leaf.handle.panel
     if panel is None or not boxes:
@@ -87,7 +89,7 @@ _SCAN_BAND = (0.2, 0.3)  # heights between which lidars of mobile bases look, me
 
 
 def semantic_map(world: World) -> SemanticMap:
-    """The map that the robot gets: no objects, furniture at its nominal pose."""
+    """Return the map that the robot gets: no objects, furniture at its nominal pose."""
     furniture = {
         piece.name: MapFurniture(
             name=piece.name,
@@ -146,7 +148,7 @@ def _height(model: FurnitureModel) -> float:
 
 
 def _fills_scan_band(model: FurnitureModel) -> bool:
-    """Whether one box of the furniture covers its footprint, to 2 cm, over the whole scan band."""
+    """Return whether one box of the furniture covers its footprint, to 2 cm, over the whole scan band."""
     for part in model.parts:
         if isinstance(part.shape, Box):
             half, centre = np.array(part.shape.size) / 2, part.pose.position

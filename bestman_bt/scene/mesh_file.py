@@ -47,7 +47,7 @@ class MeshError(Error, ValueError):
 
 
 def locate_mesh(file: str, folder: Path) -> Path:
-    """The file behind a path relative to ``folder`` or ``package://python_package/path``. Raises MeshError."""
+    """Return the file behind a path relative to ``folder`` or ``package://python_package/path``. Raises MeshError."""
     if file.startswith(_PACKAGE):
         package, _, inside = file.removeprefix(_PACKAGE).partition("/")
         path = _package_folder(package, file) / inside
@@ -71,13 +71,13 @@ def _package_folder(package: str, file: str) -> Path:
 
 
 def read_mesh(config: MeshConfig, folder: Path) -> Mesh:
-    """The whole surface, in the frame of the file turned upright. Raises MeshError."""
+    """Return the whole surface, in the frame of the file turned upright. Raises MeshError."""
     mesh = read_triangles(locate_mesh(config.file, folder))
     return Mesh(upright(mesh.vertices, config), mesh.faces)
 
 
 def read_convex_parts(config: MeshConfig, folder: Path) -> tuple[Mesh, ...]:
-    """The separate parts of a mesh, of which each must be convex. Raises MeshError."""
+    """Return the separate parts of a mesh, of which each must be convex. Raises MeshError."""
     groups = read_groups(locate_mesh(config.file, folder))
     parts = []
     for index, part in enumerate(part for group in groups for part in group.split(only_watertight=False, repair=False)):
@@ -104,9 +104,9 @@ def _is_convex(part: Any, hull: Mesh) -> bool:
 
 
 def read_triangles(path: Path, library: MeshLibrary = "trimesh") -> Any:
-    """A file as one trimesh.Trimesh with joined vertices, without triangles of no area. Raises MeshError.
+    """Return a file as one trimesh.Trimesh with joined vertices, without triangles of no area. Raises MeshError.
 
-    ``library``: what reads it. MissingExtraError where Open3D is asked for and not installed.
+    ``library``: what reads it. Raises MissingExtraError if Open3D is asked for and not installed.
     """
     import trimesh
 
@@ -115,12 +115,15 @@ def read_triangles(path: Path, library: MeshLibrary = "trimesh") -> Any:
 
 
 def read_groups(path: Path) -> list[Any]:
-    """The objects of a file (``o`` of an OBJ file), each as ``read_triangles`` gives it. Raises MeshError."""
+    """Return the objects of a file (``o`` of an OBJ file), each as ``read_triangles`` gives it. Raises MeshError."""
     return [_cleaned(mesh) for mesh in _geometries(path)]
 
 
 def read_color(path: Path) -> tuple[float, float, float] | None:
-    """The mean colour of a file's surface, rgb 0 to 1; None where it says nothing of colours. Raises MeshError."""
+    """Return the mean colour of a file's surface, rgb 0 to 1, or None if it says nothing of colours.
+
+    Raises MeshError.
+    """
     import trimesh
 
     total, area = np.zeros(3), 0.0

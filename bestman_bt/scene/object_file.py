@@ -26,9 +26,10 @@ SCALE = 0.015
 
 
 def random_shape_document(number: int, scale: float = SCALE) -> Document:
-    """The object file of shape ``number``, 0 to 999: about seven convex lumps stuck together, 100 g, in its colour.
+    """Return the object file of shape ``number``, 0 to 999: about seven convex lumps stuck together, 100 g, in its
+    colour.
 
-    ``scale``: metres per unit of the mesh. Raises MeshError where pybullet_data is not installed.
+    ``scale``: metres per unit of the mesh. Raises MeshError if pybullet_data is not installed.
     """
     place = f"package://pybullet_data/random_urdfs/{number:03d}/{number:03d}"
     urdf = ElementTree.parse(locate_mesh(f"{place}.urdf", Path())).getroot()
@@ -77,7 +78,7 @@ class ObjectFile:
 
 
 def read_object(name: str | Path, asked_by: Problem | None = None) -> ObjectModel:
-    """The object of a shipped name, of a file, or ``random_000`` to ``random_999``; raises ConfigurationError.
+    """Return the object of a shipped name, of a file, or ``random_000`` to ``random_999``; raises ConfigurationError.
 
     Those are the random shapes of pybullet_data, see ``random_shape_document``.
     """
@@ -89,7 +90,7 @@ def read_object(name: str | Path, asked_by: Problem | None = None) -> ObjectMode
 
 
 def object_of(name: str, document: Document, folder: Path) -> ObjectModel:
-    """The object that a document describes; meshes are relative to ``folder``. Raises ConfigurationError."""
+    """Return the object that a document describes; meshes are relative to ``folder``. Raises ConfigurationError."""
     file, problems = salvage(document, ObjectFile)
     faults = ProblemCollector(problems)
     collision: tuple[PlacedShape, ...] = ()

@@ -120,7 +120,7 @@ def given(entries: Mapping[str, Any], field: str) -> dict[str, Any]:
 
 
 def _rightly_placed(scene: SceneConfig, found: Sequence[Problem]) -> SceneConfig:
-    """The scene with the furniture alone that nothing is wrong with, and that stands on none with faults."""
+    """Return the scene with the furniture alone that nothing is wrong with, and that stands on none with faults."""
     right: dict[str, FurniturePlacement] = {}
     for name, placement in scene.file.furniture.items():
         fields = ("furniture", f"furniture.{name}")
@@ -204,7 +204,7 @@ def _unknown_surface(
 
 
 def _can_be_judged(name: str, scene: SceneConfig, document: Document) -> bool:
-    """Whether it can be said that there is no ``piece/part``: not where the piece itself could not be read."""
+    """Return whether it can be said that there is no ``piece/part``: not where the piece itself could not be read."""
     written = [document.data.get(kind) for kind in ("furniture", "unmapped")]
     piece, read = name.partition("/")[0], {*scene.furniture, *scene.unmapped}
     unread = [pieces is not None and (not isinstance(pieces, dict) or piece in {*pieces} - read) for pieces in written]
@@ -212,7 +212,7 @@ def _can_be_judged(name: str, scene: SceneConfig, document: Document) -> bool:
 
 
 def _is_beside(ranges: Sequence[tuple[float, float]], surface: Surface) -> bool:
-    """Whether no point with coordinates in ``ranges`` lies over the surface."""
+    """Return whether no point with coordinates in ``ranges`` lies over the surface."""
     sizes = zip(ranges, surface.size, strict=True)
     return any(lower > size / 2 or upper < -size / 2 for (lower, upper), size in sizes)
 

@@ -37,7 +37,7 @@ def standing_outlines(walls: Iterable[Wall], furniture: Iterable[PlacedFurniture
 
 
 def body_outlines(piece: PlacedFurniture) -> list[Points]:
-    """The footprint of a piece, or the posts of a door between rooms."""
+    """Return the footprint of a piece, or the posts of a door between rooms."""
     if piece.model.is_passage:
         return list(_outlines(piece.model.parts, piece.pose))
     return [rectangle(piece.actual, piece.model.footprint)]
@@ -66,7 +66,7 @@ def _outlines(parts: Iterable[PlacedShape], map_from_parts: Pose) -> Iterator[Po
 def standing_furniture(
     scene: SceneConfig, shares: Callable[[str], Sequence[float]] = lambda piece: (0.0, 0.0, 0.0)
 ) -> tuple[PlacedFurniture, ...]:
-    """The furniture in the order of the file, really standing beside where the map has it.
+    """Return the furniture in the order of the file, really standing beside where the map has it.
 
     ``shares``: by a piece's name the shares, each from -1 to 1, of its ``offset`` along x and y and of its ``turn``.
     """
@@ -93,7 +93,7 @@ def standing_furniture(
 def surface_of(
     scene: SceneConfig, surface_name: str, furniture: Sequence[PlacedFurniture]
 ) -> tuple[PlacedFurniture, Surface]:
-    """The piece that bears the surface called ``furniture`` or ``furniture/surface``, and that surface."""
+    """Return the piece that bears the surface called ``furniture`` or ``furniture/surface``, and that surface."""
     name, surface = scene.surface(surface_name)
     return next(piece for piece in furniture if piece.name == name), surface
 
@@ -106,7 +106,9 @@ def planar_radius(model: ObjectModel) -> float:
 
 
 def standing_on(map_from_surface: Pose, on_surface: Pose2D, model: ObjectModel) -> Pose:
-    """The pose in the map frame of an object that stands on a surface, at ``on_surface`` in the surface's frame."""
+    """Return the pose in the map frame of an object that stands on a surface, at ``on_surface`` in the surface's
+    frame.
+    """
     lower = float(model.bounds()[0, 2])
     return map_from_surface @ on_surface.to_pose(-lower)
 

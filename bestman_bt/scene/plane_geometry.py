@@ -44,7 +44,7 @@ def distance_to_polygon(polygon: Points, point: Points) -> float:
 
 
 def overlap_depth(a: Points, b: Points) -> float:
-    """How far one of two convex counter-clockwise polygons would have to move so that they only touch; 0 apart.
+    """Return how far one of two convex counter-clockwise polygons would have to move so that they only touch; 0 apart.
 
     Metres, by the separating axis theorem.
     """
@@ -61,12 +61,14 @@ def overlap_depth(a: Points, b: Points) -> float:
 
 
 def polygons_overlap(a: Points, b: Points) -> bool:
-    """Whether two convex counter-clockwise polygons share an area."""
+    """Return whether two convex counter-clockwise polygons share an area."""
     return overlap_depth(a, b) > 0.0
 
 
 def cut_away(segment: Points, polygon: Points, tolerance: float = 1e-6) -> list[Points]:
-    """The parts of a segment (2, 2) outside a convex counter-clockwise polygon; its boundary counts as outside."""
+    """Return the parts of a segment (2, 2) outside a convex counter-clockwise polygon; its boundary counts as
+    outside.
+    """
     start, direction = segment[0], segment[1] - segment[0]
     enter, leave = 0.0, 1.0
     edges = np.roll(polygon, -1, axis=0) - polygon

@@ -86,7 +86,7 @@ class FurnitureModel:
         return (*self.surfaces, *(s for leaf in self.articulations for s in leaf.surfaces))
 
     def leaf_of(self, surface: str) -> Articulation | None:
-        """The drawer that a surface moves with; None if it stands still."""
+        """Return the drawer that a surface moves with, or None if it stands still."""
         return next((leaf for leaf in self.articulations if surface in {s.name for s in leaf.surfaces}), None)
 
 
@@ -154,7 +154,7 @@ class World:
 
 
 def wall_box(wall: Wall) -> tuple[Box, Pose]:
-    """The wall as a box and its pose in the map frame."""
+    """Return the wall as a box and its pose in the map frame."""
 
     dx, dy = wall.end[0] - wall.start[0], wall.end[1] - wall.start[1]
     length = math.hypot(dx, dy)

@@ -214,7 +214,10 @@ class SceneConfig:
     document: Document = field(default_factory=lambda: Document({}), compare=False, repr=False)
 
     def surface(self, name: str) -> tuple[str, Surface]:
-        """Furniture name and surface of ``furniture`` or ``furniture/surface``; KeyError names what there is."""
+        """Furniture name and surface of ``furniture`` or ``furniture/surface``.
+
+        Raises KeyError naming what there is.
+        """
         furniture, _, wanted = name.partition("/")
         for surface in self.furniture[furniture].all_surfaces if furniture in self.furniture else ():
             if wanted in ("", surface.name):

@@ -81,7 +81,7 @@ _KINDS = ("box", "cylinder", "sphere", "tube", "revolve", "arc", "mesh")
 def placed_shapes(
     configs: tuple[ShapeConfig, ...], document: Document, field: str, folder: Path | None = None
 ) -> tuple[PlacedShape, ...]:
-    """The shapes of a list in a file as they are seen, one for each entry; ConfigurationError tells all faults.
+    """Return the shapes of a list in a file as they are seen, one for each entry; ConfigurationError tells all faults.
 
     ``folder``: that meshes are given relative to.
     """
@@ -92,7 +92,7 @@ def placed_shapes(
 def convex_shapes(
     configs: tuple[ShapeConfig, ...], document: Document, field: str, folder: Path | None = None
 ) -> tuple[PlacedShape, ...]:
-    """The convex parts that the shapes of a list consist of, for physics; raises ConfigurationError."""
+    """Return the convex parts that the shapes of a list consist of, for physics; raises ConfigurationError."""
     return tuple(placed for parts in _each(configs, document, field, folder, _convex) for placed in parts)
 
 
@@ -128,7 +128,7 @@ def _each(
 
 
 def _written(document: Document, field: str, index: int) -> dict[str, Any]:
-    """The entry of a list in a file, or what is written there instead of a list of one entry."""
+    """Return the entry of a list in a file, or what is written there instead of a list of one entry."""
     written = document.data[field]
     entry: dict[str, Any] = written[index] if isinstance(written, list) else written
     return entry

@@ -27,7 +27,7 @@ _TRIES = 200
 def draw_walkers(
     asked: WalkersConfig, outlines: Sequence[Points], robot: Pose2D, generator: Callable[[str], np.random.Generator]
 ) -> tuple[Walker, ...] | None:
-    """``asked.count`` walkers on the floor between ``outlines``; None where there is no room for them.
+    """``asked.count`` walkers on the floor between ``outlines``, or None if there is no room for them.
 
     ``robot``: where it starts. ``generator``: random numbers by the walker's name.
     """
@@ -68,7 +68,9 @@ def _way_points(
 
 
 def _round(floor: FloorGrid, free: NDArray[np.bool_], points: Points) -> tuple[tuple[float, float], ...] | None:
-    """The shortest ways from each of ``points`` to the next one and back to the first; None where one is cut off."""
+    """Return the shortest ways from each of ``points`` to the next one and back to the first, or None if one is cut
+    off.
+    """
     rows, columns = floor.cells(points)
     numbers = np.full(free.shape, -1)
     numbers[free] = np.arange(int(free.sum()))
@@ -89,7 +91,9 @@ def _round(floor: FloorGrid, free: NDArray[np.bool_], points: Points) -> tuple[t
 
 
 def _steps(floor: FloorGrid, numbers: NDArray[np.intp]) -> coo_array:
-    """The graph of the free cells, each with its eight neighbours; weights are lengths, greater beside obstacles."""
+    """Return the graph of the free cells, each with its eight neighbours; weights are lengths, greater beside
+    obstacles.
+    """
     most, fades = _KEEP_AWAY
     cost = 1.0 + most * np.exp(-floor.room / fades)
     rows, columns = numbers.shape

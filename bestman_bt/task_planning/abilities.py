@@ -39,12 +39,12 @@ class Ability:
 
 
 def shipped_abilities() -> Path:
-    """The file of the subtrees that planners order."""
+    """Return the file of the subtrees that planners order."""
     return data_root() / "trees" / "subtrees" / "abilities.xml"
 
 
 def abilities_of(registry: NodeRegistry, files: Iterable[Path] | None = None) -> tuple[Ability, ...]:
-    """All abilities: of the subtrees in ``files`` (by default the shipped ones), then of the registry's leaves.
+    """Return all abilities: of the subtrees in ``files`` (by default the shipped ones), then of the registry's leaves.
 
     Raises DeclarationError, and TreeLoadError where a file cannot be read.
     """
@@ -60,7 +60,7 @@ def abilities_of(registry: NodeRegistry, files: Iterable[Path] | None = None) ->
 
 
 def operator_of(name: str, declared: Declaration) -> Operator:
-    """What a leaf declares, as an operator; DeclarationError where its facts cannot be read."""
+    """What a leaf declares, as an operator. Raises DeclarationError if its facts cannot be read."""
     parameters = dict(declared.parameters or {})
     pre, hold, effects = (
         _conditions(name, field, texts, parameters)

@@ -44,7 +44,7 @@ class Domain:
 
     @classmethod
     def of(cls, registry: NodeRegistry) -> Domain:
-        """From the shipped abilities and the leaves of a registry; DeclarationError where one does not fit."""
+        """From the shipped abilities and the leaves of a registry. Raises DeclarationError if one does not fit."""
         return cls(abilities_of(registry))
 
     @cached_property
@@ -78,7 +78,7 @@ class Domain:
                     raise DeclarationError(f"{ability.name}: {fact}: {fact.predicate} takes {takes}")
 
     def problem(self, beliefs: Beliefs, goal: str | None = None, instruction: str = "") -> Problem:
-        """What the robot believes and what shall come about; GoalError for a goal that makes no sense.
+        """What the robot believes and what shall come about. Raises GoalError for a goal that makes no sense.
 
         ``goal``: facts as text, such as ``on(mug, table) and closed(drawer_chest/drawer_3)``; None: there is none yet.
         """
@@ -95,7 +95,9 @@ class Domain:
         return problem if goal is None else self.with_goal(problem, goal)
 
     def with_goal(self, problem: Problem, goal: str) -> Problem:
-        """The problem with a goal, checked against what there is; GoalError has all that is wrong, with the closest."""
+        """Return the problem with a goal, checked against what there is; GoalError has all that is wrong, with the
+        closest.
+        """
         literals: list[Literal] = []
         wrong = GoalFaults()
         for condition in parse_goal(goal):
@@ -111,7 +113,10 @@ class Domain:
         return replace(problem, goal=tuple(dict.fromkeys(literals)))
 
     def places_told(self, problem: Problem, facts: Iterable[str]) -> dict[str, str]:
-        """Object → place, of facts that somebody states of what was not seen. GoalError for anything but ``on``."""
+        """Object → place, of facts that somebody states of what was not seen.
+
+        Raises GoalError for anything but ``on``.
+        """
         told: dict[str, str] = {}
         wrong, literals = GoalFaults(), list[Literal]()
         for text in facts:
@@ -129,7 +134,7 @@ class Domain:
         return told
 
     def _presumed(self, literal: Literal) -> list[Literal]:
-        """What has to be known for a negation to say anything; GoalError for one that is nothing to aim at."""
+        """What has to be known for a negation to say anything. Raises GoalError for one that is nothing to aim at."""
         predicate = self.predicates.get(literal.fact.predicate)
         if predicate is None or not literal.negated:
             return []
@@ -140,7 +145,7 @@ class Domain:
         return [Literal(parse_fact(predicate.known_if).bound(_values(predicate, literal.fact.arguments)))]
 
     def refuse_contradictions(self, goal: Collection[Literal]) -> None:
-        """GoalError for a goal of which two parts cannot hold together, by what predicates exclude."""
+        """Raises GoalError for a goal of which two parts cannot hold together, by what predicates exclude."""
         wanted = [literal.fact for literal in goal if not literal.negated]
         clashes = [(str(fact), f"not {fact}") for fact in wanted if Literal(fact, negated=True) in goal]
         clashes += [(str(fact), str(other)) for fact in wanted for other in wanted if self._rules_out(fact, other)]
@@ -148,7 +153,7 @@ class Domain:
             raise GoalError("the goal contradicts itself: {} and {} cannot hold together".format(*clashes[0]))
 
     def _rules_out(self, fact: Fact, other: Fact) -> bool:
-        """Whether two facts cannot hold together, by what the predicate of the first one excludes."""
+        """Return whether two facts cannot hold together, by what the predicate of the first one excludes."""
         predicate = self.predicates.get(fact.predicate)
         if predicate is None or fact == other:
             return False
@@ -194,8 +199,8 @@ class Domain:
 
 
 def full_name(problem: Problem, name: str, kind: str) -> str:
-    """The thing of a type that is meant: ``table`` for its only or first surface, ``drawer_3`` for the only one, and
-    ``drawer`` for the first where they have numbers; a log says which it is taken for where there are others.
+    """Return the thing of a type that is meant: ``table`` for its only or first surface, ``drawer_3`` for the only one,
+    and ``drawer`` for the first where they have numbers; a log says which it is taken for where there are others.
     """
     known = problem.of_type(kind)
     if name in known:
@@ -255,7 +260,7 @@ def _uses(operator: Operator) -> Iterable[tuple[Fact, tuple[str, ...]]]:
 
 
 def _fit(types: tuple[str, ...], wanted: tuple[str, ...]) -> bool:
-    """Whether things of some types may stand where others are asked for."""
+    """Return whether things of some types may stand where others are asked for."""
     return len(types) == len(wanted) and all(
         kind == asked or asked in SUPERTYPES.get(kind, ()) for kind, asked in zip(types, wanted, strict=True)
     )

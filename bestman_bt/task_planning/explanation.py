@@ -104,7 +104,7 @@ class _Frontier:
         return sorted(self._achievers[literal], key=rank)[:1]
 
     def _otherwise(self, literal: Literal) -> bool:
-        """Whether another such fact is believed of the same thing."""
+        """Return whether another such fact is believed of the same thing."""
         predicate, arguments = literal.fact
         return len(arguments) > 1 and any(
             fact.predicate == predicate and fact.arguments[0] == arguments[0] for fact in self._problem.state

@@ -88,7 +88,7 @@ class PlanLimits:
         return limits
 
     def to_string(self) -> str:
-        """The text that ``from_string`` reads; empty where nothing is limited but the steps as by default."""
+        """Return the text that ``from_string`` reads; empty where nothing is limited but the steps as by default."""
         default, parts = PlanLimits(), []
         if self.max_actions != default.max_actions:
             parts.append(f"steps={self.max_actions}")
@@ -113,21 +113,21 @@ class PlanLimits:
         )
 
     def renamed(self, names: Mapping[str, str]) -> PlanLimits:
-        """The same for a world where things have other ``names``."""
+        """Return the same for a world where things have other ``names``."""
         return replace(self, forbidden=frozenset(names[name] for name in self.forbidden))
 
     def operators(self, problem: Problem) -> tuple[Operator, ...]:
-        """The abilities that may be used."""
+        """Return the abilities that may be used."""
         allowed = self.abilities
         return tuple(operator for operator in problem.operators if allowed is None or operator.name in allowed)
 
     def things(self, problem: Problem, kind: str) -> list[str]:
-        """The things of a type that may be named."""
+        """Return the things of a type that may be named."""
         return [name for name in problem.of_type(kind) if name not in self.forbidden]
 
     def applied_to(self, problem: Problem) -> Problem:
-        """The problem in which no planner can break ``abilities`` and ``forbidden``: a thing is for use only where the
-        static fact ``allowed(thing)`` holds. Raises GoalError as ``resolved`` does.
+        """Return the problem in which no planner can break ``abilities`` and ``forbidden``: a thing is for use only
+        where the static fact ``allowed(thing)`` holds. Raises GoalError as ``resolved`` does.
         """
         forbidden = self.resolved(problem).forbidden
         operators = self.operators(problem)
@@ -155,7 +155,7 @@ class PlanLimits:
 
 
 def plan_within(planner: TaskPlanner, problem: Problem, limits: PlanLimits) -> TaskPlan:
-    """The plan of any planner for a problem, within limits.
+    """Return the plan of any planner for a problem, within limits.
 
     Raises Unsolvable with an explanation, GoalError where the limits name what there is not, LimitsExceededError where
     the plan is longer or dearer than allowed, PlanningError where the planner fails or returns what is no plan, and

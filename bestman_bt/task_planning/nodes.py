@@ -109,7 +109,7 @@ def beliefs_of(skills: SkillContext) -> Beliefs:
 
 @dataclass(frozen=True)
 class Outlook:
-    """How a plan stands: ``next``: the action to do, None where it is done or does not help any more.
+    """How a plan stands: ``next``: the action to do, None if it is done or does not help any more.
 
     ``broken``: what the rest of the plan needs and is not believed, where it does not help.
     """
@@ -282,7 +282,7 @@ class ExecutePlan(_Planning, Explained, StatefulAction):
 
 
 def _plan(planner: TaskPlanner, problem: Problem, limits: PlanLimits) -> TaskPlan:
-    """A plan; SkillFailure with the reason in words where there is none."""
+    """Return a plan; SkillFailure with the reason in words where there is none."""
     try:
         return plan_within(planner, problem, limits)
     except Unsolvable as error:

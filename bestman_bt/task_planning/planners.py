@@ -12,7 +12,7 @@ from bestman_bt.task_planning.symbolic.problem import Action, PlanningError, Pro
 
 
 def planner_class(name: str) -> type[TaskPlanner]:
-    """The class of a name; UnknownNameError, or PlanningError where it cannot be imported or is none."""
+    """Return the class of a name; UnknownNameError, or PlanningError where it cannot be imported or is none."""
     try:
         found: object = PLANNERS.resolve(name)
     except UnknownNameError:
@@ -25,7 +25,7 @@ def planner_class(name: str) -> type[TaskPlanner]:
 
 
 def made_planner(name: str) -> TaskPlanner:
-    """A planner with its defaults; raises as ``planner_class``, also where it cannot be made."""
+    """Return a planner with its defaults; raises as ``planner_class``, also where it cannot be made."""
     made = planner_class(name)
     try:
         return made()
@@ -34,7 +34,7 @@ def made_planner(name: str) -> TaskPlanner:
 
 
 def made_builder(name: str) -> TreeBuilder:
-    """A tree builder by name; UnknownNameError, or PlanningError where it cannot be made or is none."""
+    """Return a tree builder by name; UnknownNameError, or PlanningError where it cannot be made or is none."""
     made: object = None
     found = BUILDERS.resolve(name)
     try:
@@ -47,7 +47,7 @@ def made_builder(name: str) -> TreeBuilder:
 
 
 def actions_of(planner: TaskPlanner, problem: Problem) -> tuple[Action, ...]:
-    """What a planner plans; PlanningError where it fails or returns something else, beside those that it raises."""
+    """What a planner plans. Raises PlanningError if it fails or returns something else, beside those that it raises."""
     who = type(planner).__name__
     try:
         found: object = planner.plan(problem)

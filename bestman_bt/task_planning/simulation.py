@@ -50,7 +50,7 @@ class SymbolicWorld:
         return self.state
 
     def begin(self, action: Action) -> tuple[Literal, ...]:
-        """The pre-conditions of an action that do not hold now."""
+        """Return the pre-conditions of an action that do not hold now."""
         return broken_in(self.problem, action.operator, action.arguments, self.state)
 
     def finish(self, action: Action) -> str:
@@ -131,7 +131,7 @@ def dry_run(source: str | Path, world: SymbolicWorld, registry: NodeRegistry, ma
 
 
 def load_simulated(source: str | Path, world: SymbolicWorld, registry: NodeRegistry) -> Tree:
-    """The tree with all abilities replaced by simulated ones. Raises TreeLoadError.
+    """Return the tree with all abilities replaced by simulated ones. Raises TreeLoadError.
 
     ``source``: a file or XML text. ``registry``: what else it may name; it is not changed.
     """
@@ -154,7 +154,7 @@ def load_simulated(source: str | Path, world: SymbolicWorld, registry: NodeRegis
 
 
 def folded(made: PlanTree, problem: Problem) -> Tree:
-    """The tree of a plan to look at: each ability is one leaf."""
+    """Return the tree of a plan to look at: each ability is one leaf."""
     names = {operator.name for operator in problem.operators}
     registry = NodeRegistry()
     for operator in problem.operators:
@@ -168,14 +168,14 @@ def folded(made: PlanTree, problem: Problem) -> Tree:
 
 
 def _leaf_of(operator: Operator) -> type[Node]:
-    """A leaf with the ports of an ability; other ports of the real one may be given and do nothing."""
+    """Return a leaf with the ports of an ability; other ports of the real one may be given and do nothing."""
     ports = {name: PortInformation(str, description=kind) for name, kind in operator.parameters.items()}
     made: dict[str, Any] = {"OPERATOR": operator, "INPUT_PORTS": ports, "__doc__": SimulatedAbility.__doc__}
     return type(operator.name, (SimulatedAbility,), made)
 
 
 def _with_stubs(source: str | Path, subtrees: Sequence[Operator]) -> str:
-    """The file's XML with the definitions of abilities replaced."""
+    """Return the file's XML with the definitions of abilities replaced."""
     document = XmlDocument.parse(source) if _is_text(source) else XmlDocument.load(source)
     names = {operator.name for operator in subtrees}
     root = document.root
@@ -204,5 +204,5 @@ def _stub(operator: Operator) -> XmlElement:
 
 
 def _path_of_ability(leaf: Node) -> str:
-    """The path of the SubTree that a simulated leaf stands for, or of the leaf itself."""
+    """Return the path of the SubTree that a simulated leaf stands for, or of the leaf itself."""
     return leaf.place.prefix.removesuffix("/") if leaf.place is not None and leaf.place.prefix else leaf.path

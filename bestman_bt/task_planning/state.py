@@ -30,7 +30,9 @@ def surfaces(world: WorldModel) -> list[str]:
 
 
 def known_predicates() -> dict[str, Predicate]:
-    """All predicates that are declared as such, by name: the shipped ones, those of plug-ins and of entry points."""
+    """Return all predicates that are declared as such, by name: the shipped ones, those of plug-ins and of entry
+    points.
+    """
     return {name: _predicate(name) for name in PREDICATES.names()}
 
 
@@ -47,7 +49,7 @@ def things(world: WorldModel) -> dict[str, str]:
 
 
 def holds(beliefs: Beliefs, fact: Fact, declared: Collection[str] = ()) -> bool:
-    """Whether a fact is believed. ``declared``: predicates that abilities bring about, without a function.
+    """Return whether a fact is believed. ``declared``: predicates that abilities bring about, without a function.
 
     Raises UnknownNameError for any other predicate, PredicateError where a user's own raises.
     """
@@ -74,7 +76,7 @@ def _believed(predicate: Predicate, beliefs: Beliefs, arguments: Sequence[str]) 
 
 
 def brought_about(beliefs: Beliefs) -> set[Fact]:
-    """The facts without a function that abilities have brought about, and none has undone since."""
+    """Return the facts without a function that abilities have brought about, and none has undone since."""
     functions = {name: predicate for name, predicate in known_predicates().items() if predicate.holds is not None}
     kinds = things(beliefs.world)
     believed: set[Fact] = set()
@@ -102,7 +104,7 @@ def brought_about(beliefs: Beliefs) -> set[Fact]:
 
 
 def read_state(beliefs: Beliefs, objects: Mapping[str, str] | None = None) -> frozenset[Fact]:
-    """All facts that are believed, of the given things or of all."""
+    """Return all facts that are believed, of the given things or of all."""
     kinds: dict[str, list[str]] = {}
     objects = things(beliefs.world) if objects is None else objects
     for name, kind in objects.items():

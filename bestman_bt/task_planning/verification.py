@@ -191,7 +191,7 @@ class _Check:
 
 
 def _count(robot: RobotModel, part: str) -> int:
-    """How many of a kind of part, or of a name, a robot has."""
+    """Return how many of a kind of part, or of a name, a robot has."""
     from bestman_bt.robot_model.model import ArmModel, BaseModel, GripperModel, JointGroupModel
 
     kinds = {"arm": ArmModel, "base": BaseModel, "hand": GripperModel, "head": JointGroupModel}

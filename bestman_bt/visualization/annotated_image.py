@@ -54,7 +54,7 @@ class Label:
 def place_labels(
     labels: Sequence[Label], keep_clear: Sequence[Rectangle], picture: tuple[float, float]
 ) -> list[Rectangle]:
-    """A rectangle for each label within the ``picture`` (width, height), chosen one after the other.
+    """Return a rectangle for each label within the ``picture`` (width, height), chosen one after the other.
 
     Each takes the place around its anchor that covers least of the labels before it, then least of ``keep_clear``, then
     lies nearest. A label that is larger than the picture begins at its left or upper border.
@@ -221,7 +221,7 @@ OUTLINE_STEPS = 20
 
 
 def annotated_image(image: RGBDImage, frame_from_camera: Pose, marks: SceneMarks, scale: int = 2) -> NDArray[np.uint8]:
-    """The picture, ``scale`` times as large, with all ``marks`` of the frame drawn into it; (H, W, 3) uint8 rgb.
+    """Return the picture, ``scale`` times as large, with all ``marks`` of the frame drawn into it; (H, W, 3) uint8 rgb.
 
     What the picture does not show, because something else is before it, is left out.
     """

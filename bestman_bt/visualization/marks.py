@@ -88,12 +88,12 @@ PALETTE: tuple[Color, ...] = (
 
 
 def object_color(index: int) -> Color:
-    """The colour, rgb, of the object at ``index``."""
+    """Return the colour, rgb, of the object at ``index``."""
     return PALETTE[index % len(PALETTE)]
 
 
 def box_edges(pose: Pose, lower: NDArray[np.float64], upper: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The 12 edges of a box, (12, 2, 3) metres, in the frame of ``pose``."""
+    """Return the 12 edges of a box, (12, 2, 3) metres, in the frame of ``pose``."""
     corners = pose.apply(
         np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)]) * (upper - lower) + lower
     )
@@ -102,7 +102,7 @@ def box_edges(pose: Pose, lower: NDArray[np.float64], upper: NDArray[np.float64]
 
 
 def grasp_lines(grasp: GraspMark) -> NDArray[np.float64]:
-    """A hand as lines: two fingers, the palm, and a wrist; (4, 2, 3) metres."""
+    """Return a hand as lines: two fingers, the palm, and a wrist; (4, 2, 3) metres."""
     half, depth = grasp.width / 2, grasp.finger_depth
     points = np.array(
         [

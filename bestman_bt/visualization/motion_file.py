@@ -134,7 +134,7 @@ def _between(before: NDArray[np.float64], after: NDArray[np.float64], share: flo
 def read_motion(path: Path) -> MotionRecord:
     """Read a file; of a run that was killed, up to the last whole line.
 
-    Raises RecordingError where it is none, or damaged.
+    Raises RecordingError if it is none, or damaged.
     """
     try:
         if path.stat().st_size > MAX_BYTES:

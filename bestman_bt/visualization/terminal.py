@@ -21,10 +21,11 @@ from bestman_bt.visualization.node_labels import node_label
 
 
 def folded_nodes(tree: NodeList, states: NodeStates, lines: int) -> set[int]:
-    """The uids of nodes whose children to hide so that at most ``lines`` nodes remain, as far as that is possible.
+    """Return the uids of nodes whose children to hide so that at most ``lines`` nodes remain, as far as that is
+    possible.
 
-    What runs stays visible with everything above it. Nodes that were never ticked fold first, then what
-    succeeded, then what failed; among equals the deepest first, so that no more is hidden than needed.
+    What runs stays visible with everything above it. Nodes that were never ticked fold first, then what succeeded, then
+    what failed; among equals the deepest first, so that no more is hidden than needed.
     """
     sizes = _subtree_sizes(tree)
     active = _with_running_below(tree, states)
@@ -44,7 +45,7 @@ def folded_nodes(tree: NodeList, states: NodeStates, lines: int) -> set[int]:
 
 
 def hidden_count(tree: NodeList, uid: int) -> int:
-    """How many nodes lie below a node."""
+    """Return how many nodes lie below a node."""
     return _subtree_sizes(tree)[uid] - 1
 
 
@@ -73,7 +74,7 @@ def _with_running_below(tree: NodeList, states: NodeStates) -> set[int]:
 
 
 def _hidden_in(tree: NodeList, top: DescribedNode, folded: set[int], hidden_below: dict[int, int]) -> int:
-    """How many nodes under ``top`` are hidden already: those below the highest folded nodes."""
+    """Return how many nodes under ``top`` are hidden already: those below the highest folded nodes."""
     hidden, pending = 0, list(tree.children(top.uid))
     while pending:
         node = pending.pop()

@@ -1,1 +1,1 @@
-"""What the robot believes: the semantic map, seen objects, what it holds, where it is."""
+"""The robot's belief: the semantic map, observed objects, held objects, the base pose."""

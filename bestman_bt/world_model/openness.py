@@ -1,4 +1,4 @@
-"""When a door or drawer counts as open, so that one can work behind it, and when as shut."""
+"""Thresholds for open doors and drawers, and their geometry at the believed opening."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from bestman_bt.world_model.world_model import Obstacle, WorldModel
 
 
 def leaf_shapes(world_model: WorldModel, furniture: MapFurniture, leaf: MapLeaf) -> tuple[PlacedShape, ...]:
-    """The boards of a door or drawer where it is believed to be, in the furniture frame."""
+    """Return the boards of a door or drawer at its believed opening, in the furniture frame."""
     opened = world_model.opening_of(furniture, leaf)
     return tuple(PlacedShape(shape.shape, opened @ shape.pose) for shape in leaf.shapes)
 
 
 def open_leaves(world_model: WorldModel) -> tuple[Obstacle, ...]:
-    """Doors and drawers before the furniture that stand open, with their handles, named ``furniture/leaf``.
+    """Return the open doors and drawers with their handles as obstacles named ``furniture/leaf``.
 
-    Of a door between rooms the leaf counts where it is believed to be: closed, it stands in the way, too.
+    Doors between rooms are always included, even closed, because they can block a passage.
     """
     obstacles = []
     for piece in world_model.map.furniture.values():
@@ -38,7 +38,7 @@ def open_leaves(world_model: WorldModel) -> tuple[Obstacle, ...]:
 
 
 def handle_shape(handle: Handle) -> PlacedShape:
-    """A box from the front to beyond the handle, in the handle's frame of reference."""
+    """Return a box from the front to beyond the handle, in the handle's frame of reference."""
     thickness = 2.0 * handle.radius
     depth = max(handle.standoff, 0.0) + handle.radius
     middle = Pose(np.array([0.0, 0.0, handle.radius - depth / 2]))
@@ -46,18 +46,20 @@ def handle_shape(handle: Handle) -> PlacedShape:
 
 
 OPEN: dict[JointKind, tuple[float, float]] = {"prismatic": (0.25, 0.28), "revolute": (1.40, 1.45)}
-"""Metres or radians from which one can work behind a leaf, and to which it is opened for that."""
+"""Metres or radians: least opening to work behind a leaf, and the target when opening it."""
 SHUT: dict[JointKind, float] = {"prismatic": 0.02, "revolute": 0.035}
 """Metres or radians up to which a leaf counts as shut."""
 NEARLY_ALL = 0.95
-"""Share of its range beyond which no leaf is asked to open."""
+"""Largest fraction of its range to which a leaf is opened."""
 ENOUGH = 0.9
-"""Share of what is asked that has to come about where a leaf does not open farther."""
+"""Fraction of the target that suffices if a leaf does not open any further."""
 
 
 @dataclass(frozen=True)
 class Openness:
-    """Metres or radians: ``enough`` to work behind it, ``asked`` when it is opened, ``shut`` at most."""
+    """Metres or radians: ``enough``: to work behind it; ``asked``: the target when opening; ``shut``: at most, to count
+    as shut.
+    """
 
     enough: float
     asked: float
@@ -65,30 +67,30 @@ class Openness:
 
 
 def openness_of(leaf: MapLeaf) -> Openness:
-    """What open and shut mean for a door or drawer."""
+    """Return the thresholds of a door or drawer."""
     enough, asked = OPEN[leaf.kind]
     asked = min(asked, NEARLY_ALL * leaf.upper)
     return Openness(min(enough, ENOUGH * asked), asked, SHUT[leaf.kind])
 
 
 def leaf_called(world: WorldModel, container: str) -> MapLeaf:
-    """The door or drawer ``furniture/leaf``; KeyError if there is none."""
+    """Return the door or drawer ``furniture/leaf``. Raises KeyError if there is none."""
     furniture, _, name = container.partition("/")
     return world.map.furniture[furniture].leaf(name)
 
 
 def is_open(world: WorldModel, container: str) -> bool:
-    """Whether a door or drawer is believed to be open far enough to work behind it."""
+    """Return whether the door or drawer is believed to be open far enough to work behind it."""
     return world.articulations.get(container, 0.0) >= openness_of(leaf_called(world, container)).enough
 
 
 def is_shut(world: WorldModel, container: str) -> bool:
-    """Whether a door or drawer is believed to be shut."""
+    """Return whether the door or drawer is believed to be shut."""
     return world.articulations.get(container, 0.0) <= openness_of(leaf_called(world, container)).shut
 
 
 def containers_before(furniture: MapFurniture, surface: MapSurface) -> Iterator[str]:
-    """The doors and drawers, ``furniture/leaf``, that must be open for what is on a surface to be reached."""
+    """Yield the doors and drawers, ``furniture/leaf``, that must be open to reach objects on a surface."""
     for leaf in furniture.leaves:
         before = surface.leaf == leaf.name
         if before or (surface.leaf is None and furniture.is_inside(surface) and _covers(leaf, surface)):
@@ -96,7 +98,7 @@ def containers_before(furniture: MapFurniture, surface: MapSurface) -> Iterator[
 
 
 def _covers(leaf: MapLeaf, surface: MapSurface) -> bool:
-    """Whether the front board of a closed leaf stands before what is on a surface."""
+    """Return whether the front board of the closed leaf covers the surface."""
     front = leaf.shapes[0]
     if not isinstance(front.shape, Box):
         return False

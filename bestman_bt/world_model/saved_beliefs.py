@@ -1,7 +1,7 @@
-"""Beliefs as plain values that fit into YAML: what a world model knew at the end of a run, for planning from it later.
+"""Beliefs as plain values for YAML: the knowledge at the end of a run, for later planning.
 
-Kept is what facts are about: objects, openings, the hand, where was searched. What can be measured again is not:
-clouds, obstacles, handles, occupancy. The map and the models belong to the scene.
+Saved is what facts refer to: objects, openings, the hand, searched places. What can be measured again is not: clouds,
+obstacles, handles, occupancy. The map and the models belong to the scene.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from bestman_bt.world_model.world_model import BasePose, HeldObject, ObjectBelie
 
 _GREY = (0.5, 0.5, 0.5)
 _DENSITY = 300.0
-"""kg/m³, of a thing that no model explains."""
+"""kg/m³, density of an unknown object."""
 _FRICTION = 0.5
 
 Quaternion = Annotated[tuple[Number, Number, Number, Number], Field(description="xyzw")]
@@ -42,7 +42,7 @@ Quaternion = Annotated[tuple[Number, Number, Number, Number], Field(description=
 
 @dataclass(frozen=True)
 class SavedPose:
-    """Metres, and a unit quaternion, xyzw."""
+    """``position``: metres; ``quaternion``: unit, xyzw."""
 
     position: Lengths3
     quaternion: Quaternion = (0.0, 0.0, 0.0, 1.0)
@@ -53,19 +53,19 @@ class SavedPose:
 
 @dataclass(frozen=True)
 class SavedModel:
-    """``model``: of the scene, by name; or ``size``, metres, of the box around a thing that no model explains."""
+    """``model``: a model of the scene, by name; or ``size``: metres, the box of an unknown object."""
 
     model: str | None = None
     size: Size3 | None = None
 
     def __post_init__(self) -> None:
         if (self.model is None) == (self.size is None):
-            raise ValueError("should have a model or a size, one of them")
+            raise ValueError("should have either a model or a size")
 
 
 @dataclass(frozen=True)
 class SavedObject:
-    """As ``ObjectBelief``; ``yaws``: arcs (middle, half width), radians."""
+    """An ``ObjectBelief``; ``yaws``: arcs (middle, half width), radians."""
 
     what: SavedModel
     pose: SavedPose
@@ -80,7 +80,7 @@ class SavedObject:
 
 @dataclass(frozen=True)
 class SavedHand:
-    """As ``HeldObject``, of the arm that it is saved under."""
+    """A ``HeldObject``, saved under the name of its arm."""
 
     name: str
     what: SavedModel
@@ -90,7 +90,7 @@ class SavedHand:
 
 @dataclass(frozen=True)
 class SavedBase:
-    """As ``BasePose``: metres and radians, in the map frame."""
+    """A ``BasePose``: metres and radians, in the map frame."""
 
     x: Length
     y: Length
@@ -102,7 +102,7 @@ class SavedBase:
 
 @dataclass(frozen=True)
 class SavedPiece:
-    """Where a piece of furniture is believed to stand, as measured; errors as of ``MapFurniture``."""
+    """The measured pose of a piece of furniture, metres and radians; errors as in ``MapFurniture``."""
 
     x: Length
     y: Length
@@ -113,13 +113,13 @@ class SavedPiece:
 
 @dataclass(frozen=True)
 class SavedBeliefs:
-    """``hands``: arm → what its hand holds. ``openings``: ``furniture/leaf`` → metres or radians.
+    """The saved part of a world model.
 
-    ``searched``: object → surface → when, in vain since it was lost. ``told``: object → surface where
-    somebody said that it is. ``locked``: doors and drawers that did not open. ``blocked``: surfaces that could be
-    reached from nowhere, doors and drawers that could not be opened for now. ``in_the_way``: door or drawer → surfaces
-    that could be reached from nowhere while it stood open. ``brought_about``: effects of abilities of your own that
-    have succeeded.
+    ``hands``: arm → held object. ``openings``: ``furniture/leaf`` → metres or radians. ``searched``: object → surface →
+    time of the last search in vain. ``told``: object → surface, as given by the user. ``locked``: doors and drawers
+    that did not open. ``blocked``: surfaces that were unreachable, and doors and drawers that could not be opened for
+    now. ``in_the_way``: door or drawer → surfaces that were unreachable while it was open. ``brought_about``: effects
+    of your own abilities that have succeeded.
     """
 
     base: SavedBase | None = None
@@ -136,7 +136,9 @@ class SavedBeliefs:
 
 
 def saved(world: WorldModel, mapped: SemanticMap) -> dict[str, Any]:
-    """The beliefs as plain values that ``SavedBeliefs`` is checked from; ``mapped``: the map before the run."""
+    """Return the beliefs as plain values that ``SavedBeliefs`` can be checked from; ``mapped``: the map before the
+    run.
+    """
     base = world.base
     searched: dict[str, dict[str, float]] = {}
     for (name, surface), stamp in world.searched.items():
@@ -179,10 +181,10 @@ def saved(world: WorldModel, mapped: SemanticMap) -> dict[str, Any]:
 
 
 def restored(beliefs: SavedBeliefs, document: Document, start: WorldModel) -> WorldModel:
-    """A world model with these beliefs; ``start``: with the map and the models that they are of.
+    """Return a world model with these beliefs; ``start``: provides the map and the models.
 
-    ``document``: what the beliefs were checked from. ConfigurationError lists all names that the scene does not have,
-    and what is held and lies somewhere, too.
+    ``document``: the source of the beliefs, for error messages. Raises ConfigurationError listing all unknown names,
+    and held objects that also lie somewhere.
     """
     problems = [*_unknown_names(beliefs, document, start), *_held_elsewhere(beliefs, document)]
     if problems:
@@ -267,7 +269,9 @@ def _held_elsewhere(beliefs: SavedBeliefs, document: Document) -> Iterator[Probl
     """One thing cannot be in the hand and also lie somewhere."""
     for held in beliefs.hands.values():
         if held.name in beliefs.objects:
-            yield document.problem(("objects", held.name), f"the hand holds the {held.name}; leave one of them out")
+            yield document.problem(
+                ("objects", held.name), f"{held.name} is also held by the hand; remove one of the two entries"
+            )
 
 
 def _saved_model(model: ObjectModel, world: WorldModel) -> dict[str, Any]:

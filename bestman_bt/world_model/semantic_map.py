@@ -1,4 +1,4 @@
-"""The semantic map: what the robot is told about its surroundings before it starts."""
+"""The semantic map: the given knowledge of the surroundings."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from numpy.typing import NDArray
 from bestman_bt.messages import Box, JointKind, PlacedShape, Pose, Pose2D, joint_motion
 
 AROUND = 0.02
-"""Metres around the boards of a door or drawer within which what was seen is taken for it, or for what is in it."""
+"""Metres around the boards of a door or drawer within which points count as part of it, or of its contents."""
 
 _SIGNS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])  # of a box's corners
 
 
 @dataclass(frozen=True)
 class MapSurface:
-    """A surface to put things on: ``pose``: of its centre in the furniture frame; ``size``: (x, y) metres.
+    """A surface to put things on; ``pose``: of its centre in the furniture frame; ``size``: (x, y) metres.
 
-    ``leaf``: the drawer that it moves with, if any; ``pose`` is then that of the closed one.
+    ``leaf``: the drawer that it moves with, if any; ``pose`` is then that of the closed drawer.
     """
 
     name: str
@@ -32,11 +32,10 @@ class MapSurface:
 
 @dataclass(frozen=True, eq=False)
 class MapLeaf:
-    """A door or drawer as the map has it, closed, in the furniture frame: no more than a plan of the piece tells.
+    """A door or drawer of the map, closed, in the furniture frame.
 
     ``origin``: (3,) metres, a point on the ``axis``, (3,) unit, about or along which it opens. ``shapes``: its boards,
-    without its handle. ``upper``: how far it opens, radians or metres; ``position``: how far it was open when the map
-    was made.
+    without its handle. ``upper``: its full range, radians or metres; ``position``: its opening when the map was made.
     """
 
     name: str
@@ -49,7 +48,7 @@ class MapLeaf:
 
     @property
     def hull(self) -> PlacedShape:
-        """A box around its boards and what is in it, as it is closed, in the furniture frame."""
+        """Return a box around its boards and contents when closed, in the furniture frame."""
         boards = [(placed.pose, placed.shape.size) for placed in self.shapes if isinstance(placed.shape, Box)]
         corners = np.concatenate([pose.apply(_SIGNS * np.array(size) / 2) for pose, size in boards])
         lower, upper = corners.min(axis=0) - AROUND, corners.max(axis=0) + AROUND
@@ -57,19 +56,19 @@ class MapLeaf:
         return PlacedShape(Box((x, y, z)), Pose((lower + upper) / 2))
 
     def moved(self, position: float) -> Pose:
-        """furniture_from_closed: where the points of the closed leaf are when it is open by ``position``."""
+        """Return furniture_from_closed at ``position``, radians or metres."""
         return joint_motion(self.kind, self.origin, self.axis, position)
 
 
 @dataclass(frozen=True)
 class MapFurniture:
-    """A named piece of furniture, believed at ``pose``; its front faces -x.
+    """A piece of furniture, believed at ``pose``; its front faces -x.
 
     ``footprint``: (x, y) extents in metres. ``height``: metres. ``solid_at_lidar``: whether a lidar sees its footprint
-    (a counter) or only legs (a table). ``shapes``: the boards that it is made of, in the furniture frame, and
-    ``leaves``: its doors and drawers; empty where the map has the outline alone. ``position_error`` (metres, each way)
-    and ``heading_error`` (radians): how far off ``pose`` may be: less once measured. ``is_passage``: whether one walks
-    through it: the frame and the leaf of a door between rooms.
+    (a counter) or only legs (a table). ``shapes``: its boards in the furniture frame, and ``leaves``: its doors and
+    drawers; empty if the map has the outline alone. ``position_error`` (metres, each way) and ``heading_error``
+    (radians): bounds of the error of ``pose``, reduced by measurements. ``is_passage``: whether the robot drives
+    through it: a door between rooms.
     """
 
     name: str
@@ -85,49 +84,51 @@ class MapFurniture:
     is_passage: bool = False
 
     def shapes_in_map(self) -> tuple[PlacedShape, ...]:
-        """``shapes`` in the map frame."""
+        """Return ``shapes`` in the map frame."""
         frame = self.pose.to_pose()
         return tuple(PlacedShape(placed.shape, frame @ placed.pose) for placed in self.shapes)
 
     def leaf(self, name: str) -> MapLeaf:
-        """The door or drawer of this name; KeyError if there is none."""
+        """Return the door or drawer of this name. Raises KeyError if there is none."""
         for leaf in self.leaves:
             if leaf.name == name:
                 return leaf
         raise KeyError(f"{self.name} has no door or drawer {name!r}")
 
     def is_inside(self, surface: MapSurface) -> bool:
-        """Whether a surface lies within this piece: in a drawer, or behind a door."""
+        """Return whether a surface lies inside this piece: in a drawer, or behind a door."""
         highest = max(float(other.pose.position[2]) for other in self.surfaces)
         return bool(self.leaves) and float(surface.pose.position[2]) < highest
 
     def covers(self, point: NDArray[np.float64], margin: float = 0.0) -> bool:
-        """Whether a point (2,) of the map lies on the footprint, grown by ``margin`` metres on each side."""
+        """Return whether a point (2,) of the map, metres, lies on the footprint, grown by ``margin`` metres on each
+        side.
+        """
         x, y = np.abs(self.pose.inverse().apply(np.asarray(point)[None])[0])
         return bool(x <= self.footprint[0] / 2 + margin and y <= self.footprint[1] / 2 + margin)
 
     def corners(self) -> NDArray[np.float64]:
-        """Corners of the footprint in the map frame, (4, 2) metres, counter-clockwise."""
+        """Return the corners of the footprint in the map frame, (4, 2) metres, counter-clockwise."""
         x, y = self.footprint[0] / 2, self.footprint[1] / 2
         return self.pose.apply(np.array([[-x, -y], [x, -y], [x, y], [-x, y]]))
 
 
 OPEN_FLOOR = 3.0
-"""Metres of free floor around what stands there, where no walls end it."""
+"""Metres of free floor around the furniture if there are no enclosing walls."""
 
 
 @dataclass(frozen=True)
 class SemanticMap:
-    """Walls are exact: ``walls`` (N, 4) segments x1, y1, x2, y2 in metres, the faces that a lidar hits.
+    """Walls and furniture in the map frame, metres.
 
-    ``furniture``: by name. Lengths in metres, the map frame.
+    ``walls``: (N, 4) segments x1, y1, x2, y2, the exact faces that a lidar hits. ``furniture``: by name.
     """
 
     walls: NDArray[np.float64]
     furniture: Mapping[str, MapFurniture]
 
     def surface(self, name: str) -> tuple[MapFurniture, MapSurface]:
-        """The surface called ``furniture`` or ``furniture/surface``; KeyError names what there is."""
+        """Return the surface called ``furniture`` or ``furniture/surface``. Raises KeyError listing the known names."""
         furniture_name, _, surface_name = name.partition("/")
         furniture = self.furniture.get(furniture_name)
         if furniture is not None:
@@ -135,20 +136,20 @@ class SemanticMap:
                 if not surface_name or surface.name == surface_name:
                     return furniture, surface
         known = [f"{f.name}/{s.name}" for f in self.furniture.values() for s in f.surfaces]
-        raise KeyError(f"no surface {name!r} in the map; there are {', '.join(known)}")
+        raise KeyError(f"no surface {name!r} in the map; known: {', '.join(known)}")
 
     def with_furniture(self, piece: MapFurniture) -> SemanticMap:
-        """The map with this piece instead of the one of its name."""
+        """Return the map with the piece of this name replaced."""
         return replace(self, furniture={**self.furniture, piece.name: piece})
 
     def standing_under(self, name: str) -> MapFurniture | None:
-        """The lower piece of furniture on which the piece called ``name`` stands; None where that is the floor."""
+        """Return the piece of furniture on which ``name`` stands, or None if it stands on the floor."""
         upper = self.furniture[name]
         lower = [piece for piece in self.furniture.values() if piece.height < upper.height and piece is not upper]
         return next((piece for piece in lower if piece.covers(upper.pose.xy)), None)
 
     def lidar_segments(self) -> NDArray[np.float64]:
-        """Segments (N, 4) that a lidar should see: walls and the footprints of solid furniture."""
+        """Return the segments (N, 4), metres, that a lidar should see: walls and footprints of solid furniture."""
         segments = [self.walls]
         for furniture in self.furniture.values():
             if furniture.solid_at_lidar:
@@ -157,9 +158,9 @@ class SemanticMap:
         return np.concatenate(segments)
 
     def bounds(self, margin: float = 0.0) -> tuple[float, float, float, float]:
-        """The rectangle (x_min, y_min, x_max, y_max) around all walls and furniture, grown by ``margin`` metres.
+        """Return the rectangle (x_min, y_min, x_max, y_max) around walls and furniture, grown by ``margin`` metres.
 
-        Where no walls enclose the floor, ``OPEN_FLOOR`` metres around the origin and the furniture are on the map.
+        Without enclosing walls, it also covers the origin and a further ``OPEN_FLOOR`` metres.
         """
         points = np.concatenate([self.walls.reshape(-1, 2), *(piece.corners() for piece in self.furniture.values())])
         if len(np.unique(self.walls[:, :2].round(3), axis=0)) < 3:

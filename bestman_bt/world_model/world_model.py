@@ -1,4 +1,4 @@
-"""What the robot believes: where it is, which objects and handles it has seen, what it holds."""
+"""The robot's belief: its base pose, observed objects and handles, held objects."""
 
 from __future__ import annotations
 
@@ -13,23 +13,23 @@ from bestman_bt.messages.grids import VOXEL_FREE, VOXEL_OCCUPIED
 from bestman_bt.world_model.semantic_map import MapFurniture, MapLeaf, MapSurface, SemanticMap
 
 HANDLE_STANDOFF = 0.10
-"""Metres that a handle stands before the front that it is on, at most."""
+"""Metres, largest distance of a handle from its front."""
 
 MOVED = 0.01
-"""Metres or radians beyond which a door or drawer is not where it was."""
+"""Metres or radians beyond which a door or drawer counts as moved."""
 
 
 @dataclass(frozen=True, eq=False)
 class ObjectBelief:
-    """An object as last seen: ``pose`` in the map frame, ``confidence`` 0 to 1, ``stamp`` seconds.
+    """An object as last observed: ``pose`` in the map frame, ``confidence`` 0 to 1, ``stamp`` seconds.
 
-    The confidence is that of the fitted model; 1 of a thing without one, 0 where a model of its name does not fit.
-
-    ``name``: its identity: the model's name, with a number where several are known (``can_2``); ``thing_1`` for what no
-    model explains. ``position_std``: metres. ``surface``: the name of the surface that it stands on, if any.
-    ``yaw_set``: the yaws that it may have. ``since``: seconds, when it came to stand there, as far as was seen.
-    ``recognised``: False for a thing whose model is no more than its measured box; ``cloud``: its points in the map
-    frame, and ``viewpoint``: (3,) from where they were measured. ``score``: that of a detector which gives one, 0 to 1.
+    The confidence is that of the fitted model: 1 for an object without a model, 0 if the model of its name does not
+    fit.
+    ``name``: its identity: the name of the model, numbered if several are known (``can_2``); ``thing_1`` for an unknown
+    object. ``position_std``: metres. ``surface``: the surface that it stands on, if any. ``yaw_set``: the possible
+    yaws. ``since``: seconds, when it was first observed there. ``recognised``: False if its model is only the measured
+    box. ``cloud``: its points in the map frame, and ``viewpoint``: (3,), from where they were measured. ``score``: of
+    the detector, 0 to 1, if it gives one.
     """
 
     name: str
@@ -47,7 +47,7 @@ class ObjectBelief:
     score: float | None = None
 
     def moved(self, map_from_before: Pose) -> ObjectBelief:
-        """The object as it is after what it stands on has moved, and it with that."""
+        """Return the belief moved along with its support."""
         return replace(
             self,
             pose=map_from_before @ self.pose,
@@ -59,9 +59,9 @@ class ObjectBelief:
 
 @dataclass(frozen=True)
 class ObjectChange:
-    """Something that was noticed: ``kind``: added, moved, removed, or replaced (something else stands there now).
+    """A detected change; ``kind``: added, moved, removed, or replaced by a different object.
 
-    ``before``, ``after``: poses in the map frame, where they apply. ``stamp``: seconds, when it was noticed.
+    ``before``, ``after``: poses in the map frame, where they apply. ``stamp``: seconds, of the detection.
     """
 
     kind: Literal["added", "moved", "removed", "replaced"]
@@ -73,7 +73,7 @@ class ObjectChange:
 
 @dataclass(frozen=True, eq=False)
 class HandleBelief:
-    """A handle as last seen: in the map frame; ``furniture``: on which it was found, by the map, if on any."""
+    """A handle as last observed, in the map frame; ``furniture``: the piece that it belongs to, if known."""
 
     name: str
     handle: Handle
@@ -83,7 +83,7 @@ class HandleBelief:
 
 @dataclass(frozen=True)
 class HeldObject:
-    """An object in a hand: ``tool_from_object`` as believed at the grasp; ``width``: metres between the fingers."""
+    """An object in a hand; ``tool_from_object``: believed at the grasp; ``width``: metres between the fingers."""
 
     name: str
     model: ObjectModel
@@ -93,7 +93,7 @@ class HeldObject:
 
 @dataclass(frozen=True)
 class Obstacle:
-    """A seen body without a model, or a measured surface: shapes in the map frame."""
+    """An observed body without a model, or a measured surface: shapes in the map frame."""
 
     name: str
     shapes: tuple[PlacedShape, ...]
@@ -102,7 +102,7 @@ class Obstacle:
 
 @dataclass(frozen=True)
 class BasePose:
-    """Where the robot believes to be: ``pose`` in the map frame, standard deviations in metres and radians."""
+    """The believed ``pose`` of the base in the map frame, standard deviations in metres and radians."""
 
     pose: Pose2D
     position_std: float
@@ -114,17 +114,15 @@ class BasePose:
 class WorldModel:
     """The robot's belief; skills read and write it, the simulator never does.
 
-    ``models``: objects that it knows by name. ``base``: its pose on the map. ``hands``: arm → what its hand holds, of
-    those that hold something. ``changes``: what was noticed of objects,
-    oldest first. ``articulations``: how far doors and drawers, ``furniture/leaf``, are open, radians or metres; those
-    that are not named are closed; at first those of the map. ``occupancy``: what was seen to be free and filled, in the
-    map frame; None before any scan. ``searched``: (object, surface) → seconds, when it was looked for there in vain;
-    ``searched_in_part``: those of them where a part of the surface stayed hidden.
-    ``told``: object → surface where somebody said that it is. ``locked``: doors and drawers that did not open.
-    ``blocked``: surfaces that could be reached from nowhere, and doors and drawers that could not be opened for want
-    of something that may change; until a door or drawer moves. ``in_the_way``: (door or drawer, surface) where a
-    surface could be reached from nowhere while that stood open. ``brought_about``: the effects of abilities of your own
-    that have succeeded, as facts, the latest last.
+    ``models``: known objects, by name. ``base``: its pose on the map. ``hands``: arm → held object, only for hands that
+    hold something. ``changes``: detected changes of objects, oldest first. ``articulations``: openings of doors and
+    drawers, ``furniture/leaf``, radians or metres; those not listed are closed; initially from the map. ``occupancy``:
+    free and occupied space in the map frame, or None before any scan. ``searched``: (object, surface) → seconds of the
+    last search in vain; ``searched_in_part``: searches during which a part of the surface was hidden.
+    ``told``: object → surface, as given by the user. ``locked``: doors and drawers that did not open. ``blocked``:
+    surfaces that were unreachable, and doors and drawers that could not be opened for a temporary reason; cleared when
+    a door or drawer moves. ``in_the_way``: (door or drawer, surface) for surfaces that were unreachable while it was
+    open. ``brought_about``: effects of your own abilities that have succeeded, as facts, the latest last.
     """
 
     map: SemanticMap
@@ -152,17 +150,19 @@ class WorldModel:
                     self.articulations.setdefault(f"{piece.name}/{leaf.name}", leaf.position)
 
     def as_at_the_start(self) -> WorldModel:
-        """What is known before anything has been seen: the map, the models, what was told, and roughly where it is."""
+        """Return the knowledge before any observation: map, models, given places and the initial base pose."""
         return WorldModel(map=self.map, models=dict(self.models), base=self.base, told=dict(self.told))
 
     def bring_about(self, effects: str) -> None:
-        """An ability has succeeded; ``effects``: what it declares, with its parameters filled in."""
+        """Record the effects of an ability that has succeeded; ``effects``: as declared, with its parameters filled
+        in.
+        """
         self.brought_about = [*(known for known in self.brought_about if known != effects), effects]
 
     def may_be_on(self, name: str, surface: str) -> bool:
-        """Whether an object whose place is not known may be on a surface: not looked for there since it was lost.
+        """Return whether an object of unknown place may be on a surface: it was not searched there since it was lost.
 
-        As long as it was not looked for where it was said to be, it may be there only.
+        Until its given place has been searched, it may be there only.
         """
         if name in self.objects or self.arm_with(name) is not None:
             return False
@@ -175,11 +175,11 @@ class WorldModel:
         return not searched(surface) and (told in (None, surface) or searched(str(told)))
 
     def arm_with(self, name: str) -> str | None:
-        """The arm whose hand holds an object; None if none does."""
+        """Return the arm whose hand holds an object, or None if none does."""
         return next((arm for arm, held in self.hands.items() if held.name == name), None)
 
     def surface(self, name: str) -> tuple[MapFurniture, MapSurface]:
-        """As ``SemanticMap.surface``, but that of a drawer where the drawer is believed to be."""
+        """Return the surface as ``SemanticMap.surface`` does, a drawer's at its believed opening."""
         furniture, surface = self.map.surface(name)
         if surface.leaf is None:
             return furniture, surface
@@ -187,14 +187,13 @@ class WorldModel:
         return furniture, replace(surface, pose=opened @ surface.pose)
 
     def opening_of(self, furniture: MapFurniture, leaf: MapLeaf) -> Pose:
-        """furniture_from_closed: where the points of the closed leaf are believed to be."""
+        """Return furniture_from_closed of the leaf at its believed opening."""
         return leaf.moved(self.articulations.get(f"{furniture.name}/{leaf.name}", 0.0))
 
     def believe_articulation(self, name: str, position: float) -> tuple[str, ...]:
-        """Believe that the door or drawer ``furniture/leaf`` is open by ``position``, radians or metres.
+        """Set the believed opening of the door or drawer ``furniture/leaf`` to ``position``, radians or metres.
 
-        Its handle, what was believed to be in a drawer, and what was measured of its board, are believed to have gone
-        with it. Returns the names of these objects.
+        Its handle, the contents of a drawer and the measured board move along. Returns the names of the moved objects.
         """
         piece_name, _, part = name.partition("/")
         piece = self.map.furniture[piece_name]
@@ -231,7 +230,7 @@ class WorldModel:
         self.occupancy = replace(grid, states=states)
 
     def handles_of(self, furniture: MapFurniture, leaf: MapLeaf) -> tuple[HandleBelief, ...]:
-        """The believed handles on the front of a door or drawer."""
+        """Return the believed handles on the front of a door or drawer."""
         front = leaf.shapes[0]
         if not isinstance(front.shape, Box):
             return ()

@@ -1,4 +1,4 @@
-"""The Robotics API: what every robot offers, simulated or real. Nothing here blocks."""
+"""The Robotics API: the common interface of all robots, simulated or real. No call blocks."""
 
 from bestman_bt.errors import RobotError
 from bestman_bt.messages import Failure, MotionErrorCode

@@ -33,15 +33,15 @@ class JointGroup(Part):
 
     @abstractmethod
     def positions(self) -> NDArray[np.float64]:
-        """Measured positions, radians or metres."""
+        """Return the measured positions (n,), radians or metres."""
 
     @abstractmethod
     def velocities(self) -> NDArray[np.float64]:
-        """Measured velocities, rad/s or m/s."""
+        """Return the measured velocities (n,), rad/s or m/s."""
 
     @abstractmethod
     def efforts(self) -> NDArray[np.float64]:
-        """Measured efforts, N m or N."""
+        """Return the measured efforts (n,), N m or N."""
 
     @abstractmethod
     def command(
@@ -50,14 +50,18 @@ class JointGroup(Part):
         velocities: ArrayLike | None = None,
         efforts: ArrayLike | None = None,
     ) -> None:
-        """Set one kind of set-point, held until the next command; velocities lapse after 0.25 s without one.
+        """Set one kind of set-point, held until the next command; velocities lapse after 0.25 s without a new command.
 
-        Raises CommandRefusedError unless exactly one is given, of shape (n,), finite and within the limits.
+        Raises CommandRefusedError unless exactly one kind is given, of shape (n,), finite and within the limits.
         """
 
     @abstractmethod
     def move_to(self, positions: ArrayLike, speed_scale: float = 1.0) -> Motion[None]:
-        """Move point to point, synchronised, within ``speed_scale`` (0, 1] of the limits; no collision check."""
+        """Start a synchronised point-to-point motion to ``positions`` (n,), radians or metres, without collision
+        checks.
+
+        ``speed_scale``: fraction of the limits, (0, 1]. Raises CommandRefusedError for targets beyond a limit.
+        """
 
 
 class Arm(JointGroup):
@@ -67,30 +71,29 @@ class Arm(JointGroup):
     model: ArmModel
     """Names and limits of the n joints, frames."""
     latency: float = 0.02
-    """Seconds by which its encoders follow what it is commanded, when nothing disturbs it."""
+    """Delay from command to encoder reading without disturbances, seconds."""
 
     @abstractmethod
     def follow(self, trajectory: JointTrajectory) -> Motion[None]:
         """Follow a trajectory from its start.
 
-        Raises CommandRefusedError if its joints are not this arm's, a sample is beyond a limit, or it does not start
-        where the arm is (within 0.05 rad).
+        Raises CommandRefusedError if its joints are not this arm's, a sample is beyond a limit, or it does not start at
+        the measured positions (within 0.05 rad).
         """
 
     def trajectory_time(self) -> float | None:
-        """How far the trajectory under way had been commanded when the joints were last read, seconds of it.
+        """Return the trajectory time commanded at the latest joint reading, seconds, or None if the clock tells it.
 
-        None: as far as the clock says. A real arm may run a trajectory more slowly: to keep its tool below a speed, or
-        because its controller is late.
+        A real arm may run a trajectory more slowly: to keep its tool below a speed, or because its controller is late.
         """
         return None
 
     def carry(self, mass: float, centre: ArrayLike) -> None:
-        """Tell the controller what the hand holds from now on, 0 kg for nothing; it counts on the hand by itself.
+        """Set the payload in the hand for the controller, 0 kg for none; the hand itself is already included.
 
-        ``mass``: kg. ``centre``: (3,) metres, of mass, in the arm's ``tool_frame``.
+        ``mass``: kg. ``centre``: (3,) metres, centre of mass in the arm's ``tool_frame``.
         """
 
     @abstractmethod
     def servo(self, positions: ArrayLike) -> None:
-        """Stream one position set-point (n,); refused if it asks for more than the velocity limits allow."""
+        """Stream one position set-point (n,), radians. Raises CommandRefusedError if it exceeds the velocity limits."""

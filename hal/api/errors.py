@@ -7,7 +7,7 @@ from bestman_bt.messages import Failure, MotionErrorCode
 
 
 class PartError(RobotError):
-    """A part does not do what was asked; ``failure`` is the record of it, which motions and reports hand on."""
+    """A part failed to do what was requested; ``failure``: the record for motions and reports."""
 
     code: str = MotionErrorCode.FAULT
 
@@ -23,7 +23,7 @@ class NotConnectedError(PartError):
 
 
 class NoDataError(PartError):
-    """A sensor did not deliver: it is switched off, unplugged or silent."""
+    """A sensor delivers no data: it is switched off, unplugged or silent."""
 
     code = "no_data"
 

@@ -15,10 +15,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class GripperState:
-    """What the gripper's own encoder and motor say.
+    """The state according to the gripper's own encoder and motor.
 
-    ``at_target``: the commanded width is reached. ``object_held``: a closing motion was blocked before its target
-    and still presses. ``empty``: it closed to its target and met nothing.
+    ``at_target``: the commanded width is reached. ``object_held``: a closing motion was blocked before its target and
+    still presses. ``empty``: it closed to its target without an object.
     """
 
     moving: bool
@@ -36,20 +36,22 @@ class Gripper(Part):
 
     @abstractmethod
     def width(self) -> float:
-        """Measured opening between the fingers, metres."""
+        """Return the measured opening between the fingers, metres."""
 
     @abstractmethod
     def state(self) -> GripperState:
-        """The present state."""
+        """Return the current state."""
 
     @abstractmethod
     def move(self, width: float, force: float | None = None, speed: float | None = None) -> Motion[None]:
-        """Open or close to ``width`` metres with at most ``force`` N; being blocked by an object is success."""
+        """Open or close to ``width`` metres with at most ``force`` N at ``speed`` m/s; being blocked by an object is
+        success.
+        """
 
     def open(self) -> Motion[None]:
         """Open fully."""
         return self.move(self.model.max_width)
 
     def close(self, force: float | None = None) -> Motion[None]:
-        """Close until something blocks or the fingers meet."""
+        """Close until blocked or until the fingers meet, with at most ``force`` N."""
         return self.move(self.model.part.min_width, force)

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 class MobileBase(Part):
-    """A base that drives on the floor; wheel kinematics live in its driver."""
+    """A base that drives on the floor; wheel kinematics belong to its driver."""
 
     kind: ClassVar[str] = "mobile_base"
     model: BaseModel
@@ -24,27 +24,29 @@ class MobileBase(Part):
 
     @abstractmethod
     def odometry(self) -> Pose2D:
-        """Pose in the ``odom`` frame, from encoders: it drifts. No method gives the true pose."""
+        """Return the pose in the ``odom`` frame from encoders, which drifts. No method returns the true pose."""
 
     @abstractmethod
     def velocity(self) -> Twist2D:
-        """Measured velocity in the base frame, from encoders."""
+        """Return the measured velocity in the base frame, from encoders."""
 
     @abstractmethod
     def set_velocity(self, vx: float, vy: float, wz: float) -> None:
-        """Drive at a velocity (base frame) until the next command or ``command_timeout``.
+        """Drive at a velocity (m/s, rad/s, base frame) until the next command or ``command_timeout``.
 
-        Raises CommandRefusedError when it is not finite, beyond a limit, or the robot is stopped.
+        Raises CommandRefusedError if it is not finite, beyond a limit, or the robot is stopped.
         """
 
     @abstractmethod
     def move_forward(self, distance: float) -> Motion[None]:
-        """Drive ``distance`` metres (> 0) straight ahead."""
+        """Drive ``distance`` metres (> 0) straight ahead. Raises CommandRefusedError for other distances."""
 
     @abstractmethod
     def move_backward(self, distance: float) -> Motion[None]:
-        """Drive ``distance`` metres (> 0) straight back."""
+        """Drive ``distance`` metres (> 0) straight back. Raises CommandRefusedError for other distances."""
 
     @abstractmethod
     def rotate(self, angle: float) -> Motion[None]:
-        """Turn on the spot by ``angle`` radians, counter-clockwise positive."""
+        """Turn in place by ``angle`` radians, counter-clockwise positive. Raises CommandRefusedError if it is not
+        finite.
+        """

@@ -1,4 +1,4 @@
-"""The one handle of what is under way: a motion of a part, an action of a controller, a computation."""
+"""The handle of a running process: a motion of a part, an action of a controller, a computation."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ Result = TypeVar("Result")
 
 
 class MotionStatus(Enum):
-    """Where a motion stands."""
+    """The status of a motion."""
 
     RUNNING = "running"
     SUCCEEDED = "succeeded"
@@ -23,12 +23,11 @@ class MotionStatus(Enum):
 
 
 class Motion(Generic[Result]):
-    """Something that goes on by itself while the clock runs; a final status never changes again.
+    """A process that runs while the clock advances; a final status never changes again.
 
-    ``status``, ``done``, ``result``, ``failure`` and ``cancel`` are for the one who asked for it; ``succeed``,
-    ``fail``, ``abort`` and ``end`` for the one who carries it out, from whichever thread. ``part``: the one that
-    moves, which failures name. ``on_cancel`` brings it to rest within its deceleration limit; it is called once at
-    most, when the motion already counts as cancelled.
+    ``status``, ``done``, ``result``, ``failure`` and ``cancel`` are for the caller; ``succeed``, ``fail``, ``abort``
+    and ``end`` for the implementation, from any thread. ``part``: the moving part, named in failures. ``on_cancel``:
+    brings it to rest within its deceleration limit; called at most once, when the motion already counts as cancelled.
     """
 
     def __init__(self, part: str = "", on_cancel: Callable[[], None] | None = None) -> None:
@@ -40,46 +39,48 @@ class Motion(Generic[Result]):
 
     @property
     def status(self) -> MotionStatus:
-        """The present status."""
+        """The current status."""
         if self._status is MotionStatus.RUNNING:
             self._look()
         return self._status
 
     @property
     def done(self) -> bool:
-        """Whether it has ended, well or not."""
+        """Whether it has ended, with any status."""
         return self.status is not MotionStatus.RUNNING
 
     @property
     def result(self) -> Result | None:
-        """What it found out, once it has ended; None where there is nothing to say."""
+        """The result after the end, or None if there is none."""
         return self._result if self.done else None
 
     @property
     def failure(self) -> Failure | None:
-        """Why it failed or was cancelled, else None."""
+        """The reason why it failed or was cancelled, else None."""
         return self._failure if self.done else None
 
     def cancel(self) -> None:
-        """Bring the part to rest; without effect on what has ended."""
+        """Bring the part to rest; has no effect after the end."""
         failure = Failure(MotionErrorCode.CANCELED, "cancelled by its caller")
         if not self.done and self.end(MotionStatus.CANCELED, failure) and self._on_cancel is not None:
             self._on_cancel()
 
     def succeed(self, result: Result | None = None) -> None:
-        """The target is reached."""
+        """Mark the motion as succeeded."""
         self.end(MotionStatus.SUCCEEDED, None, result)
 
     def fail(self, code: MotionErrorCode, text: str, result: Result | None = None) -> None:
-        """The motion has failed; ``result``: what was measured nevertheless."""
+        """Mark the motion as failed; ``result``: measurements up to the failure."""
         self.end(MotionStatus.FAILED, Failure(code, text), result)
 
     def abort(self, code: MotionErrorCode, text: str) -> None:
-        """It was ended: by request, a stop or a newer command."""
+        """Mark the motion as cancelled: by request, a stop or a newer command."""
         self.end(MotionStatus.CANCELED, Failure(code, text))
 
     def end(self, status: MotionStatus, failure: Failure | None, result: Result | None = None) -> bool:
-        """End, unless it has ended; whether this did it. A failure that names no part is one of this part."""
+        """End the motion unless it has ended; return whether this call ended it. A failure without a part gets this
+        part.
+        """
         if status is not MotionStatus.SUCCEEDED:
             failure = failure or Failure(MotionErrorCode.FAULT, "the part gave no reason")
             failure = failure if failure.part else replace(failure, part=self._part)
@@ -91,4 +92,6 @@ class Motion(Generic[Result]):
             return True
 
     def _look(self) -> None:
-        """For kinds of motions that somebody else carries out: ``end`` it if that has ended. Called while it runs."""
+        """Hook for motions carried out elsewhere: call ``end`` if the process has ended. Called while the motion is
+        running.
+        """

@@ -1,4 +1,4 @@
-"""What all parts of a robot share: a name and a model that can be read before connecting."""
+"""Base of all parts of a robot: a name and a model that can be read before connecting."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ from typing import ClassVar
 
 
 class Part(ABC):
-    """A part of a robot. Constructing one does no work; the robot's ``connect()`` does.
+    """A part of a robot. The constructor does no work; the robot's ``connect()`` does.
 
-    ``name``: in its robot, for example ``arm``. Attributes can be read before connecting.
-    ``speed_share``: of its speed, 0 to 1, as an operator has set by ``Robot.set_speed``. Joints, bases and
-    grippers run their motions and velocities at it by themselves; who streams set-points by ``Arm.servo`` keeps to it.
+    ``name``: in its robot, for example ``arm``. Attributes can be read before connecting. ``speed_share``: scale of its
+    speed, 0 to 1, as set by ``Robot.set_speed``. Joints, bases and grippers apply it to their motions and velocities; a
+    caller that streams set-points by ``Arm.servo`` has to apply it itself.
     """
 
     kind: ClassVar[str]
@@ -22,7 +22,7 @@ class Part(ABC):
 
     @abstractmethod
     def stop(self) -> None:
-        """Bring this part to rest at once; idempotent; sensors do nothing."""
+        """Bring this part to rest at once; idempotent; does nothing for sensors."""
 
 
 class Sensor(Part):
@@ -31,4 +31,4 @@ class Sensor(Part):
     kind: ClassVar[str] = "sensor"
 
     def stop(self) -> None:
-        """A sensor has nothing to stop."""
+        """Do nothing: a sensor does not move."""

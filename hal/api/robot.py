@@ -1,4 +1,4 @@
-"""Robots: a clock and parts by name."""
+"""Robots: a clock, and parts by name."""
 
 from __future__ import annotations
 
@@ -27,19 +27,19 @@ class Timer(ABC):
 
 
 class Clock(ABC):
-    """The only source of time for everything above the hardware layer.
+    """The only source of time above the hardware layer.
 
-    In simulation ``sleep`` steps physics and runs the periodic calls that are due, in one thread. On hardware it
-    waits, and runs the periodic calls that the thread which sleeps has asked for.
+    In simulation ``sleep`` steps physics and runs the due periodic calls, in one thread. On hardware it waits, and runs
+    the periodic calls that the sleeping thread has registered.
     """
 
     @abstractmethod
     def now(self) -> float:
-        """Seconds since an arbitrary start; never goes back."""
+        """Return the monotonic time in seconds since an arbitrary start."""
 
     @abstractmethod
     def sleep(self, duration: float) -> None:
-        """Let ``duration`` seconds pass; ValueError if it is negative or not finite."""
+        """Let ``duration`` seconds pass. Raises ValueError if it is negative or not finite."""
 
     @abstractmethod
     def every(self, period: float, call: Callable[[], None]) -> Timer:
@@ -52,7 +52,7 @@ PartType = TypeVar("PartType", bound=Part)
 class Robot(ABC):
     """A robot of any make: connect it, read its parts, command them.
 
-    Constructing one does no work; the description (``parts``, ``model``) can be read before ``connect()``.
+    The constructor does no work; the description (``parts``, ``model``) can be read before ``connect()``.
     """
 
     clock: Clock
@@ -72,16 +72,17 @@ class Robot(ABC):
 
     @abstractmethod
     def stop(self) -> None:
-        """Bring all parts to rest and refuse commands until ``clear_stop()``; idempotent, callable from any thread.
+        """Bring all parts to rest and refuse commands until ``clear_stop()``; idempotent and thread-safe.
 
-        Commanded within one control period; at rest (0.01 rad/s, 0.01 m/s) within 0.5 s; no older command acts later.
+        Takes effect within one control period; all parts are at rest (0.01 rad/s, 0.01 m/s) within 0.5 s; no earlier
+        command takes effect afterwards.
         """
 
     def keep_black_box_in(self, folder: Path | None) -> None:  # noqa: B027 - of robots that keep one
         """Write the last minute of set-points and measurements into ``folder`` whenever the robot stops.
 
-        ``black_box_<n>.npz``, see ``bestman_bt.messages.black_box``; None: no more. What is due is written before this
-        returns.
+        The file is ``black_box_<n>.npz``, see ``bestman_bt.messages.black_box``; None ends this. Pending files are
+        written before the call returns.
         """
 
     @abstractmethod
@@ -91,16 +92,17 @@ class Robot(ABC):
     @property
     @abstractmethod
     def stopped(self) -> bool:
-        """Whether the stop is latched."""
+        """Whether the robot is stopped, until ``clear_stop()``."""
 
     speed = 1.0
-    """The share of their speed at which motions run, see ``set_speed``."""
+    """Scale of the speed of motions, see ``set_speed``."""
 
     def set_speed(self, share: float) -> None:
-        """Run all motions, also those under way, at a ``share`` of their speed, 0 to 1; callable from any thread.
+        """Scale the speed of all motions, including those under way, by ``share``, 0 to 1; thread-safe.
 
-        The time of a motion passes more slowly, so that it keeps to its path; at 0 it waits. It holds until it is set
-        again. Grippers, and motions that a controller plans by itself, keep their speed. ValueError.
+        The time of a motion is slowed down, so that it keeps its path; at 0 it waits. The value holds until it is set
+        again. Grippers, and motions that a controller plans by itself, keep their speed. Raises ValueError outside of
+        [0, 1].
         """
         if not 0.0 <= share <= 1.0:
             raise ValueError(f"speed = {share!r} is not within [0, 1]")
@@ -110,22 +112,22 @@ class Robot(ABC):
 
     @property
     def unsupported(self) -> Mapping[str, str]:
-        """What of this API, or of its model, the robot does not have → why, in words.
+        """Return the unsupported features by name, with the reason.
 
-        ``hal.conformance`` fails a robot that lacks something without saying so. It takes for an answer the name of a
-        part that the model lists, the name of a check, and ``commands``: the robot only tells and takes no commands.
+        ``hal.conformance`` fails a robot that lacks a feature without declaring it. Names are those of parts in the
+        model, of checks, and ``commands`` for a robot that only reports.
         """
         return {}
 
     @abstractmethod
     def diagnostics(self) -> dict[str, str]:
-        """Short texts by subject, for people."""
+        """Return short texts by subject, for people."""
 
     def part(self, name: str, part_type: Callable[..., PartType]) -> PartType:
-        """The part called ``name``; UnknownPartError names what there is instead.
+        """Return the part called ``name``. Raises UnknownPartError listing the available parts.
 
-        ``part_type``: ``Arm``, ``Gripper``, …; said to be callable, since type checkers take no abstract class for a
-        ``type``.
+        ``part_type``: ``Arm``, ``Gripper``, …; annotated as a callable, because type checkers accept no abstract class
+        as a ``type``.
         """
         kind = cast(type[PartType], part_type)
         part = self.parts.get(name)

@@ -36,7 +36,7 @@ class Lidar(Sensor):
 
     @abstractmethod
     def scan(self) -> LaserScan:
-        """The latest scan."""
+        """Return the latest scan. Raises NoDataError if the lidar is silent."""
 
 
 class ForceTorque(Sensor):
@@ -48,7 +48,7 @@ class ForceTorque(Sensor):
 
     @abstractmethod
     def wrench(self) -> Wrench:
-        """The latest wrench."""
+        """Return the latest wrench. Raises NoDataError if the sensor is silent."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,16 +72,16 @@ class Imu(Sensor):
 
     @abstractmethod
     def read(self) -> ImuReading:
-        """The latest reading."""
+        """Return the latest reading. Raises NoDataError if the unit is silent."""
 
 
 @dataclass(frozen=True, eq=False)
 class TactileReading:
-    """What a pad feels; x of its frame runs along a row, y along a column, z out of the pad.
+    """The reading of a pad; x of its frame runs along a row, y along a column, z out of the pad.
 
     ``pressure``: normal force on each taxel, (rows, columns) newtons. ``shear``: force on each taxel along x and y,
-    (rows, columns, 2) newtons. ``sliding``: how fast what is touched slides over the pad, (2,) m/s along x and y, as
-    the optical flow of a DIGIT's picture tells; 0 where nothing touches. Forces are what the world does to the pad.
+    (rows, columns, 2) newtons. ``sliding``: speed of the touching object over the pad, (2,) m/s along x and y, as from
+    the optical flow of a DIGIT sensor; 0 without contact. Forces are those of the world on the pad.
     """
 
     pressure: NDArray[np.float64]
@@ -99,25 +99,25 @@ class Tactile(Sensor):
 
     @abstractmethod
     def read(self) -> TactileReading:
-        """The latest reading."""
+        """Return the latest reading. Raises NoDataError if the pad is silent."""
 
 
 @dataclass(frozen=True)
 class BumperZone:
-    """A strip that tells one bit; ``start``, ``end``: (x, y) metres in the base frame, counter-clockwise."""
+    """A strip with a binary contact; ``start``, ``end``: (x, y) metres in the base frame, counter-clockwise."""
 
     start: tuple[float, float]
     end: tuple[float, float]
 
     @property
     def middle(self) -> tuple[float, float]:
-        """(x, y), metres, in the base frame."""
+        """The middle (x, y), metres, in the base frame."""
         return (self.start[0] + self.end[0]) / 2.0, (self.start[1] + self.end[1]) / 2.0
 
 
 @dataclass(frozen=True)
 class BumperReading:
-    """``pressed``: indices of the zones that something presses on."""
+    """``pressed``: indices of the pressed zones; ``stamp``: seconds."""
 
     pressed: tuple[int, ...]
     stamp: float
@@ -132,12 +132,12 @@ class Bumper(Sensor):
 
     @abstractmethod
     def read(self) -> BumperReading:
-        """The latest reading."""
+        """Return the latest reading. Raises NoDataError if the bumper is silent."""
 
 
 @dataclass(frozen=True)
 class BatteryReading:
-    """``charge`` from 0 to 1, ``voltage`` in volts, ``current`` drawn in amperes, negative while it charges."""
+    """``charge`` from 0 to 1, ``voltage`` in volts, ``current`` in amperes, positive when discharging."""
 
     charge: float
     voltage: float
@@ -147,10 +147,10 @@ class BatteryReading:
 
 
 class Battery(Sensor):
-    """A battery."""
+    """A battery with charge and current measurement."""
 
     kind: ClassVar[str] = "battery"
 
     @abstractmethod
     def read(self) -> BatteryReading:
-        """The latest reading."""
+        """Return the latest reading. Raises NoDataError if the battery is silent."""

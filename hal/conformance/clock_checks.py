@@ -65,7 +65,7 @@ def periodic_calls_come_on_time(robot: Robot) -> None:
 
 
 def _short_sleeps(robot: Robot) -> tuple[float, float]:
-    """How long 100 sleeps of 3.3 ms took, and the longest of them, seconds."""
+    """Return how long 100 sleeps of 3.3 ms took, and the longest of them, seconds."""
     times = [robot.clock.now()]
     for _ in range(100):
         robot.clock.sleep(0.0033)

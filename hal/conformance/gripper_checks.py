@@ -43,7 +43,7 @@ def a_gripper_opens_and_closes(robot: Robot, gripper: Gripper) -> None:
 
 
 def _other_end(gripper: Gripper) -> float:
-    """The width at the end of its range that is farther away."""
+    """Return the width at the end of its range that is farther away."""
     closed, opened = gripper.model.part.min_width, gripper.model.max_width
     return opened if 2 * gripper.width() < closed + opened else closed
 

@@ -347,7 +347,8 @@ def _groups(robot: Robot) -> list[JointGroup]:
 
 
 def _fastest(places: list[tuple[float, NDArray[np.float64], float]], apart: int) -> NDArray[np.float64]:
-    """The highest mean speed of each joint between readings so far ``apart``: a ripple within counts for nothing.
+    """Return the highest mean speed of each joint between readings so far ``apart``: a ripple within counts for
+    nothing.
 
     Of a place it is known that it was read between two times.
     """

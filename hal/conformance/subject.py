@@ -105,12 +105,12 @@ def modelled(robot: Robot, kind: type[Part]) -> Iterator[str]:
 
 
 def parts_of(robot: Robot, kind: type[PartType]) -> list[PartType]:
-    """The robot's parts of a kind."""
+    """Return the robot's parts of a kind."""
     return [part for part in robot.parts.values() if isinstance(part, kind)]
 
 
 def first(robot: Robot, kind: type[PartType]) -> PartType:
-    """The first part of a kind."""
+    """Return the first part of a kind."""
     return parts_of(robot, kind)[0]
 
 
@@ -129,7 +129,7 @@ def each(kind: type[PartType]) -> Callable[[Callable[[Robot, PartType], None]], 
 
 
 def waits_for_sleeps(clock: Clock) -> bool:
-    """Whether time passes only in sleeps, as in simulation, or by itself.
+    """Return whether time passes only in sleeps, as in simulation, or by itself.
 
     Who asks lets the machine's time pass: a clock that shortens a sleep because the last one was too long forgets that.
     """

@@ -87,7 +87,7 @@ class StampOrder:
         self._last = None
 
     def set_back(self, stamp: float) -> bool:
-        """Whether the clock was set back between the last stamp that was noted and this one."""
+        """Return whether the clock was set back between the last stamp that was noted and this one."""
         return self._last is not None and stamp < self._last - LONGEST_REORDERING
 
     def note(self, stamp: float) -> None:

@@ -150,11 +150,11 @@ class Connection(ABC):
 
     @abstractmethod
     def make_parts(self) -> dict[str, Part]:
-        """The parts of ``settings.parts``; called once, from the constructor. No work, no imports of SDKs."""
+        """Return the parts of ``settings.parts``; called once, from the constructor. No work, no imports of SDKs."""
 
     @abstractmethod
     def open(self) -> None:
-        """Open the wire and make the controller ready; ConnectionFailedError where that fails.
+        """Open the wire and make the controller ready. Raises ConnectionFailedError if that fails.
 
         When it returns, readings have come. Loops that are to run are made here by ``add_loop``.
         """
@@ -173,10 +173,13 @@ class Connection(ABC):
 
     @abstractmethod
     def recover(self) -> None:
-        """Clear a fault of the controller so that it can be commanded again; ConnectionFailedError where it cannot."""
+        """Clear a fault of the controller so that it can be commanded again.
+
+        Raises ConnectionFailedError if it cannot.
+        """
 
     def held(self) -> str | None:
-        """What somebody has to look at before the controller may be commanded, in words; None where it is released.
+        """What somebody has to look at before the controller may be commanded, in words, or None if it is released.
 
         By a wire of its own: it is asked of a connection that is not open, also while another process has one.
         Collisions, safety and power are the matter of people: ``open`` and ``recover`` fail with them.
@@ -184,14 +187,14 @@ class Connection(ABC):
         return None
 
     def release(self) -> None:  # noqa: B027 - for controllers that people have to release
-        """Release it for somebody who has looked; ConnectionFailedError where that cannot be done from here."""
+        """Release it for somebody who has looked. Raises ConnectionFailedError if that cannot be done from here."""
 
     def identity(self) -> Identity:
         """Which controller has answered; while connected."""
         return Identity()
 
     def arm_facts(self) -> ArmFacts | None:
-        """What the controller knows of its arm; None where it moves none, or tells nothing. While connected."""
+        """What the controller knows of its arm, or None if it moves none, or tells nothing. While connected."""
         return None
 
     def abandon(self) -> None:  # noqa: B027 - for wires that need it
@@ -283,7 +286,7 @@ class Connection(ABC):
         self._loops.append(ControlLoop(f"{self.name} {name}", rate, step, self._crashed))
 
     def sdk(self, module: str) -> ModuleType:
-        """The vendor's SDK; ConnectionFailedError names the extra that brings it."""
+        """Return the vendor's SDK. Raises ConnectionFailedError naming the extra that brings it."""
         try:
             return import_module(module)
         except ImportError as error:

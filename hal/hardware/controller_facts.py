@@ -27,7 +27,7 @@ class Identity:
 
 @dataclass(frozen=True, eq=False)
 class ArmFacts:
-    """An arm as its controller knows it; None where that is not told. SI units.
+    """An arm as its controller knows it, or None if that is not told. SI units.
 
     ``positions``: (n,) of the joints. ``tool_pose``: of the controller's tool at these positions, in the ``base_frame``
     of the robot's arm. ``tool_offset``: of that tool from the flange, the tip of the arm's part. ``joint_limits``:
@@ -59,7 +59,7 @@ class Comparison:
 
 
 def compare_tool(model: RobotModel, arm: str, told: ArmFacts) -> Comparison | None:
-    """The controller's tool is the flange or the file's tool; None where it does not tell."""
+    """The controller's tool is the flange or the file's tool, or None if it does not tell."""
     if told.tool_offset is None:
         return None
     ours = _placed(model, model.of(ArmModel)[arm].tool_frame, flange_of(model, arm)).position
@@ -75,7 +75,7 @@ def compare_tool(model: RobotModel, arm: str, told: ArmFacts) -> Comparison | No
 
 
 def compare_payload(model: RobotModel, arm: str, told: ArmFacts) -> Comparison | None:
-    """The controller counts on the mass of the file's hand; None where it does not tell."""
+    """The controller counts on the mass of the file's hand, or None if it does not tell."""
     if told.payload is None:
         return None
     ours = payload(model, flange_of(model, arm)).mass
@@ -87,7 +87,7 @@ def compare_payload(model: RobotModel, arm: str, told: ArmFacts) -> Comparison |
 
 
 def compare_mounting(model: RobotModel, arm: str, told: ArmFacts) -> Comparison | None:
-    """Gravity pulls the same way by the controller and by the file; None where it does not tell."""
+    """Gravity pulls the same way by the controller and by the file, or None if it does not tell."""
     if told.gravity is None:
         return None
     base = _placed(model, model.of(ArmModel)[arm].base_frame, model.base_frame)

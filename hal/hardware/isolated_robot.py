@@ -252,7 +252,7 @@ class RpcClient:
         return self._ask(part or str(call.target), call)
 
     def stop(self, call: Call) -> Any:
-        """As ``call``, past whatever else is being asked, within ``STOP_TIME``; None where there is no process."""
+        """As ``call``, past whatever else is being asked, within ``STOP_TIME``, or None if there is no process."""
         return self._ask(STOPS, call, STOP_TIME) if self.open else None
 
     def _ask(self, wire: str, call: Call, limit: float = math.inf) -> Any:
@@ -328,7 +328,7 @@ class RpcConnection:
         self._thread.submit(lambda: None).result()
 
     def ask(self, question: Any) -> Future[Any]:
-        """The answer to come; WireEndedError where the other process is gone."""
+        """Return the answer to come. Raises WireEndedError if the other process is gone."""
         try:
             return self._thread.submit(self._exchange, question)
         except RuntimeError as error:  # closed meanwhile
@@ -384,7 +384,9 @@ class RemoteMotion(Motion[Any]):
 
 
 def _remote(part: Part, client: RpcClient) -> Part:
-    """A part of the same kind that asks the other process; its description, and its refusals, are those of ``part``."""
+    """Return a part of the same kind that asks the other process; its description, and its refusals, are those of
+    ``part``.
+    """
     interface = interface_of(type(part))
     methods = ("stop", *interface.readings, *interface.commands, *interface.asides)
     members = {name: _asking(part, name, client) for name in methods}

@@ -176,7 +176,7 @@ class HardwareRobot(Robot):
         return MappingProxyType(dict(self._faults))
 
     def noted_faults(self) -> dict[str, Failure]:
-        """A copy of ``faults``."""
+        """Return a copy of ``faults``."""
         return dict(self._faults)
 
     def diagnostics(self) -> dict[str, str]:
@@ -201,7 +201,7 @@ class HardwareRobot(Robot):
         return {name: connection.identity() for name, connection in self.connections.items()}
 
     def arm_facts(self, arm: str) -> ArmFacts | None:
-        """An arm as its controller knows it; None where that tells nothing. While connected."""
+        """Return an arm as its controller knows it, or None if that tells nothing. While connected."""
         return next(c for c in self.connections.values() if arm in c.parts).arm_facts()
 
     # Private

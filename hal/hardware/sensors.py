@@ -60,7 +60,7 @@ class HardwareSensor(ControlledPart, Generic[Reading]):
         self._connection, self._read = PartConnection(name, latch), read
 
     def read(self) -> Reading:
-        """The latest reading."""
+        """Return the latest reading."""
         self._connection.check_reading()
         return self._read()
 
@@ -105,7 +105,7 @@ class HardwareLidar(HardwareSensor[LaserScan], Lidar):
         self.frame = model.frame
 
     def scan(self) -> LaserScan:
-        """The latest scan."""
+        """Return the latest scan."""
         return self.read()
 
 
@@ -117,7 +117,7 @@ class HardwareForceTorque(HardwareSensor[Wrench], ForceTorque):
         self.frame = model.frame
 
     def wrench(self) -> Wrench:
-        """The latest wrench."""
+        """Return the latest wrench."""
         return self.read()
 
 

@@ -81,7 +81,7 @@ class MujocoEngine(Engine):
         self._period = parameters.time_step
 
     def step(self) -> None:
-        """One step; SimulationError where the simulation is unstable."""
+        """One step. Raises SimulationError if the simulation is unstable."""
         data = self.data
         self._note_writes()
         at = data.qpos[self._at]

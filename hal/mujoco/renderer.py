@@ -75,7 +75,7 @@ class Renderer:
         return image, depth
 
     def view(self, viewpoint: Viewpoint, width: int, height: int, segments: bool = False) -> NDArray[np.uint8]:
-        """A picture for people with shadows, (H, W, 3), or what ``segments`` says."""
+        """Return a picture for people with shadows, (H, W, 3), or what ``segments`` says."""
         eye, target = np.array(viewpoint.eye), np.array(viewpoint.target)
         forward = (target - eye) / np.linalg.norm(target - eye)
         side = np.cross(forward, (0.0, 0.0, 1.0))

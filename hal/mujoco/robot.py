@@ -38,7 +38,7 @@ class MujocoRobot(SimulatedRobot):
         return dict.fromkeys(model.of(LeggedBaseModel), LEGS)
 
     def build(self, model: RobotModel, world: World, gui: bool) -> MujocoEngine:
-        """SimulationError for a window, which MuJoCo does not show here, and for what it cannot simulate."""
+        """Raises SimulationError for a window, which MuJoCo does not show here, and for what it cannot simulate."""
         if gui:
             raise SimulationError("MuJoCo runs without a window here: leave --gui out, or take the driver pybullet")
         return MujocoEngine(model, world, self._parameters)

@@ -75,7 +75,7 @@ class _Contact:
 
 @dataclass
 class WorldBuilder:
-    """Fills a specification of MuJoCo's, and compiles it; SimulationError names what MuJoCo cannot simulate."""
+    """Fills a specification of MuJoCo's, and compiles it. Raises SimulationError naming what MuJoCo cannot simulate."""
 
     robot: RobotModel
     scene: World

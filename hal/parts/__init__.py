@@ -1,1 +1,1 @@
-"""What parts of any make are built from: the laws of joints, grippers and bases over channels, motions, checks."""
+"""Building blocks of parts: control of joints, grippers and bases over channels, motions, command checks."""

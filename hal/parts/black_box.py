@@ -1,4 +1,4 @@
-"""Keeps the last minute of what parts were told and measured, and writes it down when the robot stops."""
+"""The black box: keeps the last minute of commands and measurements of all parts, and saves it when the robot stops."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ from bestman_bt.messages.black_box import PATTERN, BlackBox, PartTrace
 SPAN = 60.0
 """Seconds that are kept."""
 AFTERWARDS = 0.7
-"""Seconds after a stop that are kept, too: what moved comes to rest in them."""
+"""Seconds after a stop to record as well, in which the parts come to rest."""
 HIGHEST_RATE = 500.0
-"""Rows in a second: bounds the memory of parts that are controlled more often."""
+"""Rows per second; limits the memory for parts with a higher control rate."""
 ROWS = 1000
 """Of a block."""
 MOST_REASONS = 200
@@ -38,9 +38,9 @@ class _Block:
 
 
 class Trace:
-    """The last ``SPAN`` seconds of one part, a row of numbers each control period; written by one thread.
+    """The last ``SPAN`` seconds of one part, a row of numbers per control period; written by one thread.
 
-    ``fault``: why its motion has failed, until somebody has taken notice.
+    ``fault``: why its motion has failed, until it has been handled.
     """
 
     def __init__(self, columns: tuple[str, ...], now: Callable[[], float]) -> None:
@@ -52,7 +52,7 @@ class Trace:
         self.fault = ""
 
     def row(self) -> NDArray[np.float32] | None:
-        """The place (C,) of the next row, to be filled at once; None where the last one was a moment ago."""
+        """Return the next row (C,), to be filled at once, or None if the last row is too recent."""
         now = self._now()
         if now - self._last < 0.9 / HIGHEST_RATE:
             return None
@@ -66,14 +66,14 @@ class Trace:
         return row
 
     def note(self, reason: str) -> None:
-        """Why the gate holds set-points back; empty: it does not. Numbers within that change are no other reason."""
+        """Record why the gate holds back set-points; empty: it does not. A change of numbers is not a new reason."""
         kind = reason.partition("=")[0]
         if kind != self._reason:
             self._reason = kind
             self._reasons.append((self._now(), reason))
 
     def taken(self) -> PartTrace:
-        """A copy of what is kept."""
+        """Return a copy of the trace."""
         blocks = [(block, block.used) for block in tuple(self._blocks)]
         times = np.concatenate([np.empty(0), *(block.times[:used] for block, used in blocks)])
         empty = np.empty((0, len(self.columns)), np.float32)
@@ -82,7 +82,7 @@ class Trace:
         return PartTrace(times[kept], values[kept], self.columns, tuple(self._reasons))
 
     def _next_block(self, now: float) -> _Block:
-        """A block that is too old to be kept, else a new one."""
+        """Return a block that is too old to be kept, else a new one."""
         first = self._blocks[0] if len(self._blocks) > 1 else None
         if first is not None and first.times[ROWS - 1] < now - SPAN - AFTERWARDS:
             self._blocks.popleft()
@@ -97,7 +97,7 @@ class Trace:
 class StopRecorder:
     """Writes the ``traces`` of all parts into a folder, ``AFTERWARDS`` seconds after each stop and failed motion.
 
-    ``background``: writes in a thread of its own, which has no priority of the control loop that asks.
+    ``background``: write in a separate thread without the priority of the control loop.
     """
 
     traces: Mapping[str, Trace]
@@ -110,23 +110,23 @@ class StopRecorder:
     _count: int = 0
 
     def keep_in(self, folder: Path | None) -> None:
-        """Where files are written from now on; None: nowhere. What is still to be written is written now."""
+        """Set the folder of the files; None: write none. Pending data are written first."""
         self.flush()
         if folder != self._folder:
             self._folder, self._count = folder, 0
 
     def stopped(self, reason: str) -> None:
-        """The robot has been stopped, or a motion has failed."""
+        """Schedule a file after a stop of the robot or a failed motion."""
         if self._folder is not None and self._stopped is None and self._count < MOST_FILES:
             self._stopped = (self.now(), reason)
 
     @property
     def due_in(self) -> float:
-        """Seconds until something is to be written; 0 where nothing is."""
+        """Return the seconds until a file is due; 0 if none is pending."""
         return 0.0 if self._stopped is None else max(0.0, self._stopped[0] + AFTERWARDS - self.now())
 
     def look(self) -> None:
-        """Called every few milliseconds: what is due is written."""
+        """Write the file if it is due; called every few milliseconds."""
         for name, trace in self.traces.items():
             if trace.fault:
                 self.stopped(f"{name}: {trace.fault}")
@@ -135,7 +135,7 @@ class StopRecorder:
             self._write()
 
     def flush(self) -> None:
-        """Write what is to be written, now."""
+        """Write a pending file now."""
         self._write()
         with self._taking:
             writing = self._writing

@@ -1,6 +1,6 @@
-"""What a driver provides for each moving part: read, send and halt, without any decision. SI units.
+"""Interfaces that a driver implements for each moving part: read, send and halt, without any decision. SI units.
 
-The laws of ``hal.parts`` decide; they are the same for every vendor and for the simulation.
+The controllers in ``hal.parts`` decide; they are the same for every vendor and for the simulation.
 """
 
 from __future__ import annotations
@@ -20,39 +20,39 @@ from hal.parts.black_box import Trace
 from hal.parts.part_connection import PartConnection
 from hal.parts.stop_latch import StopLatch
 
-# Parts that are controlled over a connection: what the connection needs of them, and how they come to rest.
+# Parts behind a connection: the interface that the connection needs, and how the parts come to rest.
 
 
 class ControlledPart(Part):
-    """A part behind a controller. ``trace``: keeps what it was told and measured lately, where somebody wants that."""
+    """A part behind a controller. ``trace``: recent commands and measurements, if recorded."""
 
     trace: Trace | None = None
 
     @property
     def traced(self) -> tuple[str, ...]:
-        """Names of what it writes into its ``trace`` each control period; empty where it writes nothing."""
+        """Return the column names of its ``trace``; empty if it records nothing."""
         return ()
 
     @abstractmethod
     def attach(self) -> None:
-        """The controller has connected, or has recovered: hold where the part is."""
+        """Hold the current position after the controller has connected or recovered."""
 
     @abstractmethod
     def detach(self) -> None:
-        """The controller is about to disconnect: motions fail, the part brakes, commands are refused; idempotent."""
+        """Prepare for a disconnect: motions fail, the part brakes, commands are refused; idempotent."""
 
     @property
     @abstractmethod
     def resting(self) -> bool:
-        """Whether nothing of it is commanded to move any more."""
+        """Whether no motion of it is commanded."""
 
     @abstractmethod
     def fail(self, fault: Failure) -> None:
-        """The controller has a fault: the motion under way has failed, the part comes to rest."""
+        """Handle a fault of the controller: the motion under way fails, the part comes to rest."""
 
 
 def traces(parts: Mapping[str, Part], now: Callable[[], float]) -> dict[str, Trace]:
-    """Have all parts that write one keep a trace, by the time of ``now``; name → trace."""
+    """Start a trace of every part that supports one, with times from ``now``; returns name → trace."""
     found = {}
     for name, part in parts.items():
         if isinstance(part, ControlledPart) and part.traced:
@@ -61,7 +61,7 @@ def traces(parts: Mapping[str, Part], now: Callable[[], float]) -> dict[str, Tra
 
 
 class StoppablePart(ControlledPart):
-    """A part with one motion at a time, which ``brake`` brings to rest."""
+    """A part with one motion at a time; ``brake`` brings it to rest."""
 
     def __init__(self, name: str, latch: StopLatch) -> None:
         super().__init__(name)
@@ -72,33 +72,33 @@ class StoppablePart(ControlledPart):
         """Come to rest within half a second."""
 
     def stop(self) -> None:
-        """Come to rest, ending the motion under way."""
+        """Come to rest and end the motion under way."""
         with self._connection.lock:
             if self._connection.connected:
                 self.brake()
                 self._connection.stop_motion()
 
     def detach(self) -> None:
-        """The controller disconnects: come to rest."""
+        """Come to rest before the controller disconnects."""
         with self._connection.lock:
             self.brake()
             self._connection.close()
 
 
-# What a kind of part in ``hal.api`` consists of, for those that stand between a program and a part.
+# The members of a kind of part in ``hal.api``, for wrappers between a program and a part.
 
 
 COMPOSED = frozenset({"open", "close"})
-"""Methods that the interface itself makes of others."""
+"""Methods that the interface implements by others."""
 ASIDES = frozenset({"carry"})
-"""What a part is told that moves nothing: a recording holds it not, and a replay needs it not."""
+"""Commands that move nothing: they are neither recorded nor replayed."""
 
 
 @dataclass(frozen=True)
 class Interface:
-    """``kind``: the class of ``hal.api``. Names of its attributes, of methods that read, of those that command, asides.
+    """The members of a part class of ``hal.api``, ``kind``: attributes, reading methods, commands, and ``asides``.
 
-    ``attributes``: without the ``model``.
+    ``attributes``: without the ``model``. ``asides``: commands that move nothing.
     """
 
     kind: type[Part]
@@ -109,7 +109,7 @@ class Interface:
 
 
 def interface_of(part: type[Part]) -> Interface:
-    """The interface of a class of parts, by the most special class of ``hal.api`` that it derives from."""
+    """Return the members of a class of parts, from the most derived class of ``hal.api`` among its bases."""
     kind = next(cls for cls in part.__mro__ if cls.__module__.startswith("hal.api."))
     declared = dict.fromkeys(name for cls in kind.__mro__ for name in inspect.get_annotations(cls))
     attributes = tuple(name for name in declared if name not in ("kind", "model"))
@@ -137,7 +137,7 @@ class JointReading:
 
 @dataclass(frozen=True)
 class GripperReading:
-    """``width`` metres. ``object_held``: whether the gripper itself feels an object; None where it cannot tell."""
+    """``width``: metres. ``object_held``: whether the gripper itself detects an object, or None if it cannot."""
 
     width: float
     object_held: bool | None = None
@@ -152,11 +152,11 @@ class BaseReading:
 
 
 class JointChannel(ABC):
-    """Joints behind a controller that takes streamed position set-points.
+    """Joints behind a controller that accepts streamed position set-points.
 
-    ``stream_at_rest``: whether the controller wants a set-point every period, also where nothing moves.
-    ``takes_efforts``: whether it takes efforts, too. ``longest_tool_step``: metres that the controller allows an
-    arm's tool between two set-points.
+    ``stream_at_rest``: whether the controller needs a set-point every period, even at rest. ``takes_efforts``: whether
+    it also accepts efforts. ``longest_tool_step``: metres that the controller allows an arm's tool to move between two
+    set-points.
     """
 
     stream_at_rest = False
@@ -165,29 +165,32 @@ class JointChannel(ABC):
 
     @property
     def age(self) -> float:
-        """Seconds since the latest reading was taken; 0 where each set-point waits for one."""
+        """Return the age of the latest reading in seconds; 0 if each set-point waits for a reading."""
         return 0.0
 
     @property
     def scaling(self) -> float:
-        """The share of real time, 0 to 1, in which the controller follows set-points; 0: it is paused."""
+        """Return the scale of time, 0 to 1, with which the controller follows set-points; 0: it is paused."""
         return 1.0
 
     @abstractmethod
     def read(self) -> JointReading:
-        """The latest reading; it does not wait. NoDataError where none has come."""
+        """Return the latest reading without waiting. Raises NoDataError if there is none."""
 
     def published(self) -> JointReading:
-        """What programs read; as ``read()``, unless further sensors tell it. NoDataError where they tell nothing."""
+        """Return the reading for programs: ``read()``, unless further sensors provide it.
+
+        Raises NoDataError if these are silent.
+        """
         return self.read()
 
     def exert(self, efforts: Array) -> None:
-        """Exert ``efforts`` (n,), N m or N, until a set-point is sent; only where it ``takes_efforts``."""
+        """Apply ``efforts`` (n,), N m or N, until a set-point is sent; only if ``takes_efforts`` is set."""
         raise NotImplementedError  # a channel that takes efforts overrides it; the law asks no other
 
     @abstractmethod
     def send(self, positions: Array, velocities: Array) -> None:
-        """One set-point, called every control period while joints move; may take a round trip."""
+        """Send one set-point (n,); called every control period while joints move; may take a round trip."""
 
 
 class GripperChannel(ABC):
@@ -196,31 +199,31 @@ class GripperChannel(ABC):
     reaction_time = 0.4
 
     def refresh(self) -> None:  # noqa: B027 - nothing to do where readings come by themselves
-        """Ask for the next reading; may take a round trip. Called once a cycle, after what was to be sent."""
+        """Request the next reading; may take a round trip. Called once per cycle, after commands were sent."""
 
     @abstractmethod
     def read(self) -> GripperReading:
-        """The latest reading; it does not wait. NoDataError where none has come."""
+        """Return the latest reading without waiting. Raises NoDataError if there is none."""
 
     @abstractmethod
     def send(self, width: float, force: float, speed: float) -> None:
-        """Go to ``width`` metres with at most ``force`` N at ``speed`` m/s (rate of the width)."""
+        """Move to ``width`` metres with at most ``force`` N at ``speed`` m/s (rate of the width)."""
 
     @abstractmethod
     def halt(self) -> None:
-        """Stay at the present width; what is held stays held."""
+        """Stay at the current width; a held object stays held."""
 
 
 class BaseChannel(ABC):
-    """A base behind a controller that takes velocities."""
+    """A base behind a controller that accepts velocities."""
 
     @abstractmethod
     def read(self) -> BaseReading:
-        """The latest reading; it does not wait. NoDataError where none has come."""
+        """Return the latest reading without waiting. Raises NoDataError if there is none."""
 
     @abstractmethod
     def send(self, velocity: Twist2D) -> bool:
         """Drive at a velocity (base frame); called every control period while the base moves.
 
-        False: not taken yet, the wheels still turn to where it asks them to; it is due again.
+        Returns False if the command was not accepted yet, because the wheels are still steering; it is due again.
         """

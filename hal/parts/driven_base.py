@@ -1,4 +1,4 @@
-"""Mobile bases over a channel: velocities within the limits, with a dead-man; distances and turns by odometry."""
+"""Mobile bases over a channel: velocities within limits, with a timeout; distances and turns by odometry."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ HEADING_GAIN = 2.0
 
 @dataclass(frozen=True)
 class Arrival:
-    """How a motion ends. It has arrived within ``arrived`` (m or rad) for ``near_time`` seconds.
+    """The end of a motion: the target is reached within ``arrived`` (m or rad) for ``near_time`` seconds.
 
-    Its speed is at most the root of ``braking_share`` × acceleration × what is left (2 would be full braking, less
-    leaves room for the base's lag), and ``approach_rate`` (1/s) × what is left.
+    The speed is at most the root of ``braking_share`` × acceleration × remainder (2 would be full braking, less leaves
+    room for the base's lag), and ``approach_rate`` (1/s) × remainder.
     """
 
     arrived: float = 0.002
@@ -38,7 +38,7 @@ class Arrival:
 class BaseTiming:
     """``command_timeout``: seconds after which ``set_velocity`` lapses; a stop brakes within ``stop_time`` seconds.
 
-    ``rest_repeats``: how many times a velocity of zero is sent when the base has come to rest, before it falls silent.
+    ``rest_repeats``: number of zero velocities sent after the base has come to rest.
     """
 
     command_timeout: float = 0.25
@@ -74,12 +74,12 @@ class DrivenBase(ControlledPart, MobileBase):
     # Measurements
 
     def odometry(self) -> Pose2D:
-        """As the base tells it."""
+        """Return the pose in the odom frame, as reported by the base."""
         self._connection.check_reading()
         return self._read().odometry
 
     def velocity(self) -> Twist2D:
-        """As the base tells it."""
+        """Return the velocity in the base frame, as reported by the base."""
         self._connection.check_reading()
         return self._read().velocity
 
@@ -104,7 +104,7 @@ class DrivenBase(ControlledPart, MobileBase):
         return self._go("move_backward", distance, -1.0)
 
     def rotate(self, angle: float) -> Motion[None]:
-        """Turn on the spot by odometry; more than a full turn is turned in full."""
+        """Turn in place by odometry; an angle beyond a full turn is executed in full."""
         with self._connection.lock:
             self._connection.check_command("rotate")
             angle = self._checks.angle("rotate", angle)
@@ -125,31 +125,31 @@ class DrivenBase(ControlledPart, MobileBase):
     # The connection's side
 
     def attach(self) -> None:
-        """Stand, and tell the base so: it may still do what it was told last in an earlier connection."""
+        """Send zero velocity: the base may still execute the last command of an earlier connection."""
         with self._connection.lock:
             self._wanted = self._sent = STILL
             self._profile, self._silent_after = None, self._timing.rest_repeats
             self._connection.open()
 
     def detach(self) -> None:
-        """The controller disconnects: brake."""
+        """Brake before the controller disconnects."""
         with self._connection.lock:
             self._halt(hard=True)
             self._connection.close()
 
     @property
     def resting(self) -> bool:
-        """Whether it has been told to stand still."""
+        """Whether the base is commanded to stand still."""
         return self._wanted == self._sent == STILL
 
     def fail(self, fault: Failure) -> None:
-        """The motion has failed; the base is told to stop, as far as it hears."""
+        """Fail the motion under way and command the base to stop, as far as it is reachable."""
         with self._connection.lock:
             self._connection.fail_motion(fault)
             self._halt(hard=True)
 
     def cycle(self, elapsed: float) -> None:
-        """One control period, begun ``elapsed`` seconds after the last one: the next velocity, if one is due."""
+        """Run one control period, ``elapsed`` seconds after the last one: send the next velocity if one is due."""
         self._record()
         with self._connection.lock:
             self._decide(elapsed)
@@ -166,7 +166,7 @@ class DrivenBase(ControlledPart, MobileBase):
 
     @property
     def traced(self) -> tuple[str, ...]:
-        """Velocities and odometry; what is measured is as somebody last read it."""
+        """Return the names of velocities and odometry; the measurements are those last read."""
         return (
             *(f"{what} {axis}" for what in ("asked", "set", "measured") for axis in ("vx", "vy", "wz")),
             *(f"measured {what}" for what in ("x", "y", "heading")),
@@ -226,7 +226,7 @@ class DrivenBase(ControlledPart, MobileBase):
         self._wanted, self._lapses_in = STILL, 0.0
 
     def _approached(self, elapsed: float) -> Twist2D:
-        """The velocity next to the last one on the way to the wanted one, within the acceleration limits."""
+        """Return the velocity next to the last one on the way to the wanted one, within the acceleration limits."""
         limits, sent = self.model.part, self._sent
         linear, angular = limits.max_acceleration, limits.max_angular_acceleration
         # All velocities alike, and no faster than the base can follow, so that the curvature stays.
@@ -255,7 +255,9 @@ class DrivenBase(ControlledPart, MobileBase):
 
 
 class MotionProfile:
-    """``distance`` metres ahead (negative: back) or ``turn`` radians (counter-clockwise), from ``start``."""
+    """A straight motion of ``distance`` metres (negative: back) or a ``turn`` in radians (counter-clockwise), from
+    ``start``.
+    """
 
     def __init__(
         self,
@@ -281,15 +283,15 @@ class MotionProfile:
 
     @property
     def overdue(self) -> bool:
-        """Whether it takes twice as long as it should."""
+        """Whether it takes twice as long as planned."""
         return self._time_left < 0.0
 
     def remainder(self) -> str:
-        """What is left, in words."""
+        """The remaining distance or angle, in words."""
         return f"{self._remaining:.3f} {'rad' if self._turn else 'm'} are left when they should be done"
 
     def velocity(self, odometry: Pose2D, elapsed: float) -> Twist2D:
-        """What to drive at, ``elapsed`` seconds after the last call."""
+        """Return the velocity to drive at, ``elapsed`` seconds after the last call."""
         self._time_left -= elapsed
         self._turned += wrap_angle(odometry.theta - self._heading)
         self._heading = odometry.theta
@@ -310,13 +312,13 @@ class MotionProfile:
 
 
 class BaseCommandChecks:
-    """The checks of a base's commands; faults raise CommandRefusedError."""
+    """Checks of a base's commands; they raise CommandRefusedError."""
 
     def __init__(self, part_name: str, model: BaseModel) -> None:
         self._part_name, self._limits = part_name, model.part
 
     def velocity(self, vx: float, vy: float, wz: float) -> Twist2D:
-        """A velocity within the limits."""
+        """Return the velocity (m/s, rad/s). Raises CommandRefusedError beyond a limit."""
         limits = self._limits
         for what, value, limit, unit in (
             ("vx", vx, limits.max_vx, "m/s"),
@@ -328,13 +330,13 @@ class BaseCommandChecks:
         return Twist2D(float(vx), float(vy), float(wz))
 
     def distance(self, command: str, distance: float) -> float:
-        """Metres, above 0."""
+        """Return ``distance``, metres. Raises CommandRefusedError unless it is finite and above 0."""
         if not (math.isfinite(distance) and distance > 0.0):
             raise self._refuse(command, f"distance = {distance} m should be finite and above 0")
         return float(distance)
 
     def angle(self, command: str, angle: float) -> float:
-        """Radians."""
+        """Return ``angle``, radians. Raises CommandRefusedError unless it is finite."""
         if not math.isfinite(angle):
             raise self._refuse(command, f"angle = {angle} rad should be finite")
         return float(angle)

@@ -1,7 +1,7 @@
-"""The gate that every set-point of joints passes: position, speed, acceleration, and where an arm's tool and elbow go.
+"""The gate for every joint set-point: limits position, speed, acceleration, and the motion of an arm's tool and elbow.
 
-From each set-point that it lets through, the joints can still brake to rest within all limits (the fail-safe braking
-of Althoff et al., 2019): what asks for more is held between that and braking, and in the end brought to rest.
+After each admitted set-point the joints can still brake to rest within all limits (fail-safe braking, Althoff et al.,
+2019): a request beyond that is limited, and in the end the joints brake to rest.
 """
 
 from __future__ import annotations
@@ -21,23 +21,23 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 SLACK = 1.001
-"""Share of a limit up to which a set-point passes as it is: rounding is no fault."""
+"""Fraction of a limit up to which a set-point is admitted unchanged, to tolerate rounding."""
 ROUNDING = 1e-6
 BISECTIONS = 8
-"""How finely the most that is allowed is found between what was asked for and braking."""
+"""Steps of the bisection between the requested set-point and braking."""
 JITTER = 2.0
-"""Periods that a cycle may take without a tool at its top speed going farther than its longest step."""
+"""Largest length of a cycle, in periods, for which the tool at top speed stays within its longest step."""
 SPACING, MOST_SAMPLES = 0.05, 8
-"""Radians between the places on the way to rest that are looked at, and how many these are at most."""
+"""Radians between the checked positions along the braking path, and their largest number."""
 
 
 class ToolLimits:
-    """Where the tool and the elbow of one arm are, and how fast the tool is. Joint positions are (n,).
+    """Positions of one arm's tool and elbow, and the tool speed, with their limits. Joint positions are (n,).
 
-    Held to the ``workspace`` and the ``tool_speed`` of ``safety``. The pose of other joints between base and arm is
-    taken as ``home``. The elbow is the axis of the middle joint, the third of six and the fourth of seven.
-    ``top_speed``: m/s; None where nothing is said. Kinematics by pinocchio on the robot's URDF; both
-    are loaded when first needed. Safe from any thread: each computes in memory of its own.
+    The limits are ``workspace`` and ``tool_speed`` of ``safety``. Other joints between base and arm are assumed at
+    ``home``. The elbow is the axis of the middle joint, the third of six and the fourth of seven. ``top_speed``: m/s,
+    or None without a limit. Kinematics by pinocchio on the robot's URDF, loaded on first use. Thread-safe: each thread
+    computes in its own memory.
     """
 
     def __init__(self, model: RobotModel, arm: str, safety: SafetyConfig) -> None:
@@ -48,11 +48,11 @@ class ToolLimits:
 
     @property
     def needed(self) -> bool:
-        """Whether there is anything to hold the tool to."""
+        """Whether the tool has any limit."""
         return self.box is not None or self.top_speed is not None
 
     def outside(self, positions: Array) -> str | None:
-        """Where the tool or the elbow would leave the workspace, in words, else None."""
+        """Return where the tool or the elbow would leave the workspace, in words, or None."""
         box = self.box
         if box is None:
             return None
@@ -64,7 +64,7 @@ class ToolLimits:
         return None
 
     def outside_on_the_way(self, start: Array, end: Array) -> str | None:
-        """As ``outside``, on the straight line in joint space; sampled every 0.05 rad."""
+        """Check the straight line in joint space like ``outside``, sampled every 0.05 rad."""
         if self.box is None:
             return None
         count = 1 + int(np.ceil(np.max(np.abs(end - start)) / SPACING))
@@ -72,19 +72,19 @@ class ToolLimits:
         return next((fault for fault in faults if fault is not None), None)
 
     def slow_down(self, positions: Array, velocities: Array) -> float:
-        """The share, within (0, 1], of its speed at which a motion through these samples, (N, n) each, may run."""
+        """Return the speed scale in (0, 1] that keeps the tool speed of samples, (N, n) each, within its limit."""
         if self.top_speed is None:
             return 1.0
         fastest = max(self.tool_speed(q, v) for q, v in zip(positions, velocities, strict=True))
         return min(1.0, self.top_speed / max(fastest, 1e-9))
 
     def tool(self, positions: Array) -> Array:
-        """The tool in the robot's base frame, (3,) metres."""
+        """Return the tool position in the robot's base frame, (3,) metres."""
         place: Array = self.places(positions)[0]
         return place
 
     def places(self, positions: Array) -> Array:
-        """The tool and the elbow in the robot's base frame, (2, 3) metres."""
+        """Return the positions of tool and elbow in the robot's base frame, (2, 3) metres."""
         import pinocchio
 
         model, data, q = self._at(positions)
@@ -93,7 +93,7 @@ class ToolLimits:
         return np.array([self._base.actInv(place) for place in places])
 
     def tool_speed(self, positions: Array, velocities: Array) -> float:
-        """Speed of the tool relative to the base, m/s, when only this arm moves."""
+        """Return the tool speed relative to the base, m/s, if only this arm moves."""
         import pinocchio
 
         model, data, q = self._at(positions)
@@ -136,16 +136,15 @@ class ToolLimits:
 
 
 class SetpointGate:
-    """Lets set-points (n,) through as they are, or the nearest that keeps all limits.
+    """Admits set-points (n,) unchanged, or the nearest ones that satisfy all limits.
 
-    Limits: of ``model``, and of the ``tool`` where there is one. Joints that slow down for a stop may do so at
-    ``deceleration`` (n,), within ``stop_time`` seconds of their top speed, which is more than their acceleration
-    where that is low. ``period``: of the set-points, seconds. ``longest_tool_step``: metres that the tool may go
-    between two of them.
+    Limits: of ``model``, and of the ``tool``, if any. During a stop, joints may brake with ``deceleration`` (n,), which
+    takes at most ``stop_time`` seconds from top speed and may exceed a low acceleration limit. ``period``: of the
+    set-points, seconds. ``longest_tool_step``: metres between two tool positions.
 
-    Speeds are means between two set-points, as a controller sees them. Where joints, tool or elbow are outside of
-    their limits they may come back, and go no farther. ``position``: the last set-point. ``reason``: why it is not the
-    one that was asked for, empty where it is. ``longest_time``: seconds of motion that the next one may be for.
+    Speeds are means between two set-points, as a controller sees them. Joints, tool or elbow outside of their limits
+    may come back, but not move further out. ``position``: the last set-point. ``reason``: why it differs from the
+    request, or empty. ``longest_time``: longest step of motion time for the next set-point, seconds.
     """
 
     def __init__(
@@ -166,7 +165,7 @@ class SetpointGate:
         self.start(np.zeros(len(model.joint_names)))
 
     def start(self, position: Array, velocity: Array | None = None) -> None:
-        """Joints are at ``position``, at rest if no ``velocity`` is given: set-points go on from there."""
+        """Start from joints at ``position`` (n,), with ``velocity`` (n,) or at rest."""
         self.position: Array = position
         self.rate: Array = np.zeros_like(position) if velocity is None else velocity
         self._before = self._period  # seconds that the last step took
@@ -175,20 +174,21 @@ class SetpointGate:
 
     @property
     def moving(self) -> bool:
-        """Whether the last set-point was another than the one before it."""
+        """Whether the last set-point differs from the one before it."""
         return bool(np.any(self.rate != 0.0))
 
     def rest(self, elapsed: float) -> None:
-        """Nothing was sent for ``elapsed`` seconds: the joints rest."""
+        """Record that nothing was sent for ``elapsed`` seconds: the joints rest."""
         self._before = elapsed
 
     def admit(
         self, wanted: Array, velocity: Array, dt: float, elapsed: float, braking: bool = False, reserve: float = 1.0
     ) -> Array:
-        """The set-point, ``elapsed`` seconds after the last one, for one that is ``wanted``, where ``velocity`` holds.
+        """Return the admitted set-point for ``wanted`` (n,), ``elapsed`` seconds after the last one; ``velocity`` (n,)
+        holds there.
 
-        ``dt``: seconds of motion that it is for, at most ``elapsed``. ``braking``: joints may slow down as for a stop.
-        ``reserve``: how many times the limits of acceleration hold for it.
+        ``dt``: seconds of motion that it covers, at most ``elapsed``. ``braking``: allow the deceleration of a stop.
+        ``reserve``: factor on the acceleration limits.
         """
         self._acceleration = reserve * self._model.acceleration
         rate = (wanted - self.position) / dt
@@ -213,7 +213,7 @@ class SetpointGate:
         return half - np.sqrt(root) if half > 0.0 and root > 0.0 else np.inf
 
     def _nearest(self, wanted: Array, velocity: Array, dt: float) -> Array:
-        """The most that is allowed between a step towards ``wanted`` within the joints' limits and braking."""
+        """Return the most that is allowed between a step towards ``wanted`` within the joints' limits and braking."""
         braked, slowing = self._braked(dt), np.maximum(self.deceleration, self._acceleration)
         if not np.all(np.isfinite([wanted, velocity])):
             return braked
@@ -249,7 +249,7 @@ class SetpointGate:
         return chased
 
     def _braked(self, dt: float) -> Array:
-        """The next set-point on the way to rest."""
+        """Return the next set-point on the way to rest."""
         middle = self._before / 2
         times = self._braking_times(self.position, self.rate, middle)
         way = _way(middle + dt, times) - _way(middle, times)
@@ -271,7 +271,7 @@ class SetpointGate:
         """Which limit a set-point would break, or the way on to rest from it, in words; empty: none."""
         limits, names = self._model, self._model.joint_names
         if not np.all(np.isfinite(wanted)):
-            return "a set-point is no finite number"
+            return "a set-point is not finite"
         speed = np.abs(rate)
         if np.any(fast := speed > limits.velocity * SLACK + ROUNDING):
             return f"{names[int(np.argmax(fast))]} would be faster than its limit"
@@ -295,7 +295,7 @@ class SetpointGate:
         here, there = self._places, tool.places(wanted)
         step, speed = float(np.linalg.norm(there[0] - here[0])), self._top_speed
         if step > self._longest_tool_step:
-            return f"the tool would go {1e3 * step:.1f} mm at once, its limit is {1e3 * self._longest_tool_step:.0f} mm"
+            return f"the tool would step by {1e3 * step:.1f} mm, its limit is {1e3 * self._longest_tool_step:.0f} mm"
         if step > speed * dt * SLACK:
             return "the tool would be faster than its limit"
         if _leaves(tool, there, here):
@@ -324,7 +324,7 @@ def _way(time: float, braking: Array) -> Array:
 
 
 def _leaves(tool: ToolLimits, there: Array, here: Array) -> bool:
-    """Whether a place, (2, 3), is outside of the box, and farther than ``here``."""
+    """Return whether a place, (2, 3), is outside of the box, and farther than ``here``."""
     if tool.box is None:
         return False
     lower = np.minimum(np.array(tool.box.lower) - ROUNDING, here)

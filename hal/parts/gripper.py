@@ -1,4 +1,4 @@
-"""Grippers over a channel: width and standstill tell whether an object is held."""
+"""Grippers over a channel: width and standstill show whether an object is held."""
 
 from __future__ import annotations
 
@@ -22,17 +22,17 @@ from hal.parts.channels import GripperChannel, GripperReading, StoppablePart
 from hal.parts.stop_latch import StopLatch
 
 SETTLED = 0.05
-"""Seconds that the width has to stay where it was asked to be."""
+"""Seconds that the width has to stay at its target."""
 
 
 @dataclass(frozen=True)
 class Gripping:
-    """When fingers are there, and when they hold. Metres, newtons, m/s (rate of the width), seconds.
+    """Criteria for reached targets and held objects. Metres, newtons, m/s (rate of the width), seconds.
 
-    Without ``force`` or ``speed``, a command means ``usual_force`` and ``usual_speed``. ``at_target``: how near the
-    width has to come. Fingers that have stayed within ``still_band`` for ``still_time`` while they close are blocked by
-    an object, if they are more than ``blocked_margin`` from their target; those of a gripper that feels objects and
-    feels none are stuck, after ``unfelt_time``. ``spare_time``: what a motion may take beyond its way at its speed.
+    ``usual_force`` and ``usual_speed``: defaults of commands. ``at_target``: tolerance of the width. Closing fingers
+    that stay within ``still_band`` for ``still_time`` are blocked by an object if they are more than ``blocked_margin``
+    from their target; if the gripper senses objects and senses none, they are stuck after ``unfelt_time``.
+    ``spare_time``: extra time of a motion beyond its nominal duration.
     """
 
     usual_force: float = 40.0
@@ -46,7 +46,7 @@ class Gripping:
 
 
 class CommandedGripper(StoppablePart, Gripper):
-    """A gripper over a channel. A loop of the connection calls ``cycle``; it alone speaks to the channel."""
+    """A gripper over a channel. A loop of the connection calls ``cycle``; only ``cycle`` uses the channel."""
 
     def __init__(
         self,
@@ -70,14 +70,14 @@ class CommandedGripper(StoppablePart, Gripper):
         self._time = self._still_for = self._limit = self._anchor = 0.0
 
     def width(self) -> float:
-        """Measured opening, metres."""
+        """Return the measured opening, metres. Raises NoDataError before the first reading."""
         self._connection.check_reading()
         if self._reading is None:
-            raise NoDataError(f"{self.name} has not told its width yet")
+            raise NoDataError(f"{self.name} has not reported its width yet")
         return self._reading.width
 
     def state(self) -> GripperState:
-        """What the encoder and, where it has one, the gripper's own sense of an object say."""
+        """Return the state from the encoder and, if available, the gripper's own object detection."""
         width = self.width()
         with self._connection.lock:
             moving = self._connection.motion is not None
@@ -102,13 +102,13 @@ class CommandedGripper(StoppablePart, Gripper):
             return motion
 
     def brake(self) -> None:
-        """Halt the fingers; a grasp goes on pressing."""
+        """Halt the fingers; an existing grasp keeps pressing."""
         with self._connection.lock:
             if self._connection.motion is not None:
                 self._halt()
 
     def attach(self) -> None:
-        """Take the present width for the target."""
+        """Set the target to the current width."""
         with self._connection.lock:
             self._channel.refresh()
             self._reading = self._channel.read()
@@ -119,22 +119,22 @@ class CommandedGripper(StoppablePart, Gripper):
 
     @property
     def resting(self) -> bool:
-        """Whether nothing is to be sent any more."""
+        """Whether no command is pending."""
         return not self._halting and self._order is None
 
     @property
     def traced(self) -> tuple[str, ...]:
-        """Widths, and whether something is held."""
+        """Return the names of the widths, and of the held flag."""
         return "set width", "measured width", "held"
 
     def fail(self, fault: Failure) -> None:
-        """The motion has failed."""
+        """Fail the motion under way."""
         with self._connection.lock:
             self._connection.fail_motion(fault)
             self._order = None
 
     def cycle(self, elapsed: float) -> None:
-        """Send what is to be sent, and look how far the fingers are."""
+        """Run one control period: send pending commands, and check the progress of the fingers."""
         with self._connection.lock:
             order, halting, share = self._order, self._halting, self.speed_share
             self._order, self._halting = None, False
@@ -197,10 +197,10 @@ class CommandedGripper(StoppablePart, Gripper):
 
 
 class GripperCommandChecks:
-    """The ranges of a gripper, and the checks of its commands; faults raise CommandRefusedError.
+    """The ranges of a gripper and the checks of its commands, which raise CommandRefusedError.
 
-    ``usual_force`` (N) and ``usual_speed`` (m/s, rate of the width): of commands that do not say; the gripper's most by
-    default, and never more than that. ``least_width``: metres; the model's by default.
+    ``usual_force`` (N) and ``usual_speed`` (m/s, rate of the width): defaults of commands; by default, and at most, the
+    gripper's maximum. ``least_width``: metres; the model's by default.
     """
 
     def __init__(
@@ -217,7 +217,7 @@ class GripperCommandChecks:
         self._least_width = model.part.min_width if least_width is None else least_width
 
     def move(self, width: float, force: float | None, speed: float | None) -> tuple[float, float, float]:
-        """Width, force and speed of a command within the ranges."""
+        """Return width, force and speed (m, N, m/s). Raises CommandRefusedError outside of the ranges."""
         part = self._model.part
         force = self._usual_force if force is None else force
         speed = self._usual_speed if speed is None else speed

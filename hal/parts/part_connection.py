@@ -1,4 +1,4 @@
-"""What parts that are controlled share: the connection, the stop latch, and one motion at a time."""
+"""State shared by controlled parts: the connection, the stop latch, and one motion at a time."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ class ConnectionFailedError(RobotError, InputError):
 
 
 class PartConnection:
-    """The state of one part that several threads reach; hold ``lock`` over what belongs together."""
+    """The state of one part, shared between threads; hold ``lock`` for related accesses."""
 
     def __init__(self, part_name: str, latch: StopLatch) -> None:
         self.part_name = part_name
@@ -27,16 +27,16 @@ class PartConnection:
 
     @property
     def motion(self) -> Motion[None] | None:
-        """The motion under way."""
+        """The motion under way, or None."""
         motion = self._motion
         return motion if motion is not None and motion.status is MotionStatus.RUNNING else None
 
     def open(self) -> None:
-        """The controller has connected."""
+        """Mark the controller as connected."""
         self.connected, self._lost = True, None
 
     def close(self) -> None:
-        """The controller disconnects."""
+        """Mark the controller as disconnected; the motion under way fails."""
         self.connected = False
         self.end_motion(MotionStatus.FAILED, MotionErrorCode.DISCONNECTED, "the robot was disconnected")
 
@@ -48,23 +48,23 @@ class PartConnection:
             )
 
     def check_reading(self) -> None:
-        """Whether readings are of now; raises NotConnectedError, also after the controller was lost."""
+        """Raise NotConnectedError if readings are not current: not connected, or connection lost."""
         self.check_connected()
         if self._lost is not None:
             text = f"{self.part_name} delivers nothing: {self._lost}"
             raise NotConnectedError(text, self.part_name, self._lost.vendor_code)
 
     def check_command(self, command: str) -> None:
-        """Whether a command may act now; raises NotConnectedError or CommandRefusedError."""
+        """Raise NotConnectedError or CommandRefusedError if a command is not allowed now."""
         self.check_connected()
         self._latch.check(self.part_name, command)
 
     def refuse(self, command: str, why: str) -> CommandRefusedError:
-        """The error for a command that is malformed or beyond a limit."""
+        """Return the error for a command that is malformed or beyond a limit."""
         return CommandRefusedError(f"{self.part_name} refused {command}: {why}", self.part_name)
 
     def begin(self, motion: Motion[None] | None) -> None:
-        """A new command takes over; the older motion, if any, is superseded."""
+        """Start a new command; the motion under way, if any, is superseded."""
         self.end_motion(MotionStatus.CANCELED, MotionErrorCode.SUPERSEDED, "a newer command took over")
         self._motion = motion
 
@@ -81,13 +81,13 @@ class PartConnection:
             self._motion.end(status, Failure(code, text, self.part_name, vendor_code, obstacle))
 
     def stop_motion(self) -> None:
-        """The robot or the part was stopped: the motion under way, if any, is cancelled and told why."""
+        """Cancel the motion under way, if any, with the reason of the stop."""
         fault = self._latch.fault
         text, vendor_code = ("stopped", "") if fault is None else (f"stopped because {fault}", fault.vendor_code)
         self.end_motion(MotionStatus.CANCELED, MotionErrorCode.STOPPED, text, vendor_code)
 
     def fail_motion(self, fault: Failure) -> None:
-        """The motion under way, if any, has failed because of a fault; one that cuts the wire cuts readings, too."""
+        """Fail the motion under way, if any, because of a fault; a lost connection also invalidates readings."""
         if fault.code is MotionErrorCode.DISCONNECTED:
             self._lost = fault
         self.end_motion(MotionStatus.FAILED, fault.code, fault.text, fault.vendor_code)

@@ -16,8 +16,8 @@ AT_REST = 1e-6
 class Setpoints(ABC):
     """A sequence of set-points; positions and velocities are (n,).
 
-    ``waits``: whether it is a way, which goes on only as fast as the joints come along. ``brakes``: whether joints
-    slow down for a stop. ``scaled``: whether its time passes at the share that an operator has set.
+    ``waits``: whether it follows a path and waits for the joints. ``brakes``: whether joints brake as for a stop.
+    ``scaled``: whether its time is scaled by the operator's speed.
     """
 
     finished = False
@@ -27,15 +27,17 @@ class Setpoints(ABC):
 
     @abstractmethod
     def advance(self, dt: float) -> tuple[Array, Array]:
-        """Position and velocity ``dt`` seconds later."""
+        """Return position and velocity (n,) ``dt`` seconds later."""
 
     def go_on_from(self, position: Array, velocity: Array) -> bool:
-        """The joints were sent elsewhere than asked: there, at that velocity. Whether it goes on from there."""
+        """Continue from the given position and velocity, where the joints were sent instead; return whether this is
+        possible.
+        """
         return False
 
 
 class _FromState(Setpoints):
-    """What is decided anew in each step, from where the joints are."""
+    """Set-points that are decided in each step from the current state of the joints."""
 
     def __init__(self, position: Array, velocity: Array) -> None:
         self._position, self._velocity = position, velocity
@@ -56,14 +58,14 @@ class Hold(Setpoints):
         self._position = position
 
     def advance(self, dt: float) -> tuple[Array, Array]:
-        """Stay."""
+        """Return the held position and zero velocity."""
         return self._position, np.zeros_like(self._position)
 
 
 class Brake(_FromState):
-    """From ``position`` and ``velocity`` to rest, each joint at its ``deceleration``.
+    """Braking from ``position`` and ``velocity`` to rest, each joint with its ``deceleration``.
 
-    It stays within [lower, upper], or goes no farther out.
+    It stays within [lower, upper], or moves no further outside.
     """
 
     brakes = True
@@ -76,7 +78,7 @@ class Brake(_FromState):
         self.finished = bool(np.all(np.abs(velocity) < AT_REST))
 
     def advance(self, dt: float) -> tuple[Array, Array]:
-        """Brake."""
+        """Return the next braking set-point."""
         speed = np.maximum(np.abs(self._velocity) - self._deceleration * dt, 0.0)
         velocity = np.sign(self._velocity) * speed
         self._position = np.clip(self._position + (self._velocity + velocity) / 2 * dt, self._lower, self._upper)
@@ -86,14 +88,16 @@ class Brake(_FromState):
 
 
 class Reach(_FromState):
-    """Each joint to ``target`` by itself as fast as its limits allow; may start in motion."""
+    """Moves each joint independently to ``target`` as fast as its limits allow; may start in motion."""
 
     def __init__(self, position: Array, velocity: Array, target: Array, speed: Array, acceleration: Array) -> None:
         super().__init__(position, velocity)
         self._target, self._speed, self._acceleration = target, speed, acceleration
 
     def advance(self, dt: float) -> tuple[Array, Array]:
-        """Go on; the speed from which the joint can still stop at the target, in discrete time, bounds it."""
+        """Return the next set-point; the speed is limited so that the joint can stop at the target, in discrete
+        time.
+        """
         error = self._target - self._position
         step = self._acceleration * dt
         stopping = step * (np.sqrt(0.25 + 2.0 * np.abs(error) / (step * dt)) - 0.5)
@@ -108,7 +112,7 @@ class Reach(_FromState):
 
 
 class Trapezoid(Setpoints):
-    """A straight line in joint space with a trapezoid of speed: all joints start and end together, at rest."""
+    """A straight line in joint space with a trapezoidal speed profile: all joints start and end together, at rest."""
 
     waits = True
 
@@ -122,7 +126,7 @@ class Trapezoid(Setpoints):
         self._time = 0.0
 
     def advance(self, dt: float) -> tuple[Array, Array]:
-        """Go on along the line."""
+        """Return the next set-point on the line."""
         self._time = min(self._time + dt, self.duration)
         self.finished = self._time >= self.duration
         t, left = self._time, self.duration - self._time
@@ -136,7 +140,7 @@ class Trapezoid(Setpoints):
 
 
 class Follow(Setpoints):
-    """A trajectory, Hermite between its samples; an ``offset`` at the start fades out within ``fade`` seconds."""
+    """A trajectory, Hermite-interpolated; an ``offset`` at the start decays within ``fade`` seconds."""
 
     waits = True
 
@@ -146,11 +150,11 @@ class Follow(Setpoints):
 
     @property
     def time(self) -> float:
-        """Seconds of the trajectory that have passed."""
+        """The elapsed time of the trajectory, seconds."""
         return min(self._time, self._trajectory.duration)
 
     def advance(self, dt: float) -> tuple[Array, Array]:
-        """Go on along the trajectory."""
+        """Return the next set-point of the trajectory."""
         self._time += dt
         position, velocity = self._trajectory.sample(self._time)
         self.finished = self._time >= self._trajectory.duration
@@ -162,7 +166,7 @@ class Follow(Setpoints):
 
 
 class Drift(_FromState):
-    """A velocity, reached within the acceleration limits and held until a joint comes to its limit."""
+    """A velocity, reached within the acceleration limits and held until a joint reaches its limit."""
 
     def __init__(
         self, position: Array, velocity: Array, target: Array, acceleration: Array, lower: Array, upper: Array
@@ -172,7 +176,7 @@ class Drift(_FromState):
         self._lower, self._upper = np.minimum(lower, position), np.maximum(upper, position)
 
     def advance(self, dt: float) -> tuple[Array, Array]:
-        """Go on, slowing down in time for the limits."""
+        """Return the next set-point, slowing down in time for the limits."""
         step = self._acceleration * dt
         room = np.where(self._target > 0, self._upper - self._position, self._position - self._lower)
         stopping = step * (np.sqrt(0.25 + 2.0 * np.maximum(room, 0.0) / (step * dt)) - 0.5)
@@ -185,7 +189,7 @@ class Drift(_FromState):
 class Stream(Setpoints):
     """One streamed set-point, approached at constant velocity over ``interval`` seconds and then held.
 
-    Who streams them decides how fast; see ``Part.speed_share``.
+    The caller that streams determines the speed; see ``Part.speed_share``.
     """
 
     scaled = False
@@ -195,7 +199,7 @@ class Stream(Setpoints):
         self._time = 0.0
 
     def advance(self, dt: float) -> tuple[Array, Array]:
-        """Go on towards the streamed position."""
+        """Return the next set-point towards the streamed position."""
         self._time += dt
         if self._time >= self._interval - 1e-9:
             at_end = self._time < self._interval + dt / 2
@@ -207,7 +211,7 @@ class Stream(Setpoints):
 
 
 class BrakeThenMove(Setpoints):
-    """Come to rest, then move along a trapezoid from there."""
+    """Brakes to rest, then moves along a trapezoidal profile from there."""
 
     def __init__(self, brake: Brake, target: Array, speed: Array, acceleration: Array) -> None:
         self._brake, self._target, self._limits = brake, target, (speed, acceleration)
@@ -215,11 +219,11 @@ class BrakeThenMove(Setpoints):
         self.brakes, self.scaled = True, False
 
     def go_on_from(self, position: Array, velocity: Array) -> bool:
-        """As the brake; the straight line is kept."""
+        """Continue the braking from elsewhere; the straight line is not changed."""
         return self._move is None and self._brake.go_on_from(position, velocity)
 
     def advance(self, dt: float) -> tuple[Array, Array]:
-        """Go on."""
+        """Return the next set-point of the braking or the motion."""
         if self._move is None:
             if not self._brake.finished:
                 return self._brake.advance(dt)

@@ -1,4 +1,4 @@
-"""Simulated time: sleeping steps physics and runs the periodic calls that are due, in one thread."""
+"""Simulated time: sleeping steps physics and runs the due periodic calls, in one thread."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ ROUNDING = 1e-6
 
 
 class SimulatedTimer(Timer):
-    """A periodic call; ``due`` is the time of its next one."""
+    """A periodic call; ``due``: the time of the next call."""
 
     def __init__(self, period: float, start: float, call: Callable[[], None]) -> None:
         self._period, self._start, self.call = period, start, call
@@ -21,7 +21,7 @@ class SimulatedTimer(Timer):
 
     @property
     def due(self) -> float:
-        """When it is to be called next, seconds."""
+        """The time of the next call, seconds."""
         return self._start + (self._calls + 1) * self._period
 
     def run(self) -> None:
@@ -49,19 +49,21 @@ class SimulatedClock(Clock):
         self.step: Callable[[], None] | None = None
 
     def now(self) -> float:
-        """Simulated seconds since the robot was first connected."""
+        """Return the simulated seconds since the robot was first connected."""
         return self._steps * self.time_step
 
     def sleep(self, duration: float) -> None:
-        """Step physics for ``duration`` seconds, to the nearest step below; what is left counts next time.
+        """Step physics for ``duration`` seconds, rounded down to steps; the remainder carries over.
 
-        Raises ValueError on a negative or infinite duration, NotConnectedError without a connection, and
-        RuntimeError from within a periodic call.
+        Raises:
+            ValueError: the duration is negative or infinite.
+            NotConnectedError: the robot is not connected.
+            RuntimeError: the call comes from within a periodic call.
         """
         if not (math.isfinite(duration) and duration >= 0.0):
             raise ValueError(f"sleep duration should be finite and not negative but is {duration!r}")
         if self.step is None:
-            raise NotConnectedError("the clock was asked to sleep while the robot is not connected")
+            raise NotConnectedError("the clock cannot sleep while the robot is not connected")
         if self._sleeping:
             raise RuntimeError("sleep was called from a periodic call, which must return at once")
         self._target += duration
@@ -73,7 +75,10 @@ class SimulatedClock(Clock):
             self._sleeping = False
 
     def every(self, period: float, call: Callable[[], None]) -> Timer:
-        """Call ``call`` every ``period`` seconds; calls due at the same step run in the order of their making."""
+        """Call ``call`` every ``period`` seconds; calls due at the same step run in the order of registration.
+
+        Raises ValueError if ``period`` is not finite and positive.
+        """
         if not (math.isfinite(period) and period > 0.0):
             raise ValueError(f"timer period should be finite and positive but is {period!r}")
         timer = SimulatedTimer(period, self.now(), call)

@@ -1,4 +1,4 @@
-"""The one stop over all parts of a robot."""
+"""The stop latch shared by all parts of a robot."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from hal.api import CommandRefusedError, Failure
 
 
 class StopLatch:
-    """Set by ``Robot.stop()`` and by faults; while it is set, no part takes a command. Safe from any thread.
+    """Set by ``Robot.stop()`` and by faults; while it is set, all parts refuse commands. Thread-safe.
 
-    ``fault``: what stopped the robot; None where somebody asked for it. ``stops``: how many times it was set.
+    ``fault``: the cause of the stop, or None for a requested stop. ``stops``: number of times it was set.
     """
 
     def __init__(self) -> None:
@@ -20,11 +20,11 @@ class StopLatch:
         self.stops = 0
 
     def __bool__(self) -> bool:
-        """Whether the robot is stopped."""
+        """Return whether the robot is stopped."""
         return self._set
 
     def set(self, fault: Failure | None = None) -> bool:
-        """Stop; the first fault is kept. Tells whether it was not set before."""
+        """Set the latch, keeping the first fault; return whether it was clear before."""
         with self._lock:
             first, self._set = not self._set, True
             self.stops += 1
@@ -32,7 +32,7 @@ class StopLatch:
         return first
 
     def clear(self, stops: int | None = None) -> None:
-        """Accept commands again, unless it was set again since it had been set ``stops`` times."""
+        """Accept commands again, unless the latch was set again after it had been set ``stops`` times."""
         with self._lock:
             if stops is None or stops == self.stops:
                 self._set, self.fault = False, None

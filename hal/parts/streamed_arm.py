@@ -1,4 +1,4 @@
-"""Arms over a channel: streamed joints that follow trajectories, with limits on where the tool goes and how fast."""
+"""Arms over a channel: streamed joints that follow trajectories, with limits on the position and speed of the tool."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ from hal.parts.streamed_joints import StreamedJointGroup, Tracking
 
 Array = NDArray[np.float64]
 SAMPLES = 25
-"""Samples of a motion at which the speed of the tool is looked at."""
+"""Number of samples of a motion at which the tool speed is checked."""
 
 
 class StreamedArm(StreamedJointGroup, Arm):
-    """An arm over a channel; its tool and its elbow stay in the workspace, the tool below its top speed.
+    """An arm over a channel; tool and elbow stay in the workspace, the tool below its top speed.
 
-    ``now``: the time by which set-points of ``servo`` follow each other, seconds; that of the cycles by default.
+    ``now``: the clock that times the set-points of ``servo``, seconds; that of the cycles by default.
     """
 
     kind: ClassVar[str] = "arm"
@@ -50,7 +50,10 @@ class StreamedArm(StreamedJointGroup, Arm):
         self._now = now or self._time_of_cycles
 
     def follow(self, trajectory: JointTrajectory) -> Motion[None]:
-        """Follow a trajectory, slower where it would break a limit; a start that is a little off fades out."""
+        """Follow a trajectory, slowed down where it would exceed a limit; a small offset at the start decays.
+
+        Raises CommandRefusedError as ``Arm.follow`` does, and if the tool would leave its workspace.
+        """
         self._check_trajectory(trajectory)
         # Of a long one this takes a while, for which set-points and stops must not wait.
         places, speeds, accelerations = _between(trajectory)
@@ -77,14 +80,14 @@ class StreamedArm(StreamedJointGroup, Arm):
         self._checks.trajectory(trajectory, self.positions())
 
     def trajectory_time(self) -> float | None:
-        """What the set-points had come to when the joints were last read."""
+        """Return the trajectory time of the set-points at the latest joint reading, seconds, or None."""
         with self._connection.lock:
             if not isinstance(self._setpoints, Follow):
                 return None
             return max(0.0, self._setpoints.time - self._time_scale.share * self._channel.age) * self._pace
 
     def servo(self, positions: ArrayLike) -> None:
-        """Stream one set-point: it is reached after the time since the last one (at most 0.1 s)."""
+        """Stream one set-point (n,), to be reached within the time since the last one (at most 0.1 s)."""
         with self._connection.lock:
             self._connection.check_command("servo")
             target = self._checks.positions("servo", positions)
@@ -104,7 +107,7 @@ class StreamedArm(StreamedJointGroup, Arm):
             self._wanted = start
 
     def cycle(self, elapsed: float) -> None:
-        """One control period."""
+        """Run one control period."""
         self._time += elapsed
         super().cycle(elapsed)
 
@@ -112,7 +115,7 @@ class StreamedArm(StreamedJointGroup, Arm):
         return self._time
 
     def _joint_pace(self, speeds: Array, accelerations: Array) -> float:
-        """The share of its speed at which a trajectory keeps the limits of the joints."""
+        """Return the share of its speed at which a trajectory keeps the limits of the joints."""
         fast = float(np.max(np.abs(speeds) / self.model.velocity))
         sudden = float(np.max(np.abs(accelerations) / self.model.acceleration))
         return min(1.0, 1.0 / max(fast, 1e-9), float(np.sqrt(1.0 / max(sudden, 1e-9))))

@@ -22,9 +22,9 @@ from hal.parts.time_scale import TimeScale
 
 Array = NDArray[np.float64]
 OUTSIDE = 0.01
-"""Radians or metres by which a joint at the end of its range may be beyond it when it is connected."""
+"""Radians or metres by which a joint may be outside of its range when connecting."""
 SHORTEST = 1e-5
-"""Seconds that a cycle counts at least."""
+"""Shortest cycle time that counts, seconds."""
 TRACED = (
     "asked position",
     "set position",
@@ -33,53 +33,53 @@ TRACED = (
     "measured velocity",
     "measured effort",
 )
-"""What is kept of joints: what was asked for, what the gate has let through, and what the joints did."""
+"""Traced values of joints: requested, admitted by the gate, and measured."""
 SLOWEST = 0.01
-"""Share of real time below which joints count as at rest by the time of their set-points."""
+"""Time scale below which joints count as at rest."""
 AT_REST = 1e-3
 """Share of their top speed below which joints count as held at rest by the gate."""
 START_TOLERANCE = 0.05
-"""How far from the arm's place a trajectory may start, radians."""
+"""Largest distance of a trajectory's start from the measured positions, radians."""
 SPEED_TOLERANCE = 1.02
-"""Share of the speed limits up to which samples and streamed set-points are taken."""
+"""Fraction of the speed limits up to which samples and streamed set-points are accepted."""
 
 
 class JointCommandChecks:
-    """The checks of the commands of a group of joints; faults raise CommandRefusedError."""
+    """Checks of the commands of a group of joints; they raise CommandRefusedError."""
 
     def __init__(self, part_name: str, model: JointedModel) -> None:
         self._part_name, self._model = part_name, model
 
     def refuse(self, command: str, why: str) -> CommandRefusedError:
-        """The error for a command that is malformed or beyond a limit."""
+        """Return the error for a command that is malformed or beyond a limit."""
         return CommandRefusedError(f"{self._part_name} refused {command}: {why}", self._part_name)
 
     def positions(self, command: str, values: ArrayLike) -> Array:
-        """Positions within the limits."""
+        """Return ``values`` as positions (n,). Raises CommandRefusedError beyond a limit."""
         return self._within(command, "positions", values, self._model.lower, self._model.upper)
 
     def velocities(self, command: str, values: ArrayLike) -> Array:
-        """Velocities within the limits."""
+        """Return ``values`` as velocities (n,). Raises CommandRefusedError beyond a limit."""
         return self._within(command, "velocities", values, -self._model.velocity, self._model.velocity)
 
     def efforts(self, command: str, values: ArrayLike) -> Array:
-        """Efforts within the limits."""
+        """Return ``values`` as efforts (n,). Raises CommandRefusedError beyond a limit."""
         return self._within(command, "efforts", values, -self._model.effort, self._model.effort)
 
     def one_kind(self, command: str, *kinds: ArrayLike | None) -> None:
-        """Exactly one of the kinds of set-point is given."""
+        """Raise CommandRefusedError unless exactly one of the kinds of set-point is given."""
         given = sum(kind is not None for kind in kinds)
         if given != 1:
-            raise self.refuse(command, f"exactly one of positions, velocities, efforts is to be given, not {given}")
+            raise self.refuse(command, f"exactly one of positions, velocities, efforts should be given, got {given}")
 
     def speed_scale(self, command: str, scale: float) -> float:
-        """A share of the limits, within (0, 1]."""
+        """Return ``scale``, a fraction of the limits. Raises CommandRefusedError outside of (0, 1]."""
         if not (np.isfinite(scale) and 0.0 < scale <= 1.0):
             raise self.refuse(command, f"speed_scale = {scale} is not within (0, 1]")
         return float(scale)
 
     def servo(self, target: Array, position: Array, interval: float) -> None:
-        """``target`` can be reached from ``position`` within ``interval`` seconds."""
+        """Raise CommandRefusedError unless ``target`` can be reached from ``position`` within ``interval`` seconds."""
         speed = np.abs(target - position) / interval
         worst = int(np.argmax(speed / self._model.velocity))
         if speed[worst] > self._model.velocity[worst] * SPEED_TOLERANCE:
@@ -90,7 +90,7 @@ class JointCommandChecks:
             )
 
     def trajectory(self, trajectory: JointTrajectory, measured: Array) -> None:
-        """Its joints are these, all samples are within the limits, and it starts at ``measured``."""
+        """Raise CommandRefusedError unless joints and limits fit the arm and the trajectory starts at ``measured``."""
         names, limit = self._model.joint_names, self._model.velocity * SPEED_TOLERANCE
         if trajectory.joint_names != names:
             raise self.refuse("follow", f"the joints are {trajectory.joint_names}, but this arm's are {names}")
@@ -113,7 +113,7 @@ class JointCommandChecks:
         if abs(start[worst] - measured[worst]) > START_TOLERANCE:
             raise self.refuse(
                 "follow",
-                f"the trajectory starts with {names[worst]} = {start[worst]:.4f}, but it is at "
+                f"the trajectory starts with {names[worst]} = {start[worst]:.4f}, but the joint is at "
                 f"{measured[worst]:.4f}; within {START_TOLERANCE} would be accepted",
             )
 
@@ -136,21 +136,18 @@ class JointCommandChecks:
 
 @dataclass(frozen=True)
 class Tracking:
-    """How set-points are streamed, and when they are not followed. SI units, radians.
+    """Parameters of streaming and of tracking errors. SI units, radians.
 
-    A way waits while its set-points are ``held_back`` or more from where the gate lets them; joints that it has
-    held at rest for ``tracking_time`` are given up.
-
-    A motion fails as TRACKING when a joint is off its set-point by more than its tolerance for ``tracking_time``, and
-    as TIMEOUT when it has not settled in time; tolerances are the part's ``constraints``. ``stop_time``: a stop brakes
-    within it, if need be harder than the acceleration limits say.
-
-    Set-points never jump: a late one goes on by ``longest_step`` periods at most, so that a slow link slows the motion
-    down; one that has slowed it by more than ``slip_limit`` seconds, of which half is forgotten every
-    ``slip_half_life``, fails it as TIMEOUT. ``latency``: from a set-point to the reading that shows it.
-    ``stream_reserve``: how many times the limits of acceleration hold for streamed set-points; above 1 for drives below
-    a controller of their own, whose set-points jitter. ``velocity_timeout``: seconds after which a commanded velocity
-    lapses, and the joints brake, unless it comes again.
+    A path waits while its set-points are ``held_back`` or more from those that the gate admits; it is given up if the
+    gate has held the joints at rest for ``tracking_time``.
+    A motion fails as TRACKING if a joint deviates from its set-point by more than its tolerance for ``tracking_time``,
+    and as TIMEOUT if it has not settled in time; tolerances are the part's ``constraints``. ``stop_time``: longest
+    braking of a stop, if necessary beyond the acceleration limits.
+    Set-points never jump: a late one advances by at most ``longest_step`` periods, so that a slow connection slows the
+    motion down; a total delay of more than ``slip_limit`` seconds, halved every ``slip_half_life``, fails it as
+    TIMEOUT. ``latency``: from a set-point to the reading that shows it. ``stream_reserve``: factor on the acceleration
+    limits for streamed set-points; above 1 for drivers below another controller, whose set-points jitter.
+    ``velocity_timeout``: seconds after which a commanded velocity lapses, and the joints brake, unless it is repeated.
     """
 
     tracking_time: float = 0.15
@@ -169,11 +166,10 @@ class Tracking:
 class StreamedJointGroup(StoppablePart, JointGroup):
     """Joints over a channel. A loop of the connection calls ``cycle`` once per ``period`` seconds.
 
-    ``comes_into_limits``: set before connecting; joints that are outside of their range are taken all the same, so
-    that they can be moved into it.
-
-    What a command asks for is decided under the part's lock; set-points are sent outside of it, so that a controller
-    that does not answer never keeps anybody from stopping.
+    ``comes_into_limits``: set before connecting; accepts joints outside of their range, so that they can be moved into
+    it.
+    Commands are processed under the part's lock; set-points are sent outside of it, so that an unresponsive controller
+    never blocks a stop.
     """
 
     def __init__(
@@ -200,23 +196,23 @@ class StreamedJointGroup(StoppablePart, JointGroup):
         self._astray = self._waiting = self._slip = self._held = 0.0
         self._lapses_in = 0.0
         self._efforts: Array | None = None
-        self._gave_way = False  # with a motion under way, which has not been told
+        self._gave_way = False  # with a motion under way, which has not been informed
         self.comes_into_limits = False
 
     # Measurements
 
     def positions(self) -> Array:
-        """Measured positions, (n,)."""
+        """Return the measured positions, (n,) rad or m."""
         self._connection.check_reading()
         return self._channel.published().positions
 
     def velocities(self) -> Array:
-        """Measured velocities, (n,)."""
+        """Return the measured velocities, (n,) rad/s or m/s."""
         self._connection.check_reading()
         return self._channel.published().velocities
 
     def efforts(self) -> Array:
-        """Measured efforts, (n,)."""
+        """Return the measured efforts, (n,) N m or N."""
         self._connection.check_reading()
         return self._channel.published().efforts
 
@@ -230,7 +226,7 @@ class StreamedJointGroup(StoppablePart, JointGroup):
     ) -> None:
         """Set one kind of set-point; positions and velocities are approached within the limits, efforts act at once.
 
-        Velocities lapse after a quarter of a second unless they are commanded again.
+        Velocities lapse after ``velocity_timeout`` unless they are repeated.
         """
         checks, model = self._checks, self.model
         with self._connection.lock:
@@ -239,7 +235,7 @@ class StreamedJointGroup(StoppablePart, JointGroup):
             if efforts is not None:
                 torques = checks.efforts("command", efforts)
                 if not self._channel.takes_efforts:
-                    why = "its controller takes no efforts, only positions and velocities"
+                    why = "its controller accepts only positions and velocities, not efforts"
                     raise self._connection.refuse("command", why)
                 self._take_over(Hold(self._position), None)
                 self._efforts = torques
@@ -259,7 +255,7 @@ class StreamedJointGroup(StoppablePart, JointGroup):
                 self._lapses_in = self._tracking.velocity_timeout
 
     def move_to(self, positions: ArrayLike, speed_scale: float = 1.0) -> Motion[None]:
-        """Move on a straight line in joint space with a trapezoid of speed; brakes first if it is moving."""
+        """Move on a straight line in joint space with a trapezoidal speed profile; brakes first if in motion."""
         checks, model = self._checks, self.model
         with self._connection.lock:
             self._connection.check_command("move_to")
@@ -286,7 +282,7 @@ class StreamedJointGroup(StoppablePart, JointGroup):
     # The connection's side
 
     def attach(self) -> None:
-        """Hold where the joints are; ConnectionFailedError where one is outside of its range."""
+        """Hold the current joint positions. Raises ConnectionFailedError if a joint is outside of its range."""
         with self._connection.lock:
             measured = self._channel.read().positions
             if not self.comes_into_limits:
@@ -299,11 +295,11 @@ class StreamedJointGroup(StoppablePart, JointGroup):
 
     @property
     def resting(self) -> bool:
-        """Whether the set-points have come to rest."""
+        """Whether the set-points are at rest."""
         return self._settled and self._efforts is None
 
     def fail(self, fault: Failure) -> None:
-        """The motion has failed: brake, as far as the controller hears and follows."""
+        """Fail the motion under way and brake, as far as the controller responds."""
         with self._connection.lock:
             self._connection.fail_motion(fault)
             if fault.code is MotionErrorCode.DISCONNECTED:
@@ -312,7 +308,7 @@ class StreamedJointGroup(StoppablePart, JointGroup):
                 self.brake()
 
     def give_way(self) -> None:
-        """The controller has stopped the joints itself, or cannot be reached: no more set-points."""
+        """Stop sending set-points: the controller has stopped the joints, or is unreachable."""
         with self._connection.lock:
             self._efforts = None
             if not self.resting:
@@ -320,7 +316,7 @@ class StreamedJointGroup(StoppablePart, JointGroup):
                 self._rest_at(self._position)
 
     def cycle(self, elapsed: float) -> None:
-        """One control period, begun ``elapsed`` seconds after the last one: the next set-point, if one is due."""
+        """Run one control period, ``elapsed`` seconds after the last one: send the next set-point if one is due."""
         due = self._next_setpoint(elapsed)
         if due is not None:
             self._channel.send(*due)
@@ -328,11 +324,11 @@ class StreamedJointGroup(StoppablePart, JointGroup):
 
     @property
     def traced(self) -> tuple[str, ...]:
-        """Of each joint."""
+        """Return the names of the traced values of each joint."""
         return tuple(f"{what} {joint}" for what in TRACED for joint in self.joint_names)
 
     def record(self) -> None:
-        """Write a row into the ``trace``, if there is one."""
+        """Write a row into the ``trace``, if recorded."""
         row = None if self.trace is None else self.trace.row()
         if row is None or self.trace is None:
             return
@@ -344,7 +340,7 @@ class StreamedJointGroup(StoppablePart, JointGroup):
     # Private
 
     def _next_setpoint(self, elapsed: float) -> tuple[Array, Array] | None:
-        """Position and velocity that are to be sent."""
+        """Return the position and velocity to send, or None."""
         with self._connection.lock:
             if self._efforts is not None:
                 return None
@@ -371,7 +367,7 @@ class StreamedJointGroup(StoppablePart, JointGroup):
         return self.speed_share * self._channel.scaling
 
     def _wait(self, elapsed: float) -> None:
-        """The controller is paused: set-points are where the joints are, so that none jumps when it goes on."""
+        """Keep set-points at the joints while the controller is paused, so that nothing jumps when it continues."""
         self._watch_lapse(elapsed)
         here = np.clip(self._channel.read().positions, self.model.lower, self.model.upper)
         if isinstance(self._setpoints, (Hold, Brake)):
@@ -422,7 +418,7 @@ class StreamedJointGroup(StoppablePart, JointGroup):
         if setpoints.waits:
             behind = float(np.max(np.abs(self._wanted - self._position)))
             pace = max(0.0, 1.0 - behind / self._tracking.held_back)
-        if self._channel.scaling == 0.0 and not setpoints.brakes:  # nobody goes on: no more does the time
+        if self._channel.scaling == 0.0 and not setpoints.brakes:  # nothing moves: neither does the time
             pace = self._time_scale.share = 0.0
         elif setpoints.scaled:
             pace *= self._time_scale.approach(self._share, dt)
@@ -452,7 +448,7 @@ class StreamedJointGroup(StoppablePart, JointGroup):
                 self._setpoints = self._braking()
 
     def _watch_gate(self, elapsed: float) -> None:
-        """What the gate has brought to rest goes no farther."""
+        """Give up a motion that the gate has brought to rest."""
         held = self._gate.reason and np.all(np.abs(self._gate.rate) < AT_REST * self.model.velocity)
         self._held = self._held + elapsed if held else 0.0
         if self._held > self._tracking.tracking_time:
@@ -468,7 +464,7 @@ class StreamedJointGroup(StoppablePart, JointGroup):
 
     def _watch_tracking(self, elapsed: float) -> None:
         if self._channel.age > self._tracking.latency or self._channel.scaling == 0.0:
-            return  # nobody knows where they are: that is the watchdog's; or their controller has stopped them
+            return  # positions are unknown, which the watchdog handles; or the controller has stopped them
         error = np.abs(self._position - self._channel.read().positions)
         tolerance = self.model.path_tolerance
         worst = int(np.argmax(error / tolerance))
@@ -477,14 +473,14 @@ class StreamedJointGroup(StoppablePart, JointGroup):
             off = f"{self.joint_names[worst]} is {error[worst]:.3f} off its set-point"
             text = f"{off}, its tolerance is {tolerance[worst]:.3g}"
             self._give_up(MotionErrorCode.TRACKING, text, self._off(worst, error))
-            # Where they are, so that they press no longer on what holds them up; that is no jump of the set-points.
+            # At the measured positions, so that they no longer press on the obstacle; set-points do not jump.
             model = self.model
             here = np.clip(self._channel.read().positions, model.lower, model.upper)
             self._setpoints = Reach(self._position, self._velocity, here, model.velocity, model.acceleration)
             self._setpoints.scaled = False  # whatever an operator has slowed down
 
     def _rest_at(self, position: Array, velocity: Array | None = None) -> None:
-        """Set-points go on from ``position``, at rest or at a ``velocity``."""
+        """Continue the set-points from ``position``, at rest or with ``velocity``."""
         self._gate.start(position, velocity)
         self._position = self._wanted = position
         self._velocity, self._setpoints = np.zeros_like(position), Hold(position)
@@ -516,7 +512,7 @@ class StreamedJointGroup(StoppablePart, JointGroup):
             self._connection.end_motion(MotionStatus.FAILED, MotionErrorCode.TIMEOUT, text, obstacle=off_by)
 
     def _off(self, worst: int, error: NDArray[np.float64]) -> MotionObstacle:
-        """The joint that is farthest from where it should be."""
+        """Return the joint that is farthest from where it should be."""
         at = dict(zip(self.joint_names, self._channel.read().positions.tolist(), strict=True))
         return MotionObstacle(MotionStage.EXECUTION, (), self.joint_names[worst], float(error[worst]), at)
 
@@ -540,7 +536,7 @@ class StreamedJointGroup(StoppablePart, JointGroup):
             self._setpoints = self._braking()
 
     def _start_from_rest(self) -> None:
-        """Somebody may have moved the joints by hand while they rested: go on from where they are."""
+        """Start from the measured positions if the joints were moved by hand while at rest."""
         if self._settled:
             measured = self._channel.read().positions
             if np.any(np.abs(measured - self._position) > self._tracking.moved_by_hand):

@@ -1,4 +1,4 @@
-"""How fast the time of a joint motion passes, so that it slows down and waits without leaving its path."""
+"""Time scaling of joint motions, to slow down and wait without leaving the path."""
 
 from __future__ import annotations
 
@@ -7,16 +7,16 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 MARGIN = 0.9
-"""Share of the acceleration limits that is used: that of the path is known as of the step before."""
+"""Fraction of the acceleration limits to use: the path's acceleration is known only from the previous step."""
 STANDING = 1e-6
-"""rad/s below which a joint bounds no change of the scale."""
+"""rad/s below which a joint does not limit the change of the scale."""
 
 
 class TimeScale:
-    """The share, 0 to 1, of real time that passes for set-points.
+    """The scale of time, 0 to 1, for set-points.
 
     A path q(s) whose time passes at the rate r has the acceleration r² q'' + r' q': ``approach`` changes r as fast as
-    the ``acceleration`` (n,) of the joints allows, as online time scaling does (Dahl and Nielsen, 1990).
+    the ``acceleration`` (n,) of the joints allows, as in online time scaling (Dahl and Nielsen, 1990).
     """
 
     def __init__(self, acceleration: Array) -> None:
@@ -24,17 +24,17 @@ class TimeScale:
         self.rest(1.0)
 
     def rest(self, share: float) -> None:
-        """The joints rest: time may pass at any rate from now on."""
+        """Reset while the joints are at rest: time may pass at any rate from now on."""
         self.share = share
         self._velocity: Array = np.zeros_like(self._limit)
         self._acceleration: Array = np.zeros_like(self._limit)
 
     def took(self, velocity: Array, dt: float) -> None:
-        """The set-points went on by ``dt`` seconds of their own time, and have ``velocity`` (n,) by it now."""
+        """Record that the set-points advanced by ``dt`` seconds of their own time, to ``velocity`` (n,)."""
         self._velocity, self._acceleration = velocity, (velocity - self._velocity) / dt
 
     def approach(self, wanted: float, dt: float) -> float:
-        """The share for the next ``dt`` seconds, on the way to the ``wanted`` one."""
+        """Return the scale for the next ``dt`` seconds, approaching ``wanted``."""
         if self.share != wanted:
             moving = np.abs(self._velocity) > STANDING
             speed = np.abs(self._velocity[moving])

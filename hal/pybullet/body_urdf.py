@@ -98,7 +98,9 @@ MARGIN = 0.001
 
 
 def without_margin(mesh: Mesh, margin: float = MARGIN) -> Mesh:
-    """The convex hull of a mesh with all faces moved inwards by ``margin``; less where it is too thin for that."""
+    """Return the convex hull of a mesh with all faces moved inwards by ``margin``; less where it is too thin for
+    that.
+    """
     planes = np.unique(ConvexHull(mesh.vertices).equations.round(9), axis=0)
     middle, depth = _deepest_point(planes)
     eroded = planes + np.array([0.0, 0.0, 0.0, min(margin, 0.8 * depth)])
@@ -108,7 +110,9 @@ def without_margin(mesh: Mesh, margin: float = MARGIN) -> Mesh:
 
 
 def _deepest_point(planes: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
-    """The centre (3,) and the radius of the largest ball inside planes (n, 4): normal, offset (a linear program)."""
+    """Return the centre (3,) and the radius of the largest ball inside planes (n, 4): normal, offset (a linear
+    program).
+    """
     rows = np.column_stack([planes[:, :3], np.ones(len(planes))])
     solved = linprog([0.0, 0.0, 0.0, -1.0], A_ub=rows, b_ub=-planes[:, 3], bounds=[(None, None)] * 3 + [(0.0, None)])
     return solved.x[:3], float(solved.x[3])
@@ -141,7 +145,7 @@ def furniture_urdf(name: str, model: FurnitureModel, folder: Path) -> str:
 
 
 def _leaf(name: str, articulation: Articulation, folder: Path) -> ElementTree.Element:
-    """The link of a door or drawer; its frame lies at the joint, turned as the furniture's."""
+    """Return the link of a door or drawer; its frame lies at the joint, turned as the furniture's."""
     from_furniture = Pose(-np.array(articulation.origin))
     parts = [PlacedShape(part.shape, from_furniture @ part.pose) for part in articulation.parts]
     colored = list(zip(parts, articulation.colors, strict=True))
@@ -172,7 +176,9 @@ _REACH = 30.0
 
 
 def walker_urdf(walker: Walker, folder: Path) -> str:
-    """An upright cylinder on two slides, along x and y, that motors move; they are at 0 where its round begins."""
+    """Return an upright cylinder on two slides, along x and y, that motors move; they are at 0 where its round
+    begins.
+    """
     robot = ElementTree.Element("robot", name=walker.name)
     ElementTree.SubElement(robot, "link", name="world")
     robot.append(_carrier())

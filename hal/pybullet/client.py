@@ -81,7 +81,10 @@ class PhysicsClient:
         self._counts = True
 
     def connect(self, gui: bool = False) -> None:
-        """Start a physics server; SimulationError if there is none to be had, MissingExtraError without pybullet."""
+        """Start a physics server.
+
+        Raises SimulationError if there is none to be had, MissingExtraError without pybullet.
+        """
         mode = pybullet.GUI if gui else pybullet.DIRECT
         self.id = _FUNCTIONS["connect"](mode)
         if self.id < 0:
@@ -154,7 +157,7 @@ class RawCallGuard:
 
 
 def _most_arguments(function: Callable[..., Any]) -> int:
-    """How many arguments a function takes, by its own complaint; the last one is the physics server."""
+    """Return how many arguments a function takes, by its own complaint; the last one is the physics server."""
     try:
         function(*[None] * 99)
     except Exception as error:  # noqa: BLE001 - of whatever type: nothing is called with so many

@@ -31,7 +31,7 @@ def projection_matrix(k: CameraIntrinsics, near: float, far: float) -> list[floa
 
 
 def photo(client: PhysicsClient, viewpoint: Viewpoint, width: int, height: int) -> NDArray[np.uint8]:
-    """A picture for people, (H, W, 3)."""
+    """Return a picture for people, (H, W, 3)."""
     image = client.getCameraImage(
         width,
         height,

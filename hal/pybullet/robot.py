@@ -31,6 +31,6 @@ class PyBulletRobot(SimulatedRobot):
         super().__init__(model, world, gui=gui, seed=seed, parameters=parameters or PhysicsParameters())
 
     def build(self, model: RobotModel, world: World, gui: bool) -> PyBulletEngine:
-        """Start a physics server and fill it; SimulationError if there is none to be had."""
+        """Start a physics server and fill it. Raises SimulationError if there is none to be had."""
         self.client = PhysicsClient()
         return PyBulletEngine(self.client, model, world, self._parameters, gui)

@@ -38,7 +38,7 @@ ARMS_FLAGS = (*ROBOT_FLAGS, "URDF_USE_SELF_COLLISION")
 
 
 def build_world(client: PhysicsClient, model: RobotModel, world: World, parameters: PhysicsParameters) -> BuiltWorld:
-    """Fill an empty physics server; SimulationError where pybullet cannot load a body."""
+    """Fill an empty physics server. Raises SimulationError if pybullet cannot load a body."""
     client.setGravity(0.0, 0.0, -9.81)
     client.setTimeStep(parameters.time_step)
     client.setPhysicsEngineParameter(numSolverIterations=parameters.solver_iterations, deterministicOverlappingPairs=1)
@@ -136,7 +136,9 @@ def _wall(client: PhysicsClient, name: str, box: Box, pose: Pose, folder: Path) 
 
 
 def _furniture(client: PhysicsClient, piece: PlacedFurniture, folder: Path) -> tuple[int, dict[str, tuple[int, int]]]:
-    """A piece that stands fixed, its leaves open as the scene says: only the friction of their joints holds them."""
+    """Return a piece that stands fixed, its leaves open as the scene says: only the friction of their joints holds
+    them.
+    """
     model = piece.model
     urdf = furniture_urdf(piece.name, model, folder)
     body = _load(client, piece.name, urdf, piece.pose, folder, fixed=True, flags=FURNITURE_FLAGS)
@@ -172,7 +174,7 @@ def _object(client: PhysicsClient, placed: PlacedObject, parameters: PhysicsPara
 
 
 def _walker(client: PhysicsClient, walker: Walker, folder: Path) -> tuple[int, tuple[int, int]]:
-    """A walker where its round begins."""
+    """Return a walker where its round begins."""
     x, y = walker.route[0]
     pose = Pose.from_xyz_rpy((x, y, 0.0), (0.0, 0.0, 0.0))
     body = _load(client, walker.name, walker_urdf(walker, folder), pose, folder, fixed=True)

@@ -68,7 +68,7 @@ class RealSenseConnection(Connection):
     needs_address: ClassVar[bool] = False
 
     def make_parts(self) -> dict[str, Part]:
-        """The camera of ``settings.parts``."""
+        """Return the camera of ``settings.parts``."""
         (self._camera,) = self.settings.parts
         self._model = self.model.of(CameraPart)[self._camera]
         self._pipeline: Any = None
@@ -182,7 +182,7 @@ class RealSenseConnection(Connection):
 
 
 def realsense_sdk(load: Callable[[str], ModuleType]) -> ModuleType:
-    """The SDK; ``load`` imports a module, and raises ConnectionFailedError where it cannot.
+    """Return the SDK; ``load`` imports a module, and raises ConnectionFailedError where it cannot.
 
     Slim systems have no libusb: the one that the extra brings is loaded first, under the name that the SDK looks for.
     """

@@ -88,7 +88,7 @@ class RecordedRobot(Robot):
         self._robot.clear_stop()
 
     def diagnostics(self) -> dict[str, str]:
-        """The robot's own."""
+        """Return the robot's own."""
         return self._robot.diagnostics()
 
     def sample(self) -> None:

@@ -75,7 +75,7 @@ class ReplayRobot(Robot):
 
     @cached_property
     def tape(self) -> Tape:
-        """The recording; ReplayError says why there is none."""
+        """The recording. Raises ReplayError saying why there is none."""
         return read_tape(self._recording)
 
     @cached_property
@@ -96,7 +96,7 @@ class ReplayRobot(Robot):
     # Life
 
     def connect(self) -> None:
-        """Begin to play; ConnectionFailedError where there is no recording, or one of another robot; idempotent."""
+        """Begin to play. Raises ConnectionFailedError if there is no recording, or one of another robot; idempotent."""
         if self._connected:
             return
         if self.tape.robot != self.model.name:
@@ -254,7 +254,7 @@ class ReplayedMotion(Motion[None]):
         self._robot, self._command = robot, command
 
     def holds(self, moment: float) -> bool:
-        """Whether a moment of the recording is after the start of this motion."""
+        """Return whether a moment of the recording is after the start of this motion."""
         return moment >= self._command.time - SAME_MOMENT
 
     def _look(self) -> None:
@@ -274,14 +274,16 @@ POSITION_TOLERANCE = 0.05
 
 
 def same_target(asked: tuple[Any, ...], recorded: tuple[Any, ...]) -> bool:
-    """Whether the first arguments of two commands, which say where to, agree; others (speeds, forces) may differ."""
+    """Return whether the first arguments of two commands, which say where to, agree; others (speeds, forces) may
+    differ.
+    """
     if not asked or not recorded:
         return len(asked) == len(recorded)
     return _near(_target(asked[0]), _target(recorded[0]))
 
 
 def in_words(name: str, arguments: tuple[Any, ...], keywords: Mapping[str, Any]) -> str:
-    """A command, for people."""
+    """Return a command, for people."""
     told = [_short(value) for value in arguments] + [f"{key}={_short(value)}" for key, value in keywords.items()]
     return f"{name}({', '.join(told)})"
 

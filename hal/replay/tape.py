@@ -52,7 +52,7 @@ def to_json(value: Any) -> Any:
 
 
 def from_json(document: Any) -> Any:
-    """What ``to_json`` was given; LookupError for a type that is not known."""
+    """What ``to_json`` was given. Raises LookupError for a type that is not known."""
     if not isinstance(document, dict):
         return document
     if "array" in document:
@@ -78,7 +78,7 @@ def error_to_json(error: RobotError) -> dict[str, str]:
 
 
 def error_from_json(document: dict[str, str]) -> RobotError:
-    """The error again."""
+    """Return the error again."""
     kind = _TYPES.get(document["error"], RobotError)
     if issubclass(kind, PartError):
         return kind(document["words"], document.get("part", ""), document.get("vendor_code", ""))
@@ -106,7 +106,7 @@ class Readings:
     told: list[dict[str, Any]] = field(default_factory=list)
 
     def at(self, moment: float, tolerance: float) -> tuple[float, dict[str, Any]]:
-        """The newest until ``moment`` (and ``tolerance`` seconds more), or the first one if that is later."""
+        """Return the newest until ``moment`` (and ``tolerance`` seconds more), or the first one if that is later."""
         index = max(0, bisect.bisect_right(self.times, moment + tolerance) - 1)
         return self.times[index], self.told[index]
 
@@ -118,9 +118,9 @@ class Readings:
 
 @dataclass
 class RecordedCommand:
-    """``arguments``, ``keywords``: decoded. ``refusal``: as JSON, None where it was accepted.
+    """``arguments``, ``keywords``: decoded. ``refusal``: as JSON, None if it was accepted.
 
-    ``end``: when its motion ended and how; None where it has none, or it went on to the end of the recording.
+    ``end``: when its motion ended and how, or None if it has none, or it went on to the end of the recording.
     """
 
     time: float
@@ -154,7 +154,7 @@ class Tape:
 
 
 def read_tape(path: Path) -> Tape:
-    """The tape in a run folder, or a file; ReplayError says why there is none, or where it is damaged.
+    """Return the tape in a run folder, or a file. Raises ReplayError saying why there is none, or where it is damaged.
 
     A run that was killed ends in mid-line or without the file's end: that is played up to there, and ``cut`` says so.
     """
@@ -169,7 +169,7 @@ def read_tape(path: Path) -> Tape:
 
 
 def _bounded(stream: TextIO, most: int) -> Iterator[str]:
-    """The lines of a tape; OSError where they unfold to more than ``most`` characters."""
+    """The lines of a tape. Raises OSError if they unfold to more than ``most`` characters."""
     while line := stream.readline(most + 1):
         most -= len(line)
         if most < 0:
@@ -272,7 +272,7 @@ def _number(line: Any, key: str) -> float:
 
 
 def _kind(told: Any) -> str:
-    """The kind of a part, one of those of ``hal.api``."""
+    """Return the kind of a part, one of those of ``hal.api``."""
     kind = told["kind"]
     found = getattr(hal.api, kind, None)
     if not (isinstance(found, type) and issubclass(found, Part)):

@@ -74,7 +74,7 @@ HARMLESS = frozenset({0, 5, 9})
 
 
 def fault_of(status: RobotiqStatus) -> Failure | None:
-    """What ``gFLT`` and ``gSTA`` say, None where the gripper is well and active."""
+    """What ``gFLT`` and ``gSTA`` say, None if the gripper is well and active."""
     if status.fault not in HARMLESS:
         words, number = WORDS.get(status.fault, "unknown fault"), f"gFLT {status.fault}"
     elif status.activation != ACTIVE:
@@ -164,7 +164,7 @@ class RobotiqChannel(GripperChannel):
         return Failure(MotionErrorCode.TIMEOUT, f"answers take {late:.2f} s") if late is not None else None
 
     def read(self) -> GripperReading:
-        """The width, and whether an object stopped the fingers on the way that they were last sent."""
+        """Return the width, and whether an object stopped the fingers on the way that they were last sent."""
         status = self._status
         if status is None:
             raise NoDataError(f"{self._name}: the Robotiq gripper has told nothing yet")
@@ -228,7 +228,7 @@ class RobotiqChannel(GripperChannel):
 
 
 def _byte(value: float, least: float, most: float) -> int:
-    """A value within [least, most] as 0 to 255."""
+    """Return a value within [least, most] as 0 to 255."""
     return round(255.0 * float(np.clip((value - least) / max(most - least, 1e-9), 0.0, 1.0)))
 
 
@@ -245,7 +245,7 @@ class RobotiqConnection(Connection):
     }
 
     def make_parts(self) -> dict[str, Part]:
-        """The gripper of ``settings.parts``."""
+        """Return the gripper of ``settings.parts``."""
         (name,) = self.settings.parts
         gripper = self.model.of(GripperModel)[name]
         self._channel = RobotiqChannel(self.name, gripper, self.options, self.clock)

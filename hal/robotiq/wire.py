@@ -33,7 +33,7 @@ class RobotiqStatus:
 
 
 class RobotiqWire(ABC):
-    """Round trips to one gripper; OSError where it does not answer. Used by one thread at a time."""
+    """Round trips to one gripper. Raises OSError if it does not answer. Used by one thread at a time."""
 
     @abstractmethod
     def open(self) -> None:

@@ -33,7 +33,7 @@ class RosBase(BaseChannel):
         )
 
     def read(self) -> BaseReading:
-        """The newest reading; the connection's watchdog looks at how old it is."""
+        """Return the newest reading; the connection's watchdog looks at how old it is."""
         return self._odometry.latest()
 
     def send(self, velocity: Twist2D) -> bool:
@@ -63,7 +63,7 @@ class TransformOdometry:
         self._velocity = Twist2D(0.0, 0.0, 0.0)
 
     def header(self, message: Message) -> Message | None:
-        """The header of the transform; None where it is not in the message: others are stamped by others."""
+        """Return the header of the transform, or None if it is not in the message: others are stamped by others."""
         for entry in message["transforms"]:
             header: Message = entry["header"]
             if (header["frame_id"].lstrip("/"), entry["child_frame_id"].lstrip("/")) == self._frames:
@@ -71,7 +71,7 @@ class TransformOdometry:
         return None
 
     def decode(self, message: Message, at: float) -> BaseReading | None:
-        """A reading; None where the message is about other frames."""
+        """Return a reading, or None if the message is about other frames."""
         found = decoding.transform(message, *self._frames)
         if found is None:
             return None
@@ -86,7 +86,7 @@ class TransformOdometry:
 
 
 def joint_reading(ros_names: tuple[str, ...], message: Message) -> JointReading | None:
-    """The joints of these names in ``sensor_msgs/JointState``; None where the message is about others."""
+    """The joints of these names in ``sensor_msgs/JointState``, or None if the message is about others."""
     found = decoding.joints(message, ros_names)
     return JointReading(*(np.array(column) for column in found)) if found is not None else None
 
@@ -115,7 +115,7 @@ class RosJoints(JointChannel):
         return self._states.age
 
     def read(self) -> JointReading:
-        """The newest reading; the connection's watchdog looks at how old it is."""
+        """Return the newest reading; the connection's watchdog looks at how old it is."""
         return self._states.latest()
 
     def send(self, positions: Array, velocities: Array) -> None:

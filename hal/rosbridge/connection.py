@@ -64,7 +64,7 @@ class RosCamera:
         self._depth: TopicStream[Mapping[str, Any]] = stream("depth", lambda message, at: message)
 
     def check(self) -> tuple[str, ...]:
-        """In what its lens differs from the robot file's; ConnectionFailedError where it is another camera."""
+        """In what its lens differs from the robot file's. Raises ConnectionFailedError if it is another camera."""
         file = self._model.intrinsics
         told = self.lens = replace(self.info.latest(), distortion=file.distortion)
         if other := is_another_camera(told, file):
@@ -72,7 +72,10 @@ class RosCamera:
         return tuple(f"{self._name} tells {number}, which is used" for number in lens_differences(told, file))
 
     def take(self) -> RGBDImage:
-        """An image whose colour and depth were both taken after this was called; NoDataError says what is missing."""
+        """Return an image whose colour and depth were both taken after this was called.
+
+        Raises NoDataError saying what is missing.
+        """
         with self._lock:
             asked, image_type = self._clock.now(), self._options.message_type("sensor_msgs", "CompressedImage")
             streams = self._color, self._depth
@@ -139,7 +142,7 @@ class RosbridgeConnection(Connection):
     }
 
     def make_parts(self) -> dict[str, Part]:
-        """The parts of ``settings.parts``; ConnectionFailedError for streams that it does not know."""
+        """Return the parts of ``settings.parts``. Raises ConnectionFailedError for streams that it does not know."""
         options: RosbridgeOptions = self.options
         self._stale_after = self.limits.watchdog + STALE_TIME
         self._link = RosLink(self.name, self.clock)
@@ -224,7 +227,7 @@ class RosbridgeConnection(Connection):
         return None
 
     def recover(self) -> None:
-        """Go on if what was wrong is over; ConnectionFailedError if it is not."""
+        """Go on if what was wrong is over. Raises ConnectionFailedError if it is not."""
         self._link.complaint = ""
         for stream, _, _ in self._streams:
             if self.options.clock == "estimated":

@@ -48,7 +48,7 @@ def odometry(message: Message) -> BaseReading:
 
 
 def transform(message: Message, parent: str, child: str) -> tuple[float, Pose2D] | None:
-    """Stamp and pose of ``child`` in ``parent`` in a ``tf2_msgs/TFMessage``; None where that is not in it."""
+    """Stamp and pose of ``child`` in ``parent`` in a ``tf2_msgs/TFMessage``, or None if that is not in it."""
     for entry in message["transforms"]:
         names = (entry["header"]["frame_id"].lstrip("/"), entry["child_frame_id"].lstrip("/"))
         if names == (parent, child):
@@ -88,7 +88,7 @@ def battery(message: Message, at: float) -> BatteryReading:
 
 
 def joints(message: Message, names: Sequence[str]) -> tuple[list[float], list[float], list[float]] | None:
-    """Positions, velocities, efforts of ``names`` in a ``sensor_msgs/JointState``; None where one is not in it.
+    """Positions, velocities, efforts of ``names`` in a ``sensor_msgs/JointState``, or None if one is not in it.
 
     What a message does not tell counts as 0.
     """

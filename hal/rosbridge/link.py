@@ -23,7 +23,7 @@ Value = TypeVar("Value")
 
 
 class TopicStream(Generic[Value]):
-    """One topic. ``decode(message, stamp)`` gives its value, None where the message is about something else.
+    """One topic. ``decode(message, stamp)`` gives its value, None if the message is about something else.
 
     ``ros_time``: shared by the streams of a part, whose stamps are compared. ``longest_age``: seconds after which the
     newest value counts as none. ``header``: of a message; None: it is about something else. ``frame``: the ``frame_id``
@@ -82,7 +82,7 @@ class TopicStream(Generic[Value]):
         self._ros_time.forget()
 
     def read(self) -> Value:
-        """The newest value; NoDataError where there is none or it is too old."""
+        """Return the newest value. Raises NoDataError if there is none or it is too old."""
         newest = self._newest
         if newest is None:
             raise NoDataError(f"{self.part}: nothing has come on {self.topic} yet")
@@ -92,7 +92,7 @@ class TopicStream(Generic[Value]):
         return newest[0]
 
     def latest(self) -> Value:
-        """The newest value, however old: for who watches its age apart. NoDataError where there is none."""
+        """Return the newest value, however old: for who watches its age apart. Raises NoDataError if there is none."""
         newest = self._newest
         if newest is None:
             raise NoDataError(f"{self.part}: nothing has come on {self.topic} yet")

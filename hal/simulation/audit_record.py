@@ -127,7 +127,7 @@ class DisturbanceLog:
         self._resting.discard(event)
 
     def rests(self, event: DisturbanceEvent) -> bool:
-        """Whether it does, now."""
+        """Return whether it does, now."""
         return event in self._resting
 
 

@@ -61,7 +61,7 @@ class BuiltWorld:
         return names
 
     def below(self, joints: Iterable[str]) -> list[int]:
-        """The robot's links that hang on its joints of these names, in rising order."""
+        """Return the robot's links that hang on its joints of these names, in rising order."""
         carried = {self.joints[joint] for joint in joints}
         for link, parent in sorted(self.parents.items()):  # parents come before children
             if parent in carried:
@@ -78,7 +78,7 @@ def check_names(world: World) -> None:
 
 
 def among(bodies: Mapping[str, Found], name: str, kind: str) -> Found:
-    """What of the world is called ``name``; SimulationError names what there is."""
+    """What of the world is called ``name``. Raises SimulationError naming what there is."""
     if name not in bodies:
         raise SimulationError(f"there is no {kind} {name!r}; there is {', '.join(bodies) or 'none'}")
     return bodies[name]
@@ -123,7 +123,7 @@ class ContactPoint(NamedTuple):
     direction_2: Vector
 
     def force(self) -> Vector:
-        """The whole force on the first body."""
+        """Return the whole force on the first body."""
         (a, b, c), (d, e, f), (g, h, i) = self.normal, self.direction, self.direction_2
         press, slip, slip_2 = self.pressure, self.friction, self.friction_2
         return press * a + slip * d + slip_2 * g, press * b + slip * e + slip_2 * h, press * c + slip * f + slip_2 * i

@@ -44,7 +44,7 @@ class ScenePhotographer:
 
 
 def smooth(rgb: NDArray[np.uint8], oversampling: int) -> NDArray[np.uint8]:
-    """A picture (H, W, 3) from one that is ``oversampling`` times larger: means of its pixels."""
+    """Return a picture (H, W, 3) from one that is ``oversampling`` times larger: means of its pixels."""
     height, width = rgb.shape[0] // oversampling, rgb.shape[1] // oversampling
     blocks = rgb.astype(np.float64).reshape(height, oversampling, width, oversampling, 3).mean(axis=(1, 3))
     picture: NDArray[np.uint8] = np.round(blocks).astype(np.uint8)
@@ -174,9 +174,11 @@ class Lens:
         self._columns, self._rows = np.moveaxis((sources - lower).astype(np.float32), -1, 0)
 
     def color(self, ideal: NDArray[np.uint8]) -> NDArray[np.uint8]:
-        """The (H, W, 3) image of an ideal rendering, interpolated."""
+        """Return the (H, W, 3) image of an ideal rendering, interpolated."""
         return np.asarray(cv2.remap(ideal, self._columns, self._rows, cv2.INTER_LINEAR), dtype=np.uint8)
 
     def depth(self, ideal: NDArray[np.float64]) -> NDArray[np.float64]:
-        """The (H, W) depth along the optical axis of an ideal one: that of the nearest pixel, so that edges stay."""
+        """Return the (H, W) depth along the optical axis of an ideal one: that of the nearest pixel, so that edges
+        stay.
+        """
         return np.asarray(cv2.remap(ideal, self._columns, self._rows, cv2.INTER_NEAREST), dtype=np.float64)

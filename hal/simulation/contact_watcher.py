@@ -88,11 +88,11 @@ class ContactWatcher:
         self._approach.look_ends(observation)
 
     def incidents(self) -> tuple[ContactIncident, ...]:
-        """All incidents up to now, by start."""
+        """Return all incidents up to now, by start."""
         return tuple(sorted([*self._ended, *self._running.values()], key=lambda incident: incident.start))
 
     def penetrations(self) -> tuple[Penetration, ...]:
-        """The deepest overlap of each pair, deepest first."""
+        """Return the deepest overlap of each pair, deepest first."""
         overlaps = [
             Penetration(self._name(body_a, link_a), self._name(body_b, link_b), -distance, stamp)
             for (body_a, link_a, body_b, link_b), (distance, stamp) in self._deepest.items()
@@ -220,7 +220,7 @@ class ApproachWatcher:
             touch.stamp = observation.stamp
 
     def ours(self, link: int, other: int) -> bool:
-        """Whether the present contact of a link with ``other`` is the robot's doing."""
+        """Return whether the present contact of a link with ``other`` is the robot's doing."""
         touch = self._touches.get((link, other))
         return touch is None or touch.ours
 

@@ -113,7 +113,7 @@ class DisturbanceInjector:
         return event
 
     def let_slip(self, name: str) -> DisturbanceEvent | None:
-        """Take an object's friction away until it is out of the hand; None if the robot does not touch it."""
+        """Take an object's friction away until it is out of the hand, or None if the robot does not touch it."""
         body = among(self._simulation.built.objects, name, "object")
         if body in self._slips or not self._touched(body):
             return None
@@ -178,7 +178,9 @@ class DisturbanceInjector:
         return any(contact.second in others for contact in self._reader.contacts(body))
 
     def _near_robot(self, body: int, link: int | None = None) -> bool:
-        """Whether the robot, or an object that it touches, is within ``KEEPS_AWAY`` of a body or one of its links."""
+        """Return whether the robot, or an object that it touches, is within ``KEEPS_AWAY`` of a body or one of its
+        links.
+        """
         built = self._simulation.built
         held = [other for other in built.objects.values() if other != body and self._touched(other)]
         return any(self._reader.gaps(other, body, KEEPS_AWAY, link) for other in (built.robot, *held))

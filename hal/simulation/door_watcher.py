@@ -135,7 +135,7 @@ class DoorWatcher:
         return f"gained {gained:.4f} per second in a step, and nothing pressed on it"
 
     def _leaves_stop(self, leaf: _Leaf, velocity: float) -> bool:
-        """Whether an end stop that it was pressed into pushes it back, no further than out of the stop."""
+        """Return whether an end stop that it was pressed into pushes it back, no further than out of the stop."""
         beyond = max(-leaf.position, leaf.position - leaf.upper)
         return (velocity > 0.0) is (leaf.position < 0.0) and abs(velocity) * self._time_step < beyond
 
@@ -151,7 +151,7 @@ class DoorWatcher:
 
 
 def _acceleration_by_weight(piece: PlacedFurniture, leaf: Articulation) -> float:
-    """The most that the weight of a door or drawer can speed it up along or about its axis, m/s² or rad/s²."""
+    """Return the most that the weight of a door or drawer can speed it up along or about its axis, m/s² or rad/s²."""
     axis = np.array(leaf.axis)
     upright = abs(float((piece.pose.rotation @ axis)[2]))
     if leaf.kind == "prismatic":

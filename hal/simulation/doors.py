@@ -109,7 +109,7 @@ class Hand:
 
 
 def _position(engine: Engine, place: tuple[int, int]) -> float:
-    """How far a door or drawer is open, radians or metres."""
+    """Return how far a door or drawer is open, radians or metres."""
     body, joint = place
     return float(engine.joint_states(body, [joint])[0][0])
 

@@ -94,7 +94,9 @@ class Engine(ABC):
     def contacts(
         self, body: int | None = None, link: int | None = None, other: int | None = None
     ) -> Sequence[ContactPoint]:
-        """All contacts, or those of a body, which is the first in them then: of one of its links, with one other."""
+        """Return all contacts, or those of a body, which is the first in them then: of one of its links, with one
+        other.
+        """
 
     @abstractmethod
     def gaps(self, body: int, other: int, within: float, link: int | None = None) -> Sequence[float]:
@@ -116,7 +118,7 @@ class Engine(ABC):
 
     @abstractmethod
     def photo(self, viewpoint: Viewpoint, width: int, height: int) -> NDArray[np.uint8]:
-        """A picture for people, (H, W, 3), with shadows."""
+        """Return a picture for people, (H, W, 3), with shadows."""
 
     @abstractmethod
     def segments(self, viewpoint: Viewpoint, width: int, height: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
@@ -141,7 +143,7 @@ class Engine(ABC):
 
     @abstractmethod
     def constraint_count(self) -> int:
-        """How many constraints between bodies there are."""
+        """Return how many constraints between bodies there are."""
 
     @abstractmethod
     def constants(self) -> Mapping[str, tuple[Any, ...]]:

@@ -42,7 +42,7 @@ class FingerMotors(SimulatedChannel, GripperChannel):
         simulation.controls.append(self._follow_contacts)
 
     def read(self) -> GripperReading:
-        """The width by the encoders of the joints."""
+        """Return the width by the encoders of the joints."""
         return GripperReading(self._model.width(self.simulation.joint_states()[0, self._slots]))
 
     def send(self, width: float, force: float, speed: float) -> None:

@@ -52,7 +52,7 @@ class SimulatedForceTorque(SimulatedSensor[Wrench], ForceTorque):
         self._motion: _Motion | None = None
 
     def wrench(self) -> Wrench:
-        """The latest wrench, with offset and noise."""
+        """Return the latest wrench, with offset and noise."""
         return self.read()
 
     def begin(self, simulation: Simulation) -> Callable[[], Wrench]:

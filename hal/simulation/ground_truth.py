@@ -28,7 +28,7 @@ class GroundTruth:
         return tuple(self._simulation.built.objects)
 
     def object_pose(self, name: str) -> Pose:
-        """True pose of an object; SimulationError names what there is."""
+        """True pose of an object. Raises SimulationError naming what there is."""
         return self._pose(among(self._simulation.built.objects, name, "object"))
 
     def object_speed(self, name: str) -> tuple[float, float]:
@@ -46,7 +46,7 @@ class GroundTruth:
         return tuple(self._simulation.built.articulations)
 
     def articulation_position(self, name: str) -> float:
-        """How far a door or drawer is open, radians or metres from closed."""
+        """Return how far a door or drawer is open, radians or metres from closed."""
         body, joint = among(self._simulation.built.articulations, name, "door or drawer")
         return float(self._reader.joint_states(body, [joint])[0][0])
 
@@ -59,7 +59,7 @@ class GroundTruth:
         return self._simulation.link_pose(self._reader, frame)
 
     def touches_robot(self, name: str) -> bool:
-        """Whether any link of the robot presses on an object."""
+        """Return whether any link of the robot presses on an object."""
         built = self._simulation.built
         contacts = self._reader.contacts(built.robot, other=among(built.objects, name, "object"))
         return any(contact.pressure > 0.0 for contact in contacts)

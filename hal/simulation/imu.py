@@ -33,7 +33,7 @@ class SimulatedImu(SimulatedSensor[ImuReading], Imu):
         self._before: tuple[float, NDArray[np.float64]] | None = None
 
     def begin(self, simulation: Simulation) -> Callable[[], ImuReading]:
-        """The mean motion since the reading before."""
+        """Return the mean motion since the reading before."""
         reader = simulation.reader(ReadPurpose.SENSOR)
         tracker = FrameTracker(simulation, reader, self._model.frame)
         self._before = None

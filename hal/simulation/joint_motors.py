@@ -132,7 +132,10 @@ class JointMotors(SimulatedChannel, JointChannel):
         return JointReading(*self.simulation.joint_states()[:, self._slots])
 
     def published(self) -> JointReading:
-        """What the encoders tell, with their rate, latency, noise and faults; NoDataError where they tell nothing."""
+        """What the encoders tell, with their rate, latency, noise and faults.
+
+        Raises NoDataError if they tell nothing.
+        """
         reading = self.encoders.read()
         return JointReading(reading.positions, reading.speeds, self.simulation.efforts()[self._slots])
 

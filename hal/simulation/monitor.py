@@ -111,7 +111,7 @@ class AttachmentCheck:
         return below
 
     def _is_in_moving_drawer(self, body: int) -> bool:
-        """Whether it touched the same leaf then and now, and that has moved meanwhile."""
+        """Return whether it touched the same leaf then and now, and that has moved meanwhile."""
         seen = [drawers[body] for drawers in self._drawers if body in drawers]
         return len(seen) > 1 and seen[0][0] == seen[-1][0] and abs(seen[-1][1] - seen[0][1]) > MOVED / 2
 
@@ -267,7 +267,7 @@ class AuditMonitor:
             self._new += new
 
     def _forgiven(self, kind: Literal["slip", "push"], now: float) -> frozenset[str]:
-        """The objects, or doors and drawers, to which that is being done."""
+        """Return the objects, or doors and drawers, to which that is being done."""
         return frozenset(
             event.name
             for event in self._events
@@ -275,7 +275,7 @@ class AuditMonitor:
         )
 
     def _put_down(self, observation: SimulationState) -> set[int]:
-        """The objects that somebody has put, since the look before, where they are now."""
+        """Return the objects that somebody has put, since the look before, where they are now."""
         objects = self._simulation.built.objects
         new, self._new = self._new, []
         return {

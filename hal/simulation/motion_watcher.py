@@ -122,7 +122,7 @@ class MotionWatcher:
             path[3] += (a * a + b * b + c * c) ** 0.5 * step
 
     def _begin_anew(self, put_down: Collection[int], observation: SimulationState) -> SimulationState | None:
-        """The look before, as if what was put down since then had always been where it is."""
+        """Return the look before, as if what was put down since then had always been where it is."""
         if self._before is None:
             return None
         for body in put_down:

@@ -105,7 +105,10 @@ class SimulatedRobot(Robot):
         return self._world
 
     def encoders(self, part: str) -> Encoders:
-        """Those that programs read of a base on wheels, an arm or a group of joints; KeyError for other parts."""
+        """Those that programs read of a base on wheels, an arm or a group of joints.
+
+        Raises KeyError for other parts.
+        """
         channel = self._channels[part]
         if isinstance(channel, JointMotors | WheelDrive):
             return channel.encoders
@@ -151,7 +154,7 @@ class SimulatedRobot(Robot):
 
     @abstractmethod
     def build(self, model: RobotModel, world: World, gui: bool) -> Engine:
-        """An engine with the world built in it, the robot in its start posture."""
+        """Return an engine with the world built in it, the robot in its start posture."""
 
     def connect(self) -> None:
         """Build the world and let it settle; idempotent. A latched stop stays latched."""
@@ -269,7 +272,7 @@ class SimulatedRobot(Robot):
                 self._channels[name], self._actuators[name] = made
 
     def _actuator(self, name: str, part: Any) -> tuple[Channel, Actuator] | None:
-        """The channel of a part that moves, and its law; None for other parts."""
+        """Return the channel of a part that moves, and its law, or None for other parts."""
         latch, parameters, rng = self._latch, self._parameters, self._generator(name)
         match part:
             case WheeledBaseModel():

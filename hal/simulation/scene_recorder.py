@@ -38,7 +38,7 @@ class SceneRecorder:
         self.trusted = self._reader.trusted
 
     def scene_snapshot(self) -> SceneSnapshot:
-        """The scene as it is now."""
+        """Return the scene as it is now."""
         simulation = self._simulation
         poses = {}
         for name, body in simulation.built.objects.items():

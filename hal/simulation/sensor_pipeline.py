@@ -63,7 +63,7 @@ class SensorPipeline(Generic[Reading]):
         self._simulation = self._take = None
 
     def read(self) -> Reading:
-        """The latest reading; raises NotConnectedError, or NoDataError where there is none."""
+        """Return the latest reading; raises NotConnectedError, or NoDataError where there is none."""
         if self._simulation is None or self._take is None:
             raise NotConnectedError(f"{self.name} was used while the robot is not connected; call connect()")
         if self.fault is SensorFault.SILENT:

@@ -219,13 +219,13 @@ class Simulation:
         self._engine.close()
 
     def reader(self, purpose: ReadPurpose) -> Reader:
-        """A view of what is true for the module that calls this; its reads are counted if it opens after
+        """Return a view of what is true for the module that calls this; its reads are counted if it opens after
         ``close_truth``.
         """
         return Reader(self._engine, self._guarded, purpose, sys._getframe(1).f_globals.get("__name__", ""))
 
     def actor(self) -> Engine:
-        """The engine for parts that act on the world by what they are, such as a suction cup: taken before
+        """Return the engine for parts that act on the world by what they are, such as a suction cup: taken before
         ``close_truth``, its calls are free.
         """
         return self.engine if self.ledger.truth_closed else self._engine
@@ -235,7 +235,7 @@ class Simulation:
         return np.array([self._slots[joint] for joint in joint_names], dtype=np.intp)
 
     def joints(self, joint_names: Sequence[str]) -> list[int]:
-        """The engine's numbers of the robot's joints."""
+        """Return the engine's numbers of the robot's joints."""
         return [self.built.joints[joint] for joint in joint_names]
 
     def release(self, joints: Sequence[int]) -> None:
@@ -255,7 +255,7 @@ class Simulation:
         return np.where(np.isnan(self.torques), self.joint_states()[2], self.torques)
 
     def contacts(self, reader: Reader) -> Sequence[ContactPoint]:
-        """All contacts; read once per step at most, for all who ask.
+        """Return all contacts; read once per step at most, for all who ask.
 
         To ask for those of the robot alone costs as much.
         """
@@ -265,7 +265,7 @@ class Simulation:
         return self._contacts
 
     def link_pose(self, reader: Reader, link: str) -> Pose:
-        """True pose of a link of the robot in the map frame; SimulationError names the links there are."""
+        """True pose of a link of the robot in the map frame. Raises SimulationError naming the links there are."""
         links = self.built.links
         if link in self.built.frames:
             holder, holder_from_frame = self.built.frames[link]
@@ -276,7 +276,7 @@ class Simulation:
         return pose
 
     def holder(self, frame: str) -> int:
-        """The number of the robot's link that carries a frame, or is it."""
+        """Return the number of the robot's link that carries a frame, or is it."""
         return self.built.links[self.built.frames.get(frame, (frame, None))[0]]
 
 

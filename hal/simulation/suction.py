@@ -84,7 +84,9 @@ class SuctionPump(SimulatedChannel, GripperChannel):
         self._engine.push(self.simulation.built.robot, self._cup, (x, y, z), point)
 
     def _touched(self) -> tuple[int, int, Vector, Vector] | None:
-        """The body and link that the rim lies flat on, the middle of the contact, and the axis out of the cup."""
+        """Return the body and link that the rim lies flat on, the middle of the contact, and the axis out of the
+        cup.
+        """
         if self._reader is None:
             return None
         simulation = self.simulation

@@ -39,7 +39,7 @@ class Drive(ABC):
 
     @abstractmethod
     def motion(self, wheels: Array, steering: Array) -> Velocity:
-        """The velocity from speeds of the wheels (n,), rad/s, or the path from their angles, rad."""
+        """Return the velocity from speeds of the wheels (n,), rad/s, or the path from their angles, rad."""
 
     def steering_angles(self, velocity: Velocity, present: Array) -> Array:
         """Where the steering joints should point (k,), the nearer of the two ways to it; without any, none."""
@@ -83,7 +83,7 @@ class SteeredDrive(Drive):
     radii: Array
 
     def steering_angles(self, velocity: Velocity, present: Array) -> Array:
-        """A wheel turns by at most a quarter: else it rolls the other way round. Standing, it stays as it is."""
+        """Return a wheel turns by at most a quarter: else it rolls the other way round. Standing, it stays as it is."""
         ways = self._wheel_velocities(velocity)
         wanted = np.arctan2(ways[:, 1], ways[:, 0])
         turn = (wanted - present + np.pi / 2) % np.pi - np.pi / 2
@@ -96,7 +96,7 @@ class SteeredDrive(Drive):
         return speeds
 
     def motion(self, wheels: Array, steering: Array) -> Velocity:
-        """The rigid motion whose wheel velocities are nearest to those rolled, in the sense of least squares."""
+        """Return the rigid motion whose wheel velocities are nearest to those rolled, in the sense of least squares."""
         rolled = (wheels * self.radii)[:, None] * np.column_stack([np.cos(steering), np.sin(steering)])
         n = len(self.radii)
         rows = np.zeros((2 * n, 3))
@@ -135,7 +135,7 @@ class Odometry:
 
 
 def make_drives(model: WheeledBaseModel, calibration: float, rng: np.random.Generator) -> tuple[Drive, Drive]:
-    """The drive of a base, and what its odometry believes of it.
+    """Return the drive of a base, and what its odometry believes of it.
 
     ``calibration``: standard deviation of the relative errors of the believed wheel radii and track.
     """

@@ -55,7 +55,7 @@ class StateCapture:
         self._reader = robot.simulation.reader(ReadPurpose.SENSOR)
 
     def take(self) -> WorldState:
-        """The present state; a few hundred microseconds."""
+        """Return the present state; a few hundred microseconds."""
         built, reader, leaves = self._built, self._reader, self._built.articulations.items()
         pose, robot = reader.body_pose, built.robot
         indices = list(range(max(built.joints.values()) + 1))

@@ -12,7 +12,7 @@ LONGEST_DELAY = 60.0
 
 
 def delay_seconds(value: object) -> float:
-    """The value of a fault ``delay``; ValueError tells what it should be."""
+    """Return the value of a fault ``delay``; ValueError tells what it should be."""
     if isinstance(value, int | float | str) and not isinstance(value, bool):
         with contextlib.suppress(ValueError):
             seconds = float(value)
@@ -69,7 +69,7 @@ class Faults:
         self._shares |= shares or {}
 
     def happen(self, name: str, value: float | None = None) -> None:
-        """Make a fault happen now; LookupError names what there is, ValueError what ``value`` should be."""
+        """Make a fault happen now. Raises LookupError naming what there is, ValueError what ``value`` should be."""
         if name == "delay":
             value = delay_seconds(value)
         elif name in self._shares:

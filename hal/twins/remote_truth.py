@@ -25,7 +25,7 @@ FINDINGS = (
 
 
 class RemoteTruth(GroundTruth):
-    """As ``GroundTruth``; each question is a round trip. LookupError for names that are not there."""
+    """As ``GroundTruth``; each question is a round trip. Raises LookupError for names that are not there."""
 
     def __init__(self, judge: Path) -> None:
         self._judge = judge
@@ -59,7 +59,7 @@ class RemoteTruth(GroundTruth):
         return tuple(self._ask("articulation_names"))
 
     def articulation_position(self, name: str) -> float:
-        """How far a door or drawer is open."""
+        """Return how far a door or drawer is open."""
         return float(self._ask("articulation_position", name))
 
     def base_pose(self) -> Pose:
@@ -71,7 +71,7 @@ class RemoteTruth(GroundTruth):
         return _pose(self._ask("frame_pose", frame))
 
     def touches_robot(self, name: str) -> bool:
-        """Whether the robot presses on an object."""
+        """Return whether the robot presses on an object."""
         return bool(self._ask("touches_robot", name))
 
     def supports(self, name: str) -> tuple[str, ...]:

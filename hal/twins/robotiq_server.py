@@ -159,7 +159,7 @@ ILLEGAL_FUNCTION, ILLEGAL_ADDRESS = 1, 2
 
 
 class RobotiqTwin:
-    """Serves one gripper on ``address``, by the connection's protocol. OSError where the port cannot be had."""
+    """Serves one gripper on ``address``, by the connection's protocol. Raises OSError if the port cannot be had."""
 
     def __init__(self, connection: ConnectionConfig, model: RobotModel, world: TwinWorld, address: str) -> None:
         name = next(name for name in connection.parts if name in model.of(GripperModel))

@@ -29,7 +29,7 @@ class RosVersion:
     number: int
 
     def time(self, seconds: float) -> Message:
-        """A time or duration."""
+        """Return a time or duration."""
         whole = math.floor(seconds)
         names = ("secs", "nsecs") if self.number == 1 else ("sec", "nanosec")
         return dict(zip(names, (whole, int((seconds - whole) * 1e9)), strict=True))

@@ -64,7 +64,7 @@ class WebSocketWire:
                         parts.clear()
 
     def send(self, text: bytes) -> None:
-        """Send a text; OSError where the client is gone."""
+        """Send a text. Raises OSError if the client is gone."""
         with self._lock:
             if self._protocol.state is State.OPEN:
                 self._protocol.send_text(text)
@@ -104,7 +104,7 @@ class Client:
         self._gone = False
 
     def wants(self, topic: str) -> bool:
-        """Whether a message of the topic is due to it."""
+        """Return whether a message of the topic is due to it."""
         now, due = time.monotonic(), False
         for subscription in tuple(self.subscriptions.values()):
             if subscription.topic == topic and now - subscription.last >= subscription.period:
@@ -140,7 +140,7 @@ class Client:
 
 
 class RosbridgeServer:
-    """Topics between one robot and any number of clients. OSError where the port cannot be had.
+    """Topics between one robot and any number of clients. Raises OSError if the port cannot be had.
 
     ``types``: topic → message type, of all that there are. ``takers``: topic → what takes its messages.
     """
@@ -177,7 +177,7 @@ class RosbridgeServer:
         self._server.close_clients()
 
     def has_subscriber(self, topic: str) -> bool:
-        """Whether anybody wants a topic."""
+        """Return whether anybody wants a topic."""
         return any(s.topic == topic for client in tuple(self._clients) for s in tuple(client.subscriptions.values()))
 
     def publish(self, topic: str, message: Callable[[], Message]) -> None:

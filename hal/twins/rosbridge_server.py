@@ -146,7 +146,7 @@ class Output:
     _periods: int = -1
 
     def due(self, now: float) -> bool:
-        """Whether another period has begun."""
+        """Return whether another period has begun."""
         before, self._periods = self._periods, math.floor((now - self.delay) * self.rate + 1e-6)
         return self._periods != before
 
@@ -248,7 +248,7 @@ class RosbridgeTwin:
         kept: dict[str, Message] = {}
 
         def fresh(what: str, make: Callable[[Message], Message]) -> Message:
-            """The message of now, or the one that a stale driver repeats."""
+            """Return the message of now, or the one that a stale driver repeats."""
             if not self._stale_odometry or what not in kept:
                 kept[what] = make(self._header(options.odom_frame, self._world.now()))
             return kept[what]

@@ -45,7 +45,9 @@ class ServoFollower:
         self._goal, self._since, self._arrived = goal, 0.0, arrived
 
     def advance(self, dt: float) -> Array:
-        """The joints' set-point ``dt`` seconds later, never faster than their limits; exact for a goal that rests."""
+        """Return the joints' set-point ``dt`` seconds later, never faster than their limits; exact for a goal that
+        rests.
+        """
         self._since += dt
         decay = np.exp(-STIFFNESS * dt)
         error = self.setpoint - self._goal
@@ -57,5 +59,5 @@ class ServoFollower:
         return self.setpoint
 
     def faster_than(self, speed: float) -> bool:
-        """Whether a joint moves faster than ``speed`` rad/s, with a tenth to spare."""
+        """Return whether a joint moves faster than ``speed`` rad/s, with a tenth to spare."""
         return bool(np.any(np.abs(self._velocity) > 1.1 * speed))

@@ -63,7 +63,7 @@ class JsonLineServer:
 
 
 def ask(path: Path, question: Mapping[str, Any], timeout: float = 10.0) -> dict[str, Any]:
-    """One question and its answer; LookupError with the answer's own words where it is an error."""
+    """One question and its answer. Raises LookupError with the answer's own words where it is an error."""
     with socket.socket(socket.AF_UNIX) as client:
         client.settimeout(timeout)
         client.connect(str(path))

@@ -93,7 +93,7 @@ FIRST_ADDRESS, LAST_ADDRESS = 2, 254
 class Twin(Protocol):
     """The controller's side of one connection.
 
-    Made as ``(connection, model, world, address)``, before the world runs; OSError where a port on the address is
+    Made as ``(connection, model, world, address)``, before the world runs. Raises OSError if a port on the address is
     taken. Its state is hung in ``world.ticks``. One that clients do not reach by the connection's own driver names
     theirs in ``reached_by``; one whose controller tells a serial number has it as ``serial_number``.
     """
@@ -199,7 +199,7 @@ class TwinHost:
         return BringUpFile(self._model.name, self._model.content, told, twin=True, signed=signature)
 
     def _place(self, connection: ConnectionConfig, free: Any) -> tuple[Twin, str]:
-        """A twin on the first loopback address whose ports are free."""
+        """Return a twin on the first loopback address whose ports are free."""
         make = cast(Callable[..., Twin], TWINS.resolve(connection.driver))
         why: OSError | None = None
         for number in free:

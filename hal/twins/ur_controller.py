@@ -90,7 +90,7 @@ class URController:
         return self._program is not None
 
     def read(self) -> Mapping[str, Any]:
-        """The output fields now."""
+        """Return the output fields now."""
         return {
             **self._measured,
             "timestamp": time.monotonic(),

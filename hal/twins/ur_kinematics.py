@@ -36,7 +36,7 @@ class URKinematics:
         return (*flange.translation.tolist(), *pinocchio.log3(flange.rotation).tolist())
 
     def joint_speeds(self, positions: Array, twist: Array) -> Array:
-        """The joint speeds (6,) for a velocity of the flange (vx, vy, vz, wx, wy, wz); damped least squares."""
+        """Return the joint speeds (6,) for a velocity of the flange (vx, vy, vz, wx, wy, wz); damped least squares."""
         pinocchio.computeJointJacobians(self._model, self._data, self._all(positions))
         pinocchio.updateFramePlacements(self._model, self._data)
         kind = pinocchio.LOCAL_WORLD_ALIGNED

@@ -86,7 +86,7 @@ _MOVE = re.compile(r"movej\(\[([^\]]*)\],\s*a=([^,]+),\s*v=([^,]+),")
 
 
 def path_of(script: str) -> list[Waypoint]:
-    """The waypoints that ``moveJ(path)`` has written into the script."""
+    """Return the waypoints that ``moveJ(path)`` has written into the script."""
     injected = _PATH.search(script)
     moves = _MOVE.findall(injected.group(1)) if injected else []
     return [Waypoint(np.array([float(q) for q in joints.split(",")]), float(a), float(v)) for joints, a, v in moves]
@@ -226,7 +226,7 @@ class URProgram:
         self._tell_running(True)
 
     def _reachable(self, positions: Array) -> bool:
-        """Whether the joints' limits allow these positions; else the safety system is to stop the robot."""
+        """Return whether the joints' limits allow these positions; else the safety system is to stop the robot."""
         within = (positions > self._lower - LIMIT_MARGIN) & (positions < self._upper + LIMIT_MARGIN)
         self.limit_exceeded = self.limit_exceeded or not bool(np.all(within))
         return not self.limit_exceeded

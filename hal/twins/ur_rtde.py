@@ -45,7 +45,7 @@ _TYPES: tuple[tuple[str, str], ...] = (
 
 
 def field_type(name: str) -> str | None:
-    """The RTDE type of a field, None where there is no such field."""
+    """Return the RTDE type of a field, None if there is no such field."""
     return next((kind for pattern, kind in _TYPES if re.fullmatch(pattern, name)), None)
 
 
@@ -65,7 +65,7 @@ class Recipe:
         return "NOT_FOUND" not in self.types
 
     def pack(self, values: Mapping[str, Any]) -> bytes:
-        """The values of its fields; what has none is zero."""
+        """Return the values of its fields; what has none is zero."""
         numbers: list[Any] = []
         for name, size in zip(self.names, self._sizes, strict=True):
             if size == 1:

@@ -24,7 +24,7 @@ OTHER_LENGTH = 0.005
 
 
 class URTwin:
-    """Serves one arm on ``address``. OSError where a port cannot be had."""
+    """Serves one arm on ``address``. Raises OSError if a port cannot be had."""
 
     def __init__(self, connection: ConnectionConfig, model: RobotModel, world: TwinWorld, address: str) -> None:
         arm_name = next(name for name in connection.parts if name in model.of(ArmModel))

@@ -101,7 +101,7 @@ class ToolIO:
         self._outputs = 0
 
     def read(self, data: bytes) -> bytes:
-        """The value of a register."""
+        """Return the value of a register."""
         (address,) = struct.unpack_from(">H", data, 1)
         return struct.pack(">i", {BAUD_RATE: BAUD_RATE_2M, OUTPUTS: self._outputs}.get(address, 0))
 

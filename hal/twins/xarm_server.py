@@ -35,7 +35,7 @@ LITE6_TYPE = 9
 
 
 class XArmTwin:
-    """Serves one arm, and its gripper if it has one, on ``address``. OSError where a port cannot be had."""
+    """Serves one arm, and its gripper if it has one, on ``address``. Raises OSError if a port cannot be had."""
 
     def __init__(self, connection: ConnectionConfig, model: RobotModel, world: TwinWorld, address: str) -> None:
         robot = world.robot
@@ -203,7 +203,7 @@ class XArmTwin:
 
 
 def _ignored(data: bytes) -> bytes:
-    """A setting that has no effect in the twin: answered as done."""
+    """Return a setting that has no effect in the twin: answered as done."""
     return b""
 
 

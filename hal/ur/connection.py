@@ -45,18 +45,18 @@ class URDigitalIO:
         self._link, self._latch = link, latch
 
     def set_output(self, kind: Kind, number: int, on: bool) -> None:
-        """Switch an output; refused while the robot is stopped. ConnectionFailedError where nobody answers."""
+        """Switch an output; refused while the robot is stopped. Raises ConnectionFailedError if nobody answers."""
         self._latch.check("digital output", "set_output")
         self._check(kind, number)
         self._link.call("set_output", kind, number, bool(on), timeout=TIMEOUT)
 
     def output(self, kind: Kind, number: int) -> bool:
-        """Whether an output is on."""
+        """Return whether an output is on."""
         self._check(kind, number)
         return bool(self._report().digital_outputs >> (FIRST[kind] + number) & 1)
 
     def input(self, kind: Kind, number: int) -> bool:
-        """Whether an input is on."""
+        """Return whether an input is on."""
         self._check(kind, number)
         return bool(self._report().digital_inputs >> (FIRST[kind] + number) & 1)
 
@@ -143,7 +143,7 @@ STOPPED_BY_PEOPLE = frozenset({5, 6, 7, 12, 13})
 
 
 def fault_of(report: Report) -> Failure | None:
-    """Why the controller cannot be commanded, None where it can."""
+    """Why the controller cannot be commanded, None if it can."""
     safety, mode = report.safety_mode, report.robot_mode
     if safety not in WELL:
         if safety == PROTECTIVE_STOP:
@@ -194,7 +194,7 @@ class URConnection(Connection):
     }
 
     def make_parts(self) -> dict[str, Part]:
-        """The arm of ``settings.parts``, and its force-torque sensor if that is named."""
+        """Return the arm of ``settings.parts``, and its force-torque sensor if that is named."""
         options: UROptions = self.options
         self._link = URLink(self.name, self.clock)
         self.io = URDigitalIO(self._link, self.latch)
@@ -244,7 +244,7 @@ class URConnection(Connection):
         return self._link.heard
 
     def reported_fault(self) -> Failure | None:
-        """A safety or robot mode, a program that has ended, or a link that is too slow."""
+        """Return a safety or robot mode, a program that has ended, or a link that is too slow."""
         report = self._link.pump()
         if not self._link.alive:
             return Failure(MotionErrorCode.DISCONNECTED, f"the process of {self.name}'s SDK has ended")
@@ -264,7 +264,7 @@ class URConnection(Connection):
         self._arm.tell_payload()
 
     def held(self) -> str | None:
-        """A safety mode or missing power, by the dashboard."""
+        """Return a safety mode or missing power, by the dashboard."""
         return self._release.cause()
 
     def release(self) -> None:
@@ -339,7 +339,7 @@ class URJoints(JointChannel):
         return 1.0 if report is None else scaling_of(report, self._reduced_scaling)
 
     def read(self) -> JointReading:
-        """The newest reading."""
+        """Return the newest reading."""
         report = self._link.report
         if report is None:
             raise NoDataError("the UR has told no joint positions yet")

@@ -48,7 +48,7 @@ class URIdentity:
         return weighed.text if weighed is not None and not weighed.agrees else None
 
     def arm_facts(self) -> ArmFacts:
-        """The same in the frames of the URDF, whose base counts x and y the other way round."""
+        """Return the same in the frames of the URDF, whose base counts x and y the other way round."""
         base = Pose.from_xyz_rpy((0.0, 0.0, 0.0), (0.0, 0.0, np.pi))
         tool, offset = base @ _pose(self.tool_pose), _pose(self.tcp_offset)
         return ArmFacts(np.array(self.joints), tool, offset, payload=self.payload)

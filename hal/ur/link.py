@@ -39,7 +39,7 @@ class URLink:
         self._lateness = LatencyMonitor()
 
     def open(self, address: str, settings: dict[str, float], timeout: float) -> None:
-        """Start the process and let it connect; ConnectionFailedError says why it could not."""
+        """Start the process and let it connect. Raises ConnectionFailedError saying why it could not."""
         calls, calls_there = multiprocessing.Pipe()
         stream, stream_there = multiprocessing.Pipe()
         numbers = (calls_there.fileno(), stream_there.fileno())
@@ -66,7 +66,7 @@ class URLink:
             time.sleep(0.005)
 
     def call(self, name: str, *arguments: Any, timeout: float) -> Any:
-        """What the SDK's process answers; ConnectionFailedError where it refuses or does not answer in time."""
+        """What the SDK's process answers. Raises ConnectionFailedError if it refuses or does not answer in time."""
         with self._calling:
             calls = self._calls
             if calls is None:

@@ -25,7 +25,7 @@ class URRelease:
         self._name, self._address, self._timeout = name, address, timeout
 
     def cause(self) -> str | None:
-        """What has to be looked at, in words; None where the arm is released. ConnectionFailedError."""
+        """What has to be looked at, in words, or None if the arm is released. ConnectionFailedError."""
         with self._dashboard() as dashboard:
             causes = [
                 f"{what} {state.replace('_', ' ').lower()}"
@@ -38,7 +38,10 @@ class URRelease:
         return ", ".join(causes) or None
 
     def release(self) -> None:
-        """Unlock or restart safety, power on, release the brakes. ConnectionFailedError where that does not help."""
+        """Unlock or restart safety, power on, release the brakes.
+
+        Raises ConnectionFailedError if that does not help.
+        """
         with self._dashboard() as dashboard:
             safety = dashboard.safetymode()
             if any(word in safety for word in AT_THE_ROBOT):

@@ -155,7 +155,10 @@ class SDKProcess:
     # What the parent asks for
 
     def open(self, address: str, settings: dict[str, float]) -> None:
-        """Connect, start the SDK's program on the controller; RefusedError where people have to release it first."""
+        """Connect, start the SDK's program on the controller.
+
+        Raises RefusedError if people have to release it first.
+        """
         from dashboard_client import DashboardClient
         from rtde_control import RTDEControlInterface
         from rtde_receive import RTDEReceiveInterface

@@ -44,7 +44,7 @@ class XArmJoints(JointChannel):
         self._reading: JointReading | None = None
 
     def read(self) -> JointReading:
-        """The reading of the last cycle."""
+        """Return the reading of the last cycle."""
         if self._reading is None:
             raise NoDataError("the xArm has told no joint positions yet")
         return self._reading
@@ -86,7 +86,7 @@ class XArmGripper(GripperChannel):
             self._width = self._model.part.min_width + float(pulses) / self._pulses_per_metre
 
     def read(self) -> GripperReading:
-        """The latest width."""
+        """Return the latest width."""
         if self._width is None:
             raise NoDataError("the xArm's gripper has told no position yet")
         return GripperReading(self._width)
@@ -136,7 +136,7 @@ class XArmConnection(Connection):
     }
 
     def make_parts(self) -> dict[str, Part]:
-        """The arm and the gripper of ``settings.parts``."""
+        """Return the arm and the gripper of ``settings.parts``."""
         self._wire = XArmWire(self.name, self.clock, self.sdk)
         self._gripper: CommandedGripper | None = None
         self._lite6_gripper: Lite6GripperWire | None = None
@@ -195,7 +195,7 @@ class XArmConnection(Connection):
         return self._wire.heard
 
     def reported_fault(self) -> Failure | None:
-        """The error of the controller or of the gripper."""
+        """Return the error of the controller or of the gripper."""
         return self._wire.fault
 
     def identity(self) -> Identity:
@@ -217,7 +217,7 @@ class XArmConnection(Connection):
         self._joints.refresh()
 
     def held(self) -> str | None:
-        """The controller's error, or that it is stopped."""
+        """Return the controller's error, or that it is stopped."""
         return self._by_another_wire(XArmWire.held)
 
     def release(self) -> None:

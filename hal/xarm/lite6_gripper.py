@@ -26,7 +26,7 @@ class Lite6GripperWire(GripperChannel):
         self._from = self._to = self._model.max_width if opened else self._model.part.min_width
 
     def read(self) -> GripperReading:
-        """The guess."""
+        """Return the guess."""
         model = self._model
         travel = (model.max_width - model.part.min_width) / model.part.max_speed
         share = min(1.0, (self._clock.now() - self._since) / travel)
@@ -54,7 +54,7 @@ class Lite6Gripper(CommandedGripper):
     """Knows no widths between open and closed, nor whether anything is between its fingers."""
 
     def move(self, width: float, force: float | None = None, speed: float | None = None) -> Motion[None]:
-        """Open or close fully; CommandRefusedError for widths between."""
+        """Open or close fully. Raises CommandRefusedError for widths between."""
         model = self.model
         if model.part.min_width + AT_END < width < model.max_width - AT_END:
             why = f"width = {width} m: a Lite 6's gripper opens ({model.max_width:.4g} m) and closes, nothing between"

@@ -45,7 +45,7 @@ class ArmIdentity:
 
     @classmethod
     def of(cls, arm: Any, load: Callable[[str], ModuleType]) -> ArmIdentity:
-        """The identity of the SDK's connected ``arm``; its limits are looked up as the SDK does."""
+        """Return the identity of the SDK's connected ``arm``; its limits are looked up as the SDK does."""
         serial = arm.sn[2:6] if arm.sn else ""
         narrower = serial.isdigit() and NARROWER_SINCE <= int(serial) < UNTIL
         listed_as = int(f"{arm.axis}{NARROWER_SINCE}") if narrower else arm.device_type
@@ -99,7 +99,7 @@ def discreet() -> Iterator[None]:
 
 
 def import_sdk(load: Callable[[str], ModuleType]) -> Any:
-    """The package ``xarm``; its log, which names the address, is kept for what is critical."""
+    """Return the package ``xarm``; its log, which names the address, is kept for what is critical."""
     with discreet():
         package = load("xarm")
         log = load("xarm.core.utils.log")
@@ -116,7 +116,7 @@ STOP_BUTTONS = frozenset({1, 2, 3})
 
 
 def controller_fault(number: int, load: Callable[[str], ModuleType]) -> Failure:
-    """The fault for error ``C<number>`` of the controller; its words are the vendor's."""
+    """Return the fault for error ``C<number>`` of the controller; its words are the vendor's."""
     if number in COLLISION:
         code = MotionErrorCode.COLLISION
     elif number in TRACKING:
@@ -130,7 +130,7 @@ def controller_fault(number: int, load: Callable[[str], ModuleType]) -> Failure:
 
 
 def gripper_fault(number: int, load: Callable[[str], ModuleType]) -> Failure:
-    """The fault for error ``G<number>`` of the gripper."""
+    """Return the fault for error ``G<number>`` of the gripper."""
     words = load("xarm.core.config.x_code").GripperErrorCodeMap
     return Failure(MotionErrorCode.FAULT, _title(words, number), vendor_code=f"G{number}")
 
@@ -145,7 +145,9 @@ GET_VERSION = struct.pack(">HHHB", 1, 2, 1, 1)
 
 
 def answers(address: str, timeout: float) -> bool:
-    """Whether the control box at ``address`` tells its version within ``timeout`` s; the SDK would try for minutes."""
+    """Return whether the control box at ``address`` tells its version within ``timeout`` s; the SDK would try for
+    minutes.
+    """
     try:
         with socket.create_connection((address, CONTROL_PORT), timeout) as wire:
             wire.settimeout(timeout)
@@ -160,7 +162,7 @@ REPORT_PORT, REPORT_LENGTH = 30001, 145
 
 
 def read_report(address: str, timeout: float) -> ArmFacts | None:
-    """The arm as the control box knows it; None where no such report comes within ``timeout`` s.
+    """Return the arm as the control box knows it, or None if no such report comes within ``timeout`` s.
 
     Its fields are those of the vendor's SDK (``__handle_report_normal``): little-endian floats, mm, radians and kg.
     """
@@ -237,7 +239,7 @@ class XArmWire:
         return ArmIdentity.of(self._arm, self._load)
 
     def open(self, address: str, options: XArmOptions) -> None:
-        """Connect; ConnectionFailedError where nothing answers."""
+        """Connect. Raises ConnectionFailedError if nothing answers."""
         sdk = import_sdk(self._load)
         if not answers(address, options.connect_timeout):
             raise ConnectionFailedError(f"{self._name}: no xArm controller answers at its address")
@@ -269,7 +271,7 @@ class XArmWire:
             arm.disconnect()
 
     def ask(self, question: Callable[[Any], tuple[int, Any] | int]) -> Any:
-        """The answer to a question, None where there is none."""
+        """Return the answer to a question, None if there is none."""
         if self._arm is None:
             return None
         reply = question(self._arm)
@@ -290,7 +292,7 @@ class XArmWire:
             self._fault = Failure(MotionErrorCode.FAULT, text, vendor_code=f"SDK {code}")
 
     def demand(self, what: str, command: Callable[[Any], int]) -> None:
-        """Give a command that has to succeed; ConnectionFailedError where it does not."""
+        """Give a command that has to succeed. Raises ConnectionFailedError if it does not."""
         code = command(self._arm)
         self._note(code)
         if code not in (0, WARNING_FLAGGED):
@@ -298,7 +300,10 @@ class XArmWire:
             raise ConnectionFailedError(f"{self._name}: the controller refused {what} (SDK {code}){reason}")
 
     def make_ready(self, gripper: bool) -> None:
-        """Enter servo mode; ConnectionFailedError where the controller has an error: people have to look at that."""
+        """Enter servo mode.
+
+        Raises ConnectionFailedError if the controller has an error: people have to look at that.
+        """
         with self._judging:
             self._fault = None
             self._arm.clean_warn()
@@ -315,7 +320,7 @@ class XArmWire:
             self._heard, self._fault = self._clock.now(), None
 
     def held(self) -> str | None:
-        """The controller's error, or that it is stopped; None where neither is so."""
+        """Return the controller's error, or that it is stopped, or None if neither is so."""
         self._fault = None
         self._look_for_errors()
         if self._fault is not None:

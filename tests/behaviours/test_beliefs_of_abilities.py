@@ -169,7 +169,7 @@ def test_a_container_that_there_is_not_is_told_with_those_that_there_are(
 ) -> None:
     status, (said,), _ = ticked(skills, library, f'<{leaf} container="drawer_chest/drawer_9"/>')
     assert status == FAILURE
-    assert said.startswith("unknown_articulation: no door or drawer 'drawer_chest/drawer_9' in the map; there are ")
+    assert said.startswith("unknown_articulation: no door or drawer 'drawer_chest/drawer_9' in the map; known: ")
     assert DRAWER in said
     assert skills.world.locked == set()
 

@@ -104,7 +104,7 @@ def test_an_empty_hand_is_noticed_by_sight_where_its_width_is_as_expected(taken,
     assert (status, evidence) == (FAILURE, "width, sight")
     code, words = failures_of(session)[0]
     assert code == "object_lost"
-    assert "the camera looks through" in words
+    assert "the camera sees through" in words
     assert session.skills.held is None
 
 

@@ -50,7 +50,7 @@ def test_it_stops_before_a_door_that_stays_shut_and_says_why(kitchen_with) -> No
     code, why = why_not(session, to(BEHIND_THE_DOORWAY, replans=0))
     assert truth.articulation_position(LEAF) < math.radians(3.0)
     assert code == "path_blocked"
-    assert "something that the map does not have is in the way" in why
+    assert "an obstacle that is not on the map blocks the path" in why
     assert truth.base_pose().to_pose2d().x < -0.3
     assert fastest(session) < 0.01
     assert belief_error(session, truth) < 0.02

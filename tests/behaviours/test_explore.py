@@ -86,7 +86,7 @@ def test_time_that_is_up_is_told_and_the_map_is_saved_all_the_same(tmp_path: Pat
 
 
 @pytest.mark.parametrize(
-    ("range_max", "words"), [("70 cm", "seen nothing yet"), ("1.5 m", "too little around the base")]
+    ("range_max", "words"), [("70 cm", "not seen anything"), ("1.5 m", "too little known free space")]
 )
 def test_a_lidar_that_sees_too_little_to_drive_is_told_and_no_finished_map(range_max: str, words: str) -> None:
     with session(seed=2, settings=[f"robot.parts.lidar.set.range_max={range_max}"]) as opened:

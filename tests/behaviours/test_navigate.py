@@ -38,7 +38,7 @@ def test_a_door_that_stays_shut_is_told_after_the_recoveries(kitchen_with) -> No
     session, truth = kitchen_with(DOOR)
     code, why = why_not(session, to(BEHIND_THE_DOORWAY, replans=1))
     assert code == "path_blocked"
-    assert "something that the map does not have is in the way" in why
+    assert "an obstacle that is not on the map blocks the path" in why
     assert truth.base_pose().to_pose2d().x < -0.3
     assert fastest(session) < 0.01
     assert audited(session).collisions == ()
@@ -114,7 +114,7 @@ def test_a_goal_that_somebody_stands_on_is_waited_for_and_then_told(kitchen_with
     session, truth = kitchen_with(STANDING)
     code, why = why_not(session, to("0.1;0.0;0.0", replans=0))
     assert code == "path_blocked"
-    assert "something that the map does not have is in the way" in why
+    assert "an obstacle that is not on the map blocks the path" in why
     assert np.hypot(*(truth.base_pose().position[:2] - [0.1, 0.0])) > 0.5
     assert audited(session).collisions == ()
 

@@ -112,6 +112,6 @@ def test_a_mug_out_of_the_arms_reach_has_no_view_and_the_arm_stays(folder: Path)
         before = session.skills.arm_positions()
         assert why_not(session, SECOND_LOOK) == (
             "no_view",
-            "no telling view of the mug is free and within reach from here",
+            "no informative view of the mug is free and within reach from here",
         )
         assert np.abs(session.skills.arm_positions() - before).max() < 1e-3

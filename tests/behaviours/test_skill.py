@@ -236,7 +236,7 @@ def test_contacts_are_declared_as_long_as_the_work_lasts_however_it_ends(bystand
 @pytest.mark.parametrize(
     ("declared", "words"),
     [
-        (grasp("*"), "grasp, that is refused: it should name one object that the robot knows, got '*'; known: "),
+        (grasp("*"), "grasp: it should name one object that the robot knows, got '*'; known: "),
         (push("cupp"), "got 'cupp'; did you mean 'cup'?"),
         (support("", "table"), "got ''"),
         (handle("*"), "it should name one door or drawer, 'furniture/leaf', got '*'"),
@@ -338,7 +338,7 @@ class HoldsTrue(SkillCondition):
             "NoYield.execute should wait by yield, at least once (yield from ()); it has no yield",
         ),
         (YieldsFive, YieldsFive.part, "YieldsFive.execute should yield a Motion, as controllers and"),
-        (HoldsTrue, HoldsTrue.check, "HoldsTrue.check should return None where it holds, else (code, why); got True"),
+        (HoldsTrue, HoldsTrue.check, "HoldsTrue.check should return None if it is true, else (code, why); got True"),
     ],
 )
 def test_mistakes_of_a_skills_author_are_told_with_the_remedy_and_their_line(
@@ -357,7 +357,7 @@ def test_mistakes_of_a_skills_author_are_told_with_the_remedy_and_their_line(
     [
         ({"REQUIRES": ("hed",)}, r"Wrong.REQUIRES should be a tuple of kinds of parts \(base, lidar, .*got \('hed',\)"),
         ({"USES": "head"}, "Wrong.USES should be a tuple of kinds of parts .*got 'head'"),
-        ({"FAILS": ["a"]}, r"Wrong.FAILS should map codes to what a tree may try then, got \['a'\]"),
+        ({"FAILS": ["a"]}, r"Wrong.FAILS should map codes to advice for the tree, got \['a'\]"),
         ({"DECLARATION": 5}, "Wrong.DECLARATION should be a Declaration, got 5"),
         (
             {"thing": In(str), "DECLARATION": Declaration(effects=("on({thing}, {plcae})",), pre=("near({thing})",))},

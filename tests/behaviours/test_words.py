@@ -14,7 +14,7 @@ from tests.behaviours.at_the_table import failures_of, tick, tree_of
     ("body", "code", "why"),
     [
         ('<MoveArm posture="salute"/>', "unknown_posture", "no posture 'salute'; it has carry, carry_beside,"),
-        ('<LookAt surface="shelf"/>', "unknown_surface", "no surface 'shelf' in the map; there are table/top"),
+        ('<LookAt surface="shelf"/>', "unknown_surface", "no surface 'shelf' in the map; known: table/top"),
         ('<LookAt object="cup"/>', "no_target", "nothing to look at"),
         ('<LookAt point="0.4;5;1"/>', "unreachable", "head cannot look at"),
         ('<EstimatePose object="cup"/>', "not_found", "the cup has not been seen; detect it first"),

@@ -105,7 +105,7 @@ def test_a_tree_that_does_not_load_is_refused(refused, folder: Path, text: str, 
 def test_of_several_trees_one_is_to_be_chosen(refused, folder: Path) -> None:
     trees = "".join(f'<BehaviorTree ID="{name}"><AlwaysSuccess/></BehaviorTree>' for name in ("A", "B"))
     (folder / "two.xml").write_text(f'<root BTCPP_format="4">{trees}</root>')
-    told = "two.xml:1: <root> 'main_tree_to_execute': it is missing, and the file holds 2 trees: A, B"
+    told = "two.xml:1: <root> 'main_tree_to_execute': the attribute is missing, and the file holds 2 trees: A, B"
     assert f'{told} (write main_tree_to_execute="A")' in refused("run", "two.xml")
     include = '<root BTCPP_format="4"><include path="two.xml"/><BehaviorTree ID="'
     uses = '"><SubTree ID="'
@@ -121,7 +121,7 @@ def test_an_unknown_node_that_a_file_beside_the_tree_defines_is_brought_as_a_plu
     told = refused("run", "t.xml").splitlines()[1:]
     assert told[0] == "t.xml:4: <Wave>: unknown node 'Wave' (skills.py defines one: bring it with --plugin skills.py)"
     assert told[1].endswith("unknown node 'SayHello' (skills.py defines one: bring it with --plugin skills.py)")
-    assert told[2].endswith("unknown node 'Nothing_like_it' (a node of your own comes with --plugin FILE.py)")
+    assert told[2].endswith("unknown node 'Nothing_like_it' (load your own nodes with --plugin FILE.py)")
     assert "unknown node 'Nothing_like_it'" in refused("run", "t.xml", "--plugin", "skills.py")
 
 

@@ -193,7 +193,7 @@ def towards_the_wall(folder: Path) -> str:
 
 def test_furniture_that_is_asked_for_and_has_no_room_before_it_is_refused(refused, towards_the_wall: str) -> None:
     told = refused("--scene", towards_the_wall, "--at", "counter")
-    assert "no room for the robot before the counter" in told
+    assert "no room for the robot in front of the counter" in told
 
 
 def test_without_being_asked_for_it_is_left_out_and_told(bestman_bt: Command, towards_the_wall: str) -> None:

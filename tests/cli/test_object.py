@@ -76,7 +76,7 @@ def test_an_object_is_replaced_only_by_force(bestman_bt: Command, folder: Path) 
     (folder / "a.yaml").write_text("mine")
     refused = bestman_bt(*add)
     assert refused.code == 2
-    assert "a.yaml: is there already; --force replaces it" in refused.err
+    assert "a.yaml: already exists; --force replaces it" in refused.err
     assert (folder / "a.yaml").read_text() == "mine"
     assert sorted(path.name for path in folder.iterdir()) == ["a.stl", "a.yaml"]
     done = bestman_bt(*add, "--force")
@@ -94,8 +94,8 @@ def test_an_object_is_replaced_only_by_force(bestman_bt: Command, folder: Path) 
         (("ball.stl", "--name", "a", "--scale", "1e-6"), "longest side would be 8e-05 m"),
         (("torn.stl", "--name", "a", "--scale", "1mm"), "its surface is not closed (3 of 480 edges"),
         (("sheet.stl", "--name", "a", "--open"), "it is flat: a solid object is needed"),
-        (("ball.stl", "--name", "a b"), "--name: a b: a name is letters, digits, _ and -"),
-        (("ball.stl", "--name", "random_001"), "is none of random_000 to random_999"),
+        (("ball.stl", "--name", "a b"), "--name: a b: a name should be letters, digits, _ and -"),
+        (("ball.stl", "--name", "random_001"), "not be random_000 to random_999"),
         (("ball.stl", "--name", "cup", "--scale", "1mm"), "--name: cup: another object has this name"),
         (("ball.stl", "--name", "a", "--scale", "1 kg"), "--scale: expected a length"),
         (("ball.stl", "--name", "a", "--mass", "-1 kg"), "--mass: should be more than 0"),

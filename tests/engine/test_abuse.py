@@ -66,7 +66,7 @@ def bounded(seconds: float, megabytes: float) -> Iterator[None]:
         ("<root\0/>", "NUL bytes"),
         ("<root>" + "a" * 5000 + "\0</root>", "not well-formed XML"),
         (TREE.format("<AlwaysSuccess/>" * 2, "") + "<again/>", "not well-formed XML"),
-        (TREE.format('<SubTree ID="M"/>', ""), "in a circle: M -> M"),
+        (TREE.format('<SubTree ID="M"/>', ""), "recursively: M -> M"),
         (
             TREE.format('<SubTree ID="S" x="{@@k}"/>', '<BehaviorTree ID="S"><AlwaysSuccess/></BehaviorTree>'),
             "no key|not a key",

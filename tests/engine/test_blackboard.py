@@ -215,7 +215,7 @@ def test_values_of_own_types_lists_and_queues_go_through_json() -> None:
     assert found == {**values, "queue": [1, 2], "pair": [3, 4]}
     assert found["yes"] is True
     tree.blackboard.set("other", Spot(2.0))
-    with pytest.raises(BlackboardError, match="other' holds a Spot, but no port in the tree declares that type"):
+    with pytest.raises(BlackboardError, match="other' holds a Spot, which no port in the tree declares"):
         from_json(again, to_json(tree))
     tree.blackboard.set("thing", object())
     with pytest.raises(BlackboardError, match="thing' cannot be exported"):

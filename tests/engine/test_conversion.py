@@ -91,10 +91,10 @@ def test_a_file_of_version_3_is_told_in_one_line(tmp_path: Path) -> None:
     path = tmp_path / "t.xml"
     path.write_text('<root>\n<BehaviorTree ID="Main">\n<SequenceStar><A/><B/></SequenceStar></BehaviorTree></root>')
     (problem,) = validate_file(path)
-    told = f"{path}:3: the file is of BehaviorTree.CPP 3 ('SequenceStar')"
-    assert str(problem) == f"{told} (bestman-bt convert {path} writes it as version 4)"
+    told = f"{path}:3: the file is in the format of BehaviorTree.CPP 3 ('SequenceStar')"
+    assert str(problem) == f"{told} (convert it with: bestman-bt convert {path})"
     for load in (load_tree, open_tree):
-        with pytest.raises(TreeLoadError, match="is of BehaviorTree.CPP 3") as error:
+        with pytest.raises(TreeLoadError, match="is in the format of BehaviorTree.CPP 3") as error:
             load(path)
         assert len(error.value.problems) == 1
     parallel = '<Parallel failure_threshold="1"><A/><B/></Parallel>'

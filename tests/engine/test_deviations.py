@@ -106,7 +106,7 @@ def test_an_int_has_64_bits() -> None:
 
 
 def test_files_of_another_format_are_refused() -> None:
-    with pytest.raises(TreeLoadError, match="is of BehaviorTree.CPP 3"):
+    with pytest.raises(TreeLoadError, match="is in the format of BehaviorTree.CPP 3"):
         load_tree('<root BTCPP_format="3"><BehaviorTree ID="M"><AlwaysSuccess/></BehaviorTree></root>')
 
 

@@ -172,7 +172,7 @@ def test_an_id_that_two_other_files_define_is_an_error_with_both_places(package:
 def test_a_circle_through_two_files_is_an_error(package: Path) -> None:
     (package / "pick.xml").write_text(document('<SubTree ID="Main"/>', tree_id="Pick"))
     problems = validate_file(package / "main.xml", package=Package.open([package]))
-    assert any("call each other in a circle: Main -> Pick -> Main" in problem.message for problem in problems)
+    assert any("include each other recursively: Main -> Pick -> Main" in problem.message for problem in problems)
 
 
 def test_the_overview_tells_who_uses_whom(package: Path) -> None:

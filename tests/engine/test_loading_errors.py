@@ -102,7 +102,7 @@ def test_a_missing_file_is_said_to_be_missing(tmp_path: Path) -> None:
         ("<tree/>", "the outermost element must be <root>"),
         (
             '<root BTCPP_format="3"><BehaviorTree ID="M"><AlwaysSuccess/></BehaviorTree></root>',
-            "is of BehaviorTree.CPP 3",
+            "is in the format of BehaviorTree.CPP 3",
         ),
         ('<root BTCPP_format="4"/>', "the file holds no <BehaviorTree>"),
         (document("<AlwaysSuccess/><AlwaysFailure/>"), "must have exactly one root node but has 2"),
@@ -110,7 +110,7 @@ def test_a_missing_file_is_said_to_be_missing(tmp_path: Path) -> None:
         (document("<AlwaysSuccess/>", ' main_tree_to_execute="Other"'), "there is no tree 'Other'"),
         (
             document("<AlwaysSuccess/>", "", '<BehaviorTree ID="B"><AlwaysSuccess/></BehaviorTree>'),
-            "it is missing, and the file holds 2 trees: Main, B",
+            "the attribute is missing, and the file holds 2 trees: Main, B",
         ),
         (document("<Inverter/>"), "must have exactly one child but has 0"),
         (document("<AlwaysSuccess><AlwaysSuccess/></AlwaysSuccess>"), "must not have children but has 1"),
@@ -122,7 +122,7 @@ def test_a_missing_file_is_said_to_be_missing(tmp_path: Path) -> None:
         (
             document('<SubTree ID="A"/>', ' main_tree_to_execute="Main"')[:-7]
             + '<BehaviorTree ID="A"><SubTree ID="Main"/></BehaviorTree></root>',
-            "the trees call each other in a circle: Main -> A -> Main",
+            "the trees include each other recursively: Main -> A -> Main",
         ),
         (
             document(

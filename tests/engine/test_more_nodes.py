@@ -186,7 +186,7 @@ def test_a_manual_selector_repeats_its_last_choice_and_needs_a_terminal(monkeypa
     tree = build_tree(ManualSelector([AlwaysSuccess(), AlwaysFailure()], repeat_last_selection=True))
     assert ticks(tree, 2) == [FAILURE, FAILURE]
     other = build_tree(ManualSelector([AlwaysSuccess(), AlwaysFailure()]))
-    with pytest.raises(NodeError, match="no terminal to ask"):
+    with pytest.raises(NodeError, match="cannot ask"):
         other.tick_exactly_once()
 
 

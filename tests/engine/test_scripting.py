@@ -96,7 +96,7 @@ def test_an_assignment_keeps_the_type_of_the_entry(source: str, result: Any) -> 
         ("'a' - 'b'", "operation not permitted"),
         ("1.5 & 2", "needs whole 64-bit numbers"),
         ("-'a'", "does not apply"),
-        ("5 && 1", "is no condition"),
+        ("5 && 1", "is not a condition"),
         ("'' ? 1 : 2", "is not a number"),
         ("'a' < 1", "is not a number"),
     ],
@@ -134,7 +134,7 @@ def test_a_condition_is_a_double_or_the_integers_zero_and_one() -> None:
     compiler, board = ScriptCompiler(), Blackboard("c")
     assert compiler.compile_condition("0.5", board)() is True
     assert compiler.compile_condition("1", board)() is True
-    with pytest.raises(ScriptError, match="2 is no condition"):
+    with pytest.raises(ScriptError, match="2 is not a condition"):
         compiler.compile_condition("2", board)()
 
 

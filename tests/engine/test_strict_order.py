@@ -198,7 +198,7 @@ def test_leaves_that_are_not_made_for_a_reactive_node_are_warned_of(tmp_path: Pa
     )
     told = [str(problem).removeprefix(f"{file}:") for problem in validate_file(file, registry)]
     assert told == [
-        "1: warning: <Sequence> '_strict': it means something to ReactiveSequence and ReactiveFallback alone",
-        "2: warning: <Odd>: a condition that may return RUNNING holds up the reactive node above it",
-        "3: warning: <Careless>: a reactive node may interrupt it, and it defines no on_halted()",
+        "1: warning: <Sequence> '_strict': it only affects ReactiveSequence and ReactiveFallback",
+        "2: warning: <Odd>: a condition that may return RUNNING blocks the reactive node above it",
+        "3: warning: <Careless>: a reactive node may halt it, and it does not define on_halted()",
     ]

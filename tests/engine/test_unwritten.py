@@ -77,7 +77,7 @@ def test_a_port_that_a_subtree_of_another_file_lacks_is_told_once_at_the_subtree
     why = "<SubTree> port 'object': it is not given, and the tree 'Twice' reads it"
     reads = unwritten_reads(load_tree(tree, registry))
     assert [str(read.problem("error")).removeprefix(f"{tmp_path}/") for read in reads] == [
-        f"tree.xml:2: {why} (did you mean it by 'objekt'?)",
+        f"tree.xml:2: {why} (did you mean 'objekt'?)",
         f'tree.xml:3: {why} (give object="…")',
         f'tree.xml:4: {why.replace("Twice", "Take")} (give object="…")',
     ]
@@ -108,7 +108,7 @@ def test_what_is_written_only_afterwards_is_told_with_the_line_of_the_writer(
     reader = '<Grasp target="{x}"/>'
     assert told(f"<Sequence>{writer}{reader}</Sequence>", registry) == []
     (message,) = told(f"<Sequence>{reader}\n{writer}</Sequence>", registry)
-    assert message == "<text>:2: <Grasp> port 'target': reads '{x}', which is written only afterwards, in line 3"
+    assert message == "<text>:2: <Grasp> port 'target': reads '{x}', which is written only later, in line 3"
 
 
 @pytest.mark.parametrize("around", ["RetryUntilSuccessful num_attempts='2'", "Repeat num_cycles='2'"])

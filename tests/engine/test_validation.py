@@ -90,7 +90,7 @@ def test_a_port_that_was_not_mapped_into_a_subtree_is_suggested(tmp_path: Path, 
         '<BehaviorTree ID="Pick"><Grasp target="{cup}"/></BehaviorTree>',
     )
     (warning,) = found(path, registry)
-    assert "the tree outside has 'cup'; map it with cup=\"{cup}\"" in warning
+    assert "the enclosing tree has 'cup'; map it with cup=\"{cup}\"" in warning
 
 
 def test_children_that_can_never_be_ticked_are_a_warning(tmp_path: Path, registry: NodeRegistry) -> None:
@@ -100,7 +100,7 @@ def test_children_that_can_never_be_ticked_are_a_warning(tmp_path: Path, registr
     )
     messages = found(file(tmp_path, body), registry)
     assert [m.split(" warning: ")[0] for m in messages] == ["tree.xml:6:", "tree.xml:9:", "tree.xml:10:"]
-    assert "it can never be ticked: 'stop' before it ends or blocks its parent" in messages[1]
+    assert "it can never be ticked: the earlier child 'stop' always ends or blocks the parent" in messages[1]
 
 
 def test_unused_trees_shadowing_literals_and_misspelt_scripts_are_warnings(
@@ -114,8 +114,10 @@ def test_unused_trees_shadowing_literals_and_misspelt_scripts_are_warnings(
     )
     messages = found(path, registry)
     assert len(messages) == 3
-    assert any("port 'speed': the literal shadows the entry of this name outside" in m for m in messages)
-    assert any("'_skipif': it is no script attribute and does nothing (did you mean '_skipIf'?)" in m for m in messages)
+    assert any("port 'speed': the literal shadows the outer entry of this name" in m for m in messages)
+    assert any(
+        "'_skipif': it is not a script attribute and has no effect (did you mean '_skipIf'?)" in m for m in messages
+    )
     assert any("tree 'B' is never used" in m for m in messages)
 
 
@@ -190,7 +192,7 @@ def test_rules_that_are_not_well_formed_are_refused(text: str, message: str) -> 
 
 
 def test_a_rule_that_names_an_unknown_node_is_refused(registry: NodeRegistry) -> None:
-    with pytest.raises(SubstitutionError, match="'Nothing' that is to replace 'pick/first' is not registered"):
+    with pytest.raises(SubstitutionError, match="'Nothing', the replacement of 'pick/first', is not registered"):
         load_tree(TREE, registry, substitutions=SubstitutionRules({"first": "Nothing"}))
 
 
@@ -372,10 +374,10 @@ def test_two_trees_of_one_id_are_an_error_with_both_lines_and_hide_nothing(
     path = file(tmp_path, '<SubTree ID="Inner"/>', twice)
     assert found(path, registry) == [
         "tree.xml:6: <Grisp>: unknown node 'Grisp' (did you mean 'Grasp'?)",
-        "tree.xml:8: <BehaviorTree> 'ID': 'Inner' is the ID of the tree in line 5, too; give one of them another",
+        "tree.xml:8: <BehaviorTree> 'ID': 'Inner' is also the ID of the tree in line 5; rename one of them",
         "tree.xml:8: <Grosp>: unknown node 'Grosp' (did you mean 'Grasp'?)",
     ]
-    with pytest.raises(TreeLoadError, match="in line 5, too"):
+    with pytest.raises(TreeLoadError, match="the tree in line 5"):
         load_tree(path, registry)
 
 
@@ -384,7 +386,7 @@ def test_a_tree_that_replaces_an_included_one_is_warned_of(tmp_path: Path, regis
     (tmp_path / "parts.xml").write_text(f'<root BTCPP_format="4">{inner}</root>')
     more = '<include path="parts.xml"/>' + inner.replace("AlwaysFailure", "AlwaysSuccess")
     path = file(tmp_path, '<SubTree ID="Inner"/>', more)
-    assert "'Inner' is defined already, at" in "\n".join(found(path, registry))
+    assert "'Inner' is already defined at" in "\n".join(found(path, registry))
     assert load_tree(path, registry).tick_exactly_once() == SUCCESS
 
 
@@ -403,7 +405,7 @@ def test_what_behaviortree_cpp_accepts_without_a_word_is_warned_of(tmp_path: Pat
         "'{width}', not to '7'",
         "tree.xml:6: warning: <Sequence>: 'Sequence' is no Action (write <Control ID=\"Sequence\">)",
         "<Metadata>: it is ignored",
-        "what it writes to '{size}' does not reach '@size', which the SubTree maps it to (write to '{@size}' itself)",
+        "its writes to '{size}' do not reach '@size', to which the SubTree maps it (write to '{@size}' itself)",
     ):
         assert expected in told
 

@@ -240,7 +240,7 @@ def test_a_run_folder_that_is_itself_reached_by_a_link_shows_its_pictures(folder
 def test_a_pipe_among_the_segments_holds_nobody_up(folder: Path, name: str) -> None:
     os.mkfifo(folder / name)
     RecordedRun("run-1", folder).look()
-    assert "no regular file" in warnings_of(history_of(folder))[-1]
+    assert "not a regular file" in warnings_of(history_of(folder))[-1]
 
 
 def test_events_that_are_missing_in_the_middle_are_told(folder: Path) -> None:
@@ -267,7 +267,7 @@ def test_states_that_are_missing_in_the_middle_are_told(folder: Path) -> None:
 
 def test_a_pipe_for_a_picture_is_refused_at_once(folder: Path) -> None:
     os.mkfifo(folder / "pictures" / "pipe.jpg")
-    with pytest.raises(RecordError, match="no regular file"):
+    with pytest.raises(RecordError, match="not a regular file"):
         read_picture(folder, "pictures/pipe.jpg")
 
 

@@ -312,10 +312,10 @@ def test_pictures_are_served_as_what_they_are(executor: FakeExecutor, start_moni
 def test_what_the_executor_refuses_is_told(executor: FakeExecutor, start_monitor: StartMonitor) -> None:
     with start_monitor().page() as page:
         opened(page)
-        executor.answer = {"ok": False, "error": "the tree does not tick any more"}
+        executor.answer = {"ok": False, "error": "the execution has ended"}
         page.ask("pause", id=ID, n=1)
         answer = page.next("answer", lambda answer: answer["for"] == 1)
-    assert answer == {"type": "answer", "for": 1, "ok": False, "error": "the tree does not tick any more"}
+    assert answer == {"type": "answer", "for": 1, "ok": False, "error": "the execution has ended"}
 
 
 def test_a_read_only_monitor_shows_and_controls_nothing(executor: FakeExecutor, start_monitor: StartMonitor) -> None:

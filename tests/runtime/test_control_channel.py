@@ -216,7 +216,7 @@ def test_what_is_set_and_forced_by_hand_is_noted_for_the_result(served: Served) 
 def test_after_the_end_nothing_can_be_set_any_more(served: Served) -> None:
     served.ask("halt")
     served.wait()
-    with pytest.raises(ControlError, match="the tree does not tick any more"):
+    with pytest.raises(ControlError, match="the execution has ended"):
         served.ask("set", key="speed", value=3)
     assert served.ask("status")["root"] == "IDLE"
 
@@ -342,7 +342,7 @@ def test_a_pause_lets_the_robot_wait_at_once_and_going_on_lets_it_go_on(served: 
     assert served.speeds[-1] == 0.3
     with pytest.raises(ControlError, match="a speed is 5% to 100%"):
         served.ask("speed", share=2)
-    with pytest.raises(ControlError, match="speed wants a share"):
+    with pytest.raises(ControlError, match="speed needs a share"):
         served.ask("speed", share="fast")
 
 
@@ -386,7 +386,7 @@ def test_a_value_of_the_wrong_type_is_refused_and_the_run_goes_on(served: Served
         (b'"stop"\n', "unknown request None; known: status, subscribe, pause"),
         (b'{"do": "jump"}\n', "unknown request 'jump'; known: status"),
         (b'{"do": ["stop"]}\n', "unknown request"),
-        (b'{"do": "set", "key": 3}\n', "set wants a key"),
+        (b'{"do": "set", "key": 3}\n', "set needs a key"),
     ],
 )
 def test_a_request_that_makes_no_sense_is_answered_and_harms_nothing(served: Served, line: bytes, error: str) -> None:
@@ -507,7 +507,7 @@ def test_what_was_refused_because_the_tree_did_not_tick_is_not_done_later(monkey
     run = RunEvent("late", "Main", "", "", 0, "", os.getpid(), time.time(), 20.0, "simulated")
     channel = ControlChannel(executor, lambda: None, Telemetry(executor, run))
     for asked in ({"do": "set", "key": "n", "value": 1}, {"do": "force", "node": "yes", "result": "FAILURE"}):
-        assert channel.answer(asked) == {"ok": False, "error": "the tree does not tick any more"}
+        assert channel.answer(asked) == {"ok": False, "error": "the execution has ended"}
     assert executor.run().tree_status == "SUCCESS"
     assert "n" not in executor.tree.blackboard
 
@@ -587,7 +587,7 @@ def test_a_step_that_takes_long_is_told(served: Served, monkeypatch: pytest.Monk
 
 
 def test_set_without_a_value_is_refused_and_null_is_a_value(served: Served) -> None:
-    with pytest.raises(ControlError, match="set wants a key"):
+    with pytest.raises(ControlError, match="set needs a key"):
         served.ask("set", key="cup")
     assert served.ask("set", key="cup", value=None)["ok"]
 

@@ -70,7 +70,7 @@ def path(*points: tuple[float, float]) -> Path2D:
         (None, "Plans.plan should return Path2D or PlanningFailure, got NoneType"),
         ([np.zeros(2)], "got list of ndarray"),
         (path((0.0, 0.0), (50.0, 50.0), (1.0, 0.0)), "leaves the map at (50.00, 50.00) m"),
-        (path(), "Path2D without a point"),
+        (path(), "Path2D without points"),
     ],
 )
 def test_a_planner_that_returns_no_path_of_the_map_is_told(costmap: Costmap, found: Any, words: str) -> None:

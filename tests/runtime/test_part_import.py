@@ -105,15 +105,17 @@ def test_what_a_part_leaves_out_of_its_file_is_noted(tmp_path: Path) -> None:
         for side in ("left", "right")
     )
     part, _ = imported(written(tmp_path, arm_urdf(extra=wheels)))
-    assert "cut off, with all that hangs on it: palm" in part.notes
-    assert any("left_joint, left_wheel_joint, right_wheel_joint; import them as parts" in note for note in part.notes)
+    assert "cut off, with all descendants: palm" in part.notes
+    assert any(
+        "left_joint, left_wheel_joint, right_wheel_joint; import them as separate parts" in note for note in part.notes
+    )
 
 
 def test_a_state_that_says_only_some_joints_is_noted(tmp_path: Path) -> None:
     srdf = SRDF.replace('<joint name="j4" value="1.0"/>', "")
     part, fields = imported(written(tmp_path, arm_urdf()), written(tmp_path, srdf, "small.srdf"), group="arm")
     assert "states" not in fields
-    assert any("'ready' of the SRDF was left out: it says nothing of j4" in note for note in part.notes)
+    assert any("'ready' of the SRDF was left out: it lacks j4" in note for note in part.notes)
 
 
 def test_names_of_states_and_pairs_that_the_urdf_lacks_are_noted(tmp_path: Path) -> None:
@@ -121,7 +123,7 @@ def test_names_of_states_and_pairs_that_the_urdf_lacks_are_noted(tmp_path: Path)
         '<joint name="j1" value="0"/>', '<joint name="j0" value="0"/>'
     )
     part, _ = imported(written(tmp_path, arm_urdf()), written(tmp_path, srdf, "small.srdf"), group="arm")
-    assert any("passed over, for the URDF lacks what the SRDF names there: j0, plam" in note for note in part.notes)
+    assert any("ignored, because the URDF lacks what the SRDF names there: j0, plam" in note for note in part.notes)
 
 
 def test_faults_of_a_urdf_and_its_srdf_come_at_once(tmp_path: Path) -> None:

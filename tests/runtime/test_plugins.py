@@ -182,7 +182,7 @@ def test_a_misspelt_slot_is_a_fault_of_the_plug_in_and_one_that_came_otherwise_i
     plug_in = tmp_path / "p.py"
     for name, words in (
         ("global_planing/x", "unknown slot 'global_planing'; did you mean 'global_planning'?"),
-        ("nothing", "a slot and a name are accepted, as 'global_planning/mine'"),
+        ("nothing", "should be a slot and a name, such as 'global_planning/mine'"),
     ):
         plug_in.write_text(f"from bestman_bt.registry import algorithm\n\n\n@algorithm({name!r})\nclass X: ...\n")
         with pytest.raises(ConfigurationError) as raised:
@@ -328,7 +328,7 @@ def test_a_tasks_algorithm_file_is_counted_from_the_tasks_folder(decorated: Path
             "class AParameters: ...\nfrom bestman_bt.navigation.global_planning.base import GlobalPlanner\n"
             "class A(GlobalPlanner):\n    def plan(self, start, goal, costmap): ...\n",
             "p.py:A",
-            "p.py:1: algorithms.global_planning: the fields of AParameters should be those of A, as a dataclass",
+            "p.py:1: algorithms.global_planning: the fields of AParameters should match the dataclass fields of A",
         ),
         ("import numpy\nnumpy.zeros(-1)\n", "p.py:A", "p.py:2: it raised ValueError"),
         ("x = (\n", "p.py:A", "p.py:1: it raised SyntaxError"),

@@ -280,7 +280,7 @@ def test_parts_behind_no_connection_are_told_as_such_with_the_node_that_needs_th
     tree = load_tree(text, node_registry())
     (problem,) = lacking_parts(tree, robot, robot.parts.keys() - robot.of(LidarPart).keys())
     assert "NavigateTo" in problem.message
-    assert problem.message.endswith("and its lidar behind no connection")
+    assert problem.message.endswith("and its lidar without a connection")
     assert not lacking_parts(tree, robot, robot.parts)
     assert not lacking_parts(tree, robot, ())  # the robot's file is at fault
 

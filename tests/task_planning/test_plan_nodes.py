@@ -410,7 +410,7 @@ def test_the_arm_is_tucked_where_every_joint_is(
         ("located(cup) and on(cup, desk/top)", "", "not_believed", "it is not believed that on(cup, desk/top)"),
         ("located(cup) and not located(cup)", "", "not_believed", "it is not believed that not located(cup)"),
         ("onn(cup, desk/top)", "", "unknown_name", "unknown predicate 'onn'; did you mean 'on'?"),
-        ("drawer(attic/top)", "", "unknown_name", "no surface 'attic/top' in the map; there are table/top"),
+        ("drawer(attic/top)", "", "unknown_name", "no surface 'attic/top' in the map; known: table/top"),
     ],
 )
 def test_a_condition_asks_the_beliefs_and_says_why_not(

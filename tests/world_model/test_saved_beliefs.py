@@ -124,6 +124,8 @@ def test_what_is_in_the_hand_does_not_lie_anywhere(setup: Setup, tmp_path: Path)
         " tool_from_object: {position: [0, 0, 2 cm]}}}\n  objects:\n"
         "    mug: {what: {model: mug}, surface: table/top, pose: {position: [3.1, -0.2, 80 cm]}}\n"
     )
-    with pytest.raises(ConfigurationError, match="the hand holds the mug; leave one of them out") as refused:
+    with pytest.raises(
+        ConfigurationError, match="mug is also held by the hand; remove one of the two entries"
+    ) as refused:
         read_world(path).world_model(setup)
     assert refused.value.problems[0].line == 5

@@ -202,8 +202,8 @@ class ArmController:
         """Move the tool straight along ``direction`` (3,), base frame, until something resists with ``stop_force`` N.
 
         Both that and ``max_distance`` metres without a touch are success; the outcome tells which it was. The hand
-        keeps its orientation. Fails as UNREACHABLE where the arm cannot go on. ValueError for values that make no
-        sense.
+        keeps its orientation. Fails as UNREACHABLE where the arm cannot go on. Raises ValueError for values that make
+        no sense.
         """
         axis = _unit(direction)
         check_positive(speed=speed, max_distance=max_distance, stop_force=stop_force)
@@ -224,8 +224,8 @@ class ArmController:
         """Go along with a door or drawer whose handle the hand holds, or that it pushes.
 
         ``direction``: (3,) base frame, in which the handle is thought to start to move. ``grip``: answers with a text
-        when the handle is lost (``GripperController.watch_slip``). ``hint``: the kind of joint, where it is known.
-        The result, also of a following that failed, is a FollowedMotion. ValueError for a direction without length.
+        when the handle is lost (``GripperController.watch_slip``). ``hint``: the kind of joint, where it is known. The
+        result, also of a following that failed, is a FollowedMotion. Raises ValueError for a direction without length.
         """
         start = _unit(direction)
         kinematics, wrist = self._feeling("follow_constraint")

@@ -80,9 +80,9 @@ class ArmWays:
     def start(
         self, arm: str, path: NDArray[np.float64] | None, command: Callable[[], Motion[Result]]
     ) -> Motion[Result]:
-        """The motion that ``command`` starts, now or as soon as the way is free.
+        """Return the motion that ``command`` starts, now or as soon as the way is free.
 
-        ``path``: (N, n) joint positions, from where the arm is; None where the way is not known before.
+        ``path``: (N, n) joint positions, from where the arm is, or None if the way is not known before.
         """
         self.end_waiting(arm, MotionErrorCode.SUPERSEDED, "a newer command took over")
         turn = _Turn(self, arm, path, command)
@@ -109,7 +109,7 @@ class ArmWays:
         return SweptWay(self._bodies[arm], names, path, self._joints.positions(), held)
 
     def obstacle(self, arm: str, way: SweptWay | None) -> tuple[str, bool] | None:
-        """The arm that is in the way of ``arm``, and whether it is going to be out of it; None if none is."""
+        """Return the arm that is in the way of ``arm``, and whether it is going to be out of it, or None if none is."""
         measured = self._joints.positions()
         for other in (name for name in self._arms if name != arm):
             moving = self._moving(other)
@@ -133,7 +133,9 @@ class ArmWays:
         return None if motion is None or motion.motion.done else motion
 
     def _was_planned_with(self, arm: str, other: str, end: NDArray[np.float64]) -> bool:
-        """Whether the last path of ``arm`` was planned with ``other`` at ``end``: then the planner has judged that."""
+        """Return whether the last path of ``arm`` was planned with ``other`` at ``end``: then the planner has judged
+        that.
+        """
         known, names = self._planned_with.get(arm, {}), self._arms[other].joint_names
         taken = np.array([known.get(name, np.inf) for name in names])
         return bool(np.abs(taken - end).max() <= self._passing.same)

@@ -46,11 +46,11 @@ class FollowGuide:
             raise ValueError(f"a guide needs two or more increasing ways, each with a turn and a posture; got {shapes}")
 
     def turn(self, way: float) -> float:
-        """The hand's turn after ``way`` metres, radians."""
+        """Return the hand's turn after ``way`` metres, radians."""
         return float(np.interp(way, self.ways, self.turns))
 
     def posture(self, way: float) -> Array:
-        """The arm's posture (n,) after ``way`` metres."""
+        """Return the arm's posture (n,) after ``way`` metres."""
         return np.array([np.interp(way, self.ways, column) for column in self.postures.T])
 
 
@@ -126,8 +126,8 @@ class FollowGoal:
     is given and comes first. ``speed``: m/s. ``max_pull``, ``max_side``: newtons along and across the motion. ``turn``:
     share of a door's turn by which the hand turns with it; at 0 the bar turns between the fingers. ``guide``: a planned
     way for hand and arm, which goes before ``turn``. ``axis``: where the joint is believed to be, base frame; the
-    hand's own way tells better later, if it ``learns`` (a hand that pushes is not led). ValueError for values that make
-    no sense.
+    hand's own way tells better later, if it ``learns`` (a hand that pushes is not led). Raises ValueError for values
+    that make no sense.
     """
 
     speed: float = 0.06

@@ -62,7 +62,7 @@ class ToolStream:
         return self._kinematics.tool_pose(self._arm.positions())
 
     def send(self, base_from_tool: Pose, posture: NDArray[np.float64] | None = None) -> StreamStep:
-        """Ask for the next pose; CommandRefusedError if the arm takes no commands.
+        """Ask for the next pose. Raises CommandRefusedError if the arm takes no commands.
 
         ``posture``: (n,), which the arm comes nearer to without moving the tool for it (Liégeois, 1977).
         """
@@ -83,7 +83,7 @@ class ToolStream:
         return StreamStep.SENT
 
     def _towards(self, posture: NDArray[np.float64]) -> NDArray[np.float64]:
-        """A step (n,) in the null space of the tool's motion, of at most a third of what the joints may do."""
+        """Return a step (n,) in the null space of the tool's motion, of at most a third of what the joints may do."""
         wanted = self.streaming.posture_rate * self.streaming.period * (posture - self._positions)
         wanted = wanted * min(1.0, 1.0 / max(float(np.abs(3.0 * wanted / self._largest_step).max()), 1e-9))
         jacobian = self._kinematics.jacobian(self._positions)
@@ -173,7 +173,7 @@ class GuardedMove:
 
 
 def check_positive(**values: float) -> None:
-    """ValueError for a value that is not more than 0."""
+    """Raises ValueError for a value that is not more than 0."""
     for name, value in values.items():
         if not value > 0.0:
             raise ValueError(f"{name} should be positive but is {value!r}")

@@ -225,7 +225,7 @@ class BaseController:
 
     @property
     def path(self) -> Path2D | None:
-        """The path that is driven, None where none is."""
+        """The path that is driven, None if none is."""
         return None if self._driven is None else self._driven.path
 
     @property
@@ -253,7 +253,7 @@ class BaseController:
     def blocked_at(self) -> tuple[float, NDArray[np.float64]] | None:
         """Where something that the map lacks is on the path that is driven: metres until then, and the point (2,).
 
-        None where the path is free, as far as can be seen, or nothing is driven.
+        None if the path is free, as far as can be seen, or nothing is driven.
         """
         driven, pose = self._driven, self._world.base.pose
         if driven is None or not len(self.layer.points):
@@ -350,7 +350,7 @@ class BaseController:
 
     @property
     def _driven(self) -> _DrivenPath | None:
-        """The path that is driven, None where none is."""
+        """The path that is driven, None if none is."""
         action = self._action
         return None if action is None or action.motion.done else action.driven
 
@@ -376,7 +376,9 @@ class BaseController:
         speed: float | None = None,
         known: Costmap | None = None,
     ) -> Motion[BasePose]:
-        """A new action, see ``_Action``; the one under way is superseded. ``known``: by default ``surroundings``."""
+        """Return a new action, see ``_Action``; the one under way is superseded. ``known``: by default
+        ``surroundings``.
+        """
         if self._timer is None:
             raise RuntimeError("BaseController was asked to drive before start()")
         with self._lock:

@@ -241,7 +241,7 @@ class NearPoints:
         self._blind = np.vstack([self._blind, felt])
 
     def around(self, odometry: Pose2D) -> NDArray[np.float64]:
-        """All points (N, 2), metres, in the frame of a base at ``odometry``."""
+        """Return all points (N, 2), metres, in the frame of a base at ``odometry``."""
         return odometry.inverse().apply(np.vstack([self._seen, self._blind[:, :2]]))
 
     def _still_hidden(self, points: NDArray[np.float64], scan: LaserScan, lidar: Pose2D) -> NDArray[np.float64]:
@@ -262,7 +262,7 @@ class NearPoints:
 
 
 def _smoothed(ranges: NDArray[np.float64], same_surface: float) -> NDArray[np.float64]:
-    """Each range (N,) as the mean of those up to two beams beside it that hit the same surface: edges stay."""
+    """Return each range (N,) as the mean of those up to two beams beside it that hit the same surface: edges stay."""
     beside = np.stack([np.roll(ranges, shift) for shift in range(-2, 3)])
     same = np.abs(np.where(np.isfinite(beside), beside, np.inf) - np.where(np.isfinite(ranges), ranges, 0.0))
     weights = (same < same_surface).astype(float)

@@ -169,7 +169,7 @@ class LocalisationCycle:
         self.world.base = BasePose(estimate.pose, estimate.position_std, estimate.heading_std, self.clock.now())
 
     def _due(self, every: int) -> OdometryScan | None:
-        """The scan that is due this tick, if one is.
+        """Return the scan that is due this tick, if one is.
 
         Where nothing tells where the lidar was when it took it, as after its clock was set, it is left out; NoDataError
         after so many in a row.
@@ -190,7 +190,9 @@ class LocalisationCycle:
         return taken
 
     def _taken(self) -> OdometryScan:
-        """The latest scan as it would be if the lidar had stood still, and the odometry of then; NotRecordedError."""
+        """Return the latest scan as it would be if the lidar had stood still, and the odometry of then;
+        NotRecordedError.
+        """
         scan, latest = self.lidar.scan(), self._latest
         if latest is not None and latest.scan.stamp == scan.stamp:
             return latest

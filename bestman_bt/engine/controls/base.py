@@ -19,7 +19,7 @@ class Control(Node, Composite):
     MAX_CHILDREN: ClassVar[int | None] = None
 
     def bind_children(self, log: list[Any] | None) -> None:
-        """Pair each child with what it is called by; in place: the tick under way goes through the same list."""
+        """Pair each child with its tick function, in place, so that a tick under way sees the change."""
         pairs: list[tuple[Tick, Node]] = [(child.run, child) for child in self.nodes_below()]
         if hasattr(self, "pairs"):
             self.pairs[:] = pairs
@@ -27,10 +27,10 @@ class Control(Node, Composite):
             self.pairs = pairs
 
     def refuse(self, instead: Tick) -> None:
-        """In place, too."""
+        """Replace the tick of this node and of its children, in place."""
         super().refuse(instead)
         self.pairs[:] = [(instead, child) for _, child in self.pairs]
 
 
 NATIVE_POLICY = py_trees.common.ParallelPolicy.SuccessOnAll(synchronise=False)
-"""What py_trees' displays read from a parallel node; ours decide by their ports."""
+"""The policy that py_trees' displays read from a parallel node; the decision itself depends on the ports."""

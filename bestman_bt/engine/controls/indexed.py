@@ -1,4 +1,4 @@
-"""What Sequence and Fallback share: an index that walks over the children and survives RUNNING."""
+"""Base of Sequence and Fallback: an index that walks over the children and survives RUNNING."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from bestman_bt.engine.errors import NodeError
 
 
 class Indexed(Control):
-    """``GO`` is the child status that moves on to the next child, ``STOP`` the one that ends the node."""
+    """``GO``: the child status that continues with the next child; ``STOP``: the status that ends the node."""
 
     GO: ClassVar[int]
     STOP: ClassVar[int]
@@ -22,14 +22,14 @@ class Indexed(Control):
     skipped: int = 0
 
     def halt(self) -> None:
-        """Forget the index, unless the node keeps it."""
+        """Reset the index, unless the node keeps it."""
         if self.RESETS_ON_HALT:
             self.index = 0
             self.skipped = 0
         super().halt()
 
     def on_tick(self) -> int:
-        """Tick from the current child on."""
+        """Tick the children from the current one on."""
         children = self.nodes_below()
         if self._s <= IDLE:
             self.skipped = 0
@@ -56,7 +56,7 @@ class Indexed(Control):
         return SKIPPED if all_skipped else self.GO
 
     def rest_children(self) -> None:
-        """As ``reset_children``, in the tick of a node whose children have mostly finished."""
+        """Reset the children as ``reset_children`` does, optimised for children that have mostly finished."""
         log = self.log
         for _, child in self.pairs:
             code = child._s
@@ -77,7 +77,7 @@ class Indexed(Control):
 
 
 def indexed_tick_bare(go: int, stop: int) -> Callable[[Any], int]:  # noqa: C901 - it holds a tick, which is one function: each call in it costs
-    """Return the tick of an ``Indexed`` node that nobody listens to."""
+    """Return the tick function of an ``Indexed`` node without listeners."""
 
     def tick(self: Any) -> int:
         if self._s <= 0:
@@ -121,7 +121,7 @@ def indexed_tick_bare(go: int, stop: int) -> Callable[[Any], int]:  # noqa: C901
 
 
 def indexed_tick_traced(go: int, stop: int) -> Callable[[Any], int]:  # noqa: C901 - it holds a tick, which is one function: each call in it costs
-    """Return the tick of an ``Indexed`` node that logs every state change."""
+    """Return the tick function of an ``Indexed`` node that logs every state change."""
 
     def tick(self: Any) -> int:  # noqa: C901 - a tick is one function: each call in it costs
         log = self.log

@@ -14,22 +14,22 @@ from bestman_bt.engine.core.status import FAILURE, RUNNING, SKIPPED, SUCCESS
 
 
 class PipelineSequence(Control, composites.Sequence):
-    """Ticks its children from the first on at every tick, as far as the furthest one that was reached.
+    """Ticks its children from the first on at every tick, up to the furthest one reached so far.
 
-    An earlier child that runs does not hold up those behind it, once they have been started.
+    A running child does not block later children that have been started already.
     """
 
     def on_load(self) -> None:
-        """Begin with the first child."""
+        """Start at the first child."""
         self.furthest = 0
 
     def halt(self) -> None:
-        """Forget how far it came."""
+        """Reset the progress."""
         self.furthest = 0
         super().halt()
 
     def on_tick(self) -> int:
-        """Tick the children that were reached, and the next."""
+        """Tick the children reached so far, and the next one."""
         self.set_state(RUNNING)
         children = self.nodes_below()
         skipped = 0
@@ -49,28 +49,28 @@ class PipelineSequence(Control, composites.Sequence):
 
 
 class RoundRobin(Control, composites.Selector):
-    """Ticks its children in turn until one succeeds, and goes on with the next one the next time.
+    """Ticks its children in turn until one succeeds, and continues with the next child at the next tick.
 
-    After the last child comes the first one again; without ``wrap_around`` it fails there once, and then begins anew.
+    After the last child it starts over; without ``wrap_around`` it fails there once before it starts over.
     """
 
     INPUT_PORTS = {
-        "wrap_around": PortInformation(bool, False, "Whether the first child follows the last one at once", True)
+        "wrap_around": PortInformation(bool, False, "Whether to continue with the first child after the last one", True)
     }
 
     def on_load(self) -> None:
-        """Begin with the first child."""
+        """Start at the first child."""
         self.index = 0
         self.failed = 0
 
     def halt(self) -> None:
-        """Begin with the first child again."""
+        """Return to the first child."""
         self.index = 0
         self.failed = 0
         super().halt()
 
     def on_tick(self) -> int:
-        """Tick the current child, and those after it while they fail."""
+        """Tick the current child, then the following ones while they fail."""
         children = self.nodes_below()
         wraps = self.get_input("wrap_around")
         self.set_state(RUNNING)
@@ -106,7 +106,7 @@ class RecoveryNode(Control, composites.Selector):
     INPUT_PORTS = {"number_of_retries": BoundedPort(Annotated[int, Ge(0)], False, "Number of retries", 1)}
 
     def on_load(self) -> None:
-        """Begin with the first child."""
+        """Start at the first child."""
         self._clear()
 
     def _clear(self) -> None:
@@ -114,12 +114,12 @@ class RecoveryNode(Control, composites.Selector):
         self.retries = 0
 
     def halt(self) -> None:
-        """Forget the retries."""
+        """Reset the retries."""
         self._clear()
         super().halt()
 
     def on_tick(self) -> int:
-        """Tick the action, or what recovers it."""
+        """Tick the action, or the recovery."""
         action, recovery = self.nodes_below()
         allowed = self.get_input("number_of_retries")
         self.set_state(RUNNING)

@@ -30,7 +30,7 @@ class _Counting(Control):
                 self.counted(port)
 
     def counted(self, port: str) -> int:
-        """How many children a port means; NodeError where there are fewer."""
+        """Return how many children a port means. Raises NodeError if there are fewer."""
         children = len(self.children)
         count = _threshold(self.get_input(port), children)
         if children < count:
@@ -40,7 +40,7 @@ class _Counting(Control):
 
 
 class Parallel(_Counting, composites.Parallel):
-    """Ticks all children that are not done; decides by how many succeeded and failed, and halts the rest."""
+    """Ticks all unfinished children; the numbers of successes and failures decide, and the rest is halted."""
 
     INPUT_PORTS = {
         "success_count": PortInformation(int, True, "number of children that need to succeed to trigger a SUCCESS", -1),
@@ -50,7 +50,7 @@ class Parallel(_Counting, composites.Parallel):
     policy: Any = NATIVE_POLICY
 
     def on_load(self) -> None:
-        """Begin with no child done."""
+        """Start with no finished child."""
         super().on_load()
         self._clear()
 
@@ -60,12 +60,12 @@ class Parallel(_Counting, composites.Parallel):
         self.failed = 0
 
     def halt(self) -> None:
-        """Forget which children are done."""
+        """Forget the finished children."""
         self._clear()
         super().halt()
 
     def on_tick(self) -> int:
-        """Tick every child that is not done, in order."""
+        """Tick every unfinished child, in order."""
         children = self.nodes_below()
         success_count = self.get_input("success_count")
         needed, tolerated = self.counted("success_count"), self.counted("failure_count")
@@ -95,7 +95,7 @@ class Parallel(_Counting, composites.Parallel):
 
 
 class ParallelAll(_Counting, composites.Parallel):
-    """Ticks all children until each is done; FAILURE where at least ``max_failures`` failed."""
+    """Ticks all children until each has finished; FAILURE if at least ``max_failures`` failed."""
 
     INPUT_PORTS = {
         "max_failures": PortInformation(
@@ -109,19 +109,19 @@ class ParallelAll(_Counting, composites.Parallel):
     policy: Any = NATIVE_POLICY
 
     def on_load(self) -> None:
-        """Begin with no child done."""
+        """Start with no finished child."""
         super().on_load()
         self.done: set[int] = set()
         self.failed = 0
 
     def halt(self) -> None:
-        """Forget which children are done."""
+        """Forget the finished children."""
         self.done = set()
         self.failed = 0
         super().halt()
 
     def on_tick(self) -> int:
-        """Tick every child that is not done, in order."""
+        """Tick every unfinished child, in order."""
         children = self.nodes_below()
         tolerated = self.counted("max_failures")
         self.set_state(RUNNING)

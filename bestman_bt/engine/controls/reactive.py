@@ -1,7 +1,7 @@
-"""ReactiveSequence and ReactiveFallback: every child is asked anew at every tick.
+"""ReactiveSequence and ReactiveFallback: every child is ticked again at every tick.
 
-Only one child can be RUNNING. It is remembered, so that no tick has to look through all children to halt others;
-children that finish become idle at once.
+Only one child can be RUNNING. It is remembered, so that no tick has to search all children for one to halt; children
+that finish become idle at once.
 """
 
 from __future__ import annotations
@@ -138,7 +138,7 @@ class _Reactive(Control):
     GO: int
 
     def bind_children(self, log: list[Any] | None) -> None:
-        """Prepare the events of a tick in which everything goes on, while somebody listens."""
+        """Prepare the events of a tick in which no child changes its result, for traced ticks."""
         super().bind_children(log)
         if log is not None:
             pairs = [(run, child, child.ev[self.GO], index) for index, (run, child) in enumerate(self.pairs)]
@@ -149,7 +149,7 @@ class _Reactive(Control):
             self.idles = tuple(child.ev[0] for _, child in self.pairs)
 
     def refuse(self, instead: Tick) -> None:
-        """As a tick that somebody listens to calls them, too."""
+        """Replace the tick of this node and of its children, for traced ticks too."""
         super().refuse(instead)
         if self.log is not None:
             self.traced_pairs[:] = [(instead, child, went, index) for _, child, went, index in self.traced_pairs]
@@ -163,7 +163,7 @@ class _Reactive(Control):
         return [self.pairs[index][1] for index in indices or ()]
 
     def keep_results(self, failing: Node, skipped: list[Node] | None) -> None:
-        """Give back the results of the children before the one that raised an error: nobody reset them."""
+        """Restore the results of the children before ``failing``, which raised an error: they were not reset."""
         for _, child in self.pairs:
             if child is failing:
                 return
@@ -183,7 +183,7 @@ class _Reactive(Control):
 
 
 class ReactiveSequence(_Reactive, composites.Sequence):
-    """Asks its children from the first on at every tick; a guard that fails halts the child that runs."""
+    """Ticks its children from the first on at every tick; a failing condition halts the running child."""
 
     GO = SUCCESS
     tick_bare = _reactive_tick_bare(SUCCESS, FAILURE)
@@ -191,7 +191,7 @@ class ReactiveSequence(_Reactive, composites.Sequence):
 
 
 class ReactiveFallback(_Reactive, composites.Selector):
-    """Asks its children from the first on at every tick; one that succeeds or runs halts those after it."""
+    """Ticks its children from the first on at every tick; a child that succeeds or runs halts the later ones."""
 
     GO = FAILURE
     tick_bare = _reactive_tick_bare(FAILURE, SUCCESS)

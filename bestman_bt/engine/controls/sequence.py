@@ -12,23 +12,23 @@ from bestman_bt.engine.core.status import FAILURE, RUNNING, SKIPPED, SUCCESS
 
 
 class IfThenElse(Control, composites.Selector):
-    """Asks the first child once; ticks the second if it succeeded, else the third (FAILURE without one)."""
+    """Ticks the first child once, then the second if it succeeded, else the third (FAILURE without one)."""
 
     MIN_CHILDREN = 2
     MAX_CHILDREN = 3
     CHECKED_AT_TICK = True
 
     def on_load(self) -> None:
-        """Begin with the condition."""
+        """Start at the condition."""
         self.index = 0
 
     def halt(self) -> None:
-        """Forget the branch."""
+        """Forget the chosen branch."""
         self.index = 0
         super().halt()
 
     def on_tick(self) -> int:
-        """Tick the condition, then the branch that it chose."""
+        """Tick the condition, then the chosen branch."""
         children = self.nodes_below()
         if not 2 <= len(children) <= 3:
             raise self.error(f"it must have 2 or 3 children but has {len(children)}")
@@ -54,14 +54,14 @@ class IfThenElse(Control, composites.Selector):
 
 
 class WhileDoElse(Control, composites.Selector):
-    """Asks the first child at every tick; ticks the second while it succeeds, else the third, halting the other."""
+    """Ticks the first child at every tick; the second while it succeeds, else the third; the other one is halted."""
 
     MIN_CHILDREN = 2
     MAX_CHILDREN = 3
     CHECKED_AT_TICK = True
 
     def on_tick(self) -> int:
-        """Tick the condition, then the branch that it chooses now."""
+        """Tick the condition, then the branch that it selects."""
         children = self.nodes_below()
         if not 2 <= len(children) <= 3:
             raise self.error(f"it must have 2 or 3 children but has {len(children)}")
@@ -92,7 +92,7 @@ class WhileDoElse(Control, composites.Selector):
 class Fallback(Indexed, composites.Selector):
     """Ticks its children in order; SUCCESS as soon as one succeeds, FAILURE when all failed.
 
-    A child that runs is resumed at the next tick; those that failed before it are not asked again.
+    A running child is resumed at the next tick; children that failed before it are not ticked again.
     """
 
     GO, STOP = FAILURE, SUCCESS
@@ -110,7 +110,7 @@ class AsyncFallback(Indexed, composites.Selector):
 class Sequence(Indexed, composites.Sequence):
     """Ticks its children in order; SUCCESS when all succeeded, FAILURE as soon as one fails.
 
-    A child that runs is resumed at the next tick; its predecessors are not asked again.
+    A running child is resumed at the next tick; the children before it are not ticked again.
     """
 
     GO, STOP = SUCCESS, FAILURE
@@ -126,7 +126,7 @@ class AsyncSequence(Indexed, composites.Sequence):
 
 
 class SequenceWithMemory(Indexed, composites.Sequence):
-    """A Sequence that resumes at the child that failed, also after a halt; it yields like AsyncSequence."""
+    """A Sequence that resumes at the failed child, even after a halt; it yields like AsyncSequence."""
 
     GO, STOP = SUCCESS, FAILURE
     YIELDS = True

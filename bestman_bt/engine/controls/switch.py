@@ -20,11 +20,11 @@ _RESULTS = {"s": SUCCESS, "f": FAILURE, "r": RUNNING}
 
 
 class ManualSelector(Control, composites.Selector):
-    """Asks on the terminal which child to tick, or which status to return; waits for the answer."""
+    """Asks on the terminal which child to tick, or which status to return, and waits for the answer."""
 
     INPUT_PORTS = {
         "repeat_last_selection": PortInformation(
-            bool, False, "If true, execute again the same child that was selected the last time", False
+            bool, False, "If true, execute the child that was selected last time again", False
         )
     }
     QUESTIONS: ClassVar[TextIO | None] = None
@@ -33,17 +33,17 @@ class ManualSelector(Control, composites.Selector):
     """Where the answer is read, a line each; standard input where None."""
 
     def on_load(self) -> None:
-        """Begin without a choice."""
+        """Start without a choice."""
         self.chosen = -1
         self.running = -1
 
     def halt(self) -> None:
-        """Halt the child that runs."""
+        """Halt the running child."""
         self.running = -1
         super().halt()
 
     def on_tick(self) -> int:
-        """Ask, unless the last choice is to be repeated or its child still runs, and tick the child."""
+        """Ask, unless the last choice is repeated or its child still runs, and tick the child."""
         children = self.nodes_below()
         repeat = self.chosen >= 0 and bool(self.get_input("repeat_last_selection"))
         self.set_state(RUNNING)
@@ -73,7 +73,7 @@ class ManualSelector(Control, composites.Selector):
             questions.flush()
             line = answers.readline()
             if not line:
-                raise self.error("there is no terminal to ask (end of input)")
+                raise self.error("cannot ask: the input has ended, or is not a terminal")
             answer = line.strip().lower()
             if answer in _RESULTS:
                 return answer
@@ -82,16 +82,16 @@ class ManualSelector(Control, composites.Selector):
 
 
 class Switch(Control, composites.Selector):
-    """Ticks the child whose ``case_N`` equals ``variable``, else the last; a change halts the one that runs.
+    """Ticks the child whose ``case_N`` equals ``variable``, else the last; a change halts the running child.
 
-    Values are compared as text, then as numbers; the names of enum values stand for their numbers.
+    Values are compared as text, then as numbers; names of enum values count as their numbers.
     """
 
     CASES: ClassVar[int] = 0
     CHECKED_AT_TICK = True
 
     def on_load(self) -> None:
-        """Begin with no case running."""
+        """Start with no case."""
         self.current = -1
 
     def halt(self) -> None:
@@ -141,7 +141,7 @@ class Switch(Control, composites.Selector):
 
 
 def _ports(cases: int) -> dict[str, PortInformation]:
-    ports = {"variable": PortInformation(str, False, "the value that chooses")}
+    ports = {"variable": PortInformation(str, False, "the value that selects the child")}
     ports.update({f"case_{n}": PortInformation(str, False, f"the value of child {n}") for n in range(1, cases + 1)})
     return ports
 

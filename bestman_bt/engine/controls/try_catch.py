@@ -1,4 +1,4 @@
-"""TryCatch: a sequence with a last child that cleans up."""
+"""TryCatch: a sequence with a last child for cleanup."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class TryCatch(Control, composites.Sequence):
     }
 
     def on_load(self) -> None:
-        """Begin with the first child."""
+        """Start at the first child."""
         self._clear()
 
     def _clear(self) -> None:
@@ -32,7 +32,7 @@ class TryCatch(Control, composites.Sequence):
         self.catching = False
 
     def halt(self) -> None:
-        """Clean up if asked to, then halt."""
+        """Run the cleanup if ``catch_on_halt`` is set, then halt."""
         children = self.nodes_below()
         if self._s > IDLE and not self.catching and self.get_input("catch_on_halt"):
             for child in children[:-1]:
@@ -43,7 +43,7 @@ class TryCatch(Control, composites.Sequence):
         super().halt()
 
     def on_tick(self) -> int:
-        """Tick the sequence, or the child that cleans up."""
+        """Tick the sequence, or the cleanup."""
         children = self.nodes_below()
         last = len(children) - 1
         if self._s <= IDLE:

@@ -1,1 +1,1 @@
-"""What nodes and trees are made of: status, ports, the node, the tree, and the rules around a tick."""
+"""The core of nodes and trees: status, ports, the node, the tree, and the rules around a tick."""

@@ -1,4 +1,4 @@
-"""What stands around a node's tick where somebody asked for it: scripts of conditions, callbacks, py_trees' visits."""
+"""Optional wrappers around a node's tick: scripts of conditions, callbacks, py_trees' visits."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ PreTick = Callable[["Node"], "int | None"]
 PostTick = Callable[["Node", int], "int | None"]
 
 _INSTEAD = {"_skipIf": SKIPPED, "_failureIf": FAILURE, "_successIf": SUCCESS}
-"""Scripts before a tick that replace it where they hold."""
+"""Scripts that replace the tick if they are true."""
 
 
 class Conditions:
@@ -38,7 +38,7 @@ class Conditions:
 
 
 class Hooks:
-    """The callbacks around one node's tick; a status that they return replaces the tick's."""
+    """The callbacks around one node's tick; a status that they return replaces that of the tick."""
 
     __slots__ = ("monitor", "post", "pre")
 
@@ -49,7 +49,7 @@ class Hooks:
 
 
 def with_visits(node: Node, core: Tick, visited: list[Node]) -> Tick:
-    """Tell ``visited`` of every tick."""
+    """Return the tick with every visit appended to ``visited``."""
 
     def run() -> int:
         status = core()
@@ -60,7 +60,7 @@ def with_visits(node: Node, core: Tick, visited: list[Node]) -> Tick:
 
 
 def with_pre_hooks(node: Node, core: Tick, hooks: Hooks) -> Tick:
-    """Ask the callbacks before the tick, and tell the monitors after it."""
+    """Return the tick with the callbacks before it and the monitors after it."""
 
     def run() -> int:
         if node._s <= RUNNING:
@@ -77,7 +77,7 @@ def with_pre_hooks(node: Node, core: Tick, hooks: Hooks) -> Tick:
 
 
 def with_post_hooks(node: Node, core: Tick, hooks: Hooks) -> Tick:
-    """Ask the callbacks after the tick."""
+    """Return the tick with the callbacks after it."""
 
     def run() -> int:
         status = core()
@@ -91,7 +91,7 @@ def with_post_hooks(node: Node, core: Tick, hooks: Hooks) -> Tick:
 
 
 def with_conditions(node: Node, core: Tick, conditions: Conditions) -> Tick:
-    """Run the scripts before and after the tick; a lone ``_skipIf`` is the common case, and costs one call."""
+    """Return the tick with the scripts before and after it; a single ``_skipIf``, the common case, costs one call."""
     pre = conditions.pre
     if len(pre) == 1 and pre[0][0] == "_skipIf" and not conditions.after:
         skips = pre[0][1]
@@ -123,7 +123,7 @@ def _run_scripts(*scripts: Callable[[], Any] | None) -> None:
 
 
 def _instead(node: Node, pre: list[tuple[str, Callable[[], bool]]]) -> int:
-    """The status that a script gives in the tick's place, or -1."""
+    """Return the status that a script gives in the tick's place, or -1."""
     code = node._s
     if code <= 0:
         return _before_start(pre)

@@ -1,10 +1,9 @@
 """The base of every node: a py_trees behaviour with the tick, halt and status rules of BehaviorTree.CPP v4.
 
-Two statuses. The engine's own is one integer, ``_s``: 1 RUNNING, 2 SUCCESS, 3 FAILURE, and when the node is idle
-0, or -2/-3 to remember its last result. ``state`` and py_trees' ``status`` are views of it.
-
-A parent calls ``child.run()`` and stores the status that comes back. ``bind`` alone decides what ``run`` is: the
-node's bare tick, the traced one while somebody listens, or one wrapped in conditions and hooks.
+There are two statuses. The engine's own is one integer, ``_s``: 1 RUNNING, 2 SUCCESS, 3 FAILURE; an idle node has 0, or
+-2/-3 to remember its last result. ``state`` and py_trees' ``status`` are views of it.
+A parent calls ``child.run()`` and stores the returned status. Only ``bind`` chooses ``run``: the node's bare tick, the
+traced tick if there are listeners, or a tick wrapped in conditions and hooks.
 """
 
 from __future__ import annotations
@@ -44,11 +43,11 @@ if TYPE_CHECKING:
     from bestman_bt.engine.core.tree import Tree
 
 
-# Errors of nodes whose tick went wrong: what their authors are told.
+# Error messages for the authors of nodes whose tick failed.
 
 
 def describe_bad_status(status: object) -> str:
-    """Return what to tell the author of a node that returned something odd."""
+    """Return the message for the author of a node that returned an invalid status."""
     if isinstance(status, int) and status == IDLE:
         return "its tick returned IDLE; SUCCESS, FAILURE, RUNNING or SKIPPED are accepted"
     if isinstance(status, PyTreesStatus):
@@ -57,22 +56,22 @@ def describe_bad_status(status: object) -> str:
 
 
 def wrapped(error: Exception, node: Node) -> NodeError:
-    """Return a ``NodeError`` that says in which node ``error`` was raised."""
+    """Return a ``NodeError`` that names the node in which ``error`` was raised."""
     if type(error).__module__.startswith("bestman_bt.engine"):
         return node.error(str(error) or type(error).__name__)
     return node.error(in_words(error))
 
 
 def odd_status(status: object, child: Node) -> NodeError:
-    """Return the error for a status that no parent accepts."""
+    """Return the error for an invalid status of a child."""
     return child.error(describe_bad_status(status))
 
 
-# What a node that is made in Python is called with: a name and children, in the forms of py_trees and of trees.
+# Arguments of a node made in Python: a name and children, in the forms of py_trees and of trees.
 
 
 def line_that_makes(node: Behaviour) -> tuple[str, int]:
-    """File and line of the call that makes a node, outside of its own ``__init__`` and of py_trees' idioms."""
+    """Return file and line of the call that creates a node, outside of its own ``__init__`` and of py_trees' idioms."""
     frame = sys._getframe(1)
     while frame.f_back is not None and (_makes(frame, node) or frame.f_globals.get("__package__") == "py_trees"):
         frame = frame.f_back
@@ -88,7 +87,10 @@ def _makes(frame: FrameType, node: Behaviour) -> bool:
 def split_arguments(
     cls: type[Node], args: tuple[Any, ...], name: str | None, attributes: dict[str, Any]
 ) -> tuple[str | None, list[Any]]:
-    """Sort the positional arguments of a node made in Python into its name and its children."""
+    """Split the positional arguments of a node made in Python into its name and its children.
+
+    Raises TypeError for other arguments.
+    """
     children: list[Any] = []
     for argument in args:
         if isinstance(argument, str) and name is None:
@@ -105,7 +107,7 @@ def split_arguments(
 
 
 def _child(cls: type[Node], found: Any) -> Behaviour:
-    """A node, or the SubTree that stands for a whole tree."""
+    """Return a node, or the SubTree that stands for a whole tree."""
     if isinstance(found, Behaviour):
         return found
     if not hasattr(found, "as_subtree"):
@@ -124,8 +126,8 @@ class NodePlace:
         tree: the whole tree.
         board: the SubTree's blackboard.
         path: the SubTree's path; empty for the main tree.
-        prefix: what the paths of its nodes begin with.
-        ancestors: the IDs of the trees around it, outermost first, its own last.
+        prefix: start of the paths of its nodes.
+        ancestors: the IDs of the enclosing trees, outermost first, its own last.
         file: the file that defines it.
     """
 
@@ -143,8 +145,8 @@ class NodePlace:
 class Node(PyTreesFace):
     """Base of all nodes.
 
-    Write leaves on ``SyncAction``, ``StatefulAction`` or ``Condition``, parents on ``Control`` or ``Decorator``.
-    State that a node needs is made in ``on_load``, when ports and context are there.
+    Derive leaves from ``SyncAction``, ``StatefulAction`` or ``Condition``, parents from ``Control`` or ``Decorator``.
+    Create the state of a node in ``on_load``, when ports and context are available.
     """
 
     __slots__ = (
@@ -174,14 +176,16 @@ class Node(PyTreesFace):
     SYNCHRONOUS: ClassVar[bool] = False
     """True for leaves that must not return RUNNING."""
     CHECKED_AT_TICK: ClassVar[bool] = False
-    """True where BehaviorTree.CPP misses a port or child only when the node is ticked; so do we, but for `validate`."""
+    """True if a missing port or child is an error only when the node is ticked, as in BehaviorTree.CPP; `validate`
+    reports it.
+    """
     STOPS_OVER_TICKS: ClassVar[bool] = False
     """True for actions that define ``on_stopping``."""
     STOP_TIMEOUT: ClassVar[float] = 5.0
-    """Seconds of the tree's clock for which others wait for such an action to stop."""
+    """Longest time, seconds of the tree's clock, to wait for such an action to stop."""
 
     tick_bare: ClassVar[Callable[..., int] | None] = None
-    """The tick while nobody listens, where a class has a faster one than ``on_tick``."""
+    """The tick without listeners, if a class has a faster one than ``on_tick``."""
     tick_traced: ClassVar[Callable[..., int] | None] = None
     """The same, logging every state change."""
 
@@ -192,14 +196,14 @@ class Node(PyTreesFace):
     only: tuple[Tick, Node]
     conditions: Conditions | None
     order: Order | None = None
-    """What the node waits for; None of nearly all."""
+    """What the node waits for; None for nearly all nodes."""
 
     uid: int
     place: NodePlace | None
     info: NodeInfo | None
     line: int
     made_in: str
-    """The Python file that has made the node; set, with ``line``, of nodes that are not made from XML."""
+    """The Python file that created the node; set, with ``line``, for nodes that do not come from XML."""
     attributes: dict[str, Any]
     hooks: Hooks | None
     _readers: dict[str, Callable[[], Any]] | None
@@ -230,21 +234,21 @@ class Node(PyTreesFace):
         for child in children:
             child.parent = self
 
-    # ---- what a node offers to the code inside it
+    # ---- interface for the code of the node itself
 
     def on_load(self) -> None:
-        """Do once what must precede the first tick; ports, blackboard, context and clock are there."""
+        """Prepare the node once before the first tick; ports, blackboard, context and clock are available."""
 
     def on_tick(self) -> int:
-        """Do one tick and return a status."""
+        """Perform one tick and return a status."""
         raise NotImplementedError(f"{type(self).__name__} does not define on_tick()")
 
     def on_stopping(self) -> int:
-        """Of an action that was halted: RUNNING as long as it is still stopping; asked at once, and at each tick."""
+        """Return RUNNING while a halted action is still stopping; called at the halt and at each tick after it."""
         return IDLE
 
     def halt(self) -> None:
-        """Interrupt the node: children first, then itself."""
+        """Halt the node: children first, then itself."""
         for child in self.nodes_below():
             code = child._s
             if code > 0:
@@ -282,7 +286,7 @@ class Node(PyTreesFace):
 
     @property
     def context(self) -> Any:
-        """Whatever the application handed over when the tree was loaded."""
+        """The application's object that was passed when the tree was loaded."""
         return self.owner.context
 
     @property
@@ -291,16 +295,16 @@ class Node(PyTreesFace):
         return self.owner.clock
 
     def wake_up(self) -> None:
-        """End the tick loop's sleep: the tree is ticked again at once. May be called from any thread."""
+        """End the tick loop's sleep: the tree is ticked again at once. Thread-safe."""
         self.owner.wake_up()
 
     def get_input(self, port: str) -> Any:
         """Return the value of an input port, converted to the port's type.
 
-        An optional port without a value gives its default, else None.
+        An optional port without a value returns its default, or None.
 
         Raises:
-            NodeError: a required port has no value, or one of another type.
+            NodeError: a required port has no value, or a value has another type.
         """
         readers = self._readers
         if readers is None:
@@ -311,7 +315,7 @@ class Node(PyTreesFace):
         return reader()
 
     def set_output(self, port: str, value: Any) -> None:
-        """Write a value to the blackboard entry that an output port is mapped to; nothing if it is not mapped.
+        """Write a value to the blackboard entry that an output port is mapped to; do nothing if it is not mapped.
 
         Raises:
             NodeError: the node has no such output port, or the value does not fit its type.
@@ -325,11 +329,11 @@ class Node(PyTreesFace):
         writer(value)
 
     def wrong_input(self, message: str) -> Exception:
-        """Return what reading a port raises where the entry has a value that the port does not accept."""
+        """Return the error for a value that an input port does not accept."""
         return self.error(message)
 
     def error(self, message: str) -> NodeError:
-        """Return a ``NodeError`` that names this node, and those through which a tick came to it."""
+        """Return a ``NodeError`` that names this node and its ancestors."""
         trace = [f"{node.where or node.path} [{node.type_id}]" for node in upwards(self) if isinstance(node, Node)]
         return NodeError(
             message, node=self.path, node_type=self.type_id, where=self.where, backtrace=list(reversed(trace))
@@ -337,7 +341,7 @@ class Node(PyTreesFace):
 
     @property
     def where(self) -> str:
-        """The node's name with file and line, for messages; empty in a tree that comes from no file."""
+        """The node's name with file and line, for messages; empty if the tree does not come from a file."""
         if self.place is None or self.place.file.startswith("<"):
             return ""
         file = Path(self.place.file).name
@@ -345,17 +349,17 @@ class Node(PyTreesFace):
 
     @property
     def folders(self) -> tuple[Path, ...]:
-        """The folders of the file that defines the node and of its tree's file; none for a tree that has no file."""
+        """The folders of the file that defines the node and of its tree's file; empty if the tree has no file."""
         files = () if self.place is None else (self.place.file, self.place.tree.file)
         return tuple(dict.fromkeys(Path(file).resolve().parent for file in files if not file.startswith("<")))
 
     @property
     def type_id(self) -> str:
-        """The name that the node's class is registered by."""
+        """The registered name of the node's class."""
         return self.info.name if self.info is not None else type(self).__name__
 
     def full_path(self) -> str:
-        """Return the path: the SubTrees on the way, then the name (with ``::uid`` where it is the type's)."""
+        """Return the path: the enclosing SubTrees, then the name (with ``::uid`` if the name is the type's)."""
         suffix = f"::{self.uid}" if self.name == self.type_id and self.uid else ""
         prefix = "" if self.place is None else self.place.prefix
         return prefix + self.name + suffix
@@ -370,11 +374,11 @@ class Node(PyTreesFace):
 
     @property
     def last_result(self) -> int:
-        """What an idle node returned last (IDLE if nothing, or if it was halted), else its state."""
+        """The last result of an idle node (IDLE if none, or after a halt), else its state."""
         return abs(self._s)
 
     def set_state(self, state: int) -> None:
-        """Store a status that is not IDLE, and log the change."""
+        """Store a status other than IDLE, and log the change. Raises NodeError for another value."""
         if self._s != state:
             if state not in (RUNNING, SUCCESS, FAILURE):
                 raise self.error(describe_bad_status(state))
@@ -393,7 +397,10 @@ class Node(PyTreesFace):
     # ---- what parents do with children
 
     def execute_tick(self) -> int:
-        """Tick this node and store the status that comes back; what parents do in the general form."""
+        """Tick this node and store the returned status: the general form of what parents do.
+
+        Raises NodeError naming the node if its tick raises or returns an invalid status.
+        """
         try:
             status = self.run()
         except NodeError:
@@ -407,18 +414,18 @@ class Node(PyTreesFace):
         return status
 
     def refuse_running(self) -> None:
-        """Raise the error for a synchronous leaf that returned RUNNING; it is RUNNING from then on."""
+        """Raise the error for a synchronous leaf that returned RUNNING; its state is RUNNING afterwards."""
         self.set_state(RUNNING)
         raise self.error("it must not return RUNNING; derive it from StatefulAction")
 
     def begin_running(self) -> None:
-        """RUNNING from now on, while nobody listens, or before it is logged; refused for a synchronous leaf."""
+        """Set the state to RUNNING without logging it; refuse this for a synchronous leaf."""
         if self.SYNCHRONOUS:
             self.refuse_running()
         self._s = RUNNING
 
     def halt_node(self) -> None:
-        """Interrupt the node, then run its ``_onHalted`` script."""
+        """Halt the node, then run its ``_onHalted`` script."""
         order = self.order
         if order is not None:
             order.withheld = None
@@ -431,7 +438,7 @@ class Node(PyTreesFace):
             self.conditions.on_halted()
 
     def halt_child(self, child: Node) -> None:
-        """Halt a child if it runs, and make it idle."""
+        """Halt a child if it is running, and make it idle."""
         code = child._s
         if code > 0:
             if code == RUNNING:
@@ -439,7 +446,7 @@ class Node(PyTreesFace):
             child.reset_status()
 
     def reset_children(self) -> None:
-        """Halt the children that run and make all of them idle, in order."""
+        """Halt the running children and make all of them idle, in order."""
         for child in self.children:
             self.halt_child(child)  # type: ignore[arg-type]  # native ones have what it uses
 
@@ -453,8 +460,8 @@ class Node(PyTreesFace):
         """Choose ``run``; children are bound before their parent.
 
         Args:
-            log: receives ``uid * 8 + state`` for every state change; None while nobody listens.
-            visited: receives every node that was ticked, for py_trees' visitors; None without them.
+            log: receives ``uid * 8 + state`` for every state change; None without listeners.
+            visited: receives every ticked node, for py_trees' visitors; None without them.
         """
         self.log = log
         order = self.order
@@ -483,20 +490,20 @@ class Node(PyTreesFace):
         self.run = core
 
     def bind_children(self, log: list[Any] | None) -> None:
-        """Collect what this node calls its children by."""
+        """Collect the tick functions of the children."""
 
     def refuse(self, instead: Tick) -> None:
-        """Call ``instead`` wherever this node or a child of it would be ticked, at once, until the next ``bind``."""
+        """Call ``instead`` wherever this node or one of its children would be ticked, until the next ``bind``."""
         self.run = instead
 
     def bound(self, core: Tick) -> Tick:
-        """Return ``core`` with whatever the node's kind needs around it."""
+        """Return ``core`` with the wrapper that the node's kind needs, if any."""
         return core
 
     # ---- hooks
 
     def add_pre_tick(self, callback: PreTick, *, rebind: bool = True) -> None:
-        """Call ``callback(node)`` before each tick; a SUCCESS, FAILURE or SKIPPED from it replaces the tick.
+        """Call ``callback(node)`` before each tick; SUCCESS, FAILURE or SKIPPED returned from it replaces the tick.
 
         With ``rebind=False`` it takes effect at the next ``tree.rebind()``: for callbacks on many nodes.
         """
@@ -505,19 +512,19 @@ class Node(PyTreesFace):
             self.owner.rebind()
 
     def add_post_tick(self, callback: PostTick, *, rebind: bool = True) -> None:
-        """Call ``callback(node, status)`` after each tick; a SUCCESS or FAILURE from it replaces the status."""
+        """Call ``callback(node, status)`` after each tick; SUCCESS or FAILURE returned from it replaces the status."""
         self._hooked().post.append(callback)
         if rebind:
             self.owner.rebind()
 
     def add_tick_monitor(self, callback: PostTick, *, rebind: bool = True) -> None:
-        """Call ``callback(node, status)`` after each real tick, before the post-tick callbacks."""
+        """Call ``callback(node, status)`` after each tick that was executed, before the post-tick callbacks."""
         self._hooked().monitor.append(callback)
         if rebind:
             self.owner.rebind()
 
     def remove_hook(self, callback: Callable[..., Any], *, rebind: bool = True) -> None:
-        """Remove a callback wherever it was added."""
+        """Remove a callback from all hooks of this node."""
         hooks = self._hooked()
         for kind in (hooks.pre, hooks.post, hooks.monitor):
             while callback in kind:

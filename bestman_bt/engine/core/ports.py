@@ -1,7 +1,7 @@
 """Ports: declared on classes with py_trees' ``PortInformation``, merged along the inheritance, read and written here.
 
-An attribute ``{key}`` maps a port to a blackboard entry (``{=}`` to the entry of the port's own name);
-anything else is a literal. Literals are converted once; entries are resolved to their slot once.
+An attribute ``{key}`` maps a port to a blackboard entry (``{=}`` to the entry of the port's own name); any other value
+is a literal. Literals are converted once, and entries are resolved to their slot once.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Port:
-    """One declared port; ``direction`` is ``input``, ``output`` or ``inout``.
+    """One declared port; ``direction``: ``input``, ``output`` or ``inout``.
 
-    ``required``: it must be given. ``strict``: an entry that it is mapped to must have a value, also where the port
-    has a default for when it is not given. ``bounds``: what a value must keep to; None: to its type alone.
-    ``written_type``: what the file calls the type, of a port that is known from a file alone.
+    ``required``: it must be given. ``strict``: an entry that it is mapped to must have a value, even if the port has a
+    default. ``bounds``: bounds of the value; None: only its type. ``written_type``: the type as a file names it, for a
+    port known only from a file.
     """
 
     name: str
@@ -48,7 +48,7 @@ class Port:
 
     @property
     def accepts(self) -> str:
-        """The same with what its numbers keep to, such as ``float from 0 to 1``."""
+        """The type with its bounds, such as ``float from 0 to 1``."""
         return f"{self.type_name} {range_in_words(self.bounds or ())}".rstrip()
 
 
@@ -80,12 +80,14 @@ def declared_ports(cls: type[Node]) -> dict[str, Port]:
 
 
 def outer_key_of(attribute: Any, port: str) -> str | None:
-    """Return the key outside that a SubTree's attribute maps ``port`` to; a bare ``=`` is a literal there."""
+    """Return the outer key that a SubTree's attribute maps ``port`` to, or None for a literal; a bare ``=`` is a
+    literal.
+    """
     return None if attribute == "=" else key_of(attribute, port)
 
 
 def key_of(attribute: Any, port: str) -> str | None:
-    """Return the blackboard key that an attribute maps ``port`` to; None for a literal."""
+    """Return the blackboard key that an attribute maps ``port`` to, or None for a literal."""
     if attribute.__class__ is not str or len(attribute) < 3:
         return port if attribute == "=" else None
     text = attribute if attribute[0] == "{" and attribute[-1] == "}" else attribute.strip(" ")
@@ -96,7 +98,7 @@ def key_of(attribute: Any, port: str) -> str | None:
 
 
 def make_reader(node: Node, name: str) -> Callable[[], Any]:
-    """Return the function that reads an input port of a loaded node."""
+    """Return the function that reads an input port of a loaded node. Raises NodeError for an unknown port."""
     ports: Mapping[str, Port] = node.owner.info_of(node).ports
     port = ports.get(name)
     if port is None or port.direction == "output":
@@ -162,7 +164,7 @@ def _bounded(node: Node, port: Port, bounds: tuple[Any, ...], read: Callable[[],
 
 
 def make_writer(node: Node, name: str) -> Callable[[Any], None]:
-    """Return the function that writes an output port of a loaded node."""
+    """Return the function that writes an output port of a loaded node. Raises NodeError for an unknown port."""
     ports: Mapping[str, Port] = node.owner.info_of(node).ports
     port = ports.get(name)
     if port is None or port.direction == "input":
@@ -221,12 +223,12 @@ class _Declared:
 
 
 class In(_Declared, Generic[T]):
-    """An input port; reading the attribute gives its value, converted and checked.
+    """An input port; reading the attribute returns its value, converted and checked.
 
-    ``data_type``: a type, or one with bounds, as ``In[float](Annotated[float, Gt(0)], …)``; numbers are finite.
-    ``default``: what it is where it is not given; text such as ``"{start}"`` names the entry that is read then.
-    ``required``: False without a default: it is None where it is not given; True with one: an entry that it is mapped
-    to must have a value. ``port``: the port's name, where an attribute of that name would hide one of the node's.
+    ``data_type``: a type, or one with bounds, as ``In[float](Annotated[float, Gt(0)], …)``; numbers must be finite.
+    ``default``: used if the port is not given; text such as ``"{start}"`` names an entry to read. ``required``: False
+    without a default: the value is None if it is not given; True with a default: an entry that it is mapped to must
+    have a value. ``port``: the port's name, if an attribute of that name would hide one of the node's.
     """
 
     @overload
@@ -260,10 +262,10 @@ class In(_Declared, Generic[T]):
 
 
 class Out(_Declared, Generic[T]):
-    """An output port; setting the attribute writes the entry that it is mapped to, if it is mapped.
+    """An output port; setting the attribute writes the mapped entry, if any.
 
-    Arguments as of ``In``; ``default``: ``"{entry}"`` that is written where it is not mapped.
-    ``required``: it has to be mapped.
+    Arguments as for ``In``; ``default``: ``"{entry}"``, written if the port is not mapped. ``required``: it must be
+    mapped.
     """
 
     @overload
@@ -293,7 +295,7 @@ class Out(_Declared, Generic[T]):
 
 
 class InOut(_Declared, Generic[T]):
-    """A port that is read and written. Arguments as of ``In``; without a value an optional one is None."""
+    """A port that is read and written. Arguments as for ``In``; an optional one without a value is None."""
 
     # As of In: type checkers see that an optional one may be None only where the overloads are of this class.
     @overload
@@ -325,9 +327,9 @@ class InOut(_Declared, Generic[T]):
 
 
 def declare_typed_ports(cls: type[Any]) -> None:
-    """Put the typed ports of a class among its ``INPUT_PORTS`` and ``OUTPUT_PORTS``.
+    """Add the typed ports of a class to its ``INPUT_PORTS`` and ``OUTPUT_PORTS``.
 
-    EngineError where one would hide an attribute that nodes have.
+    Raises EngineError if a port would hide an attribute of nodes.
     """
     typed = {name: value for name, value in vars(cls).items() if isinstance(value, _Declared)}
     for name, value in typed.items():
@@ -335,7 +337,7 @@ def declare_typed_ports(cls: type[Any]) -> None:
         if hidden is not None and not isinstance(vars(hidden)[name], _Declared):
             kind = type(value).__name__
             raise EngineError(
-                f"the port {name!r} of {cls.__name__} would hide {hidden.__name__}.{name}: "
+                f"the port {name!r} of {cls.__name__} would hide {hidden.__name__}.{name}; "
                 f"give the attribute another name, as {name}_ = {kind}(…, port={name!r})"
             )
     for kinds, attribute in (((In, InOut), "INPUT_PORTS"), ((Out, InOut), "OUTPUT_PORTS")):

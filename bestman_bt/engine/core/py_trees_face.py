@@ -1,4 +1,4 @@
-"""What a node shows to py_trees: the attributes and methods of its behaviours, as views of the engine's own state."""
+"""The py_trees interface of a node: attributes and methods of its behaviours, as views of the engine's own state."""
 
 from __future__ import annotations
 
@@ -14,11 +14,13 @@ from py_trees.common import Status as PyTreesStatus
 
 from bestman_bt.engine.core.status import IDLE, RUNNING, TO_PY_TREES, from_py_trees
 
-# An attribute that is made when somebody first reads it, and is an ordinary attribute from then on.
+# An attribute that is created on first access, and is an ordinary attribute afterwards.
 
 
 class Lazy:
-    """Non-data descriptor: ``__getattr__`` would do the same but switches off CPython's attribute caches."""
+    """A non-data descriptor that makes the attribute on first access; ``__getattr__`` would disable CPython's attribute
+    caches.
+    """
 
     def __init__(self, make: Callable[[Any], Any]) -> None:
         self._make = make
@@ -45,9 +47,9 @@ else:
 
 
 class PyTreesFace(_Base):
-    """Base of ``Node`` alone. ``_s``: the engine's status, of which ``status`` is py_trees' view.
+    """Base of ``Node`` alone. ``_s``: the engine's status; ``status`` is py_trees' view of it.
 
-    Attributes that cost time or memory are made when somebody reads them.
+    Attributes that cost time or memory are created on first access.
     """
 
     __slots__ = ("_s",)
@@ -67,7 +69,7 @@ class PyTreesFace(_Base):
 
         @property
         def status(self) -> PyTreesStatus:
-            """py_trees' view of the state; an idle node shows its last result."""
+            """The state in py_trees' terms; an idle node shows its last result."""
             return TO_PY_TREES[self._s]
 
         @status.setter
@@ -78,11 +80,11 @@ class PyTreesFace(_Base):
         path: str
 
     def tick(self) -> Iterator[Behaviour]:
-        """Tick as a py_trees behaviour: everything happens at once, then the visited nodes are yielded."""
+        """Tick as a py_trees behaviour: tick completely, then yield the visited nodes."""
         yield from self.standalone_tree().tick_as_behaviour(self._node)
 
     def standalone_tree(self) -> Tree:
-        """Return the node's tree; a node that has none, under a native py_trees composite, gets its own."""
+        """Return the node's tree; a node below a native py_trees composite, which has none, gets its own."""
         node = self._node
         if node.tree is None:
             from bestman_bt.engine.authoring import build_tree
@@ -111,7 +113,7 @@ class PyTreesFace(_Base):
         return self.status
 
     def tip(self) -> Behaviour | None:
-        """Return the deepest node that runs or decided last, as py_trees does."""
+        """Return the deepest node that is running or decided last, as py_trees does."""
         for child in self.children:
             if child.status == PyTreesStatus.RUNNING:
                 return typing.cast(Behaviour, child.tip()) if hasattr(child, "tip") else child

@@ -1,4 +1,4 @@
-"""The node registry: which classes a tree file may name, and what is known of each (kind, ports, description)."""
+"""The node registry: the classes that tree files may name, each with kind, ports and description."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ BUILTIN_NODES: Final[dict[str, type[Node]]] = {}
 
 
 class RegistryError(EngineError, InputError):
-    """A class cannot be registered, or a name is not known."""
+    """A class cannot be registered, or a name is unknown."""
 
 
 @dataclass(frozen=True, eq=False)
 class NodeInfo:
-    """One entry of the palette.
+    """The description of one node type.
 
-    ``kind`` is Action, Condition, Control, Decorator or SubTree; ``checked`` are the typed or bounded input ports,
-    whose literals are converted when a tree is loaded. ``known_from``: of a type without code here, where its
-    description is from; empty for one with code.
+    ``kind``: Action, Condition, Control, Decorator or SubTree; ``checked``: the typed or bounded input ports, whose
+    literals are converted when a tree is loaded. ``known_from``: the source of the description of a type without code;
+    empty for one with code.
     """
 
     name: str
@@ -59,12 +59,12 @@ class NodeInfo:
 
     @property
     def import_line(self) -> str:
-        """The line by which a Python tree imports the class."""
+        """The line that imports the class in a Python tree."""
         return f"from {'bestman_bt.engine' if self.builtin else self.cls.__module__} import {self.cls.__name__}"
 
 
 class NodeRegistry:
-    """Names to node classes. The whole catalogue of v4 is in it from the start."""
+    """Names → node classes; contains all nodes of BehaviorTree.CPP v4 from the start."""
 
     def __init__(self) -> None:
         self.converters = ConverterRegistry()
@@ -75,14 +75,15 @@ class NodeRegistry:
 
     @property
     def enums(self) -> dict[str, int]:
-        """The names that scripts and enum ports know, and their values."""
+        """The names known to scripts and enum ports, with their values."""
         return self.converters.enums
 
     def register(self, cls: type[Node], name: str | None = None) -> type[Node]:
-        """Make ``cls`` usable as ``name`` (by default the class's own name); returns it, to serve as decorator.
+        """Make ``cls`` usable as ``name`` (by default the class's own name); returns it, so that it serves as a
+        decorator.
 
         Raises:
-            RegistryError: ``cls`` is no node class, or the name belongs to another class.
+            RegistryError: ``cls`` is not a node class, or the name belongs to another class.
         """
         if not (isinstance(cls, type) and issubclass(cls, Node)):
             raise RegistryError(f"{cls!r} is not a subclass of bestman_bt.engine.Node")
@@ -94,7 +95,7 @@ class NodeRegistry:
         return cls
 
     def extended(self, infos: Iterable[NodeInfo]) -> NodeRegistry:
-        """Return a registry that knows these types as well, in place of those that have their names."""
+        """Return a registry that also contains these types, which replace types of the same name."""
         other = copy(self)
         other._by_class = dict(self._by_class)
         other._infos = {**self._infos, **{info.name: info for info in infos}}
@@ -116,7 +117,7 @@ class NodeRegistry:
         return info
 
     def info(self, name: str) -> NodeInfo:
-        """Return what is known of ``name``.
+        """Return the description of ``name``.
 
         Raises:
             RegistryError: it is not registered; the message suggests the closest name.
@@ -128,7 +129,7 @@ class NodeRegistry:
         return info
 
     def info_of_class(self, cls: type[Node]) -> NodeInfo:
-        """Return what is known of a class; one that is not registered is described as it stands."""
+        """Return the description of a class; an unregistered class is described directly."""
         info = self._by_class.get(cls)
         if info is None:
             name = getattr(cls, "NAME", None) or cls.__name__
@@ -136,7 +137,7 @@ class NodeRegistry:
         return info
 
     def find(self, name: str) -> NodeInfo | None:
-        """Return what is known of ``name``, or None."""
+        """Return the description of ``name``, or None."""
         return self._infos.get(name)
 
     def suggest(self, name: str) -> str:
@@ -150,7 +151,7 @@ class NodeRegistry:
         return iter(self.manifest())
 
     def manifest(self) -> list[NodeInfo]:
-        """Return the palette, sorted by name."""
+        """Return all descriptions, sorted by name."""
         return sorted(self._infos.values(), key=lambda info: info.name)
 
 

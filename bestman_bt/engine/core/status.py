@@ -1,7 +1,7 @@
 """The five statuses of BehaviorTree.CPP as plain integers, and their projection onto py_trees' enum.
 
-They are module constants because reading an enum member costs four times as much on the tick path.
-``SKIPPED`` is returned by a tick and never stored in a node.
+They are module constants because reading an enum member costs four times as much on the tick path. ``SKIPPED`` is
+returned by a tick and never stored in a node.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ STATUS_NAMES: Final = ("IDLE", "RUNNING", "SUCCESS", "FAILURE", "SKIPPED")
 
 
 class NodeStatus(enum.IntEnum):
-    """Type of ``Tree.status`` and of ports that carry a status; members equal the constants, and print as names."""
+    """Type of ``Tree.status`` and of status ports; members equal the constants and print as names."""
 
     IDLE = IDLE
     RUNNING = RUNNING
@@ -41,11 +41,11 @@ TO_PY_TREES: Final = {
     -SUCCESS: PyTreesStatus.SUCCESS,
     -FAILURE: PyTreesStatus.FAILURE,
 }
-"""py_trees' status for each internal code; negative codes are idle nodes and name their last result."""
+"""py_trees' status for each internal code; negative codes are idle nodes with their last result."""
 
 
 def from_py_trees(status: PyTreesStatus) -> int:
-    """Return the engine's status for a py_trees status (``INVALID`` is ``IDLE``)."""
+    """Return the engine's status for a py_trees status (``IDLE`` for ``INVALID``)."""
     if status is PyTreesStatus.SUCCESS:
         return SUCCESS
     if status is PyTreesStatus.FAILURE:
@@ -56,7 +56,7 @@ def from_py_trees(status: PyTreesStatus) -> int:
 
 
 def status_name(status: int) -> str:
-    """Return the name of a status, such as ``"RUNNING"``."""
+    """Return the name of a status, such as ``"RUNNING"``. Raises ValueError for an unknown status."""
     if 0 <= status < len(STATUS_NAMES):
         return STATUS_NAMES[status]
-    raise ValueError(f"status {status} is none of 0 to {len(STATUS_NAMES) - 1}")
+    raise ValueError(f"status {status} is not one of 0 to {len(STATUS_NAMES) - 1}")

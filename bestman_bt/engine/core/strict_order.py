@@ -1,8 +1,8 @@
 """Strict order of reactive nodes (``_strict="true"``), and halts that need several ticks.
 
-Beneath a strict node, the child that runs is halted before an asynchronous leaf of another child starts. An action
-whose ``on_stopping`` returns RUNNING is still stopping: the node that halted it keeps its result back until then, and
-what displaces it beneath a strict node starts then. Nodes that have neither below them are ticked as ever.
+Below a strict node, the running child is halted before an asynchronous leaf of another child starts. An action whose
+``on_stopping`` returns RUNNING is still stopping: the node that halted it withholds its result until it has stopped,
+and its successor below a strict node starts only then. Other nodes are ticked as usual.
 """
 
 from __future__ import annotations
@@ -25,22 +25,22 @@ _LOG = logging.getLogger(__name__)
 
 @runtime_checkable
 class Reactive(Protocol):
-    """A node that may be strict: ``runner`` is its child that runs."""
+    """A node that may be strict; ``runner``: its running child."""
 
     runner: Node | None
 
     def replace_runner(self, child: Node | None) -> None:
-        """Halt the child that runs; ``child`` runs now."""
+        """Halt the running child; ``child`` takes its place."""
 
 
 class Order:
-    """What one node waits for.
+    """The pending waits of one node.
 
     Attributes:
-        gates: of an asynchronous leaf, the strict nodes above it, outermost first, each with its child on the way.
+        gates: of an asynchronous leaf, the strict nodes above it, outermost first, each with its child on the path.
         slow: the leaves whose stopping this node waits for.
-        waiting: the leaf is to start as soon as they have stopped.
-        withheld: the result that the node has as soon as they have stopped.
+        waiting: whether the leaf starts as soon as they have stopped.
+        withheld: the result that the node gets as soon as they have stopped.
     """
 
     __slots__ = ("gates", "slow", "waiting", "withheld")
@@ -53,21 +53,21 @@ class Order:
 
 
 class Stopping:
-    """The actions of a tree that were halted and are still stopping; ``until``: when nobody waits any longer."""
+    """The halted actions of a tree that are still stopping; ``until``: when the waiting for each one ends."""
 
     def __init__(self) -> None:
         self.until: dict[Node, float] = {}
 
     def add(self, leaf: Node, until: float) -> None:
-        """Ask ``leaf`` at each tick from now on."""
+        """Poll ``leaf`` at each tick until ``until``, seconds of the clock."""
         self.until[leaf] = until
 
     def any_of(self, leaves: set[Node]) -> bool:
-        """Whether one of ``leaves`` is still stopping."""
+        """Return whether one of ``leaves`` is still stopping."""
         return bool(self.until) and not leaves.isdisjoint(self.until)
 
     def ask(self, now: float) -> None:
-        """Forget those that have stopped, and those that have taken too long."""
+        """Remove the leaves that have stopped, and those that have taken too long."""
         for leaf, until in list(self.until.items()):
             del self.until[leaf]
             if leaf.on_stopping() == RUNNING:
@@ -75,12 +75,12 @@ class Stopping:
                     self.until[leaf] = until
                 else:
                     _LOG.warning(
-                        "%s: it has not stopped within %g s; what waits for it goes on", leaf.path, leaf.STOP_TIMEOUT
+                        "%s: it has not stopped within %g s; waiting nodes continue", leaf.path, leaf.STOP_TIMEOUT
                     )
 
 
 def set_order(tree: Tree) -> None:
-    """Give the nodes of a new tree their orders, where it has strict nodes or actions that stop over several ticks."""
+    """Set the orders of a new tree's nodes, if it has strict nodes or actions that stop over several ticks."""
     for node in tree.nodes:
         if node.STOPS_OVER_TICKS:
             for above in upwards(node):
@@ -96,7 +96,7 @@ def set_order(tree: Tree) -> None:
 
 
 def in_order(node: Node, core: Tick, order: Order) -> Tick:
-    """The tick of a node that may have to wait."""
+    """Return the tick function of a node that may have to wait."""
     return _leaf_in_order(node, core, order) if not node.children else _parent_in_order(node, core, order)
 
 
@@ -146,7 +146,7 @@ def _order(node: Node) -> Order:
 
 
 def upwards(node: Node) -> Iterator[Node]:
-    """Yield the node and all above it."""
+    """Yield the node and its ancestors."""
     above: Node | None = node
     while above is not None:
         yield above

@@ -29,9 +29,9 @@ if TYPE_CHECKING:
 
 
 SETUP_TIMEOUT: Final = 15.0
-"""Seconds of wall time that the setup of all native behaviours may take before a first tick."""
+"""Longest setup of all native behaviours before the first tick, seconds of wall time."""
 FRAMES_PER_LEVEL: Final = 8
-"""Most Python frames that one node takes while it is ticked or halted."""
+"""Largest number of Python frames per node during a tick or halt."""
 FRAMES_AROUND: Final = 500
 
 
@@ -61,15 +61,15 @@ InnerListener = Callable[["Tree", Node], None]
 
 
 def _refused() -> int:
-    raise EngineError("no node is ticked any more: the execution was cancelled")
+    raise EngineError("the execution was cancelled: no further node is ticked")
 
 
 class Tree:
     """A tree that can be ticked. ``nodes`` are in construction order: the node with uid N is ``nodes[N - 1]``.
 
-    ``shared``: what keeps its top blackboard and py_trees' one; None where no native behaviour is in the tree.
-    ``origin``: the file or text that it was loaded from, and where its includes may lie; None for one made in Python.
-    ``left_out``: entries, and other words, that what is wrong with the tree names, where it was loaded all the same.
+    ``shared``: synchronises its top blackboard with py_trees', or None if the tree has no native behaviour. ``origin``:
+    the file or text that it was loaded from, and the search path of its includes; None for a tree made in Python.
+    ``left_out``: entries and other names that appear in the faults of a tree that was loaded in spite of them.
     """
 
     def __init__(
@@ -111,7 +111,7 @@ class Tree:
         self._set_up = True
         self._refusing = False
 
-    # ---- what the loader does
+    # ---- interface for the loader
 
     @property
     def root(self) -> Node:
@@ -121,9 +121,9 @@ class Tree:
         return self._root
 
     def complete(self, root: Node, depth: int, shared: SharedEntries | None) -> None:
-        """Take the root, and what keeps the blackboards one where native behaviours are below it.
+        """Set the root and, if native behaviours are below it, the shared entries.
 
-        The interpreter's recursion limit is raised where a tree of this depth, with hooks and conditions, needs it.
+        Raises the interpreter's recursion limit if a tree of this depth, with hooks and conditions, needs it.
         """
         self._root = root
         set_order(self)
@@ -135,13 +135,13 @@ class Tree:
         self.blackboard.store.now = self.clock.now()
 
     def info_of(self, node: Node) -> NodeInfo:
-        """Return what the registry knows of a node's class."""
+        """Return the registry's description of a node's class."""
         return node.info if node.info is not None else self.registry.info_of_class(type(node))
 
     def rebind(self) -> None:
-        """Choose each node's ``run`` anew, after a listener, a visitor or a hook came or went.
+        """Choose each node's ``run`` again after a change of listeners, visitors or hooks.
 
-        Before the first tick there is nothing to do: that tick chooses. May be called from any thread.
+        Does nothing before the first tick, which chooses. Thread-safe.
         """
         if self._bound:
             self._bind()
@@ -174,7 +174,7 @@ class Tree:
 
     @property
     def xml(self) -> str:
-        """The tree as XML: the text it was loaded from, or what the writer makes of a tree built in Python."""
+        """The tree as XML: its source text, or the writer's output for a tree built in Python."""
         if self.source:
             return self.source
         from bestman_bt.engine.xml.writer import tree_to_xml
@@ -182,19 +182,19 @@ class Tree:
         return tree_to_xml(self)
 
     def _repr_svg_(self) -> str:
-        """The tree, coloured by what its nodes returned last: what notebooks show."""
+        """Return the tree, coloured by the last results, for display in notebooks."""
         from bestman_bt.engine.graphics import current_states, render_svg
 
         return render_svg(self, current_states(self))
 
     def as_subtree(self) -> Node:
-        """Return what stands for this tree among the children of a node that is made in Python."""
+        """Return a SubTree node of this tree, for the children of a node made in Python."""
         from bestman_bt.engine.decorators.subtree import SubTree
 
         return SubTree(self)
 
     def bind(self, context: Any, clock: EngineClock) -> None:
-        """Give the nodes another context and clock; not while it runs."""
+        """Replace context and clock of the nodes; not while the tree is running."""
         self.context, self.clock = context, clock
         self.blackboard.store.now = clock.now()
 
@@ -203,12 +203,12 @@ class Tree:
     def setup(self, timeout: float = SETUP_TIMEOUT, **kwargs: Any) -> None:
         """Call the ``setup`` of native py_trees behaviours that are not set up, children first.
 
-        The first tick does it where nobody has. Each gets ``kwargs``, and ``context`` and ``clock`` of the tree where
-        its signature takes them. ``timeout``: seconds of wall time for all of them; outside the main thread a setup
-        that takes longer ends before it is noticed.
+        The first tick does this if needed. Each gets ``kwargs``, and ``context`` and ``clock`` of the tree if its
+        signature accepts them. ``timeout``: seconds of wall time for all of them; outside the main thread a slow setup
+        is detected only after it has ended.
 
         Raises:
-            NodeError: one failed or took too long; those before it stay set up, for ``shutdown``.
+            NodeError: a setup failed or took too long; earlier ones stay set up, for ``shutdown``.
         """
         if self.shared is None:
             return
@@ -224,10 +224,10 @@ class Tree:
         self.share_entries()
 
     def shutdown(self) -> None:
-        """Call the ``shutdown`` of native py_trees behaviours that were set up; the next tick sets up anew.
+        """Call the ``shutdown`` of native py_trees behaviours that were set up; the next tick sets them up again.
 
         Raises:
-            EngineError: some failed; all have been asked, and it says what went wrong with which.
+            EngineError: listing every failed shutdown, after all have been called.
         """
         if self.shared is None:
             return
@@ -243,35 +243,35 @@ class Tree:
             raise EngineError("; ".join(faults))
 
     def share_entries(self) -> None:
-        """Take over what native behaviours have written to py_trees' blackboard."""
+        """Import the writes of native behaviours from py_trees' blackboard."""
         if self.shared is not None:
             self.shared.take_over()
 
     @property
     def status(self) -> NodeStatus:
-        """Status of the root after the last tick; IDLE after a halt. Equals the constants, as in ``== RUNNING``."""
+        """Status of the root after the last tick; IDLE after a halt. Compares equal to the constants."""
         return NodeStatus(self._status)
 
     # ---- ticking
 
     def tick_exactly_once(self) -> int:
-        """Tick once, whatever wake-ups there are; return the root's status."""
+        """Tick once, regardless of wake-ups, and return the root's status."""
         status = self._tick()
         return self._finished(status)
 
     def tick_once(self) -> int:
-        """Tick once, and again as long as the root runs and a node has woken the loop; return the root's status."""
+        """Tick once, and again while the root is running and a node has woken the loop; return the root's status."""
         status = self._tick()
         while status == RUNNING and self._woken():
             status = self._tick()
         return self._finished(status)
 
     def tick_while_running(self, period: float = 0.05, max_ticks: int | None = None) -> int:
-        """Tick until the root does not run any more, sleeping ``period`` seconds of the clock between ticks.
+        """Tick until the root is no longer running, sleeping ``period`` seconds of the clock between ticks.
 
         Args:
-            period: seconds; a wake-up ends the sleep early where the clock can.
-            max_ticks: return RUNNING after this many ticks; None for no limit.
+            period: seconds; a wake-up ends the sleep early if the clock supports it.
+            max_ticks: return RUNNING after this many ticks; None: no limit.
         """
         ticks = 0
         while True:
@@ -282,27 +282,27 @@ class Tree:
             self.sleep(period)
 
     def refuse_ticks(self) -> None:
-        """From now on no node begins a tick, not even within the tick under way: EngineError ends that.
+        """Prevent every further tick of a node; a tick under way ends with EngineError.
 
-        May be called from any thread and from a signal handler. Ticks ask for nothing, so it costs them nothing.
+        Safe to call from any thread and from signal handlers. It adds no cost to ticks.
         """
         self._refusing = True
         if self._bound:
             self._refuse()
 
     def raise_if_refused(self) -> None:
-        """For what holds up a tick: EngineError after ``refuse_ticks``."""
+        """Raise EngineError after ``refuse_ticks``; for code that blocks a tick."""
         if self._refusing:
             _refused()
 
     def allow_ticks(self) -> None:
-        """Take back ``refuse_ticks``."""
+        """Undo ``refuse_ticks``."""
         if self._refusing:
             self._refusing = False
             self.rebind()
 
     def sleep(self, duration: float) -> None:
-        """Let ``duration`` seconds of the clock pass, less where a wake-up comes."""
+        """Let ``duration`` seconds of the clock pass, or less after a wake-up."""
         if self._woken():
             return
         clock = self.clock
@@ -313,7 +313,7 @@ class Tree:
         self._woken()
 
     def wake_up(self) -> None:
-        """End the loop's sleep. May be called from any thread."""
+        """End the loop's sleep. Thread-safe."""
         if not self._wake.is_set():
             self._wake.set()
 
@@ -362,7 +362,7 @@ class Tree:
         return status
 
     def halt(self) -> None:
-        """Interrupt everything that runs, deepest first, and run the ``_onHalted`` scripts."""
+        """Halt everything that is running, deepest first, and run the ``_onHalted`` scripts."""
         if not self._bound:
             self._bind()
         self._begin()
@@ -380,7 +380,7 @@ class Tree:
         self._status = IDLE
 
     def wait_until_stopped(self, period: float = 0.05) -> None:
-        """After a halt: let time pass until no action is still stopping, or none is waited for any longer."""
+        """After a halt, let time pass until no action is stopping any more, or the waiting times have ended."""
         while self.stopping.until:
             self.clock.sleep(period)
             self._begin()
@@ -388,7 +388,7 @@ class Tree:
     # ---- py_trees' side
 
     def tick_as_behaviour(self, node: Node) -> Iterator[Behaviour]:
-        """Tick ``node`` for py_trees: yields the nodes that were visited, children before parents."""
+        """Tick ``node`` for py_trees and yield the visited nodes, children before parents."""
         visited = self._visit()
         self._begin()
         try:
@@ -405,12 +405,12 @@ class Tree:
         yield from list(visited)
 
     def add_visitor(self, visitor: VisitorBase) -> None:
-        """Show every node that a tick visits to a py_trees visitor, after the tick."""
+        """Pass every node that a tick visits to a py_trees visitor, after the tick."""
         self._visitors.append(visitor)
         self._plain = False
 
     def remove_visitor(self, visitor: VisitorBase) -> None:
-        """Detach a py_trees visitor; without any, ticks cost nothing more than before."""
+        """Remove a py_trees visitor; without visitors, ticks have no extra cost."""
         self._visitors.remove(visitor)
 
     def _visit(self) -> list[Node]:
@@ -440,14 +440,14 @@ class Tree:
     # ---- listening
 
     def subscribe(self, listener: Listener) -> None:
-        """Call ``listener`` with the ``StateChanges`` of each tick and halt that has any."""
+        """Call ``listener`` with the ``StateChanges`` of each tick or halt that changes a state."""
         self._listeners.append(listener)
         if self._log is None:
             self._log = []
             self.rebind()
 
     def unsubscribe(self, listener: Listener) -> None:
-        """End a subscription; without any, ticks cost nothing more than before."""
+        """End a subscription; without listeners, ticks have no extra cost."""
         if listener in self._listeners:
             self._listeners.remove(listener)
         if not self._listeners and self._log is not None:
@@ -455,21 +455,23 @@ class Tree:
             self.rebind()
 
     def subscribe_to_inner(self, listener: InnerListener) -> None:
-        """Call ``listener`` with each tree that a leaf of this one is about to tick by itself, and the leaf."""
+        """Call ``listener`` with each inner tree that a leaf is about to tick by itself, and with the leaf."""
         self._inner_listeners.append(listener)
 
     def unsubscribe_from_inner(self, listener: InnerListener) -> None:
-        """End such a subscription."""
+        """End a subscription to inner trees."""
         if listener in self._inner_listeners:
             self._inner_listeners.remove(listener)
 
     def announce_inner(self, inner: Tree, leaf: Node) -> None:
-        """For a leaf that has made a tree which it will tick: tell who listens, before its first tick."""
+        """Notify the listeners of an inner tree of ``leaf``, before its first tick."""
         for listener in tuple(self._inner_listeners):
             listener(inner, leaf)
 
     def publish(self) -> None:
-        """Tell the listeners what has changed so far. Each tick and halt ends with it; one that is held up may, too."""
+        """Send the state changes so far to the listeners; called after each tick and halt, and optionally during long
+        ticks.
+        """
         log = self._log
         if not log:
             return

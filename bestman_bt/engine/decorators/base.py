@@ -16,7 +16,7 @@ class Decorator(Node, py_trees.decorators.Decorator):
 
     KIND: ClassVar[str] = "Decorator"
     RESETS_CHILD: ClassVar[bool] = False
-    """True where the tick never leaves a finished child behind, so that nobody has to look for one."""
+    """True if the tick never leaves a finished child behind, so that no search for one is needed."""
 
     @property
     def child(self) -> Node:
@@ -35,17 +35,17 @@ class Decorator(Node, py_trees.decorators.Decorator):
         self.halt_child(self.child)
 
     def bind_children(self, log: list[Any] | None) -> None:
-        """Pair the child with what it is called by."""
+        """Pair the child with its tick function."""
         child = self.child
         self.only = (child.run, child)
 
     def refuse(self, instead: Tick) -> None:
-        """The child is not called any more."""
+        """Replace the tick of this node and of its child."""
         super().refuse(instead)
         self.only = (instead, self.child)
 
     def bound(self, core: Tick) -> Tick:
-        """Make a finished child idle after the node has its own status, as v4 orders it."""
+        """Return the tick that makes a finished child idle after the node has its own status, the order of v4."""
         if self.RESETS_CHILD:
             return core
 

@@ -1,4 +1,4 @@
-"""LoopInt, LoopDouble, LoopBool and LoopString: the child once for each item of a queue."""
+"""LoopInt, LoopDouble, LoopBool and LoopString: tick the child once for each item of a queue."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ from bestman_bt.engine.errors import ConversionError
 class ForEach(Decorator):
     """Writes the items of ``items`` to ``item`` one by one and ticks the child; FAILURE as soon as it fails.
 
-    The list is read when the node starts; SUCCESS when all items are done, also of an empty list. Items whose
-    child was SKIPPED count as done.
+    The list is read when the node starts; SUCCESS when all items are done, or if there are none. Items whose child was
+    SKIPPED count as done.
     """
 
     INPUT_PORTS = {"items": PortInformation(list[Any], True, "the items")}
@@ -31,12 +31,12 @@ class ForEach(Decorator):
     RESETS_CHILD = True
 
     def on_load(self) -> None:
-        """Begin before the first item."""
+        """Start before the first item."""
         self.items: list[Any] = []
         self.position = 0
 
     def on_tick(self) -> int:
-        """Go on with the current item; between two that each took one tick, return RUNNING and wake the loop."""
+        """Continue with the current item; between two items of one tick each, return RUNNING and wake the loop."""
         if self._s <= IDLE:
             self.items = list(self.get_input("items"))
             self.position = 0
@@ -64,14 +64,16 @@ class ForEach(Decorator):
 
 
 class ConsumeQueue(Decorator):
-    """Takes items from the ``deque`` at ``queue`` and ticks the child for each, several in one tick; fails with it."""
+    """Takes items from the ``deque`` at ``queue`` and ticks the child for each, several per tick; fails if the child
+    fails.
+    """
 
     INPUT_PORTS = {"queue": PortInformation(deque, False, "a collections.deque, emptied in place")}
     OUTPUT_PORTS = {"popped_item": PortInformation(Any, False, "the current item")}
     RESETS_CHILD = True
 
     def on_load(self) -> None:
-        """Begin with an idle child."""
+        """Start with an idle child."""
         self.child_runs = False
 
     def halt(self) -> None:
@@ -80,7 +82,7 @@ class ConsumeQueue(Decorator):
         super().halt()
 
     def on_tick(self) -> int:
-        """Finish the current item, then take the others until the child runs or fails."""
+        """Finish the current item, then take further items until the child runs or fails."""
         result = SUCCESS
         if self.child_runs:
             result = self._tick_child()
@@ -105,10 +107,10 @@ class ConsumeQueue(Decorator):
 
 
 class Loop(Decorator):
-    """Takes items from ``queue`` one by one, writes each to ``value`` and ticks the child; fails when it fails.
+    """Takes items from ``queue`` one by one, writes each to ``value`` and ticks the child; fails if the child fails.
 
-    A ``deque`` on the blackboard is emptied in place; a list, or a text with items separated by ``;``, is copied
-    when the loop starts.
+    A ``deque`` on the blackboard is emptied in place; a list, or a text with items separated by ``;``, is copied when
+    the loop starts.
     """
 
     ITEM: ClassVar[Any] = Any
@@ -122,7 +124,7 @@ class Loop(Decorator):
     RESETS_CHILD = True
 
     def on_load(self) -> None:
-        """Convert the items where they are a literal."""
+        """Convert the items if they are a literal."""
         self.child_runs = False
         self.queue: deque[Any] | None = None
         self.literal: list[Any] | None = None
@@ -141,7 +143,7 @@ class Loop(Decorator):
             raise self.error(f"port 'queue': expected a list of items but got {value!r}") from error
 
     def on_tick(self) -> int:
-        """Take the next item unless the child still runs, and tick the child."""
+        """Take the next item unless the child is still running, and tick the child."""
         if self._s <= IDLE:
             self.child_runs = False
             self.queue = None if self.literal is None else deque(self.literal)
@@ -172,7 +174,7 @@ class Loop(Decorator):
 
 
 class LoopInt(Loop):
-    """A loop over whole numbers."""
+    """A loop over integers."""
 
     ITEM = int
     OUTPUT_PORTS = {"value": PortInformation(int, False, "the current item")}
@@ -186,14 +188,14 @@ class LoopDouble(Loop):
 
 
 class LoopBool(Loop):
-    """A loop over truth values."""
+    """A loop over booleans."""
 
     ITEM = bool
     OUTPUT_PORTS = {"value": PortInformation(bool, False, "the current item")}
 
 
 class LoopString(Loop):
-    """A loop over texts."""
+    """A loop over strings."""
 
     ITEM = str
     OUTPUT_PORTS = {"value": PortInformation(str, False, "the current item")}

@@ -1,4 +1,4 @@
-"""Precondition: a script decides whether the child is ticked."""
+"""Precondition: a script that decides whether the child is ticked."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from bestman_bt.engine.decorators.base import Decorator
 
 
 class Precondition(Decorator):
-    """Ticks its child if the script ``if`` is true, else returns ``else``; not asked again while the child runs."""
+    """Ticks its child if the script ``if`` is true, else returns ``else``; not evaluated while the child is running."""
 
     INPUT_PORTS = {
         "if": PortInformation(str, True, "the script that decides"),
@@ -36,7 +36,7 @@ class Precondition(Decorator):
         return self.holds
 
     def on_tick(self) -> int:
-        """Ask, and tick the child."""
+        """Evaluate the script, and tick the child if it is true."""
         holds = self._compile()
         otherwise = int(self.get_input("else"))
         if not self.entered:

@@ -1,4 +1,4 @@
-"""Repeat, RetryUntilSuccessful and KeepRunningUntilFailure: the child, again and again."""
+"""Repeat, RetryUntilSuccessful and KeepRunningUntilFailure: repeated ticks of the child."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from bestman_bt.engine.decorators.base import Decorator
 
 
 class RunOnce(Decorator):
-    """Ticks its child until it is done, once; then SKIPPED, or the same result with ``then_skip="false"``."""
+    """Ticks its child once until it has finished; then SKIPPED, or the same result with ``then_skip="false"``."""
 
     INPUT_PORTS = {
         "then_skip": PortInformation(
@@ -27,11 +27,11 @@ class RunOnce(Decorator):
     RESETS_CHILD = True
 
     def on_load(self) -> None:
-        """Begin not done."""
+        """Start with no result."""
         self.result: int | None = None
 
     def on_tick(self) -> int:
-        """Tick the child unless it is done."""
+        """Tick the child unless it has finished."""
         if self.result is not None:
             return SKIPPED if self.get_input("then_skip") else self.result
         self.set_state(RUNNING)
@@ -44,14 +44,14 @@ class RunOnce(Decorator):
 
 class _Counting(Decorator):
     AGAIN: ClassVar[int]
-    """The child's result that is counted; the other one ends the node."""
+    """The result of the child that is counted; the other result ends the node."""
     PORT: ClassVar[str]
     RESETS_CHILD = True
     CHECKED_AT_TICK = True
     count: int = 0
 
     def on_load(self) -> None:
-        """ValueError for a literal that counts less than -1, which would be none at all."""
+        """Raises ValueError for a literal that counts less than -1, which would be none at all."""
         value = self.attributes.get(self.PORT)
         if value is not None and key_of(value, self.PORT) is None and self.get_input(self.PORT) < -1:
             raise ValueError(f"{self.PORT} is {value}; 0 or more is accepted, or -1: for ever")
@@ -98,7 +98,7 @@ class _Counting(Decorator):
 
 
 class Repeat(_Counting):
-    """Ticks a child that succeeds up to ``num_cycles`` times (-1: for ever); fails when the child fails."""
+    """Ticks a succeeding child up to ``num_cycles`` times (-1: forever); fails when the child fails."""
 
     INPUT_PORTS = {
         "num_cycles": PortInformation(
@@ -110,7 +110,7 @@ class Repeat(_Counting):
 
 
 class RetryUntilSuccessful(_Counting):
-    """Ticks a child that fails up to ``num_attempts`` times (-1: for ever); succeeds when the child does."""
+    """Ticks a failing child up to ``num_attempts`` times (-1: forever); succeeds when the child succeeds."""
 
     INPUT_PORTS = {
         "num_attempts": PortInformation(
@@ -122,7 +122,7 @@ class RetryUntilSuccessful(_Counting):
 
 
 class KeepRunningUntilFailure(Decorator):
-    """RUNNING until the child fails."""
+    """Returns RUNNING until the child fails."""
 
     RESETS_CHILD = True
 

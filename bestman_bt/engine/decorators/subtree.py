@@ -1,4 +1,4 @@
-"""SubTree: another tree as a node, with a blackboard of its own."""
+"""SubTree: another tree as a node, with its own blackboard."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ if TYPE_CHECKING:
 
 
 def mapping_tick_bare(on_success: int, on_failure: int, *, keeps: bool = False) -> Callable[[Any], int]:
-    """Return the tick of a decorator that maps its child's result, while nobody listens.
+    """Return the tick function of a decorator that maps its child's result, without listeners.
 
-    With ``keeps`` the node's own result of before, which nobody reset, outlives a child that is skipped.
+    With ``keeps``, the node's previous result survives a skipped child unless it has been reset.
     """
 
     def tick(self: Any) -> int:
@@ -90,7 +90,7 @@ def mapping_tick_traced(on_success: int, on_failure: int) -> Callable[[Any], int
 
 
 class Inverter(Decorator):
-    """SUCCESS becomes FAILURE and FAILURE becomes SUCCESS."""
+    """Swaps SUCCESS and FAILURE of its child."""
 
     RESETS_CHILD = True
     tick_bare = mapping_tick_bare(FAILURE, SUCCESS)
@@ -98,7 +98,7 @@ class Inverter(Decorator):
 
 
 class ForceSuccess(Decorator):
-    """SUCCESS, whatever the child's result is."""
+    """Returns SUCCESS for any result of its child."""
 
     RESETS_CHILD = True
     tick_bare = mapping_tick_bare(SUCCESS, SUCCESS)
@@ -106,7 +106,7 @@ class ForceSuccess(Decorator):
 
 
 class ForceFailure(Decorator):
-    """FAILURE, whatever the child's result is."""
+    """Returns FAILURE for any result of its child."""
 
     RESETS_CHILD = True
     tick_bare = mapping_tick_bare(FAILURE, FAILURE)
@@ -130,9 +130,9 @@ def _tick_traced(self: Any) -> int:
 class SubTree(Decorator):
     """Runs another tree. Its attributes map the subtree's keys: ``key="{outer}"``, ``key="literal"``.
 
-    In Python: ``SubTree(build_pick, target="{cup}")`` with a function that returns the subtree's root,
-    or ``SubTree(root, target="{cup}")``. A function is called once for each instance. A ``Path`` to an XML file, or a
-    tree that was loaded from XML, is read when the tree around it is made; ``loaded`` holds it.
+    In Python: ``SubTree(build_pick, target="{cup}")`` with a function that returns the subtree's root, or
+    ``SubTree(root, target="{cup}")``. A function is called once per instance. A ``Path`` to an XML file, or a tree
+    loaded from XML, is read when the enclosing tree is built; ``loaded`` holds it.
     """
 
     KIND: ClassVar[str] = "SubTree"

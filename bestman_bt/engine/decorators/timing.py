@@ -14,12 +14,12 @@ from bestman_bt.engine.decorators.base import Decorator
 
 
 class RateController(Decorator):
-    """Ticks its child when it starts, while it runs, and then once per period of ``hz``; RUNNING in between."""
+    """Ticks its child when it starts, while it is running, and then once per period of ``hz``; RUNNING in between."""
 
     INPUT_PORTS = {"hz": BoundedPort(Annotated[float, Gt(0)], False, "Rate", 10.0)}
 
     def on_load(self) -> None:
-        """Begin with no time running."""
+        """Start with the timer stopped."""
         self.started = 0.0
         self.first = True
 
@@ -40,7 +40,7 @@ class RateController(Decorator):
 
 
 class Timeout(Decorator):
-    """Halts its child and fails when the child still runs ``msec`` after the node started (0: never)."""
+    """Halts its child and fails if the child is still running ``msec`` after the node started (0: never)."""
 
     INPUT_PORTS = {
         "msec": BoundedPort(
@@ -51,16 +51,16 @@ class Timeout(Decorator):
     CHECKED_AT_TICK = True
 
     def on_load(self) -> None:
-        """Begin with no time running."""
+        """Start with the timer stopped."""
         self.started: float | None = None
 
     def halt(self) -> None:
-        """Forget when it started."""
+        """Stop the timer, then halt."""
         self.started = None
         super().halt()
 
     def on_tick(self) -> int:
-        """Fail if the time is over, else tick the child."""
+        """Fail if the time is up, else tick the child."""
         duration = self.get_input("msec") * 1e-3
         if self.started is None:
             self.started = self.clock.now()
@@ -86,16 +86,16 @@ class Delay(Decorator):
     CHECKED_AT_TICK = True
 
     def on_load(self) -> None:
-        """Begin with no time running."""
+        """Start with the timer stopped."""
         self.started: float | None = None
 
     def halt(self) -> None:
-        """Forget when it started."""
+        """Stop the timer, then halt."""
         self.started = None
         super().halt()
 
     def on_tick(self) -> int:
-        """Tick the child once the time is over."""
+        """Tick the child once the delay is over."""
         duration = self.get_input("delay_msec") * 1e-3
         if self.started is None:
             self.started = self.clock.now()

@@ -1,4 +1,4 @@
-"""SkipUnlessUpdated and WaitValueUpdate: the child is ticked when an entry was written since the last time."""
+"""SkipUnlessUpdated and WaitValueUpdate: tick the child if an entry was written since the last time."""
 
 from __future__ import annotations
 

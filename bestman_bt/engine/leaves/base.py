@@ -1,4 +1,4 @@
-"""The leaves that skills derive from: a synchronous action, a condition, and a stateful action."""
+"""The base classes of skills: a synchronous action, a condition, and a stateful action."""
 
 from __future__ import annotations
 
@@ -21,15 +21,15 @@ class Leaf(Node, Behaviour):
 
 
 class SyncAction(Leaf):
-    """An action that is done within one tick: implement ``on_tick() -> int`` (SUCCESS, FAILURE or SKIPPED)."""
+    """An action that finishes within one tick: implement ``on_tick() -> int`` (SUCCESS, FAILURE or SKIPPED)."""
 
     SYNCHRONOUS = True
 
 
 class Condition(Leaf):
-    """A question: implement ``on_tick() -> int`` (SUCCESS for yes, FAILURE for no), without side effects.
+    """A condition: implement ``on_tick() -> int`` (SUCCESS for true, FAILURE for false), without side effects.
 
-    As in BehaviorTree.CPP it may also return RUNNING; the parent then asks it again.
+    As in BehaviorTree.CPP it may also return RUNNING; the parent then ticks it again.
     """
 
     KIND: ClassVar[str] = "Condition"
@@ -38,24 +38,24 @@ class Condition(Leaf):
 class StatefulAction(Leaf):
     """An action that takes several ticks.
 
-    Implement ``on_start()`` (the first tick), ``on_running()`` (the ticks after it while RUNNING) and
-    ``on_halted()`` (somebody interrupts it: leave nothing moving). Where stopping takes several ticks, define
-    ``on_stopping()``, too: who has halted it waits, ``STOP_TIMEOUT`` seconds at most.
+    Implement ``on_start()`` (the first tick), ``on_running()`` (the ticks after it while RUNNING) and ``on_halted()``
+    (the action is halted: stop all motion). If stopping takes several ticks, also define ``on_stopping()``; the node
+    that halted it waits for at most ``STOP_TIMEOUT`` seconds.
     """
 
     def on_start(self) -> int:
-        """Begin, and return RUNNING, or a result that is known at once."""
+        """Start, and return RUNNING, or a result that is known at once."""
         raise NotImplementedError(f"{type(self).__name__} does not define on_start()")
 
     def on_running(self) -> int:
-        """Look whether it is done; RUNNING if not."""
+        """Return the result, or RUNNING if the action has not finished."""
         raise NotImplementedError(f"{type(self).__name__} does not define on_running()")
 
     def on_halted(self) -> None:
-        """Stop what was begun. It is not called when the action ended by itself."""
+        """Stop what was started. Not called if the action ended by itself."""
 
     def on_tick(self) -> int:
-        """Call ``on_start`` or ``on_running``; a result that nobody reset yet is returned again."""
+        """Call ``on_start`` or ``on_running``; return a result again until it is reset."""
         code = self._s
         if code <= IDLE:
             return self.on_start()
@@ -64,7 +64,7 @@ class StatefulAction(Leaf):
         return code
 
     def halt(self) -> None:
-        """Call ``on_halted`` if the action runs, and become idle."""
+        """Call ``on_halted`` if the action is running, and become idle."""
         if self._s == RUNNING:
             self.on_halted()
             if self.STOPS_OVER_TICKS and self.on_stopping() == RUNNING:
@@ -76,29 +76,29 @@ class StatefulAction(Leaf):
 
 
 class Sleep(StatefulAction):
-    """RUNNING for ``msec`` milliseconds of the tree's clock, then SUCCESS."""
+    """Returns RUNNING for ``msec`` milliseconds of the tree's clock, then SUCCESS."""
 
     CHECKED_AT_TICK = True
-    INPUT_PORTS = {"msec": BoundedPort(Annotated[int, Ge(0)], True, "how long, in milliseconds")}
+    INPUT_PORTS = {"msec": BoundedPort(Annotated[int, Ge(0)], True, "duration, in milliseconds")}
 
     def on_start(self) -> int:
-        """Remember the time."""
+        """Start the timer."""
         self.end = self.clock.now() + self.get_input("msec") * 1e-3
         return RUNNING if self.get_input("msec") > 0 else SUCCESS
 
     def on_running(self) -> int:
-        """Look at the clock."""
+        """Return SUCCESS once the time is up."""
         return SUCCESS if self.clock.now() >= self.end else RUNNING
 
     def on_halted(self) -> None:
-        """Nothing is left moving by a sleep."""
+        """Do nothing: a sleep moves nothing."""
 
 
 # AlwaysSuccess and AlwaysFailure.
 
 
 class AlwaysSuccess(SyncAction):
-    """SUCCESS at every tick."""
+    """Returns SUCCESS at every tick."""
 
     def on_tick(self) -> int:
         """Succeed."""
@@ -106,7 +106,7 @@ class AlwaysSuccess(SyncAction):
 
 
 class AlwaysFailure(SyncAction):
-    """FAILURE at every tick."""
+    """Returns FAILURE at every tick."""
 
     def on_tick(self) -> int:
         """Fail."""

@@ -25,7 +25,7 @@ class SetBlackboard(SyncAction):
     OUTPUT_PORTS = {"output_key": PortInformation(Any)}
 
     def on_tick(self) -> int:
-        """Copy the value; FAILURE if it is empty."""
+        """Copy the value. Raises NodeError if ``value`` or ``output_key`` is missing; FAILURE if the entry is empty."""
         value = self.attributes.get("value")
         if value is None:
             raise self.error("port 'value' is required but not given")
@@ -60,13 +60,13 @@ class UnsetBlackboard(SyncAction):
     INPUT_PORTS = {"key": PortInformation(str, True, "Key of the entry to remove")}
 
     def on_tick(self) -> int:
-        """Remove it; nothing if there is none."""
+        """Remove the entry, if any."""
         self.board.unset(self.get_input("key"))
         return SUCCESS
 
 
 def names_entry(cls: type[Node], port: str) -> bool:
-    """Whether a literal in this port of a node class is the name of an entry."""
+    """Return whether a literal in this port of a node class names an entry."""
     return port in ("output_key", "key") and issubclass(cls, (SetBlackboard, UnsetBlackboard))
 
 
@@ -90,7 +90,7 @@ class WasEntryUpdated(SyncAction):
 
 
 class PopFromQueue(SyncAction):
-    """Takes the first item of the ``deque`` at ``queue``; FAILURE if there is none."""
+    """Takes the first item of the ``deque`` at ``queue``; FAILURE if it is empty."""
 
     INPUT_PORTS = {"queue": PortInformation(deque, False, "a collections.deque, emptied in place")}
     OUTPUT_PORTS = {"popped_item": PortInformation(Any, False, "the item")}
@@ -105,7 +105,7 @@ class PopFromQueue(SyncAction):
 
 
 class QueueSize(SyncAction):
-    """Writes how many items the ``deque`` at ``queue`` holds; FAILURE if there are none."""
+    """Writes the number of items of the ``deque`` at ``queue``; FAILURE if it is empty."""
 
     INPUT_PORTS = {"queue": PortInformation(deque, False, "a collections.deque")}
     OUTPUT_PORTS = {"size": PortInformation(int, False, "the number of items")}

@@ -15,15 +15,15 @@ from bestman_bt.engine.leaves.base import StatefulAction
 class ThreadedAction(StatefulAction):
     """An action whose ``on_work()`` runs in a thread; the node is RUNNING meanwhile.
 
-    Read the inputs in ``prepare()``, on the tick thread, and hand them over as its result. ``on_work`` must look at
-    ``halt_requested`` often and return soon once it is set: a halt waits for it. Its end wakes the tick loop.
-    Threads make a simulation depend on the machine's load; use them against hardware.
+    Read the inputs in ``prepare()``, on the tick thread, and return them for ``on_work``. ``on_work`` must check
+    ``halt_requested`` often and return soon once it is set, because a halt waits for it. Its end wakes the tick loop.
+    Threads make a simulation depend on the machine's load; use them with hardware.
     """
 
     _thread: threading.Thread | None = None
 
     def prepare(self) -> Any:
-        """Return what ``on_work`` needs; called on the tick thread."""
+        """Return the inputs of ``on_work``; called on the tick thread."""
         return None
 
     def on_work(self, inputs: Any) -> int:
@@ -32,11 +32,11 @@ class ThreadedAction(StatefulAction):
 
     @property
     def halt_requested(self) -> bool:
-        """Whether the work should end now."""
+        """Whether the work should end now, because the node was halted."""
         return self._halt.is_set()
 
     def on_load(self) -> None:
-        """Make what the threads are told by."""
+        """Create the state that the threads share."""
         self._halt = threading.Event()
         self._result: int | None = None
         self._failure: BaseException | None = None
@@ -54,13 +54,15 @@ class ThreadedAction(StatefulAction):
     def _run(self, inputs: Any) -> None:
         try:
             self._result = self.on_work(inputs)
-        except BaseException as error:  # noqa: BLE001 - handed to the tick thread, which tells it
+        except BaseException as error:  # noqa: BLE001 - handed to the tick thread, which raises it
             self._failure = error
         self._done = True  # before the wake-up: the thread may still be alive when the loop looks
         self.wake_up()
 
     def on_running(self) -> int:
-        """Look whether the thread is done; what it raised is raised here."""
+        """Return the result once the thread has ended. Raises the error that it raised, or NodeError for an invalid
+        result.
+        """
         if not self._done:
             return RUNNING
         self._thread = None
@@ -88,10 +90,10 @@ class _NextTick:
 
 
 class CoroutineAction(StatefulAction):
-    """An action whose ``run_async()`` goes on until it awaits, each tick; no thread and no event loop is involved.
+    """An action whose ``run_async()`` continues at each tick until it awaits; without a thread or an event loop.
 
-    Inside it: ``await self.next_tick()``, ``await self.sleep(seconds)`` (of the tree's clock) and
-    ``await self.until(condition)``. A halt raises ``GeneratorExit`` at the await: clean up in ``finally``.
+    Inside it: ``await self.next_tick()``, ``await self.sleep(seconds)`` (of the tree's clock) and ``await
+    self.until(condition)``. A halt raises ``GeneratorExit`` at the await: clean up in ``finally``.
     """
 
     _coroutine: Coroutine[Any, Any, int] | None = None
@@ -101,31 +103,31 @@ class CoroutineAction(StatefulAction):
         raise NotImplementedError(f"{type(self).__name__} does not define run_async()")
 
     def next_tick(self) -> Awaitable[None]:
-        """Return what to await to be RUNNING until the next tick."""
+        """Return an awaitable that keeps the node RUNNING until the next tick."""
         return _NextTick()
 
     async def sleep(self, seconds: float) -> None:
-        """Be RUNNING for ``seconds`` of the tree's clock."""
+        """Keep the node RUNNING for ``seconds`` of the tree's clock."""
         end = self.clock.now() + seconds
         while self.clock.now() < end:
             await _NextTick()
 
     async def until(self, condition: Callable[[], bool]) -> None:
-        """Be RUNNING until ``condition()`` holds."""
+        """Keep the node RUNNING until ``condition()`` is true."""
         while not condition():
             await _NextTick()
 
     def on_start(self) -> int:
-        """Begin."""
+        """Start the coroutine."""
         self._coroutine = self.run_async()
         return self._step()
 
     def on_running(self) -> int:
-        """Go on."""
+        """Continue the coroutine."""
         return self._step()
 
     def on_halted(self) -> None:
-        """End the coroutine where it waits."""
+        """Close the coroutine where it waits. Raises NodeError if its cleanup fails."""
         coroutine, self._coroutine = self._coroutine, None
         if coroutine is None:
             return

@@ -1,4 +1,4 @@
-"""Leaves made of functions: ports come from the signature and its type hints.
+"""Leaves made from functions: ports come from the signature and its type hints.
 
     @action
     def add(a: int, b: int = 1, *, total: Output[int]) -> bool:
@@ -9,8 +9,8 @@
     def is_near(distance: float, limit: float = 0.5) -> bool:
         return distance < limit
 
-Parameters are input ports (those with a default are optional); parameters hinted ``Output[T]`` are output ports. A
-parameter hinted ``Context`` receives the tree's context. True and False stand for SUCCESS and FAILURE.
+Parameters are input ports (optional if they have a default); parameters hinted ``Output[T]`` are output ports. A
+parameter hinted ``Context`` receives the tree's context. True and False mean SUCCESS and FAILURE.
 """
 
 from __future__ import annotations
@@ -43,11 +43,11 @@ class Output(Generic[T]):
 
 
 class Context:
-    """The hint of a parameter that receives the tree's context."""
+    """The type hint of a parameter that receives the tree's context."""
 
 
 class FunctionLeafError(EngineError):
-    """A function cannot become a leaf: its signature is not one of ports."""
+    """A function cannot become a leaf, because its signature does not describe ports."""
 
 
 @overload
@@ -55,7 +55,10 @@ def action(function: Callable[..., Any]) -> type[SyncAction]: ...
 @overload
 def action(*, name: str) -> Callable[[Callable[..., Any]], type[SyncAction]]: ...
 def action(function: Callable[..., Any] | None = None, *, name: str | None = None) -> Any:
-    """Make an action of a function; register it, or use it in Python trees, as any node class."""
+    """Make an action class from a function, for registration or for use in Python trees like any node class.
+
+    Raises FunctionLeafError if the signature does not describe ports.
+    """
     if function is None:
         return lambda found: _leaf(found, SyncAction, name)
     return _leaf(function, SyncAction, name)
@@ -66,7 +69,7 @@ def condition(function: Callable[..., Any]) -> type[Condition]: ...
 @overload
 def condition(*, name: str) -> Callable[[Callable[..., Any]], type[Condition]]: ...
 def condition(function: Callable[..., Any] | None = None, *, name: str | None = None) -> Any:
-    """Make a condition of a function."""
+    """Make a condition class from a function, as ``action`` does."""
     if function is None:
         return lambda found: _leaf(found, Condition, name)
     return _leaf(function, Condition, name)
@@ -115,5 +118,5 @@ def _leaf(function: Callable[..., Any], base: type[Leaf], name: str | None) -> t
 
 
 def class_name(name: str) -> str:
-    """The name of the node that a function of this name makes: ``open_door`` → ``OpenDoor``."""
+    """Return the class name of the node made from a function: ``open_door`` → ``OpenDoor``."""
     return "".join(part[:1].upper() + part[1:] for part in name.split("_"))

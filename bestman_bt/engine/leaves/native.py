@@ -1,7 +1,7 @@
-"""Native py_trees behaviours as nodes: each has its own node, whether it stands among ours or below a native parent.
+"""Native py_trees behaviours as nodes: each has its own node, below an engine node or a native parent.
 
-A native parent ticks and stops its children itself. So that these are ticks and stops of nodes, with states, hooks,
-visits and errors, ``take_over`` puts ``tick`` and ``stop`` of each behaviour in place of those of its class.
+A native parent ticks and stops its children itself. ``take_over`` replaces ``tick`` and ``stop`` of each behaviour, so
+that they act as ticks and halts of its node, with states, hooks, visits and errors.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 
 class PyTreesBehaviour(Node, Behaviour):
-    """A native py_trees behaviour as a node; INVALID, which no tick should end with, is an error."""
+    """A native py_trees behaviour as a node; a tick that ends with INVALID is an error."""
 
     def __init__(self, behaviour: Behaviour | None = None) -> None:
         if behaviour is None:
@@ -50,7 +50,7 @@ class PyTreesBehaviour(Node, Behaviour):
         return type(self.behaviour).__name__
 
     def setup(self, **kwargs: Any) -> None:
-        """Call the behaviour's ``setup``, once; of ``context`` and ``clock`` it gets what its signature takes.
+        """Call the behaviour's ``setup`` once, with ``context`` and ``clock`` if its signature accepts them.
 
         Raises:
             NodeError: it failed.
@@ -81,7 +81,7 @@ class PyTreesBehaviour(Node, Behaviour):
                 raise self.error(f"its shutdown() failed: {error or type(error).__name__}") from error
 
     def on_tick(self) -> int:
-        """Tick the behaviour to its end and return its status."""
+        """Tick the behaviour once and return its status."""
         behaviour, tree = self.behaviour, self.owner
         outer = _clock.set(tree.clock)
         try:
@@ -98,13 +98,13 @@ class PyTreesBehaviour(Node, Behaviour):
         return status
 
     def halt(self) -> None:
-        """Stop the behaviour if it runs."""
+        """Stop the behaviour if it is running."""
         if self.behaviour.status is PyTreesStatus.RUNNING:
             self.stop_behaviour(PyTreesStatus.INVALID)
         self.reset_status()
 
     def stop_behaviour(self, new_status: PyTreesStatus) -> None:
-        """Stop the behaviour as its native parent does, and become idle where that interrupts it."""
+        """Stop the behaviour as its native parent does; an interruption makes the node idle."""
         type(self.behaviour).stop(self.behaviour, new_status)
         if new_status is PyTreesStatus.INVALID:
             self.reset_status()
@@ -112,13 +112,13 @@ class PyTreesBehaviour(Node, Behaviour):
 
 
 class NativeCondition(PyTreesBehaviour):
-    """A native behaviour that looks at the blackboard and fails where the answer is no."""
+    """A native behaviour that checks the blackboard and fails if the check is false."""
 
     KIND: ClassVar[str] = "Condition"
 
 
 class NativeComposite(PyTreesBehaviour, composites.Composite):
-    """A native composite; py_trees' display asks for the kind of composite, so each has its class."""
+    """A native composite; one class per kind, because py_trees' display depends on the kind."""
 
     KIND: ClassVar[str] = "Control"
     if not TYPE_CHECKING:
@@ -158,12 +158,12 @@ _ADAPTERS: Final[dict[Any, type[PyTreesBehaviour]]] = {
 
 
 _lines: WeakKeyDictionary[Behaviour, tuple[str, int]] = WeakKeyDictionary()
-"""Native behaviour → file and line of the call that made it, of those that were made while lines were noted."""
+"""Native behaviour → file and line of the creating call, if it was recorded."""
 
 
 @contextmanager
 def lines_noted() -> Iterator[None]:
-    """Native behaviours that are made meanwhile are called by the line that makes them, as our nodes are."""
+    """Record the creating line of native behaviours made inside this context, for messages."""
     original = Behaviour.__init__
 
     def __init__(self: Behaviour, *args: Any, **kwargs: Any) -> None:  # noqa: N807 - frames of constructors are passed over
@@ -192,14 +192,14 @@ def adapted(behaviour: Behaviour) -> PyTreesBehaviour:
 
 
 def is_taken(behaviour: Behaviour) -> bool:
-    """Whether a native behaviour belongs to a tree already."""
+    """Return whether a native behaviour belongs to a tree already."""
     return "tick" in vars(behaviour)
 
 
 def take_over(behaviour: Behaviour, node: Node) -> None:
-    """Let the ticks of ``behaviour`` by a native parent be ticks of ``node``, and so with stops.
+    """Make ticks and stops of ``behaviour`` by a native parent act on ``node``.
 
-    ``node`` is the behaviour's own, one that replaces it, or the behaviour itself where that is one of our nodes.
+    ``node`` is the behaviour's own node, its replacement, or the behaviour itself if it is an engine node.
     """
     own: Any = behaviour
     own.tick = partial(_ticked_by_native_parent, behaviour, node)

@@ -1,4 +1,4 @@
-"""Script and ScriptCondition: the script language as leaves."""
+"""Script and ScriptCondition: leaves that run the script language."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ from bestman_bt.engine.scripting.compiler import ScriptCompiler
 
 @dataclass(frozen=True)
 class TestNodeConfig:
-    """What a TestNode does.
+    """The behaviour of a TestNode.
 
     Attributes:
-        return_status: its result, unless ``return_status_script`` or ``complete`` decide.
+        return_status: its result, unless ``return_status_script`` or ``complete`` decides.
         return_status_script: a script whose value is the result; it knows the names of the statuses.
-        success_script: run when the result is SUCCESS.
-        failure_script: run when the result is FAILURE.
-        post_script: run whatever the result is.
+        success_script: runs if the result is SUCCESS.
+        failure_script: runs if the result is FAILURE.
+        post_script: runs after every result.
         async_delay: seconds of the tree's clock for which it is RUNNING first.
         complete: a function that returns the result.
     """
@@ -43,7 +43,7 @@ class TestNodeConfig:
 
 
 class TestNode(StatefulAction):
-    """A leaf that returns what its ``TestNodeConfig`` says."""
+    """A leaf that behaves as its ``TestNodeConfig`` specifies."""
 
     __test__ = False
     config: TestNodeConfig = TestNodeConfig()
@@ -64,14 +64,14 @@ class TestNode(StatefulAction):
         return compiler.compile(source, self.board) if source else None
 
     def on_start(self) -> int:
-        """Begin the delay, or be done at once."""
+        """Start the delay, or complete at once without a delay."""
         if self.config.async_delay <= 0:
             return self._complete()
         self._end = self.clock.now() + self.config.async_delay
         return RUNNING
 
     def on_running(self) -> int:
-        """Be done when the delay is over."""
+        """Complete when the delay is over."""
         return self._complete() if self.clock.now() >= self._end else RUNNING
 
     def _complete(self) -> int:
@@ -110,7 +110,7 @@ class Script(SyncAction):
             self.script = _nothing if not self.source else self.owner.compiler.compile(self.source, self.board)
 
     def bound(self, core: Tick) -> Tick:
-        """Run the compiled code directly where it is a literal."""
+        """Return the compiled code as the tick if it is a literal."""
         script = self.script
         if script is None or core != self.on_tick:
             return core
@@ -132,11 +132,11 @@ class Script(SyncAction):
 
 
 def _nothing() -> None:
-    """Do what a script without any text does."""
+    """Do nothing: an empty script."""
 
 
 class ScriptCondition(Condition):
-    """SUCCESS where ``code`` is true, else FAILURE."""
+    """Returns SUCCESS if ``code`` is true, else FAILURE."""
 
     INPUT_PORTS = {"code": PortInformation(str, True, "Piece of code that can be parsed. Must return false or true")}
 
@@ -149,7 +149,7 @@ class ScriptCondition(Condition):
             self.holds = self.owner.compiler.compile_condition(self.source, self.board)
 
     def bound(self, core: Tick) -> Tick:
-        """Run the compiled code directly where it is a literal."""
+        """Return the compiled code as the tick if it is a literal."""
         holds = self.holds
         if holds is None or core != self.on_tick:
             return core

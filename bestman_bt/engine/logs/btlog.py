@@ -1,9 +1,8 @@
-"""Groot2's transition log, ``.btlog`` (BehaviorTree.CPP's FileLogger2): written live, and read back.
+"""Groot2's transition log, ``.btlog`` (BehaviorTree.CPP's FileLogger2): live writer and reader.
 
 Little endian: the magic ``BTCPP4-FileLogger2``, u8 1, i32 length of the XML, the XML with node numbers, i64 start in
-microseconds since the epoch, then 9 bytes a transition: 6 of microseconds since the start, 2 uid, 1 new status.
-
-A long log is cut into segments, see ``segmented_file``. Each is a log of its own with the start of the first, and
+microseconds since the epoch, then 9 bytes per transition: 6 of microseconds since the start, 2 uid, 1 new status.
+A long log is split into segments, see ``segmented_file``. Each is a complete log with the start of the first one, and
 begins with the nodes that are not idle.
 """
 
@@ -26,11 +25,11 @@ from bestman_bt.engine.errors import EngineError
 from bestman_bt.engine.logs.segmented_file import SegmentedFile, read_segments
 from bestman_bt.engine.xml.writer import full_tree_xml
 
-# The state changes of a log: kept as arrays, told one by one.
+# The state changes of a log, stored as arrays and accessed one by one.
 
 
 PIECE = 1 << 14
-"""Changes that are made objects at a time."""
+"""Number of changes that are turned into objects at a time."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,12 +53,12 @@ class Transitions(Sequence[Transition]):
 
     @classmethod
     def none(cls) -> Transitions:
-        """No change at all."""
+        """Return an empty sequence."""
         return cls(np.zeros(0), np.zeros(0, np.uint32), np.zeros(0, np.uint8))
 
     @classmethod
     def joined(cls, parts: Sequence[Transitions]) -> Transitions:
-        """All of ``parts``, one after the other."""
+        """Return the concatenation of ``parts``."""
         return cls(
             np.concatenate([part.times for part in parts]),
             np.concatenate([part.uids for part in parts]),
@@ -67,7 +66,7 @@ class Transitions(Sequence[Transition]):
         )
 
     def without_repetitions(self) -> Transitions:
-        """Those that changed something; at the beginning all nodes are IDLE."""
+        """Return the transitions that changed a state; initially all nodes are IDLE."""
         if not len(self):
             return self
         order = np.argsort(self.uids, kind="stable")
@@ -115,21 +114,21 @@ _RECORD = np.dtype([("time", "<u4"), ("time_high", "<u2"), ("uid", "<u2"), ("sta
 SEGMENT = 8 << 20
 """Bytes of transitions, about 900,000, after which a new segment begins."""
 KEEP = 64 << 20
-"""Compressed bytes of full segments that are kept."""
+"""Compressed bytes of full segments to keep."""
 LONGEST_SEGMENT = 4 * SEGMENT
 MOST_READ = 128 << 20
-"""Bytes that are read of one full segment, and of all together: about 15 million state changes."""
+"""Largest number of bytes read from one full segment, and from all together: about 15 million state changes."""
 
 
 class LogError(EngineError):
-    """A log file is not what it should be."""
+    """A log file is not valid."""
 
 
 @dataclass(frozen=True)
 class BtLog:
     """A log that was read: the tree's XML, the start (seconds since the epoch), and the transitions.
 
-    ``gaps``: from when to when, in seconds since the start, it does not tell what happened.
+    ``gaps``: intervals without data, in seconds since the start.
     """
 
     xml: str
@@ -142,9 +141,9 @@ class BtLog:
 
 
 class BtLogWriter:
-    """Writes a tree's state changes to a file until it is closed; a context manager.
+    """A context manager that writes a tree's state changes to a file until it is closed.
 
-    Times are those of the tree's clock: a simulated run is replayed at simulated speed.
+    Times are those of the tree's clock, so a simulated run is replayed at simulated speed.
     """
 
     def __init__(
@@ -156,13 +155,13 @@ class BtLogWriter:
         listen: bool = True,
         segment: int = SEGMENT,
     ) -> None:
-        """Describe the log; the file is made when it is opened.
+        """Configure the log; ``open`` creates the file.
 
         Args:
-            tree: the tree to listen to, or the XML, with numbers of nodes, of one that ``write`` tells of.
-            path: the file; it is replaced.
-            start: seconds since the epoch that the log's times count from; now by default.
-            listen: False for one who calls ``write`` on its own.
+            tree: the tree to listen to, or the XML, with node numbers, of the tree whose changes ``write`` receives.
+            path: the file; an existing one is replaced.
+            start: seconds since the epoch, the origin of the log's times; now by default.
+            listen: False if only ``write`` adds changes.
             segment: bytes of transitions after which a new segment begins.
         """
         self.path = Path(path)
@@ -177,7 +176,7 @@ class BtLogWriter:
         self._states: dict[int, int] = {}
 
     def open(self) -> BtLogWriter:
-        """Make the file and begin to listen."""
+        """Create the file and start listening."""
         start = time.time() if self._start is None else self._start
         xml = self._xml.encode()
         if self._tree is not None:
@@ -193,7 +192,7 @@ class BtLogWriter:
         return self
 
     def write(self, seconds: float, changes: Iterable[tuple[int, int]]) -> None:
-        """Add (uid, new state) of one moment, ``seconds`` after the start; what was so already is left out."""
+        """Add the changes (uid, new state) of one moment, ``seconds`` after the start, without unchanged states."""
         if self._file is None:
             return
         states, news = dict(self._states), []
@@ -216,7 +215,7 @@ class BtLogWriter:
         self.write(changes.stamp - self._origin, changes)
 
     def flush(self) -> None:
-        """Hand everything that was written to the operating system."""
+        """Flush all written data to the operating system."""
         if self._file is not None:
             self._file.flush()
 
@@ -238,12 +237,13 @@ class BtLogWriter:
 
 
 def read_btlog(path: str | Path) -> BtLog:
-    """Read a ``.btlog`` file, ours with its earlier segments or one of BehaviorTree.CPP, but for a torn last record.
+    """Read a ``.btlog`` file, of this package with its earlier segments or of BehaviorTree.CPP; skip a torn last
+    record.
 
-    Of a log that is longer than ``MOST_READ``, what its first segment and its newest ones tell.
+    Of a log longer than ``MOST_READ`` bytes, only the first segment and the newest ones are read.
 
     Raises:
-        LogError: it is no such file.
+        LogError: it is not such a file.
         OSError: it cannot be read.
     """
     path = Path(path)
@@ -278,7 +278,7 @@ def read_btlog(path: str | Path) -> BtLog:
 
 
 def _fallen(states: npt.NDArray[np.uint8], segment: Transitions) -> Transitions:
-    """The nodes that stood so before a segment, but do not stand at its beginning: they have become IDLE."""
+    """Return the nodes that stood so before a segment, but do not stand at its beginning: they have become IDLE."""
     standing: set[int] = set()
     for change in segment:
         if change.time != segment.times[0] or change.status == IDLE or change.uid in standing:

@@ -12,7 +12,7 @@ from bestman_bt.engine.core.tree import StateChanges, Tree
 
 @dataclass
 class NodeStatistics:
-    """What was observed of one node; times in seconds of the tree's clock."""
+    """Statistics of one node; times in seconds of the tree's clock."""
 
     path: str
     ticks: int = 0
@@ -46,7 +46,7 @@ class TreeObserver:
         return self.statistics[self._tree.node(path).uid]
 
     def open(self) -> TreeObserver:
-        """Begin to listen."""
+        """Start listening."""
         now = self._tree.clock.now()
         self._states = {node.uid: node.state for node in self._tree.nodes}
         self.statistics = {node.uid: NodeStatistics(node.path, last_change=now) for node in self._tree.nodes}

@@ -1,7 +1,7 @@
-"""A log file that is cut into segments: those that are full are compressed, and the oldest are given up.
+"""A log file split into segments: full segments are compressed, and the oldest are deleted.
 
-Beside ``name.suffix``, which grows, stand ``name.0001.suffix.xz`` and so on. A process may be killed at any moment:
-what was flushed is there, once.
+Beside the growing ``name.suffix`` there are ``name.0001.suffix.xz`` and so on. A process may be killed at any moment:
+everything that was flushed is preserved exactly once.
 """
 
 from __future__ import annotations
@@ -22,24 +22,24 @@ from typing import BinaryIO
 
 @contextmanager
 def open_regular(path: Path) -> Iterator[BinaryIO]:
-    """The file, to be read; a pipe or a device, which might never answer, is not waited for.
+    """Open a regular file for reading, without blocking on a pipe or a device.
 
     Raises:
-        OSError: it cannot be opened, or is no regular file.
+        OSError: it cannot be opened, or is not a regular file.
     """
     descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
     if not stat.S_ISREG(os.fstat(descriptor).st_mode):
         os.close(descriptor)
-        raise OSError(errno.EINVAL, "it is no regular file", str(path))
+        raise OSError(errno.EINVAL, "it is not a regular file", str(path))
     with os.fdopen(descriptor, "rb") as file:
         yield file
 
 
 def read_regular(path: Path, limit: int) -> bytes:
-    """All of a file that has at most ``limit`` bytes.
+    """Return the content of a file of at most ``limit`` bytes.
 
     Raises:
-        OSError: it cannot be read, is no regular file, or has more.
+        OSError: it cannot be read, is not a regular file, or is larger.
     """
     with open_regular(path) as file:
         content = file.read(limit + 1)
@@ -49,18 +49,18 @@ def read_regular(path: Path, limit: int) -> bytes:
 
 
 COMPRESSED = ".xz"
-"""At its quickest preset three times as small as gzip makes such records, in a third of the time."""
+"""At its fastest preset, xz compresses such records three times better than gzip, in a third of the time."""
 UNPACKING_MEMORY = 64 << 20
-"""Bytes that unpacking a segment may take."""
+"""Largest memory for decompressing a segment, bytes."""
 SMALLEST = 64 << 10
-"""Bytes that a segment counts for at least, so that a folder with many empty ones is not read for ever."""
+"""Least bytes that a segment counts for, which bounds the reading of a folder with many empty ones."""
 
 
 @dataclass(frozen=True)
 class Segment:
-    """One that is read. ``is_after_gap``: segments between it and the one before are missing or were left out.
+    """A segment to read. ``is_after_gap``: segments before it are missing or were left out.
 
-    ``longest``: bytes that are read of it. ``newest``: what the growing file held when the segments were looked for.
+    ``longest``: bytes to read at most. ``newest``: content of the growing file when the segments were listed.
     """
 
     path: Path
@@ -70,7 +70,9 @@ class Segment:
 
     @property
     def data(self) -> bytes:
-        """Of a full one read whenever it is asked for, so that no long log fills the memory; none if it is gone."""
+        """The bytes of the segment, empty if it is gone; a full segment is read at every access, to bound the
+        memory.
+        """
         if self.newest is not None:
             return self.newest
         packed = self.path if self.path.suffix == COMPRESSED else self.path.with_name(self.path.name + COMPRESSED)
@@ -81,10 +83,10 @@ class Segment:
 
 
 class SegmentedFile:
-    """Writes; the file is replaced, and segments that an earlier log left there are removed.
+    """Writes a log in segments; replaces the file and the segments of an earlier log.
 
-    ``segment``: bytes after which a new one begins. ``keep``: compressed bytes of full segments; beyond them the oldest
-    goes, but for the first. ``head``: what each segment begins with, asked for when it does.
+    ``segment``: bytes after which a new segment begins. ``keep``: compressed bytes of full segments to keep; beyond
+    them the oldest one after the first is deleted. ``head``: called for the start of each segment.
     """
 
     def __init__(self, path: Path, *, segment: int, keep: int, head: Callable[[], bytes] = bytes) -> None:
@@ -96,18 +98,18 @@ class SegmentedFile:
         self._file = self._begun()
 
     def write(self, data: bytes) -> None:
-        """Append whole records."""
+        """Append complete records."""
         if self._size + len(data) > self._segment and self._size:
             self._turn()
         self._file.write(data)
         self._size += len(data)
 
     def flush(self) -> None:
-        """Hand everything that was written to the operating system."""
+        """Flush all written data to the operating system."""
         self._file.flush()
 
     def close(self) -> None:
-        """End the log."""
+        """Close the log."""
         self._file.close()
 
     def _begun(self) -> BinaryIO:
@@ -134,7 +136,7 @@ class SegmentedFile:
 
 
 def full_segments(path: Path) -> list[Path]:
-    """The segments that stand beside ``path``, oldest first; of one that was being compressed, the one to read."""
+    """Return the full segments of ``path``, oldest first; one that was being compressed is listed once."""
     numbered: dict[str, Path] = {}
     for found in sorted(path.parent.glob(f"{path.stem}.[0-9][0-9][0-9][0-9]{path.suffix}*")):
         if found.suffix in (COMPRESSED, path.suffix):
@@ -143,13 +145,13 @@ def full_segments(path: Path) -> list[Path]:
 
 
 def read_segments(path: Path, limit: int, longest: int) -> list[Segment]:
-    """The file and its earlier segments, oldest first, with at most ``limit`` bytes together.
+    """Return the file and its earlier segments, oldest first, with at most ``limit`` bytes in total.
 
-    Of a longer log the first segment and the newest ones. ``longest``: bytes that are read of one full segment. All are
-    unpacked once here, to count them, and again when they are read.
+    A longer log is reduced to its first segment and the newest ones. ``longest``: bytes to read of one full segment.
+    All segments are decompressed once here, to count their bytes, and again when they are read.
 
     Raises:
-        OSError: one cannot be read, or is no regular file.
+        OSError: a segment cannot be read, or is not a regular file.
     """
     full = full_segments(path)
     try:
@@ -177,7 +179,7 @@ def read_segments(path: Path, limit: int, longest: int) -> list[Segment]:
 
 
 def first_segment(path: Path) -> Path:
-    """The one that begins the log."""
+    """Return the path of the first segment of the log."""
     return [*full_segments(path)[:1], path][0]
 
 
@@ -186,10 +188,10 @@ def _number(path: Path, segment: Path) -> int:
 
 
 def read_segment(path: Path, limit: int) -> bytes:
-    """The bytes of a segment, at most ``limit`` of them; one that is cut off or damaged ends early.
+    """Return the bytes of a segment, at most ``limit``; a truncated or damaged segment ends early.
 
     Raises:
-        OSError: it cannot be read, or is no regular file.
+        OSError: it cannot be read, or is not a regular file.
     """
     with open_regular(path) as file:
         if path.suffix != COMPRESSED:

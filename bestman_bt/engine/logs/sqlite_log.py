@@ -1,4 +1,4 @@
-"""Logs of BehaviorTree.CPP's SqliteLogger, ``.db3`` or ``.btdb``; ``bestman-bt export`` writes them, too."""
+"""Logs of BehaviorTree.CPP's SqliteLogger, ``.db3`` or ``.btdb``, which ``bestman-bt export`` also writes."""
 
 from __future__ import annotations
 
@@ -17,25 +17,27 @@ from bestman_bt.engine.logs.segmented_file import open_regular
 MAGIC = b"SQLite format 3\x00"
 MOST_CHANGES = 15_000_000
 MOST_TIME = 120.0
-"""Seconds that reading may take: the tables of a damaged or hostile file may be views without an end."""
+"""Time limit for reading, seconds: the tables of a damaged or hostile file may be endless views."""
 _COUNTS_FROM_START = 60 * 10**6
-"""Microseconds: a first change that is earlier is one of a run whose times count from its start."""
+"""Microseconds: if the first change is earlier, the times of the run count from its start."""
 _LONGEST_XML = 64 << 20
 _EPOCH_FROM = 10**15
-"""Microseconds: from here on, which is September 2001, a time counts from the epoch, before from a machine's start."""
+"""Microseconds: from here on (September 2001), times count from the epoch, earlier ones from the boot of the
+machine.
+"""
 
 
 def is_sqlite(path: Path) -> bool:
-    """Whether a file is a database; OSError where it cannot be read."""
+    """Return whether a file is a database. Raises OSError if it cannot be read."""
     with open_regular(path) as file:
         return file.read(len(MAGIC)) == MAGIC
 
 
 def read_sqlite(path: Path) -> BtLog:
-    """The newest session of a database.
+    """Return the newest session of a database.
 
     Raises:
-        LogError: it is no such database, or has too much.
+        LogError: it is not such a database, or is too large.
         OSError: it cannot be read.
     """
     with open_regular(path):
@@ -55,7 +57,7 @@ def read_sqlite(path: Path) -> BtLog:
             )
             read = np.fromiter(rows, np.dtype([("time", "i8"), ("uid", "u4"), ("status", "u1")]))
     except (sqlite3.Error, ValueError, TypeError, OverflowError) as error:
-        raise LogError(f"{path} is no log of BehaviorTree.CPP, or damaged: {error}") from error
+        raise LogError(f"{path} is not a log of BehaviorTree.CPP, or is damaged: {error}") from error
     if len(read) > MOST_CHANGES:
         raise LogError(f"{path} has more than {MOST_CHANGES} transitions")
     if len(read) and int(read["status"].max()) > SKIPPED:

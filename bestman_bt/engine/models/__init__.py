@@ -1,1 +1,1 @@
-"""Nodes and trees that are known from descriptions alone: models in files, packages of trees, placeholders."""
+"""Nodes and trees known only from descriptions: models in files, packages of trees, placeholders."""

@@ -1,6 +1,6 @@
-"""Tree files of BehaviorTree.CPP 3 as version 4, after its migration guide.
+"""Conversion of tree files of BehaviorTree.CPP 3 to version 4, following its migration guide.
 
-The text is changed only where something has another name or form: comments, order, white space and quotes stay.
+The text changes only where a name or form differs: comments, order, white space and quotes are preserved.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ _TRUE: Final = ("true", "1")
 
 @dataclass(frozen=True)
 class Converted:
-    """A file as version 4: its bytes, and what a person should look at, as (line, words)."""
+    """A file converted to version 4: its bytes, and points to check by hand, as (line, text)."""
 
     data: bytes
     notes: list[tuple[int, str]] = field(default_factory=list)
@@ -39,7 +39,7 @@ class Converted:
 
 @dataclass
 class _Tag:
-    """A start tag in the bytes of a file: where it is, and what it becomes."""
+    """A start tag in the bytes of a file: its position and its replacement."""
 
     name: str
     attributes: dict[str, str]
@@ -53,10 +53,10 @@ class _Tag:
 
 
 def convert(data: bytes, file: str) -> Converted:
-    """Return a file as version 4; one that is of version 4 comes back as it is.
+    """Return a file converted to version 4; a file of version 4 is returned unchanged.
 
     Raises:
-        TreeLoadError: it is not well-formed XML, or of an encoding whose letters are not those of ASCII.
+        TreeLoadError: it is not well-formed XML, or its encoding is not a superset of ASCII.
     """
     notes: list[tuple[int, str]] = []
     edits: list[tuple[int, int, bytes]] = []
@@ -99,7 +99,7 @@ def convert(data: bytes, file: str) -> Converted:
 
 
 def _end_of_tag(data: bytes, start: int) -> int:
-    """The place behind the ``>`` that ends a start tag; one between quotes does not."""
+    """Return the place behind the ``>`` that ends a start tag; one between quotes does not."""
     found = _START_TAG.match(data, start)
     assert found is not None, "expat has read it"
     return found.end()
@@ -113,7 +113,7 @@ def _root(tag: _Tag) -> None:
 
 
 def _node(tag: _Tag) -> Iterator[str]:
-    """Decide what a node becomes; yields what a person should look at."""
+    """Decide the conversion of a node; yields points to check by hand."""
     kind = tag.name
     if tag.name in ("Action", "Condition", "Control", "Decorator"):
         kind = tag.attributes.get("ID", "")

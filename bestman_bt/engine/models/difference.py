@@ -1,7 +1,7 @@
-"""What changed between two tree files: nodes added, removed, moved and changed, tree by tree.
+"""Differences between two tree files: nodes added, removed, moved and changed, per tree.
 
-Children are aligned in their order so that as much as possible stays, as a diff of texts does; what was removed in one
-place and added in another is moved. Files are compared as they stand: no node needs to be known.
+Children are aligned in order so that as many as possible match, as in a text diff; a node removed in one place and
+added in another counts as moved. Files are compared as text; the nodes need not be known.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from bestman_bt.engine.xml.documents import Documents
 from bestman_bt.engine.xml.elements import Element
 
 MAX_PAIRS: Final = 250_000
-"""Pairs of children, of one node, that are compared; of more only those at the same place."""
+"""Largest number of pairs of children of one node to compare; beyond it, only children at the same place."""
 _COLOURS: Final = {
     "added": ("#dafbe1", "#1a7f37"),
     "removed": ("#ffebe9", "#cf222e"),
@@ -29,7 +29,7 @@ _COLOURS: Final = {
 
 @dataclass(eq=False)
 class Pair:
-    """A node before and after; None: it was not there. ``moved``: where the same node is on the other side."""
+    """A node before and after; None: absent. ``moved``: the pair of the same node on the other side."""
 
     before: Element | None
     after: Element | None
@@ -38,14 +38,14 @@ class Pair:
 
     @property
     def element(self) -> Element:
-        """The node as it is now, or as it was."""
+        """The node after the change, or before it if it was removed."""
         found = self.after if self.after is not None else self.before
         assert found is not None
         return found
 
     @property
     def label(self) -> str:
-        """Its type, and its name where it has one."""
+        """Its type, and its name, if any."""
         element = self.element
         kind = element.attributes.get("ID", element.tag) if element.tag in (*KINDS, "SubTree") else element.tag
         kind = f"SubTree {kind}" if element.tag == "SubTree" else kind
@@ -54,7 +54,7 @@ class Pair:
 
     @property
     def ports(self) -> list[tuple[str, str | None, str | None]]:
-        """The attributes that differ, with their texts before and after."""
+        """The differing attributes, each with its text before and after."""
         old = (self.before or (self.moved.before if self.moved else None)) or Element("", {}, 0)
         new = (self.after or (self.moved.after if self.moved else None)) or Element("", {}, 0)
         keys = dict.fromkeys([*old.attributes, *new.attributes])
@@ -71,7 +71,7 @@ class Pair:
         return "changed" if self.ports else ""
 
     def iter(self, above: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], Pair]]:
-        """Yield this node and all below, each with the labels of those around it."""
+        """Yield this node and its descendants, each with the labels of its ancestors."""
         yield above, self
         for child in self.children:
             yield from child.iter((*above, self.label))
@@ -79,7 +79,7 @@ class Pair:
 
 @dataclass(frozen=True)
 class Difference:
-    """One node that differs, in words and for programs; lines are 0 where it is not there."""
+    """One differing node, for text output and for programs; a line is 0 if the node is absent there."""
 
     kind: str
     tree: str
@@ -100,7 +100,7 @@ def _quoted(text: str | None) -> str:
 
 
 def compare(before: Documents, after: Documents) -> dict[str, Pair]:
-    """Return the trees of two files by ID, with what differs in them; the file itself decides what ``moved`` means."""
+    """Return the trees of two files by ID, with their differences; ``moved`` is determined within the file."""
     trees = {}
     prints: dict[int, int] = {}
     for tree_id in dict.fromkeys([*before.trees, *after.trees]):
@@ -111,7 +111,7 @@ def compare(before: Documents, after: Documents) -> dict[str, Pair]:
 
 
 def differences(trees: dict[str, Pair]) -> list[Difference]:
-    """Return what differs, in the order of the trees; of what was added or removed as a whole, the topmost alone."""
+    """Return the differences in the order of the trees; for a subtree added or removed as a whole, only its root."""
     found = []
     for tree_id, root in trees.items():
         hidden: set[int] = set()
@@ -132,7 +132,7 @@ def differences(trees: dict[str, Pair]) -> list[Difference]:
 
 
 def difference_svg(trees: dict[str, Pair], title: str) -> str:
-    """Return one picture of the trees that differ: green added, red removed, amber changed, blue moved."""
+    """Return one SVG picture of the differing trees: green added, red removed, amber changed, blue moved."""
     roots = [_box(root) for root in trees.values() if any(pair.kind for _, pair in root.iter())]
     return render_boxes(roots or [Box(["no difference"], "")], title)
 
@@ -164,7 +164,7 @@ def _fingerprint(element: Element, prints: dict[int, int]) -> int:
 
 
 def _likeness(one: Element, two: Element, prints: dict[int, int]) -> int:
-    """How much two nodes are the same; 0 where they are not."""
+    """Return how much two nodes are the same; 0 where they are not."""
     if prints[id(one)] == prints[id(two)]:
         return 20
     if one.tag != two.tag or one.attributes.get("ID") != two.attributes.get("ID"):

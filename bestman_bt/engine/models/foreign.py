@@ -1,6 +1,6 @@
-"""Trees of other BehaviorTree.CPP processes: opened with placeholders for the nodes and trees that are not here.
+"""Trees of other BehaviorTree.CPP processes, opened with placeholders for unknown nodes and trees.
 
-SubTrees are found in the file and what it includes, then in the package that it belongs to.
+SubTrees are searched in the file and its includes, then in its package.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 
 class OpenOptions(LoadOptions, total=False):
-    """Arguments of ``load_tree`` that ``open_tree`` hands on."""
+    """Arguments of ``load_tree`` that ``open_tree`` passes on."""
 
     main_tree: str | None
     substitutions: SubstitutionRules | None
@@ -43,13 +43,13 @@ def open_tree(
     gaps: Gaps | None = None,
     **options: Unpack[OpenOptions],
 ) -> Tree:
-    """Load a tree as ``load_tree`` does, with placeholders for the nodes, ports and trees that are not here.
+    """Load a tree as ``load_tree`` does, with placeholders for unknown nodes, ports and trees.
 
-    ``gaps`` keeps what is missing; ``package`` has the SubTrees and models that the file does not. Where a file holds
-    several trees and says of none that it is the main one, it is the first that no other uses.
+    ``gaps`` records what is unknown; ``package`` provides SubTrees and models that the file lacks. If a file holds
+    several trees and names no main tree, the first tree that no other one uses is taken.
 
     Raises:
-        TreeLoadError: as ``load_tree``, for what is wrong in every BehaviorTree.CPP.
+        TreeLoadError: as ``load_tree`` does, for faults in every BehaviorTree.CPP.
     """
     path = str(source)
     if not path.lstrip("\ufeff \t\r\n").startswith("<") and Path(path).suffix == ".py":
@@ -73,12 +73,12 @@ def open_documents(
     gaps: Gaps | None = None,
     **options: Unpack[OpenOptions],
 ) -> Tree:
-    """Make a tree of documents that were read, as ``open_tree``; ``options`` are those of ``load_documents``."""
+    """Build a tree from documents as ``open_tree`` does; ``options`` are those of ``load_documents``."""
     return load_documents(documents, with_foreign(registry, documents, models), gaps=gaps or Placeholders(), **options)
 
 
 def main_of(documents: Documents) -> str | None:
-    """The tree to show: that of ``main_tree_to_execute``, else the first of the file that no other uses."""
+    """Return the tree to show: ``main_tree_to_execute``, else the first tree of the file that no other one uses."""
     if documents.main_tree is not None or len(documents.trees) < 2:
         return None
     roots = documents.unused_trees()
@@ -86,15 +86,15 @@ def main_of(documents: Documents) -> str | None:
 
 
 def missing_nodes(tree: Tree) -> dict[str, NodeInfo]:
-    """The types without code here that a tree has, by name."""
+    """Return the types of a tree's nodes that have no code here, by name."""
     return {node.type_id: node.info for node in tree.nodes if is_placeholder(node) and node.info is not None}
 
 
 class Placeholders(Gaps):
-    """Puts placeholders where something is missing."""
+    """Inserts placeholders for unknown parts."""
 
     def fill(self, checker: Checker) -> None:
-        """Give each misfit a placeholder of its type, and each tree that is missing one of its own."""
+        """Give each misfit a placeholder of its type, and each missing tree a placeholder tree."""
         documents = checker.documents
         for element in checker.misfits:
             if element.tag == "SubTree":
@@ -110,7 +110,7 @@ class Placeholders(Gaps):
 
 
 def _fitting(info: NodeInfo, element: Element) -> NodeInfo:
-    """A placeholder that takes the ports and children that an element has."""
+    """Return a placeholder that takes the ports and children that an element has."""
     kind, count = info.kind, len(element.children)
     if count and kind in ("Action", "Condition"):
         kind = "Decorator" if count == 1 else "Control"
@@ -122,13 +122,13 @@ def _fitting(info: NodeInfo, element: Element) -> NodeInfo:
         info.name,
         kind,
         [*ports, *(port for name, port in seen.items() if name not in info.ports)],
-        info.known_from or "the registry, which has it with other ports or children",
+        info.known_from or "the registry, where it has other ports or children",
         info.description,
     )
 
 
 def _empty_tree(tree_id: str, file: str, line: int) -> TreeDefinition:
-    """A tree of which nothing is known: one placeholder."""
+    """Return a tree of one placeholder, for an unknown tree."""
     node = Element(tree_id, {"name": f"{tree_id} (not found)"}, line)
     node.info = placeholder(tree_id, "SubTree", (), "the SubTree that names it")
     element = Element("BehaviorTree", {"ID": tree_id}, line)

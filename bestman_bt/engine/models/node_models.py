@@ -1,6 +1,6 @@
-"""What is known of a node type that has no code here: from the TreeNodesModel of a file, else a guess from its use.
+"""Descriptions of node types without code here: from the TreeNodesModel of a file, else guessed from their use.
 
-A guess has the ports that are seen, ``inout`` where only ``{entries}`` are.
+A guess has the ports that are used, ``inout`` if only ``{entries}`` are mapped to them.
 """
 
 from __future__ import annotations
@@ -15,16 +15,16 @@ from bestman_bt.engine.xml.documents import Documents
 from bestman_bt.engine.xml.elements import Element
 
 GUESS: Final = "a guess from its use"
-"""Where a node is known from that no model describes."""
+"""Source of the description of a node without a model."""
 _DIRECTIONS: Final = {"input_port": "input", "output_port": "output", "inout_port": "inout"}
 LIKE_CONDITIONS: Final = ("Is", "Has", "Are", "Can", "Check")
 
 Models = Mapping[str, NodeInfo]
-"""Name → what a TreeNodesModel says of a node."""
+"""Name → description in a TreeNodesModel."""
 
 
 def with_foreign(registry: NodeRegistry, documents: Documents, models: Models) -> NodeRegistry:
-    """Return a registry that knows all nodes of the documents, those that it does not have as placeholders."""
+    """Return a registry with all nodes of the documents; unknown ones are placeholders."""
     own = {info.name: info for element, file in documents.node_models if (info := model_info(element, file))}
     known = {**models, **own}
     unknown = [known.get(name) or guessed_info(name, used) for name, used in _uses([documents], registry).items()]
@@ -33,7 +33,7 @@ def with_foreign(registry: NodeRegistry, documents: Documents, models: Models) -
 
 
 def unknown_types(files: Iterable[Documents], registry: NodeRegistry, models: Models) -> dict[str, NodeInfo]:
-    """The types of nodes that trees of files use and a registry does not have, by name."""
+    """Return the node types that trees of files use and a registry lacks, by name."""
     files = list(files)
     trees = {tree_id for documents in files for tree_id in documents.trees}
     uses = {name: used for name, used in _uses(files, registry).items() if name not in trees}
@@ -41,7 +41,7 @@ def unknown_types(files: Iterable[Documents], registry: NodeRegistry, models: Mo
 
 
 def _uses(files: Iterable[Documents], registry: NodeRegistry) -> dict[str, list[Element]]:
-    """The elements of types that a registry does not have, by type."""
+    """Return the elements of types that a registry does not have, by type."""
     trees = {id(e): e for one in files for e in [tree.element for tree in (*one.trees.values(), *one.replaced)]}
     uses: dict[str, list[Element]] = {}
     for element in (element for tree in trees.values() for child in tree.children for element in child.iter()):
@@ -52,12 +52,12 @@ def _uses(files: Iterable[Documents], registry: NodeRegistry) -> dict[str, list[
 
 
 def node_name(element: Element) -> str:
-    """The type of node that an element of a tree stands for."""
+    """Return the node type of an element of a tree."""
     return element.attributes.get("ID", "") if element.tag in KINDS else element.tag
 
 
 def model_info(element: Element, file: str) -> NodeInfo | None:
-    """What an element of a TreeNodesModel says of a node; None where it says nothing that can be read."""
+    """Return the description of a node in a TreeNodesModel, or None if it is not usable."""
     name = element.attributes.get("ID", "")
     if not name or element.tag not in KINDS:
         return None
@@ -75,7 +75,7 @@ def model_info(element: Element, file: str) -> NodeInfo | None:
 
 
 def guessed_info(name: str, uses: list[Element]) -> NodeInfo:
-    """What can be guessed of a node from the elements that use it."""
+    """Return a description guessed from the elements that use a node."""
     told = [element.tag for element in uses if element.tag in KINDS]
     most = max(len(element.children) for element in uses)
     if most:
@@ -88,7 +88,7 @@ def guessed_info(name: str, uses: list[Element]) -> NodeInfo:
 
 
 def seen_ports(uses: Iterable[Element]) -> list[Port]:
-    """The ports that elements give a value, with the direction that the values suggest."""
+    """Return the ports that elements set, with the direction that the values suggest."""
     directions: dict[str, str] = {}
     for element in uses:
         for key, text in element.attributes.items():

@@ -1,4 +1,4 @@
-"""A package of trees at a glance: which trees it has, and who uses whom, as text, DOT or SVG."""
+"""Overview of a package of trees: its trees and their uses, as text, DOT or SVG."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from bestman_bt.engine.xml.documents import TreeDefinition
 
 
 def overview_text(package: Package) -> str:
-    """Return a line for each tree, below its file: its nodes, what it uses, and who uses it."""
+    """Return a line for each tree, grouped by file: its nodes, the trees that it uses, and its users."""
     uses = package.users()
     lines, file = [], ""
     for one in sorted(package.trees(), key=lambda one: (one.file, one.element.line)):
@@ -56,7 +56,7 @@ def models_svg(models: Iterable[NodeInfo]) -> str:
 
 
 def overview_dot(package: Package) -> str:
-    """Return who uses whom in graphviz' DOT language; trees that are nowhere defined are dashed."""
+    """Return the uses of trees in the DOT language; undefined trees are dashed."""
     lines = ["digraph trees {", "  rankdir=LR;", '  node [fontname="monospace", shape=folder];']
     uses = package.users()
     lines += [f"  {quoted(tree_id)};" for tree_id in uses]
@@ -68,7 +68,7 @@ def overview_dot(package: Package) -> str:
 
 
 def overview_svg(package: Package) -> str:
-    """Return who uses whom as an SVG picture; a tree's own SubTrees are drawn where it comes first."""
+    """Return the uses of trees as an SVG picture; a tree's SubTrees are drawn at its first occurrence."""
     uses, drawn = package.users(), set[str]()
     files = {one.tree_id: one.file for one in package.trees()}
 

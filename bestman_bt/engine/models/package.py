@@ -1,4 +1,4 @@
-"""Packages of trees: files that find each other's SubTrees by ID, as one BehaviorTree.CPP process that loads them all.
+"""Packages of trees: files that use each other's SubTrees by ID, like one BehaviorTree.CPP process that loads all.
 
 A package is a folder, a project of Groot2 (``.btproj``), a file, or several of them.
 """
@@ -19,15 +19,15 @@ from bestman_bt.engine.xml.documents import Documents, TreeDefinition, read_docu
 from bestman_bt.engine.xml.elements import Element, parse_xml
 
 MAX_FILES: Final = 5_000
-"""Most XML files of a package."""
+"""Largest number of XML files in a package."""
 _SKIPPED: Final = frozenset(("build", "install", "log", "node_modules", "__pycache__"))
 
 
 @dataclass
 class Package:
-    """The files of a package, each as it was read; ``problems``: of files that could not be, and of models.
+    """The files of a package, as read; ``problems``: of unreadable files, and of models.
 
-    ``others``: XML files that hold no trees or models of nodes.
+    ``others``: number of XML files without trees or node models.
     """
 
     files: dict[str, Documents] = field(default_factory=dict)
@@ -55,19 +55,19 @@ class Package:
         return package
 
     def definitions(self, tree_id: str) -> list[TreeDefinition]:
-        """Where a tree is defined, in the order of the files."""
+        """Return the definitions of a tree, in the order of the files."""
         return self._by_id.get(tree_id, [])
 
     def trees(self) -> Iterator[TreeDefinition]:
-        """Every tree of the package."""
+        """Yield every tree of the package."""
         for found in self._by_id.values():
             yield from found
 
     def file_of(self, tree_id: str) -> str:
-        """The file that defines a tree.
+        """Return the file that defines a tree.
 
         Raises:
-            TreeLoadError: none does, or several do.
+            TreeLoadError: no file defines it, or several do.
         """
         found = self.definitions(tree_id)
         if len(found) != 1:
@@ -80,34 +80,34 @@ class Package:
         return found[0].file
 
     def refuse_broken(self) -> None:
-        """Raise TreeLoadError with what could not be read."""
+        """Raise TreeLoadError if files could not be read."""
         if self.problems:
             raise TreeLoadError(self.problems)
 
     def duplicates(self) -> list[list[TreeDefinition]]:
-        """The trees that have one ID."""
+        """Return the groups of trees that share an ID."""
         return [found for found in self._by_id.values() if len(found) > 1]
 
     def users(self) -> dict[str, Counter[str]]:
-        """Tree → the trees that it names in its SubTrees, and how often."""
+        """Return tree → the trees that its SubTrees name, with counts."""
         return {one.tree_id: Counter(subtree_ids(one)) for one in self.trees()}
 
     def unused(self) -> list[TreeDefinition]:
-        """The trees that no other tree of the package names and no file calls its main tree."""
+        """Return the trees that are neither named by another tree of the package nor the main tree of a file."""
         main = {(file, documents.main_tree) for file, documents in self.files.items()}
         return [one for one in self.roots() if (one.file, one.tree_id) not in main]
 
     def roots(self) -> list[TreeDefinition]:
-        """The trees that no other tree of the package names."""
+        """Return the trees that are not named by another tree of the package."""
         uses = self.users()
         named = {inner for outer, inners in uses.items() for inner in inners if inner != outer}
         return [one for one in self.trees() if one.tree_id not in named]
 
     def complete(self, documents: Documents) -> None:
-        """Add what a file's trees need of the package.
+        """Add the trees of the package that a file's trees use.
 
-        A SubTree's own file comes first, then that of ``documents``, then the others. An ID that is defined twice
-        outside of the file that names it is an error, and the first definition counts.
+        A SubTree is searched in its user's file first, then in ``documents``, then in the other files. If an ID is
+        defined twice outside of its user's file, that is an error and the first definition counts.
         """
         pending = list(documents.trees.values())
         while pending:
@@ -187,7 +187,7 @@ class Package:
 
 
 def known_models(files: Iterable[Documents], problems: list[Problem]) -> Models:
-    """What the TreeNodesModels of files say of nodes; where two disagree on what kind a node is, that is a problem."""
+    """Return the node descriptions of the files' TreeNodesModels; contradicting kinds are added to ``problems``."""
     models: dict[str, NodeInfo] = {}
     for documents in files:
         for element, file in documents.node_models:
@@ -202,13 +202,13 @@ def known_models(files: Iterable[Documents], problems: list[Problem]) -> Models:
 
 
 def subtree_ids(definition: TreeDefinition) -> list[str]:
-    """The IDs that a tree's SubTrees name."""
+    """Return the IDs that a tree's SubTrees name."""
     elements = definition.element.iter()
     return [tree_id for e in elements if e.tag == "SubTree" and (tree_id := e.attributes.get("ID"))]
 
 
 def _tree_files(folder: Path) -> list[Path]:
-    """The XML files below a folder, but for hidden folders and those of builds."""
+    """Return the XML files below a folder, but for hidden folders and those of builds."""
     found: list[Path] = []
     pending = [folder]
     while pending:
@@ -225,7 +225,7 @@ def _tree_files(folder: Path) -> list[Path]:
 
 
 def _holds_trees(path: Path) -> bool:
-    """Whether an XML file may be of BehaviorTree.CPP, or is no XML, which is told when it is read."""
+    """Return whether an XML file may be of BehaviorTree.CPP; also True for invalid XML, which reading reports."""
     with path.open("rb") as file:
         head = file.read(65_536)
     if head.startswith((b"\xff\xfe", b"\xfe\xff")):

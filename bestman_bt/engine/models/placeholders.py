@@ -1,4 +1,4 @@
-"""Nodes without code: what stands in a tree for a type that is known from a file, or from its use alone."""
+"""Nodes without code: placeholders for types that are known from a file, or only from their use."""
 
 from __future__ import annotations
 
@@ -20,27 +20,27 @@ def _refused(node: Node) -> int:
 
 
 class PlaceholderAction(Leaf):
-    """Stands for an action."""
+    """Placeholder of an action."""
 
     def on_tick(self) -> int:
-        """Refuse."""
+        """Raise NodeError: a placeholder cannot be ticked."""
         return _refused(self)
 
 
 class PlaceholderCondition(PlaceholderAction):
-    """Stands for a condition."""
+    """Placeholder of a condition."""
 
     KIND: ClassVar[str] = "Condition"
 
 
 class PlaceholderControl(Sequence):
-    """Stands for a node with several children; where leaves are simulated, it ticks them as a Sequence."""
+    """Placeholder of a node with several children; in simulation it ticks them as a Sequence."""
 
     MIN_CHILDREN: ClassVar[int] = 0
 
 
 class PlaceholderDecorator(Decorator):
-    """Stands for a node with one child; where leaves are simulated, it gives back the child's result."""
+    """Placeholder of a node with one child; in simulation it returns the child's result."""
 
     def on_tick(self) -> int:
         """Tick the child."""
@@ -59,7 +59,7 @@ KINDS: Final = frozenset(_CLASSES) - {"SubTree"}
 
 
 def placeholder(name: str, kind: str, ports: Iterable[Port], known_from: str, description: str = "") -> NodeInfo:
-    """Describe a node type that has no code here; ``known_from`` says in words where the description is from."""
+    """Return the description of a node type without code; ``known_from``: the source of the description, in words."""
     return replace(
         make_info(name, _CLASSES[kind], builtin=False),
         ports={port.name: port for port in ports},
@@ -69,12 +69,12 @@ def placeholder(name: str, kind: str, ports: Iterable[Port], known_from: str, de
 
 
 def untyped_port(name: str, direction: str, default: Any = None, description: str = "", written_type: str = "") -> Port:
-    """A port that takes whatever is written; ``written_type`` is what a file calls its type."""
+    """Return a port that accepts every text; ``written_type``: its type as a file names it."""
     return Port(name, direction, Any, False, default, description, written_type=written_type)
 
 
 def is_placeholder(node: Node) -> bool:
-    """Whether a node of a loaded tree has no code here."""
+    """Return whether a node of a loaded tree has no code here."""
     return node.info is not None and bool(node.info.known_from)
 
 

@@ -1,7 +1,7 @@
-"""Scenarios: what the leaves of a tree do while they are simulated, by path, name or type, or at random.
+"""Scenarios: the scripted or random behaviour of leaves in simulation, by path, name or type.
 
-A scenario file is YAML with ``nodes`` (pattern → what it does), ``default``, ``entries`` and ``enums``; a file of
-BehaviorTree.CPP with ``SubstitutionRules`` and ``TestNodeConfigs`` is read, too.
+A scenario file is YAML with ``nodes`` (pattern → behaviour), ``default``, ``entries`` and ``enums``; files of
+BehaviorTree.CPP with ``SubstitutionRules`` and ``TestNodeConfigs`` are accepted too.
 """
 
 from __future__ import annotations
@@ -33,14 +33,15 @@ _ROUNDING: Final = 1e-9
 
 
 class ScenarioError(EngineError, InputError):
-    """A scenario is not well formed; a line for each fault."""
+    """A scenario is invalid; the message has a line for each fault."""
 
 
 @dataclass(frozen=True)
 class LeafScript:
-    """What a leaf does: ``results`` in turn, the last one again and again, else ``success`` is the chance of SUCCESS.
+    """The behaviour of a leaf: ``results`` in turn, repeating the last; else ``success`` is the probability of SUCCESS.
 
-    ``duration``: seconds for which it is RUNNING first, drawn between two. ``outputs``: what a success writes, by port.
+    ``duration``: seconds of RUNNING before it, drawn between the two values. ``outputs``: values written on success, by
+    port.
     """
 
     results: tuple[int, ...] = ()
@@ -49,7 +50,7 @@ class LeafScript:
     outputs: Mapping[str, Any] = field(default_factory=dict)
 
     def draw(self, turn: int, generator: random.Random) -> tuple[int, float]:
-        """The result of the ``turn``-th time, from 0, and the seconds before it."""
+        """Return the result of turn ``turn``, counted from 0, and the seconds before it."""
         low, high = self.duration
         seconds = low if low == high else generator.uniform(low, high)
         if self.results:
@@ -63,7 +64,7 @@ RANDOM_CONDITION: Final = LeafScript()
 
 @dataclass(frozen=True)
 class Scenario:
-    """Rules by path (with ``*``), name or type, the first that fits; ``default`` where none does, else at random."""
+    """Rules by path (with ``*``), name or type; the first match applies, else ``default``, else random behaviour."""
 
     nodes: Mapping[str, LeafScript] = field(default_factory=dict)
     default: LeafScript | None = None
@@ -76,7 +77,7 @@ class Scenario:
         """Read a YAML or JSON file.
 
         Raises:
-            ScenarioError: it does not exist, or is not well formed; with the line where YAML tells one.
+            ScenarioError: it does not exist, or is invalid; with the line if known.
         """
         import yaml  # where a scenario is read, not in each tree
 
@@ -97,10 +98,10 @@ class Scenario:
 
     @classmethod
     def from_mapping(cls, data: Any, file: str = "the scenario") -> Scenario:
-        """Check what a scenario file holds.
+        """Check the content of a scenario file and return the scenario.
 
         Raises:
-            ScenarioError: with all that is wrong.
+            ScenarioError: listing every fault.
         """
         if not isinstance(data, Mapping):
             raise ScenarioError(f"{file}: it should be a mapping with {', '.join(_TOP)}, got {data!r:.60}")
@@ -122,7 +123,7 @@ class Scenario:
         return cls(nodes, default, dict(data.get("entries") or {}), enums)
 
     def script_of(self, node: Node) -> LeafScript:
-        """What a leaf does."""
+        """Return the behaviour of a leaf."""
         for pattern, script in self.nodes.items():
             if fits(pattern, node):
                 return script
@@ -132,7 +133,7 @@ class Scenario:
 
 
 def fits(pattern: str, node: Node) -> bool:
-    """Whether a pattern means a node: its name, its type, or its path, in which ``*`` stands for anything."""
+    """Return whether a pattern matches a node: its name, its type, or its path with ``*`` as a wildcard."""
     return pattern in (node.name, node.type_id) or fnmatch.fnmatchcase(node.path, pattern.replace("[", "[[]"))
 
 
@@ -169,31 +170,31 @@ def _is_number(value: Any) -> bool:
     return isinstance(value, (int, float)) and not isinstance(value, bool)
 
 
-# Leaves that do what a scenario says.
+# Leaves that follow a scenario.
 
 
 @dataclass
 class Improvisation:
-    """What simulated leaves ask."""
+    """The scenario and random generator of simulated leaves."""
 
     scenario: Scenario
     generator: random.Random
 
 
 class SimulatedAction(StatefulAction):
-    """Stands for a leaf; it asks the ``Improvisation`` of its class what to do."""
+    """A simulated leaf; its behaviour comes from the ``Improvisation`` of its class."""
 
     improvisation: ClassVar[Improvisation]
 
     def on_load(self) -> None:
-        """Look up what to do."""
+        """Look up the behaviour."""
         self.script = self.improvisation.scenario.script_of(self)
         self.turn = 0
         self.end = 0.0
         self.result = SUCCESS
 
     def on_start(self) -> int:
-        """Draw a result and how long it takes."""
+        """Draw a result and its duration."""
         self.result, seconds = self.script.draw(self.turn, self.improvisation.generator)
         self.turn += 1
         if seconds <= 0:
@@ -202,7 +203,7 @@ class SimulatedAction(StatefulAction):
         return RUNNING
 
     def on_running(self) -> int:
-        """Be done when the time is over."""
+        """Complete when the duration is over."""
         return self._done() if self.clock.now() >= self.end - _ROUNDING else RUNNING
 
     def _done(self) -> int:
@@ -221,13 +222,13 @@ class SimulatedAction(StatefulAction):
 
 
 class SimulatedCondition(SimulatedAction):
-    """The same of a condition."""
+    """A simulated condition."""
 
     KIND: ClassVar[str] = "Condition"
 
 
 def stand_in(port: Port) -> Any:
-    """A value for an entry that nobody has given one, after the name of the port's type."""
+    """Return a plausible value for an entry that has none, from the name of the port's type."""
     if port.data_type is NodeStatus:
         return NodeStatus(SUCCESS)
     name = port.type_name.lower()
@@ -249,9 +250,9 @@ _STANDING_FOR: Final[dict[str, type[Node]]] = {
 
 
 class SimulatedLeaves(Placeholders):
-    """Puts simulated nodes where a node is not one of the engine's own, known here or not; or ``missing`` ones alone.
+    """Replaces all nodes other than the engine's own, or only ``missing`` ones, by simulated nodes.
 
-    A control node ticks its children as a Sequence then, a decorator gives back its child's result.
+    A simulated control node ticks its children as a Sequence; a simulated decorator returns its child's result.
     """
 
     def __init__(self, scenario: Scenario, seed: int, *, missing: bool = False) -> None:
@@ -263,7 +264,7 @@ class SimulatedLeaves(Placeholders):
         self._infos: dict[int, tuple[NodeInfo, NodeInfo]] = {}
 
     def fill(self, checker: Checker) -> None:
-        """Give the leaves their stand-ins."""
+        """Replace the leaves."""
         super().fill(checker)
         for definition in checker.documents.trees.values():
             for element in definition.element.iter():

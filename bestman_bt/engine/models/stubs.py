@@ -1,4 +1,4 @@
-"""Python skeletons of leaves that are known from models or from their use, to be filled in."""
+"""Python skeletons of leaves known from models or from their use."""
 
 from __future__ import annotations
 
@@ -34,17 +34,17 @@ _TYPES: Final[dict[str, Any]] = {
 }
 _KINDS: Final = {"input": "In", "output": "Out", "inout": "InOut"}
 _HEAD: Final = (
-    '"""Leaves of trees: fill in what they do, and load them with --plugin."""\n\nfrom __future__ import annotations\n'
+    '"""Leaves of trees: implement them, and load them with --plugin."""\n\nfrom __future__ import annotations\n'
 )
 
 
 def stub_source(infos: Iterable[NodeInfo], existing: str, file: str) -> tuple[str, list[str]]:
-    """Return the text of a Python file with a class for each leaf, and the names of those that were added.
+    """Return the text of a Python file with a class for each leaf, and the names of the added classes.
 
-    ``existing``: what the file holds, which stays; leaves that it has a class for are not added.
+    ``existing``: current content of the file, which is preserved; leaves that already have a class are not added.
 
     Raises:
-        TreeLoadError: it is not Python, with the line.
+        TreeLoadError: ``existing`` is not valid Python, with the line.
     """
     try:
         module = ast.parse(existing)
@@ -68,7 +68,7 @@ def stub_source(infos: Iterable[NodeInfo], existing: str, file: str) -> tuple[st
 
 
 def _names(module: ast.Module) -> tuple[set[str], set[str]]:
-    """The types of nodes that a module has classes for, and what it imports."""
+    """Return the node types that a module defines classes for, and the names that it imports."""
     types, imported = set[str](), set[str]()
     for statement in module.body:
         if isinstance(statement, ast.ImportFrom):
@@ -102,10 +102,10 @@ def _class(info: NodeInfo, taken: set[str]) -> str:
         lines += [
             "",
             "    def on_running(self) -> int:",
-            '        """Look whether it is done."""',
+            '        """Return the result, or RUNNING."""',
             "        return FAILURE",
         ]
-        lines += ["", "    def on_halted(self) -> None:", '        """Stop what was begun."""']
+        lines += ["", "    def on_halted(self) -> None:", '        """Stop what was started."""']
     return "\n".join(lines)
 
 
@@ -156,7 +156,7 @@ def _type_text(data_type: Any) -> str:
 
 
 def _default(port: Port, data_type: Any) -> Any:
-    """A default as the port takes it; None where there is none, or none that fits its type."""
+    """Return a default as the port takes it, or None if there is none, or none that fits its type."""
     if port.default is None or port.direction == "output":
         return None
     if key_of(port.default, port.name) is not None:

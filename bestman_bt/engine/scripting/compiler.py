@@ -1,7 +1,7 @@
-"""Turns parsed scripts into closures on the slots of one blackboard.
+"""Compiles parsed scripts to closures on the slots of one blackboard.
 
-Names are resolved once, here: enum values become constants, keys become slots. The commonest forms
-(``key := key + 1``, ``key == 1``) are fused into one closure each.
+Names are resolved once, here: enum values become constants, keys become slots. The commonest forms (``key := key + 1``,
+``key == 1``) are fused into one closure each.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ Closure = Callable[[], Any]
 
 
 class ScriptCompiler:
-    """Compiles scripts; parses each text only once, however many nodes carry it."""
+    """Compiles scripts; parses each text only once, even if many nodes use it."""
 
     def __init__(self, enums: Mapping[str, int] | None = None) -> None:
         self.enums: Mapping[str, int] = enums or {}
@@ -47,7 +47,7 @@ class ScriptCompiler:
         return parsed
 
     def forget(self) -> None:
-        """Drop the parsed scripts, once a tree's are compiled."""
+        """Discard the parsed scripts, once a tree is compiled."""
         self._parsed.clear()
 
     def compile(self, source: str, board: Blackboard) -> Closure:
@@ -75,7 +75,7 @@ class ScriptCompiler:
         return lambda: operations.truth(run())
 
     def _condition(self, expression: Expression, board: Blackboard) -> Callable[[], bool] | None:
-        """Return comparisons joined by ``&&`` and ``||`` as one function; None for anything else."""
+        """Return comparisons joined by ``&&`` and ``||`` as one function, or None for anything else."""
         if isinstance(expression, Comparison):
             return self._comparison(expression, board)
         if isinstance(expression, Binary) and expression.operator in ("&&", "||"):

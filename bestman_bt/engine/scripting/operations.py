@@ -1,6 +1,6 @@
-"""What the script operators do with values: the arithmetic and the conversions of BehaviorTree.CPP 4.10.
+"""Semantics of the script operators: the arithmetic and conversions of BehaviorTree.CPP 4.10.
 
-Numbers are doubles in every operation, whatever they were before; division by zero is an error here.
+All numbers are treated as doubles; unlike there, division by zero is an error.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from bestman_bt.engine.conversion import text_of_number
 from bestman_bt.engine.errors import ScriptError
 
 MAX_TEXT: Final = 1_000_000
-"""Characters of a string that a script puts together: a loop that doubles one must not fill the memory."""
+"""Longest string that a script may build, so that a loop that doubles one does not fill the memory."""
 EPSILON: Final = 1.1920928955078125e-07
 """Single-precision epsilon: numbers closer than this are equal."""
 
@@ -22,16 +22,18 @@ _NUMBER_IN_FRONT = re.compile(r"-?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 
 
 def truth(value: Any) -> bool:
-    """Return the condition that a script's result stands for: any double, or the integers 0 and 1."""
+    """Return a script's result as a condition. Raises ScriptError unless it is a non-negative double, 0 or 1."""
     if isinstance(value, float) and not value < 0.0:
         return value != 0.0
     if isinstance(value, int) and value in (0, 1):
         return bool(value)
-    raise ScriptError(f"{_shown(value)} is no condition (a comparison, 0, 1 or a positive double is)")
+    raise ScriptError(f"{_shown(value)} is not a condition (use a comparison, 0, 1 or a positive double)")
 
 
 def number_of_text(text: str, enums: Mapping[str, int]) -> float:
-    """Return the number that a string stands for beside a number: true, false, an enum name or its digits."""
+    """Return the numeric value of a string used as a number: true, false, an enum name or digits. Raises
+    ScriptError.
+    """
     if text in ("true", "false"):
         return 1.0 if text == "true" else 0.0
     if text in enums:
@@ -43,12 +45,12 @@ def number_of_text(text: str, enums: Mapping[str, int]) -> float:
 
 
 def ternary_truth(value: Any) -> bool:
-    """Return which branch of ``?:`` a condition takes; a string counts by the number that it begins with."""
+    """Return whether the condition of ``?:`` is true; a string counts by the number that it begins with."""
     if isinstance(value, str):
         return number_of_text(value, {}) != 0
     if isinstance(value, (int, float)):
         return value != 0
-    raise ScriptError(f"{_shown(value)} is no condition of '?:'")
+    raise ScriptError(f"{_shown(value)} is not a condition of '?:'")
 
 
 def negate(value: Any) -> float:
@@ -97,7 +99,7 @@ def multiply(left: Any, right: Any) -> float:
 
 
 def divide(left: Any, right: Any) -> float:
-    """Return ``left / right``; dividing by zero is an error."""
+    """Return ``left / right``. Raises ScriptError if ``right`` is 0."""
     a, b = _numbers(left, "/", right)
     if b == 0.0:
         raise ScriptError(f"division by zero ({left} / {right})")
@@ -105,7 +107,7 @@ def divide(left: Any, right: Any) -> float:
 
 
 def concatenate(left: Any, right: Any) -> str:
-    """Return two strings joined, or a string and a number's text."""
+    """Return two strings joined, or a string joined with the text of a number."""
     if isinstance(left, str):
         if isinstance(right, str):
             return _joined(left, right)
@@ -123,29 +125,29 @@ def _joined(left: str, right: str) -> str:
 
 
 def bit_and(left: Any, right: Any) -> float:
-    """Return ``left & right`` of two whole numbers."""
+    """Return ``left & right`` of two integers."""
     return float(_whole(left, "&", right) & _whole(right, "&", left))
 
 
 def bit_or(left: Any, right: Any) -> float:
-    """Return ``left | right`` of two whole numbers."""
+    """Return ``left | right`` of two integers."""
     return float(_whole(left, "|", right) | _whole(right, "|", left))
 
 
 def bit_xor(left: Any, right: Any) -> float:
-    """Return ``left ^ right`` of two whole numbers."""
+    """Return ``left ^ right`` of two integers."""
     return float(_whole(left, "^", right) ^ _whole(right, "^", left))
 
 
 def logic_and(left: Any, right: Any) -> float:
-    """Return 1.0 where both numbers are true; both sides are always evaluated."""
+    """Return 1.0 if both numbers are true, else 0.0; both sides are always evaluated."""
     _numbers(left, "&&", right)
     a, b = truth(left), truth(right)
     return 1.0 if a and b else 0.0
 
 
 def logic_or(left: Any, right: Any) -> float:
-    """Return 1.0 where either number is true; both sides are always evaluated."""
+    """Return 1.0 if either number is true, else 0.0; both sides are always evaluated."""
     _numbers(left, "||", right)
     a, b = truth(left), truth(right)
     return 1.0 if a or b else 0.0
@@ -182,7 +184,7 @@ COMPARE: Final[Mapping[str, Callable[[Any, Any], bool]]] = {
 
 
 def comparable(left: Any, right: Any, enums: Mapping[str, int]) -> tuple[Any, Any]:
-    """Return both sides of a comparison as two numbers or two strings."""
+    """Return both sides of a comparison as two numbers or two strings. Raises ScriptError if they do not compare."""
     left_number = isinstance(left, (int, float))
     right_number = isinstance(right, (int, float))
     if left_number and right_number:

@@ -37,7 +37,7 @@ def tokenize(source: str) -> list[Token]:
     """Return the tokens of a script, ended by one of kind ``end``.
 
     Raises:
-        ScriptError: the script is too long, or holds something that is no token.
+        ScriptError: the script is too long, or contains an invalid token.
     """
     if len(source) > MAX_SCRIPT_LENGTH:
         raise ScriptError(f"the script has {len(source)} characters; at most {MAX_SCRIPT_LENGTH} are accepted")
@@ -61,7 +61,7 @@ def tokenize(source: str) -> list[Token]:
 
 
 def position_of(source: str, index: int) -> int:
-    """Return where in ``source`` the token number ``index`` begins; its length if there are fewer."""
+    """Return the position in ``source`` of token number ``index``; its length if there are fewer tokens."""
     for count, match in enumerate(_TOKEN.finditer(source)):
         if count == index:
             return match.start()
@@ -83,7 +83,7 @@ def _number(text: str) -> int | float:
 
 MAX_SCRIPT_DEPTH = 100
 MAX_OPERATORS = 250
-"""In one statement; bounds the depth of the expression tree, which leans to the left."""
+"""Largest number of operators in one statement, which bounds the depth of the left-leaning expression tree."""
 
 _ASSIGNMENTS: Final = (":=", "=", "+=", "-=", "*=", "/=")
 _COMPARISONS: Final = ("==", "!=", "<", ">", "<=", ">=")
@@ -141,7 +141,7 @@ class Binary:
 
 @dataclass(frozen=True, slots=True)
 class Comparison:
-    """A chain such as ``a < b <= c``: one operator fewer than operands."""
+    """A chain such as ``a < b <= c``: one more operand than operators."""
 
     operators: tuple[str, ...]
     operands: tuple[Expression, ...]
@@ -158,7 +158,7 @@ class Ternary:
 
 @dataclass(frozen=True, slots=True)
 class Assignment:
-    """An assignment to the blackboard key ``name``; without a name it is an error once it is run, as in v4."""
+    """An assignment to the blackboard key ``name``; without a name it is an error at run time, as in v4."""
 
     operator: str
     name: str
@@ -178,7 +178,7 @@ def parse_script(source: str) -> list[Expression]:
 
 
 def assigns_to_no_key(statement: Expression) -> bool:
-    """Return whether a statement, or one behind its ``:=``, assigns to something that is no blackboard key."""
+    """Return whether a statement, or one behind its ``:=``, assigns to something other than a blackboard key."""
     while isinstance(statement, Assignment):
         if not statement.name:
             return True

@@ -1,8 +1,8 @@
-"""The canonical form of a tree file: what a rewrite normalizes where it is asked to.
+"""The canonical form of a tree file, for rewriting it in a normal form.
 
-UTF-8 with a declaration, four spaces for each level, one element or comment a line, double quotes, one space between
-attributes, ``<A/>`` for what is empty. Order, comments, names and values stay; text between elements stays on one line
-with its element.
+UTF-8 with a declaration, four spaces per level, one element or comment per line, double quotes, one space between
+attributes, ``<A/>`` for empty elements. Order, comments, names and values are preserved; text between elements stays on
+one line with its element.
 """
 
 from __future__ import annotations

@@ -34,14 +34,14 @@ _SINGLE_QUOTED: Final = re.compile(r"'[^']*'")
 _BOOLS: Final = frozenset(("true", "false", "1", "0", "True", "False", "TRUE", "FALSE"))
 
 Report = Callable[[str, str, str], None]
-"""Called with the attribute, what is wrong with it, and a suggestion."""
+"""Called with the attribute, its fault and a suggestion."""
 
 
 class Checker:
-    """Checks all trees of one set of documents; what it finds is appended to ``documents.problems``.
+    """Checks all trees of one set of documents, and appends the problems to ``documents.problems``.
 
-    ``wrong``: the elements that have errors, and the attribute that each is in (empty: in the element as such).
-    ``misfits``: those of them that may be right in another BehaviorTree.CPP process.
+    ``wrong``: faulty elements, each with the faulty attribute (empty: the element itself). ``misfits``: those that may
+    be valid in another BehaviorTree.CPP process.
     """
 
     def __init__(self, registry: NodeRegistry, compiler: ScriptCompiler, documents: Documents) -> None:
@@ -57,7 +57,7 @@ class Checker:
         self._infos = {info.name: info for info in registry}
 
     def check(self, definition: TreeDefinition, *, used: bool = True) -> None:
-        """Check one tree; in one that is not used, what is wrong with a node's attributes is latent."""
+        """Check one tree; in an unused tree, faulty attributes of nodes are latent."""
         self.file = definition.file
         self._wrong = "error" if used else "latent"
         same = self.registry.find(definition.tree_id)
@@ -153,7 +153,7 @@ class Checker:
         hint = closest(name, [*(known for known, info in self._infos.items() if not info.known_from), *self._shipped])
         if hint in self._shipped:
             return f'the shipped tree {hint} is used by <SubTree ID="{hint}"/> and, under <root>, {self._shipped[hint]}'
-        return f"did you mean '{hint}'?" if hint else "a node of your own comes with --plugin FILE.py"
+        return f"did you mean '{hint}'?" if hint else "load your own nodes with --plugin FILE.py"
 
     def _tree_remedy(self, tree_id: str) -> str:
         if tree_id in self._shipped:
@@ -220,7 +220,7 @@ class Checker:
         if model and element.attributes.get("_autoremap") not in ("true", "1", "True", "TRUE"):
             for port in model.values():
                 if port.default is None and port.name not in element.attributes:
-                    message = f"the TreeNodesModel of '{tree_id}' says it is mandatory"
+                    message = f"the TreeNodesModel of '{tree_id}' declares it as mandatory"
                     self._report(element, port.name, message, "", self._wrong)
 
     def _check_other(self, element: Element, info: NodeInfo, key: str, text: str) -> None:
@@ -230,7 +230,7 @@ class Checker:
             return
         elif key == STRICT and text not in _BOOLS:
             self._report(element, key, f"'{text}' is not a bool", "", self._wrong)
-        elif key[0] != "_" and ":" not in key and "." not in key:  # those are no port names, and are ignored
+        elif key[0] != "_" and ":" not in key and "." not in key:  # these are not port names, and are ignored
             message, suggestion = unknown_port(info, key)
             severity = "warning" if info.known_from else self._wrong
             self._report(element, "", message, suggestion, severity, attribute=key)
@@ -255,14 +255,14 @@ class Checker:
 
 
 def unknown_port(info: NodeInfo, key: str) -> tuple[str, str]:
-    """Return what to say about an attribute that is no port of a node."""
+    """Return message and suggestion for an attribute that is not a port of a node."""
     hint = closest(key, info.ports)
     known = ", ".join(info.ports) or "none"
     return f"unknown port '{key}'", f"did you mean '{hint}'?" if hint else f"its ports: {known}"
 
 
 def literal_message(info: NodeInfo, key: str, value: Any, registry: NodeRegistry) -> str:
-    """Return what is wrong with a literal, or an empty text."""
+    """Return the fault of a literal, or an empty text."""
     port = info.ports[key]
     if names_entry(info.cls, key):
         return key_fault(str(value))
@@ -315,7 +315,7 @@ def _children_message(info: NodeInfo, count: int) -> str:
 def check_values(
     info: NodeInfo, attributes: Mapping[str, Any], registry: NodeRegistry, compiler: ScriptCompiler, report: Report
 ) -> None:
-    """Check the attributes of a node that was made in Python."""
+    """Check the attributes of a node made in Python."""
     for key, value in attributes.items():
         if key in SCRIPTS or (key == "code" and info.builtin and isinstance(value, str)):
             if key in SCRIPTS or key_of(value, key) is None:

@@ -1,4 +1,4 @@
-"""A tree file as it stands: elements, comments, text and their order, to change a part and write the rest unchanged."""
+"""The exact text of a tree file: elements, comments, text and order, to change a part and preserve the rest."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class XmlInstruction:
 
 @dataclass
 class XmlText:
-    """Text between elements; ``verbatim`` where it stands in a CDATA section."""
+    """Text between elements; ``verbatim``: it is in a CDATA section."""
 
     text: str
     verbatim: bool = False
@@ -36,7 +36,7 @@ class XmlText:
 
 @dataclass
 class XmlElement:
-    """An element: its attributes in order, and everything inside it in order."""
+    """An element: its attributes in order, and its content in order."""
 
     tag: str
     attributes: dict[str, str] = field(default_factory=dict)
@@ -45,11 +45,11 @@ class XmlElement:
 
     @property
     def children(self) -> list[XmlElement]:
-        """The elements inside."""
+        """The child elements."""
         return [item for item in self.content if isinstance(item, XmlElement)]
 
     def iter(self) -> Iterator[XmlElement]:
-        """Yield this element and all below it, in document order."""
+        """Yield this element and its descendants, in document order."""
         yield self
         for child in self.children:
             yield from child.iter()
@@ -60,7 +60,7 @@ XmlItem = XmlElement | XmlComment | XmlInstruction | XmlText
 
 @dataclass
 class XmlDocument:
-    """A whole file; ``declaration`` is what follows ``<?xml``, empty without one."""
+    """A whole file; ``declaration``: the text after ``<?xml``, empty without one."""
 
     content: list[XmlItem] = field(default_factory=list)
     declaration: str = ""
@@ -72,10 +72,10 @@ class XmlDocument:
 
     @classmethod
     def parse(cls, text: str | bytes, file: str = "<text>") -> XmlDocument:
-        """Read XML.
+        """Parse XML.
 
         Raises:
-            TreeLoadError: it is not well-formed, or holds something that is refused.
+            TreeLoadError: it is not well-formed, or contains a refused construct.
         """
         return _DocumentReader(file).read(text)
 
@@ -84,12 +84,12 @@ class XmlDocument:
         """Read a file.
 
         Raises:
-            TreeLoadError: it does not exist, is not well-formed, or holds something that is refused.
+            TreeLoadError: it does not exist, is not well-formed, or contains a refused construct.
         """
         return cls.parse(read_file(Path(path), str(path)), str(path))
 
     def to_xml(self) -> str:
-        """Return the document as text: white space, comments and order as they were."""
+        """Return the document as text, with white space, comments and order unchanged."""
         parts: list[str] = []
         if self.declaration:
             parts.append(f"<?xml {self.declaration}?>\n")
@@ -124,7 +124,7 @@ def _write(item: XmlItem, parts: list[str]) -> None:
 
 
 def escape_text(text: str) -> str:
-    """Return ``text`` as it stands between tags."""
+    """Return ``text`` escaped for use between tags."""
     return text.replace("&", "&amp;").replace("<", "&lt;").replace(">", "&gt;").replace("\r", "&#13;")
 
 

@@ -1,4 +1,4 @@
-"""The files behind one tree: a main document, what it includes, its trees and its subtree models."""
+"""The files of one tree: a main document, its includes, trees and subtree models."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _FORBIDDEN = frozenset("<>&\"'/\\:*?|.")
 
 @dataclass(frozen=True)
 class TreeDefinition:
-    """One ``<BehaviorTree>`` and the file it stands in."""
+    """One ``<BehaviorTree>`` and its file."""
 
     tree_id: str
     element: Element
@@ -29,7 +29,7 @@ class TreeDefinition:
 
 @dataclass(frozen=True)
 class ModelPort:
-    """One port of a SubTree in a TreeNodesModel; without a default it is mandatory. ``type``: as it is written."""
+    """One port of a SubTree in a TreeNodesModel; mandatory without a default. ``type``: as written."""
 
     name: str
     direction: str
@@ -40,7 +40,7 @@ class ModelPort:
 
 @dataclass(frozen=True)
 class MetadataEntry:
-    """What a ``<Metadata key="text"/>`` of a SubTree says, and where."""
+    """A ``<Metadata key="text"/>`` of a SubTree, with its place."""
 
     text: str
     file: str
@@ -49,12 +49,12 @@ class MetadataEntry:
 
 @dataclass
 class Documents:
-    """Everything that was read for one tree, and what is wrong with it so far.
+    """Everything that was read for one tree, and the problems so far.
 
-    ``metadata``: of the subtree models, by key, what their ``<Metadata key="text"/>`` say. ``replaced``: trees whose
-    ID another file, or a later tree of the same file, gives to another one. ``node_models``: what the TreeNodesModels
-    say of nodes, as (element, file). ``scoped``: trees that a file means by an ID which is another's elsewhere.
-    ``old``: the files that are of version 3; what else is said of them is of no use.
+    ``metadata``: of the subtree models, key → ``<Metadata key="text"/>``. ``replaced``: trees whose ID is taken by
+    another file, or a later tree of the same file. ``node_models``: node descriptions of the TreeNodesModels, as
+    (element, file). ``scoped``: trees of an ID that is taken by another tree elsewhere, by file. ``old``: files of
+    version 3, whose other problems are meaningless.
     """
 
     file: str
@@ -72,23 +72,23 @@ class Documents:
     search_path: tuple[Path, ...] = ()
 
     def unused_trees(self) -> list[str]:
-        """Return the IDs of the main file's trees that none of its other trees consists of."""
+        """Return the IDs of the main file's trees that its other trees do not use."""
         own = [name for name, one in self.trees.items() if one.file == self.file]
         return [name for name in own if not any(name in self.used_trees(other) for other in own if other != name)]
 
     def find(self, tree_id: str, file: str) -> TreeDefinition | None:
-        """Return the tree that a SubTree in ``file`` names."""
+        """Return the tree that a SubTree in ``file`` refers to."""
         return self.scoped.get((file, tree_id)) or self.trees.get(tree_id)
 
     def add(self, definition: TreeDefinition, user: str) -> None:
-        """Take a tree of another file, which the file ``user`` names."""
+        """Add a tree of another file that the file ``user`` refers to."""
         known = self.trees.setdefault(definition.tree_id, definition)
         if known is not definition:
             self.trees[f"{definition.tree_id} of {definition.file}"] = definition
             self.scoped[user, definition.tree_id] = definition
 
     def used_trees(self, main: str) -> set[str]:
-        """Return the keys of the trees that ``main`` consists of."""
+        """Return the keys of the trees that ``main`` uses, itself included."""
         keys = {id(one): key for key, one in self.trees.items()}
         used: set[str] = set()
         pending = [self.trees.get(main)]
@@ -102,7 +102,7 @@ class Documents:
 
 
 def read_documents(source: str | Path, search_path: Iterable[Path] = ()) -> Documents:
-    """Read a tree file (or XML text) and what it includes.
+    """Read a tree file (or XML text) and its includes.
 
     Included files must lie in the folder of the tree file or in one of ``search_path``.
 
@@ -127,7 +127,7 @@ def read_file(path: Path, name: str) -> bytes:
     """Return the bytes of a tree file.
 
     Raises:
-        TreeLoadError: it does not exist, is no file, or is too large.
+        TreeLoadError: it does not exist, is not a file, or is too large.
     """
     try:
         if path.stat().st_size > MAX_BYTES:
@@ -141,7 +141,7 @@ def read_file(path: Path, name: str) -> bytes:
 
 
 def read_root(root: Element, file: str, documents: Documents) -> None:
-    """Take the trees and models of an outermost element, whose includes are not followed."""
+    """Add the trees and models of an outermost element; includes are not followed."""
     _Reader(None, ()).read(root, file, None, documents, main=True)
 
 
@@ -170,13 +170,13 @@ class _Reader:
                 self._include(element, file, path, documents)
         models = [element for element in root.children if element.tag == "TreeNodesModel"]
         for extra in models[1:]:
-            report(Problem(file, extra.line, extra.tag, "", "only one <TreeNodesModel> is accepted in a file"))
+            report(Problem(file, extra.line, extra.tag, "", "a file may contain only one <TreeNodesModel>"))
         for model in models:
             _read_models(model, file, documents)
         trees = [element for element in root.children if element.tag == "BehaviorTree"]
         for element in trees:
             _read_tree(element, file, documents, alone=len(trees) == 1)
-        what = "it is ignored: <BehaviorTree>, <TreeNodesModel> and <include> may stand under <root>"
+        what = "it is ignored: only <BehaviorTree>, <TreeNodesModel> and <include> may appear under <root>"
         others = [e for e in root.children if e.tag not in ("include", "TreeNodesModel", "BehaviorTree")]
         documents.problems += [Problem(file, e.line, e.tag, "", what, severity="warning") for e in others]
 
@@ -185,7 +185,7 @@ class _Reader:
             documents.problems.append(Problem(file, element.line, "include", field_name, message, missing=missing))
 
         if "ros_pkg" in element.attributes:
-            report("ROS packages are not looked up; name a path", "ros_pkg", missing=True)
+            report("ROS packages are not looked up; give a path", "ros_pkg", missing=True)
             return
         target = element.attributes.get("path")
         if not target:
@@ -194,7 +194,8 @@ class _Reader:
         found = self._find(target, path)
         if found is None:
             report(
-                f"'{target}' does not exist in the tree's folder or the search path, or leads out of them", missing=True
+                f"'{target}' is not a file in the tree's folder or the search path",
+                missing=True,
             )
             return
         if found in self.open_files:
@@ -248,11 +249,11 @@ def _read_tree(element: Element, file: str, documents: Documents, *, alone: bool
     if known is not None:
         documents.replaced.append(known)
         if known.file == file:
-            what = f"'{tree_id}' is the ID of the tree in line {known.element.line}, too; give one of them another"
+            what = f"'{tree_id}' is also the ID of the tree in line {known.element.line}; rename one of them"
             report(Problem(file, element.line, "BehaviorTree", "ID", what))
         else:
             where = f"{known.file}:{known.element.line}"
-            what = f"'{tree_id}' is defined already, at {where}; this later one counts"
+            what = f"'{tree_id}' is already defined at {where}; this later definition is used"
             report(Problem(file, element.line, "BehaviorTree", "ID", what, severity="warning"))
     if len(element.children) != 1:
         what = f"tree '{tree_id}' must have exactly one root node but has {len(element.children)}"
@@ -284,7 +285,7 @@ def _read_models(model: Element, file: str, documents: Documents) -> None:
                 documents.problems.append(Problem(file, port.line, port.tag, "name", "the attribute is missing"))
                 continue
             if name[0].isdigit() or bad_character(name) or " " in name or name in _RESERVED:
-                documents.problems.append(Problem(file, port.line, port.tag, "name", f"'{name}' is no port name"))
+                documents.problems.append(Problem(file, port.line, port.tag, "name", f"'{name}' is not a port name"))
                 continue
             default = port.attributes.get("default") or None
             kind = port.attributes.get("type", "")

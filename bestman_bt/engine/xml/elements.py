@@ -1,7 +1,7 @@
-"""XML text to a tree of elements with line numbers, by expat, with everything dangerous refused.
+"""Secure XML parser (expat): elements with line numbers; dangerous constructs are refused.
 
-Entities, external references and oversized input are refused before they cost anything: a file has at most
-``MAX_BYTES``, an element nests at most ``MAX_DEPTH`` deep, as in BehaviorTree.CPP.
+Entities, external references and oversized input are refused early: a file has at most ``MAX_BYTES``, and elements nest
+at most ``MAX_DEPTH`` deep, as in BehaviorTree.CPP.
 """
 
 from __future__ import annotations
@@ -17,15 +17,14 @@ MAX_BYTES = 16_000_000
 MAX_DEPTH = 256
 
 NO_CHILDREN: Final[list[Any]] = []
-"""What all elements, and all leaves of a file, share as their children; never written to."""
+"""Shared empty list of children of leaf elements; never modified."""
 
 
 class Element:
     """One XML element.
 
-    Checking it against the registry fills the rest: ``info`` of its node, the ``entries`` that its ports are
-    mapped to as (port, key, data type), and whether it has ``scripts`` of its own. ``text`` is kept of what stands in
-    a TreeNodesModel alone.
+    Checking it against the registry sets ``info`` of its node, the ``entries`` that its ports are mapped to as (port,
+    key, data type), and whether it has its own ``scripts``. ``text`` is kept only inside a TreeNodesModel.
     """
 
     __slots__ = ("attributes", "children", "entries", "info", "line", "scripts", "tag", "text")
@@ -41,7 +40,7 @@ class Element:
         self.text = ""
 
     def iter(self) -> Iterator[Element]:
-        """Yield this element and all below it, in document order."""
+        """Yield this element and its descendants, in document order."""
         pending = [self]
         while pending:
             element = pending.pop()
@@ -50,7 +49,7 @@ class Element:
 
 
 class Refused(Error):
-    """Something in the XML is refused on purpose."""
+    """The XML contains a construct that is refused on purpose."""
 
     def __init__(self, line: int, message: str) -> None:
         self.line = line
@@ -61,7 +60,7 @@ def parse_xml(text: str | bytes, file: str) -> Element:
     """Return the root element of ``text``.
 
     Raises:
-        TreeLoadError: it is not well-formed XML, or holds something that is refused.
+        TreeLoadError: it is not well-formed XML, or contains a refused construct.
     """
     parser, data = safe_parser(text, file)
     holder = Element("", {}, 0)
@@ -99,7 +98,7 @@ def safe_parser(text: str | bytes, file: str) -> tuple[xml.parsers.expat.XMLPars
     """Return an expat parser that refuses entities and external references, and the bytes to feed it.
 
     Raises:
-        TreeLoadError: the text is too long or holds NUL bytes.
+        TreeLoadError: the text is too long or contains NUL bytes.
     """
     data = text.encode("utf-8", "surrogatepass") if isinstance(text, str) else text
     if len(data) > MAX_BYTES:
@@ -126,10 +125,10 @@ def safe_parser(text: str | bytes, file: str) -> tuple[xml.parsers.expat.XMLPars
 
 
 def run_parser(parser: xml.parsers.expat.XMLParserType, data: bytes, file: str) -> None:
-    """Feed a parser.
+    """Feed ``data`` to a parser.
 
     Raises:
-        TreeLoadError: the data is not well-formed XML, or holds something that is refused.
+        TreeLoadError: the data is not well-formed XML, or contains a refused construct.
     """
     try:
         parser.Parse(data, True)

@@ -1,4 +1,4 @@
-"""What tells that a tree file is of BehaviorTree.CPP 3, and what has another name in version 4."""
+"""Detection of tree files of BehaviorTree.CPP 3, and of names that changed in version 4."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _SIGNS_OF_PARALLEL: Final = ("success_threshold", "failure_threshold")
 
 
 def old_version(root: Element, file: str) -> Problem | None:
-    """What tells that a file is of version 3; None where nothing does."""
+    """Return a problem if a file is of version 3, or None."""
     version = root.attributes.get("BTCPP_format")
     if version == "4":
         return None
@@ -34,5 +34,5 @@ def old_version(root: Element, file: str) -> Problem | None:
             break
     if not sign:
         return None
-    message = f"the file is of BehaviorTree.CPP 3 ('{sign}')"
-    return Problem(file, line, "", "", message, f"bestman-bt convert {file} writes it as version 4")
+    message = f"the file is in the format of BehaviorTree.CPP 3 ('{sign}')"
+    return Problem(file, line, "", "", message, f"convert it with: bestman-bt convert {file}")

@@ -1,4 +1,4 @@
-"""The nodes of a registry as an XML schema: completion and checks in editors (VS Code with Red Hat's XML, IntelliJ)."""
+"""XML schema of a registry's nodes: completion and checks in editors (VS Code with Red Hat's XML, IntelliJ)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Trees and palettes to XML: for files, for Groot2's import, and for logs and monitors that need node numbers."""
+"""XML of trees and node descriptions: for files, for Groot2's import, and for logs and monitors with node numbers."""
 
 from __future__ import annotations
 
@@ -35,14 +35,14 @@ _NOT_XML = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\ud800-\udfff\ufffe\uffff]")
 
 
 class XmlError(EngineError):
-    """Something cannot be written as XML."""
+    """An object cannot be written as XML."""
 
 
 def escape(text: str) -> str:
-    """Return ``text`` as it stands between double quotes in XML.
+    """Return ``text`` escaped for use between double quotes in XML.
 
     Raises:
-        XmlError: it holds a character that XML cannot hold.
+        XmlError: it contains a character that XML cannot represent.
     """
     found = _NOT_XML.search(text)
     if found is not None:
@@ -68,10 +68,10 @@ class _Lines:
 
 
 def tree_to_xml(tree: Tree) -> str:
-    """Return a tree as a file that loads again to the same tree; each SubTree's definition is written once.
+    """Return a tree as a file that loads to an equal tree; each SubTree's definition is written once.
 
     Raises:
-        XmlError: a value has no text form, or a native py_trees behaviour is in the tree.
+        XmlError: a value has no text form, or the tree has a native py_trees behaviour.
     """
     return _Exporter(tree).export()
 
@@ -149,7 +149,7 @@ def _text(node: Node, key: str, value: Any) -> str:
 def full_tree_xml(tree: Tree, *, builtin_models: bool = True) -> str:
     """Return a tree with node numbers (``_uid``) and paths, one BehaviorTree per SubTree instance, and the palette.
 
-    This is what Groot2 shows: its FULLTREE message and the head of a ``.btlog`` file.
+    This is the format of Groot2's FULLTREE message and of the head of a ``.btlog`` file.
     """
     lines = _Lines()
     lines.element(0, "root", [("BTCPP_format", "4")], closed=False)
@@ -236,7 +236,7 @@ def _write_model(info: NodeInfo, lines: _Lines, depth: int) -> None:
 
 
 def groot_type(port: Port) -> str:
-    """Return the C++ name that Groot2 shows for a port's type."""
+    """Return the C++ type name that Groot2 shows for a port."""
     if port.data_type in UNTYPED:
         return port.written_type or "BT::AnyTypeAllowed"
     return _CPP_TYPES.get(port.data_type, type_name(port.data_type))

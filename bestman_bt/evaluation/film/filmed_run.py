@@ -39,7 +39,7 @@ class FilmedRun:
     doings: tuple[tuple[float, str], ...]
 
     def doing(self, time: float) -> str:
-        """The type of the leaf that ran at ``time``, or nothing."""
+        """Return the type of the leaf that ran at ``time``, or nothing."""
         index = bisect_right(self.doings, time, key=lambda doing: doing[0]) - 1
         return self.doings[index][1] if index >= 0 else ""
 

@@ -44,7 +44,7 @@ def paint_job(
     size: tuple[int, int],
     samples: int,
 ) -> PaintJob:
-    """The job that paints ``frames`` into ``files``; ``size``: width and height in pixels."""
+    """Return the job that paints ``frames`` into ``files``; ``size``: width and height in pixels."""
     views = [view for _, view in frames]
     hidden = {name for name, wall in _walls(run.world) if any(_hides(wall, view) for view in views)}
     return PaintJob(
@@ -76,7 +76,7 @@ def _walls(world: World) -> list[tuple[str, Wall]]:
 
 
 def _hides(wall: Wall, view: Viewpoint) -> bool:
-    """Whether a wall stands between the camera and what it looks at, in plan, or right behind the camera."""
+    """Return whether a wall stands between the camera and what it looks at, in plan, or right behind the camera."""
     eye, target = np.array(view.eye[:2]), np.array(view.target[:2])
     away = target - eye
     length = float(np.linalg.norm(away))
@@ -123,7 +123,7 @@ def write_still(picture: NDArray[np.uint8], path: Path, largest: int = SMALL_STI
 
 
 def require_film_writer() -> None:
-    """Raises FilmError where films cannot be written; to be asked before the pictures are made."""
+    """Raises FilmError if films cannot be written; to be asked before the pictures are made."""
     try:
         import av  # noqa: F401 - only whether it is there
     except ImportError as error:

@@ -92,7 +92,7 @@ def plan_shot(run: FilmedRun, stage: Stage) -> Shot:
 
 
 def best_frame(run: FilmedRun, shot: Shot, stage: Stage) -> int:
-    """The frame in which most is seen of what the hand does, once that has begun to move."""
+    """Return the frame in which most is seen of what the hand does, once that has begun to move."""
     begun = [i for i, now in enumerate(shot.snapshots) if _moved(shot.snapshots[0], now, run.subjects)] or [0]
     candidates = sorted({begun[round(k)] for k in np.linspace(0, len(begun) - 1, 2 * KEY_MOMENTS)})
 
@@ -109,7 +109,7 @@ def _clearness(shares: tuple[float, float], most: float) -> float:
 
 
 def _moved(before: RobotSnapshot, now: RobotSnapshot, subjects: tuple[str, ...]) -> bool:
-    """Whether any of them is 3 cm or 2 degrees from where it was."""
+    """Return whether any of them is 3 cm or 2 degrees from where it was."""
     for name in subjects:
         was, is_now = before.body_poses[name], now.body_poses[name]
         turned = 2.0 * math.acos(min(1.0, abs(float(was.quaternion @ is_now.quaternion))))

@@ -97,7 +97,7 @@ class Stage:
 
 
 def opening(furniture: PlacedFurniture, leaf: Articulation, map_from_leaf: Pose) -> float:
-    """How far a door or drawer is open, radians or metres, when the frame at its joint is there."""
+    """Return how far a door or drawer is open, radians or metres, when the frame at its joint is there."""
     closed = furniture.pose @ Pose(np.array(leaf.origin))
     moved = closed.inverse() @ map_from_leaf
     axis = np.asarray(leaf.axis)

@@ -98,7 +98,7 @@ def groups_by_name(stories: Sequence[RunStory]) -> dict[str, list[RunStory]]:
 
 
 def _differing(stories: Sequence[RunStory]) -> list[str]:
-    """The settings that are not the same in all of them."""
+    """Return the settings that are not the same in all of them."""
     keys = dict.fromkeys(key for story in stories for key in story.settings)
     return [key for key in keys if len({story.settings.get(key) for story in stories}) > 1]
 
@@ -139,7 +139,7 @@ def causes(stories: Sequence[RunStory]) -> list[Cause]:
 
 
 def slow_nodes(stories: Sequence[RunStory]) -> list[SlowNode]:
-    """The leaves that took the most time, over all runs that have a log."""
+    """Return the leaves that took the most time, over all runs that have a log."""
     found = []
     for task, mine in groups_by_name(stories).items():
         total = sum(story.duration for story in mine if len(story.activities))
@@ -212,7 +212,9 @@ class Gantt:
 
 
 def gantt(nodes: NodeList, done: Activities, duration: float) -> Gantt:
-    """The chart of a run: subtrees and leaves; where room is short, those that took the least time have no row."""
+    """Return the chart of a run: subtrees and leaves; where room is short, those that took the least time have no
+    row.
+    """
     duration = float(max(duration, done.ends.max(initial=0.0))) or 1.0
     by_node = dict(done.by_node())
     shown = [node for node in nodes.depth_first() if node.uid in by_node and _has_row(node)]
@@ -278,7 +280,7 @@ class _ShownRun:
 
 
 def report_page(stories: Sequence[RunStory], now: datetime) -> str:
-    """The page of one run, or of many: those that did not succeed are then told one by one."""
+    """Return the page of one run, or of many: those that did not succeed are then told one by one."""
     environment = Environment(loader=FileSystemLoader(TEMPLATES), autoescape=True, undefined=StrictUndefined)
     environment.trim_blocks = environment.lstrip_blocks = True
     environment.filters |= {

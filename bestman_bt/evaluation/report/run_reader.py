@@ -46,7 +46,10 @@ class ReportError(InputError):
 
 
 def run_folders(given: Path, depth: int = 4) -> list[Path]:
-    """The run folders that a path means: itself, or all below it, or a log; ReportError where there is none."""
+    """Return the run folders that a path means: itself, or all below it, or a log.
+
+    Raises ReportError if there is none.
+    """
     if is_log(given):
         return [given]
     if not given.is_dir():
@@ -67,9 +70,9 @@ def _below(folder: Path, depth: int) -> Iterator[Path]:
 
 
 def read_story(folder: Path) -> RunStory:
-    """The story that the files in ``folder`` tell; what is damaged is left out and noted.
+    """Return the story that the files in ``folder`` tell; what is damaged is left out and noted.
 
-    Raises ReportError where nothing can be read at all.
+    Raises ReportError if nothing can be read at all.
     """
     notes: list[str] = []
     result: RunResult | None = _part(folder, RESULT, _read_result, notes)
@@ -210,7 +213,7 @@ def _failures(folder: Path, result: RunResult | None, history: RunHistory, notes
 
 
 def _seen(history: RunHistory, failure: LogEvent) -> Picture | None:
-    """The picture that is of a failure: of its node, the nearest in time, of equals the later one."""
+    """Return the picture that is of a failure: of its node, the nearest in time, of equals the later one."""
     taken = [one for one in history.pictures if one.file and one.node == failure.node]
     taken = [one for one in taken if abs(one.time - failure.time) <= SAME_MOMENT]
     return min(reversed(taken), key=lambda one: abs(one.time - failure.time), default=None)
@@ -234,7 +237,7 @@ def _stops(folder: Path, notes: list[str]) -> Iterator[StopChart]:
 
 
 def _picture(folder: Path, name: str, caption: str, notes: list[str]) -> StoryPicture | None:
-    """A picture of a run folder; it is decoded and written anew, so that nothing else of the file gets out."""
+    """Return a picture of a run folder; it is decoded and written anew, so that nothing else of the file gets out."""
     path = folder / name
     try:
         if not path.resolve(strict=True).is_relative_to(folder.resolve()):

@@ -46,9 +46,9 @@ class RunStory:
     """One run.
 
     ``outcome``: as in ``result.json``, or INTERRUPTED or STILL_RUNNING where there is none. ``started``: seconds since
-    the epoch, None where nothing tells. ``duration``: seconds of the robot's clock up to the last thing that is known.
+    the epoch, None if nothing tells. ``duration``: seconds of the robot's clock up to the last thing that is known.
     ``entry``: of a suite, empty of other runs. ``settings``: what else decides the run, as ``--set`` names it → text.
-    ``result``: None where the run never came to its end. ``stops``: what its black
+    ``result``: None if the run never came to its end. ``stops``: what its black
     boxes tell. ``notes``: what could not be read, in words. ``source``: the process of others that was watched.
     """
 

@@ -62,7 +62,7 @@ class AtGoal(Goal[AtGoalFields]):
 
     @cached_property
     def pose(self) -> Pose2D:
-        """Where the base shall be, map_from_base; SceneError if there is no room."""
+        """Where the base shall be, map_from_base. Raises SceneError if there is no room."""
         return drive_goal(self.asked, self.world, self.world_model.map, self.robot_model, self.config.seed)
 
     def problems(self) -> Iterator[Problem]:
@@ -94,7 +94,7 @@ class AtGoal(Goal[AtGoalFields]):
 
 
 def base_footprint(robot: RobotModel) -> Footprint:
-    """The outline of the robot's first base."""
+    """Return the outline of the robot's first base."""
     return Footprint.of(next(iter(robot.of(BaseModel).values())))
 
 
@@ -111,7 +111,7 @@ def true_costmap(world: World, robot: RobotModel) -> Costmap:
 
 
 def drive_goal(asked: AtGoalFields, world: World, known: SemanticMap, robot: RobotModel, seed: int) -> Pose2D:
-    """The pose that the seed chooses, map_from_base; SceneError where there is none.
+    """Return the pose that the seed chooses, map_from_base. Raises SceneError if there is none.
 
     The base has room there as the map has it and as it really is, and a disc around the base gets there: before
     furniture, to a place straight behind it.

@@ -73,7 +73,7 @@ class Goal(ABC, Generic[Asked]):
         return {}
 
     def subjects(self) -> list[str]:
-        """The objects, doors and drawers whose state it is about."""
+        """Return the objects, doors and drawers whose state it is about."""
         return []
 
     def labels(self) -> list[str]:
@@ -82,11 +82,11 @@ class Goal(ABC, Generic[Asked]):
 
     @abstractmethod
     def judged(self, predicate: str, evidence: Evidence) -> Verdict:
-        """Whether one of its predicates is true."""
+        """Return whether one of its predicates is true."""
 
     @classmethod
     def entries_of(cls, goals: Sequence[Self]) -> dict[str, Any]:
-        """The entries of all goals of the kind that a task has."""
+        """Return the entries of all goals of the kind that a task has."""
         return {name: value for goal in goals for name, value in goal.entries().items()}
 
     @as_far_as_read
@@ -184,7 +184,7 @@ def _document(config: RunConfig, path: FieldPath, fields: Mapping[str, Any]) -> 
 
 
 def entries_of(goals: Sequence[Goal[Any]]) -> dict[str, Any]:
-    """The root entries that a task's goals fill; SceneError if there is no room for one."""
+    """Return the root entries that a task's goals fill. Raises SceneError if there is no room for one."""
     kinds: dict[type[Goal[Any]], list[Goal[Any]]] = {}
     for goal in goals:
         kinds.setdefault(type(goal), []).append(goal)
@@ -192,13 +192,13 @@ def entries_of(goals: Sequence[Goal[Any]]) -> dict[str, Any]:
 
 
 def judging(goals: Iterable[Goal[Any]], predicate: str) -> list[Goal[Any]]:
-    """The goals that a predicate judges."""
+    """Return the goals that a predicate judges."""
     return [goal for goal in goals if predicate in goal.measures]
 
 
 def judged(goals: Iterable[Goal[Any]], predicate: str, evidence: Evidence) -> Verdict:
-    """Whether all that a predicate judges is so. The metrics of several goals are ``place_error_mm_plate`` … and, of
-    all, the largest ``place_error_mm``.
+    """Return whether all that a predicate judges is so. The metrics of several goals are ``place_error_mm_plate`` …
+    and, of all, the largest ``place_error_mm``.
     """
     each = judging(goals, predicate)
     verdicts = [goal.judged(predicate, evidence) for goal in each]

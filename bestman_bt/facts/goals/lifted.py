@@ -41,7 +41,7 @@ class Lifted(Goal[LiftedFields]):
         return {"object": self.asked.object, "source": self.asked.source}
 
     def subjects(self) -> list[str]:
-        """The object."""
+        """Return the object."""
         return [self.asked.object]
 
     def judged(self, predicate: str, evidence: Evidence) -> Verdict:

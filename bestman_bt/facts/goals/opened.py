@@ -78,7 +78,7 @@ class Opened(Goal[OpenedFields]):
         return {"articulation": name, "furniture": name.partition("/")[0], **self._limits}
 
     def subjects(self) -> list[str]:
-        """The door or drawer."""
+        """Return the door or drawer."""
         return [self.asked.articulation]
 
     def judged(self, predicate: str, evidence: Evidence) -> Verdict:

@@ -123,7 +123,7 @@ class Placed(Goal[PlacedFields]):
         return {"goals": [goal.entries() for goal in goals], **{one.goal.name: one.goal.pose for one in goals}}
 
     def labels(self) -> list[str]:
-        """The object, or all that the seed may choose."""
+        """Return the object, or all that the seed may choose."""
         return [self.asked.object] if isinstance(self.asked.object, str) else list(self.asked.object)
 
     def told(self) -> dict[str, str]:
@@ -132,7 +132,7 @@ class Placed(Goal[PlacedFields]):
         return {self.goal.object: f"{furniture.name}/{surface.name}"}
 
     def subjects(self) -> list[str]:
-        """The object."""
+        """Return the object."""
         return [self.goal.object]
 
     def judged(self, predicate: str, evidence: Evidence) -> Verdict:
@@ -174,6 +174,6 @@ class Placed(Goal[PlacedFields]):
 
 
 def _asked(evidence: Evidence, goal: PlaceGoal) -> Pose:
-    """The goal's pose; in a drawer it is given for the closed one and goes with it."""
+    """Return the goal's pose; in a drawer it is given for the closed one and goes with it."""
     piece = next(p for p in evidence.task.world.furniture if p.name == goal.surface.partition("/")[0])
     return piece.pose @ moved_by_drawer(evidence, goal.surface) @ piece.pose.inverse() @ goal.pose

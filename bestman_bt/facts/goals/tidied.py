@@ -63,7 +63,7 @@ class Tidied(Goal[TidiedFields]):
         return {"objects": list(asked.objects), "source": asked.source, "target": asked.surface, **region}
 
     def subjects(self) -> list[str]:
-        """The objects."""
+        """Return the objects."""
         return list(self.asked.objects)
 
     def judged(self, predicate: str, evidence: Evidence) -> Verdict:

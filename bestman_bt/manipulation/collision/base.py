@@ -29,7 +29,7 @@ class CollisionWorld(ABC):
 
     @abstractmethod
     def is_free(self, positions: ArrayLike) -> bool:
-        """Whether nothing is nearer than its padding at ``positions`` (n,), radians.
+        """Return whether nothing is nearer than its padding at ``positions`` (n,), radians.
 
         A Python ``bool``. Raises ManipulationError if ``positions`` has the wrong shape or is not finite.
         """
@@ -46,16 +46,17 @@ class CollisionWorld(ABC):
         """
 
     def clearance(self, positions: ArrayLike) -> float:
-        """How far from touching at ``positions`` (n,), metres: the smallest distance beyond a pair's padding.
+        """Return how far from touching at ``positions`` (n,), metres: the smallest distance beyond a pair's padding.
 
         Negative where ``is_free`` is false. A world that cannot tell the padding of its pairs gives the distance.
         """
         return self.distance(positions)
 
     def nearest_pair(self, positions: ArrayLike) -> tuple[str, str] | None:
-        """The two bodies, one of them none of the robot's links, that are nearest to touching at ``positions`` (n,).
+        """Return the two bodies, one of them none of the robot's links, that are nearest to touching at ``positions``
+        (n,).
 
-        None where there are none. A world that cannot tell gives a pair that collides.
+        None if there are none. A world that cannot tell gives a pair that collides.
         """
         return next(iter(self.colliding_pairs(positions)), None)
 
@@ -72,4 +73,4 @@ class CollisionModel(ABC):
 
     @abstractmethod
     def world(self, scene: PlanningScene, arm: str = "arm") -> CollisionWorld:
-        """The world of ``arm`` in ``scene``; ManipulationError names an unknown joint, link or arm."""
+        """Return the world of ``arm`` in ``scene``. Raises ManipulationError naming an unknown joint, link or arm."""

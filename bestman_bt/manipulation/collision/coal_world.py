@@ -42,12 +42,12 @@ Placed: TypeAlias = tuple[coal.CollisionGeometry, pinocchio.SE3]
 
 
 def octree(voxels: VoxelObstacle) -> coal.OcTree:
-    """The voxels in the frame of their grid."""
+    """Return the voxels in the frame of their grid."""
     return coal.makeOctree((voxels.indices + 0.5) * voxels.resolution, voxels.resolution)
 
 
 def clear_of(voxels: VoxelObstacle, bodies: Sequence[Placed], margin: float) -> VoxelObstacle:
-    """The voxels that do not touch the bounding box of any body, grown by ``margin`` metres.
+    """Return the voxels that do not touch the bounding box of any body, grown by ``margin`` metres.
 
     Where the robot is now is no obstacle, whatever was seen there. ``bodies``: geometries and their poses in the base.
     """
@@ -75,7 +75,9 @@ def fingerprint(value: object) -> str:
 
 
 def _encoded(value: object) -> bytes:
-    """A description in which the type and the length of every part come before it, so that no two values share one."""
+    """Return a description in which the type and the length of every part come before it, so that no two values share
+    one.
+    """
     match value:
         case np.ndarray():
             content = f"{value.dtype}{value.shape}".encode() + np.ascontiguousarray(value).tobytes()
@@ -119,7 +121,7 @@ class CoalCollisionModel(CollisionModel):
         return geometry
 
     def world(self, scene: PlanningScene, arm: str = "arm") -> CoalCollisionWorld:
-        """The world of ``arm`` in ``scene``; ManipulationError names an unknown joint, link or arm."""
+        """Return the world of ``arm`` in ``scene``. Raises ManipulationError naming an unknown joint, link or arm."""
         if arm not in self.robot.of(ArmModel):
             known = ", ".join(self.robot.of(ArmModel)) or "none"
             raise ManipulationError(f"robot {self.robot.name!r} has no arm {arm!r}; it has {known}")
@@ -133,7 +135,7 @@ class CoalCollisionModel(CollisionModel):
         return CoalCollisionWorld(reduced, geometry, arm_model, self.robot, scene)
 
     def _disproved(self, scene: PlanningScene) -> PlanningScene:
-        """The scene without the voxels where the robot, or what it holds, is now."""
+        """Return the scene without the voxels where the robot, or what it holds, is now."""
         model, geometry = self._model, self._geometry
         data, geometry_data = model.createData(), pinocchio.GeometryData(geometry)
         pinocchio.updateGeometryPlacements(model, data, geometry, geometry_data, configuration(model, scene.positions))
@@ -187,7 +189,7 @@ class CoalCollisionWorld(CollisionWorld):
         return fingerprint((self._robot.urdf, self._robot.allowed_self_pairs, self._arm.joint_names, self._scene))
 
     def is_free(self, positions: ArrayLike) -> bool:
-        """Whether nothing is nearer than its padding at ``positions`` (n,), radians."""
+        """Return whether nothing is nearer than its padding at ``positions`` (n,), radians."""
         q = self._configuration(positions)
         return not pinocchio.computeCollisions(self._model, self._data, self._broad_phase, q, True)
 
@@ -209,11 +211,13 @@ class CoalCollisionWorld(CollisionWorld):
         return min((result.min_distance for result in self._geometry_data.distanceResults), default=math.inf)
 
     def clearance(self, positions: ArrayLike) -> float:
-        """The smallest distance beyond a pair's padding at ``positions`` (n,), metres."""
+        """Return the smallest distance beyond a pair's padding at ``positions`` (n,), metres."""
         return min((clearance for clearance, _, _ in self._clearances(positions)), default=math.inf)
 
     def nearest_pair(self, positions: ArrayLike) -> tuple[str, str] | None:
-        """The link or held object, and the body that is no link, that are nearest to touching at ``positions`` (n,)."""
+        """Return the link or held object, and the body that is no link, that are nearest to touching at ``positions``
+        (n,).
+        """
         others = [near for near in self._clearances(positions) if near[2] >= self._links]
         if not others:
             return None

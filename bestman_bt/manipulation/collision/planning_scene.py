@@ -70,11 +70,11 @@ class PlanningScene:
     voxels: tuple[VoxelObstacle, ...] = ()
 
     def allowing(self, *pairs: tuple[str, str]) -> PlanningScene:
-        """The scene in which these pairs of names may touch as well."""
+        """Return the scene in which these pairs of names may touch as well."""
         return replace(self, allowed_pairs=self.allowed_pairs | {frozenset(pair) for pair in pairs})
 
     def adding(self, *obstacles: SceneObstacle) -> PlanningScene:
-        """The scene with these obstacles; one of the same name is replaced."""
+        """Return the scene with these obstacles; one of the same name is replaced."""
         names = {obstacle.name for obstacle in obstacles}
         return replace(self, obstacles=tuple(o for o in self.obstacles if o.name not in names) + obstacles)
 
@@ -87,6 +87,6 @@ class PlanningScene:
         )
 
     def holding(self, attached: AttachedObject | None) -> PlanningScene:
-        """The scene with this object (or none) in the hand; an obstacle of its name disappears."""
+        """Return the scene with this object (or none) in the hand; an obstacle of its name disappears."""
         scene = self if attached is None else self.without(attached.name)
         return replace(scene, attached=attached)

@@ -72,7 +72,7 @@ def _measured_surfaces(world_model: WorldModel, piece: MapFurniture) -> list[Pos
 
 
 def _carries(board: PlacedShape, surface: Pose) -> bool:
-    """Whether a surface is the upper side of a level board."""
+    """Return whether a surface is the upper side of a level board."""
     if not isinstance(board.shape, Box):
         return False
     x, y, z = (float(value) for value in np.abs(board.pose.inverse().apply(surface.position[None])[0]))
@@ -83,7 +83,9 @@ def _carries(board: PlacedShape, surface: Pose) -> bool:
 
 
 def _grown_box(placed: PlacedShape, piece: MapFurniture, errors: tuple[float, float]) -> PlacedShape:
-    """A board that covers where it may be: moved by ``offset`` along x and y of the map, turned with its piece."""
+    """Return a board that covers where it may be: moved by ``offset`` along x and y of the map, turned with its
+    piece.
+    """
     offset, turn = errors
     if not isinstance(placed.shape, Box):
         return placed
@@ -173,7 +175,7 @@ def planning_scene_from_world_model(
     explained: Iterable[PlacedShape] = (),
     hollow: Iterable[str] = (),
 ) -> PlanningScene:
-    """The planning scene around the believed base pose.
+    """Return the planning scene around the believed base pose.
 
     Obstacles are: the floor (``floor``), walls (``wall0`` …), furniture by its name as a solid box that covers its
     possible poses, measured bodies (``world_model.obstacles``), objects by their names. An obstacle named like a piece
@@ -233,7 +235,7 @@ def planning_scene_from_world_model(
 
 
 def held_object(world_model: WorldModel, robot: RobotModel, arm: str = "arm") -> AttachedObject | None:
-    """What the arm holds, as an attached object; None if its hand is empty."""
+    """What the arm holds, as an attached object, or None if its hand is empty."""
     held = world_model.hands.get(arm)
     if held is None:
         return None
@@ -247,7 +249,7 @@ def held_object(world_model: WorldModel, robot: RobotModel, arm: str = "arm") ->
 
 
 def hand_links(robot: RobotModel, arm: str = "arm") -> tuple[str, ...]:
-    """The links of the grippers that ``arm`` carries: hand, linkage, fingers."""
+    """Return the links of the grippers that ``arm`` carries: hand, linkage, fingers."""
     links: list[str] = []
     for name, gripper in robot.of(GripperModel).items():
         if robot.hand_of.get(name) == arm:
@@ -256,7 +258,7 @@ def hand_links(robot: RobotModel, arm: str = "arm") -> tuple[str, ...]:
 
 
 def finger_contacts(robot: RobotModel, target: str, arm: str = "arm") -> tuple[tuple[str, str], ...]:
-    """The pairs (finger link, ``target``) to allow while the hand closes around ``target``."""
+    """Return the pairs (finger link, ``target``) to allow while the hand closes around ``target``."""
     return tuple(
         (link, target)
         for name, gripper in robot.of(GripperModel).items()

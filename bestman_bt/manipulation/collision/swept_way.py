@@ -41,14 +41,14 @@ class SweptWay:
         self._hulls: dict[tuple[int, int], coal.CollisionObject] = {}
 
     def reached(self, positions: NDArray[np.float64], since: int = 0) -> int:
-        """The sample of the way that the arm has reached at ``positions`` (n,), not before ``since``."""
+        """Return the sample of the way that the arm has reached at ``positions`` (n,), not before ``since``."""
         away = np.abs(self.positions - positions).max(axis=1)
         while since + 1 < len(away) and away[since + 1] <= away[since]:
             since += 1
         return since
 
     def is_near(self, other: SweptWay, margin: float, since: int = 0) -> bool:
-        """Whether the way from sample ``since`` on comes within ``margin`` metres of another arm's way."""
+        """Return whether the way from sample ``since`` on comes within ``margin`` metres of another arm's way."""
         first = min(since // _PER_PIECE, len(self._low) - 1)
         low, high = self._low[first:, :, None, None] - margin, self._high[first:, :, None, None] + margin
         close = ((low <= other._high) & (high >= other._low)).all(axis=-1)

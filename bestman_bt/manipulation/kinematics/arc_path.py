@@ -52,7 +52,7 @@ class ArcSearch:
         limits: JointLimits,
         is_free: IsFreeAt | None = None,
     ) -> ArcPath:
-        """The joint path from ``start`` (n,) through all ``stations`` (tool poses in the base frame).
+        """Return the joint path from ``start`` (n,) through all ``stations`` (tool poses in the base frame).
 
         The tool at ``start`` has to be within one smooth step of a pose of the first station. Raises ManipulationError
         if there is no station, one of them is empty, or ``start`` has the wrong shape or is not finite.
@@ -71,7 +71,8 @@ class ArcSearch:
         limits: JointLimits,
         is_free: IsFreeAt | None = None,
     ) -> ArcPath:
-        """The path through all stations that passes ``positions`` (n,), a solution of one pose of station ``middle``.
+        """Return the path through all stations that passes ``positions`` (n,), a solution of one pose of station
+        ``middle``.
 
         Where it cannot be completed, ``path`` holds the stations from the first one reached onwards only if that is
         station 0; else it is empty.
@@ -149,7 +150,9 @@ class ArcSearch:
     def _push(
         self, kinematics: InverseKinematics, positions: NDArray[np.float64], limits: JointLimits
     ) -> NDArray[np.float64]:
-        """A motion in the null space that brings joints away from their limits, the stronger the nearer they are."""
+        """Return a motion in the null space that brings joints away from their limits, the stronger the nearer they
+        are.
+        """
         middle, half = 0.5 * (limits.upper + limits.lower), 0.5 * (limits.upper - limits.lower)
         away = -self.centring * ((positions - middle) / half) ** 3
         jacobian = kinematics.jacobian(positions)

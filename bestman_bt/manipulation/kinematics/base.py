@@ -34,7 +34,7 @@ class IKResult:
 
     @property
     def best(self) -> NDArray[np.float64]:
-        """The solution nearest to the reference, (n,); LookupError if there is none."""
+        """The solution nearest to the reference, (n,). Raises LookupError if there is none."""
         if not self.solutions:
             raise LookupError("no inverse kinematics solution was found")
         return self.solutions[0]
@@ -81,15 +81,17 @@ class InverseKinematics(ABC):
 
     @abstractmethod
     def track(self, base_from_tool: Pose, start: ArrayLike) -> NDArray[np.float64] | None:
-        """The solution (n,) that continues smoothly from ``start`` (n,), without restarts; None if there is none."""
+        """Return the solution (n,) that continues smoothly from ``start`` (n,), without restarts, or None if there is
+        none.
+        """
 
     @abstractmethod
     def tool_direction(self, positions: NDArray[np.float64], axis: NDArray[np.float64]) -> NDArray[np.float64]:
-        """The tool's direction ``axis`` (3,) in the base frame at ``positions`` (n,); quick, checks nothing."""
+        """Return the tool's direction ``axis`` (3,) in the base frame at ``positions`` (n,); quick, checks nothing."""
 
     @abstractmethod
     def jacobian(self, positions: ArrayLike) -> NDArray[np.float64]:
-        """The tool's Jacobian (6, n) at ``positions`` (n,): linear over angular velocity, in the tool frame."""
+        """Return the tool's Jacobian (6, n) at ``positions`` (n,): linear over angular velocity, in the tool frame."""
 
     @abstractmethod
     def manipulability(self, positions: ArrayLike) -> float:

@@ -68,7 +68,9 @@ def rotation_angle(a: Pose, b: Pose) -> float:
 
 
 def interpolate(a: Pose, b: Pose, fraction: float) -> Pose:
-    """The pose at ``fraction`` of the way: straight in position, spherical linear in orientation (the short way)."""
+    """Return the pose at ``fraction`` of the way: straight in position, spherical linear in orientation (the short
+    way).
+    """
     position = (1.0 - fraction) * a.position + fraction * b.position
     cosine = float(a.quaternion @ b.quaternion)
     end = b.quaternion if cosine >= 0.0 else -b.quaternion

@@ -127,13 +127,13 @@ class DampedLeastSquares(InverseKinematics):
         return to_pose(self._root_from_base.actInv(self._place(self._checked(positions, "positions"))))
 
     def tool_direction(self, positions: NDArray[np.float64], axis: NDArray[np.float64]) -> NDArray[np.float64]:
-        """The tool's direction ``axis`` (3,) in the base frame at ``positions`` (n,)."""
+        """Return the tool's direction ``axis`` (3,) in the base frame at ``positions`` (n,)."""
         placement = self._place(positions)
         direction: NDArray[np.float64] = self._root_from_base.rotation.T @ (placement.rotation @ axis)
         return direction
 
     def jacobian(self, positions: ArrayLike) -> NDArray[np.float64]:
-        """The tool's Jacobian (6, n) at ``positions`` (n,): linear over angular velocity, in the tool frame."""
+        """Return the tool's Jacobian (6, n) at ``positions`` (n,): linear over angular velocity, in the tool frame."""
         q = self._to_model(self._checked(positions, "positions"))
         columns: NDArray[np.float64] = pinocchio.computeFrameJacobian(
             self._model, self._data, q, self._tool, pinocchio.LOCAL
@@ -191,7 +191,9 @@ class DampedLeastSquares(InverseKinematics):
         return IKResult(tuple(solutions), *closest, tried, rejected)
 
     def track(self, base_from_tool: Pose, start: ArrayLike) -> NDArray[np.float64] | None:
-        """The solution (n,) that continues smoothly from ``start`` (n,), without restarts; None if there is none."""
+        """Return the solution (n,) that continues smoothly from ``start`` (n,), without restarts, or None if there is
+        none.
+        """
         origin = self._checked(start, "start")
         lower, upper = self._bounds
         # A start inside the margin must not jump out of it.
@@ -296,5 +298,5 @@ class DampedLeastSquares(InverseKinematics):
 
 
 def _largest(values: NDArray[np.float64]) -> float:
-    """The largest magnitude."""
+    """Return the largest magnitude."""
     return float(max(map(abs, values.tolist())))

@@ -37,7 +37,7 @@ class ForwardKinematics:
         return self._model.createData()
 
     def pose(self, frame: str, positions: Mapping[str, float], reference: str | None = None) -> Pose:
-        """The pose of the link ``frame`` in the link ``reference`` (default: the robot's base frame).
+        """Return the pose of the link ``frame`` in the link ``reference`` (default: the robot's base frame).
 
         ``positions``: joint name → radians or metres; joints that are missing stand at zero.
         Raises ManipulationError for an unknown link or joint, or a position that is not finite.
@@ -79,7 +79,7 @@ def body_between(
 ) -> NDArray[np.float64] | None:
     """Lower and upper corner (2, 2) x, y in the base frame of all between two heights that does not move with ``arm``.
 
-    ``positions``: of all joints, by name, radians. ``low``, ``high``: metres above the floor. None where there is
+    ``positions``: of all joints, by name, radians. ``low``, ``high``: metres above the floor. None if there is
     nothing.
     """
     forward = ForwardKinematics(robot)

@@ -18,14 +18,14 @@ from bestman_bt.robot_model.model import ArmModel, RobotModel
 
 
 def build_model(robot: RobotModel) -> pinocchio.Model:
-    """The kinematic tree of the whole robot; ManipulationError if the URDF has no ``base_frame``."""
+    """Return the kinematic tree of the whole robot. Raises ManipulationError if the URDF has no ``base_frame``."""
     model = pinocchio.buildModelFromXML(robot.urdf)
     frame_index(model, robot.base_frame)
     return model
 
 
 def frame_index(model: pinocchio.Model, frame: str) -> int:
-    """Index of a frame (a link); ManipulationError names what there is."""
+    """Index of a frame (a link). Raises ManipulationError naming what there is."""
     if not model.existFrame(frame):
         bodies = [f.name for f in model.frames if f.type == pinocchio.FrameType.BODY]
         raise ManipulationError(f"the robot has no frame {frame!r}; it has {', '.join(bodies)}")
@@ -33,14 +33,14 @@ def frame_index(model: pinocchio.Model, frame: str) -> int:
 
 
 def joint_index(model: pinocchio.Model, joint: str) -> int:
-    """Index of a movable joint; ManipulationError names what there is."""
+    """Index of a movable joint. Raises ManipulationError naming what there is."""
     if not model.existJointName(joint):
         raise ManipulationError(f"the robot has no movable joint {joint!r}; it has {', '.join(list(model.names)[1:])}")
     return int(model.getJointId(joint))
 
 
 def configuration(model: pinocchio.Model, positions: Mapping[str, float]) -> NDArray[np.float64]:
-    """The configuration vector (nq,) with the named joints at ``positions`` and all others at zero.
+    """Return the configuration vector (nq,) with the named joints at ``positions`` and all others at zero.
 
     Names of joints that the model lacks are an error; continuous joints are stored as (cos, sin), as pinocchio does.
     """
@@ -63,7 +63,7 @@ def joints_to_lock(model: pinocchio.Model, arm: ArmModel) -> list[int]:
 
 
 def arm_order(reduced: pinocchio.Model, arm: ArmModel) -> NDArray[np.intp] | None:
-    """Indices that turn an array in the arm's order into the reduced model's order; None where both agree."""
+    """Indices that turn an array in the arm's order into the reduced model's order, or None if both agree."""
     place = {name: reduced.joints[joint_index(reduced, name)].idx_q for name in arm.joint_names}
     order = np.argsort([place[name] for name in arm.joint_names])
     return None if np.array_equal(order, np.arange(len(order))) else order

@@ -216,7 +216,7 @@ def reachability_map(
     sampling: ReachabilitySampling | None = None,
     folder: Path | None = None,
 ) -> ReachabilityMap:
-    """The map of an arm from ``folder`` (default: the user's cache), else built and put there.
+    """Return the map of an arm from ``folder`` (default: the user's cache), else built and put there.
 
     ``kinematics``: one with a ``fingerprint``. A file that cannot be read is built anew; a folder that cannot be
     written only costs the next start its time.

@@ -50,10 +50,10 @@ class PathConstraint(Protocol):
         """What is asked, for error messages: ``cup upright within 25 degrees``."""
 
     def satisfied(self, positions: NDArray[np.float64]) -> bool:
-        """Whether it holds at ``positions`` (n,): asked while planning."""
+        """Return whether it holds at ``positions`` (n,): asked while planning."""
 
     def tolerated(self, positions: NDArray[np.float64]) -> bool:
-        """Whether a timed motion may pass ``positions`` (n,), which may lie a little off the planned path."""
+        """Return whether a timed motion may pass ``positions`` (n,), which may lie a little off the planned path."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -35,7 +35,7 @@ class CountedValidity:
         self.checks = 0
 
     def __call__(self, positions: NDArray[np.float64]) -> bool:
-        """Whether the arm may stand at ``positions`` (n,)."""
+        """Return whether the arm may stand at ``positions`` (n,)."""
         self.checks += 1
         if self.checks % _CHECKS_BETWEEN_LOOKS_AT_THE_CLOCK == 0 and time.monotonic() > self._end:
             raise PlanningError(
@@ -61,7 +61,7 @@ def dense_points(path: NDArray[np.float64], step: float) -> Iterator[NDArray[np.
 
 @lru_cache(maxsize=1024)
 def halving_order(count: int) -> tuple[float, ...]:
-    """The fractions i / count, 0 < i < count, from coarse to fine."""
+    """Return the fractions i / count, 0 < i < count, from coarse to fine."""
     order: list[float] = []
     ranges = [(0, count)]
     for low, high in ranges:
@@ -101,7 +101,9 @@ class CheckedEdges:
         return self.is_valid.checks
 
     def is_free(self, a: NDArray[np.float64], b: NDArray[np.float64], fine: bool = False) -> bool:
-        """Whether the straight way from ``a`` to ``b``, each (n,), is valid; blocked ways are found out coarsely."""
+        """Return whether the straight way from ``a`` to ``b``, each (n,), is valid; blocked ways are found out
+        coarsely.
+        """
         key = _key(a, b)
         if key in self._blocked:
             return False
@@ -116,7 +118,7 @@ class CheckedEdges:
         return True
 
     def is_path_free(self, path: NDArray[np.float64]) -> bool:
-        """Whether all edges of ``path`` (N, n) are valid, checked finely."""
+        """Return whether all edges of ``path`` (N, n) are valid, checked finely."""
         return all(self.is_free(a, b, fine=True) for a, b in pairwise(path))
 
     def split(self, a: NDArray[np.float64], b: NDArray[np.float64], point: NDArray[np.float64]) -> None:
@@ -144,6 +146,6 @@ class CheckedEdges:
 
 
 def _key(a: NDArray[np.float64], b: NDArray[np.float64]) -> tuple[bytes, bytes]:
-    """The same for both directions."""
+    """Return the same for both directions."""
     one, other = a.tobytes(), b.tobytes()
     return (one, other) if one < other else (other, one)

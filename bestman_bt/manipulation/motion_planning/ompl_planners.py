@@ -34,7 +34,7 @@ def ompl_search(
     max_checks: int,
     max_iterations: int,
 ) -> NDArray[np.float64] | None:
-    """A path (N, n) from the start to one of the goals; None if the search ended without an exact solution.
+    """Return a path (N, n) from the start to one of the goals, or None if the search ended without an exact solution.
 
     ``kind``: of planner; ``longest``: rad, of a branch, None for the planner's own choice. ``check_step``: rad between
     checked points. The search ends at a solution (planners that improve theirs go on),

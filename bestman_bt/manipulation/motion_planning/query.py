@@ -118,17 +118,17 @@ def _goal_refusal(
 
 
 def describe_contacts(world: CollisionWorld, positions: NDArray[np.float64]) -> str:
-    """The pairs that touch, in words: ``panda_hand with table``."""
+    """Return the pairs that touch, in words: ``panda_hand with table``."""
     return ", ".join(f"{a} with {b}" for a, b in world.colliding_pairs(positions))
 
 
 def in_the_way(stage: MotionStage, world: CollisionWorld, positions: NDArray[np.float64]) -> MotionObstacle:
-    """The pairs that touch at ``positions`` (n,)."""
+    """Return the pairs that touch at ``positions`` (n,)."""
     return MotionObstacle(stage, world.colliding_pairs(positions), positions=_named(world.joint_names, positions))
 
 
 def at_limit(stage: MotionStage, positions: NDArray[np.float64], limits: JointLimits) -> MotionObstacle:
-    """The joint that is farthest beyond its limits at ``positions`` (n,)."""
+    """Return the joint that is farthest beyond its limits at ``positions`` (n,)."""
     beyond = np.maximum(limits.lower - positions, positions - limits.upper)
     worst = int(beyond.argmax())
     named = _named(limits.joint_names, positions)

@@ -105,7 +105,7 @@ class RRTConnect(SamplingPlanner):
         return None
 
     def _extend(self, tree: _Tree, target: NDArray[np.float64], edges: CheckedEdges) -> int | None:
-        """The number of a new configuration towards ``target``, None where the way there is blocked."""
+        """Return the number of a new configuration towards ``target``, None if the way there is blocked."""
         index, distance = tree.nearest(target)
         if distance > self.reach and index in tree.blocked:
             return None
@@ -117,7 +117,7 @@ class RRTConnect(SamplingPlanner):
         return None
 
     def _connect(self, tree: _Tree, target: NDArray[np.float64], edges: CheckedEdges) -> int | None:
-        """Grow ``tree`` straight towards ``target``: number of its last configuration before it; None if blocked."""
+        """Grow ``tree`` straight towards ``target``: number of its last configuration before it, or None if blocked."""
         index, distance = tree.nearest(target)
         count = max(1, math.ceil(distance / self.longest))
         near = tree[index]

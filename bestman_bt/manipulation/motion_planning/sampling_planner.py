@@ -58,7 +58,7 @@ def shortcut(
 def _last_free(
     path: NDArray[np.float64], versions: Iterator[NDArray[np.float64]], edges: CheckedEdges
 ) -> tuple[NDArray[np.float64], bool] | None:
-    """The latest version that stands the fine check, and whether later ones were dropped."""
+    """Return the latest version that stands the fine check, and whether later ones were dropped."""
     history = [path, *versions]
     for version in reversed(history):
         if edges.is_path_free(version):
@@ -135,7 +135,7 @@ def _skip_waypoints(path: NDArray[np.float64], edges: CheckedEdges, fine: bool) 
 
 
 def _point_at(path: NDArray[np.float64], marks: NDArray[np.float64], mark: float) -> tuple[int, NDArray[np.float64]]:
-    """The segment that holds the point at arc length ``mark``, and the point."""
+    """Return the segment that holds the point at arc length ``mark``, and the point."""
     i = min(int(np.searchsorted(marks, mark, side="right")) - 1, len(path) - 2)
     fraction = (mark - marks[i]) / max(marks[i + 1] - marks[i], 1e-12)
     return i, path[i] + fraction * (path[i + 1] - path[i])
@@ -178,7 +178,7 @@ class SamplingPlanner(MotionPlanner):
 
     @abstractmethod
     def search(self, query: PlanningQuery, edges: CheckedEdges, seed: int) -> NDArray[np.float64] | None:
-        """A path (N, n) from the query's start to one of its goals, or None within the limits of one attempt.
+        """Return a path (N, n) from the query's start to one of its goals, or None within the limits of one attempt.
 
         Ways that ``edges`` already knows as free are not checked again when the path is shortened.
         """
@@ -226,12 +226,14 @@ class SamplingPlanner(MotionPlanner):
     def shorten(
         self, found: NDArray[np.float64], edges: CheckedEdges, rng: np.random.Generator
     ) -> NDArray[np.float64] | None:
-        """A path that is never longer and finely checked, or None if ``found`` (N, n) does not stand the check."""
+        """Return a path that is never longer and finely checked, or None if ``found`` (N, n) does not stand the
+        check.
+        """
         return shortcut(found, edges, rng, self.shortcut_attempts, self.shortcut_patience)
 
 
 def _in_the_way(query: PlanningQuery, world: CollisionWorld) -> tuple[str, MotionObstacle | None]:
-    """The pair that collides most often on the straight way to the nearest goal; nothing without one."""
+    """Return the pair that collides most often on the straight way to the nearest goal; nothing without one."""
     nearest = min(query.goals, key=lambda goal: float(np.linalg.norm(goal - query.start)))
     way = np.linspace(query.start, nearest, WAY_SAMPLES)
     found = [(pair, positions) for positions in way for pair in world.colliding_pairs(positions)]

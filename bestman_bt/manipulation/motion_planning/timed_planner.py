@@ -82,7 +82,7 @@ class Escape:
         limits: JointLimits,
         rng: np.random.Generator,
     ) -> tuple[NDArray[np.float64], float] | None:
-        """A step with more clearance; None if none is found."""
+        """Return a step with more clearance, or None if none is found."""
         gradient = _gradient(positions, clearance, world)
         for halving in range(_HALVINGS):
             found = _step(positions, gradient, self.step / 2**halving, world, limits)
@@ -156,7 +156,7 @@ class TimedMotionPlanner:
         scale: SpeedScale | None = None,
         constraint: PathConstraint | None = None,
     ) -> TimedPlan:
-        """A timed motion from ``start`` (n,) to one of ``goals``.
+        """Return a timed motion from ``start`` (n,) to one of ``goals``.
 
         Raises PlanningError if there is no path, or (``timed_path_invalid``) no timed motion that keeps clear.
         """
@@ -179,7 +179,7 @@ class TimedMotionPlanner:
         rng: np.random.Generator,
         scale: SpeedScale | None = None,
     ) -> JointTrajectory:
-        """A small timed motion out of a ``start`` (n,) in collision, on which the clearance grows.
+        """Return a small timed motion out of a ``start`` (n,) in collision, on which the clearance grows.
 
         Raises PlanningError (``start_in_collision``) where there is none, or the start is free already.
         """
@@ -212,7 +212,7 @@ class TimedMotionPlanner:
 def why_invalid(
     trajectory: JointTrajectory, world: CollisionWorld, constraint: PathConstraint | None = None
 ) -> PlanningError | None:
-    """What is wrong with a timed motion: ``touches ...``, or ``breaks at ...``; None if nothing is."""
+    """What is wrong with a timed motion: ``touches ...``, or ``breaks at ...``, or None if nothing is."""
     touch = first_touch(trajectory, world)
     if touch is not None:
         obstacle = in_the_way(MotionStage.TIMED_MOTION, world, trajectory.sample(touch.time)[0])

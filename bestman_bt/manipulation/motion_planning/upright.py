@@ -36,11 +36,11 @@ class Upright:
         return f"the held object upright within {math.degrees(self._max_tilt):.0f} degrees"
 
     def satisfied(self, positions: NDArray[np.float64]) -> bool:
-        """Whether it holds at ``positions`` (n,)."""
+        """Return whether it holds at ``positions`` (n,)."""
         return self._cosine(positions) >= self._least_cosine
 
     def tolerated(self, positions: NDArray[np.float64]) -> bool:
-        """Whether it holds at ``positions`` (n,) but for the slack."""
+        """Return whether it holds at ``positions`` (n,) but for the slack."""
         return self._cosine(positions) >= self._tolerated_cosine
 
     def _cosine(self, positions: NDArray[np.float64]) -> float:

@@ -55,7 +55,7 @@ class Observation:
 class ActionChunk:
     """The next H actions, ``dt`` seconds each.
 
-    ``actions``: (H, n) float64 in the units of ``space``. ``gripper_widths``: (H,) metres, or None where the policy
+    ``actions``: (H, n) float64 in the units of ``space``. ``gripper_widths``: (H,) metres, or None if the policy
     leaves the gripper alone. Raises PolicyActionError for another shape, NaN or infinity.
     """
 
@@ -102,7 +102,7 @@ class Policy(ABC):
 
     @abstractmethod
     def act(self, observation: Observation) -> ActionChunk:
-        """The next actions. Raises PolicyError; never gives a chunk that its specification does not describe."""
+        """Return the next actions. Raises PolicyError; never gives a chunk that its specification does not describe."""
 
     def close(self) -> None:  # noqa: B027 - most policies hold nothing
         """Let go of files and connections; idempotent."""

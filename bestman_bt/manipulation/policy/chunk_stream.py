@@ -33,7 +33,7 @@ def chunk_path(
 ) -> NDArray[np.float64]:
     """(H + 1, n) radians: ``start`` (n,), then where the arm shall be after each action, held inside the joint limits.
 
-    Raises PolicyActionError where the actions have another number of columns than the arm has joints, or the arm
+    Raises PolicyActionError if the actions have another number of columns than the arm has joints, or the arm
     cannot follow a twist.
     """
     count = len(limits.joint_names)
@@ -144,14 +144,14 @@ class ChunkStream:
         self._ruckig = ruckig.Ruckig(len(self.limits.joint_names))
 
     def moving(self, time: float) -> bool:
-        """Whether a motion is under way at ``time``."""
+        """Return whether a motion is under way at ``time``."""
         return self.motion is not None and time < self.motion.end - 1e-9
 
     def splice(self, path: Array, dt: float, seen: float, at: float) -> StreamedMotion:
-        """The motion from the clock's ``at`` on: first as the one under way, then along ``path``, then at rest.
+        """Return the motion from the clock's ``at`` on: first as the one under way, then along ``path``, then at rest.
 
         ``path``: (H + 1, n) radians, ``dt`` seconds apart, beginning at ``seen``, when the policy looked. Where it is
-        quicker than the limits it is stretched. Raises PolicyActionError where it would take 20 times as long or leave
+        quicker than the limits it is stretched. Raises PolicyActionError if it would take 20 times as long or leave
         the joints' range, StaleChunkError where it is over by then.
         """
         path = joint_path(path, len(self.limits.joint_names), "path")
@@ -261,7 +261,9 @@ class ChunkStream:
         yield len(targets) - 1, targets[-1]
 
     def _braking(self, times: Array, targets: list[StreamState]) -> int:
-        """The last waypoint from which the motion can come to rest at the end of the chunk without passing it."""
+        """Return the last waypoint from which the motion can come to rest at the end of the chunk without passing
+        it.
+        """
         end = targets[-1]
         for index in range(len(targets) - 2, 0, -1):
             segment = self._segment(targets[index], end, float(times[-1] - times[index]), braking=True)
@@ -293,7 +295,9 @@ class ChunkStream:
     def _segment(
         self, start: StreamState, target: StreamState, span: float, braking: bool = False
     ) -> ruckig.Trajectory | None:
-        """The motion from state to state in ``span`` seconds, or later; ``braking``: never quicker than it began."""
+        """Return the motion from state to state in ``span`` seconds, or later; ``braking``: never quicker than it
+        began.
+        """
         request = ruckig.InputParameter(len(start.positions))
         # Ruckig fails on numbers as small as rounding errors: each state is rounded to what has a meaning.
         start, target = _rounded(start), _rounded(target)

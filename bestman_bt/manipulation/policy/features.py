@@ -69,7 +69,7 @@ base frame. The others are the observation's own."""
 
 
 def feature_vector(observation: Observation, names: Sequence[str]) -> NDArray[np.float64]:
-    """The named features one after another, (f,)."""
+    """Return the named features one after another, (f,)."""
     unknown = [name for name in names if name not in FEATURES]
     if unknown:
         raise PolicyModelError(f"unknown features {', '.join(unknown)}; known: {', '.join(FEATURES)}")

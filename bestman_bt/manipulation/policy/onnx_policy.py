@@ -42,7 +42,7 @@ class PolicyNormalization:
 
     @classmethod
     def from_dict(cls, values: Any) -> PolicyNormalization:
-        """The inverse of ``to_dict``; PolicyModelError if shapes do not fit or a scale is not above 0."""
+        """Return the inverse of ``to_dict``. Raises PolicyModelError if shapes do not fit or a scale is not above 0."""
         try:
             arrays = {name: np.array(values[name], dtype=float) for name in cls.__dataclass_fields__}
         except (KeyError, TypeError, ValueError) as error:
@@ -76,7 +76,7 @@ class PolicyCard:
 
     @classmethod
     def read(cls, path: Path) -> PolicyCard:
-        """Read the file; PolicyModelError if there is none or it says something else."""
+        """Read the file. Raises PolicyModelError if there is none or it says something else."""
         try:
             content = json.loads(path.read_text(encoding="utf-8"))
             return cls(

@@ -44,7 +44,10 @@ def pack(value: Any) -> bytes:
 
 
 def unpack(data: bytes) -> Any:
-    """The inverse of ``pack``; PolicyServerError for anything else, objects and Python pickles included."""
+    """Return the inverse of ``pack``.
+
+    Raises PolicyServerError for anything else, objects and Python pickles included.
+    """
     msgpack = _msgpack()
     try:
         return msgpack.unpackb(data, object_hook=_from_map)
@@ -85,7 +88,7 @@ def _from_map(value: dict[Any, Any]) -> Any:
 class OpenpiPolicy(Policy):
     """Connects at the first question, and again where a connection was lost.
 
-    Raises PolicyUnreachableError where no answer came, PolicyServerError where the server tells of an error or breaks
+    Raises PolicyUnreachableError if no answer came, PolicyServerError where the server tells of an error or breaks
     the protocol, PolicyActionError for actions of another shape or NaN, MissingExtraError without the extra.
 
     How to reach the server, and how its keys and columns map to ours; the defaults are those of ``pi0_droid``.
@@ -252,7 +255,7 @@ class OpenpiPolicy(Policy):
 
 
 def resize_with_pad(image: NDArray[np.uint8], size: tuple[int, int]) -> NDArray[np.uint8]:
-    """The picture scaled to fit into (H, W) and centred on black, (H, W, 3)."""
+    """Return the picture scaled to fit into (H, W) and centred on black, (H, W, 3)."""
     scale = min(size[0] / image.shape[0], size[1] / image.shape[1])
     inner = max(1, round(image.shape[0] * scale)), max(1, round(image.shape[1] * scale))
     canvas = np.zeros((*size, 3), dtype=np.uint8)

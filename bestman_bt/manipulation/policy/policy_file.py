@@ -15,7 +15,7 @@ from bestman_bt.manipulation.policy.openpi_client import OpenpiPolicy
 
 
 def load_policy(path: str | Path) -> Policy:
-    """The policy of a file; PolicyModelError if it is none. A .yaml holds the fields of OpenpiPolicy."""
+    """Return the policy of a file. Raises PolicyModelError if it is none. A .yaml holds the fields of OpenpiPolicy."""
     path = Path(path)
     if path.suffix == ".onnx":
         return OnnxPolicy(str(path))

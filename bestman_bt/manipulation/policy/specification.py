@@ -48,13 +48,13 @@ class Workspace:
         return cls(np.array(numbers[:3]), np.array(numbers[3:]))
 
     def contains(self, point: NDArray[np.float64], slack: float = 0.0) -> bool:
-        """Whether ``point`` (3,) lies inside, or no more than ``slack`` metres outside."""
+        """Return whether ``point`` (3,) lies inside, or no more than ``slack`` metres outside."""
         return bool((point >= self.lower - slack).all() and (point <= self.upper + slack).all())
 
     def first_outside(
         self, path: NDArray[np.float64], kinematics: InverseKinematics, max_step: float = 0.02
     ) -> NDArray[np.float64] | None:
-        """The first tool position (3,) outside along joint waypoints (N, n); looked at each ``max_step`` rad."""
+        """Return the first tool position (3,) outside along joint waypoints (N, n); looked at each ``max_step`` rad."""
         for start, end in pairwise(path):
             count = max(1, int(np.ceil(np.abs(end - start).max() / max_step)))
             for k in range(1, count + 1):
@@ -117,7 +117,7 @@ class PolicySpecification:
 
     @classmethod
     def from_dict(cls, values: Any) -> PolicySpecification:
-        """The inverse of ``to_dict``; PolicyModelError names what is wrong."""
+        """Return the inverse of ``to_dict``. Raises PolicyModelError naming what is wrong."""
         if not isinstance(values, dict):
             raise PolicyModelError(f"this is no policy specification: it should hold fields, got {values!r}")
         names = [option.name for option in fields(cls)]
@@ -145,7 +145,7 @@ class PolicySpecification:
 
     @classmethod
     def from_json(cls, text: str) -> PolicySpecification:
-        """The inverse of ``to_json``; PolicyModelError if it is none."""
+        """Return the inverse of ``to_json``. Raises PolicyModelError if it is none."""
         try:
             return cls.from_dict(json.loads(text))
         except json.JSONDecodeError as error:

@@ -36,7 +36,7 @@ class Touch:
 def first_touch(
     trajectory: JointTrajectory, world: CollisionWorld, max_time: float = 0.01, max_step: float = 0.01
 ) -> Touch | None:
-    """The first touch of the motion that ``trajectory.sample`` gives, or None if it is free throughout.
+    """Return the first touch of the motion that ``trajectory.sample`` gives, or None if it is free throughout.
 
     Points are at most ``max_time`` seconds and about ``max_step`` rad (Euclidean) apart.
     """
@@ -80,7 +80,7 @@ class SpeedScale:
                 raise TrajectoryError(f"SpeedScale {name} should be above 0 and at most 1 but is {value}")
 
     def of(self, limits: JointLimits) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Velocities and accelerations (n,) that a motion may use. Raises TrajectoryError where that is none."""
+        """Velocities and accelerations (n,) that a motion may use. Raises TrajectoryError if that is none."""
         for name in ("velocity", "acceleration"):
             values = np.asarray(getattr(limits, name), dtype=float)
             for joint, value in zip(limits.joint_names, values, strict=True):

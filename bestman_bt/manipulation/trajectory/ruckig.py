@@ -35,7 +35,7 @@ class RuckigStateToState:
     straight: bool = True
 
     def jerk_limits(self, limits: JointLimits, scale: SpeedScale | None = None) -> NDArray[np.float64]:
-        """The jerk limits (n,) in rad/s³ that ``plan`` keeps."""
+        """Return the jerk limits (n,) in rad/s³ that ``plan`` keeps."""
         return limits.acceleration * (scale or SpeedScale()).acceleration / self.jerk_time
 
     def plan(

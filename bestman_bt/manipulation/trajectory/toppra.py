@@ -93,7 +93,7 @@ class Toppra(TimeParametrization):
         velocity: NDArray[np.float64],
         acceleration: NDArray[np.float64],
     ) -> float:
-        """How many times longer the motion has to take so that every sample keeps the limits; at least 1."""
+        """Return how many times longer the motion has to take so that every sample keeps the limits; at least 1."""
         times = np.linspace(0.0, motion.duration, max(2, math.ceil(motion.duration * self.check_rate)))
         too_fast = float(np.max(np.abs(motion(times, 1)) / velocity))
         too_hard = float(np.max(np.abs(motion(times, 2)) / acceleration))
@@ -101,7 +101,7 @@ class Toppra(TimeParametrization):
 
 
 def _densified(path: NDArray[np.float64], spacing: float) -> NDArray[np.float64]:
-    """The path with points at most ``spacing`` rad apart and no repeated ones (toppra refuses those)."""
+    """Return the path with points at most ``spacing`` rad apart and no repeated ones (toppra refuses those)."""
     points = [path[0]]
     for waypoint in path[1:]:
         gap = float(np.linalg.norm(waypoint - points[-1]))

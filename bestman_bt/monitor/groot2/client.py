@@ -52,7 +52,7 @@ class Groot2Client:
             self._breakpoints.close()
 
     def ask(self, kind: RequestKind, content: bytes | None = None) -> bytes:
-        """The second part of the answer to one request."""
+        """Return the second part of the answer to one request."""
         with self._asking:
             self._number += 1
             header = Request(kind, self._number, content).header()
@@ -75,7 +75,7 @@ class Groot2Client:
         return rest[0] if rest else b""
 
     def full_tree(self) -> str:
-        """The XML of the tree, with numbers of nodes."""
+        """Return the XML of the tree, with numbers of nodes."""
         try:
             return self.ask(RequestKind.FULL_TREE).decode()
         except UnicodeDecodeError as error:
@@ -146,7 +146,7 @@ class Groot2Client:
         self._breakpoints = ZmtpConnection(self._host, self._port + 1, "SUB", self._timeout)
 
     def reached(self) -> int | None:
-        """The uid of the next node whose hook a tick has reached; None where no more have been told."""
+        """Return the uid of the next node whose hook a tick has reached, or None if no more have been told."""
         if self._breakpoints is None or not select.select([self._breakpoints], [], [], 0)[0]:
             return None
         parts = self._breakpoints.receive()
@@ -165,7 +165,7 @@ class Groot2Client:
 
 
 def parse_address(given: str) -> tuple[str, int]:
-    """Host and port of ``groot2://HOST:PORT``; Groot2Error for anything else."""
+    """Host and port of ``groot2://HOST:PORT``. Raises Groot2Error for anything else."""
     scheme, mark, place = given.partition("://")
     host, _, port = place.rpartition(":")
     if not mark or scheme != "groot2" or not host or not port.isdigit() or not 0 < int(port) < 65535:

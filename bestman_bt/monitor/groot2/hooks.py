@@ -96,7 +96,7 @@ class Groot2Hooks:
         self._hooks: dict[tuple[Position, int], _Hook] = {}
 
     def answer(self, request: Request) -> bytes | None:
-        """Do what is asked of hooks; the second part of the answer. RequestError for a request of no kind."""
+        """Do what is asked of hooks; the second part of the answer. Raises RequestError for a request of no kind."""
         match request.kind:
             case RequestKind.INSERT_HOOK:
                 self.insert(request.needed())
@@ -157,7 +157,7 @@ class Groot2Hooks:
             self._changed.notify_all()
 
     def dump(self) -> bytes:
-        """All hooks as JSON, those before nodes first."""
+        """Return all hooks as JSON, those before nodes first."""
         with self._changed:
             standing = sorted(self._hooks.values(), key=lambda hook: (hook.position, hook.uid))
             return json.dumps([hook.document() for hook in standing], separators=(",", ":")).encode()

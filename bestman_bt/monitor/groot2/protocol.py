@@ -52,7 +52,7 @@ _INTEGERS = range(-(2**63), 2**64)
 def dump_blackboards(tree: Tree, names: str) -> bytes:
     """The entries of the blackboards ``names``, separated by ``;``: paths of SubTrees, or the tree's own name.
 
-    Unknown names are left out; nil if none is left. RequestError where a SubTree is itself named ROOT.
+    Unknown names are left out; nil if none is left. Raises RequestError if a SubTree is itself named ROOT.
     """
     boards = {path or tree.tree_id: board for path, board in tree.blackboards.items()}
     document: dict[str, Any] = {}
@@ -137,7 +137,7 @@ class RequestKind(IntEnum):
 
 @dataclass(frozen=True)
 class Request:
-    """One request; ``kind`` is the letter as it came, known or not; ``content`` None where there is no second part."""
+    """One request; ``kind`` is the letter as it came, known or not; ``content`` None if there is no second part."""
 
     kind: int
     identifier: int
@@ -145,31 +145,31 @@ class Request:
 
     @classmethod
     def parse(cls, parts: Sequence[bytes]) -> Request:
-        """Read the parts of a message; RequestError where they are no request."""
+        """Read the parts of a message. Raises RequestError if they are no request."""
         if not parts or len(parts[0]) != _HEADER.size:
             raise RequestError("wrong request header")
         _, kind, identifier = _HEADER.unpack(parts[0])
         return cls(kind, identifier, parts[1] if len(parts) == 2 else None)
 
     def needed(self) -> bytes:
-        """The second part of a request that has to have one."""
+        """Return the second part of a request that has to have one."""
         if self.content is None:
             raise RequestError("must be 2 parts message")
         return self.content
 
     def header(self) -> bytes:
-        """The six bytes of this request."""
+        """Return the six bytes of this request."""
         return _HEADER.pack(PROTOCOL, self.kind, self.identifier)
 
 
 def reply(request: Request, tree_uuid: bytes, content: bytes | None) -> list[bytes]:
-    """The parts of an answer; ``tree_uuid``: 16 bytes that tell one loaded tree from another."""
+    """Return the parts of an answer; ``tree_uuid``: 16 bytes that tell one loaded tree from another."""
     parts = [request.header() + tree_uuid]
     return parts if content is None else [*parts, content]
 
 
 def error_reply(words: str) -> list[bytes]:
-    """The parts of an answer to what cannot be done."""
+    """Return the parts of an answer to what cannot be done."""
     return [b"error", words.encode()]
 
 

@@ -231,7 +231,7 @@ class Groot2Publisher:
 
 
 def check_servable(port: int = DEFAULT_PORT, host: str = LOOPBACK) -> None:
-    """Whether a tree could be served there; Groot2Error where the extra is not installed or a port is taken."""
+    """Whether a tree could be served there. Raises Groot2Error if the extra is not installed or a port is taken."""
     context, _, _ = _bound(port, host)
     context.destroy(linger=0)
 
@@ -239,7 +239,7 @@ def check_servable(port: int = DEFAULT_PORT, host: str = LOOPBACK) -> None:
 def _bound(
     port: int, host: str, most_bytes: int = MOST_BYTES
 ) -> tuple[zmq.Context[Any], zmq.Socket[Any], zmq.Socket[Any]]:
-    """A context, the socket that answers and the one that tells of breakpoints."""
+    """Return a context, the socket that answers and the one that tells of breakpoints."""
     zmq = import_zmq()
     context = zmq.Context()
     sockets = []

@@ -248,7 +248,9 @@ class _Session:
 
 
 def read_tree(xml: str, address: str) -> TreeEvent:
-    """The tree as events have it; raises what the reading of logs does, and EventError for numbers out of order."""
+    """Return the tree as events have it; raises what the reading of logs does, and EventError for numbers out of
+    order.
+    """
     tree = describe_xml(xml, address)
     NodeList().add(tree)
     return tree

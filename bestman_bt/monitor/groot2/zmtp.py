@@ -51,7 +51,7 @@ class ZmtpConnection:
         self._send(b"".join(_frame(part, _MORE if number < last else 0) for number, part in enumerate(parts)))
 
     def receive(self) -> list[bytes]:
-        """The parts of the next message."""
+        """Return the parts of the next message."""
         self._deadline = time.monotonic() + self._timeout
         parts: list[bytes] = []
         room = self._most_bytes

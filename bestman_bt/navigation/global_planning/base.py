@@ -44,7 +44,7 @@ class GlobalPlanner(ABC):
 
     @abstractmethod
     def plan(self, start: Pose2D, goal: Pose2D, costmap: Costmap) -> Path2D | PlanningFailure:
-        """A path in the map frame from ``start`` to ``goal``, or why there is none.
+        """Return a path in the map frame from ``start`` to ``goal``, or why there is none.
 
         The path begins at the start and ends at the goal; its ``reverse`` marks the segments to drive backwards.
         ValueError for a pose of numbers that are not finite.

@@ -65,7 +65,7 @@ class Costmap:
 
     Row 0 is at the smallest y. ``origin``: (2,) metres in the map frame, the outer corner of cell (0, 0).
     Margins for what the map does not know exactly are already taken off. ``tall``: the same for obstacles that reach up
-    to the footprint's overhang, as far as is known; None where the footprint has none.
+    to the footprint's overhang, as far as is known, or None if the footprint has none.
     """
 
     distance: NDArray[np.float64]
@@ -119,7 +119,9 @@ class Costmap:
         footprint: Footprint,
         rasterization: Rasterization = Rasterization(),
     ) -> Costmap:
-        """The nearest of what all ``layers`` have, at ``shape`` (rows, columns) cells from ``origin`` (2,) on."""
+        """Return the nearest of what all ``layers`` have, at ``shape`` (rows, columns) cells from ``origin`` (2,)
+        on.
+        """
         p = rasterization
         x, y = (origin[axis] + (np.arange(shape[1 - axis]) + 0.5) * p.resolution for axis in (0, 1))
         centres = np.stack(np.meshgrid(x, y)).reshape(2, -1)
@@ -206,7 +208,7 @@ class Costmap:
 
     @cached_property
     def above(self) -> Costmap | None:
-        """What is tall, for the outline of all that stands out above; None where nothing does."""
+        """What is tall, for the outline of all that stands out above, or None if nothing does."""
         if self.tall is None:
             return None
         return replace(self, distance=self.tall, tall=None, footprint=self.footprint.above)
@@ -275,7 +277,9 @@ class Costmap:
         return clearance
 
     def _at_least(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """A lower bound of the distance to what is tall at points (..., 2): that of each cell around, less the way."""
+        """Return a lower bound of the distance to what is tall at points (..., 2): that of each cell around, less the
+        way.
+        """
         assert self.tall is not None
         rows, columns = self.tall.shape
         x, y = np.moveaxis((points - self.origin) / self.resolution - 0.5, -1, 0)

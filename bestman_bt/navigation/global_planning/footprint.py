@@ -46,7 +46,7 @@ class Footprint:
     """A convex outline around the origin: ``corners`` (N, 2) metres in the base frame, counter-clockwise.
 
     ``turning_drift``: metres that the origin may wander while the base turns on the spot. ``overhang``: what stands out
-    above; None where nothing does.
+    above, or None if nothing does.
     """
 
     corners: NDArray[np.float64]
@@ -58,11 +58,12 @@ class Footprint:
 
     @classmethod
     def of(cls, base: BaseModel) -> Footprint:
-        """The outline of a base."""
+        """Return the outline of a base."""
         return cls(np.array(base.footprint), base.part.turning_drift)
 
     def carrying(self, bodies: Iterable[NDArray[np.float64]], margin: float) -> Footprint:
-        """The same base with ``bodies`` above it, each the convex hull of points (N, 3), metres in the base frame.
+        """Return the same base with ``bodies`` above it, each the convex hull of points (N, 3), metres in the base
+        frame.
 
         ``margin``: metres that they may sway, each way; what stands out by less counts as the base, whose own margins
         hold for it.

@@ -50,7 +50,9 @@ def search_in_corridor(
     lethal_distance: float,
     slack: float,
 ) -> NDArray[np.float64] | None:
-    """The way (N, 2), in metres, that ``search`` finds between two points, on large grids in a corridor if it can."""
+    """Return the way (N, 2), in metres, that ``search`` finds between two points, on large grids in a corridor if it
+    can.
+    """
     padded = _padded(costmap, lethal_distance, slack)
     source, target = _nearest_free(start, padded, costmap), _nearest_free(goal, padded, costmap)
     if source is None or target is None:
@@ -65,7 +67,7 @@ def search_in_corridor(
 
 
 def cheapest_cells(cost: NDArray[np.float64], source: Cell, target: Cell) -> NDArray[np.intp] | None:
-    """A ``Search`` for the cheapest way from cell to neighbouring cell."""
+    """Return a ``Search`` for the cheapest way from cell to neighbouring cell."""
     graph, free, number = _graph(cost)
     first, last = (int(number[cell]) for cell in (source, target))
     reached, previous = dijkstra(graph, directed=False, indices=first, return_predecessors=True)
@@ -92,7 +94,7 @@ def costs_to(goal: NDArray[np.float64], costmap: Costmap, lethal_distance: float
 
 
 def _padded(costmap: Costmap, lethal_distance: float, slack: float) -> NDArray[np.float64]:
-    """The cost of the cells with a border of lethal ones, which saves every bounds check."""
+    """Return the cost of the cells with a border of lethal ones, which saves every bounds check."""
     return np.pad(costmap.cost(costmap.distance, lethal_distance, slack), 1, constant_values=np.inf)
 
 
@@ -131,7 +133,9 @@ def shortest_length(start: NDArray[np.float64], goal: NDArray[np.float64], costm
 
 
 def _corridor(padded: NDArray[np.float64], source: Cell, target: Cell) -> NDArray[np.bool_] | None:
-    """The cells around the cheapest way over coarse cells, each as cheap as the cheapest in it; None without one."""
+    """Return the cells around the cheapest way over coarse cells, each as cheap as the cheapest in it, or None without
+    one.
+    """
     height, width = (math.ceil(size / COARSE) for size in padded.shape)
     whole = np.full((height * COARSE, width * COARSE), np.inf)
     whole[: padded.shape[0], : padded.shape[1]] = padded

@@ -132,7 +132,7 @@ class _Search:
         self._arcs = np.array([[_arc(angle, sense * p.branch) for angle in angles] for sense in (1.0, -1.0)])
 
     def run(self, root: _Node) -> _Node | None:
-        """The last branch of a way to the goal; None without one."""
+        """Return the last branch of a way to the goal, or None without one."""
         p = self.planner
         closed: set[tuple[int, int, int]] = set()
         queue = [(self._estimate(root.poses[-1]), 0, root)]
@@ -174,7 +174,9 @@ class _Search:
         return _Node(poses, backwards, parent.cost + driven + switched, parent)
 
     def _curve(self, node: _Node) -> _Node | None:
-        """The Reeds-Shepp curve to the goal as branches, one for each direction; None if it touches something."""
+        """Return the Reeds-Shepp curve to the goal as branches, one for each direction, or None if it touches
+        something.
+        """
         poses = self.curves.poses(node.poses[-1], self.goal, _SPACING)
         if not np.isfinite(self._costs(poses)):
             return None
@@ -230,7 +232,7 @@ def _branches(last: _Node) -> list[_Node]:
 
 
 def _path(branches: list[_Node], goal: Pose2D) -> Path2D:
-    """The branches' places without repeated ones."""
+    """Return the branches' places without repeated ones."""
     points, reverse = [branches[0].poses[0, :2]], []
     for branch in branches:
         for point in branch.poses[1:, :2]:

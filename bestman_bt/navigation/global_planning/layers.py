@@ -84,7 +84,9 @@ class ShapeLayer(CostmapLayer):
 
 
 def _outline_on_floor(placed: PlacedShape, floor: float, ceiling: float) -> NDArray[np.float64] | None:
-    """The convex outline of a shape seen from above, (N, 2) counter-clockwise; None if a robot never meets it."""
+    """Return the convex outline of a shape seen from above, (N, 2) counter-clockwise, or None if a robot never meets
+    it.
+    """
     shape = placed.shape
     if isinstance(shape, Box):
         half = np.array(shape.size) / 2
@@ -120,7 +122,7 @@ class FurnitureLayer(CostmapLayer):
     heading_error: float
 
     def reaching(self, height: float) -> FurnitureLayer:
-        """The pieces that are so high."""
+        """Return the pieces that are so high."""
         high = [piece for piece in self.pieces if piece.height >= height]
         return self if len(high) == len(self.pieces) else replace(self, pieces=high)
 

@@ -64,7 +64,9 @@ class PolylinePlanner(StraightPieces, GlobalPlanner):
 
     @abstractmethod
     def way(self, start: NDArray[np.float64], goal: NDArray[np.float64], room: FreeSpace) -> NDArray[np.float64] | None:
-        """Points (N, 2), metres, on a way in ``room`` from near ``start`` (2,) to near ``goal`` (2,); None without."""
+        """Points (N, 2), metres, on a way in ``room`` from near ``start`` (2,) to near ``goal`` (2,), or None
+        without.
+        """
 
     def plan(self, start: Pose2D, goal: Pose2D, costmap: Costmap) -> Path2D | PlanningFailure:
         """See ``GlobalPlanner.plan``."""
@@ -92,7 +94,7 @@ class PolylinePlanner(StraightPieces, GlobalPlanner):
         return PlanningFailure.no_path(start, goal)
 
     def _enters(self, start: Pose2D, goal: Pose2D, costmap: Costmap, turning_distance: float) -> bool:
-        """Whether the base is on the straight way into the goal already, and may drive straight on.
+        """Return whether the base is on the straight way into the goal already, and may drive straight on.
 
         Otherwise who plans again and again would go back to the beginning of that way, and, there, turn for ever into
         the direction of a segment of millimetres.
@@ -110,14 +112,16 @@ class PolylinePlanner(StraightPieces, GlobalPlanner):
         return bool((costmap.footprint_clearance(poses) > 0.0).all())
 
     def _without_turning(self, start: Pose2D, goal: Pose2D, costmap: Costmap) -> Path2D | PlanningFailure:
-        """A way by curves, where there is no place to turn on the spot near an end: a hallway that is too narrow."""
+        """Return a way by curves, where there is no place to turn on the spot near an end: a hallway that is too
+        narrow.
+        """
         curves = HybridAStar(
             straight=self.straight, max_straight=self.max_straight, step=self.step, max_overlap=self.max_overlap
         )
         return curves.plan(start, goal, costmap)
 
     def _polyline(self, points: NDArray[np.float64], room: FreeSpace) -> NDArray[np.float64] | None:
-        """The cheapest polyline through some of ``points`` (N, 2) that keeps the first and the last."""
+        """Return the cheapest polyline through some of ``points`` (N, 2) that keeps the first and the last."""
         limit = self.vertex_limit
         if len(points) < limit:
             length = float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
@@ -175,7 +179,7 @@ def _middle_above(costmap: Costmap) -> float:
 
 
 def _beside(way: NDArray[np.float64], aside: float) -> NDArray[np.float64]:
-    """A way (N, 2) so many metres to the left of another, as seen along it."""
+    """Return a way (N, 2) so many metres to the left of another, as seen along it."""
     if aside == 0.0 or len(way) < 2:
         return way
     index = np.arange(len(way))
@@ -197,7 +201,7 @@ def _densified(vertices: NDArray[np.float64], spacing: float) -> NDArray[np.floa
 def _joined(
     start: NDArray[np.float64], middle: NDArray[np.float64], goal: NDArray[np.float64], backwards: bool
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """The whole path without repeated points, and which of its segments are driven backwards."""
+    """Return the whole path without repeated points, and which of its segments are driven backwards."""
     points = np.vstack([start, middle, goal])
     reverse = np.zeros(len(points) - 1, dtype=bool)
     reverse[0] = backwards

@@ -108,7 +108,7 @@ class StraightEnds:
         )
 
     def _approach(self, goal: Pose2D) -> NDArray[np.float64] | PlanningFailure:
-        """The point (2,) straight behind the goal from which it is entered."""
+        """Return the point (2,) straight behind the goal from which it is entered."""
         poses = self._straight(goal, -1.0)
         clearance = self.costmap.footprint_clearance(poses)
         index = self._end(poses, clearance, clearance > 0.0)

@@ -39,7 +39,7 @@ class ThetaStar(PolylinePlanner):
 
 
 def theta_cells(cost: NDArray[np.float64], source: Cell, target: Cell) -> NDArray[np.intp] | None:
-    """A ``grid_search.Search``: the cells at which a cheap any-angle way turns."""
+    """Return a ``grid_search.Search``: the cells at which a cheap any-angle way turns."""
     width = cost.shape[1]
     costs: list[float] = cost.ravel().tolist()  # plain lists are faster than arrays here
     diagonal = math.sqrt(2.0)

@@ -40,11 +40,14 @@ class PathFollower(ABC):
 
     @abstractmethod
     def reset(self, path: Path2D, costmap: Costmap | None = None) -> None:
-        """Begin ``path``; ValueError if it has no point. ``costmap``: what it was planned on, where that is known."""
+        """Begin ``path``.
+
+        Raises ValueError if it has no point. ``costmap``: what it was planned on, where that is known.
+        """
 
     @abstractmethod
     def compute(self, pose: Pose2D, velocity: Twist2D, dt: float) -> FollowerCommand:
-        """The next command.
+        """Return the next command.
 
         ``pose``: in the map frame. ``velocity``: measured, in the base frame. ``dt``: seconds until the next call;
         the command differs from the last one by no more than the acceleration limits allow in that time.

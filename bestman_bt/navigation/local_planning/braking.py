@@ -40,7 +40,7 @@ class GiveWay:
         self._times = np.arange(0.0, self.horizon + 1e-9, self.step)
 
     def share(self, pose: Pose2D, twist: Twist2D, moving: Sequence[MovingObstacle]) -> float:
-        """How much of ``twist``, 0 to 1, a base at ``pose`` may drive.
+        """Return how much of ``twist``, 0 to 1, a base at ``pose`` may drive.
 
         Where somebody comes who would walk into it even if it stood, it may drive out of the way, and else stands.
         """
@@ -96,7 +96,7 @@ class JerkLimit:
         self._acceleration = [0.0, 0.0, 0.0]
 
     def brake(self, wanted: Twist2D, dt: float) -> Twist2D:
-        """The command for the next ``dt`` seconds where safety asks for less: jerk does not count then."""
+        """Return the command for the next ``dt`` seconds where safety asks for less: jerk does not count then."""
         for axis, (goal, (most, _)) in enumerate(zip((wanted.vx, wanted.vy, wanted.wz), self._bounds, strict=True)):
             change = min(max(goal - self._velocity[axis], -most * dt), most * dt)
             self._velocity[axis] += change
@@ -104,7 +104,7 @@ class JerkLimit:
         return self.twist
 
     def towards(self, wanted: Twist2D, dt: float) -> Twist2D:
-        """The command for the next ``dt`` seconds."""
+        """Return the command for the next ``dt`` seconds."""
         for axis, (goal, (most, jerk)) in enumerate(zip((wanted.vx, wanted.vy, wanted.wz), self._bounds, strict=True)):
             before = self._acceleration[axis]
             left = goal - self._velocity[axis]
@@ -127,7 +127,7 @@ def braking_time(twist: Twist2D, acceleration: float, angular_acceleration: floa
 
 
 def safe_share(time_to_contact: float, reaction: float, braking: float) -> float:
-    """The largest share, 0 to 1, of a velocity at which the base stops before it touches anything.
+    """Return the largest share, 0 to 1, of a velocity at which the base stops before it touches anything.
 
     ``time_to_contact``: seconds at the whole velocity (infinite: nothing is in the way). ``reaction``: seconds before
     the brakes act, ``braking``: seconds they need at the whole velocity. At a share s the base still moves on for

@@ -77,7 +77,8 @@ def cost_to_go(
     robot: NDArray[np.float64],
     carrot_distance: float,
 ) -> CostToGo:
-    """The field for a robot at ``robot`` (2,) with the path (N, 2) before it, ``remaining`` (N,) metres to its end.
+    """Return the field for a robot at ``robot`` (2,) with the path (N, 2) before it, ``remaining`` (N,) metres to its
+    end.
 
     ``clearances``: metres that its middle keeps from obstacles; the later ones where there is no way with the first.
     Where none leads to the path before it turns back, the whole of it in view is tried. All in the map frame.
@@ -105,7 +106,9 @@ def _field(
     robot: NDArray[np.float64],
     carrot_distance: float,
 ) -> CostToGo:
-    """The field from the last free point before ``end``; from a later one where nothing farther on is free there."""
+    """Return the field from the last free point before ``end``; from a later one where nothing farther on is free
+    there.
+    """
     resolution = COARSE * obstacles.resolution
     origin = np.array(obstacles.origin)
     size = obstacles.values.shape[0] // COARSE
@@ -165,7 +168,7 @@ def _wave(free: NDArray[np.bool_], seed: tuple[int, ...], start: tuple[int, ...]
 
 
 def _descend(steps: NDArray[np.int32], start: tuple[int, ...], count: int) -> NDArray[np.float64]:
-    """The place (x, y in cells) ``count`` steps down the field."""
+    """Return the place (x, y in cells) ``count`` steps down the field."""
     cell = list(start)
     for _ in range(count):
         low = np.array(cell) - 1

@@ -84,7 +84,7 @@ class Critics:
         self._reach = around.circumscribed_radius
 
     def judge(self, drives: Drives, around: Surroundings) -> tuple[Floats, NDArray[np.intp]]:
-        """The cost of each drive (B,), and the step in which it touches something, T where it does not."""
+        """Return the cost of each drive (B,), and the step in which it touches something, T where it does not."""
         p = self._weights
         steps = drives.x.shape[1]
         touches, middle = self._check.touches(around.distance, drives.x, drives.y, drives.theta, around.margin)

@@ -86,7 +86,9 @@ class ObstacleAwareFollower(PathFollower):
 
     @abstractmethod
     def _choose(self, pose: Pose2D, twist: Twist2D, around: Surroundings, dt: float) -> Twist2D:
-        """The velocity to head for, from the present pose and commanded ``twist``; zero where nothing is free."""
+        """Return the velocity to head for, from the present pose and commanded ``twist``; zero where nothing is
+        free.
+        """
 
     def configure(self, base: BaseModel) -> None:
         """See ``PathFollower.configure``."""
@@ -217,7 +219,7 @@ class ObstacleAwareFollower(PathFollower):
         return self._to_go
 
     def _near_the_end(self, pose: Pose2D) -> bool:
-        """Whether pure pursuit can take over: what the map does not know must leave its way free."""
+        """Return whether pure pursuit can take over: what the map does not know must leave its way free."""
         assert self._progress is not None
         remaining = self._progress.remaining
         if remaining > self.hand_over or self._progress.beside(pose.xy) > 0.25:
@@ -251,7 +253,7 @@ class ObstacleAwareFollower(PathFollower):
         self._driving_exactly = True
 
     def _share_around(self, pose: Pose2D, twist: Twist2D) -> float:
-        """How much of ``twist`` the base can brake from before anything around, known or seen."""
+        """Return how much of ``twist`` the base can brake from before anything around, known or seen."""
         reaction, braking, times = self._braking(twist)
         x, y, theta = arc(twist, times)
         cos, sin = math.cos(pose.theta), math.sin(pose.theta)
@@ -262,7 +264,7 @@ class ObstacleAwareFollower(PathFollower):
         return safe_share(contact, reaction, braking)
 
     def _share_seen(self, pose: Pose2D, twist: Twist2D) -> float:
-        """The same before what the map does not know."""
+        """Return the same before what the map does not know."""
         reaction, braking, times = self._braking(twist)
         contact, _ = self._motion.contact(pose.inverse().apply(self._seen(pose)), twist, float(times[-1]))
         return safe_share(contact, reaction, braking)

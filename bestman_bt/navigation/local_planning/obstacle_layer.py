@@ -54,7 +54,7 @@ class ObstacleLayer:
 
     @property
     def origin(self) -> tuple[float, float] | None:
-        """Metres in the map frame, the outer corner of cell (0, 0); None before the first scan."""
+        """Metres in the map frame, the outer corner of cell (0, 0), or None before the first scan."""
         return None if self._steps is None else (self._steps[0] * self.roll, self._steps[1] * self.roll)
 
     @property
@@ -99,7 +99,7 @@ class ObstacleLayer:
         self._collect()
 
     def on(self, costmap: Costmap) -> Costmap:
-        """The costmap with what stands around, too; the same one where there is nothing.
+        """Return the costmap with what stands around, too; the same one where there is nothing.
 
         A lidar does not tell how high a thing is. Most of what was moved are chairs and boxes, lower than an arm: they
         are kept from the base, and not from what stands out above it.
@@ -171,7 +171,9 @@ class ObstacleLayer:
 
 
 def _shifted(grid: NDArray[np.int8], rows: int, columns: int) -> NDArray[np.int8]:
-    """The same cells seen from an origin that lies ``rows`` and ``columns`` further; what was not in view is zero."""
+    """Return the same cells seen from an origin that lies ``rows`` and ``columns`` further; what was not in view is
+    zero.
+    """
     shifted = np.zeros_like(grid)
     size = grid.shape[0]
     if abs(rows) < size and abs(columns) < size:

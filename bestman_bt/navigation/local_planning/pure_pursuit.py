@@ -135,7 +135,7 @@ class PurePursuit(PathFollower):
             self.turning.turn_to(self._turn_heading, velocity.wz)
 
     def _brake(self, dt: float) -> Twist2D:
-        """The next command on the way to rest."""
+        """Return the next command on the way to rest."""
         speed = math.hypot(self._rolling.vx, self._rolling.vy)
         share = max(0.0, 1.0 - 2.0 * self.deceleration * dt / speed)
         self._steer(0.0, dt)
@@ -159,7 +159,7 @@ class PurePursuit(PathFollower):
         return float(self._legs[0].arc[self._at] + sum(leg.arc[0] for leg in self._legs[1:]))
 
     def _drive(self, pose: Pose2D, velocity: Twist2D, dt: float) -> tuple[Twist2D, bool]:
-        """The command along the present leg, and whether its end is reached."""
+        """Return the command along the present leg, and whether its end is reached."""
         assert self._legs is not None
         leg = self._legs[0]
         position = pose.xy

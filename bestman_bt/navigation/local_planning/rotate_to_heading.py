@@ -28,7 +28,7 @@ strand must be before the base counts as being there."""
 
 
 def first_nearest(points: NDArray[np.float64], position: NDArray[np.float64], spacing: float) -> int:
-    """The first of path points (N, 2), at most ``spacing`` metres apart, that is nearest to ``position`` (2,).
+    """Return the first of path points (N, 2), at most ``spacing`` metres apart, that is nearest to ``position`` (2,).
 
     Later strands that come just as close do not count: a path may come back near itself, or the same way.
     """
@@ -73,7 +73,7 @@ class PathProgress:
         return float(np.linalg.norm(self._points[self._at] - position))
 
     def last(self, length: float) -> NDArray[np.float64]:
-        """The corners (M, 2) of the last ``length`` metres, their beginning included."""
+        """Return the corners (M, 2) of the last ``length`` metres, their beginning included."""
         begin = int(np.searchsorted(-self._left, -length))
         later = self._corners[metres_left(self._corners) < self._left[begin] - 1e-9]
         return np.vstack([self._points[begin : begin + 1], later])
@@ -86,7 +86,7 @@ def metres_left(points: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def densified(points: NDArray[np.float64], spacing: float) -> NDArray[np.float64]:
-    """The same path with points at most ``spacing`` metres apart."""
+    """Return the same path with points at most ``spacing`` metres apart."""
     pieces = [points[:1]]
     for start, end in itertools.pairwise(points):
         count = math.ceil(float(np.linalg.norm(end - start)) / spacing)

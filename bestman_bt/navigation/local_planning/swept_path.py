@@ -45,7 +45,8 @@ class SweptPath:
     def contact(
         self, here: NDArray[np.float64], points: NDArray[np.float64], motion: FootprintMotion
     ) -> tuple[float, NDArray[np.float64]] | None:
-        """The first of ``points`` (N, 2) that the base touches on its way: metres until then, and the point (2,).
+        """Return the first of ``points`` (N, 2) that the base touches on its way: metres until then, and the point
+        (2,).
 
         A point that it touches already where it is, ``here`` (3,), counts only where it gets nearer to it.
         """

@@ -17,7 +17,7 @@ from bestman_bt.navigation.localization.pose_uncertainty import worst_position_s
 
 
 def checked_std(value: float, what: str) -> float:
-    """A standard deviation itself; ValueError that names ``what`` where it is negative or not finite."""
+    """Return a standard deviation itself; ValueError that names ``what`` where it is negative or not finite."""
     if not 0.0 <= value < math.inf:
         raise ValueError(f"{what} is {value:g}; a finite number of 0 or more is accepted")
     return value

@@ -189,7 +189,7 @@ class _Search:
             scores[np.ix_(turns, near)] = -1.0
 
     def matched(self, pose: Pose2D, position_std: float, heading_std: float, scan: LaserScan) -> LocalizationEstimate:
-        """The pose near ``pose`` at which a scan fits best."""
+        """Return the pose near ``pose`` at which a scan fits best."""
         estimate = self._matcher.reset(pose, Pose2D(), position_std, heading_std)
         for _ in range(self._search.matches):
             # Each time as unsure as before: the scan is one measurement, however often it is matched.

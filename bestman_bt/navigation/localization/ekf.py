@@ -31,7 +31,8 @@ class OdometryFilter(ABC):
 
     @abstractmethod
     def update(self, odometry: Pose2D, turned: float, elapsed: float) -> Pose2D:
-        """The filtered pose, after the wheels have counted up to ``odometry`` (``odom`` frame, as they count it).
+        """Return the filtered pose, after the wheels have counted up to ``odometry`` (``odom`` frame, as they count
+        it).
 
         ``turned``: what the gyroscope has felt in the ``elapsed`` seconds since the last call, radians, with its bias.
         """

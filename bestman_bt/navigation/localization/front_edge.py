@@ -33,13 +33,15 @@ class FrontEdge:
     residual: float
 
     def corrected(self, piece: MapFurniture, pose: Pose2D) -> Pose2D:
-        """A pose that was given by where the map has ``piece``, by where its front is; along it nothing changes."""
+        """Return a pose that was given by where the map has ``piece``, by where its front is; along it nothing
+        changes.
+        """
         front = piece.pose @ Pose2D(-piece.footprint[0] / 2, 0.0, 0.0)
         return front @ Pose2D(-self.offset, 0.0, self.turn) @ front.inverse() @ pose
 
 
 def front_edge(piece: MapFurniture, hits: NDArray[np.float64]) -> FrontEdge | None:
-    """Fit the front to ``hits`` (N, 2), metres in the map frame; None where too little of it is seen.
+    """Fit the front to ``hits`` (N, 2), metres in the map frame, or None if too little of it is seen.
 
     A total least squares line with Tukey's biweights of its residuals, computed anew with an ever smaller scale.
     """

@@ -37,7 +37,7 @@ class OdometryNoise(Protocol):
 def driven_on(
     pose: Pose2D, covariance: NDArray[np.float64], moved: Pose2D, noise: OdometryNoise
 ) -> tuple[Pose2D, NDArray[np.float64]]:
-    """The pose and its covariance after the odometry has counted ``moved``, in the base frame."""
+    """Return the pose and its covariance after the odometry has counted ``moved``, in the base frame."""
     distance = math.hypot(moved.x, moved.y)
     after = pose @ moved
     jacobian = np.eye(3)
@@ -48,7 +48,7 @@ def driven_on(
 
 
 def turned(covariance: NDArray[np.float64], angle: float) -> NDArray[np.float64]:
-    """A covariance in a frame in which the vectors of its own appear turned by ``angle``."""
+    """Return a covariance in a frame in which the vectors of its own appear turned by ``angle``."""
     cos, sin = math.cos(angle), math.sin(angle)
     turn = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
     result: NDArray[np.float64] = turn @ covariance @ turn.T
@@ -66,7 +66,7 @@ def difference(pose: Pose2D, from_pose: Pose2D) -> NDArray[np.float64]:
 
 
 def deviation(off: NDArray[np.float64], covariance: NDArray[np.float64]) -> float:
-    """How many standard deviations a difference (3,) amounts to (Mahalanobis)."""
+    """Return how many standard deviations a difference (3,) amounts to (Mahalanobis)."""
     return math.sqrt(float(off @ np.linalg.solve(covariance, off)))
 
 

@@ -157,7 +157,7 @@ class ScanToMap(Localizer):
         return np.unique(seen[seen >= 0])
 
     def _is_hidden(self, scan: LaserScan, map_from_lidar: Pose2D, on_map: NDArray[np.bool_]) -> bool:
-        """Whether something unknown hides the map from most beams, and what is seen of it speaks for the pose.
+        """Return whether something unknown hides the map from most beams, and what is seen of it speaks for the pose.
 
         ``on_map``: the hits (N,) that lie on something in the map.
         """
@@ -170,7 +170,8 @@ class ScanToMap(Localizer):
     def _match(
         self, hits: NDArray[np.float64], boards: NDArray[np.bool_], pose: Pose2D, visible: NDArray[np.intp]
     ) -> tuple[Pose2D, NDArray[np.float64], NDArray[np.bool_], float]:
-        """The pose that fits best, its information matrix (3, 3), which hits (N,) lie on the map, and their residual.
+        """Return the pose that fits best, its information matrix (3, 3), which hits (N,) lie on the map, and their
+        residual.
 
         ``boards``: hits (N,) that lie on furniture of which the map has no lines.
         """

@@ -72,7 +72,9 @@ class CorrelativeMatcher:
             self._pyramid.append(maximum_filter1d(best, size, axis=1, origin=-(size // 2), mode="constant"))
 
     def search(self, hits: NDArray[np.float64], guess: Pose2D, window: SearchWindow) -> CorrelativeMatch | None:
-        """The pose within ``window`` where ``hits`` (N, 2), base frame, lie best on the reference; None if nowhere."""
+        """Return the pose within ``window`` where ``hits`` (N, 2), base frame, lie best on the reference, or None if
+        nowhere.
+        """
         p = self._levels
         reach = max(1.0, float(np.percentile(np.linalg.norm(hits, axis=1), 90)))
         turns = math.ceil(window.angle * reach / p.resolution)  # steps by which the far hits move one cell

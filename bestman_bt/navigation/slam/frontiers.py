@@ -80,7 +80,7 @@ def _neighbours(free: NDArray[np.bool_], resolution: float) -> sparse.csr_matrix
 
 
 def shortest_tour(distances: NDArray[np.float64]) -> list[int]:
-    """The order 1, 2, … in which to visit the places of ``distances`` (N, N) from place 0 on; it ends anywhere.
+    """Return the order 1, 2, … in which to visit the places of ``distances`` (N, N) from place 0 on; it ends anywhere.
 
     Its cost grows with 2**N: for a dozen places at most. What cannot be got to at all comes last.
     """
@@ -136,7 +136,7 @@ class FrontierView:
 
 
 def find_frontiers(grid: OccupancyGrid, min_length: float) -> list[Frontier]:
-    """All frontiers of at least ``min_length`` metres, in the order of the grid's rows."""
+    """Return all frontiers of at least ``min_length`` metres, in the order of the grid's rows."""
     unknown = grid.data == UNKNOWN
     border = (grid.data == FREE) & ndimage.binary_dilation(unknown, NEIGHBOURS)
     labels, count = ndimage.label(border, NEIGHBOURS)
@@ -232,7 +232,7 @@ class FrontierExplorer:
         return numbers, np.bincount(of, areas, minlength=len(numbers)).astype(float)
 
     def _stops(self, candidates: list[_Candidate], cells: int) -> list[FrontierView]:
-        """The most useful view, then the most useful one of what that leaves unseen, and so on."""
+        """Return the most useful view, then the most useful one of what that leaves unseen, and so on."""
         unseen = np.ones(cells, dtype=bool)
         stops: list[FrontierView] = []
         while len(stops) < self.stops:

@@ -29,7 +29,7 @@ class OrientedPoints:
         return len(self.points)
 
     def placed(self, pose: Pose2D) -> OrientedPoints:
-        """The same in the frame in which theirs is at ``pose``."""
+        """Return the same in the frame in which theirs is at ``pose``."""
         return OrientedPoints(pose.apply(self.points), Pose2D(0.0, 0.0, pose.theta).apply(self.normals))
 
     def features(self, turning: float) -> NDArray[np.float64]:
@@ -38,12 +38,12 @@ class OrientedPoints:
 
 
 def joined(parts: list[OrientedPoints]) -> OrientedPoints:
-    """All points of several sets in one frame."""
+    """Return all points of several sets in one frame."""
     return OrientedPoints(np.concatenate([p.points for p in parts]), np.concatenate([p.normals for p in parts]))
 
 
 def oriented_points(scan: LaserScan, base_from_lidar: Pose2D, window: int = 4, reach: float = 0.20) -> OrientedPoints:
-    """The hits that lie on a line with their neighbours, in the base frame.
+    """Return the hits that lie on a line with their neighbours, in the base frame.
 
     A line is fitted to the hits of up to ``window`` beams on each side that are no farther than ``reach`` metres, or
     four beam spacings; a hit with fewer than four such neighbours, or that they do not lie along a line with, is left
@@ -80,7 +80,7 @@ def oriented_points(scan: LaserScan, base_from_lidar: Pose2D, window: int = 4, r
 
 
 def thinned(cloud: OrientedPoints, cell: float) -> OrientedPoints:
-    """The means of the points that share a square of ``cell`` metres and face the same quarter."""
+    """Return the means of the points that share a square of ``cell`` metres and face the same quarter."""
     quarter = np.floor(np.arctan2(cloud.normals[:, 1], cloud.normals[:, 0]) / (np.pi / 2) + 0.5).astype(np.int64) % 4
     keys = np.column_stack([np.floor(cloud.points / cell).astype(np.int64), quarter])
     _, group = np.unique(keys, axis=0, return_inverse=True)

@@ -43,7 +43,7 @@ class Overhangs:
         self._cells = np.union1d(self._cells, cells[counts >= self.min_points])
 
     def drawn_on(self, grid: OccupancyGrid) -> OccupancyGrid:
-        """The grid with these cells occupied, for planning."""
+        """Return the grid with these cells occupied, for planning."""
         row = (self._cells + (1 << 31)) >> 32
         column = self._cells - (row << 32)
         cells = grid.to_cells((np.column_stack([column, row]) + 0.5) * self.resolution)

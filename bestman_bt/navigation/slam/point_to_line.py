@@ -82,7 +82,9 @@ class LineReference:
         self._points = cloud.points + np.where(lines, offsets, 0.0)[:, None] * self._normals
 
     def align(self, scan: OrientedPoints, guess: Pose2D, prior: NDArray[np.float64] | None = None) -> ScanAlignment:
-        """The pose of ``scan`` from ``guess`` on; ``prior``: (3, 3) information of the guess, none by default."""
+        """Return the pose of ``scan`` from ``guess`` on; ``prior``: (3, 3) information of the guess, none by
+        default.
+        """
         p = self._method
         prior = WEAK_PRIOR if prior is None else prior
         x, y, theta = guess.x, guess.y, guess.theta

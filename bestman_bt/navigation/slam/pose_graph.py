@@ -82,7 +82,7 @@ class PoseGraph:
         return len(self._poses) - 1
 
     def add_constraint(self, constraint: Constraint) -> None:
-        """Add a measurement; ValueError if it names a node that is not there, or one node twice."""
+        """Add a measurement. Raises ValueError if it names a node that is not there, or one node twice."""
         first, second, count = constraint.first, constraint.second, len(self)
         if first == second or not (0 <= first < count and 0 <= second < count):
             raise ValueError(f"a constraint needs two of the nodes 0 to {count - 1}, got {first} and {second}")
@@ -177,7 +177,7 @@ class _Edges:
         return squares
 
     def cost(self, errors: NDArray[np.float64], scaling: float) -> float:
-        """The sum of the robust cost whose weights are those of ``_weights``."""
+        """Return the sum of the robust cost whose weights are those of ``_weights``."""
         chi = self.chi_squares(errors)
         robust = scaling * (3.0 * chi - scaling) / (chi + scaling)
         return float(np.where(self.doubtful & (chi > scaling), robust, chi).sum())

@@ -128,7 +128,7 @@ class LogOddsGrid:
         self._seen |= touched > 0
 
     def grid(self) -> OccupancyGrid:
-        """The cells that are believed occupied and free; the others are unknown."""
+        """Return the cells that are believed occupied and free; the others are unknown."""
         data = np.full(self._log_odds.shape, UNKNOWN, dtype=np.int8)
         data[self._seen & (self._log_odds <= -self.free)] = FREE
         data[self._log_odds >= self.occupied] = OCCUPIED
@@ -312,7 +312,7 @@ class PoseGraphSlam(Slam):
         return ScanMatch(True, found.inlier_ratio, found.residual)
 
     def _search(self, hits: OrientedPoints, guess: Pose2D, submap: Submap) -> ScanAlignment | None:
-        """Where the scan lies after a jump; None unless it says so clearly."""
+        """Where the scan lies after a jump, or None unless it says so clearly."""
         coarse = submap.matcher.search(hits.points, guess, SearchWindow(self.recovery_distance, self.recovery_angle))
         if coarse is None:
             return None
@@ -322,7 +322,9 @@ class PoseGraphSlam(Slam):
         return found if worst_position_std(inverse(found.information + WEAK_PRIOR)) < self.sure_std else None
 
     def _is_likely(self, found: ScanAlignment, off: NDArray[np.float64], expected: NDArray[np.float64]) -> bool:
-        """Whether a match that explains little, ``off`` from what the odometry says, is believed all the same."""
+        """Return whether a match that explains little, ``off`` from what the odometry says, is believed all the
+        same.
+        """
         return found.inlier_ratio >= self.least_inlier_ratio and deviation(off, expected) <= self.max_deviation
 
     def _is_new_place(self) -> bool:

@@ -57,7 +57,7 @@ class Submap:
             self.__dict__.pop(name, None)
 
     def pose_of(self, local: Pose2D) -> Pose2D:
-        """A pose of the local frame in that of the submap."""
+        """Return a pose of the local frame in that of the submap."""
         return self.anchor.local.inverse() @ local
 
     @cached_property

@@ -78,9 +78,9 @@ class JointRules:
     def hinge_line(
         self, side: HingeSide, kind: HandleKind, borders: PanelBorders
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
-        """A point (3,) on the hinge's axis and its direction (3,), in the front's frame.
+        """Return a point (3,) on the hinge's axis and its direction (3,), in the front's frame.
 
-        None where its border is unknown.
+        None if its border is unknown.
 
         A positive turn about the direction opens.
         """
@@ -128,7 +128,7 @@ class HandleDetector(ABC):
 
     @abstractmethod
     def detect(self, view: View, rng: np.random.Generator) -> HandleScene:
-        """All handles in ``view``, in its frame (z up). Equal input and generator state give equal output.
+        """Return all handles in ``view``, in its frame (z up). Equal input and generator state give equal output.
 
         Raises PerceptionError for an image that cannot be used (no depth at all, wrong shapes).
         """

@@ -123,7 +123,7 @@ class FrontSearch:
         return noise
 
     def find(self, view: View) -> list[FrontPlane]:
-        """All upright planes, largest (by seen windows) first."""
+        """Return all upright planes, largest (by seen windows) first."""
         intrinsics = view.image.intrinsics
         scale = intrinsics.width / 640.0
         window = max(5, 2 * round(self.window * scale / 2) + 1)
@@ -167,7 +167,7 @@ class FrontSearch:
         area: NDArray[np.float64],
         usable: NDArray[np.bool_],
     ) -> NDArray[np.bool_]:
-        """The windows of the plane that has most votes, as a mask of the grid."""
+        """Return the windows of the plane that has most votes, as a mask of the grid."""
         yaws = np.arctan2(normals[..., 1], normals[..., 0])[usable]
         weights = area[usable]
         bins = round(2 * math.pi / self.yaw_bin)
@@ -205,7 +205,7 @@ class FrontSearch:
         return members
 
     def _connected(self, members: NDArray[np.bool_], planes: LocalPlanes, focal: float) -> list[NDArray[np.bool_]]:
-        """The separate parts of a plane; holes and gaps up to ``max_gap`` do not separate."""
+        """Return the separate parts of a plane; holes and gaps up to ``max_gap`` do not separate."""
         depth = float(np.median(planes.points[..., 2][members]))
         reach = max(1, round(self.max_gap / 2 * focal / depth / planes.stride))
         kernel = cv2.getStructuringElement(cv2.MORPH_RECT, (2 * reach + 1, 2 * reach + 1))

@@ -59,7 +59,7 @@ class GrooveSearch:
     position_std: Annotated[float, "m"] = 0.004
 
     def find(self, front: RectifiedFront, relief: Relief, borders: BorderSearch) -> list[HandleOnFront]:
-        """The lips of all grooves of a front."""
+        """Return the lips of all grooves of a front."""
         found: list[Groove] = []
         for upright in (False, True):
             lying = LyingFront.of(front, upright)
@@ -72,7 +72,7 @@ class GrooveSearch:
         return [self._lip(_refined(groove, relief)) for groove in found]
 
     def _openings(self, lying: LyingFront, kind: Kind) -> NDArray[np.bool_]:
-        """The cells that may be grooves of a kind."""
+        """Return the cells that may be grooves of a kind."""
         if kind == "notch":
             return lying.closed(1, lying.cells(self.notch_length)) & ~lying.shown & lying.open
         if kind == "slot":
@@ -179,7 +179,7 @@ class GrooveSearch:
         return slender and short and (pair or self.width[0] <= width <= self.width[1] + 0.003)
 
     def _is_opening(self, lying: LyingFront, place: Rectangle) -> bool:
-        """Whether something far enough behind the front is seen, and not mainly what hides it."""
+        """Return whether something far enough behind the front is seen, and not mainly what hides it."""
         inside = lying.height[place.top : place.bottom, place.start : place.stop]
         known = inside[np.isfinite(inside)]
         if not len(known):
@@ -219,7 +219,7 @@ class Groove:
 
 
 def _refined(groove: Groove, relief: Relief, reach: float = 0.018) -> Groove:
-    """The lip's border where pixels change from front to opening, with least error: finer than cells."""
+    """Return the lip's border where pixels change from front to opening, with least error: finer than cells."""
     half = np.array([reach, 0.45 * groove.length] if groove.upright else [0.45 * groove.length, reach])
     low, high = np.array(groove.centre) - half, np.array(groove.centre) + half
     rows, columns = relief.window(low, high, 0.0)

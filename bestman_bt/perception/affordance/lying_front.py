@@ -57,7 +57,7 @@ class LyingFront:
         return self.front.x_of(column), self.front.y_of(row)
 
     def closed(self, rows: int, columns: int) -> NDArray[np.bool_]:
-        """The cells that show the front, and gaps of at most that many cells between them."""
+        """Return the cells that show the front, and gaps of at most that many cells between them."""
         padded = cv2.copyMakeBorder(
             self.shown.astype(np.uint8), rows, rows, columns, columns, cv2.BORDER_CONSTANT, value=0
         )
@@ -106,7 +106,7 @@ class LyingFront:
     ) -> tuple[float, float] | None:
         """Level and width, metres, of a back of an opening that is parallel to the front and near behind it.
 
-        None where less than the share ``least`` of the opening shows one: there is only the side of the furniture,
+        None if less than the share ``least`` of the opening shows one: there is only the side of the furniture,
         which runs backwards, or the open.
         """
         with warnings.catch_warnings():
@@ -125,7 +125,9 @@ class LyingFront:
         return middle, float((np.abs(heights - middle) < 0.008).sum()) * self.cell
 
     def ends_in_the_open(self, place: Rectangle, level: float, *, panel_above: bool) -> bool:
-        """Whether a back at ``level`` goes on neither behind its border opposite to the panel nor beyond its ends."""
+        """Return whether a back at ``level`` goes on neither behind its border opposite to the panel nor beyond its
+        ends.
+        """
         margin, reach, far = self.cells(0.008), self.cells(0.010, 2), self.cells(0.030)
         first = place.bottom + margin if panel_above else max(0, place.top - margin - reach)
         beyond = self.height[first : first + reach, place.start : place.stop]

@@ -40,7 +40,7 @@ class BorderSearch:
         high: NDArray[np.float64],
         known: PanelBorders | None = None,
     ) -> PanelBorders:
-        """The borders around a handle that covers the rectangle ``low`` to ``high``, (2,) metres.
+        """Return the borders around a handle that covers the rectangle ``low`` to ``high``, (2,) metres.
 
         ``known``: not sought.
         """
@@ -109,7 +109,7 @@ class BorderSearch:
         across: tuple[float, float],
         share: float,
     ) -> float | None:
-        """The first line outwards of the handle that enough of shows a border."""
+        """Return the first line outwards of the handle that enough of shows a border."""
         upright = side in ("left", "right")
         shown, telling = evidence["upright" if upright else "lying"]
         if not upright:
@@ -146,7 +146,7 @@ class BorderSearch:
 
 @dataclass(frozen=True)
 class PanelBorders:
-    """Where a panel ends, metres in the frame of its front; None where that was not seen."""
+    """Where a panel ends, metres in the frame of its front, or None if that was not seen."""
 
     left: float | None = None
     right: float | None = None
@@ -162,7 +162,7 @@ class PanelBorders:
 
 
 def _span(side: Side, found: PanelBorders, low: NDArray[np.float64], high: NDArray[np.float64]) -> tuple[float, float]:
-    """The part of a border to look at: between its neighbours, where these are known."""
+    """Return the part of a border to look at: between its neighbours, where these are known."""
     if side in ("left", "right"):
         first, last = found.bottom, found.top
         start, stop = float(low[1]), float(high[1])

@@ -54,7 +54,7 @@ class HandleOnFront:
         return self.centre[:2] - half, self.centre[:2] + half
 
     def completed(self, borders: PanelBorders, position_std: float) -> HandleOnFront:
-        """The handle, supplemented where the part that is seen tells the whole.
+        """Return the handle, supplemented where the part that is seen tells the whole.
 
         A recessed edge that comes near a border of its panel goes up to it, and, where its other end is hidden, up to
         the other one; a level handle with a hidden end sits in the middle of its panel, where it can.
@@ -140,7 +140,7 @@ class ProtrusionSearch:
     surround: SurroundLimits = field(default_factory=SurroundLimits)
 
     def find(self, relief: Relief) -> list[HandleOnFront]:
-        """All bars and knobs before one front; the same one may be found more than once."""
+        """Return all bars and knobs before one front; the same one may be found more than once."""
         with np.errstate(invalid="ignore"):
             limit = np.maximum(self.low, self.significance * relief.noise)
             before = relief.near & (relief.height > limit) & (relief.height < self.high)
@@ -217,7 +217,7 @@ class ProtrusionSearch:
     def _members(
         self, relief: Relief, low: NDArray[np.float64], high: NDArray[np.float64], level: float, sigma: float
     ) -> Pixels:
-        """All pixels of a thing: halfway between the front and it is the limit that errs least."""
+        """Return all pixels of a thing: halfway between the front and it is the limit that errs least."""
         pixel = relief.pixel_size()
         rows, columns = relief.window(low - pixel, high + pixel, level)
         height = relief.height[rows, columns]
@@ -299,7 +299,7 @@ class ProtrusionSearch:
 
 
 def _line(flat: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
-    """A line through (N, 2) points by total least squares; posts and strays that lie far off are left out."""
+    """Return a line through (N, 2) points by total least squares; posts and strays that lie far off are left out."""
     keep = np.ones(len(flat), dtype=bool)
     for _ in range(3):
         centre = flat[keep].mean(axis=0)
@@ -310,7 +310,7 @@ def _line(flat: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.fl
 
 
 def _axes(offsets: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The principal axes of (N, 2) offsets, the longest first, as rows."""
+    """Return the principal axes of (N, 2) offsets, the longest first, as rows."""
     axes: NDArray[np.float64] = np.linalg.eigh(offsets.T @ offsets)[1].T[::-1]
     return axes
 

@@ -43,7 +43,9 @@ class Relief:
         return met
 
     def window(self, low: NDArray[np.float64], high: NDArray[np.float64], level: float) -> tuple[slice, slice]:
-        """The rectangle of pixels (rows, columns of this rectangle) that shows x, y from ``low`` to ``high`` there."""
+        """Return the rectangle of pixels (rows, columns of this rectangle) that shows x, y from ``low`` to ``high``
+        there.
+        """
         corners = np.array([[x, y, level] for x in (low[0], high[0]) for y in (low[1], high[1])]) - self.eye
         # rays[v, u] = rays[0, 0] + u right + v down, and a corner is a multiple of its pixel's ray.
         first = self.rays[0, 0]
@@ -61,7 +63,7 @@ class Relief:
 
 
 def relief(view: View, front: FrontPlane, search: FrontSearch, margin: float = 0.08) -> Relief:
-    """The relief of ``front``, with ``margin`` metres around it."""
+    """Return the relief of ``front``, with ``margin`` metres around it."""
     k = view.image.intrinsics
     grow = max(
         2, round(margin * k.fx / max(0.3, float(np.linalg.norm(front.frame_from_front.position - view.viewpoint))))
@@ -144,7 +146,7 @@ def rectify(
     finest: float = 0.0025,
     most_cells: int = 250_000,
 ) -> RectifiedFront:
-    """The front and ``margin`` metres around it, in cells about as large as a pixel, at least ``finest``
+    """Return the front and ``margin`` metres around it, in cells about as large as a pixel, at least ``finest``
     metres."""
     low = front.low - margin
     extent = front.high + margin - low

@@ -64,9 +64,9 @@ class Surround:
     def bar(
         self, middle: NDArray[np.float64], along: NDArray[np.float64], length: float, radius: float
     ) -> tuple[float, bool] | None:
-        """The share of the ring that is free, and whether an end is hidden by something before it.
+        """Return the share of the ring that is free, and whether an end is hidden by something before it.
 
-        None where something touches the bar or the front is not around it.
+        None if something touches the bar or the front is not around it.
         """
         across = np.array([-along[1], along[0]])
         s, t = (self.flat - middle) @ along, (self.flat - middle) @ across
@@ -128,7 +128,7 @@ class Surround:
         length: float,
         radius: float,
     ) -> bool:
-        """Whether the front is seen straight behind the bar, or next to there: else it is a board's edge.
+        """Return whether the front is seen straight behind the bar, or next to there: else it is a board's edge.
 
         Seen aslant, a bar near the border of its panel has something else beside it in the image.
         """

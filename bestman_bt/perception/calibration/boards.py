@@ -65,7 +65,7 @@ class Board(ABC):
 
     @abstractmethod
     def find(self, rgb: NDArray[np.uint8]) -> BoardSighting | None:
-        """The corners in an (H, W, 3) image; None if there are fewer than six, or all on one line."""
+        """Return the corners in an (H, W, 3) image, or None if there are fewer than six, or all on one line."""
 
 
 @dataclass(frozen=True)
@@ -107,7 +107,7 @@ class CharucoBoard(Board):
         return True
 
     def find(self, rgb: NDArray[np.uint8]) -> BoardSighting | None:
-        """The corners in an (H, W, 3) image; None if there are fewer than six, or all on one line."""
+        """Return the corners in an (H, W, 3) image, or None if there are fewer than six, or all on one line."""
         corners, ids, _, _ = self._detector.detectBoard(cv2.cvtColor(rgb, cv2.COLOR_RGB2GRAY))
         if corners is None or ids is None:
             return None
@@ -116,7 +116,9 @@ class CharucoBoard(Board):
         return _sighting(points, np.asarray(corners, dtype=float).reshape(-1, 2)[order])
 
     def picture(self, pixels_per_square: int) -> NDArray[np.uint8]:
-        """The pattern, (rows * n, columns * n) uint8, to print or to draw; x along the columns, y along the rows."""
+        """Return the pattern, (rows * n, columns * n) uint8, to print or to draw; x along the columns, y along the
+        rows.
+        """
         across, down = self.columns * pixels_per_square, self.rows * pixels_per_square
         return np.asarray(self._board.generateImage((across, down)), dtype=np.uint8)
 
@@ -155,7 +157,7 @@ class Checkerboard(Board):
         return False
 
     def find(self, rgb: NDArray[np.uint8]) -> BoardSighting | None:
-        """All corners in an (H, W, 3) image; None if one of them is missing."""
+        """Return all corners in an (H, W, 3) image, or None if one of them is missing."""
         inner = (self.columns - 1, self.rows - 1)
         found, corners = cv2.findChessboardCornersSB(cv2.cvtColor(rgb, cv2.COLOR_RGB2GRAY), inner)
         if not found:
@@ -195,7 +197,7 @@ class BoardPose:
 
 
 def board_pose(sighting: BoardSighting, intrinsics: CameraIntrinsics) -> BoardPose:
-    """The pose of the board that explains the sighting best; CalibrationError if none does."""
+    """Return the pose of the board that explains the sighting best. Raises CalibrationError if none does."""
     matrix, distortion = intrinsics.matrix, np.array(intrinsics.distortion)
     points, pixels = sighting.points.reshape(-1, 1, 3), sighting.pixels.reshape(-1, 1, 2)
     count, turns, positions, errors = cv2.solvePnPGeneric(points, pixels, matrix, distortion, flags=cv2.SOLVEPNP_IPPE)

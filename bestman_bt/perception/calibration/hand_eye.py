@@ -91,7 +91,7 @@ class HandEye(ABC):
     def calibrate(
         self, world_from_carrier: Sequence[Pose], eye_from_target: Sequence[Pose], what_moves: str = "arm"
     ) -> HandEyeResult:
-        """The general case: the camera is carried, the target stands still in the world. Raises as above."""
+        """Return the general case: the camera is carried, the target stands still in the world. Raises as above."""
         if len(world_from_carrier) != len(eye_from_target):
             raise CalibrationError(
                 f"as many poses as views are needed, got {len(world_from_carrier)} and {len(eye_from_target)}"
@@ -117,7 +117,7 @@ class HandEye(ABC):
     def _agreeing(
         self, world_from_carrier: Sequence[Pose], eye_from_target: Sequence[Pose]
     ) -> tuple[Refined, NDArray[np.bool_]]:
-        """The result by the views that agree, with residuals of all, and which these are (N,)."""
+        """Return the result by the views that agree, with residuals of all, and which these are (N,)."""
         count, poses = len(world_from_carrier), (world_from_carrier, eye_from_target)
         used = np.ones(count, dtype=bool)
         refined, off = self._by(used, *poses)
@@ -144,7 +144,7 @@ class HandEye(ABC):
     def _by(
         self, used: NDArray[np.bool_], world_from_carrier: Sequence[Pose], eye_from_target: Sequence[Pose]
     ) -> tuple[Refined, NDArray[np.float64]]:
-        """The result by the views that are used, and how far off all are, in standard deviations (N,)."""
+        """Return the result by the views that are used, and how far off all are, in standard deviations (N,)."""
         chosen = _chosen(used, world_from_carrier, eye_from_target)
         start = self.closed_form(relative_motions(*chosen))
         found = refine(*chosen, start, self.noise, move=self.refine)
@@ -171,7 +171,7 @@ class HandEye(ABC):
 
 
 def relative_motions(world_from_carrier: Sequence[Pose], eye_from_target: Sequence[Pose]) -> RelativeMotions:
-    """The motions between all pairs of views, but for those that turn by nearly half a turn."""
+    """Return the motions between all pairs of views, but for those that turn by nearly half a turn."""
     first, second = np.triu_indices(len(world_from_carrier), 1)
     carriers = np.array([pose.matrix for pose in world_from_carrier])
     seen = np.array([pose.matrix for pose in eye_from_target])
@@ -240,7 +240,7 @@ class Daniilidis(HandEye):
 def _unit_combination(
     u1: NDArray[np.float64], v1: NDArray[np.float64], u2: NDArray[np.float64], v2: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """The combination of two null vectors whose real part is a unit and normal to its dual part."""
+    """Return the combination of two null vectors whose real part is a unit and normal to its dual part."""
     roots = np.roots([u1 @ v1, u1 @ v2 + u2 @ v1, u2 @ v2])
     ratios = roots.real if len(roots) else np.zeros(1)  # noise can make them complex: the nearest real one then
     lengths = [s * s * (u1 @ u1) + 2.0 * s * (u1 @ u2) + u2 @ u2 for s in ratios]

@@ -176,7 +176,7 @@ class HeadCameraResult:
     """``chain``: the poses with covariance and errors. ``free``: which of them were estimated.
 
     ``pan_offset``, ``tilt_offset``: radians that the poses put right, as if they were errors of the encoders alone; the
-    pan offset is None where the mount was not estimated.
+    pan offset is None if the mount was not estimated.
     """
 
     chain: ChainResult
@@ -196,7 +196,7 @@ def calibrate_head_camera(
 ) -> HeadCameraResult:
     """Calibrate from ``mount`` (base_from_mount) and ``camera`` (carrier_from_camera), as the robot model has them.
 
-    ``board``: its measured pose in the base (or on its holder), None where it is not known. Raises CalibrationError, or
+    ``board``: its measured pose in the base (or on its holder), None if it is not known. Raises CalibrationError, or
     DegenerateMotionError where head or arm did not turn enough.
     """
     held = any(not _same(view.base_from_holder, views[0].base_from_holder) for view in views[1:])
@@ -214,7 +214,7 @@ def calibrate_head_camera(
 
 
 def _first_board(views: Sequence[BoardView], intrinsics: CameraIntrinsics, mount: Pose, camera: Pose) -> Pose:
-    """The mean of where the uncalibrated chain puts the board on its holder."""
+    """Return the mean of where the uncalibrated chain puts the board on its holder."""
     placed = [
         view.base_from_holder.inverse()
         @ mount

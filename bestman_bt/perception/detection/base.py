@@ -87,16 +87,18 @@ class DetectedScene:
         return self.scene.planes[0]
 
     def find(self, name: str) -> Detection | None:
-        """The most confident detection of the object called ``name``; None where it is not in view."""
+        """Return the most confident detection of the object called ``name``, or None if it is not in view."""
         return next((detection for detection in self.detections if detection.name == name), None)
 
     def labelled(self, label: str) -> LabelledCluster | None:
-        """The thing with the highest score that is called ``label`` but has no pose; None where there is none."""
+        """Return the thing with the highest score that is called ``label`` but has no pose, or None if there is
+        none.
+        """
         named = [thing for thing in self.unknown if isinstance(thing, LabelledCluster) and thing.label == label]
         return max(named, key=lambda thing: thing.score, default=None)
 
     def obstacles_beside(self, name: str | None, grow: float = 0.0) -> tuple[Cluster, ...]:
-        """All clusters but the one of ``name``."""
+        """Return all clusters but the one of ``name``."""
         found = self.find(name) if name is not None else None
         others = tuple(detection.cluster for detection in self.detections if detection is not found)
         return others + self.unknown

@@ -41,7 +41,7 @@ class MarkerDetection:
 
 @dataclass(frozen=True)
 class MarkerDetector:
-    """Finds the markers of one dictionary. Raises PerceptionError where OpenCV knows no such dictionary.
+    """Finds the markers of one dictionary. Raises PerceptionError if OpenCV knows no such dictionary.
 
     ``dictionary``: OpenCV's name, such as DICT_4X4_50 or DICT_APRILTAG_36h11. ``min_perimeter``: of a marker, as a
     share of the image's longer side. ``max_corrected``: share of the dictionary's error correction that is used.
@@ -55,7 +55,7 @@ class MarkerDetector:
         marker_dictionary(self.dictionary)
 
     def find(self, image: RGBDImage) -> tuple[MarkerDetection, ...]:
-        """All markers in the colour image, by id, then by place."""
+        """Return all markers in the colour image, by id, then by place."""
         if min(image.rgb.shape[:2]) < 8:
             return ()
         settings = cv2.aruco.DetectorParameters()
@@ -75,7 +75,7 @@ class MarkerDetector:
 
 
 def marker_dictionary(name: str) -> cv2.aruco.Dictionary:
-    """OpenCV's dictionary of that name; PerceptionError lists the names."""
+    """OpenCV's dictionary of that name. Raises PerceptionError listing the names."""
     known = sorted(entry for entry in dir(cv2.aruco) if entry.startswith("DICT_"))
     wanted = {entry.upper(): entry for entry in known}.get(name.upper())
     if wanted is None:
@@ -86,11 +86,11 @@ def marker_dictionary(name: str) -> cv2.aruco.Dictionary:
 def marker_shapes(
     marker: int, size: float, dictionary: str = "DICT_4X4_50", thickness: float = 0.001
 ) -> tuple[tuple[PlacedShape, tuple[float, float, float]], ...]:
-    """A marker as flat boxes with their colours, for renderers without textures.
+    """Return a marker as flat boxes with their colours, for renderers without textures.
 
     ``size``: metres, of the black square; a white border of one cell is added on each side. Its frame lies in the
     middle of the printed face: x to the printed right, y to the printed top, z out of it; all is behind z = 0.
-    Raises PerceptionError where the dictionary has no such marker.
+    Raises PerceptionError if the dictionary has no such marker.
     """
     words = marker_dictionary(dictionary)
     if not 0 <= marker < len(words.bytesList):
@@ -148,7 +148,7 @@ class ByMarker(MarkerDetector, Detector):
 
 
 def _inside(cluster: Cluster, marker: MarkerDetection, view: View) -> int:
-    """How many points of the cluster the camera sees inside of the marker's square."""
+    """Return how many points of the cluster the camera sees inside of the marker's square."""
     pixels, _ = view.project(cluster.points)
     quad = cv2.convexHull(marker.corners.astype(np.float32))[:, 0]
     edges = np.roll(quad, -1, axis=0) - quad

@@ -85,9 +85,9 @@ class ModelLook:
 
 
 def model_look(model: ObjectModel, elevation: float, yaws: int = 24, spacing: float = 0.005) -> ModelLook:
-    """The look of ``model`` from ``elevation`` radians above the horizon, a metre away.
+    """Return the look of ``model`` from ``elevation`` radians above the horizon, a metre away.
 
-    Raises PerceptionError where the model has no shapes.
+    Raises PerceptionError if the model has no shapes.
     """
     parts = model.visual or model.collision
     if not parts:
@@ -141,7 +141,7 @@ def _extent(values: NDArray[np.float64]) -> float:
 
 
 def _quantile(values: NDArray[np.float64], share: float) -> float:
-    """The value at that rank: several times faster than the interpolating ``np.quantile``."""
+    """Return the value at that rank: several times faster than the interpolating ``np.quantile``."""
     rank = min(len(values) - 1, int(share * len(values)))
     return float(np.partition(values, rank)[rank])
 
@@ -213,7 +213,7 @@ class ColorShape(Naming, Detector):
     def candidates(
         self, cluster: Cluster, models: Sequence[ObjectModel], view: View
     ) -> tuple[tuple[ObjectModel, float], ...]:
-        """The models that ``cluster`` could be, likeliest first, each with its distance in colour and shape."""
+        """Return the models that ``cluster`` could be, likeliest first, each with its distance in colour and shape."""
         plane_from_frame = cluster.plane.frame_from_plane.inverse()
         points, eye = plane_from_frame.apply(cluster.points), plane_from_frame.apply(view.viewpoint)
         towards = eye - points.mean(axis=0)

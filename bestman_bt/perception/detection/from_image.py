@@ -48,8 +48,8 @@ class ImageDetection:
     """A named part of an image.
 
     ``score``: 0 to 1. ``box``: left, top, right, bottom in pixels; pixel (u, v) fills u - 0.5 to u + 0.5.
-    ``mask``: (H, W) bool of the whole image, or None where only the box is known.
-    Raises PerceptionError where the score or the box is none.
+    ``mask``: (H, W) bool of the whole image, or None if only the box is known.
+    Raises PerceptionError if the score or the box is none.
     """
 
     label: str
@@ -69,7 +69,7 @@ class ImageDetection:
             object.__setattr__(self, "mask", frozen_array(self.mask, (None, None), "ImageDetection mask", np.bool_))
 
     def clipped(self, width: int, height: int) -> ImageDetection | None:
-        """The part inside an image of that size; None where nothing is."""
+        """Return the part inside an image of that size, or None if nothing is."""
         left, right = (float(np.clip(value, -0.5, width - 0.5)) for value in (self.box[0], self.box[2]))
         top, bottom = (float(np.clip(value, -0.5, height - 0.5)) for value in (self.box[1], self.box[3]))
         if left >= right or top >= bottom:
@@ -166,12 +166,12 @@ class FromImage(Detector):
         return labelled, rest
 
     def _segmented(self, detection: ImageDetection, scene: SegmentedScene, view: View) -> bool:
-        """Whether the segmentation found what the mask shows, whoever has its name by now."""
+        """Return whether the segmentation found what the mask shows, whoever has its name by now."""
         pixels = [view.project(cluster.points)[0] for cluster in scene.clusters]
         return sum(int(detection.holds(some).sum()) for some in pixels) >= self.min_points
 
     def _cut_out(self, detection: ImageDetection, scene: SegmentedScene, view: View, region: Region) -> Cluster | None:
-        """The points of a mask on or above the surface: a thing too flat for the segmentation."""
+        """Return the points of a mask on or above the surface: a thing too flat for the segmentation."""
         plane = scene.planes[0]
         points, _, (rows, columns) = view.organised(region.corners())
         assert detection.mask is not None
@@ -196,7 +196,7 @@ def located(
     view: View,
     min_confidence: float,
 ) -> DetectedScene:
-    """A scene in which the labelled clusters have poses, where there is a model of that name and it fits."""
+    """Return a scene in which the labelled clusters have poses, where there is a model of that name and it fits."""
     model_of = {model.name: model for model in models}
     detections: list[Detection] = []
     unknown: list[Cluster] = []

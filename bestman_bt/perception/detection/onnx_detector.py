@@ -82,7 +82,7 @@ class OnnxDetector(FromImage):
 
 
 def letterbox(rgb: NDArray[np.uint8], size: tuple[int, int]) -> tuple[NDArray[np.float32], float, NDArray[np.float64]]:
-    """The picture (1, 3, H, W), 0 to 1, scaled to fit into ``size`` (width, height) and centred on grey.
+    """Return the picture (1, 3, H, W), 0 to 1, scaled to fit into ``size`` (width, height) and centred on grey.
 
     Also the scale, and (x, y) of the picture's corner in it: pixel = (letterboxed - corner) / scale.
     """
@@ -122,7 +122,7 @@ class _Network:
             raise DetectorModelError(f"{path} does not name its classes; give them as 'classes' of detection/onnx")
 
     def run(self, picture: NDArray[np.float32]) -> NDArray[np.float32]:
-        """The output (4 + C, N) for a picture (1, 3, H, W)."""
+        """Return the output (4 + C, N) for a picture (1, 3, H, W)."""
         name = self._session.get_inputs()[0].name
         try:
             outputs = self._session.run(None, {name: picture})
@@ -152,7 +152,7 @@ class _Network:
 
 
 def _named_classes(session: Any) -> tuple[str, ...]:
-    """The classes in the metadata, written as exporters do: {0: 'cup', 1: 'can'}."""
+    """Return the classes in the metadata, written as exporters do: {0: 'cup', 1: 'can'}."""
     text = session.get_modelmeta().custom_metadata_map.get("names", "")
     try:
         names = ast.literal_eval(text) if text else {}

@@ -54,7 +54,7 @@ class RemoteReply(BaseModel):
 
 
 def request_body(image: RGBDImage, names: Sequence[str], with_depth: bool) -> dict[str, Any]:
-    """The question as JSON: names, size and the picture as PNG; depth in millimetres, 0 unknown."""
+    """Return the question as JSON: names, size and the picture as PNG; depth in millimetres, 0 unknown."""
     k = image.intrinsics
     body: dict[str, Any] = {
         "names": list(names),
@@ -69,7 +69,7 @@ def request_body(image: RGBDImage, names: Sequence[str], with_depth: bool) -> di
 
 
 def reply_detections(content: bytes, image: RGBDImage, names: Sequence[str]) -> tuple[ImageDetection, ...]:
-    """The detections of an answer, highest score first; labels that were not asked for are left out.
+    """Return the detections of an answer, highest score first; labels that were not asked for are left out.
 
     Raises ValueError, in words, where the answer is none.
     """

@@ -57,7 +57,7 @@ class CloudCompletion:
     def complete(
         self, cloud: PointCloud, viewpoints: NDArray[np.float64] | None, support_height: float
     ) -> CompletedCloud | None:
-        """None where too few finite points stand above the support."""
+        """None if too few finite points stand above the support."""
         points = cloud.points[np.isfinite(cloud.points).all(axis=1)]
         points = points[points[:, 2] > support_height]
         voxel = self.voxel
@@ -77,7 +77,7 @@ class CloudCompletion:
         return CompletedCloud(points, normals, centre, self._bridged(points), max(0.0, gap - self.voxel))
 
     def _bridged(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """The points with more on the lines to their neighbours, so that no finger passes between them."""
+        """Return the points with more on the lines to their neighbours, so that no finger passes between them."""
         distances, index = cKDTree(points).query(points, k=self.around)
         first, column = np.nonzero((distances > self.bridge) & (distances < 3.0 * np.median(distances[:, -1])))
         ends, counts = index[first, column], np.ceil(distances[first, column] / self.bridge).astype(np.intp)
@@ -151,7 +151,7 @@ class CompletedCloud:
 
 
 def _thinned(points: NDArray[np.float64], voxel: float) -> NDArray[np.float64]:
-    """The mean of the points in each voxel."""
+    """Return the mean of the points in each voxel."""
     if not len(points):
         return points
     _, cell, counts = np.unique(

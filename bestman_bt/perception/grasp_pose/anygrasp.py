@@ -99,7 +99,7 @@ class AnyGraspAdapter(GraspPlanner):
         colors: NDArray[np.uint8] | None,
         surroundings: NDArray[np.float64] | None,
     ) -> NDArray[np.float64]:
-        """The network's rows (N, 17), those that are finite."""
+        """Return the network's rows (N, 17), those that are finite."""
         camera_from_frame = frame_from_camera.inverse()
         scene = points if surroundings is None else np.concatenate([points, surroundings])
         seen = camera_from_frame.apply(scene)
@@ -119,7 +119,7 @@ class AnyGraspAdapter(GraspPlanner):
 
 
 def load_network(name: str) -> Any:
-    """Call the factory ``"module:factory"``; PerceptionError says what is missing."""
+    """Call the factory ``"module:factory"``. Raises PerceptionError saying what is missing."""
     module, _, factory = name.partition(":")
     if not module or not factory:
         raise PerceptionError(
@@ -170,7 +170,7 @@ def tool_poses(
 
 
 def camera_looking_at(viewpoint: NDArray[np.float64], middle: NDArray[np.float64]) -> Pose:
-    """An optical frame (z forward, y down) at ``viewpoint`` that looks at ``middle``, both (3,) with z up."""
+    """Return an optical frame (z forward, y down) at ``viewpoint`` that looks at ``middle``, both (3,) with z up."""
     forward = (middle - viewpoint) / np.linalg.norm(middle - viewpoint)
     right = np.cross(forward, [0.0, 0.0, 1.0])
     if np.linalg.norm(right) < 1e-6:

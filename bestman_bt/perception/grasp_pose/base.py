@@ -34,7 +34,7 @@ class GraspTarget:
 
     @classmethod
     def of_model(cls, model: ObjectModel, frame_from_object: Pose) -> GraspTarget:
-        """A known object at an estimated pose."""
+        """Return a known object at an estimated pose."""
         lower, upper = model.bounds()
         x, y, z = (float(extent) for extent in upper - lower)
         box = PlacedShape(Box((x, y, z)), frame_from_object @ Pose((lower + upper) / 2))
@@ -42,7 +42,7 @@ class GraspTarget:
 
     @classmethod
     def of_cluster(cls, cluster: Cluster) -> GraspTarget:
-        """An unknown object: its measured bounding box and points."""
+        """Return an unknown object: its measured bounding box and points."""
         return cls(cluster.bounding_box, cloud=PointCloud(cluster.points, cluster.colors))
 
 
@@ -71,7 +71,7 @@ class GraspPlanner(ABC):
 
     @abstractmethod
     def plan(self, target: GraspTarget, gripper: GripperModel, support_height: float) -> tuple[GraspCandidate, ...]:
-        """All sensible candidates, best first; empty where the gripper cannot take the object.
+        """Return all sensible candidates, best first; empty where the gripper cannot take the object.
 
         ``support_height``: z of the surface under the object, metres, in the frame of the target.
         """

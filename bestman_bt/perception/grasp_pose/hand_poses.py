@@ -13,7 +13,7 @@ from bestman_bt.messages import Handle, Pose
 
 
 def handle_motion(handle: Handle, distance: float) -> Pose:
-    """The rigid motion that carries the handle ``distance`` metres along its way, in the frame of ``handle``.
+    """Return the rigid motion that carries the handle ``distance`` metres along its way, in the frame of ``handle``.
 
     ``handle_motion(handle, d) @ pose`` is where what was at ``pose`` on the moving part is then. An arc where joint and
     hinge are known, else the line in which the handle starts to move.
@@ -89,7 +89,7 @@ def hands_about(middles: NDArray[np.float64], closing: NDArray[np.float64], angl
 def different_hands(
     hands: HandPoses, order: NDArray[np.intp], count: int, apart: float, apart_angle: float
 ) -> list[int]:
-    """The first ``count`` of ``order`` (indices, best first) that are not near one taken before.
+    """Return the first ``count`` of ``order`` (indices, best first) that are not near one taken before.
 
     Near: less than ``apart`` metres and less than ``apart_angle`` radians away.
     """

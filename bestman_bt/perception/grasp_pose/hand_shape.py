@@ -42,7 +42,7 @@ class HandPlacement:
     lift_height: Annotated[float, "m"] = 0.12
 
     def fits(self, width: float, gripper: GripperModel) -> bool:
-        """Whether the gripper opens wide enough for ``width`` and can close on it."""
+        """Return whether the gripper opens wide enough for ``width`` and can close on it."""
         return gripper.part.min_width < width <= self.widest(gripper)
 
     def widest(self, gripper: GripperModel) -> float:
@@ -50,15 +50,15 @@ class HandPlacement:
         return gripper.max_width - 2 * self.least_clearance
 
     def openings(self, widths: NDArray[np.float64], gripper: GripperModel) -> NDArray[np.float64]:
-        """How far to open (K,) before the approach to objects of ``widths`` (K,), metres."""
+        """Return how far to open (K,) before the approach to objects of ``widths`` (K,), metres."""
         return np.minimum(gripper.max_width, widths + 4 * self.clearance)
 
     def reach(self, gripper: GripperModel) -> float:
-        """How far an object may stand out from the tool frame towards the palm."""
+        """Return how far an object may stand out from the tool frame towards the palm."""
         return min(self.max_depth, gripper.part.finger_depth - self.palm_clearance)
 
     def top_height(self, top: float, support_height: float, gripper: GripperModel) -> float | None:
-        """z of the tool frame for a grasp from above an object with its top at ``top``; None where too flat."""
+        """z of the tool frame for a grasp from above an object with its top at ``top``, or None if too flat."""
         half_pad = gripper.part.pad_size[1] / 2
         lowest = support_height + half_pad + self.support_clearance
         least = support_height + half_pad + self.least_support_clearance
@@ -160,7 +160,7 @@ class HandShape:
     def touches(
         self, hands: HandPoses, openings: NDArray[np.float64], points: NDArray[np.float64], margin: float
     ) -> NDArray[np.bool_]:
-        """Whether one of ``points`` (N, 3) lies in a box of the open hand (K,), grown by ``margin`` metres."""
+        """Return whether one of ``points`` (N, 3) lies in a box of the open hand (K,), grown by ``margin`` metres."""
         result = np.zeros(len(hands), dtype=bool)
         centres, halves = self.boxes(openings)
         for part in hands.passes(len(points)):

@@ -134,7 +134,9 @@ class HandleGrasp(GraspPlanner):
         return replace(candidate, lift=handle_motion(handle, self.opened_by) @ candidate.grasp)
 
     def _before_front(self, candidate: GraspCandidate, handle: Handle, shape: HandShape) -> GraspCandidate | None:
-        """The candidate, drawn back where its finger tips would meet the front; None where that is not enough."""
+        """Return the candidate, drawn back where its finger tips would meet the front, or None if that is not
+        enough.
+        """
         for back in np.linspace(0.0, self.back, 5):
             moved = self._drawn_back(candidate, float(back), handle)
             if self._depth_in_front(moved, handle, shape) <= 0.0:

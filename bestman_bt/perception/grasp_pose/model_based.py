@@ -209,7 +209,7 @@ class ModelBased(GraspPlanner):
     def _placed(
         self, grasps: tuple[ObjectGrasp, ...], frame_from_object: Pose, gripper: GripperModel, support_height: float
     ) -> list[GraspCandidate]:
-        """The grasps of a model that come from above or from the side, clear of the support."""
+        """Return the grasps of a model that come from above or from the side, clear of the support."""
         hand, shape = self.hand, HandShape(gripper, self.shape)
         candidates = []
         for grasp in grasps:

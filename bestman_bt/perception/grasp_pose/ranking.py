@@ -54,7 +54,7 @@ def columns_below(points: NDArray[np.float64], support_height: float, cell: floa
 
 
 def hands_of(candidates: Sequence[GraspCandidate]) -> HandPoses:
-    """The grasp poses of candidates."""
+    """Return the grasp poses of candidates."""
     rotations = np.array([candidate.grasp.rotation for candidate in candidates]).reshape(-1, 3, 3)
     return HandPoses(rotations, np.array([candidate.grasp.position for candidate in candidates]).reshape(-1, 3))
 

@@ -90,7 +90,8 @@ def _triangulated(shape: Shape) -> trimesh.Trimesh:
 
 
 def _contains(triangles: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Whether points (N, 3) lie inside the closed surface of ``triangles``: rays that leave it an odd number of times.
+    """Return whether points (N, 3) lie inside the closed surface of ``triangles``: rays that leave it an odd number of
+    times.
 
     The direction is oblique, so that it runs along no face of an ordinary shape.
     """

@@ -27,9 +27,9 @@ MOST_TRIANGLES = 12_000
 
 
 def simplified(mesh: Mesh, most: int = MOST_TRIANGLES, library: Literal["trimesh", "open3d"] = "trimesh") -> Mesh:
-    """The mesh itself, or one of at most ``most`` triangles (Garland and Heckbert's quadric error metric, 1997).
+    """Return the mesh itself, or one of at most ``most`` triangles (Garland and Heckbert's quadric error metric, 1997).
 
-    ``library``: whose implementation. MissingExtraError where its package is not installed.
+    ``library``: whose implementation. Raises MissingExtraError if its package is not installed.
     """
     if len(mesh.faces) <= most:
         return mesh
@@ -56,9 +56,10 @@ _DISAGREE = "the mesh cannot be closed: some of its triangles overlap, or do not
 
 
 def closed(mesh: Mesh) -> Mesh:
-    """The mesh with a fan of triangles over each hole, around the middle of its border; one without holes is itself.
+    """Return the mesh with a fan of triangles over each hole, around the middle of its border; one without holes is
+    itself.
 
-    Raises PerceptionError where that gives no closed surface: triangles overlap, cross or do not agree on a side.
+    Raises PerceptionError if that gives no closed surface: triangles overlap, cross or do not agree on a side.
     """
     directed = mesh.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
     there = {(int(a), int(b)) for a, b in directed}
@@ -96,14 +97,14 @@ def _loops(after: dict[int, list[int]]) -> Iterator[NDArray[np.int64]]:
 
 
 def bodies_of(mesh: Mesh) -> list[Any]:
-    """The bodies of a mesh as trimesh.Trimesh; two that touch along an edge are two."""
+    """Return the bodies of a mesh as trimesh.Trimesh; two that touch along an edge are two."""
     whole = trimesh.Trimesh(mesh.vertices.copy(), mesh.faces.copy(), process=False)
     bodies: list[Any] = whole.split(only_watertight=False, repair=False)
     return bodies
 
 
 def is_closed(mesh: Mesh) -> bool:
-    """Whether all its bodies are closed, and their triangles agree on which side is outside."""
+    """Return whether all its bodies are closed, and their triangles agree on which side is outside."""
     return all(body.is_watertight and body.is_winding_consistent for body in bodies_of(mesh))
 
 
@@ -133,7 +134,7 @@ class ConvexDecomposition:
     def parts(self, mesh: Mesh) -> tuple[Mesh, ...]:
         """Convex meshes that together fill ``mesh``, whose corners are joined where triangles meet.
 
-        Holes are closed first, and each body is cut on its own. Raises PerceptionError where the mesh cannot be closed
+        Holes are closed first, and each body is cut on its own. Raises PerceptionError if the mesh cannot be closed
         or encloses no volume. The same mesh gives the same parts.
         """
         mesh = closed(mesh)

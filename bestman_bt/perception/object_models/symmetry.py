@@ -67,7 +67,9 @@ class _Surface:
         self._tried = np.concatenate([samples[: p.tried], corners[:: -(-len(corners) // p.tried)]])
 
     def falls_on_itself(self, angle: float, tolerance: float) -> bool:
-        """Whether the surface turned by ``angle`` radians about z is nowhere more than ``tolerance`` metres off."""
+        """Return whether the surface turned by ``angle`` radians about z is nowhere more than ``tolerance`` metres
+        off.
+        """
         c, s = math.cos(angle), math.sin(angle)
         turned = self._tried @ np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
         nearby = self._triangles[self._faces[self._tree.query(turned, k=8)[1]]]

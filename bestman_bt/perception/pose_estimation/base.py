@@ -70,7 +70,7 @@ class PoseEstimator(ABC):
 
     @abstractmethod
     def estimate(self, cluster: Cluster, models: Sequence[ObjectModel], view: View) -> tuple[PoseHypothesis, ...]:
-        """The best pose of each model that could be this cluster, most confident first; empty where none could.
+        """Return the best pose of each model that could be this cluster, most confident first; empty where none could.
 
         ``view``: the view that the cluster was segmented from. Equal input gives equal output.
         """

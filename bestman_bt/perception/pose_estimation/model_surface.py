@@ -20,7 +20,7 @@ _DARK = 0.02
 
 
 def model_palette(model: ObjectModel) -> NDArray[np.float64]:
-    """The colours that a model has somewhere, (K, 3) rgb, 0 to 1."""
+    """Return the colours that a model has somewhere, (K, 3) rgb, 0 to 1."""
     return np.array([model.color, *model.visual_colors])
 
 

@@ -233,7 +233,7 @@ class SeenCluster:
         return cls(cluster, view, plane_view, points, plane_view.viewpoint, noise)
 
     def may_be(self, surface: ModelSurface, tolerance: float) -> bool:
-        """Whether height and reach fit; of what the image's border cuts off, more may be there than was seen."""
+        """Return whether height and reach fit; of what the image's border cuts off, more may be there than was seen."""
         box = self.cluster.bounding_box.shape
         assert isinstance(box, Box)
         top = float(np.percentile(self.points[:, 2], 98.0))
@@ -257,7 +257,7 @@ class SurfaceStore:
         self._turned: dict[ModelSurface, TurnedSurface] = {}
 
     def resting(self, model: ObjectModel) -> tuple[ModelSurface, ...]:
-        """The model standing and, where that is asked for, lying on its sides."""
+        """Return the model standing and, where that is asked for, lying on its sides."""
         if model not in self._resting:
             quarter = math.pi / 2
             orientations = [Pose()]
@@ -269,7 +269,7 @@ class SurfaceStore:
         return self._resting[model]
 
     def turned(self, surface: ModelSurface) -> TurnedSurface:
-        """The surface compared with itself, turned."""
+        """Return the surface compared with itself, turned."""
         if surface not in self._turned:
             self._turned[surface] = turned_surface(surface)
         return self._turned[surface]

@@ -55,7 +55,7 @@ class MultiView:
     def estimate(
         self, observations: Sequence[ViewObservation], models: Sequence[ObjectModel]
     ) -> tuple[PoseHypothesis, ...]:
-        """The best pose of each model that could be what all ``observations`` show, most confident first.
+        """Return the best pose of each model that could be what all ``observations`` show, most confident first.
 
         Equal input gives equal output. Raises PerceptionError without an observation.
         """
@@ -143,7 +143,7 @@ class MultiView:
         start: NDArray[np.float64],
         turns: int,
     ) -> tuple[Fit, PoseEvidence]:
-        """The fits of all views in one, and the evidence for it, weighed by the views' points."""
+        """Return the fits of all views in one, and the evidence for it, weighed by the views' points."""
         information, weighted = np.zeros((3, 3)), np.zeros(3)
         widening = np.diag([self.camera_position_std**2, self.camera_position_std**2, self.camera_yaw_std**2])
         for item, points in zip(seen, all_points, strict=True):
@@ -196,7 +196,7 @@ def _seen_on(plane: SupportPlane, observation: ViewObservation, single: MultiSta
 
 
 def pooled(evidence: Sequence[PoseEvidence], weights: NDArray[np.float64]) -> PoseEvidence:
-    """The mean of several views' evidence; ``weights``: their shares."""
+    """Return the mean of several views' evidence; ``weights``: their shares."""
     mean = {
         name: float(np.dot(weights, [getattr(item, name) for item in evidence]))
         for name in ("explained", "visible_fraction", "floating", "outside", "noise")

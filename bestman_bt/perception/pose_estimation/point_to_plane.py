@@ -113,7 +113,7 @@ class TurnedSurface:
         return largest
 
     def shift(self, angle: NDArray[np.float64]) -> NDArray[np.float64]:
-        """The shifts (n, 2) of the turns nearest to ``angle`` (n,) radians."""
+        """Return the shifts (n, 2) of the turns nearest to ``angle`` (n,) radians."""
         return self.shifts[self.nearest_turn(angle)]
 
     def nearest_turn(self, angle: NDArray[np.float64]) -> NDArray[np.intp]:

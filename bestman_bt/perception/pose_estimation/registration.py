@@ -68,7 +68,7 @@ class Registration:
     def coarse_poses(
         self, surface: ModelSurface, points: NDArray[np.float64], eye: NDArray[np.float64], turns: int, limit: int
     ) -> list[NDArray[np.float64]]:
-        """The best distinct poses (3,) of all starts, at most ``limit``; ``turns``: symmetry order about z."""
+        """Return the best distinct poses (3,) of all starts, at most ``limit``; ``turns``: symmetry order about z."""
         points = points[evenly(len(points), self.coarse_points)]
         lower, upper = np.percentile(points[:, :2], [2.0, 98.0], axis=0)
         centre = (lower + upper) / 2

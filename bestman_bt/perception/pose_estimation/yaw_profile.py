@@ -41,7 +41,8 @@ class SeenSpace:
     corner: NDArray[np.intp]
 
     def excess(self, pixels: NDArray[np.float64], depth: NDArray[np.float64]) -> NDArray[np.float64]:
-        """How far (N,), metres, samples at ``pixels`` (N, 2) and ``depth`` (N,) hover in front of what was measured.
+        """Return how far (N,), metres, samples at ``pixels`` (N, 2) and ``depth`` (N,) hover in front of what was
+        measured.
 
         0 where they do not, and where that is not known.
         """
@@ -240,7 +241,7 @@ class YawProfile:
 
 
 def _widened(arc: tuple[float, float], angle: float, half: float) -> tuple[float, float]:
-    """The arc, made to hold ``angle`` ± ``half``."""
+    """Return the arc, made to hold ``angle`` ± ``half``."""
     offset = wrap_angle(angle - arc[0])
     lower, upper = min(-arc[1], offset - half), max(arc[1], offset + half)
     return wrap_angle(arc[0] + (lower + upper) / 2), min(math.pi, (upper - lower) / 2)

@@ -19,7 +19,7 @@ from bestman_bt.perception.view import View
 
 
 def voxel_means(cloud: PointCloud, edge: float) -> PointCloud:
-    """The mean of position and colour in each cube of ``edge`` metres; ``cloud`` has colours."""
+    """Return the mean of position and colour in each cube of ``edge`` metres; ``cloud`` has colours."""
     if len(cloud) == 0:
         return cloud
     cells = np.floor((cloud.points - cloud.points.min(axis=0)) / edge).astype(np.int64)
@@ -53,7 +53,7 @@ class Region:
     tolerance: float = 0.05
 
     def corners(self) -> NDArray[np.float64]:
-        """The corners of the box that holds surface and things, (8, 3) metres in the frame."""
+        """Return the corners of the box that holds surface and things, (8, 3) metres in the frame."""
         half_x, half_y = self.size[0] / 2, self.size[1] / 2
         heights = (-self.tolerance, self.height)
         corners = np.array([[x, y, z] for x in (-half_x, half_x) for y in (-half_y, half_y) for z in heights])
@@ -114,12 +114,14 @@ class SupportPlane:
         return float((self.offset - a * x - b * y) / c)
 
     def seen_from(self, other_from_frame: Pose) -> SupportPlane:
-        """The same plane, given in another frame."""
+        """Return the same plane, given in another frame."""
         pose = other_from_frame @ self.frame_from_plane
         return replace(self, frame_from_plane=pose, inliers=other_from_frame.apply(self.inliers))
 
     def slab(self, thickness: float, grow: float = 0.0) -> PlacedShape:
-        """A box whose top face is the seen rectangle, grown by ``grow`` metres on each side: for collision worlds."""
+        """Return a box whose top face is the seen rectangle, grown by ``grow`` metres on each side: for collision
+        worlds.
+        """
         size = (self.size[0] + 2 * grow, self.size[1] + 2 * grow, thickness)
         return PlacedShape(Box(size), self.frame_from_plane @ Pose(np.array([0.0, 0.0, -thickness / 2])))
 
@@ -152,12 +154,12 @@ class Cluster:
         return PlacedShape(Box((float(width), float(depth), top)), self.plane.frame_from_plane @ plane_from_box)
 
     def seen_from(self, other_from_frame: Pose) -> Cluster:
-        """The same cluster, given in another frame."""
+        """Return the same cluster, given in another frame."""
         points, plane = other_from_frame.apply(self.points), self.plane.seen_from(other_from_frame)
         return replace(self, points=points, plane=plane)
 
     def obstacle(self, grow: float = 0.0) -> PlacedShape:
-        """The bounding box, ``grow`` metres larger on each side and above: for collision worlds."""
+        """Return the bounding box, ``grow`` metres larger on each side and above: for collision worlds."""
         box = self.bounding_box
         assert isinstance(box.shape, Box)
         x, y, z = box.shape.size

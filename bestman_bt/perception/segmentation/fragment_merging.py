@@ -129,7 +129,7 @@ def _hollow_inside(
     eye: NDArray[np.float64],
     p: FragmentMerging,
 ) -> int | None:
-    """The piece of whose inside ``i`` is the far wall: it stands before it and its rim is as high."""
+    """Return the piece of whose inside ``i`` is the far wall: it stands before it and its rim is as high."""
     if not hides[i].any():
         return None
     inner = fragments[i]
@@ -158,7 +158,7 @@ def _floats(
     depth: NDArray[np.float32],
     p: FragmentMerging,
 ) -> bool:
-    """Whether the lower end of piece ``i`` is in view and above the surface."""
+    """Return whether the lower end of piece ``i`` is in view and above the surface."""
     if float(np.percentile(fragment.local[:, 2], 3.0)) <= p.foot_height:
         return False
     lowest = np.full(labels.shape[1], -1)

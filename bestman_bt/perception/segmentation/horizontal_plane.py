@@ -81,7 +81,8 @@ class HorizontalPlane:
     def find_plane(
         self, local: NDArray[np.float64], region: Region, rng: np.random.Generator, pixels_per_point: int = 1
     ) -> SupportPlane:
-        """The lowest plane through enough points (N, 3) of the region's own frame that lie near the expected height.
+        """Return the lowest plane through enough points (N, 3) of the region's own frame that lie near the expected
+        height.
 
         The result is in the frame of the region's pose. Raises NoSurfaceError, in words, where there is none.
         """
@@ -108,7 +109,7 @@ class HorizontalPlane:
     def _lower_plane(
         self, band: NDArray[np.float64], plane: NDArray[np.float64], rng: np.random.Generator
     ) -> NDArray[np.float64] | None:
-        """A plane (a, b, c) clearly below ``plane`` with its share of the points (N, 3) and of the extent."""
+        """Return a plane (a, b, c) clearly below ``plane`` with its share of the points (N, 3) and of the extent."""
         heights = above_plane(band, plane)
         below = band[heights < -2.0 * self.ransac_distance]
         needed = math.ceil(self.lower_share * len(band))
@@ -129,7 +130,7 @@ class HorizontalPlane:
     ) -> tuple[NDArray[np.float64] | None, int]:
         """(a, b, c) of the nearly horizontal plane z = a x + b y + c with most of the points (N, 3), and their number.
 
-        None where fewer than ``needed`` points lie on it.
+        None if fewer than ``needed`` points lie on it.
         """
         judges = points[:: max(1, len(points) // self.ransac_points)]
         triples = judges[rng.integers(len(judges), size=(self.ransac_samples, 3))]
@@ -170,7 +171,7 @@ def least_squares_plane(points: NDArray[np.float64]) -> NDArray[np.float64]:
 def rectangle(
     inliers: NDArray[np.float64], plane: NDArray[np.float64], max_turn: float = math.radians(6.0)
 ) -> tuple[Pose, tuple[float, float]]:
-    """The smallest rectangle around the inliers whose sides lie within ``max_turn`` of the axes, and its size.
+    """Return the smallest rectangle around the inliers whose sides lie within ``max_turn`` of the axes, and its size.
 
     The pose's x is the turned x axis, its z the normal of ``plane`` (a, b, c).
     """
@@ -207,7 +208,9 @@ def above_plane(points: NDArray[np.float64], plane: NDArray[np.float64]) -> NDAr
 
 
 def _beside(points: NDArray[np.float64], tall: NDArray[np.float64], distance: float) -> NDArray[np.float64]:
-    """The points that have no tall point above or beside them: the foot of a wall does not belong to a surface."""
+    """Return the points that have no tall point above or beside them: the foot of a wall does not belong to a
+    surface.
+    """
     lower = points[:, :2].min(axis=0) - distance
     column, row = (np.floor((points[:, axis] - lower[axis]) / distance).astype(np.intp) for axis in (0, 1))
     taken = np.zeros((column.max() + 2, row.max() + 2), dtype=np.uint8)

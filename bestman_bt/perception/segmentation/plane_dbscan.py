@@ -71,7 +71,7 @@ class PlaneDbscan(HorizontalPlane, Segmentation):
         return voxel_means(cloud, self.voxel)
 
     def _labels(self, points: NDArray[np.float64]) -> NDArray[np.int64]:
-        """The cluster of each point, from 0; -1 for none."""
+        """Return the cluster of each point, from 0; -1 for none."""
         return dbscan(points, self.cluster_distance, self.core_points)
 
     def _things_above(self, cloud: PointCloud, plane: SupportPlane, region: Region) -> PointCloud:

@@ -226,7 +226,7 @@ def _along(points: NDArray[np.float64], pose: Pose, axis: int) -> NDArray[np.flo
 
 
 def _window(mask: NDArray[np.bool_]) -> tuple[slice, slice]:
-    """The rows and columns that hold all of ``mask``, and ten pixels around it."""
+    """Return the rows and columns that hold all of ``mask``, and ten pixels around it."""
     rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
     return (
         slice(max(0, int(rows[0]) - 10), int(rows[-1]) + 11),

@@ -187,7 +187,7 @@ class SupportSurfaces(HorizontalPlane):
     join_gap: Annotated[float, "m"] = 0.40
 
     def find(self, view: View, rng: np.random.Generator) -> tuple[SupportPlane, ...]:
-        """The surfaces, lowest first; x of each rectangle points away from the camera.
+        """Return the surfaces, lowest first; x of each rectangle points away from the camera.
 
         Equal input and generator state give equal output. Raises NoSurfaceError, in words, where there is none.
         """
@@ -262,7 +262,7 @@ class SupportSurfaces(HorizontalPlane):
     def _one_surface(
         self, first: NDArray[np.float64], second: NDArray[np.float64], plane: NDArray[np.float64], view: View
     ) -> bool:
-        """Whether nothing lower is seen through the gap between two pieces of a plane, whose hulls are given."""
+        """Return whether nothing lower is seen through the gap between two pieces of a plane, whose hulls are given."""
         a, b = _nearest(first, second)
         if float(np.linalg.norm(a - b)) > self.join_gap:
             return False
@@ -274,7 +274,7 @@ class SupportSurfaces(HorizontalPlane):
         return bool(seen_through.sum() <= 1)
 
     def _surface(self, piece: _Piece, view: View) -> SupportPlane | None:
-        """The piece with its extents, x away from the camera; None where it is too small."""
+        """Return the piece with its extents, x away from the camera, or None if it is too small."""
         away = piece.points[:, :2].mean(axis=0) - view.viewpoint[:2]
         turned = Pose.from_xyz_rpy((0.0, 0.0, 0.0), (0.0, 0.0, math.atan2(away[1], away[0])))
         local = turned.inverse().apply(piece.points)
@@ -335,7 +335,7 @@ def _covers(upper: SupportPlane, lower: SupportPlane) -> bool:
 def _nearest(
     first: NDArray[np.float64], second: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """The nearest points of two outlines (K, 2), sampled every centimetre or so."""
+    """Return the nearest points of two outlines (K, 2), sampled every centimetre or so."""
     a, b = (_sampled(outline) for outline in (first, second))
     distance = np.linalg.norm(a[:, None] - b[None], axis=2)
     i, j = np.unravel_index(int(np.argmin(distance)), distance.shape)

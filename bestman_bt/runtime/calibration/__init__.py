@@ -1,1 +1,1 @@
-"""Calibration of a robot's cameras: datasets, recorded or simulated, and what is written for robot files."""
+"""Calibration of a robot's cameras: recorded or simulated datasets, and results for robot files."""

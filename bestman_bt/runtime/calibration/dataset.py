@@ -1,4 +1,4 @@
-"""Recorded views of a calibration board: a folder with images and a ``dataset.yaml`` that tells about them."""
+"""Recorded views of a calibration board: a folder with images and a ``dataset.yaml`` that describes them."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from bestman_bt.perception.calibration.boards import Board, BoardSighting, Calib
 
 FILE = "dataset.yaml"
 Progress = Callable[[str, int, int], None]
-"""Called with what is going on, how many of it are done, and of how many."""
+"""Called with the current step, the number of finished items and their total."""
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ class BoardConfig:
 
 @dataclass(frozen=True)
 class PoseConfig:
-    """``xyz`` in metres, and ``rpy`` (URDF) or ``quaternion`` (xyzw)."""
+    """``xyz``: metres; ``rpy`` (URDF, radians) or ``quaternion`` (xyzw)."""
 
     xyz: Lengths3
     rpy: Angles3 | None = None
@@ -57,7 +57,7 @@ class PoseConfig:
 
 @dataclass(frozen=True)
 class LensConfig:
-    """Known intrinsics, pixels; they take the place of those of the robot's camera."""
+    """Known intrinsics, pixels; they replace those of the robot's camera."""
 
     focal_length: tuple[Factor, Factor]
     principal_point: tuple[Number, Number]
@@ -66,9 +66,9 @@ class LensConfig:
 
 @dataclass(frozen=True)
 class ViewConfig:
-    """``image``: colour, ``depth``: 16 bits, both beside this file. ``joints``: joint → position when it was taken.
+    """``image``: colour, ``depth``: 16 bits, both relative to this file. ``joints``: joint → position during the view.
 
-    ``hand``: the pose of the hand in the base, where there is no robot model to compute it from ``joints``.
+    ``hand``: the pose of the hand in the base, if no robot model can compute it from ``joints``.
     """
 
     image: str
@@ -79,11 +79,11 @@ class ViewConfig:
 
 @dataclass(frozen=True)
 class DatasetConfig:
-    """``robot``: whose joints the views tell; without one, ``setup`` says whether the hand carries camera or board.
+    """``robot``: the robot that ``joints`` of the views refer to; without one, ``setup`` says whether the hand carries
+    camera or board.
 
-    ``camera``: its name in the robot. ``board_on``: the robot's link that carries the board; without it the board
-    stands still, at ``board_pose`` in the robot's base where that was measured. ``depth_unit``: metres of one step of
-    depth.
+    ``camera``: its name in the robot. ``board_on``: the robot's link that carries the board; without it the board is
+    fixed, at ``board_pose`` in the robot's base if measured. ``depth_unit``: metres per unit of depth.
     """
 
     board: BoardConfig
@@ -99,7 +99,7 @@ class DatasetConfig:
 
 @dataclass(frozen=True, eq=False)
 class RecordedView:
-    """One view: the ``index`` of its entry, corners (None: no board seen), depth (H, W) metres where there is any."""
+    """One view: the ``index`` of its entry, corners (None: board not seen), depth (H, W) metres, if any."""
 
     index: int
     name: str
@@ -109,7 +109,7 @@ class RecordedView:
 
 @dataclass(frozen=True, eq=False)
 class Dataset:
-    """A checked dataset; ``document`` knows the lines. Images are read when they are asked for."""
+    """A checked dataset; ``document`` holds the line numbers. Images are read on demand."""
 
     folder: Path
     config: DatasetConfig
@@ -117,16 +117,16 @@ class Dataset:
     board: Board
 
     def intrinsics(self, size: tuple[int, int]) -> CameraIntrinsics | None:
-        """The intrinsics that the dataset states, if it does, for images of ``size`` (width, height)."""
+        """Return the intrinsics stated in the dataset for images of ``size`` (width, height) pixels, or None."""
         known = self.config.intrinsics
         if known is None:
             return None
         return CameraIntrinsics(*size, *known.focal_length, *known.principal_point, known.distortion)
 
     def read(self, progress: Progress) -> tuple[tuple[RecordedView, ...], tuple[int, int]]:
-        """All views with the board found in them, and the size (width, height) of the images.
+        """Return all views with the detected board, and the size (width, height) of the images in pixels.
 
-        Raises ConfigurationError for what is no image, or of another size than the first.
+        Raises ConfigurationError for a file that is not an image, or has another size than the first.
         """
         views: list[RecordedView] = []
         problems: list[Problem] = []
@@ -135,7 +135,7 @@ class Dataset:
             progress("finding the board", index, len(self.config.views))
             bgr = cv2.imread(str(self.folder / view.image), cv2.IMREAD_COLOR)
             if bgr is None:
-                problems.append(self.document.problem(("views", index, "image"), f"{view.image} is no image"))
+                problems.append(self.document.problem(("views", index, "image"), f"{view.image} is not an image"))
                 continue
             here = (bgr.shape[1], bgr.shape[0])
             size = size or here
@@ -158,14 +158,17 @@ class Dataset:
             return None, ""
         steps = cv2.imread(str(self.folder / view.depth), cv2.IMREAD_UNCHANGED)
         if steps is None or steps.ndim != 2 or steps.dtype != np.uint16:
-            return None, f"{view.depth} is no image of 16 bits and one channel"
+            return None, f"{view.depth} is not an image with 16 bits and one channel"
         if (steps.shape[1], steps.shape[0]) != size:
             return None, f"{view.depth} has {steps.shape[1]} × {steps.shape[0]} pixels, its colour image others"
         return (steps * self.config.depth_unit).astype(np.float32), ""
 
 
 def load_dataset(folder: Path) -> Dataset:
-    """Read and check ``folder/dataset.yaml``; ConfigurationError lists everything that is wrong, with lines."""
+    """Read and check ``folder/dataset.yaml``.
+
+    Raises ConfigurationError listing every fault with its line.
+    """
     document = read_document(folder / FILE)
     config, problems = salvage(document, DatasetConfig)
     if document.data.get("views") == []:
@@ -193,7 +196,7 @@ def _view_faults(view: ViewConfig, index: int, document: Document, folder: Path)
 
 
 def pose_of(config: PoseConfig) -> Pose:
-    """The pose that is written down; ``rpy`` and ``quaternion`` both missing means no rotation."""
+    """Return the pose as written; without ``rpy`` and ``quaternion`` there is no rotation."""
     if config.quaternion is not None:
         return Pose(np.array(config.xyz), Rotation.from_quat(config.quaternion).as_quat())
     return Pose.from_xyz_rpy(config.xyz, config.rpy or (0.0, 0.0, 0.0))

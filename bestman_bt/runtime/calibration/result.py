@@ -1,4 +1,4 @@
-"""The result of a calibration: a document that a robot file takes, with how certain it is."""
+"""The result of a calibration: a document for a robot file, with its uncertainty."""
 
 from __future__ import annotations
 
@@ -14,10 +14,11 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True, eq=False)
 class CalibrationResult:
-    """``parts``: what is laid over a robot's parts. ``figures``: standard deviations, covariance, offsets, for people.
+    """``parts``: settings that override a robot's parts. ``figures``: standard deviations, covariance, offsets, for
+    people.
 
-    ``views``: names of the views that were used; ``errors``: root mean square reprojection error of each, pixels;
-    ``offsets``: (N, 2) pixels of each view's corners. ``notes``: what was left out, in words.
+    ``views``: names of the used views; ``errors``: root mean square reprojection error of each, pixels; ``offsets``:
+    (N, 2) pixels, of each view's corners. ``notes``: what was left out, in words.
     """
 
     kind: str
@@ -38,7 +39,7 @@ class CalibrationResult:
         return float(np.sqrt(np.mean(squares)))
 
     def to_document(self) -> dict[str, Any]:
-        """Plain values; equal data give equal text."""
+        """Return the result as plain values; equal results give equal text."""
         worst = int(np.argmax(self.errors))
         document: dict[str, Any] = {
             "kind": self.kind,
@@ -66,13 +67,13 @@ class CalibrationResult:
 
 
 def deviations(covariance: NDArray[np.float64]) -> dict[str, list[float]]:
-    """Standard deviations of a pose: millimetres and degrees, for people."""
+    """Return the standard deviations of a pose from its covariance (6, 6), m and rad: millimetres and degrees."""
     roots = np.sqrt(np.diag(covariance))
     return {"position_mm": (1e3 * roots[:3]).tolist(), "rotation_deg": np.degrees(roots[3:]).tolist()}
 
 
 def _plain(value: Any) -> Any:
-    """Numbers to seven digits: what a machine adds beyond that would make equal calibrations differ."""
+    """Return numbers rounded to seven digits, so that equal calibrations give equal files on all machines."""
     if isinstance(value, Mapping):
         return {str(key): _plain(item) for key, item in value.items()}
     if isinstance(value, np.ndarray):

@@ -1,4 +1,4 @@
-"""What a robot model says about a camera: what carries it, how its mount is written, what moves it."""
+"""The kinematic chain of a camera in a robot model: its carrier, its mount and the joints that move it."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class Joint:
 
 
 class RobotChain:
-    """The chain from base to one camera. Raises ConfigurationError if the robot has no such camera."""
+    """The chain from the base to one camera. Raises ConfigurationError if the robot has no such camera."""
 
     def __init__(self, robot: RobotModel, camera: str) -> None:
         if camera not in robot.of(CameraPart):
@@ -60,19 +60,19 @@ class RobotChain:
 
     @cached_property
     def head(self) -> str | None:
-        """The name of the joint group, a pan-tilt, that moves the camera; None if there is none."""
+        """The name of the joint group (pan-tilt) that moves the camera, or None."""
         moving = set(self.joints_to(self.carrier))
         groups = self.robot.of(JointGroupModel).items()
         return next((name for name, group in groups if moving & set(group.joint_names)), None)
 
     @cached_property
     def arm(self) -> str | None:
-        """The name of the arm that carries the camera; None if there is none."""
+        """The name of the arm that carries the camera, or None."""
         moving = set(self.joints_to(self.carrier))
         return next((name for name, arm in self.robot.of(ArmModel).items() if moving & set(arm.joint_names)), None)
 
     def joints_to(self, link: str) -> list[str]:
-        """Names of the joints between the root and a link, from the root on."""
+        """Return the names of the joints from the root to a link, in order."""
         names: list[str] = []
         while link in self._joint_of:
             joint = self._joint_of[link]
@@ -81,15 +81,15 @@ class RobotChain:
         return names
 
     def carrier_from_camera(self) -> Pose:
-        """Where the model has the camera's optical frame on its carrier."""
+        """The pose of the camera's optical frame on its carrier, according to the model."""
         return self.kinematics.pose(self.optical_frame, {}, self.carrier)
 
     def head_root(self, head: str) -> str:
-        """The first link of the head, by which it is mounted."""
+        """Return the first link of the head, which is mounted on the robot."""
         return self._mount(head).child
 
     def head_axes(self, head: str) -> HeadAxes:
-        """The axes of the first and the last joint of the head, in the frames that ``HeadAxes`` names."""
+        """Return the axes of the first and the last joint of the head, in the frames that ``HeadAxes`` names."""
         names = [
             name for name in self.joints_to(self.carrier) if name in self.robot.of(JointGroupModel)[head].joint_names
         ]
@@ -100,25 +100,27 @@ class RobotChain:
         return HeadAxes(_triple(in_mount), _triple(in_carrier))
 
     def camera_mount(self, carrier_from_camera: Pose) -> dict[str, list[float]]:
-        """``xyz`` and ``rpy`` of the camera in the robot file, for an optical frame at ``carrier_from_camera``."""
+        """Return ``xyz`` and ``rpy`` of the camera for the robot file, from the pose of its optical frame on the
+        carrier.
+        """
         root = self._mount(self.camera).child
         return written(carrier_from_camera @ self.kinematics.pose(self.optical_frame, {}, root).inverse())
 
     def head_mount(self, head: str, base_from_head: Pose) -> dict[str, list[float]]:
-        """``xyz`` and ``rpy`` of the head in the robot file, for its first link at ``base_from_head``."""
+        """Return ``xyz`` and ``rpy`` of the head for the robot file, from the pose of its first link in the base."""
         return written(self.kinematics.pose(self._mount(head).parent, {}).inverse() @ base_from_head)
 
     def _mount(self, part: str) -> Joint:
         name = f"{part}_mount_joint"
         found = next((joint for joint in self._joint_of.values() if joint.name == name), None)
         if found is None:
-            message = f"part {part!r} of robot {self.robot.name!r} is mounted on nothing"
+            message = f"part {part!r} of robot {self.robot.name!r} is not mounted on anything"
             raise ConfigurationError([Problem("camera", None, "", message)])
         return found
 
 
 def written(pose: Pose) -> dict[str, list[float]]:
-    """A pose as a robot file has it: metres to a micrometre, radians to a microradian."""
+    """Return a pose as written to a robot file: metres to a micrometre, radians to a microradian."""
     return {
         "xyz": [round(float(value), 6) for value in pose.position],
         "rpy": [round(float(value), 6) for value in pose.roll_pitch_yaw],

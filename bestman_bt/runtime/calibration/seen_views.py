@@ -1,4 +1,4 @@
-"""The views of a dataset that show its board, and where the encoders put both ends of the chain between them."""
+"""The views of a dataset that show its board, with the poses of both ends of the chain from the encoders."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from bestman_bt.runtime.calibration.robot_chain import RobotChain
 
 @dataclass(frozen=True, eq=False)
 class Seen:
-    """The views that show the board, and the camera that took them; ``left_out``: names of those that contradict."""
+    """The views that show the board, and their camera; ``left_out``: names of contradicting views."""
 
     views: tuple[RecordedView, ...]
     sightings: tuple[BoardSighting, ...]
@@ -32,7 +32,7 @@ class Seen:
     left_out: tuple[str, ...] = ()
 
     def without(self, indices: Sequence[int]) -> Seen:
-        """The others; these are left out."""
+        """Return the remaining views; those at ``indices`` are moved to ``left_out``."""
         kept = [index for index in range(len(self.views)) if index not in indices]
         return replace(
             self,
@@ -43,7 +43,7 @@ class Seen:
 
     @contextmanager
     def named(self) -> Iterator[None]:
-        """Views that contradict the others are told by their names."""
+        """Inside this context, ContradictingViewsError names the views instead of their indices."""
         try:
             yield
         except ContradictingViewsError as error:
@@ -51,14 +51,14 @@ class Seen:
 
 
 def chain_of(dataset: Dataset) -> RobotChain | None:
-    """The robot's chain to the camera; None for a dataset without a robot."""
+    """Return the robot's chain to the camera, or None for a dataset without a robot."""
     if dataset.config.robot is None:
         return None
     return RobotChain(load_robot_model(dataset.config.robot), dataset.config.camera)
 
 
 def seen_views(dataset: Dataset, chain: RobotChain | None, progress: Progress) -> Seen:
-    """Find the board in all images; raises ConfigurationError if nothing tells the camera's intrinsics."""
+    """Find the board in all images. Raises ConfigurationError if the camera's intrinsics are not known."""
     views, size = dataset.read(progress)
     intrinsics = dataset.intrinsics(size)
     if intrinsics is None and chain is not None:
@@ -68,14 +68,17 @@ def seen_views(dataset: Dataset, chain: RobotChain | None, progress: Progress) -
             message = f"the images have {size[0]} × {size[1]} pixels, the robot's camera {own}"
             raise ConfigurationError([dataset.document.problem(("camera",), message)])
     if intrinsics is None:
-        message = "is missing: without a robot the dataset has to tell the camera's intrinsics"
+        message = "is missing: without a robot the dataset should state the camera's intrinsics"
         raise ConfigurationError([dataset.document.problem(("intrinsics",), message)])
     with_board = [(view, view.sighting) for view in views if view.sighting is not None]
     return Seen(tuple(v for v, _ in with_board), tuple(s for _, s in with_board), intrinsics, len(views))
 
 
 def both_ends(dataset: Dataset, chain: RobotChain | None, seen: Seen) -> tuple[list[Pose], list[Pose]]:
-    """base_from_carrier (of the camera) and base_from_holder (of the board) of each view."""
+    """Return base_from_carrier (of the camera) and base_from_holder (of the board) of each view.
+
+    Raises ConfigurationError if joint positions or hand poses are missing.
+    """
     config, problems = dataset.config, []
     carriers, holders = [], []
     for view in seen.views:
@@ -111,7 +114,7 @@ def both_ends(dataset: Dataset, chain: RobotChain | None, seen: Seen) -> tuple[l
 
 
 def add_depth(seen: Seen, poses: Sequence[Pose], settings: dict[str, Any], figures: dict[str, Any]) -> list[str]:
-    """Calibrate the depth where there is any; returns notes on what could not be done."""
+    """Calibrate the depth if the views have it; returns notes on what failed."""
     with_depth = [
         (sighting, pose, view.depth)
         for view, sighting, pose in zip(seen.views, seen.sightings, poses, strict=True)
@@ -143,12 +146,12 @@ def result_of(
     figures: dict[str, Any],
     notes: list[str],
 ) -> CalibrationResult:
-    """The result, with a note on the views that were of no use."""
+    """Return the result, with a note on the unused views."""
     errors = np.array([np.sqrt(np.mean(np.sum(offset**2, axis=1))) for offset in offsets])
     without = seen.recorded - len(seen.views) - len(seen.left_out)
     if seen.left_out:
         which = ", ".join(seen.left_out)
-        notes = [*notes, f"left out, since what the other views say contradicts them: {which}; look at pose and image"]
+        notes = [*notes, f"left out because they contradict the other views: {which}; check pose and image"]
     if without:
         notes = [*notes, f"{without} of {seen.recorded} views do not show enough of the board"]
     return CalibrationResult(

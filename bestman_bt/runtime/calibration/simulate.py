@@ -1,4 +1,4 @@
-"""A calibration without hardware: a robot that is not built as its file says records views, and the truth is known."""
+"""Calibration without hardware: a simulated robot that differs from its file records views; the truth is known."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ POSITION_ERROR, ROTATION_ERROR = 0.006, math.radians(1.5)
 
 @dataclass(frozen=True)
 class Simulated:
-    """``robot``: as named; ``camera``: the one that was calibrated; ``built``: the robot as it really is."""
+    """``robot``: its name; ``camera``: the calibrated one; ``built``: the robot as simulated."""
 
     robot: str
     settings: Mapping[str, Any]
@@ -47,13 +47,13 @@ def simulate(
     folder: Path,
     progress: Progress,
 ) -> Simulated:
-    """Record a dataset into ``folder``; raises ConfigurationError or CalibrationError."""
+    """Record a dataset into ``folder``. Raises ConfigurationError or CalibrationError."""
     model = load_robot_model(robot, settings)
     chain = RobotChain(model, camera or _first_camera(kind, model))
     if not model.of(ArmModel):
         raise ConfigurationError([Problem("--simulate", None, "", f"robot {model.name!r} has no arm to record with")])
     if chain.head is None and (kind == "head" or chain.arm is None):
-        message = f"nothing of robot {model.name!r} moves camera {chain.camera!r}"
+        message = f"no joint of robot {model.name!r} moves camera {chain.camera!r}"
         raise ConfigurationError([Problem("--simulate", None, "", message)])
     built = load_robot_model(robot, {**settings, **_as_built(kind, chain, np.random.default_rng([seed, 3]))})
     carried = chain.arm is not None
@@ -64,7 +64,7 @@ def simulate(
 
 
 def compare(kind: Kind, simulated: Simulated, calibration: Path) -> dict[str, float]:
-    """How far the robot with this calibration file is from the one that was built, and how far its own file was."""
+    """Return the errors of this calibration, and of the robot's own file, with respect to the simulated robot."""
     settings = simulated.settings
     found = load_robot_model(simulated.robot, {**settings, "calibration": [str(calibration)]})
     before = load_robot_model(simulated.robot, settings)
@@ -108,7 +108,7 @@ def _span(kind: Kind, carried: bool) -> Span:
 
 
 def _as_built(kind: Kind, chain: RobotChain, rng: np.random.Generator) -> dict[str, Any]:
-    """Settings that make a robot what it is: mounts, lens and depth off by chance."""
+    """Return settings with random errors of mounts, lens and depth: the robot as built."""
     camera = f"parts.{chain.camera}"
     settings: dict[str, Any] = {
         f"{camera}.set.depth_scale": float(1.0 + 0.01 * rng.uniform(-1, 1)),
@@ -161,7 +161,9 @@ def _pose_error(found: RobotModel, built: RobotModel, camera: str) -> dict[str, 
 
 
 def _lens_error(found: RobotModel, built: RobotModel, camera: str) -> dict[str, float]:
-    """Pixels, root mean square and largest, over what the built camera sees; up to a turn of the camera."""
+    """Return the root mean square and largest pixel error over the image of the built camera, up to a camera
+    rotation.
+    """
     true, k = built.of(CameraPart)[camera].intrinsics, found.of(CameraPart)[camera].intrinsics
     x, y = np.meshgrid(np.linspace(-0.62, 0.62, 15), np.linspace(-0.46, 0.46, 11))
     wall = np.stack([x.ravel(), y.ravel(), np.ones(x.size)], axis=1)

@@ -1,7 +1,7 @@
-"""Records a calibration dataset with a simulated robot: it moves camera and board, looks, and saves what it saw.
+"""Recording of a calibration dataset with a simulated robot: it moves camera and board, and saves the views.
 
-The robot that is simulated is not built as its file says: mounts, lens and depth are off by chance, as in a workshop.
-Its file is all that the calibration gets.
+The simulated robot differs from its file: mounts, lens and depth have random errors. The calibration only gets the
+file.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ _FACES = np.array(
 
 
 def board_shapes(board: CharucoBoard, margin: float = 0.012) -> list[tuple[PlacedShape, Color]]:
-    """Shapes with colours in the board frame, z away from who looks at it; ``margin``: white rim, metres."""
+    """Return coloured shapes of the board in the board frame, z away from the viewer; ``margin``: white rim, metres."""
     width, height = board.size
     middle = Pose(np.array([width / 2, height / 2, PLATE / 2]))
     plate = PlacedShape(Box((width + 2 * margin, height + 2 * margin, PLATE)), middle)
@@ -66,7 +66,7 @@ def board_shapes(board: CharucoBoard, margin: float = 0.012) -> list[tuple[Place
 
 
 def plate_box(board: CharucoBoard, margin: float = 0.02) -> PlacedShape:
-    """A box around the board, for collision checks."""
+    """Return a box around the board, for collision checks."""
     width, height = board.size
     size = Box((width + 2 * margin, height + 2 * margin, PLATE + 2 * TILE))
     return PlacedShape(size, Pose(np.array([width / 2, height / 2, PLATE / 2])))
@@ -84,7 +84,7 @@ def _tiles(board: CharucoBoard) -> Mesh:
 
 
 def _pixels_per_square(board: CharucoBoard) -> int:
-    """The fewest pixels with which the markers' cells fall onto whole pixels."""
+    """Return the fewest pixels with which the markers' cells fall onto whole pixels."""
     cells = int(board.dictionary.split("_")[1].split("X")[0]) + 2
     for pixels in range(cells, 40 * cells):
         cell = pixels * board.marker / board.square / cells
@@ -105,14 +105,14 @@ def _runs(black: NDArray[np.bool_]) -> list[tuple[int, int, int]]:
 ON_BASE = Pose.from_xyz_rpy((0.62, 0.0, 0.62), (0.0, math.radians(-25.0), 0.0)) @ Pose.from_xyz_rpy(
     (0.0, 0.0, 0.0), (math.pi, 0.0, math.pi / 2)
 )
-"""Where the middle of a board on the base is, in the base frame: before the arm, leaning towards it, x to the right.
+"""Middle of a board on the base, in the base frame: in front of the arm, leaning towards it, x to the right.
 
 It is bolted to the base, not to the floor: while the arm swings, the base creeps by millimetres on its tyres.
 """
 POST = PlacedShape(Box((0.04, 0.04, 0.5)), Pose.from_xyz_rpy((0.44, 0.0, 0.44), (0.0, math.radians(52.0), 0.0)))
 """The arm of the base that carries the board."""
 IN_HAND = Pose.from_xyz_rpy((0.0, 0.0, 0.3), (0.0, 0.0, 0.0)) @ Pose.from_xyz_rpy((0, 0, 0), (0.0, math.pi / 2, 0.0))
-"""Where the middle of a board that is bolted to the hand is, in the hand's frame: beyond the fingers, along them."""
+"""Middle of a board bolted to the hand, in the hand's frame: beyond the fingers, along them."""
 SPEED = SpeedScale(0.6, 0.4)
 SETTLE = 0.4
 TRIES = 60
@@ -120,7 +120,7 @@ TRIES = 60
 
 @dataclass(frozen=True)
 class BoardPlacement:
-    """A board on a link, the base or the hand; ``in_hand`` says which."""
+    """A board on a link, the base or the hand; ``in_hand``: on the hand."""
 
     board: CharucoBoard
     holder: str
@@ -130,9 +130,9 @@ class BoardPlacement:
 
 @dataclass(frozen=True)
 class Span:
-    """How the board is placed in the camera: distances in metres, angles in radians.
+    """Ranges of the board's pose in the camera: distances in metres, angles in radians.
 
-    ``offset``: of its middle from the image's, as a share of the image's half size.
+    ``offset``: of its middle from that of the image, as a fraction of half the image size.
     """
 
     nearest: float
@@ -144,7 +144,7 @@ class Span:
 
 @dataclass(frozen=True)
 class Views:
-    """How many views are taken of a board, drawn from ``seed``."""
+    """``count`` views of a board, drawn from ``seed``."""
 
     placement: BoardPlacement
     span: Span
@@ -161,9 +161,9 @@ def record(
     folder: Path,
     progress: Progress,
 ) -> None:
-    """Write a dataset of ``views`` into ``folder``; CalibrationError if the arm reaches too few of them.
+    """Write a dataset of ``views`` into ``folder``. Raises CalibrationError if the arm reaches too few of them.
 
-    ``file_robot``, read from ``file``, plans; ``built_robot`` moves and sees.
+    ``file_robot``, read from ``file``, plans the motions; ``built_robot`` executes and records them.
     """
     folder.mkdir(parents=True, exist_ok=True)
     rng = np.random.default_rng([views.seed, 7])
@@ -270,7 +270,7 @@ class _Recorder:
         return base_from_holder @ self._forward.pose(tool, positions, placement.holder)
 
     def _drawn(self) -> Pose:
-        """The middle of the board in the camera."""
+        """Return the middle of the board in the camera."""
         span, rng, k = self._span, self._rng, self._chain.intrinsics
         distance = rng.uniform(span.nearest, span.farthest)
         half = np.array([k.width / 2 / k.fx, k.height / 2 / k.fy])
@@ -305,12 +305,12 @@ class _Recorder:
 
 
 def on_base(board: CharucoBoard, robot: RobotModel) -> BoardPlacement:
-    """A board that the base carries before its arm."""
+    """Return a board that is mounted on the base in front of the arm."""
     return BoardPlacement(board, robot.base_frame, ON_BASE @ _from_middle(board), in_hand=False)
 
 
 def in_hand(board: CharucoBoard, robot: RobotModel) -> BoardPlacement:
-    """A board bolted to the hand."""
+    """Return a board bolted to the hand."""
     hand = next(iter(robot.of(GripperModel).values())).hand_link
     return BoardPlacement(board, hand, IN_HAND @ _from_middle(board), in_hand=True)
 
@@ -320,7 +320,7 @@ def _from_middle(board: CharucoBoard) -> Pose:
 
 
 def _with_board(robot: RobotModel, placement: BoardPlacement, folder: Path) -> RobotModel:
-    """The robot with a board bolted to a link; it weighs next to nothing."""
+    """Return the robot with a board bolted to a link; it weighs next to nothing."""
     shapes = board_shapes(placement.board)
     if not placement.in_hand:
         post = PlacedShape(POST.shape, placement.holder_from_board.inverse() @ POST.pose)

@@ -1,4 +1,4 @@
-"""From a dataset to where a camera sits on an arm, or beside one."""
+"""Solvers: from a dataset to intrinsics, the mount of a camera on a head or arm, or its pose beside an arm."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from bestman_bt.runtime.calibration.result import CalibrationResult, deviations
 from bestman_bt.runtime.calibration.robot_chain import written
 from bestman_bt.runtime.calibration.seen_views import Seen, add_depth, both_ends, chain_of, result_of, seen_views
 
-# A picture of what a calibration leaves over: how far corners are from where they should be, and each view's share.
+# A picture of the residuals: offsets of the corners, and the error of each view.
 
 
 def plot_residuals(result: CalibrationResult, path: Path) -> None:
@@ -49,7 +49,7 @@ def plot_residuals(result: CalibrationResult, path: Path) -> None:
 
 
 def solve_intrinsics(dataset: Dataset, method: IntrinsicsCalibration, progress: Progress) -> CalibrationResult:
-    """Focal lengths, principal point, distortion. Raises CalibrationError."""
+    """Return focal lengths, principal point and distortion. Raises CalibrationError."""
     views, size = dataset.read(progress)
     found = method.calibrate([view.sighting for view in views], size)
     k = found.intrinsics
@@ -78,13 +78,16 @@ def solve_intrinsics(dataset: Dataset, method: IntrinsicsCalibration, progress: 
 
 
 def solve_head(dataset: Dataset, progress: Progress) -> CalibrationResult:
-    """A camera on a pan-tilt head, before a fixed board or one on the arm."""
+    """Calibrate a camera on a pan-tilt head, in front of a fixed board or of a board on the arm.
+
+    Raises CalibrationError or ConfigurationError.
+    """
     if not dataset.board.tells_orientation:
         raise CalibrationError("a checkerboard looks the same after half a turn; poses need a ChArUco board")
     chain = chain_of(dataset)
     head = chain.head if chain is not None else None
     if chain is None or head is None:
-        message = "no pan-tilt of a robot moves this camera; for others use bestman-bt calibrate hand-eye"
+        message = "this camera is not on a pan-tilt head; use bestman-bt calibrate hand-eye instead"
         raise ConfigurationError([dataset.document.problem(("camera",), message)])
     seen = seen_views(dataset, chain, progress)
     root = chain.head_root(head)
@@ -126,13 +129,16 @@ def solve_head(dataset: Dataset, progress: Progress) -> CalibrationResult:
         parts[chain.camera]["set"] = settings
     if "mount" not in found.free:
         notes.append(
-            "where the head stands was not estimated: that needs a board on the arm, or one at a measured place"
+            "the mount of the head was not estimated: that needs a board on the arm, or one at a measured pose"
         )
     return result_of("head", dataset, seen, found.chain.offsets, parts, figures, notes)
 
 
 def solve_hand_eye(dataset: Dataset, method: str, progress: Progress) -> CalibrationResult:
-    """A camera on an arm before a fixed board, or a fixed camera before a board on the arm."""
+    """Calibrate a camera on an arm in front of a fixed board, or a fixed camera in front of a board on the arm.
+
+    Raises CalibrationError.
+    """
     if not dataset.board.tells_orientation:
         raise CalibrationError("a checkerboard looks the same after half a turn; poses need a ChArUco board")
     chain = chain_of(dataset)

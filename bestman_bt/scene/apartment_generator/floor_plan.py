@@ -35,7 +35,7 @@ class Room:
         return self.size[0] * self.size[1]
 
     def contains(self, x: float, y: float) -> bool:
-        """Whether a point lies in the room."""
+        """Return whether a point lies in the room."""
         return self.x[0] <= x <= self.x[1] and self.y[0] <= y <= self.y[1]
 
 
@@ -76,7 +76,7 @@ class FloorPlan:
 def floor_plan(
     options: ApartmentOptions, rng: np.random.Generator, door_rng: np.random.Generator, frame: float
 ) -> FloorPlan | None:
-    """Draw one about the origin; None where the draw came to nothing.
+    """Draw one about the origin, or None if the draw came to nothing.
 
     ``door_rng``: decides which doorways get a door, whose ``frame`` is as wide on each side.
     """
@@ -104,7 +104,7 @@ def floor_plan(
 
 
 def rooms_around(rooms: Sequence[Room]) -> list[Line]:
-    """The outer walls of a rectangle of rooms."""
+    """Return the outer walls of a rectangle of rooms."""
     x = min(room.x[0] for room in rooms), max(room.x[1] for room in rooms)
     y = min(room.y[0] for room in rooms), max(room.y[1] for room in rooms)
     corners = [(x[0], y[0]), (x[1], y[0]), (x[1], y[1]), (x[0], y[1])]
@@ -112,7 +112,7 @@ def rooms_around(rooms: Sequence[Room]) -> list[Line]:
 
 
 def _split(room: Room, rng: np.random.Generator) -> tuple[Room, Room, Line] | None:
-    """A room cut in two across its longer side, and the wall between them."""
+    """Return a room cut in two across its longer side, and the wall between them."""
     width, depth = room.size
     share = float(rng.uniform(0.36, 0.64))
     longer = max(width, depth)
@@ -126,7 +126,7 @@ def _split(room: Room, rng: np.random.Generator) -> tuple[Room, Room, Line] | No
 
 
 def _doorways(rooms: Sequence[Room], options: ApartmentOptions, rng: np.random.Generator) -> list[Doorway] | None:
-    """A tree of doorways over all rooms, and now and then one more; None where a room cannot have any."""
+    """Return a tree of doorways over all rooms, and now and then one more, or None if a room cannot have any."""
     group = list(range(len(rooms)))
     walls = list(_common_walls(rooms))
     doorways = []

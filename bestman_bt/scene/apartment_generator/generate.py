@@ -34,7 +34,7 @@ _BEFORE_WALL = 0.092  # half the depth of the frame: the leaf swings before the 
 def hang_doors(
     plan: FloorPlan, furniture: Sequence[ApartmentPiece], options: ApartmentOptions, rng: np.random.Generator
 ) -> list[ApartmentPiece] | None:
-    """A door for each doorway that shall have one; None where a leaf finds no room."""
+    """Return a door for each doorway that shall have one, or None if a leaf finds no room."""
     standing: list[Points] = [
         wall_rectangle(Wall(*line, options.wall_height, options.wall_thickness)) for line in plan.walls
     ]
@@ -51,7 +51,7 @@ def hang_doors(
 
 
 def as_standing(piece: ApartmentPiece) -> PlacedFurniture:
-    """The piece exactly where it shall stand."""
+    """Return the piece exactly where it shall stand."""
     return PlacedFurniture(piece.name, piece.model, piece.at, piece.at, open=piece.open)
 
 
@@ -80,7 +80,7 @@ def _hung(
 def moved_doors(
     doors: Sequence[ApartmentPiece], options: ApartmentOptions, rng: np.random.Generator
 ) -> list[ApartmentPiece]:
-    """The doors as they stand now: some were opened otherwise since the map was made."""
+    """Return the doors as they stand now: some were opened otherwise since the map was made."""
     return [
         replace(door, open={"door": float(rng.uniform(_HALF_OPEN[0], _OPEN[1]))})
         if rng.random() < options.moved_doors
@@ -114,7 +114,7 @@ class Apartment:
 
 
 def generate_apartment(options: ApartmentOptions, seed: int, passage: float = 0.37) -> Apartment:
-    """The apartment of a seed; ApartmentError where none comes about.
+    """Return the apartment of a seed. Raises ApartmentError if none comes about.
 
     Every room can be reached from every other one by a disc of the radius ``passage``, metres, wherever between its
     limits the furniture really stands, and however its doors stand open.
@@ -152,7 +152,7 @@ def _is_connected(
     options: ApartmentOptions,
     passage: float,
 ) -> bool:
-    """Whether all doorways and enough floor of each room belong to one area."""
+    """Return whether all doorways and enough floor of each room belong to one area."""
     outlines = [wall_rectangle(Wall(*line, options.wall_height, options.wall_thickness)) for line in plan.walls]
     for piece in furniture:
         depth, width = piece.model.footprint

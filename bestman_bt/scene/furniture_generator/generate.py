@@ -32,7 +32,8 @@ FURNITURE_KINDS = tuple(_KINDS)
 
 
 def generate_furniture(kind: str, rng: np.random.Generator, name: str | None = None, **options: Any) -> FurnitureModel:
-    """A piece of furniture of a kind of FURNITURE_KINDS; the same options and generator state give the same piece.
+    """Return a piece of furniture of a kind of FURNITURE_KINDS; the same options and generator state give the same
+    piece.
 
     ``options``: fields of the kind's options, for example ``drawers=3, handle=HandleOptions(kind="bar")``; what is not
     given is drawn. Raises FurnitureOptionError.
@@ -47,7 +48,7 @@ def generate_furniture(kind: str, rng: np.random.Generator, name: str | None = N
 
 
 def options_of(kind: str) -> type:
-    """The options' dataclass of a kind; FurnitureOptionError names the kinds."""
+    """Return the options' dataclass of a kind. Raises FurnitureOptionError naming the kinds."""
     if kind not in _KINDS:
         message = f"unknown kind of furniture {kind!r}; {suggestion(kind, list(FURNITURE_KINDS))}"
         raise FurnitureOptionError(("kind",), message)

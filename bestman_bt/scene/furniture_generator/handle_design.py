@@ -79,7 +79,10 @@ class HandleDesign:
         return self.lip + self.cup + CUP_BACK if self.kind == "edge" else plain
 
     def fitting_length(self, room: float) -> float:
-        """Length on a front with ``room`` metres along the handle; FurnitureOptionError if a given one is too long."""
+        """Length on a front with ``room`` metres along the handle.
+
+        Raises FurnitureOptionError if a given one is too long.
+        """
         free = room if self.kind == "edge" else room - 2 * BORDER
         if self.length_given and self.length > free:
             message = f"should be at most {free:.3f} m on a front with room for {room:.3f} m, got {self.length:g} m"
@@ -95,7 +98,7 @@ def draw_handle(
     largest_length: float = 0.40,
     directions: dict[Direction, float],
 ) -> HandleDesign:
-    """A design; ``weights``, ``directions``: how often each is drawn."""
+    """Return a design; ``weights``, ``directions``: how often each is drawn."""
     # All is drawn, whatever is given: so to fix one option changes no other.
     kind, direction, shape = _chosen(weights, rng), _chosen(directions, rng), _chosen(_SHAPES, rng)
     kind, direction, shape = options.kind or kind, options.direction or direction, options.shape or shape
@@ -134,7 +137,7 @@ def draw_handle(
 
 
 def knob_head(shape: KnobShape, radius: float) -> float:
-    """How far the head of a knob reaches along the front's normal, metres."""
+    """Return how far the head of a knob reaches along the front's normal, metres."""
     return 2 * radius if shape == "ball" else 1.2 * radius
 
 

@@ -69,7 +69,7 @@ def door(
     extra: Sequence[Solid] = (),
     latch: float = 0.0,
 ) -> Articulation:
-    """A door that turns about a border of its front, in the middle of its thickness.
+    """Return a door that turns about a border of its front, in the middle of its thickness.
 
     ``extra``: more solids of the leaf, in the panel frame (a window).
     """
@@ -101,7 +101,9 @@ def drawer(
     box_width: float,
     upper: float,
 ) -> Articulation:
-    """A drawer: a front with an open box ``box_width`` × ``depth`` behind it, whose bottom is a surface of its name."""
+    """Return a drawer: a front with an open box ``box_width`` × ``depth`` behind it, whose bottom is a surface of its
+    name.
+    """
     thickness, finish = design.thickness, design.finish
     panel = Panel(front.width, front.height, thickness, "top", closed_behind=False)
     solids, handle = front_with_handle(panel, design.handle, finish, centred=True)

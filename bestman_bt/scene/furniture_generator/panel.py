@@ -41,7 +41,7 @@ def carcass(
 
 
 def surface(name: str, x: tuple[float, float], y: tuple[float, float], z: float) -> Surface:
-    """A horizontal rectangle at height ``z``."""
+    """Return a horizontal rectangle at height ``z``."""
     return Surface(name, Pose.from_xyz_rpy(((x[0] + x[1]) / 2, (y[0] + y[1]) / 2, z)), (x[1] - x[0], y[1] - y[0]))
 
 
@@ -52,7 +52,7 @@ def model(
     surfaces: Sequence[Surface],
     articulations: Sequence[Articulation] = (),
 ) -> FurnitureModel:
-    """The piece of furniture made of all these."""
+    """Return the piece of furniture made of all these."""
     return FurnitureModel(
         name=name,
         footprint=footprint,
@@ -219,7 +219,7 @@ def _middle(panel: Panel, design: HandleDesign, extent: tuple[float, float], cen
 
 
 def _edge(panel: Panel, design: HandleDesign, finish: Finish) -> tuple[list[Solid], PanelHandle]:
-    """A front whose free border is cut back: lip, cup behind it, and the cup's back plate.
+    """Return a front whose free border is cut back: lip, cup behind it, and the cup's back plate.
 
     Built in (u along the free border, v towards it, z), then turned.
     """

@@ -28,7 +28,7 @@ class Solid:
     color: Color
 
     def seen_from(self, other_from_frame: Pose) -> Solid:
-        """The same solid, placed in another frame."""
+        """Return the same solid, placed in another frame."""
         return Solid(self.shape, other_from_frame @ self.pose, self.color)
 
     @property
@@ -55,17 +55,17 @@ class Solid:
 
 
 def block(lower: Point, upper: Point, color: Color) -> Solid:
-    """The box between two corners, along the axes."""
+    """Return the box between two corners, along the axes."""
     low, high = np.array(lower, dtype=float), np.array(upper, dtype=float)
     size = tuple(float(extent) for extent in high - low)
     return Solid(Box((size[0], size[1], size[2])), Pose((low + high) / 2), color)
 
 
 def rod(centre: Point, along: str, radius: float, length: float, color: Color) -> Solid:
-    """A cylinder along ``x``, ``y`` or ``z``."""
+    """Return a cylinder along ``x``, ``y`` or ``z``."""
     return Solid(Cylinder(radius, length), Pose(np.array(centre, dtype=float), _ALONG[along].quaternion), color)
 
 
 def ball(centre: Point, radius: float, color: Color) -> Solid:
-    """A sphere."""
+    """Return a sphere."""
     return Solid(Sphere(radius), Pose(np.array(centre, dtype=float)), color)

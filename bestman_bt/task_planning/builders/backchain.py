@@ -47,7 +47,7 @@ class _Chain:
         self.count = 0
 
     def conditions(self, literals: Iterable[Literal], before: int, given: frozenset[Literal]) -> list[XmlElement]:
-        """The conditions of the action ``before``, each with what brings it about, in the order of the plan.
+        """Return the conditions of the action ``before``, each with what brings it about, in the order of the plan.
 
         ``given``: holds whenever these are asked, for it has been asked to the left.
         """

@@ -24,7 +24,7 @@ class TreeBuilder(ABC):
     def build(self, plan: TaskPlan, goal: Iterable[Literal], leaves: Collection[str] = ()) -> PlanTree:
         """``goal``: all that the plan is for. ``leaves``: abilities that are leaves, not subtrees.
 
-        Raises PlanningError where the actions do not fit together, and where ``root`` fails or returns no element.
+        Raises PlanningError if the actions do not fit together, and where ``root`` fails or returns no element.
         """
         goal, writer, who = tuple(goal), Writer(leaves), f"{type(self).__name__}.root"
         try:
@@ -40,4 +40,4 @@ class TreeBuilder(ABC):
 
     @abstractmethod
     def root(self, plan: TaskPlan, goal: tuple[Literal, ...], writer: Writer) -> XmlElement:
-        """The root of the tree; ``plan`` has actions."""
+        """Return the root of the tree; ``plan`` has actions."""

@@ -26,7 +26,7 @@ class PlanTree:
     element: XmlElement
 
     def document(self) -> XmlDocument:
-        """The tree alone; it includes the abilities."""
+        """Return the tree alone; it includes the abilities."""
         tree = XmlElement("BehaviorTree", {"ID": TREE_ID}, [self.element])
         include = XmlElement("include", {"path": ABILITIES_FILE})
         root = XmlElement("root", {"BTCPP_format": "4", "main_tree_to_execute": TREE_ID}, [include, tree])
@@ -37,7 +37,7 @@ class PlanTree:
         return load_tree(self.document().to_xml(), registry, search_path=shipped_trees(), **options)
 
     def xml(self, registry: NodeRegistry) -> str:
-        """A file of its own, with everything in it that it calls. Raises TreeLoadError."""
+        """Return a file of its own, with everything in it that it calls. Raises TreeLoadError."""
         return tree_to_xml(self.load(registry))
 
 
@@ -49,11 +49,11 @@ class Writer:
         self._names: dict[str, int] = {}
 
     def node(self, tag: str, name: str, children: Iterable[XmlElement] = (), **attributes: str) -> XmlElement:
-        """A control node, decorator or leaf."""
+        """Return a control node, decorator or leaf."""
         return XmlElement(tag, {"name": self._unique(name), **attributes}, list(children))
 
     def holds(self, name: str, literals: Iterable[Literal]) -> XmlElement:
-        """A condition leaf that asks for all of the literals; none: one that always succeeds."""
+        """Return a condition leaf that asks for all of the literals; none: one that always succeeds."""
         literals = sorted(literals)
         if not literals:
             return self.node("AlwaysSuccess", name)
@@ -74,7 +74,7 @@ class Writer:
         return self.node("Parallel", f"{number}_side_by_side", actions, success_count="-1", failure_count="1")
 
     def action(self, number: int, action: Action) -> XmlElement:
-        """The node of an action; where something must hold all the way, under a guard that halts it."""
+        """Return the node of an action; where something must hold all the way, under a guard that halts it."""
         name = f"{number}_{action.name}"
         if action.name in self._leaves:
             node = XmlElement(action.name, {"name": self._unique(name), **action.ports})
@@ -93,7 +93,7 @@ class Writer:
 
 
 def _indented(element: XmlElement, depth: int = 0) -> XmlElement:
-    """The element with each of those inside it on a line of its own."""
+    """Return the element with each of those inside it on a line of its own."""
     content: list[XmlItem] = []
     for child in element.children:
         content += [XmlText("\n" + "    " * (depth + 1)), _indented(child, depth + 1)]

@@ -21,7 +21,7 @@ Kernel = frozenset[Literal]
 def kernels(steps: Sequence[PlanStep], goal: Iterable[Literal]) -> tuple[Kernel, ...]:
     """One kernel more than steps: with ``kernels[i]``, the steps from ``i`` on reach the goal; the last is the goal.
 
-    Raises PlanningError where a step undoes what a later one, or the goal, needs.
+    Raises PlanningError if a step undoes what a later one, or the goal, needs.
     """
     found = [frozenset(goal)]
     for step in reversed(steps):
@@ -30,7 +30,7 @@ def kernels(steps: Sequence[PlanStep], goal: Iterable[Literal]) -> tuple[Kernel,
 
 
 def kernel(step: PlanStep, after: Kernel) -> Kernel:
-    """What must hold before a step for ``after`` to hold after it. Raises PlanningError where nothing can."""
+    """What must hold before a step for ``after`` to hold after it. Raises PlanningError if nothing can."""
     effects = step.effects
     undone = sorted(literal for literal in after if ~literal in effects)
     if undone:
@@ -49,7 +49,7 @@ class Ready(NamedTuple):
     ways: tuple[Kernel, ...]
 
     def holds_in(self, state: Collection[Fact]) -> bool:
-        """Whether the step leads to the goal from a state."""
+        """Return whether the step leads to the goal from a state."""
         return any(all(literal.holds_in(state) for literal in way) for way in self.ways)
 
 
@@ -99,11 +99,11 @@ class _Bits:
         self._positive = sum(1 << index for index in self._index.values())
 
     def of(self, kernel: Iterable[Literal]) -> int:
-        """A kernel as a number."""
+        """Return a kernel as a number."""
         return sum(1 << (self._index[literal.fact] + literal.negated) for literal in kernel)
 
     def kernel(self, bits: int) -> Kernel:
-        """The kernel of a number."""
+        """Return the kernel of a number."""
         places = (one.bit_length() - 1 for one in _single(bits))
         return frozenset(Literal(self._facts[place // 2], negated=bool(place % 2)) for place in places)
 
@@ -112,14 +112,16 @@ class _Bits:
         return (bits & self._positive) << 1 | (bits >> 1) & self._positive
 
     def before(self, pre: int, effects: int, after: int) -> int | None:
-        """What must hold before a step for ``after`` to hold after it; None where nothing can."""
+        """What must hold before a step for ``after`` to hold after it, or None if nothing can."""
         if self.contrary(after) & effects:
             return None
         before = after & ~effects | pre
         return None if before & before >> 1 & self._positive else before
 
     def covered(self, way: int, others: Iterable[int]) -> bool:
-        """Whether one of the others holds wherever a way does: at once, or however a fact is (Shannon expansion)."""
+        """Return whether one of the others holds wherever a way does: at once, or however a fact is (Shannon
+        expansion).
+        """
         missing = ~way
         if not all(other & missing for other in others):
             return True
@@ -133,7 +135,7 @@ class _Bits:
         return all(self.covered(way | literal, possible) for literal in (one, self.contrary(one)))
 
     def fewest_left_out(self, ways: Mapping[int, int], later: Collection[int], most: int) -> list[tuple[int, int]]:
-        """The first ``most`` of the simplified ways, with how many steps they leave out, the fewest first.
+        """Return the first ``most`` of the simplified ways, with how many steps they leave out, the fewest first.
 
         Not those that ``later`` ones cover: where one of these is ready anyhow, the step is not asked for.
         """

@@ -23,7 +23,8 @@ def with_replanning(
     limits: PlanLimits | None = None,
     replans: int = 20,
 ) -> str:
-    """A file of its own: first the plan as it was checked, then, if need be, ``ReachGoal``. Raises TreeLoadError.
+    """Return a file of its own: first the plan as it was checked, then, if need be, ``ReachGoal``. Raises
+    TreeLoadError.
 
     ``limits``: of the plans that are made anew. ``replans``: how often, after the first of these.
     """

@@ -24,7 +24,7 @@ class SequenceBuilder(TreeBuilder):
     parallel: bool = True
 
     def root(self, plan: TaskPlan, goal: tuple[Literal, ...], writer: Writer) -> XmlElement:
-        """A Sequence: is it ready, do it, and so on; at last, does the goal hold."""
+        """Return a Sequence: is it ready, do it, and so on; at last, does the goal hold."""
         steps = steps_side_by_side(plan) if self.parallel else steps_one_by_one(plan)
         children: list[XmlElement] = []
         for number, (step, kernel) in enumerate(zip(steps, kernels(steps, goal), strict=False), 1):

@@ -52,7 +52,7 @@ def steps_side_by_side(plan: TaskPlan) -> tuple[PlanStep, ...]:
 
 
 def depend(first: Action, second: Action) -> bool:
-    """Whether the order of two actions matters; an action that names no part may need any."""
+    """Return whether the order of two actions matters; an action that names no part may need any."""
     if not first.parts or not second.parts or set(first.parts) & set(second.parts):
         return True
     changes, needs = _changed(first), _needed(first)

@@ -17,8 +17,8 @@ from bestman_bt.task_planning.symbolic.search import without_needless
 
 
 def checked_goal(problem: Problem, answer: GoalAnswer) -> Problem:
-    """The problem with the goal of the answer, that of its own if it has one, in which things may be only where the
-    instruction says that they are; raises FaultyAnswerError.
+    """Return the problem with the goal of the answer, that of its own if it has one, in which things may be only where
+    the instruction says that they are; raises FaultyAnswerError.
     """
     if problem.goal:
         return problem
@@ -67,7 +67,9 @@ def _ruled_out(problem: Problem, told: Sequence[Fact]) -> set[Fact]:
 
 
 def checked_plan(problem: Problem, limits: PlanLimits, answer: PlanAnswer) -> tuple[Problem, TaskPlan]:
-    """The problem with its goal, and the plan without steps that the goal does not need; raises FaultyAnswerError."""
+    """Return the problem with its goal, and the plan without steps that the goal does not need; raises
+    FaultyAnswerError.
+    """
     problem = checked_goal(problem, answer)
     operators = {operator.name: operator for operator in limits.operators(problem)}
     try:
@@ -98,7 +100,7 @@ def _run_through(problem: Problem, actions: Sequence[Action]) -> list[str]:
 
 
 def _needed(problem: Problem, actions: Sequence[Action]) -> tuple[Action, ...]:
-    """The steps without those that the goal does not need."""
+    """Return the steps without those that the goal does not need."""
     grounded = ground(problem)
     numbers = {action: number for number, action in enumerate(grounded.actions)}
     kept = without_needless(grounded, [numbers[action] for action in actions])

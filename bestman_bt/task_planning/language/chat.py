@@ -24,7 +24,7 @@ class ChatRequest:
     schema: Mapping[str, Any]
 
     def followed_by(self, *messages: Message) -> ChatRequest:
-        """The same, some turns later."""
+        """Return the same, some turns later."""
         return ChatRequest((*self.messages, *messages), self.schema)
 
 

@@ -36,8 +36,8 @@ def ask_until_valid(
     check: Callable[[Answer], Checked],
     tries: int,
 ) -> tuple[Checked, Usage]:
-    """The first answer that follows ``model`` and that ``check`` takes (it raises FaultyAnswerError), as ``check``
-    returns it. Raises RefusedError, NoValidAnswerError, and what the endpoint raises.
+    """Return the first answer that follows ``model`` and that ``check`` takes (it raises FaultyAnswerError), as
+    ``check`` returns it. Raises RefusedError, NoValidAnswerError, and what the endpoint raises.
     """
     used: Usage | None = None
     faults: tuple[str, ...] = ()
@@ -75,7 +75,7 @@ def _parsed(reply: ChatReply, model: type[Answer]) -> Answer:
 
 
 def _without_fence(text: str) -> str:
-    """The inside of the one code fence that models without a JSON mode like to put around their answer."""
+    """Return the inside of the one code fence that models without a JSON mode like to put around their answer."""
     lines = text.strip().splitlines()
     fenced = len(lines) > 2 and lines[0] in ("```", "```json") and lines[-1] == "```"
     return "\n".join(lines[1:-1]) if fenced else text

@@ -70,7 +70,7 @@ class Completion(BaseModel):
         return self.tokens or _Tokens(prompt_tokens=0, completion_tokens=0)
 
     def reply(self, usage: Usage) -> ChatReply:
-        """The answer without its wrapping."""
+        """Return the answer without its wrapping."""
         choice = self.choices[0]
         message, refusal = choice.message, choice.message.refusal
         if choice.finish_reason == "content_filter" and not refusal:
@@ -93,7 +93,7 @@ class _Refusal(BaseModel):
 
 
 def read_completion(content: str) -> Completion:
-    """Parse a body; ValueError with a short text where it breaks the protocol."""
+    """Parse a body. Raises ValueError with a short text where it breaks the protocol."""
     try:
         return Completion.model_validate_json(content)
     except ValidationError as error:
@@ -138,11 +138,13 @@ class ApiKey:
         return "ApiKey(…)" if self._text else "ApiKey()"
 
     def headers(self) -> dict[str, str]:
-        """The header ``Authorization``, if there is a key."""
+        """Return the header ``Authorization``, if there is a key."""
         return {"Authorization": f"Bearer {self._text}"} if self._text else {}
 
     def removed_from(self, text: str) -> str:
-        """The text with ``…`` wherever it quotes the key, plainly or in JSON, as servers do that do not know it."""
+        """Return the text with ``…`` wherever it quotes the key, plainly or in JSON, as servers do that do not know
+        it.
+        """
         if not self._text:
             return text
         quoted = json.dumps(self._text)[1:-1]
@@ -193,7 +195,10 @@ class EndpointAddress:
 
     @classmethod
     def from_environment(cls, environment: Mapping[str, str] = os.environ) -> EndpointAddress:
-        """Read BESTMAN_LLM_BASE_URL, _MODEL, _API_KEY and _PRICES; EndpointNotSetError names what is missing."""
+        """Read BESTMAN_LLM_BASE_URL, _MODEL, _API_KEY and _PRICES.
+
+        Raises EndpointNotSetError naming what is missing.
+        """
         missing = [name for name in (BASE_URL, MODEL) if not environment.get(name, "").strip()]
         if missing:
             raise EndpointNotSetError(

@@ -56,8 +56,8 @@ class LanguagePlanner(TaskPlanner):
         return self.propose(problem).plan
 
     def propose(self, problem: Problem) -> Proposal:
-        """The plan with the goal that it reaches. Raises LanguageError where no valid answer comes, GoalError where the
-        limits name what there is not.
+        """Return the plan with the goal that it reaches. Raises LanguageError if no valid answer comes, GoalError where
+        the limits name what there is not.
         """
         further = self.further
         names = PlainNames.of(problem.objects)
@@ -97,7 +97,7 @@ class GoalReader:
     endpoint: ChatEndpoint | None = None
 
     def read(self, problem: Problem) -> tuple[Problem, Usage]:
-        """The problem with the goal that its instruction means. Raises LanguageError where no valid answer comes,
+        """Return the problem with the goal that its instruction means. Raises LanguageError if no valid answer comes,
         GoalError where the limits name what there is not.
         """
         names = PlainNames.of(problem.objects)
@@ -121,12 +121,12 @@ def plan_from_text(
     replay: Path | None = None,
     further: PlanCheck | None = None,
 ) -> Proposal:
-    """A plan for what ``text`` asks for, in the state of ``problem``; empty: for the problem's own goal.
+    """Return a plan for what ``text`` asks for, in the state of ``problem``; empty: for the problem's own goal.
 
     ``planner``: ``language`` asks the model for the steps; any other name of the registry plans for the goal that the
     model reads from the text. ``tries``, ``limits``, ``further``: see LanguagePlanner. ``record``, ``replay``: a
     transcript to write, or to take the answers from instead of an endpoint. Raises LanguageError, or what the planner
-    raises; UnknownNameError for a planner that there is not.
+    raises. Raises UnknownNameError for a planner that there is not.
     """
     made = planner_class(planner)
     if text:

@@ -54,7 +54,7 @@ class PlainNames:
         return cls(told)
 
     def renamed(self, problem: Problem) -> Problem:
-        """The same problem, told in these names."""
+        """Return the same problem, told in these names."""
         return replace(
             problem,
             objects={self.told[name]: kind for name, kind in problem.objects.items()},
@@ -110,12 +110,12 @@ _FAULTS = "That answer was not accepted:\n{faults}\nAnswer again, with the whole
 
 
 def goal_messages(problem: Problem, limits: PlanLimits) -> tuple[Message, ...]:
-    """The question for the goal alone."""
+    """Return the question for the goal alone."""
     return Message("system", _RULES + _REFUSAL), Message("user", _document(problem, limits))
 
 
 def plan_messages(problem: Problem, limits: PlanLimits) -> tuple[Message, ...]:
-    """The question for the goal and the steps."""
+    """Return the question for the goal and the steps."""
     return Message("system", _RULES + _STEPS + _REFUSAL), Message("user", _document(problem, limits))
 
 
@@ -164,7 +164,7 @@ def _predicates(problem: Problem) -> dict[str, Any]:
 
 
 def _not_seen(problem: Problem) -> dict[str, list[str]]:
-    """The objects of which no more is believed than where they may be, with these places."""
+    """Return the objects of which no more is believed than where they may be, with these places."""
     said = (fact for fact in problem.state if fact.predicate not in (UNSEEN.name, ALLOWED))
     seen = {name for fact in said for name in fact.arguments}
     hidden: dict[str, list[str]] = {
@@ -177,7 +177,7 @@ def _not_seen(problem: Problem) -> dict[str, list[str]]:
 
 
 def _names(problem: Problem) -> dict[str, list[str]]:
-    """The things of each type that abilities and predicates speak of; some are of several."""
+    """Return the things of each type that abilities and predicates speak of; some are of several."""
     types = {kind for operator in problem.operators for kind in operator.parameters.values()}
     types.update(kind for kinds in problem.predicates.values() for kind in kinds)
     return {kind: problem.of_type(kind) for kind in sorted(types)}

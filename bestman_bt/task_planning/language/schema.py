@@ -55,7 +55,7 @@ class PlanAnswer(GoalAnswer):
 
 
 def plan_answer(problem: Problem, limits: PlanLimits) -> type[PlanAnswer]:
-    """The model of plans for a problem: the abilities and the names that the limits allow, and no others."""
+    """Return the model of plans for a problem: the abilities and the names that the limits allow, and no others."""
     steps = [step for operator in limits.operators(problem) if (step := _step(operator, problem, limits)) is not None]
     entries: Any = reduce(or_, steps) if steps else Step
     if len(steps) > 1:
@@ -67,7 +67,7 @@ def plan_answer(problem: Problem, limits: PlanLimits) -> type[PlanAnswer]:
 
 
 def json_schema(model: type[BaseModel]) -> dict[str, Any]:
-    """The schema in the form that endpoints take in their strict mode: every field required, ``anyOf`` alone."""
+    """Return the schema in the form that endpoints take in their strict mode: every field required, ``anyOf`` alone."""
     return model.model_json_schema(schema_generator=_StrictSchema)
 
 
@@ -79,7 +79,7 @@ def faults_of(error: ValidationError) -> list[str]:
 
 
 def _step(operator: Operator, problem: Problem, limits: PlanLimits) -> type[Step] | None:
-    """The model of one ability's uses; None where there is nothing of a type that it takes."""
+    """Return the model of one ability's uses, or None if there is nothing of a type that it takes."""
     fields: dict[str, Any] = {}
     for number, (parameter, kind) in enumerate(operator.parameters.items()):
         names = limits.things(problem, kind)

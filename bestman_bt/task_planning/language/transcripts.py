@@ -56,7 +56,7 @@ class RecordingEndpoint(ChatEndpoint):
 
 
 def open_transcript(path: Path) -> TextIO:
-    """A file to record to; TranscriptError where it cannot be written."""
+    """Return a file to record to. Raises TranscriptError if it cannot be written."""
     try:
         return path.open("w", encoding="utf-8")
     except OSError as error:

@@ -60,7 +60,10 @@ def parse_goal(text: str) -> tuple[Literal, ...]:
 
 
 def goal_as_facts(goal: str) -> str:
-    """A goal as somebody gives it (facts, PDDL, the name of a ``.pddl`` problem file) as facts. Raises GoalError."""
+    """Return a goal as somebody gives it (facts, PDDL, the name of a ``.pddl`` problem file) as facts.
+
+    Raises GoalError.
+    """
     literals = _goal_in_pddl(Path(goal)) if goal.strip().endswith(".pddl") else parse_goal(goal)
     return " and ".join(map(str, literals))
 

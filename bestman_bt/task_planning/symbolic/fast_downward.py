@@ -31,7 +31,7 @@ class FastDownwardPlanner(TaskPlanner):
     timeout: float = 60.0
 
     def plan(self, problem: Problem) -> TaskPlan:
-        """As ``TaskPlanner.plan``; PlannerMissingError names the extra."""
+        """As ``TaskPlanner.plan``. Raises PlannerMissingError naming the extra."""
         for literal in problem.goal:
             if ~literal in problem.goal:
                 raise GoalError(f"the goal contradicts itself: {literal.fact} and not {literal.fact}")
@@ -66,7 +66,10 @@ def is_valid(problem: Problem, plan: TaskPlan) -> bool:
 
 
 def unified_planning(engine: str = "") -> Any:
-    """The package, imported when it is used; PlannerMissingError where it, or ``engine``, is not installed."""
+    """Return the package, imported when it is used.
+
+    Raises PlannerMissingError if it, or ``engine``, is not installed.
+    """
     try:
         import unified_planning
         import unified_planning.io

@@ -28,7 +28,10 @@ from bestman_bt.task_planning.symbolic.problem import (
 
 
 def instantiate(problem: Problem, operator: Operator, arguments: Sequence[str]) -> Action:
-    """The action of an operator for things of the problem; PlanningError where their number or a type is wrong."""
+    """Return the action of an operator for things of the problem.
+
+    Raises PlanningError if their number or a type is wrong.
+    """
     if len(arguments) != len(operator.parameters):
         named = ", ".join(operator.parameters)
         raise PlanningError(f"{operator.name} takes ({named}), got ({', '.join(arguments)})")
@@ -42,7 +45,7 @@ def instantiate(problem: Problem, operator: Operator, arguments: Sequence[str]) 
 
 
 def bind(problem: Problem, operator: Operator, arguments: Sequence[str]) -> Action:
-    """As ``instantiate``, for arguments that fit; PlanningError where a ``forall`` depends on what changes."""
+    """As ``instantiate``, for arguments that fit. Raises PlanningError if a ``forall`` depends on what changes."""
     if problem.unsound:
         raise PlanningError(problem.unsound)
     values = {f"{{{name}}}": value for name, value in zip(operator.parameters, arguments, strict=True)}
@@ -99,7 +102,7 @@ class GroundProblem:
                 self.needed_by[need].append(action)
 
     def numbers(self, bits: int) -> list[int]:
-        """The numbers of the literals that bits stand for."""
+        """Return the numbers of the literals that bits stand for."""
         found = []
         while bits:
             lowest = bits & -bits
@@ -108,12 +111,14 @@ class GroundProblem:
         return found
 
     def after(self, state: int, action: int) -> int:
-        """The state that an action leads to."""
+        """Return the state that an action leads to."""
         return state & ~self.delete[action] | self.add[action]
 
 
 def ground(problem: Problem) -> GroundProblem:
-    """All actions that may matter; Unsolvable where the goal is out of reach even if nothing were ever undone."""
+    """Return all actions that may matter; Unsolvable where the goal is out of reach even if nothing were ever
+    undone.
+    """
     for literal in sorted(problem.goal):
         if ~literal in problem.goal:
             raise GoalError(f"the goal contradicts itself: {literal.fact} and not {literal.fact}")
@@ -222,7 +227,7 @@ class _Join:
                 yield from self._bound(number, (), {})
 
     def with_fact(self, fact: Fact) -> list[tuple[int, tuple[str, ...]]]:
-        """The bindings that ask for a new fact, and otherwise for known ones."""
+        """Return the bindings that ask for a new fact, and otherwise for known ones."""
         self._known[fact.predicate].append(fact)
         for place, name in enumerate(fact.arguments):
             self._having[fact.predicate, place, name].append(fact)
@@ -256,7 +261,7 @@ class _Join:
                 yield key
 
     def _possible(self, number: int, values: Mapping[str, str]) -> bool:
-        """Whether what never changes allows it."""
+        """Return whether what never changes allows it."""
         return all(
             one.bound(values).holds_in(self._problem.state)
             for one in self._checked[number]
@@ -272,7 +277,7 @@ class _Join:
         return fitting
 
     def _unified(self, number: int, asked: Fact, fact: Fact, values: dict[str, str]) -> dict[str, str] | None:
-        """``values`` and those that make a condition the fact; None where they do not fit."""
+        """``values`` and those that make a condition the fact, or None if they do not fit."""
         if len(asked.arguments) != len(fact.arguments):
             return None
         more = dict(values)

@@ -64,7 +64,7 @@ class _List:
 
 
 def read_pddl(domain: str | Path, problem: str | Path) -> Problem:
-    """The problem that a domain file and a problem file describe; PddlError with file and line."""
+    """Return the problem that a domain file and a problem file describe. Raises PddlError with file and line."""
     operators, types, constants, predicates = _File(domain).domain()
     stated = _File(problem)
     objects, state, goal = stated.problem(predicates)
@@ -75,7 +75,8 @@ def read_pddl(domain: str | Path, problem: str | Path) -> Problem:
 
 
 def read_goal(source: str | Path) -> tuple[Literal, ...]:
-    """The goal of a problem file, or of PDDL text such as ``(and (on cup table) (not (open fridge)))``; PddlError.
+    """Return the goal of a problem file, or of PDDL text such as ``(and (on cup table) (not (open fridge)))``;
+    PddlError.
 
     Names are taken as they are, whatever the domain; ``__`` in them stands for ``/``, as ``bestman-bt domain --pddl``
     writes it.
@@ -104,7 +105,7 @@ class _File:
         self._root = self._parse(text)
 
     def conjunction(self) -> tuple[Literal, ...]:
-        """The literals that the expression joins by ``and``."""
+        """Return the literals that the expression joins by ``and``."""
         literals = []
         for condition in self._conditions(self._root, {}):
             if isinstance(condition, Forall):

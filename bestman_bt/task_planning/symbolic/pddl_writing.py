@@ -46,7 +46,7 @@ class PddlText:
         self._operators = {self._names[operator.name]: operator for operator in problem.operators}
 
     def domain(self) -> str:
-        """The domain file."""
+        """Return the domain file."""
         lines = [
             f"(define (domain {self._name})",
             "  (:requirements :strips :typing :negative-preconditions :equality :universal-preconditions "
@@ -65,7 +65,7 @@ class PddlText:
         return "\n".join([*lines, ")"]) + "\n"
 
     def problem(self) -> str:
-        """The problem file."""
+        """Return the problem file."""
         objects = [f"    {name} - {self._kinds[kind]}" for (kind, _), name in self._objects.items()]
         state = [f"    {self._fact(fact)}" for fact in sorted(self._problem.state)]
         goal = " ".join(self._condition(literal) for literal in self._problem.goal)
@@ -156,7 +156,7 @@ def _variable(name: str) -> str:
 
 
 def _apart(words: dict[Key, str]) -> dict[Key, str]:
-    """The same with a number behind each word that another has already."""
+    """Return the same with a number behind each word that another has already."""
     apart: dict[Key, str] = {}
     taken: set[str] = set()
     for key, word in words.items():

@@ -72,7 +72,7 @@ class Fact(NamedTuple):
         return f"{self.predicate}({', '.join(self.arguments)})" if self.arguments else self.predicate
 
     def bound(self, values: Mapping[str, str]) -> Fact:
-        """The fact with ``values`` in the places of the parameters; ``values``: ``{"{object}": "mug"}``."""
+        """Return the fact with ``values`` in the places of the parameters; ``values``: ``{"{object}": "mug"}``."""
         return Fact(self.predicate, tuple(values.get(argument, argument) for argument in self.arguments))
 
 
@@ -93,7 +93,7 @@ class Literal(NamedTuple):
         return Literal(self.fact.bound(values), self.negated)
 
     def holds_in(self, state: Collection[Fact]) -> bool:
-        """Whether it holds where exactly the facts of ``state`` do."""
+        """Return whether it holds where exactly the facts of ``state`` do."""
         if self.fact.predicate == EQUAL:
             return (self.fact.arguments[0] == self.fact.arguments[1]) != self.negated
         return (self.fact in state) != self.negated
@@ -217,11 +217,11 @@ class Action:
         return self.operator.parts
 
     def broken_in(self, state: Collection[Fact]) -> tuple[Literal, ...]:
-        """The pre-conditions that do not hold, sorted; none: it can be done."""
+        """Return the pre-conditions that do not hold, sorted; none: it can be done."""
         return tuple(sorted(literal for literal in self.pre if not literal.holds_in(state)))
 
     def applied_to(self, state: Iterable[Fact]) -> frozenset[Fact]:
-        """The state afterwards; what it both undoes and brings about holds, as in PDDL."""
+        """Return the state afterwards; what it both undoes and brings about holds, as in PDDL."""
         return (frozenset(state) - self.delete) | self.add
 
 
@@ -243,7 +243,7 @@ class Problem:
     instruction: str = ""
 
     def is_a(self, name: str, kind: str) -> bool:
-        """Whether an object is of a type, or of one below it."""
+        """Return whether an object is of a type, or of one below it."""
         pending, seen = [self.objects[name]], set[str]()
         while pending:
             own = pending.pop()
@@ -279,7 +279,7 @@ class Problem:
         return {}
 
     def unmet_in(self, state: Collection[Fact]) -> tuple[Literal, ...]:
-        """The parts of the goal that do not hold."""
+        """Return the parts of the goal that do not hold."""
         return tuple(literal for literal in self.goal if not literal.holds_in(state))
 
 

@@ -54,7 +54,7 @@ class RelaxedPlan:
         return Estimate(cost, tuple(sorted(applicable)), applicable & used)
 
     def _explored(self, state: int) -> tuple[list[int | None], frozenset[int]]:
-        """The action that reaches each literal cheapest, and the actions that can be done at once.
+        """Return the action that reaches each literal cheapest, and the actions that can be done at once.
 
         Dijkstra's algorithm, until all of the goal is reached; what holds in the state costs nothing and comes first.
         """
@@ -90,7 +90,7 @@ BOOST = 1000
 
 @dataclass(frozen=True)
 class Found:
-    """``actions``: their numbers, None where none was found. ``exhausted``: for there is no plan, or none so cheap."""
+    """``actions``: their numbers, None if none was found. ``exhausted``: for there is no plan, or none so cheap."""
 
     actions: tuple[int, ...] | None
     exhausted: bool = False
@@ -141,7 +141,7 @@ def best_first(problem: GroundProblem, weight: float, max_evaluations: int, boun
 
 
 def without_needless(problem: GroundProblem, actions: Sequence[int]) -> tuple[int, ...]:
-    """The plan without actions whose effects nothing needs (action elimination: Nakhost and Müller, 2010)."""
+    """Return the plan without actions whose effects nothing needs (action elimination: Nakhost and Müller, 2010)."""
     plan = list(actions)
     number = 0
     while number < len(plan):
@@ -186,7 +186,7 @@ class SymbolicPlanner(TaskPlanner):
     weights: tuple[float, ...] = (3.0, 1.0)
 
     def plan(self, problem: Problem) -> TaskPlan:
-        """As ``TaskPlanner.plan``; PlanningError where the search ends before it knows."""
+        """As ``TaskPlanner.plan``. Raises PlanningError if the search ends before it knows."""
         grounded = ground(problem)
         found = best_first(grounded, math.inf, self.max_evaluations)
         if found.exhausted:

@@ -27,7 +27,7 @@ from bestman_bt.visualization.snapshot import RecordedBody, RobotSnapshot
 
 
 def shape_document(shape: Shape) -> dict[str, Any]:
-    """A shape as plain values; metres."""
+    """Return a shape as plain values; metres."""
     match shape:
         case Box():
             return {"kind": "box", "size": list(shape.size)}
@@ -45,7 +45,7 @@ def pose_document(pose: Pose) -> list[float]:
 
 
 def placed_document(placed: PlacedShape, color: Sequence[float] | None) -> dict[str, Any]:
-    """A shape with its place and rgba; without a colour it keeps that of its file."""
+    """Return a shape with its place and rgba; without a colour it keeps that of its file."""
     return {
         "shape": shape_document(placed.shape),
         "pose": pose_document(placed.pose),
@@ -93,7 +93,7 @@ class PaintedRobot:
         return Pose(placement.translation, quaternion.coeffs())
 
     def document(self) -> list[dict[str, Any]]:
-        """Each link's name and what is seen of it, as plain values."""
+        """Return each link's name and what is seen of it, as plain values."""
         return [{"name": link.get("name", ""), "parts": list(_visuals(link))} for link in self._links]
 
 
@@ -179,7 +179,7 @@ class PaintJob:
     seed: int = 0
 
     def document(self) -> dict[str, Any]:
-        """The job as plain values; poses are [x, y, z, qx, qy, qz, qw]."""
+        """Return the job as plain values; poses are [x, y, z, qx, qy, qz, qw]."""
         return {
             "width": self.width,
             "height": self.height,
@@ -239,7 +239,7 @@ def environment_folder() -> Path:
 
 
 def blender_python() -> Path:
-    """The Python that has Blender: BESTMAN_BT_BLENDER_PYTHON, or that of the installation; else BlenderError."""
+    """Return the Python that has Blender: BESTMAN_BT_BLENDER_PYTHON, or that of the installation; else BlenderError."""
     given = os.environ.get("BESTMAN_BT_BLENDER_PYTHON")
     python = Path(given) if given else environment_folder() / "bin" / "python"
     if python.is_file():
@@ -272,12 +272,12 @@ def install_blender(tell: Callable[[str], None]) -> Path:
 
 
 def last_lines(text: str, count: int = 12) -> str:
-    """The end of what a program said."""
+    """Return the end of what a program said."""
     return "\n".join(text.strip().splitlines()[-count:])
 
 
 def _base_python() -> str:
-    """A Python of the version that Blender is built for."""
+    """Return a Python of the version that Blender is built for."""
     if sys.version_info[:2] == PYTHON:
         return sys.executable
     name = f"python{PYTHON[0]}.{PYTHON[1]}"

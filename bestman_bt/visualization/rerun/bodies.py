@@ -178,7 +178,7 @@ CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)
 
 
 def body_frame(name: str) -> str:
-    """The coordinate frame of a body."""
+    """Return the coordinate frame of a body."""
     return f"body/{name}"
 
 
@@ -209,7 +209,7 @@ def write_floor(recording: rr.RecordingStream, box: NDArray[np.float64]) -> None
 
 
 def bounds(bodies: Iterable[RecordedBody]) -> NDArray[np.float64]:
-    """The bounding box of bodies in the map frame: (2, 3) metres; (2, 3) zeros for none."""
+    """Return the bounding box of bodies in the map frame: (2, 3) metres; (2, 3) zeros for none."""
     corners = [body.pose.apply(placed.pose.apply(_corners(placed))) for body in bodies for placed in body.shapes]
     if not corners:
         return np.zeros((2, 3))
@@ -237,7 +237,7 @@ def _archetype(placed: PlacedShape, color: tuple[float, float, float, float]) ->
 
 
 def _flat_shaded(mesh: Mesh, pose: Pose, color: tuple[float, float, float, float]) -> Any:
-    """Every triangle with its own corners, so that edges stay sharp."""
+    """Return every triangle with its own corners, so that edges stay sharp."""
     import rerun as rr
 
     corners = pose.apply(mesh.vertices)[mesh.faces]

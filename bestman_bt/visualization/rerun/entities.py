@@ -39,11 +39,11 @@ def part(name: str) -> str:
 
 
 def camera_entity(camera: str) -> str:
-    """The pinhole of a camera; its colour and depth images lie below."""
+    """Return the pinhole of a camera; its colour and depth images lie below."""
     return f"{CAMERA}/{part(camera)}"
 
 
 def lane_entity(position: int, label: str) -> str:
-    """The lane of a node in the state timeline: lanes are sorted by path, so its position in the tree leads."""
+    """Return the lane of a node in the state timeline: lanes are sorted by path, so its position in the tree leads."""
     words = "".join(character if character.isalnum() or character == "_" else " " for character in label).split()
     return f"{NODES}/{'_'.join([f'{position:02d}', *words])}"

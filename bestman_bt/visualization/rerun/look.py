@@ -39,7 +39,7 @@ class RecordedLook:
 def write_look(
     path: Path, looks: Sequence[RecordedLook], marks: SceneMarks, application_id: str = "bestman_bt"
 ) -> None:
-    """Write ``path`` (``.rrd``); RecordingError where that is not possible, MissingExtraError without rerun."""
+    """Write ``path`` (``.rrd``). Raises RecordingError if that is not possible, MissingExtraError without rerun."""
     require_extra("a recording", "rerun")
     import rerun as rr
 
@@ -75,7 +75,7 @@ def write_look(
 
 
 def _blueprint(looks: Sequence[RecordedLook], marks: SceneMarks) -> rrb.Blueprint:
-    """The scene on the left, seen from over the camera; the pictures on the right."""
+    """Return the scene on the left, seen from over the camera; the pictures on the right."""
     import rerun.blueprint as rrb
 
     found = [mark.pose.position for mark in marks.objects] + [mark.pose.position for mark in marks.surfaces]

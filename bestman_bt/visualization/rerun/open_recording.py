@@ -125,7 +125,7 @@ class RobotEntities:
         self.name = ""
 
     def write_model(self, recording: rr.RecordingStream) -> None:
-        """Write the visual meshes and the fixed joints; RecordingError if the URDF or a mesh cannot be read."""
+        """Write the visual meshes and the fixed joints. Raises RecordingError if the URDF or a mesh cannot be read."""
         from rerun.urdf import UrdfTree
 
         text = _without_collision(self._urdf)
@@ -159,7 +159,10 @@ class RobotEntities:
                 )
 
     def place(self, transforms: FrameTransforms, map_from_base: Pose, joint_positions: Mapping[str, float]) -> None:
-        """Add the frames of the base and of the joints; RecordingError for a joint that the URDF does not have."""
+        """Add the frames of the base and of the joints.
+
+        Raises RecordingError for a joint that the URDF does not have.
+        """
         transforms.add_pose(
             entities.MAP_FRAME, entities.ROBOT_FRAME_PREFIX + self._root, map_from_base @ self._base_from_root
         )
@@ -204,7 +207,7 @@ def _fill_primitives(recording: rr.RecordingStream, tree: UrdfTree, urdf: bytes)
 
 
 def _without_collision(urdf: str) -> bytes:
-    """The same robot without collision shapes: they would double the recording and hide the visual ones."""
+    """Return the same robot without collision shapes: they would double the recording and hide the visual ones."""
     try:
         root = ElementTree.fromstring(urdf)
     except ElementTree.ParseError as error:
@@ -274,7 +277,7 @@ class OpenRecording:
         self._setup = setup
 
     def write_constants(self) -> None:
-        """Write all that does not change; RecordingError for a robot that cannot be shown."""
+        """Write all that does not change. Raises RecordingError for a robot that cannot be shown."""
         import rerun as rr
 
         stream, setup = self.stream, self._setup

@@ -48,7 +48,7 @@ class RerunRecorder:
         self._open: OpenRecording | None = None
 
     def open(self) -> None:
-        """Create the file and write all that does not change; RecordingError if that is not possible.
+        """Create the file and write all that does not change. Raises RecordingError if that is not possible.
 
         MissingExtraError without rerun.
         """
@@ -72,7 +72,10 @@ class RerunRecorder:
             raise
 
     def close(self) -> None:
-        """Write what is pending and close the file; nothing if it is closed. OSError where it could not be written."""
+        """Write what is pending and close the file; nothing if it is closed.
+
+        Raises OSError if it could not be written.
+        """
         if self._open is not None:
             stream, self._open = self._open.stream, None
             try:
@@ -92,7 +95,7 @@ class RerunRecorder:
         self.close()
 
     def snapshot(self, snapshot: RobotSnapshot) -> None:
-        """Record where everything is; RecordingError for joints or bodies that the recording does not have."""
+        """Record where everything is. Raises RecordingError for joints or bodies that the recording does not have."""
         parts = self._at(snapshot.stamp, snapshot.tick)
         parts.robot.place(parts.transforms, snapshot.map_from_base, snapshot.joint_positions)
         for name, pose in snapshot.body_poses.items():
@@ -129,7 +132,7 @@ class RerunRecorder:
                 parts.write_line(level, f"{node_label(parts.history.nodes.node(change.uid))}: {message}")
 
     def image(self, camera: str, image: RGBDImage) -> None:
-        """Record a camera image at its stamp; RecordingError for a camera that was not announced."""
+        """Record a camera image at its stamp. Raises RecordingError for a camera that was not announced."""
         if camera not in self._setup.cameras:
             raise RecordingError(
                 f"image: camera {camera!r} was not announced; there are {', '.join(self._setup.cameras) or 'none'}"

@@ -38,7 +38,7 @@ class LabelSizes:
     family_gap: float = 0.3
 
     def width(self, label: str) -> float:
-        """The width of a label in its box."""
+        """Return the width of a label in its box."""
         return self.character_width * len(label) + self.label_padding
 
 

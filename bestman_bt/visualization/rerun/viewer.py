@@ -80,7 +80,7 @@ _END, _LAST_KIND = 0, 3
 
 
 def check_recording(path: Path) -> None:
-    """RecordingError where ``path`` is no recording, or is damaged, or holds nothing.
+    """Raises RecordingError if ``path`` is no recording, or is damaged, or holds nothing.
 
     One that ends within a message, because the run was killed, is a recording.
     """
@@ -118,7 +118,7 @@ class Display(StrEnum):
 
 @dataclass(frozen=True)
 class ViewerOptions:
-    """``port``: of the recordings, ``page_port``: of the page for the browser; None for free ones.
+    """``port``: of the recordings, ``page_port``: of the page for the browser, or None for free ones.
 
     ``fed``: what comes by ``pipe`` is shown; of a page or a relay, which begins to serve when something has come.
     ``source``: the address of one of these, of which all is shown. ``size``: pixels, without a display.
@@ -136,7 +136,7 @@ class ViewerOptions:
 
 
 class RerunViewer:
-    """A viewer that runs; ``stop`` ends it. ViewerError where it does not start, with what it said,
+    """A viewer that runs; ``stop`` ends it. Raises ViewerError if it does not start, with what it said,
     MissingExtraError if rerun is not installed.
 
     ``recordings``: files that it opens. ``output``: where it says what it has to say.
@@ -216,7 +216,7 @@ class RerunViewer:
         return text[panic : panic + 300].strip() if panic >= 0 else text[-300:].strip()
 
     def wait_until_up(self, timeout: float) -> None:
-        """Wait until it serves, at most ``timeout`` seconds; ViewerError where it does not."""
+        """Wait until it serves, at most ``timeout`` seconds. Raises ViewerError if it does not."""
         ports = [self.port] + [self.page_port] * (self._display is Display.BROWSER)
         deadline = time.monotonic() + timeout
         while time.monotonic() < deadline:
@@ -229,7 +229,7 @@ class RerunViewer:
 
 
 def has_window_system() -> bool:
-    """Whether a window can be opened here."""
+    """Return whether a window can be opened here."""
     return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
 
 

@@ -1,1 +1,1 @@
-"""Walking on four legs: kinematics, gait, attitude, odometry; pure, for drivers that command joint torques."""
+"""Walking on four legs: kinematics, gait, attitude, odometry; pure functions, for torque-controlled drivers."""

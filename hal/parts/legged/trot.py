@@ -1,7 +1,7 @@
-"""A trot: diagonal legs swing together, feet are set down where the speed asks for.
+"""A trot: diagonal legs swing together, and the footholds follow the commanded speed.
 
-M. Raibert, "Legged robots that balance", 1986: a foot set down half a stance ahead keeps the speed, one set down
-further along the speed's error corrects it.
+M. Raibert, "Legged robots that balance", 1986: a foot set down half a stance ahead keeps the speed; a foothold shifted
+along the speed error corrects it.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ Array = NDArray[np.float64]
 
 
 class LegKinematics:
-    """Of n legs whose knees bend backwards (their angles are negative); feet are balls."""
+    """Kinematics of n legs with knees that bend backwards (negative angles) and spherical feet."""
 
     def __init__(self, legs: Sequence[LegModel]) -> None:
         self.hips: Array = np.array([leg.hip for leg in legs])
@@ -33,21 +33,23 @@ class LegKinematics:
         self._radius = np.array([leg.foot_radius for leg in legs])
 
     def below_hips(self, height: float) -> Array:
-        """Where the feet stand with straight hips, ``height`` below the trunk."""
+        """Return the feet (n, 3), metres, with straight hips, ``height`` metres below the trunk."""
         feet = self.hips.copy()
         feet[:, 1] += self._offset
         feet[:, 2] = -height
         return feet
 
     def feet(self, angles: Array) -> Array:
-        """Forward kinematics: the middles of the feet."""
+        """Return the centres of the feet (n, 3), metres, for joint ``angles`` (n, 3): forward kinematics."""
         x, down = self._in_plane(angles)
         sine, cosine = np.sin(angles[:, 0]), np.cos(angles[:, 0])
         y, z = self._offset * cosine - down * sine, self._offset * sine + down * cosine
         return np.asarray(self.hips + np.column_stack([x, y, z]))
 
     def angles(self, feet: Array) -> Array:
-        """Inverse kinematics; feet out of reach are taken back to where the legs reach them."""
+        """Return the joint angles (n, 3) of ``feet`` (n, 3): inverse kinematics; unreachable feet are moved into
+        reach.
+        """
         x, y, z = (feet - self.hips).T
         down = -np.sqrt(np.maximum(y**2 + z**2 - self._offset**2, 1e-6))
         hip = np.arctan2(z, y) - np.arctan2(down, self._offset)
@@ -58,7 +60,7 @@ class LegKinematics:
         return np.column_stack([hip, np.arctan2(-x, -down) - bent, knee])
 
     def jacobians(self, angles: Array) -> Array:
-        """Of the feet by the joint angles, (n, 3, 3)."""
+        """Return the Jacobians of the feet by the joint angles, (n, 3, 3)."""
         x, down = self._in_plane(angles)
         lower = angles[:, 1] + angles[:, 2]
         calf_x, calf_down = -self._calf * np.sin(lower), -self._calf * np.cos(lower)
@@ -72,9 +74,10 @@ class LegKinematics:
         return jacobians
 
     def rolling(self, angles: Array, speeds: Array, rate: Array, up: Array) -> Array:
-        """How fast the middles of feet move that roll on the floor without slipping, (n, 3) m/s.
+        """Return the velocities of the foot centres, (n, 3) m/s, when feet roll on the floor without slipping.
 
-        ``speeds``: of the joints; ``rate``: of the trunk's turning, ``up``: the vertical, both (3,) in its frame.
+        ``speeds``: of the joints, (n, 3) rad/s; ``rate``: angular velocity of the trunk, ``up``: the vertical, both
+        (3,) in its frame.
         """
         bending = speeds[:, 1] + speeds[:, 2]
         spins = np.column_stack([speeds[:, 0], bending * np.cos(angles[:, 0]), bending * np.sin(angles[:, 0])])
@@ -88,20 +91,17 @@ class LegKinematics:
 
 
 OFFSETS = np.array([0.0, 0.5, 0.5, 0.0])
-"""Of the legs' phases: front right, front left, rear right, rear left."""
+"""Phase offsets of the legs: front right, front left, rear right, rear left."""
 
 
 @dataclass(eq=False)
 class Trot:
-    """Where the four feet should be, in the trunk's level frame; standing until it is asked to walk.
+    """Targets of the four feet in the trunk's level frame; standing until a velocity is commanded.
 
-    ``nominal``: (4, 3) metres, where the feet stand.
-
-    ``period`` of a whole step of all legs, seconds; ``duty``: share of it that a foot is on the floor, above 0.5.
-
-    ``clearance``: metres that feet are lifted. ``press``: metres that a foot is set down below the floor, so that it
-    lands for sure. ``velocity_gain``: seconds; how far a foot goes along the error of the speed. ``longest_step``:
-    metres that a foot may be away from below its hip.
+    ``nominal``: (4, 3) metres, the feet when standing. ``period``: of one step of all legs, seconds; ``duty``: fraction
+    of it with a foot on the floor, above 0.5. ``clearance``: metres that feet are lifted. ``press``: metres below the
+    floor at which a foot is set down, to ensure contact. ``velocity_gain``: seconds; shift of a foothold per speed
+    error. ``longest_step``: largest horizontal distance of a foot from its hip, metres.
     """
 
     nominal: Array
@@ -121,7 +121,7 @@ class Trot:
         self.walking = False
 
     def update(self, command: Array, velocity: Array, period: float) -> None:
-        """Go on by ``period`` seconds; ``command``: vx, vy, wz; ``velocity``: (2,) as measured, m/s."""
+        """Advance by ``period`` seconds; ``command``: vx, vy, wz (m/s, rad/s); ``velocity``: (2,), measured, m/s."""
         moving = bool(np.any(np.abs(command) > 1e-6))
         if moving and not self.walking:
             self.walking, self._phase = True, self.duty - 0.5  # both pairs stand, one is about to lift

@@ -1,4 +1,4 @@
-"""From a velocity to joint torques, and from what joints and inertial unit tell to odometry."""
+"""The walking controller: from a velocity to joint torques, and from joints and inertial unit to odometry."""
 
 from __future__ import annotations
 
@@ -28,10 +28,10 @@ Array = NDArray[np.float64]
 
 @dataclass(eq=False)
 class Attitude:
-    """The trunk's orientation; its heading begins at 0 and drifts as the gyroscope does.
+    """Estimates the trunk's orientation; its heading starts at 0 and drifts with the gyroscope.
 
-    ``gain``: 1/s with which gravity pulls the estimate upright. ``bias_time``: seconds over which the bias is
-    learned while the robot stands still: turns by less than ``still`` rad/s.
+    ``gain``: rate at which gravity corrects the tilt, 1/s. ``bias_time``: time constant of the bias estimate while the
+    robot stands still, seconds; standing still: rates below ``still`` rad/s.
     """
 
     gain: float = 0.3
@@ -45,7 +45,7 @@ class Attitude:
 
     @property
     def odom_from_trunk(self) -> Array:
-        """Rotation matrix (3, 3)."""
+        """The rotation matrix (3, 3)."""
         return np.asarray(self._rotation.as_matrix())
 
     @property
@@ -56,11 +56,11 @@ class Attitude:
 
     @property
     def level_from_trunk(self) -> Array:
-        """Rotation matrix (3, 3) to the frame that is level and points where the trunk does."""
+        """Return the rotation matrix (3, 3) to the level frame with the trunk's heading."""
         return np.asarray((Rotation.from_euler("z", -self.heading) * self._rotation).as_matrix())
 
     def update(self, angular_velocity: Array, specific_force: Array, period: float, standing: bool) -> None:
-        """Take in a reading of the trunk's (3,) rad/s and (3,) m/s²."""
+        """Process a reading of angular velocity (3,) rad/s and specific force (3,) m/s² in the trunk frame."""
         self.rate = angular_velocity - self._bias
         if standing and float(np.abs(self.rate).max()) < self.still:
             self._bias = self._bias + min(1.0, period / self.bias_time) * (angular_velocity - self._bias)
@@ -75,7 +75,7 @@ class Attitude:
 
 
 class LegOdometry:
-    """Pose since the start in the plane, and the trunk's velocity (3,) m/s in its own level frame."""
+    """The planar pose since the start, and the trunk's velocity (3,) m/s in its level frame."""
 
     def __init__(self) -> None:
         self.x = self.y = self.travelled = 0.0
@@ -88,9 +88,10 @@ class LegOdometry:
         return Pose2D(self.x, self.y, wrap_angle(self.heading))
 
     def update(self, velocities: Array, heading: float, period: float, smoothing: float) -> None:
-        """``velocities``: of the trunk by what each foot on the floor tells, (k, 3) m/s; none: it flies on.
+        """Integrate the trunk velocities (k, 3) m/s, one from each foot on the floor; with none, the last velocity
+        holds.
 
-        ``smoothing``: seconds of the first-order low-pass over the velocity that the gait looks at.
+        ``smoothing``: time constant of the low-pass filter of the velocity for the gait, seconds.
         """
         before = self.velocity
         measured = velocities.mean(axis=0) if len(velocities) else before
@@ -105,18 +106,16 @@ class LegOdometry:
 class TrotGait:
     """Stands and trots. Joint angles, speeds and torques are (4, 3): front right, front left, rear right, rear left.
 
-    ``height``: of the trunk's frame above the feet's middles. ``body``: mass and centre of mass of the whole robot as
-    it stands, in the trunk's frame.
+    ``height``: of the trunk's frame above the centres of the feet. ``body``: mass and centre of mass of the standing
+    robot, in the trunk's frame. ``joint_…``: gains of the joints (N m/rad, N m s/rad).
 
-    Gains of the joints (N m/rad, N m s/rad) and of the trunk.
-
-    The trunk's are those of a virtual spring and damper that hold it level at its height: ``height_…`` N/m and N s/m,
-    ``tilt_…`` N m/rad and N m s/rad (J. Pratt et al., "Virtual model control", 2001), ``turn_damping`` N m s/rad and
-    ``speed_gain`` N s/m those that hold it to the velocity; its forces stay within ``friction``. ``…_integral``: 1/s
-    with which the mean velocity is brought to the command, by at most ``most_correction`` (m/s, m/s, rad/s): feet slip
-    and yield. ``settled``: seconds after which a foot that has landed counts in the odometry. ``smoothing``: seconds of
-    the low-pass over the velocity. While it stands no feet land and shake it: ``standing_smoothing``, and with less lag
-    more damping, ``standing_speed_gain``, which brings it to rest.
+    The gains of the trunk are those of a virtual spring and damper that keep it level at its height: ``height_…`` N/m
+    and N s/m, ``tilt_…`` N m/rad and N m s/rad (J. Pratt et al., "Virtual model control", 2001); ``turn_damping`` N m
+    s/rad and ``speed_gain`` N s/m keep its velocity; its forces stay within ``friction``. ``…_integral``: integral gain
+    on the mean velocity, 1/s, limited to ``most_correction`` (m/s, m/s, rad/s), because feet slip and yield.
+    ``settled``: seconds after landing from which a foot counts for the odometry. ``smoothing``: time constant of the
+    velocity filter, seconds. While standing, without landing feet, ``standing_smoothing`` and the higher damping
+    ``standing_speed_gain`` bring the robot to rest.
     """
 
     legs: Sequence[LegModel]
@@ -153,13 +152,15 @@ class TrotGait:
 
     @property
     def velocity(self) -> Array:
-        """vx, vy, wz: the mean over one step of all legs, over a tenth of that time while it stands."""
+        """Return vx, vy, wz averaged over one step of all legs, or over a tenth of that time while standing."""
         return np.asarray(np.mean(self._window, axis=0)) if self._window else np.zeros(3)
 
     def update(
         self, command: Array, angles: Array, speeds: Array, turning: Array, specific_force: Array, period: float
     ) -> Array:
-        """The joint torques for a velocity ``command`` (vx, vy, wz) and the readings of joints and inertial unit."""
+        """Return the joint torques (4, 3), N m, for a ``command`` (vx, vy, wz) and readings of joints and inertial
+        unit.
+        """
         attitude, trot = self.attitude, self.trot
         attitude.update(turning, specific_force, period, standing=not trot.walking)
         level = attitude.level_from_trunk
@@ -182,7 +183,7 @@ class TrotGait:
         return np.clip(torques, -self._efforts, self._efforts)
 
     def _corrected(self, command: Array, period: float) -> Array:
-        """What the gait is asked for, so that the mean velocity becomes the command."""
+        """Return the corrected command that brings the mean velocity to ``command``."""
         if not self.trot.walking or not command.any():
             self._correction = np.zeros(3)
             return command
@@ -195,7 +196,7 @@ class TrotGait:
         return command + self._correction
 
     def _floor_forces(self, command: Array, feet: Array, level: Array) -> Array:
-        """What the floor should do to each foot, (4, 3) newtons in the trunk's level frame."""
+        """Return the desired floor forces on the feet, (4, 3) newtons in the trunk's level frame."""
         stance = self.trot.stance
         velocity, rate = self.odometry.velocity, level @ self.attitude.rate
         height = -float(feet[stance, 2].mean())

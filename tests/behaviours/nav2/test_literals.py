@@ -99,7 +99,7 @@ def test_wrong_rates_and_distances_of_decorators_do_not_load(decorator, told) ->
 
 
 def test_a_drive_to_one_side_at_a_speed_to_the_other_does_not_load_unless_one_is_an_entry() -> None:
-    with pytest.raises(TreeLoadError, match="both of one sign are accepted"):
+    with pytest.raises(TreeLoadError, match="they should have the same sign"):
         load_tree(tree_of('<DriveOnHeading dist_to_travel="0.5" speed="-0.1"/>'), node_registry())
     tree = load_tree(tree_of('<DriveOnHeading name="drive" dist_to_travel="{d}" speed="-0.1"/>'), node_registry())
     assert tree.node("drive").get_input("speed") == -0.1

@@ -144,7 +144,7 @@ def test_a_stop_is_drawn_with_what_was_set_and_measured_and_a_damaged_black_box_
     assert "5.0 s before to 0.7 s after it" in page.text
     assert "arm_pan: 9.480 to 10.000 rad, at most 0.020 apart" in page.text
     assert "Still: arm_tilt." in page.text
-    assert "black_box_2.npz is no black box" in page.text
+    assert "black_box_2.npz is not a black box" in page.text
     assert HOSTILE not in html
     assert 'class="held" x="189.5" y="0" width="63.2"' in html
     moment = float(html.split('class="moment" x1="')[1].split('"')[0])

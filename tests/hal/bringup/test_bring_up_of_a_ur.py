@@ -27,7 +27,7 @@ def test_a_ur_with_a_robotiq_is_brought_up(ur: Pair, tmp_path: Path) -> None:
 
 FAULTS = [
     ("arm_controller", "other_length", "as_built", "tool-pose", "5.00 mm"),
-    ("arm_controller", "other_wrench_sign", "other_wrench_sign", "wrench", "with the other sign"),
+    ("arm_controller", "other_wrench_sign", "other_wrench_sign", "wrench", "the opposite sign"),
     ("hand_controller", "power_off", "power_on", "gripper", "does not become active"),
 ]
 

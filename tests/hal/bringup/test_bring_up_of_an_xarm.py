@@ -38,7 +38,7 @@ FAULTS = [
     ("arm_controller", "other_length", "as_built", "tool-pose", "5.00 mm and 0.00° from our kinematics"),
     ("arm_controller", "turn_joint2", "as_commanded", "joint-signs", r"joint2 was told ([+-]).* moved (?!\1)"),
     ("arm_controller", "gripper_jam", "gripper_free", "gripper", "G34"),
-    ("platform", "other_wrench_sign", "wrench_sign", "wrench", "with the other sign"),
+    ("platform", "other_wrench_sign", "wrench_sign", "wrench", "the opposite sign"),
     ("platform", "no_dead_man", "dead_man", "dead-man", "has no dead-man"),
     (
         "platform",

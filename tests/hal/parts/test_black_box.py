@@ -138,7 +138,7 @@ def test_a_damaged_file_is_told(tmp_path: Path) -> None:
     good = path.read_bytes()
     for content in (b"", good[:100], b"PK\x03\x04" + b"0" * 100, good.replace(b"arm", b"leg")):
         path.write_bytes(content)
-        with pytest.raises(BlackBoxError, match="black_box_1.npz is no black box"):
+        with pytest.raises(BlackBoxError, match="black_box_1.npz is not a black box"):
             BlackBox.load(path)
     np.savez(path, about=np.frombuffer(json.dumps({"parts": []}).encode(), np.uint8))
     with pytest.raises(BlackBoxError):

@@ -80,7 +80,7 @@ def test_one_view_with_the_pose_of_another_is_left_out_and_named(dataset: Write)
     millimetres, degrees = errors(found_pose(result.parts["my_camera"]), HAND_FROM_EYE)
     assert millimetres < 0.5
     assert degrees < 0.1
-    assert result.notes[0].startswith("left out, since what the other views say contradicts them: 5;")
+    assert result.notes[0].startswith("left out because they contradict the other views: 5;")
     assert len(result.views) == 7
 
 
@@ -134,7 +134,7 @@ def test_images_that_are_none_or_of_other_sizes_are_told_all_at_once(dataset: Wr
     cv2.imwrite(str(folder / "2.png"), np.zeros((10, 20, 3), np.uint8))
     with pytest.raises(ConfigurationError) as error:
         solve_hand_eye(load_dataset(folder), "park_martin", silent)
-    assert "1.png is no image" in str(error.value)
+    assert "1.png is not an image" in str(error.value)
     assert "2.png has 20 × 10 pixels, the first image 640 × 480" in str(error.value)
 
 
@@ -154,7 +154,7 @@ def test_a_checkerboard_is_refused_for_poses(dataset: Write) -> None:
 
 
 def test_a_camera_without_a_head_is_no_head_camera(dataset: Write) -> None:
-    with pytest.raises(ConfigurationError, match="no pan-tilt of a robot moves this camera"):
+    with pytest.raises(ConfigurationError, match="this camera is not on a pan-tilt head"):
         solve_head(load_dataset(dataset()), silent)
 
 

@@ -144,7 +144,7 @@ def test_waits_between_tries_double_up_to_a_bound_and_each_is_told(
     with serving(says("hi")) as server:
         gone = endpoint(server, retries=4, backoff=3.0, longest_wait=20.0)
     monkeypatch.setattr("time.sleep", waits.append)
-    with pytest.raises(EndpointUnreachableError, match="no answer in 5 tries; the last: .*refused"):
+    with pytest.raises(EndpointUnreachableError, match="no answer in 5 tries; last failure: .*refused"):
         gone.complete(QUESTION)
     assert waits == [3.0, 6.0, 12.0, 20.0]
     assert "again in 3.0 s" in caplog.text

@@ -133,7 +133,7 @@ class ClonedPolicy:
 
 
 def _gradients(values: list[Array], inputs: Array, targets: Array, weights: Array) -> tuple[float, list[Array]]:
-    """The weighted mean square error and its gradients, in the order of ``values``."""
+    """Return the weighted mean square error and its gradients, in the order of ``values``."""
     activations, slopes, count = [inputs], [], len(values) // 2
     for layer in range(count - 1):
         z = activations[-1] @ values[2 * layer] + values[2 * layer + 1]

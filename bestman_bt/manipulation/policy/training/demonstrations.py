@@ -120,7 +120,7 @@ class DemonstrationFormat:
         return {"observation.state": joints, **goal, "action": joints}
 
     def videos(self) -> dict[str, tuple[int, int]]:
-        """The video features and their (H, W)."""
+        """Return the video features and their (H, W)."""
         return {f"observation.images.{name}": size for name, size in self.cameras.items()}
 
 
@@ -304,7 +304,7 @@ def _column(arrow: Any, values: NDArray[Any]) -> Any:
 
 
 def _tasks_table(arrow: Any, tasks: Mapping[str, int]) -> Any:
-    """The tasks with their text as the index of a pandas table, which is how LeRobot looks them up."""
+    """Return the tasks with their text as the index of a pandas table, which is how LeRobot looks them up."""
     table = arrow.table({"task_index": arrow.array(list(tasks.values()), arrow.int64()), "task": list(tasks)})
     described = [
         {"name": name, "field_name": name, "pandas_type": kind, "numpy_type": numpy_kind, "metadata": None}

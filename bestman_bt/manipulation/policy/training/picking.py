@@ -143,7 +143,7 @@ class PickingExpert:
     def demonstrate(self, rng: np.random.Generator) -> Demonstration:
         """One episode: from a start, from near the object, or with the object already in the hand.
 
-        It ends where the arm comes to a limit; PolicyError if it begins there.
+        It ends where the arm comes to a limit. Raises PolicyError if it begins there.
         """
         state, goal = self._begin(rng)
         observations: list[Observation] = []
@@ -164,12 +164,14 @@ class PickingExpert:
         return Demonstration(tuple(observations), np.array(chunks))
 
     def plan(self, state: PickState, goal: Pose) -> tuple[Array, Array]:
-        """The next H joint deltas (H, n) and what the gripper is told (H,); PolicyError at a limit of the arm."""
+        """Return the next H joint deltas (H, n) and what the gripper is told (H,); PolicyError at a limit of the
+        arm.
+        """
         steps, gripper = self._ahead(state, goal)
         return np.diff([step.positions for step in steps], axis=0), np.array(gripper)
 
     def lifted(self, state: PickState, goal: Pose) -> bool:
-        """Whether the object is in the hand and as high as it shall be, within a centimetre."""
+        """Return whether the object is in the hand and as high as it shall be, within a centimetre."""
         height = float(self.kinematics.tool_pose(state.positions).position[2] - goal.position[2])
         return self._grips(state.width) and height > self.picked.rise + self.lift - 0.01
 
@@ -185,7 +187,7 @@ class PickingExpert:
         )
 
     def step(self, state: PickState, goal: Pose) -> tuple[PickState, float]:
-        """The state ``dt`` seconds later, and what the gripper was told: OPEN or CLOSED."""
+        """Return the state ``dt`` seconds later, and what the gripper was told: OPEN or CLOSED."""
         target, gripper = self._intent(state, goal)
         tool = self.kinematics.tool_pose(state.positions)
         for share in (1.0, 0.5, 0.2):
@@ -270,7 +272,7 @@ class PickingExpert:
         return PickState(start if positions is None else positions, rest, rest, width), goal
 
     def _pushed(self, state: PickState, rng: np.random.Generator) -> PickState:
-        """A little off, most often very little."""
+        """Return a little off, most often very little."""
         push = self.drift * rng.uniform() ** 2
         positions = state.positions + rng.normal(0.0, push, len(state.positions))
         velocities = state.velocities + rng.normal(0.0, 2.0 * push, len(positions))
@@ -288,7 +290,7 @@ def _above(pose: Pose, height: float) -> Pose:
 
 
 def _towards(tool: Pose, target: Pose, carrot: float) -> Pose:
-    """The pose on the straight way from ``tool`` to ``target``, at most ``carrot`` metres ahead."""
+    """Return the pose on the straight way from ``tool`` to ``target``, at most ``carrot`` metres ahead."""
     error = pose_error(target, tool)
     distance = float(np.linalg.norm(error[:3])) + 0.2 * float(np.linalg.norm(error[3:]))
     share = min(1.0, carrot / max(distance, 1e-9))

@@ -95,7 +95,7 @@ class ReachingExpert:
         rng: np.random.Generator,
         velocity: NDArray[np.float64] | None = None,
     ) -> JointTrajectory | None:
-        """The expert's motion from ``start`` to the nearest solution for ``goal``; None if there is none.
+        """Return the expert's motion from ``start`` to the nearest solution for ``goal``, or None if there is none.
 
         ``velocity``: (n,) rad/s at the start (default: at rest).
         """
@@ -129,7 +129,7 @@ class ReachingExpert:
     def _pushed(
         self, positions: NDArray[np.float64], velocities: NDArray[np.float64], rng: np.random.Generator
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """A little off, most often very little."""
+        """Return a little off, most often very little."""
         push = self.drift * rng.uniform() ** 2
         fastest = self.arm.velocity * self.speed.velocity
         return (

@@ -23,7 +23,7 @@ class Rollout:
     errors: NDArray[np.float64]
 
     def reached(self, position_tolerance: float, rotation_tolerance: float) -> bool:
-        """Whether the tool was at the goal after some chunk."""
+        """Return whether the tool was at the goal after some chunk."""
         return bool((self.errors <= (position_tolerance, rotation_tolerance)).all(axis=1).any())
 
 

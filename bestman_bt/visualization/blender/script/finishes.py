@@ -18,7 +18,7 @@ class Finishes:
         self._made: dict[tuple[Any, ...], Any] = {}
 
     def of_body(self, finish: str, color: list[float], shape: dict[str, Any]) -> Any:
-        """The finish of a part of the scene."""
+        """Return the finish of a part of the scene."""
         if finish == "wall":
             return self._once(("wall",), plaster)
         if finish == "furniture" and is_wooden(color):
@@ -62,13 +62,13 @@ class Finishes:
 
 
 def linear(color: list[float]) -> tuple[float, float, float]:
-    """An sRGB colour as light adds up."""
+    """Return an sRGB colour as light adds up."""
     r, g, b = (c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in color[:3])
     return r, g, b
 
 
 def is_wooden(color: list[float]) -> bool:
-    """Whether a colour is a brown or beige that furniture has as wood."""
+    """Return whether a colour is a brown or beige that furniture has as wood."""
     hue, saturation, value = colorsys.rgb_to_hsv(*color[:3])
     return 0.04 < hue < 0.15 and 0.18 < saturation < 0.75 and value > 0.25
 
@@ -80,7 +80,7 @@ def longest_axis(shape: dict[str, Any]) -> int:
 
 
 def shader(name: str) -> tuple[Any, Any, Any]:
-    """A new material, its nodes and its principled shader."""
+    """Return a new material, its nodes and its principled shader."""
     material = bpy.data.materials.new(name)
     tree = material.node_tree
     if tree is None:
@@ -90,7 +90,7 @@ def shader(name: str) -> tuple[Any, Any, Any]:
 
 
 def paint(name: str, color: list[float], roughness: float, coat: float, metallic: float = 0.0) -> Any:
-    """A plain surface; one that is see-through is glass."""
+    """Return a plain surface; one that is see-through is glass."""
     material, _, surface = shader(name)
     surface.inputs["Base Color"].default_value = (*linear(color), 1.0)
     surface.inputs["Roughness"].default_value = roughness
@@ -113,7 +113,7 @@ def polish(material: Any) -> None:
 
 
 def plaster() -> Any:
-    """A white wall with a fine grain."""
+    """Return a white wall with a fine grain."""
     material, tree, surface = shader("plaster")
     surface.inputs["Base Color"].default_value = (0.80, 0.785, 0.75, 1.0)
     surface.inputs["Roughness"].default_value = 0.9
@@ -129,7 +129,7 @@ def plaster() -> Any:
 
 
 def wood(color: tuple[float, float, float], along: int) -> Any:
-    """A grain along an axis: noise that is stretched, between the colour and a darker one."""
+    """Return a grain along an axis: noise that is stretched, between the colour and a darker one."""
     material, tree, surface = shader("wood")
     surface.inputs["Roughness"].default_value = 0.45
     surface.inputs["Coat Weight"].default_value = 0.12

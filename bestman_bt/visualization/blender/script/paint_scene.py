@@ -54,14 +54,14 @@ def matrix(pose: list[float]) -> Matrix:
 
 
 def empty(name: str) -> Any:
-    """A frame that shapes hang on."""
+    """Return a frame that shapes hang on."""
     frame = bpy.data.objects.new(name, None)
     bpy.context.scene.collection.objects.link(frame)
     return frame
 
 
 def build_body(body: dict[str, Any], finishes: Finishes) -> Any:
-    """A body of the scene at the place where it starts."""
+    """Return a body of the scene at the place where it starts."""
     frame = empty(body["name"])
     frame.matrix_world = matrix(body["pose"])
     for part in body["parts"]:
@@ -72,7 +72,7 @@ def build_body(body: dict[str, Any], finishes: Finishes) -> Any:
 
 
 def build_link(link: dict[str, Any], finishes: Finishes) -> Any:
-    """A link of the robot; a colour of the URDF paints over that of a mesh file."""
+    """Return a link of the robot; a colour of the URDF paints over that of a mesh file."""
     frame = empty(link["name"])
     for part in link["parts"]:
         if part["shape"]["kind"] == "file":
@@ -94,7 +94,7 @@ def hang(shape: Any, frame: Any, pose: list[float], own: Matrix | None = None) -
 
 
 def make_camera(job: dict[str, Any]) -> Any:
-    """A camera whose focus is on what it looks at."""
+    """Return a camera whose focus is on what it looks at."""
     data = bpy.data.cameras.new("camera")
     data.sensor_fit = "VERTICAL"
     data.dof.use_dof = True

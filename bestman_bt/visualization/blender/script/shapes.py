@@ -13,7 +13,7 @@ SEGMENTS = 64
 
 
 def made_shape(shape: dict[str, Any], bevel: float) -> Any:
-    """A box, cylinder, ball or mesh as an object of the scene."""
+    """Return a box, cylinder, ball or mesh as an object of the scene."""
     mesh = bpy.data.meshes.new(shape["kind"])
     built = bmesh.new()
     match shape["kind"]:
@@ -59,7 +59,7 @@ def sharp_where_bent(mesh: Any) -> None:
 
 
 def imported_file(shape: dict[str, Any]) -> list[Any]:
-    """The objects of a mesh file, in its own axes, with its materials."""
+    """Return the objects of a mesh file, in its own axes, with its materials."""
     before = set(bpy.data.objects)
     path = shape["path"]
     importer = {".obj": bpy.ops.wm.obj_import, ".stl": bpy.ops.wm.stl_import, ".ply": bpy.ops.wm.ply_import}
