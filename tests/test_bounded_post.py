@@ -119,7 +119,7 @@ def test_an_answer_of_the_most_bytes_is_read_and_one_more_is_refused() -> None:
 
 
 def test_a_packed_answer_is_refused_however_short() -> None:
-    with pytest.raises(AnswerRefusedError, match="packed"):
+    with pytest.raises(AnswerRefusedError, match="compressed"):
         post(raw(gzip.compress(b"yes"), Content_Encoding="gzip"))
 
 

@@ -39,7 +39,7 @@ def _parse_numbers(text: str, counts: tuple[int, ...], what: str) -> list[float]
     except ValueError:
         numbers = []
     if len(numbers) not in counts or not all(math.isfinite(number) for number in numbers):
-        raise ValueError(f"{what} expected, got {text!r}")
+        raise ValueError(f"expected {what}, got {text!r}")
     return numbers
 
 

@@ -103,7 +103,7 @@ def test_an_include_that_leads_out_of_the_folder_is_refused(target: str, tmp_pat
     write(tmp_path, "secret.xml", TREE.format("Secret", "<AlwaysSuccess/>"))
     body = f'<include path="{target}"/>' + TREE.format("Main", "<AlwaysSuccess/>")
     main = write(tmp_path / "trees", "main.xml", body, ' main_tree_to_execute="Main"')
-    with pytest.raises(TreeLoadError, match="does not exist in the tree's folder|NUL bytes"):
+    with pytest.raises(TreeLoadError, match="is not a file in the tree's folder|NUL bytes"):
         load_tree(main)
 
 

@@ -271,7 +271,7 @@ def test_loading_in_a_session_warns_of_attributes_that_nobody_reads(caplog: pyte
     text = text_of('<SubTree ID="Look" surface="table" sped="2"/>').replace("</root>", inner)
     with bt.Session() as opened, caplog.at_level(logging.WARNING):
         opened.load(text)
-    assert "'sped': nothing in the tree 'Look' names it" in caplog.text
+    assert "'sped': nothing in the tree 'Look' uses it" in caplog.text
 
 
 def test_parts_behind_no_connection_are_told_as_such_with_the_node_that_needs_them() -> None:
