@@ -10,7 +10,7 @@ REAL_TIME := tests/hal tests/monitor
 # Where it is set, each of the many processes that tests start compiles every module that it imports.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: help install demo test test-all properties mutants eval eval-full gallery lint types contracts format docs lock page page-packages dist clean
+.PHONY: help install demo test test-all properties mutants eval eval-full gallery lint types contracts format docs lock page page-packages dist release clean
 
 help:
 	@echo "make demo      install, then watch the robot fetch a cup"
@@ -28,6 +28,7 @@ help:
 	@echo "make page      build the live page anew (needs node 20 and npm)"
 	@echo "make lock      resolve pyproject.toml anew into requirements.lock"
 	@echo "make dist      build the wheel and the source archive into dist/"
+	@echo "make release VERSION=x.y.z  check, build, smoke-test, commit and tag a release; pushes nothing"
 	@echo "make clean     remove what builds and tests leave (not .venv/, not runs/)"
 
 install:
@@ -96,6 +97,9 @@ page-packages:
 
 dist: install
 	$(BIN)/python -m build --no-isolation
+
+release: install
+	$(BIN)/python scripts/release.py $(VERSION)
 
 clean:
 	rm -rf build dist site .mypy_cache .pytest_cache .ruff_cache .import_linter_cache .hypothesis
