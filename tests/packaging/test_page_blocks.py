@@ -142,7 +142,7 @@ def fault_of(line: str) -> str:
     if rest and rest[-1] in ("…", "..."):
         del rest[-1]
     try:
-        command.make_parser(command.context_class(command)).parse_args(rest)
+        command.make_parser(command.context_class(command)).parse_args([*rest])
     except Exception as error:  # noqa: BLE001 - typer brings a click of its own, whose errors share no name with click's
         message = str(getattr(error, "message", error))
         # `run --driver` alone names an option; `--set …` leaves its value out.
