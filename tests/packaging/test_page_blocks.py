@@ -192,6 +192,12 @@ def test_the_pages_of_the_api_have_every_public_name() -> None:
         assert shown - public == set(), f"docs/api/{page}.md"
 
 
+def test_the_pages_of_the_api_name_what_there_is() -> None:
+    for path in (CHECKOUT / "docs/api").glob("*.md"):
+        for module, name in re.findall(r"^::: ([\w.]+)\.(\w+)$", path.read_text(), re.MULTILINE):
+            assert name in (names_of(module) or ()), f"{named(path)}: {module} has no {name}"
+
+
 def test_the_facade_is_documented_where_it_is_defined() -> None:
     import bestman_bt as bt
 

@@ -11,16 +11,20 @@ import numpy as np
 import pytest
 import yaml
 
-from bestman_bt.configuration import ConfigurationError, load_run
+from bestman_bt.configuration.errors import ConfigurationError
+from bestman_bt.configuration.run import load_run
 from bestman_bt.engine import TreeLoadError, load_tree
 from bestman_bt.messages import Path2D, Pose2D
-from bestman_bt.navigation.global_planning import Costmap, Footprint, PlanningFailure
-from bestman_bt.robot_model import ArmModel, load_robot_model
-from bestman_bt.runtime import prepare
+from bestman_bt.navigation.global_planning.base import PlanningFailure
+from bestman_bt.navigation.global_planning.costmap import Costmap
+from bestman_bt.navigation.global_planning.footprint import Footprint
+from bestman_bt.robot_model.compose import load_robot_model
+from bestman_bt.robot_model.model import ArmModel
 from bestman_bt.runtime.algorithms import Algorithms
 from bestman_bt.runtime.plugins import node_registry
+from bestman_bt.runtime.setup import prepare
 from bestman_bt.testing import TreeTester
-from bestman_bt.world_model import SemanticMap
+from bestman_bt.world_model.semantic_map import SemanticMap
 from tests.packaging.test_page_blocks import blocks
 
 TUTORIALS = Path(__file__).resolve().parents[2] / "docs" / "tutorials"
