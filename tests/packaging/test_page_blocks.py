@@ -158,6 +158,7 @@ def calls(path: Path) -> Iterator[str]:
             yield found[1]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path", [page for page in PAGES if list(calls(page))], ids=named)
 def test_the_commands_and_their_options_exist(path: Path) -> None:
     wrong = {line: fault for line in calls(path) if (fault := fault_of(line))}
