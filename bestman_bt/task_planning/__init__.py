@@ -1,1 +1,1 @@
-"""Task planning: goals in, plans of abilities out, trees that carry them out."""
+"""Task planning: from goals to plans of abilities, and to trees that execute them."""

@@ -1,4 +1,6 @@
-"""What task planners may order: leaves that declare parameters, and subtrees that declare themselves in their file."""
+"""The abilities of task planners: leaves that declare parameters, and subtrees that declare themselves in their
+file.
+"""
 
 from __future__ import annotations
 
@@ -21,12 +23,12 @@ FIELDS = ("pre", "hold", "effects", "cost", "parts")
 
 
 class DeclarationError(PlanningError, InputError):
-    """A leaf or a subtree declares what cannot be read."""
+    """The declaration of a leaf or subtree cannot be parsed."""
 
 
 @dataclass(frozen=True)
 class Ability:
-    """``is_subtree``: whether trees call it as ``<SubTree ID=…>``. ``description``: what it does, in words."""
+    """``is_subtree``: whether trees call it as ``<SubTree ID=…>``. ``description``: in words."""
 
     operator: Operator
     is_subtree: bool
@@ -39,14 +41,16 @@ class Ability:
 
 
 def shipped_abilities() -> Path:
-    """Return the file of the subtrees that planners order."""
+    """Return the file of the shipped subtrees for planners."""
     return data_root() / "trees" / "subtrees" / "abilities.xml"
 
 
 def abilities_of(registry: NodeRegistry, files: Iterable[Path] | None = None) -> tuple[Ability, ...]:
     """Return all abilities: of the subtrees in ``files`` (by default the shipped ones), then of the registry's leaves.
 
-    Raises DeclarationError, and TreeLoadError where a file cannot be read.
+    Raises:
+        DeclarationError: a declaration cannot be parsed.
+        TreeLoadError: a file cannot be read.
     """
     found: dict[str, Ability] = {}
     for file in [shipped_abilities()] if files is None else files:
@@ -60,7 +64,7 @@ def abilities_of(registry: NodeRegistry, files: Iterable[Path] | None = None) ->
 
 
 def operator_of(name: str, declared: Declaration) -> Operator:
-    """What a leaf declares, as an operator. Raises DeclarationError if its facts cannot be read."""
+    """Return the operator of a leaf's declaration. Raises DeclarationError if its facts cannot be parsed."""
     parameters = dict(declared.parameters or {})
     pre, hold, effects = (
         _conditions(name, field, texts, parameters)

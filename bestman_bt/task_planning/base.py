@@ -1,4 +1,4 @@
-"""What every task planner offers, whatever it plans with."""
+"""The interface of task planners."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ if TYPE_CHECKING:  # the planners in symbolic import this module
 
 
 class TaskPlanner(ABC):
-    """From a problem to a plan; equal problems give equal plans."""
+    """Computes a plan for a problem; equal problems give equal plans."""
 
     def __init_subclass__(cls, **options: Any) -> None:
         """Raises TypeError for a method that takes other arguments."""
@@ -22,7 +22,10 @@ class TaskPlanner(ABC):
 
     @abstractmethod
     def plan(self, problem: Problem) -> TaskPlan:
-        """Actions that lead from the problem's state to its goal; none where it holds already.
+        """Return actions that lead from the problem's state to its goal; an empty plan if the goal holds already.
 
-        Raises Unsolvable where there is no plan, GoalError where the goal makes no sense, PlanningError else.
+        Raises:
+            Unsolvable: there is no plan.
+            GoalError: the goal is invalid.
+            PlanningError: the planner failed.
         """

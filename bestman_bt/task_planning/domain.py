@@ -1,4 +1,4 @@
-"""One domain, from the skills: what can be ordered, what can be said, and of which things, as a planning problem."""
+"""The planning domain of the skills: abilities, predicates and things, as a planning problem."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _NUMBER = re.compile(r"_\d+$")
 
 @dataclass(frozen=True)
 class Domain:
-    """``abilities``: what planners order. ``predicates``: declared ones; others hold once brought about."""
+    """``abilities``: for planners. ``predicates``: declared ones; others hold once they are achieved."""
 
     abilities: tuple[Ability, ...]
     predicates: Mapping[str, Predicate] = field(default_factory=known_predicates)
@@ -44,17 +44,17 @@ class Domain:
 
     @classmethod
     def of(cls, registry: NodeRegistry) -> Domain:
-        """From the shipped abilities and the leaves of a registry. Raises DeclarationError if one does not fit."""
+        """Return the domain of the shipped abilities and a registry's leaves. Raises DeclarationError."""
         return cls(abilities_of(registry))
 
     @cached_property
     def operators(self) -> tuple[Operator, ...]:
-        """The abilities, with what is short for other facts written out."""
+        """The operators of the abilities, with abbreviations of facts expanded."""
         return tuple(self._written_out(ability.operator) for ability in self.abilities)
 
     @cached_property
     def signatures(self) -> dict[str, tuple[str, ...]]:
-        """Predicate → types of its arguments: declared, or as the first ability uses it."""
+        """Return predicate → types of its arguments: as declared, or as the first ability uses it."""
         known = {name: predicate.types for name, predicate in self.predicates.items()}
         for ability in self.abilities:
             for fact, types in _uses(ability.operator):
@@ -78,9 +78,9 @@ class Domain:
                     raise DeclarationError(f"{ability.name}: {fact}: {fact.predicate} takes {takes}")
 
     def problem(self, beliefs: Beliefs, goal: str | None = None, instruction: str = "") -> Problem:
-        """What the robot believes and what shall come about. Raises GoalError for a goal that makes no sense.
+        """Return the planning problem of the beliefs and a goal. Raises GoalError for an invalid goal.
 
-        ``goal``: facts as text, such as ``on(mug, table) and closed(drawer_chest/drawer_3)``; None: there is none yet.
+        ``goal``: facts as text, such as ``on(mug, table) and closed(drawer_chest/drawer_3)``; None: no goal yet.
         """
         objects = things(beliefs.world)
         problem = Problem(
@@ -95,9 +95,7 @@ class Domain:
         return problem if goal is None else self.with_goal(problem, goal)
 
     def with_goal(self, problem: Problem, goal: str) -> Problem:
-        """Return the problem with a goal, checked against what there is; GoalError has all that is wrong, with the
-        closest.
-        """
+        """Return the problem with a checked goal. Raises GoalError listing every fault, with the closest names."""
         literals: list[Literal] = []
         wrong = GoalFaults()
         for condition in parse_goal(goal):
@@ -113,9 +111,9 @@ class Domain:
         return replace(problem, goal=tuple(dict.fromkeys(literals)))
 
     def places_told(self, problem: Problem, facts: Iterable[str]) -> dict[str, str]:
-        """Object → place, of facts that somebody states of what was not seen.
+        """Return object → place, from given facts about unseen objects.
 
-        Raises GoalError for anything but ``on``.
+        Raises GoalError for facts other than ``on``.
         """
         told: dict[str, str] = {}
         wrong, literals = GoalFaults(), list[Literal]()
@@ -139,13 +137,13 @@ class Domain:
         if predicate is None or not literal.negated:
             return []
         if not predicate.negatable:
-            raise GoalError(f"{literal}: {predicate.name} cannot be negated; nobody makes the robot know less")
+            raise GoalError(f"{literal}: {predicate.name} cannot be negated; a robot cannot lose knowledge")
         if not predicate.known_if:
             return []
         return [Literal(parse_fact(predicate.known_if).bound(_values(predicate, literal.fact.arguments)))]
 
     def refuse_contradictions(self, goal: Collection[Literal]) -> None:
-        """Raises GoalError for a goal of which two parts cannot hold together, by what predicates exclude."""
+        """Raise GoalError for a goal whose parts exclude each other according to the predicates."""
         wanted = [literal.fact for literal in goal if not literal.negated]
         clashes = [(str(fact), f"not {fact}") for fact in wanted if Literal(fact, negated=True) in goal]
         clashes += [(str(fact), str(other)) for fact in wanted for other in wanted if self._rules_out(fact, other)]
@@ -153,7 +151,7 @@ class Domain:
             raise GoalError("the goal contradicts itself: {} and {} cannot hold together".format(*clashes[0]))
 
     def _rules_out(self, fact: Fact, other: Fact) -> bool:
-        """Return whether two facts cannot hold together, by what the predicate of the first one excludes."""
+        """Return whether two facts exclude each other according to the first one's predicate."""
         predicate = self.predicates.get(fact.predicate)
         if predicate is None or fact == other:
             return False
@@ -184,7 +182,9 @@ class Domain:
         return predicate in self.predicates and bool(self.predicates[predicate].means)
 
     def _meaning(self, condition: Condition) -> Condition:
-        """``accessible(fridge/shelf_1)`` as what it means; all else as it is."""
+        """Return the expansion of an abbreviation such as ``accessible(fridge/shelf_1)``; other conditions
+        unchanged.
+        """
         if isinstance(condition, Forall) or not self._is_short(condition.fact.predicate):
             return condition
         if condition.negated:
@@ -199,8 +199,9 @@ class Domain:
 
 
 def full_name(problem: Problem, name: str, kind: str) -> str:
-    """Return the thing of a type that is meant: ``table`` for its only or first surface, ``drawer_3`` for the only one,
-    and ``drawer`` for the first where they have numbers; a log says which it is taken for where there are others.
+    """Return the full name of a thing: ``table`` for its only or first surface, ``drawer_3`` for the only one.
+
+    A name without a number means the first one; an ambiguous choice is logged. Raises GoalError for an unknown name.
     """
     known = problem.of_type(kind)
     if name in known:
@@ -232,7 +233,7 @@ def full_name(problem: Problem, name: str, kind: str) -> str:
 
 
 def _values(predicate: Predicate, arguments: Sequence[str]) -> dict[str, str]:
-    """``{object}`` → ``mug``: what the parameters in a declaration stand for."""
+    """Return ``{object}`` → ``mug`` for the parameters of a declaration."""
     return {f"{{{name}}}": value for name, value in zip(predicate.parameters, arguments, strict=True)}
 
 
@@ -242,7 +243,7 @@ def _words(name: str) -> list[str]:
 
 
 def without_number(name: str) -> str:
-    """``drawer`` of ``drawer_chest/drawer_3``."""
+    """Return a name without path and number: ``drawer`` for ``drawer_chest/drawer_3``."""
     return _NUMBER.sub("", name.rpartition("/")[2])
 
 

@@ -1,4 +1,4 @@
-"""Why there is no plan: from the goal back to what is missing, along what is out of reach even if nothing is undone."""
+"""Explanations of missing plans: from the goal back to what is unreachable even if nothing is ever undone."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ _Way = tuple[tuple[Literal, Action], ...]
 
 
 def explain(problem: Problem) -> str:
-    """Why a goal cannot be reached, in words: ``locked(fridge) is believed, and nothing changes that: …``.
+    """Return why a goal cannot be reached, in words: ``locked(fridge) is believed, and nothing changes that: …``.
 
-    Each line is one root of the trouble, with the way from it to the goal. Empty where the goal holds already.
+    Each line is one root cause, with its chain to the goal. Empty if the goal holds already.
     """
     frontier, unmet = _Frontier(problem), problem.unmet_in(problem.state)
     lines = [line for goal in unmet for line in frontier.lines(goal)]
@@ -52,9 +52,9 @@ class _Frontier:
     def _roots(
         self, literal: Literal, above: frozenset[Literal], way: _Way, asked: set[Literal]
     ) -> Iterator[tuple[str, _Way]]:
-        """What is missing first, in words, and the way to it.
+        """Yield the first missing facts, in words, with the chain to each.
 
-        ``above``: from the goal down to ``literal``; ``asked``: all that is explained already, here or there.
+        ``above``: from the goal down to ``literal``; ``asked``: facts that are explained already.
         """
         if self._within_reach(literal):
             return
@@ -76,7 +76,7 @@ class _Frontier:
                     yield from self._roots(need, above | {need}, below, asked)
 
     def _searches(self, literal: Literal) -> list[Action]:
-        """Where a thing is needed of which nobody knows where it is: what might find it, at each place."""
+        """Return the actions that might find a thing of unknown place, at each place."""
         if literal.negated or literal.fact.predicate not in (ON.name, HOLDING.name, LOCATED.name):
             return []
         located = Fact(LOCATED.name, literal.fact.arguments[:1])
@@ -92,9 +92,9 @@ class _Frontier:
         return Literal(Fact(UNSEEN.name, search.arguments[:2]))
 
     def _nearest(self, literal: Literal, above: frozenset[Literal]) -> list[Action]:
-        """Of the actions that would bring it about, the one that asks for the least that is not so.
+        """Return the action that achieves the literal with the fewest missing preconditions.
 
-        What is believed to be otherwise counts most (that the key is in another drawer), then what leads in a circle.
+        Facts believed to be false count most (the key is in another drawer), then circular dependencies.
         """
 
         def rank(action: Action) -> tuple[int, bool, int, str]:
@@ -123,6 +123,6 @@ class _Frontier:
 
 
 def _instances(problem: Problem, operator: Operator) -> Iterator[Action]:
-    """An operator for all things of its types: with those that can never be done, for these are to be explained."""
+    """Yield an operator for all things of its types, including impossible ones, which are to be explained."""
     for arguments in itertools.product(*(problem.of_type(kind) for kind in operator.parameters.values())):
         yield instantiate(problem, operator, arguments)

@@ -1,4 +1,4 @@
-"""What the user allows a planner to do, whatever it is asked or told."""
+"""Limits of plans set by the user."""
 
 from __future__ import annotations
 
@@ -36,13 +36,14 @@ _FORM = "steps=20; cost=40; only=PickUp, PutAt; without=knife, fridge/door"
 
 
 class LimitsExceededError(PlanningError):
-    """The plan that was found goes beyond what the user allows."""
+    """The plan exceeds the limits of the user."""
 
 
 @dataclass(frozen=True)
 class PlanLimits:
-    """``max_actions``, ``max_cost``: of a whole plan. ``abilities``: the only ones that may be used (None: all).
-    ``forbidden``: objects, places and containers that no action may name.
+    """``max_actions``, ``max_cost``: of a whole plan. ``abilities``: the only allowed ones (None: all).
+
+    ``forbidden``: objects, places and containers that no action may use.
     """
 
     max_actions: int = 100
@@ -52,18 +53,17 @@ class PlanLimits:
 
     def __post_init__(self) -> None:
         if self.max_actions < 1:
-            raise ValueError(f"at most {self.max_actions} steps is no limit for a plan; 1 or more are accepted")
+            raise ValueError(f"at most {self.max_actions} steps is not a valid limit; it should be 1 or more")
         if self.abilities is not None and not self.abilities:
             raise ValueError("no ability is allowed; name one at least, or leave that out")
         if not self.max_cost > 0.0:
-            raise ValueError(f"a cost of at most {self.max_cost:g} is no limit for a plan; more than 0 is accepted")
+            raise ValueError(f"a cost of at most {self.max_cost:g} is not a valid limit; it should be more than 0")
 
     @classmethod
     def from_string(cls, text: str) -> PlanLimits:
-        """Read ``steps=20; cost=40; only=PickUp, PutAt; without=knife, fridge/door``, each of them optional.
+        """Parse ``steps=20; cost=40; only=PickUp, PutAt; without=knife, fridge/door``, each part optional.
 
-        Names that are given in several places add up. Characters that would part the names are written as in addresses
-        (``%2C``). Raises ValueError.
+        Repeated name lists are merged. Separators within names are percent-encoded (``%2C``). Raises ValueError.
         """
         limits, given = cls(), set[str]()
         for part in filter(None, (part.strip() for part in text.split(";"))):
@@ -83,12 +83,12 @@ class PlanLimits:
                 case "steps" | "cost":
                     raise ValueError(f"{part!r}: {key} takes a number; the form is {_FORM}")
                 case _:
-                    raise ValueError(f"{part!r} is no limit; the form is {_FORM}")
+                    raise ValueError(f"{part!r} is not a limit; the form is {_FORM}")
             given.add(key)
         return limits
 
     def to_string(self) -> str:
-        """Return the text that ``from_string`` reads; empty where nothing is limited but the steps as by default."""
+        """Return the text that ``from_string`` parses; empty for the default limits."""
         default, parts = PlanLimits(), []
         if self.max_actions != default.max_actions:
             parts.append(f"steps={self.max_actions}")
@@ -100,10 +100,10 @@ class PlanLimits:
         return "; ".join(parts)
 
     def resolved(self, problem: Problem) -> PlanLimits:
-        """The limits with the full names of things: ``fridge`` is all of the fridge, ``drawer_3`` each drawer_3, and
-        ``drawer`` each with a number.
+        """Return the limits with full names of things: ``fridge`` means all of the fridge, ``drawer`` all numbered
+        drawers.
 
-        GoalError, with the closest name, where a limit names what there is not: it would limit nothing.
+        Raises GoalError, with the closest name, for an unknown name.
         """
         known = {operator.name for operator in problem.operators}
         for name in sorted((self.abilities or frozenset()) - known):
@@ -113,21 +113,23 @@ class PlanLimits:
         )
 
     def renamed(self, names: Mapping[str, str]) -> PlanLimits:
-        """Return the same for a world where things have other ``names``."""
+        """Return the limits for a world with other ``names`` of things."""
         return replace(self, forbidden=frozenset(names[name] for name in self.forbidden))
 
     def operators(self, problem: Problem) -> tuple[Operator, ...]:
-        """Return the abilities that may be used."""
+        """Return the allowed abilities."""
         allowed = self.abilities
         return tuple(operator for operator in problem.operators if allowed is None or operator.name in allowed)
 
     def things(self, problem: Problem, kind: str) -> list[str]:
-        """Return the things of a type that may be named."""
+        """Return the allowed things of a type."""
         return [name for name in problem.of_type(kind) if name not in self.forbidden]
 
     def applied_to(self, problem: Problem) -> Problem:
-        """Return the problem in which no planner can break ``abilities`` and ``forbidden``: a thing is for use only
-        where the static fact ``allowed(thing)`` holds. Raises GoalError as ``resolved`` does.
+        """Return a problem that enforces ``abilities`` and ``forbidden`` for any planner, by a static fact
+        ``allowed(thing)``.
+
+        Raises GoalError as ``resolved`` does.
         """
         forbidden = self.resolved(problem).forbidden
         operators = self.operators(problem)
@@ -137,7 +139,7 @@ class PlanLimits:
         return replace(problem, operators=tuple(map(_guarded, operators)), state=problem.state | allowed)
 
     def faults(self, actions: Collection[Action]) -> list[str]:
-        """Where a plan goes beyond the limits."""
+        """Return where a plan exceeds the limits."""
         faults = []
         if len(actions) > self.max_actions:
             faults.append(f"{len(actions)} steps; at most {self.max_actions} are allowed")
@@ -157,9 +159,11 @@ class PlanLimits:
 def plan_within(planner: TaskPlanner, problem: Problem, limits: PlanLimits) -> TaskPlan:
     """Return the plan of any planner for a problem, within limits.
 
-    Raises Unsolvable with an explanation, GoalError where the limits name what there is not, LimitsExceededError where
-    the plan is longer or dearer than allowed, PlanningError where the planner fails or returns what is no plan, and
-    what PlanningError it raises itself.
+    Raises:
+        Unsolvable: with an explanation.
+        GoalError: the limits contain an unknown name.
+        LimitsExceededError: the plan is too long or too expensive.
+        PlanningError: the planner fails or does not return a plan.
     """
     limits = limits.resolved(problem)
     limited = limits.applied_to(problem)
@@ -171,7 +175,7 @@ def plan_within(planner: TaskPlanner, problem: Problem, limits: PlanLimits) -> T
     operators = {operator.name: operator for operator in problem.operators}
     unknown = [action.name for action in found if action.name not in operators]
     if unknown:
-        raise PlanningError(f"{type(planner).__name__} plans with {unknown[0]!r}, which is no ability")
+        raise PlanningError(f"{type(planner).__name__} plans with {unknown[0]!r}, which is not an ability")
     actions = tuple(instantiate(problem, operators[action.name], action.arguments) for action in found)
     faults = limits.faults(actions)
     if faults:
@@ -180,7 +184,7 @@ def plan_within(planner: TaskPlanner, problem: Problem, limits: PlanLimits) -> T
 
 
 def _explained(problem: Problem) -> str:
-    """Why there is no plan; a thing that is not ``allowed`` is one that the limits forbid."""
+    """Return why there is no plan; things that are not ``allowed`` are reported as forbidden by the limits."""
     return _ALLOWED.sub(r"the \1", _FORBIDDEN.sub(r"the limits forbid the \1", explain(problem)))
 
 

@@ -1,4 +1,4 @@
-"""Planning inside a tree: one leaf makes a plan of what is believed, the other carries it out."""
+"""Planning inside a tree: one leaf makes a plan from the beliefs, another executes it."""
 
 from __future__ import annotations
 
@@ -54,9 +54,9 @@ TUCKED = 0.1
 
 
 class Holds(SkillCondition):
-    """Whether facts are believed: ``on(mug, table/top) and not open(fridge/upper_door)``.
+    """Check whether facts are believed: ``on(mug, table/top) and not open(fridge/upper_door)``.
 
-    ``{object}``, ``{place}`` and ``{container}`` in the text stand for the ports of these names.
+    ``{object}``, ``{place}`` and ``{container}`` in the text refer to the ports of these names.
     """
 
     USES = ("arm",)
@@ -74,7 +74,7 @@ class Holds(SkillCondition):
     _brought_about: frozenset[str] | None = None
 
     def check(self) -> tuple[str, str] | None:
-        """Asks the beliefs; takes no picture."""
+        """Check the belief, without an image."""
         values = {f"{{{port}}}": self.get_input(port) for port in ("object", "place", "container")}
         beliefs = beliefs_of(self.skills)
         try:
@@ -96,7 +96,7 @@ class Holds(SkillCondition):
 
 
 def beliefs_of(skills: SkillContext) -> Beliefs:
-    """What a running robot believes, with what its encoders tell of the arm; one without an arm has none out."""
+    """Return the beliefs of a running robot, with the arm's state from encoders; without an arm it counts as tucked."""
     if not skills.has("arm"):
         return Beliefs(skills.world, tucked=True)
     posture = skills.robot.posture(DRIVEN, skills.arm_model.joint_names)
@@ -109,9 +109,9 @@ def beliefs_of(skills: SkillContext) -> Beliefs:
 
 @dataclass(frozen=True)
 class Outlook:
-    """How a plan stands: ``next``: the action to do, None if it is done or does not help any more.
+    """The state of a plan; ``next``: the next action, None if the plan is done or no longer helps.
 
-    ``broken``: what the rest of the plan needs and is not believed, where it does not help.
+    ``broken``: the violated conditions of the rest of the plan, if it no longer helps.
     """
 
     done: bool
@@ -123,18 +123,18 @@ class Outlook:
             return "the goal holds"
         if self.next is not None:
             return f"next is {self.next}"
-        return f"the plan does not help any more: it needs {' and '.join(map(str, self.broken))}"
+        return f"the plan no longer helps: it needs {' and '.join(map(str, self.broken))}"
 
 
 class PlanMonitor:
-    """Knows what of a plan leads to the goal from a state, whatever has been done so far."""
+    """Determines which part of a plan leads to the goal from a given state."""
 
     def __init__(self, plan: TaskPlan, goal: Iterable[Literal], most_ways: int = 8) -> None:
         self._goal = frozenset(goal)
         self._steps = staircase(steps_one_by_one(plan), self._goal, most_ways)
 
     def outlook(self, state: Collection[Fact]) -> Outlook:
-        """Where the plan stands in a state."""
+        """Return the state of the plan for a state of the world."""
         if not _broken(self._goal, state):
             return Outlook(True, None)
         ready = [each.step for each in self._steps if each.holds_in(state)]
@@ -158,7 +158,7 @@ class _Planning(OnRobot):
     """What both leaves know of the task."""
 
     def domain_and_problem(self) -> tuple[Domain, Problem]:
-        """What can be ordered here, and what is believed now, with the goal. Raises SkillFailure (``bad_goal``)."""
+        """Return the domain, and the problem of the current beliefs and goal. Raises SkillFailure (``bad_goal``)."""
         domain = Domain.of(self.owner.registry)
         try:
             return domain, domain.problem(beliefs_of(self.skills), self.get_input("goal"))
@@ -167,7 +167,7 @@ class _Planning(OnRobot):
 
 
 class Plan(_Planning, Skill):
-    """Plan from what is believed now; FAILURE (``unsolvable``) says what is missing."""
+    """Plan from the current beliefs; on failure (``unsolvable``) the message says what is missing."""
 
     USES = ("arm",)
     INPUT_PORTS: ClassVar = {
@@ -184,7 +184,7 @@ class Plan(_Planning, Skill):
     }
 
     def execute(self) -> Steps:
-        """Plan, and say what the plan is."""
+        """Plan, and report the plan."""
         try:
             planner = made_planner(self.get_input("planner"))
         except UnknownNameError as error:
@@ -198,9 +198,9 @@ class Plan(_Planning, Skill):
 
 
 class ExecutePlan(_Planning, Explained, StatefulAction):
-    """Make a tree of a plan, check it, and tick it; FAILURE where the plan fails or does not help any more.
+    """Build a tree from a plan, check it, and tick it; FAILURE if the plan fails or no longer helps.
 
-    The tree is one of its own: it sees the robot and the beliefs, not the entries of this one.
+    The tree has its own blackboard: it shares the robot and the beliefs, but no entries.
     """
 
     USES = ("arm",)
@@ -222,7 +222,7 @@ class ExecutePlan(_Planning, Explained, StatefulAction):
     }
 
     def on_start(self) -> int:
-        """Refuse a tree that does not pass, before anything moves."""
+        """Build and check the tree before anything moves."""
         self._told = len(self.skills.failures)
         try:
             domain, problem = self.domain_and_problem()
@@ -274,7 +274,7 @@ class ExecutePlan(_Planning, Explained, StatefulAction):
             raise SkillFailure("refused", str(error)) from error
 
     def _why(self) -> str:
-        """What the last skill that failed said, and how the plan stands now."""
+        """Return the message of the last failed skill, and the state of the plan."""
         _, problem = self.domain_and_problem()
         failed = [failure for failure in self.skills.failures[self._told :] if failure.error_code not in ANSWERS]
         said = [f"{failure.where or failure.node}: {failure.why}" for failure in failed[-1:]]
@@ -282,7 +282,7 @@ class ExecutePlan(_Planning, Explained, StatefulAction):
 
 
 def _plan(planner: TaskPlanner, problem: Problem, limits: PlanLimits) -> TaskPlan:
-    """Return a plan; SkillFailure with the reason in words where there is none."""
+    """Return a plan. Raises SkillFailure with the reason."""
     try:
         return plan_within(planner, problem, limits)
     except Unsolvable as error:
@@ -292,7 +292,7 @@ def _plan(planner: TaskPlanner, problem: Problem, limits: PlanLimits) -> TaskPla
 
 
 def _running_ability(tree: Tree) -> str:
-    """What is being done: the outermost subtrees or leaves that run."""
+    """Return the current abilities: the outermost running subtrees or leaves."""
     running = [
         node for node in tree.nodes if node.state == RUNNING and (isinstance(node, SubTree) or not node.children)
     ]

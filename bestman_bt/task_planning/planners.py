@@ -1,4 +1,4 @@
-"""Planners and tree builders by name. They may be anybody's: one that fails, or returns no plan, is told by name."""
+"""Planners and tree builders by name; errors of third-party ones name the class."""
 
 from __future__ import annotations
 
@@ -12,7 +12,9 @@ from bestman_bt.task_planning.symbolic.problem import Action, PlanningError, Pro
 
 
 def planner_class(name: str) -> type[TaskPlanner]:
-    """Return the class of a name; UnknownNameError, or PlanningError where it cannot be imported or is none."""
+    """Return the class of a name. Raises UnknownNameError, or PlanningError if it is not a planner or cannot be
+    imported.
+    """
     try:
         found: object = PLANNERS.resolve(name)
     except UnknownNameError:
@@ -25,7 +27,7 @@ def planner_class(name: str) -> type[TaskPlanner]:
 
 
 def made_planner(name: str) -> TaskPlanner:
-    """Return a planner with its defaults; raises as ``planner_class``, also where it cannot be made."""
+    """Return a planner with its defaults; raises as ``planner_class`` does, also if it cannot be created."""
     made = planner_class(name)
     try:
         return made()
@@ -34,7 +36,9 @@ def made_planner(name: str) -> TaskPlanner:
 
 
 def made_builder(name: str) -> TreeBuilder:
-    """Return a tree builder by name; UnknownNameError, or PlanningError where it cannot be made or is none."""
+    """Return a tree builder by name. Raises UnknownNameError, or PlanningError if it is not one or cannot be
+    created.
+    """
     made: object = None
     found = BUILDERS.resolve(name)
     try:
@@ -47,7 +51,7 @@ def made_builder(name: str) -> TreeBuilder:
 
 
 def actions_of(planner: TaskPlanner, problem: Problem) -> tuple[Action, ...]:
-    """What a planner plans. Raises PlanningError if it fails or returns something else, beside those that it raises."""
+    """Return the actions of a planner. Raises PlanningError if it fails or returns something else."""
     who = type(planner).__name__
     try:
         found: object = planner.plan(problem)

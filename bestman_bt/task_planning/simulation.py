@@ -1,4 +1,4 @@
-"""A tree without a robot: its abilities change a set of facts, as they are declared to."""
+"""Dry runs of a tree without a robot: its abilities change a set of facts as declared."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ MAX_TICKS = 10_000
 
 @dataclass
 class SymbolicWorld:
-    """What holds, and what is done to it. ``done``: actions that succeeded; ``told``: why others failed, by path."""
+    """The facts that hold, and the executed actions. ``done``: succeeded; ``told``: failures, (path, reason)."""
 
     problem: Problem
     state: frozenset[Fact] = field(init=False)
@@ -46,34 +46,34 @@ class SymbolicWorld:
         self.state = self.problem.state
 
     def believed(self) -> frozenset[Fact]:
-        """What conditions see."""
+        """Return the facts that conditions see."""
         return self.state
 
     def begin(self, action: Action) -> tuple[Literal, ...]:
-        """Return the pre-conditions of an action that do not hold now."""
+        """Return the violated preconditions of an action."""
         return broken_in(self.problem, action.operator, action.arguments, self.state)
 
     def finish(self, action: Action) -> str:
-        """Let an action that ran take effect; why it fails, or nothing."""
+        """Apply the effects of an action; return why it fails, or an empty text."""
         self.state = state_after(self.problem, action.operator, action.arguments, self.state)
         self.done.append(action)
         return ""
 
     @property
     def reached(self) -> bool:
-        """Whether the goal holds."""
+        """Return whether the goal holds."""
         return not self.problem.unmet_in(self.state)
 
 
 class SimulatedAbility(StatefulAction):
-    """Stands for an ability: runs for a tick, then changes the world. The tree's context is a ``SymbolicWorld``."""
+    """A simulated ability: runs for a tick, then changes the world. The tree's context is a ``SymbolicWorld``."""
 
     OPERATOR: ClassVar[Operator]
 
     _action: Action
 
     def on_start(self) -> int:
-        """FAILURE where a pre-condition does not hold."""
+        """Start; FAILURE if a precondition is violated."""
         world: SymbolicWorld = self.context
         try:
             arguments = [str(self.get_input(port)) for port in self.OPERATOR.parameters]
@@ -84,7 +84,7 @@ class SimulatedAbility(StatefulAction):
         return self._fail(f"it needs {' and '.join(map(str, broken))}") if broken else RUNNING
 
     def on_running(self) -> int:
-        """SUCCESS, and the effects hold, unless the world has it otherwise."""
+        """Apply the effects and return SUCCESS, unless the world refuses."""
         why = self.context.finish(self._action)
         return self._fail(why) if why else SUCCESS
 
@@ -99,11 +99,11 @@ class SimulatedHolds(Condition):
     INPUT_PORTS: ClassVar = {"fact": PortInformation(str, description="facts, joined by 'and'")}
 
     def on_load(self) -> None:
-        """Read the facts."""
+        """Parse the facts."""
         self._literals = parse_literals(str(self.attributes["fact"]))
 
     def on_tick(self) -> int:
-        """SUCCESS where all of them hold."""
+        """Return SUCCESS if all facts hold."""
         state = self.context.believed()
         missing = [literal for literal in self._literals if not literal.holds_in(state)]
         if missing:
@@ -113,7 +113,7 @@ class SimulatedHolds(Condition):
 
 @dataclass(frozen=True)
 class DryRun:
-    """``status``: of the tree; RUNNING where it did not end. ``why``: (node, words), the last failures, latest last."""
+    """``status``: of the tree; RUNNING if it did not end. ``why``: (node, reason), the last failures, latest last."""
 
     status: int
     reached: bool
@@ -133,7 +133,7 @@ def dry_run(source: str | Path, world: SymbolicWorld, registry: NodeRegistry, ma
 def load_simulated(source: str | Path, world: SymbolicWorld, registry: NodeRegistry) -> Tree:
     """Return the tree with all abilities replaced by simulated ones. Raises TreeLoadError.
 
-    ``source``: a file or XML text. ``registry``: what else it may name; it is not changed.
+    ``source``: a file or XML text. ``registry``: further nodes; it is not changed.
     """
     operators = world.problem.operators
     simulated = NodeRegistry()
@@ -154,7 +154,7 @@ def load_simulated(source: str | Path, world: SymbolicWorld, registry: NodeRegis
 
 
 def folded(made: PlanTree, problem: Problem) -> Tree:
-    """Return the tree of a plan to look at: each ability is one leaf."""
+    """Return the tree of a plan for display: each ability is one leaf."""
     names = {operator.name for operator in problem.operators}
     registry = NodeRegistry()
     for operator in problem.operators:

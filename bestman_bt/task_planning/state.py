@@ -1,4 +1,4 @@
-"""The symbolic state, read from what the robot believes: which facts hold, and of which things one can speak."""
+"""The symbolic state of the beliefs: the facts that hold, and the known things."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ SUPERTYPES: dict[str, tuple[str, ...]] = {"drawer": ("place", "container")}
 
 
 class PredicateError(PlanningError):
-    """A predicate of a user has raised: nobody knows whether it holds."""
+    """A user's predicate has raised an error, so that its value is unknown."""
 
 
 def surfaces(world: WorldModel) -> list[str]:
@@ -30,14 +30,12 @@ def surfaces(world: WorldModel) -> list[str]:
 
 
 def known_predicates() -> dict[str, Predicate]:
-    """Return all predicates that are declared as such, by name: the shipped ones, those of plug-ins and of entry
-    points.
-    """
+    """Return all declared predicates by name: shipped, of plug-ins and of entry points."""
     return {name: _predicate(name) for name in PREDICATES.names()}
 
 
 def things(world: WorldModel) -> dict[str, str]:
-    """Name → type of all that facts may be about: objects, surfaces of the map, its doors and drawers."""
+    """Return name → type of everything that facts may refer to: objects, surfaces of the map, doors and drawers."""
     held = [one.name for one in world.hands.values()]
     found = dict.fromkeys([*world.models, *world.objects, *held], "object")
     found |= dict.fromkeys(surfaces(world), "place")
@@ -49,9 +47,9 @@ def things(world: WorldModel) -> dict[str, str]:
 
 
 def holds(beliefs: Beliefs, fact: Fact, declared: Collection[str] = ()) -> bool:
-    """Return whether a fact is believed. ``declared``: predicates that abilities bring about, without a function.
+    """Return whether a fact is believed. ``declared``: predicates of abilities without a function.
 
-    Raises UnknownNameError for any other predicate, PredicateError where a user's own raises.
+    Raises UnknownNameError for other predicates, PredicateError if a user's own raises.
     """
     if fact.predicate in declared and fact.predicate not in PREDICATES.names():
         return fact in brought_about(beliefs)
@@ -60,7 +58,7 @@ def holds(beliefs: Beliefs, fact: Fact, declared: Collection[str] = ()) -> bool:
 
 
 def asked(predicate: Predicate, function: Callable[..., T], of: object, arguments: Sequence[str]) -> T:
-    """What a function of a predicate says; PredicateError, with file and line, where a user's own raises."""
+    """Return the value of a predicate's function. Raises PredicateError, with file and line, if a user's own raises."""
     try:
         return function(of, *arguments)
     except Exception as error:  # a user's function may raise anything; reported with its line
@@ -76,7 +74,7 @@ def _believed(predicate: Predicate, beliefs: Beliefs, arguments: Sequence[str]) 
 
 
 def brought_about(beliefs: Beliefs) -> set[Fact]:
-    """Return the facts without a function that abilities have brought about, and none has undone since."""
+    """Return the facts without a function that abilities have achieved and not undone since."""
     functions = {name: predicate for name, predicate in known_predicates().items() if predicate.holds is not None}
     kinds = things(beliefs.world)
     believed: set[Fact] = set()
@@ -104,7 +102,7 @@ def brought_about(beliefs: Beliefs) -> set[Fact]:
 
 
 def read_state(beliefs: Beliefs, objects: Mapping[str, str] | None = None) -> frozenset[Fact]:
-    """Return all facts that are believed, of the given things or of all."""
+    """Return all believed facts about the given things, or about all."""
     kinds: dict[str, list[str]] = {}
     objects = things(beliefs.world) if objects is None else objects
     for name, kind in objects.items():

@@ -81,7 +81,7 @@ def test_a_port_that_a_subtree_of_another_file_lacks_is_told_once_at_the_subtree
         f'tree.xml:3: {why} (give object="…")',
         f'tree.xml:4: {why.replace("Twice", "Take")} (give object="…")',
     ]
-    unread = [str(one) for one in validate_file(tree, registry) if "names it" in one.message]
+    unread = [str(one) for one in validate_file(tree, registry) if "uses it" in one.message]
     assert [one.removeprefix(f"{tmp_path}/") for one in unread] == [
         "tree.xml:2: warning: <SubTree> port 'objekt': nothing in the tree 'Twice' uses it (did you mean 'object'?)",
         "tree.xml:5: warning: <SubTree> port 'quick': nothing in the tree 'Take' uses it",

@@ -48,7 +48,7 @@ def test_a_planner_that_keeps_to_no_limit_gets_no_plan_through() -> None:
     with pytest.raises(LimitsExceededError, match="step 1: OpenContainer is not allowed"):
         plan_within(Inventive(opened), problem, PlanLimits.from_string("only=PickUp"))
     invented = replace(opened, operator=replace(opened.operator, name="OpenWithForce"))
-    with pytest.raises(PlanningError, match="Inventive plans with 'OpenWithForce', which is no ability"):
+    with pytest.raises(PlanningError, match="Inventive plans with 'OpenWithForce', which is not an ability"):
         plan_within(Inventive(invented), problem, PlanLimits())
 
 
@@ -175,9 +175,9 @@ def test_limits_survive_as_text(limits: PlanLimits) -> None:
     ("text", "words"),
     [
         ("steps=many", "'steps=many': steps takes a number; the form is steps=20"),
-        ("steps=0", "at most 0 steps is no limit for a plan; 1 or more are accepted"),
+        ("steps=0", "at most 0 steps is not a valid limit; it should be 1 or more"),
         ("cost=nan", "'cost=nan': cost takes a number"),
-        ("cost=-1", "a cost of at most -1 is no limit for a plan; more than 0 is accepted"),
+        ("cost=-1", "a cost of at most -1 is not a valid limit; it should be more than 0"),
         ("cost=dear", "'cost=dear': cost takes a number"),
         ("steps=3; steps=4", "steps is given twice, the second time by 'steps=4'"),
         ("cost=3; cost=4", "cost is given twice"),

@@ -27,4 +27,4 @@ def test_it_is_done_where_the_goal_is_believed(monitor: PlanMonitor) -> None:
 
 def test_where_the_plan_does_not_help_it_says_what_is_missing(monitor: PlanMonitor) -> None:
     moved = facts("on(mug, chest/drawer_2)", "hand_empty", "open(drawer_1)")
-    assert str(monitor.outlook(moved)) == "the plan does not help any more: it needs on(mug, chest/drawer_1)"
+    assert str(monitor.outlook(moved)) == "the plan no longer helps: it needs on(mug, chest/drawer_1)"

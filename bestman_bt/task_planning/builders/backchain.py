@@ -1,7 +1,7 @@
-"""Back-chaining: each condition has beside it what brings it about.
+"""Back-chaining: each condition has a fallback with the action that achieves it.
 
 M. Colledanchise, D. Almeida, P. Ögren, "Towards Blended Reactive Planning and Acting using Behavior Trees" (PA-BT),
-ICRA 2019. Expanded along the causal links of a plan rather than at run time.
+ICRA 2019. Expanded along the causal links of a plan instead of at run time.
 """
 
 from __future__ import annotations
@@ -21,18 +21,18 @@ MAX_ACTIONS = 2000
 
 @dataclass(frozen=True)
 class BackchainBuilder(TreeBuilder):
-    """For each goal: does it hold, else do what brings it about, before which its pre-conditions are treated alike.
+    """For each goal: check it, else execute the action that achieves it, after treating its preconditions alike.
 
-    A pre-condition that the plan found true has nothing beside it: once undone, the tree fails. As in ``reactive``, an
-    action that runs is left to its end while its hold-conditions are believed.
+    A precondition that was true when planning has no fallback: if it is violated, the tree fails. As in ``reactive``, a
+    running action is completed while its hold-conditions are believed.
 
-    ``attempts``: how many times the tree is begun anew after a failure.
+    ``attempts``: number of restarts of the tree after a failure.
     """
 
     attempts: int = 3
 
     def root(self, plan: TaskPlan, goal: tuple[Literal, ...], writer: Writer) -> XmlElement:
-        """Retries around the sequence of goals."""
+        """Return retries around the sequence of goals."""
         chain = _Chain(plan.actions, writer)
         goals = chain.conditions(goal, len(plan.actions), frozenset())
         attempt = writer.node("Sequence", "reach_the_goal", [*goals, writer.holds("goal_reached", goal)])
@@ -79,9 +79,9 @@ class _Chain:
     def _by_producer(
         self, literals: Iterable[Literal], before: int, given: frozenset[Literal]
     ) -> dict[int, frozenset[Literal]]:
-        """Which action of the plan each literal comes from; -1: none is to be done for it here.
+        """Return which action of the plan each literal comes from; -1: no action is needed for it here.
 
-        It held from the start, is given, or comes from an action of which another effect is given: that one is done.
+        These are literals that held from the start, are given, or come from an action of which another effect is given.
         """
         found: dict[int, set[Literal]] = defaultdict(set)
         for literal in literals:
@@ -90,5 +90,5 @@ class _Chain:
         return {producer: frozenset(wanted) for producer, wanted in found.items()}
 
     def _touched(self, last: int) -> frozenset[Literal]:
-        """What the actions up to ``last`` may undo."""
+        """Return the facts that actions up to ``last`` may undo."""
         return frozenset(~effect for effects in self.effects[: last + 1] for effect in effects)

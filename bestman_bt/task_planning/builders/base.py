@@ -1,4 +1,4 @@
-"""What makes a tree of a plan."""
+"""Tree builders: from plans to trees."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from bestman_bt.task_planning.symbolic.problem import Literal, PlanningError, Ta
 
 
 class TreeBuilder(ABC):
-    """Makes a tree of a plan; where the goal holds already, one that succeeds at once."""
+    """Builds a tree from a plan; if the goal holds already, a tree that succeeds at once."""
 
     def __init_subclass__(cls, **options: Any) -> None:
         """Raises TypeError for a method that takes other arguments."""
@@ -22,9 +22,9 @@ class TreeBuilder(ABC):
             raise TypeError(fault)
 
     def build(self, plan: TaskPlan, goal: Iterable[Literal], leaves: Collection[str] = ()) -> PlanTree:
-        """``goal``: all that the plan is for. ``leaves``: abilities that are leaves, not subtrees.
+        """Return the tree of ``plan`` for the whole ``goal``; ``leaves``: abilities that are leaves, not subtrees.
 
-        Raises PlanningError if the actions do not fit together, and where ``root`` fails or returns no element.
+        Raises PlanningError if the actions do not fit together, or if ``root`` fails or does not return an element.
         """
         goal, writer, who = tuple(goal), Writer(leaves), f"{type(self).__name__}.root"
         try:
@@ -40,4 +40,4 @@ class TreeBuilder(ABC):
 
     @abstractmethod
     def root(self, plan: TaskPlan, goal: tuple[Literal, ...], writer: Writer) -> XmlElement:
-        """Return the root of the tree; ``plan`` has actions."""
+        """Return the root of the tree; ``plan`` is not empty."""

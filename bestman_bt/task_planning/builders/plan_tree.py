@@ -1,4 +1,4 @@
-"""A tree that carries out a plan, as XML that needs no other file, and as nodes."""
+"""Trees that execute a plan, as self-contained XML and as nodes."""
 
 from __future__ import annotations
 
@@ -20,29 +20,29 @@ TREE_ID = "CarryOutPlan"
 
 @dataclass(frozen=True)
 class PlanTree:
-    """``element``: the root node of the tree; the abilities that it calls are in ``ABILITIES_FILE`` or leaves."""
+    """``element``: the root node of the tree; its abilities are in ``ABILITIES_FILE`` or leaves."""
 
     plan: TaskPlan
     element: XmlElement
 
     def document(self) -> XmlDocument:
-        """Return the tree alone; it includes the abilities."""
+        """Return the tree alone, which includes the abilities."""
         tree = XmlElement("BehaviorTree", {"ID": TREE_ID}, [self.element])
         include = XmlElement("include", {"path": ABILITIES_FILE})
         root = XmlElement("root", {"BTCPP_format": "4", "main_tree_to_execute": TREE_ID}, [include, tree])
         return XmlDocument([_indented(root)], 'version="1.0" encoding="UTF-8"')
 
     def load(self, registry: NodeRegistry, **options: Any) -> Tree:
-        """Nodes that can be ticked; ``options`` as of ``engine.load_tree``. Raises TreeLoadError."""
+        """Return the loaded tree; ``options``: those of ``engine.load_tree``. Raises TreeLoadError."""
         return load_tree(self.document().to_xml(), registry, search_path=shipped_trees(), **options)
 
     def xml(self, registry: NodeRegistry) -> str:
-        """Return a file of its own, with everything in it that it calls. Raises TreeLoadError."""
+        """Return a self-contained file with all called subtrees. Raises TreeLoadError."""
         return tree_to_xml(self.load(registry))
 
 
 class Writer:
-    """Makes the elements of one tree; ``leaves``: abilities that are leaves, all others are subtrees."""
+    """Creates the elements of one tree; ``leaves``: abilities that are leaves; all others are subtrees."""
 
     def __init__(self, leaves: Iterable[str] = ()) -> None:
         self._leaves = frozenset(leaves)
@@ -53,28 +53,28 @@ class Writer:
         return XmlElement(tag, {"name": self._unique(name), **attributes}, list(children))
 
     def holds(self, name: str, literals: Iterable[Literal]) -> XmlElement:
-        """Return a condition leaf that asks for all of the literals; none: one that always succeeds."""
+        """Return a condition leaf for all of the literals; without literals, one that always succeeds."""
         literals = sorted(literals)
         if not literals:
             return self.node("AlwaysSuccess", name)
         return self.node("Holds", name, fact=" and ".join(str(literal) for literal in literals))
 
     def any_of(self, name: str, alternatives: Collection[Iterable[Literal]]) -> XmlElement:
-        """Condition leaves of which one will do."""
+        """Return condition leaves of which one must hold."""
         if len(alternatives) == 1:
             return self.holds(name, *alternatives)
         ways = [self.holds(f"{name}_{letter}", way) for letter, way in zip(ascii_lowercase, alternatives, strict=False)]
         return self.node("Fallback", name, ways)
 
     def step(self, number: int, step: PlanStep) -> XmlElement:
-        """What carries out a step: one action, or several side by side."""
+        """Return the node of a step: one action, or several in parallel."""
         actions = [self.action(number, action) for action in step.actions]
         if len(actions) == 1:
             return actions[0]
         return self.node("Parallel", f"{number}_side_by_side", actions, success_count="-1", failure_count="1")
 
     def action(self, number: int, action: Action) -> XmlElement:
-        """Return the node of an action; where something must hold all the way, under a guard that halts it."""
+        """Return the node of an action; with hold-conditions, below a guard that halts it."""
         name = f"{number}_{action.name}"
         if action.name in self._leaves:
             node = XmlElement(action.name, {"name": self._unique(name), **action.ports})

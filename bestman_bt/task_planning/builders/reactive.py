@@ -1,4 +1,4 @@
-"""Regressed kernels as a tree: before each action the robot asks anew what is left to do."""
+"""Regressed kernels as a tree: before each action the robot determines again what is left to do."""
 
 from __future__ import annotations
 
@@ -16,15 +16,14 @@ from bestman_bt.task_planning.symbolic.problem import Literal, TaskPlan
 class ReactiveBuilder(TreeBuilder):
     """PLANEX (Fikes, Hart, Nilsson 1972) as a behavior tree.
 
-    Round by round it does the last step that leads to the goal by what is believed, though others after it may be left
-    out. So it skips what is true already or has become needless, redoes what was undone, and fails where no step helps:
-    then another plan is needed. It asks between actions and not while one runs, for an action's effects show before it
-    is done (an object is held before the arm is back); what must hold all the way is asked at each tick.
+    In each round it executes the latest plan step whose conditions hold, given that later steps may be left out. It
+    thus skips steps whose effects hold already or are not needed, repeats steps that were undone, and fails if no step
+    helps: then another plan is needed. It checks between actions and not during one, because effects appear before an
+    action is finished (an object is held before the arm is back); hold-conditions are checked at each tick.
 
-    ``attempts``: how many actions may fail before the tree does. ``rounds``: actions that may be done, per step.
-
-    ``most_ways``: alternatives that are asked for before a step. ``parallel``: whether independent actions of different
-    parts go side by side.
+    ``attempts``: failed actions after which the tree fails. ``rounds``: largest number of actions, per step.
+    ``most_ways``: alternatives to check before a step. ``parallel``: run independent actions of different parts in
+    parallel.
     """
 
     attempts: int = 3
@@ -33,7 +32,7 @@ class ReactiveBuilder(TreeBuilder):
     parallel: bool = True
 
     def root(self, plan: TaskPlan, goal: tuple[Literal, ...], writer: Writer) -> XmlElement:
-        """Retries around rounds; a round is a staircase of IfThenElse: the last step is asked for first."""
+        """Return retries around rounds; a round is a staircase of IfThenElse that checks the last step first."""
         steps = steps_side_by_side(plan) if self.parallel else steps_one_by_one(plan)
         otherwise = writer.node("AlwaysFailure", "no_step_is_ready")
         for number, (step, ways) in enumerate(staircase(steps, goal, self.most_ways), 1):

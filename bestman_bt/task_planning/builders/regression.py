@@ -1,7 +1,7 @@
-"""What must hold at each point of a plan for the rest of it to reach the goal.
+"""Regression: the conditions at each point of a plan under which the rest of it reaches the goal.
 
 R. E. Fikes, P. E. Hart, N. J. Nilsson, "Learning and Executing Generalized Robot Plans", Artificial Intelligence 3,
-1972: the kernels of the triangle table, by which PLANEX chooses the last action that is ready.
+1972: the kernels of the triangle table, with which PLANEX chooses the last action that is ready.
 """
 
 from __future__ import annotations
@@ -19,7 +19,8 @@ Kernel = frozenset[Literal]
 
 
 def kernels(steps: Sequence[PlanStep], goal: Iterable[Literal]) -> tuple[Kernel, ...]:
-    """One kernel more than steps: with ``kernels[i]``, the steps from ``i`` on reach the goal; the last is the goal.
+    """Return one kernel more than steps: with ``kernels[i]``, the steps from ``i`` on reach the goal; the last is the
+    goal.
 
     Raises PlanningError if a step undoes what a later one, or the goal, needs.
     """
@@ -30,7 +31,9 @@ def kernels(steps: Sequence[PlanStep], goal: Iterable[Literal]) -> tuple[Kernel,
 
 
 def kernel(step: PlanStep, after: Kernel) -> Kernel:
-    """What must hold before a step for ``after`` to hold after it. Raises PlanningError if nothing can."""
+    """Return the conditions before a step under which ``after`` holds after it. Raises PlanningError if there are
+    none.
+    """
     effects = step.effects
     undone = sorted(literal for literal in after if ~literal in effects)
     if undone:
@@ -43,7 +46,7 @@ def kernel(step: PlanStep, after: Kernel) -> Kernel:
 
 
 class Ready(NamedTuple):
-    """A step, and when it leads to the goal: where any of ``ways`` holds."""
+    """A step, and the alternative conditions ``ways`` under which it leads to the goal."""
 
     step: PlanStep
     ways: tuple[Kernel, ...]
@@ -54,11 +57,11 @@ class Ready(NamedTuple):
 
 
 def staircase(steps: Sequence[PlanStep], goal: Iterable[Literal], most_ways: int) -> tuple[Ready, ...]:
-    """When each step leads to the goal, where some of those after it may be left out. The last that is ready is best.
+    """Return when each step leads to the goal if later ones may be left out; the last ready step is the best.
 
-    After a step any later one may follow, or the goal be reached: who holds the mug need not care whether the drawer,
-    which was to be shut later, is shut. Actions side by side are steps of their own, too, for when the others are done.
-    ``most_ways``: of a step, those first that leave out the fewest. Raises PlanningError as ``kernels`` does.
+    After a step any later one may follow, or the goal: whoever needs the mug does not depend on a drawer that is to be
+    shut later. Parallel actions are also separate steps, for the case that the others are done. ``most_ways``:
+    alternatives per step, those that leave out the fewest steps. Raises PlanningError as ``kernels`` does.
     """
     kernels(steps, goal)  # what does not fit together is told
     alone = [part for whole in steps for part in (*whole.alone, whole)]
@@ -119,7 +122,7 @@ class _Bits:
         return None if before & before >> 1 & self._positive else before
 
     def covered(self, way: int, others: Iterable[int]) -> bool:
-        """Return whether one of the others holds wherever a way does: at once, or however a fact is (Shannon
+        """Return whether the other ways cover ``way``: directly, or by a case split on each fact (Shannon
         expansion).
         """
         missing = ~way

@@ -1,4 +1,4 @@
-"""A tree that carries out a plan and, where that fails, reaches the goal by planning anew."""
+"""Trees that execute a plan and replan when it fails."""
 
 from __future__ import annotations
 
@@ -23,10 +23,9 @@ def with_replanning(
     limits: PlanLimits | None = None,
     replans: int = 20,
 ) -> str:
-    """Return a file of its own: first the plan as it was checked, then, if need be, ``ReachGoal``. Raises
-    TreeLoadError.
+    """Return a self-contained file: first the checked plan, then, if it fails, ``ReachGoal``. Raises TreeLoadError.
 
-    ``limits``: of the plans that are made anew. ``replans``: how often, after the first of these.
+    ``limits``: of the new plans. ``replans``: number of plans after the first of these.
     """
     facts = " and ".join(str(literal) for literal in goal)
     as_planned = XmlElement("SubTree", {"ID": TREE_ID, "name": "as_planned"})

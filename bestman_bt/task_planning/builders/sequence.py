@@ -1,4 +1,4 @@
-"""One action after the other, each of them only while the rest of the plan leads to the goal."""
+"""One action after the other, each only while the rest of the plan leads to the goal."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from bestman_bt.task_planning.symbolic.problem import Literal, TaskPlan
 
 @dataclass(frozen=True)
 class SequenceBuilder(TreeBuilder):
-    """The plan as it stands; it fails with the first action that fails, or before one that would be in vain.
+    """Executes the plan in order; fails with the first failing action, or before an action that would be in vain.
 
-    Before each action it asks for its kernel: a pre-condition of a later one that broke is noticed at once, too.
+    Before each action it checks the kernel, so that a violated precondition of a later action is noticed at once.
 
-    ``parallel``: whether independent actions of different parts go side by side.
+    ``parallel``: run independent actions of different parts in parallel.
     """
 
     parallel: bool = True
 
     def root(self, plan: TaskPlan, goal: tuple[Literal, ...], writer: Writer) -> XmlElement:
-        """Return a Sequence: is it ready, do it, and so on; at last, does the goal hold."""
+        """Return a Sequence: check, act, and so on; at last, check the goal."""
         steps = steps_side_by_side(plan) if self.parallel else steps_one_by_one(plan)
         children: list[XmlElement] = []
         for number, (step, kernel) in enumerate(zip(steps, kernels(steps, goal), strict=False), 1):

@@ -1,4 +1,4 @@
-"""A plan as steps: actions that keep different parts of the robot busy and do not touch each other go side by side."""
+"""Plans as steps: independent actions that use different parts of the robot run in parallel."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from bestman_bt.task_planning.symbolic.problem import Action, Fact, Literal, Tas
 
 @dataclass(frozen=True)
 class PlanStep:
-    """What is done at a time: one action, or several that are independent of each other."""
+    """One action, or several independent ones in parallel."""
 
     actions: tuple[Action, ...]
 
@@ -18,29 +18,31 @@ class PlanStep:
 
     @property
     def pre(self) -> frozenset[Literal]:
-        """What must hold before it."""
+        """The preconditions of the step."""
         return frozenset().union(*(action.pre for action in self.actions))
 
     @property
     def effects(self) -> frozenset[Literal]:
-        """What holds after it because of it."""
+        """The effects of the step."""
         return frozenset().union(*(action.effects for action in self.actions))
 
     @property
     def alone(self) -> tuple[PlanStep, ...]:
-        """Each of several actions as a step of its own, for when the others are done; none of a single one."""
+        """The actions of a parallel step as separate steps, for the case that the others are done; empty for one
+        action.
+        """
         return tuple(PlanStep((action,)) for action in self.actions) if len(self.actions) > 1 else ()
 
 
 def steps_one_by_one(plan: TaskPlan) -> tuple[PlanStep, ...]:
-    """Each action is a step of its own."""
+    """Return each action as a step."""
     return tuple(PlanStep((action,)) for action in plan.actions)
 
 
 def steps_side_by_side(plan: TaskPlan) -> tuple[PlanStep, ...]:
-    """Each action goes into the earliest step before which everything that it depends on is done.
+    """Return steps in which each action is placed after everything that it depends on, as early as possible.
 
-    The order of any two actions that depend on each other, or need the same part, stays that of the plan.
+    Two actions that depend on each other, or use the same part, keep their order.
     """
     steps: list[list[Action]] = []
     for action in plan.actions:
@@ -52,7 +54,7 @@ def steps_side_by_side(plan: TaskPlan) -> tuple[PlanStep, ...]:
 
 
 def depend(first: Action, second: Action) -> bool:
-    """Return whether the order of two actions matters; an action that names no part may need any."""
+    """Return whether the order of two actions matters; an action without declared parts may use any."""
     if not first.parts or not second.parts or set(first.parts) & set(second.parts):
         return True
     changes, needs = _changed(first), _needed(first)

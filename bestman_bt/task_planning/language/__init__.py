@@ -1,1 +1,1 @@
-"""Language models as planners: an instruction in words goes in, a checked plan comes out, or a refusal in words."""
+"""Language models as planners: from an instruction in words to a checked plan, or a refusal in words."""

@@ -1,4 +1,6 @@
-"""Whether an answer may become a tree: its goal makes sense, its steps can be done and reach it, within the limits."""
+"""Checks of answers before they become a tree: the goal is valid, the steps are feasible and reach it within the
+limits.
+"""
 
 from __future__ import annotations
 
@@ -17,8 +19,9 @@ from bestman_bt.task_planning.symbolic.search import without_needless
 
 
 def checked_goal(problem: Problem, answer: GoalAnswer) -> Problem:
-    """Return the problem with the goal of the answer, that of its own if it has one, in which things may be only where
-    the instruction says that they are; raises FaultyAnswerError.
+    """Return the problem with the goal of the answer, unless it has its own; given places restrict unseen things.
+
+    Raises FaultyAnswerError.
     """
     if problem.goal:
         return problem
@@ -40,7 +43,7 @@ def checked_goal(problem: Problem, answer: GoalAnswer) -> Problem:
 
 
 def _facts(problem: Problem, field: str, texts: Sequence[str]) -> tuple[list[Literal], list[str]]:
-    """What the texts say with the full names of things, and what is wrong with them."""
+    """Return the facts in the texts with full names, and the faults."""
     domain = Domain(())
     literals: list[Literal] = []
     faults: list[str] = []
@@ -53,7 +56,7 @@ def _facts(problem: Problem, field: str, texts: Sequence[str]) -> tuple[list[Lit
 
 
 def _ruled_out(problem: Problem, told: Sequence[Fact]) -> set[Fact]:
-    """Where things that were not seen are not, by what was told of them; a place that was searched says nothing."""
+    """Return the facts excluded by given places of unseen things; places that were searched do not count."""
     places: dict[str, set[str]] = {}
     for fact in told:
         name, place = fact.arguments
@@ -67,9 +70,7 @@ def _ruled_out(problem: Problem, told: Sequence[Fact]) -> set[Fact]:
 
 
 def checked_plan(problem: Problem, limits: PlanLimits, answer: PlanAnswer) -> tuple[Problem, TaskPlan]:
-    """Return the problem with its goal, and the plan without steps that the goal does not need; raises
-    FaultyAnswerError.
-    """
+    """Return the problem with its goal, and the plan without unnecessary steps. Raises FaultyAnswerError."""
     problem = checked_goal(problem, answer)
     operators = {operator.name: operator for operator in limits.operators(problem)}
     try:

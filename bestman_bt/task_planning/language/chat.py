@@ -1,4 +1,4 @@
-"""A conversation with a language model, whoever holds it: questions, answers and what they cost."""
+"""Conversations with a language model: questions, answers and costs."""
 
 from __future__ import annotations
 
@@ -18,19 +18,19 @@ class Message:
 
 @dataclass(frozen=True)
 class ChatRequest:
-    """The conversation so far, and the JSON schema that the next answer has to follow."""
+    """The conversation so far, and the JSON schema of the next answer."""
 
     messages: tuple[Message, ...]
     schema: Mapping[str, Any]
 
     def followed_by(self, *messages: Message) -> ChatRequest:
-        """Return the same, some turns later."""
+        """Return the request with further messages."""
         return ChatRequest((*self.messages, *messages), self.schema)
 
 
 @dataclass(frozen=True)
 class Usage:
-    """What questions took: seconds of waiting, tokens, and US dollars (None: no price is known)."""
+    """Cost of the questions: seconds of waiting, tokens, and US dollars (None: prices are unknown)."""
 
     seconds: float = 0.0
     prompt_tokens: int = 0
@@ -56,8 +56,9 @@ class Usage:
 
 @dataclass(frozen=True)
 class ChatReply:
-    """An answer: ``text``; ``refusal``: the model's own words where it declined; ``tools``: names of tools that it
-    wanted to call instead; ``complete``: False where it stopped at a limit of length.
+    """An answer: ``text``; ``refusal``: the model's words if it declined; ``tools``: tools that it tried to call.
+
+    ``complete``: False if it stopped at a length limit.
     """
 
     text: str
@@ -68,8 +69,8 @@ class ChatReply:
 
 
 class ChatEndpoint(ABC):
-    """Somebody who answers a conversation."""
+    """An endpoint that answers conversations."""
 
     @abstractmethod
     def complete(self, request: ChatRequest) -> ChatReply:
-        """Ask once; raises EndpointUnreachableError or EndpointReplyError where no answer comes."""
+        """Send one request. Raises EndpointUnreachableError or EndpointReplyError if there is no valid answer."""

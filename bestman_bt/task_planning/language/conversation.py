@@ -1,4 +1,4 @@
-"""Ask, check, tell what is wrong, ask again: a bounded number of times."""
+"""The dialogue loop: ask, check, report the faults, ask again, a bounded number of times."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _LOG = logging.getLogger(__name__)
 
 
 class FaultyAnswerError(Error):
-    """An answer cannot be used: ``faults``, in words that the model can mend it by."""
+    """An answer is unusable; ``faults``: in words from which the model can correct it."""
 
     def __init__(self, faults: Sequence[str]) -> None:
         super().__init__("; ".join(map(quoted, faults)))
@@ -36,8 +36,9 @@ def ask_until_valid(
     check: Callable[[Answer], Checked],
     tries: int,
 ) -> tuple[Checked, Usage]:
-    """Return the first answer that follows ``model`` and that ``check`` takes (it raises FaultyAnswerError), as
-    ``check`` returns it. Raises RefusedError, NoValidAnswerError, and what the endpoint raises.
+    """Return the first answer that follows ``model``, as converted by ``check``, which raises FaultyAnswerError.
+
+    Raises RefusedError, NoValidAnswerError, and the endpoint's errors.
     """
     used: Usage | None = None
     faults: tuple[str, ...] = ()
@@ -82,6 +83,6 @@ def _without_fence(text: str) -> str:
 
 
 def _repeated(reply: ChatReply) -> str:
-    """What the model said, as far as it is worth saying again."""
+    """Return the model's answer, shortened for repetition."""
     text = reply.text or "(no text)"
     return text if len(text) <= _LONGEST_ANSWER else text[:_LONGEST_ANSWER] + "…"

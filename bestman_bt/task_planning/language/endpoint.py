@@ -1,4 +1,4 @@
-"""Asks any OpenAI-compatible endpoint for chat completions, within bounds of time, size and tries."""
+"""Client for chat completions of OpenAI-compatible endpoints, bounded in time, size and attempts."""
 
 from __future__ import annotations
 
@@ -59,18 +59,18 @@ class _Tokens(BaseModel):
 
 
 class Completion(BaseModel):
-    """The first choice counts; none, or one without a message, breaks the protocol."""
+    """A completion, of which the first choice counts; without one, or without its message, it is invalid."""
 
     choices: list[_Choice] = Field(min_length=1)
     tokens: _Tokens | None = Field(None, alias="usage")
 
     @property
     def usage(self) -> _Tokens:
-        """The tokens that the server counted; 0 where it counts none."""
+        """Return the token counts of the server; 0 without counts."""
         return self.tokens or _Tokens(prompt_tokens=0, completion_tokens=0)
 
     def reply(self, usage: Usage) -> ChatReply:
-        """Return the answer without its wrapping."""
+        """Return the answer without its envelope."""
         choice = self.choices[0]
         message, refusal = choice.message, choice.message.refusal
         if choice.finish_reason == "content_filter" and not refusal:
@@ -93,7 +93,7 @@ class _Refusal(BaseModel):
 
 
 def read_completion(content: str) -> Completion:
-    """Parse a body. Raises ValueError with a short text where it breaks the protocol."""
+    """Parse a body. Raises ValueError with a short text if it violates the protocol."""
     try:
         return Completion.model_validate_json(content)
     except ValidationError as error:
@@ -101,7 +101,7 @@ def read_completion(content: str) -> Completion:
 
 
 def read_refusal(content: str) -> str:
-    """Why the server refused the question, in its words as far as it gives any, shortened."""
+    """Return the server's reason for a refusal, shortened."""
     try:
         error = _Refusal.model_validate_json(content).error
     except ValidationError:
@@ -119,9 +119,9 @@ def _first_of(error: ValidationError) -> str:
 
 
 class ApiKey:
-    """Knows how to sign a request and how to take itself out of texts; its ``repr`` tells nothing.
+    """An API key that signs requests and removes itself from texts; its ``repr`` is empty.
 
-    Raises EndpointNotSetError, without the key, where it has characters that no HTTP header can carry: the libraries
+    Raises EndpointNotSetError, without the key, for characters that are not allowed in an HTTP header: the libraries
     below would show the whole header in their error.
     """
 
@@ -142,9 +142,7 @@ class ApiKey:
         return {"Authorization": f"Bearer {self._text}"} if self._text else {}
 
     def removed_from(self, text: str) -> str:
-        """Return the text with ``…`` wherever it quotes the key, plainly or in JSON, as servers do that do not know
-        it.
-        """
+        """Return the text with the key replaced by ``…``, plain or as JSON, because some servers quote it."""
         if not self._text:
             return text
         quoted = json.dumps(self._text)[1:-1]
@@ -162,8 +160,9 @@ _OPTIONAL = ("response_format", "temperature", "max_tokens")
 
 @dataclass(frozen=True)
 class EndpointLimits(PostLimits):
-    """As ``PostLimits``, and ``max_tokens``: of an answer. A server that refuses ``temperature``, ``max_tokens`` or the
-    schema is asked again without.
+    """``PostLimits``, and ``max_tokens`` of an answer.
+
+    A server that refuses ``temperature``, ``max_tokens`` or the schema is asked again without it.
     """
 
     connect_timeout: float = 5.0
@@ -177,7 +176,7 @@ class EndpointLimits(PostLimits):
 
 @dataclass(frozen=True)
 class EndpointAddress:
-    """Where to ask: ``base_url`` up to ``/v1``, ``model``; ``prices``: US dollars per million tokens, in and out."""
+    """``base_url``: up to ``/v1``; ``model``: name; ``prices``: US dollars per million tokens, in and out."""
 
     base_url: str
     model: str
@@ -191,7 +190,7 @@ class EndpointAddress:
             url = httpx.URL()
         if url.scheme not in ("http", "https") or not url.host or url.userinfo or url.query or url.fragment:
             # Not quoted: passwords and keys stand in addresses, too.
-            raise EndpointNotSetError(f"{BASE_URL} is no address of the form https://host/v1")
+            raise EndpointNotSetError(f"{BASE_URL} is not an address of the form https://host/v1")
 
     @classmethod
     def from_environment(cls, environment: Mapping[str, str] = os.environ) -> EndpointAddress:
@@ -219,14 +218,14 @@ class EndpointAddress:
 
 
 class HttpEndpoint(ChatEndpoint):
-    """Posts to ``<base_url>/chat/completions``; keeps nothing between two questions."""
+    """Posts to ``<base_url>/chat/completions``; keeps no state between questions."""
 
     def __init__(self, address: EndpointAddress, limits: EndpointLimits | None = None) -> None:
         self.address = address
         self.limits = limits or EndpointLimits()
 
     def complete(self, request: ChatRequest) -> ChatReply:
-        """See ChatEndpoint; logs seconds, tokens and dollars."""
+        """Implement ``ChatEndpoint``; logs seconds, tokens and dollars."""
         body, started = self._body(request), time.monotonic()
         try:
             completion = ask_again(lambda: self._completion(body), self.limits, self._warn)
@@ -262,7 +261,7 @@ class HttpEndpoint(ChatEndpoint):
         return Usage(seconds, asked, answered, dollars)
 
     def _completion(self, body: dict[str, Any]) -> Completion:
-        """One try; what the server refuses of the optional fields is left out of the body from then on."""
+        """Make one attempt; optional fields that the server refuses are left out from then on."""
         while True:
             answer = self._post(body)
             if answer.status == 200:

@@ -1,4 +1,4 @@
-"""What can go wrong between an instruction in words and a checked plan."""
+"""Errors between an instruction in words and a checked plan."""
 
 from __future__ import annotations
 
@@ -13,39 +13,37 @@ LONGEST_QUOTE = 300
 
 
 def quoted(text: str) -> str:
-    """Return the text without control characters, such as those that move a terminal's cursor, cut at 300
-    characters.
-    """
+    """Return the text without control characters, such as cursor movements, shortened to 300 characters."""
     line = " ".join("".join(character if character.isprintable() else " " for character in text).split())
     return line if len(line) <= LONGEST_QUOTE else line[:LONGEST_QUOTE] + "…"
 
 
 class LanguageError(PlanningError):
-    """No plan came from a language model; the text says why, and never holds the key."""
+    """A language model gave no plan; the message has the reason, and never contains the key."""
 
 
 class EndpointNotSetError(LanguageError):
-    """The environment does not say which endpoint to ask, or says it in a way that cannot be used."""
+    """The environment does not specify a valid endpoint."""
 
 
 class EndpointUnreachableError(LanguageError):
-    """No answer came within the tries and the time allowed."""
+    """There was no answer within the attempts and time limit."""
 
 
 class EndpointReplyError(LanguageError):
-    """The endpoint refused the question, or its answer breaks the protocol."""
+    """The endpoint refused the question, or its answer violates the protocol."""
 
 
 class TranscriptError(LanguageError):
-    """A recorded conversation cannot be read, or is not the one that is held now."""
+    """A recorded conversation cannot be read, or differs from the current one."""
 
 
 class ModelRefusedError(LanguageError):
-    """The model says, in words, that it will not or cannot do what was asked."""
+    """The model refuses, in words, to do what the instruction asks."""
 
 
 class NoValidAnswerError(LanguageError):
-    """Every answer within the allowed tries had faults: ``faults``, those of the last one; ``answer``: its words."""
+    """Every answer had faults; ``faults``: those of the last one; ``answer``: its text."""
 
     def __init__(self, tries: int, faults: Sequence[str], answer: str) -> None:
         self.tries = tries

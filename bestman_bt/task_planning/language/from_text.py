@@ -1,4 +1,4 @@
-"""From an instruction in words to a checked plan, by any planner."""
+"""From an instruction in words to a checked plan, with any planner."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ PlanCheck = Callable[[Problem, TaskPlan], Sequence[str]]
 
 @dataclass(frozen=True)
 class Proposal:
-    """What came out: the problem with the goal as it was understood, a plan for it that was checked, and its price."""
+    """The result: the problem with the goal as understood, a checked plan for it, and its cost."""
 
     problem: Problem
     plan: TaskPlan
@@ -38,12 +38,12 @@ class Proposal:
 
 @dataclass(frozen=True)
 class LanguagePlanner(TaskPlanner):
-    """Asks for the steps (as SayCan and ProgPrompt do), checks each answer and tells the model what is wrong with it.
+    """Asks for the steps (as SayCan and ProgPrompt do), checks each answer and reports its faults to the model.
 
-    ``endpoint``: None asks that of the environment, once a plan is wanted. ``further``: what else has to be true of a
-    plan, for example of its tree on this robot; its words go back to the model as well.
+    ``endpoint``: None: that of the environment, read when a plan is requested. ``further``: an additional check of a
+    plan, for example of its tree on this robot; its faults are also reported to the model.
 
-    ``tries``: questions until an answer has no fault. ``limits``: what the user allows.
+    ``tries``: largest number of questions. ``limits``: set by the user.
     """
 
     tries: int = 4
@@ -52,12 +52,15 @@ class LanguagePlanner(TaskPlanner):
     further: PlanCheck | None = None
 
     def plan(self, problem: Problem) -> TaskPlan:
-        """As ``TaskPlanner.plan``, for the goal, or for the instruction where there is none; LanguageError beside."""
+        """Return a plan for the goal, or for the instruction if there is no goal; raises also LanguageError."""
         return self.propose(problem).plan
 
     def propose(self, problem: Problem) -> Proposal:
-        """Return the plan with the goal that it reaches. Raises LanguageError if no valid answer comes, GoalError where
-        the limits name what there is not.
+        """Return the plan with the goal that it reaches.
+
+        Raises:
+            LanguageError: there is no valid answer.
+            GoalError: the limits contain unknown names.
         """
         further = self.further
         names = PlainNames.of(problem.objects)
@@ -86,10 +89,9 @@ class LanguagePlanner(TaskPlanner):
 
 @dataclass(frozen=True)
 class GoalReader:
-    """From an instruction to the facts that shall hold.
+    """Converts an instruction to the facts of a goal.
 
-    ``tries``: questions until an answer has no fault. ``limits``: what the user allows. ``endpoint``: None asks that of
-    the environment.
+    ``tries``: largest number of questions. ``limits``: set by the user. ``endpoint``: None: that of the environment.
     """
 
     tries: int = 4
@@ -97,8 +99,11 @@ class GoalReader:
     endpoint: ChatEndpoint | None = None
 
     def read(self, problem: Problem) -> tuple[Problem, Usage]:
-        """Return the problem with the goal that its instruction means. Raises LanguageError if no valid answer comes,
-        GoalError where the limits name what there is not.
+        """Return the problem with the goal of its instruction.
+
+        Raises:
+            LanguageError: there is no valid answer.
+            GoalError: the limits contain unknown names.
         """
         names = PlainNames.of(problem.objects)
         told, limits = names.renamed(problem), self.limits.resolved(problem).renamed(names.told)
@@ -121,12 +126,11 @@ def plan_from_text(
     replay: Path | None = None,
     further: PlanCheck | None = None,
 ) -> Proposal:
-    """Return a plan for what ``text`` asks for, in the state of ``problem``; empty: for the problem's own goal.
+    """Return a plan for the instruction ``text`` in the state of ``problem``; empty: for the problem's own goal.
 
-    ``planner``: ``language`` asks the model for the steps; any other name of the registry plans for the goal that the
+    ``planner``: ``language`` asks the model for the steps; any other registered planner plans for the goal that the
     model reads from the text. ``tries``, ``limits``, ``further``: see LanguagePlanner. ``record``, ``replay``: a
-    transcript to write, or to take the answers from instead of an endpoint. Raises LanguageError, or what the planner
-    raises. Raises UnknownNameError for a planner that there is not.
+    transcript to write, or to read the answers from. Raises LanguageError, UnknownNameError, or the planner's errors.
     """
     made = planner_class(planner)
     if text:

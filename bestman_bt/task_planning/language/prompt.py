@@ -1,6 +1,6 @@
-"""What a language model is told: rules, and one JSON document with the abilities, the scene and the instruction.
+"""The prompt: rules, and one JSON document with the abilities, the scene and the instruction.
 
-Nothing else leaves the machine: no pictures, no poses, no map, no file names.
+Nothing else leaves the machine: no images, poses, maps or file names.
 """
 
 from __future__ import annotations
@@ -30,15 +30,16 @@ _WORDS = frozenset({"and", "not", "forall"})
 
 @dataclass(frozen=True)
 class PlainNames:
-    """A one-to-one renaming; a plain name is told as it is, another one (read by a camera, given by a detector) by what
-    is left of it. ``told``: name in the world → name that is told.
+    """A one-to-one renaming for the prompt: plain names are kept, others (from a camera or detector) are sanitised.
+
+    ``told``: name in the world → name in the prompt.
     """
 
     told: Mapping[str, str] = field(hash=False)
 
     @classmethod
     def of(cls, names: Iterable[str]) -> PlainNames:
-        """Rename what is not plain; a number keeps apart what would be told alike."""
+        """Rename what is not plain; numbers separate names that would become equal."""
         names = list(names)
         told = {name: name for name in names if _is_plain(name)}
         taken = set(told)
@@ -54,7 +55,7 @@ class PlainNames:
         return cls(told)
 
     def renamed(self, problem: Problem) -> Problem:
-        """Return the same problem, told in these names."""
+        """Return the problem with the names of the prompt."""
         return replace(
             problem,
             objects={self.told[name]: kind for name, kind in problem.objects.items()},
@@ -63,12 +64,14 @@ class PlainNames:
         )
 
     def back(self, names: Iterable[str]) -> tuple[str, ...]:
-        """The names in the world of names that were told."""
+        """Return the names in the world for names of the prompt."""
         world = {told: name for name, told in self.told.items()}
         return tuple(world[name] for name in names)
 
     def meant(self, problem: Problem, solved: Problem) -> Problem:
-        """``problem`` with the goal of ``solved``, which is told in these names, and without what that rules out."""
+        """Return ``problem`` with the goal of ``solved``, converted to names of the world, and without excluded
+        facts.
+        """
         world = {told: name for name, told in self.told.items()}
         left = {fact.bound(world) for fact in solved.state}
         goal = tuple(literal.bound(world) for literal in solved.goal)
@@ -120,7 +123,7 @@ def plan_messages(problem: Problem, limits: PlanLimits) -> tuple[Message, ...]:
 
 
 def fault_message(faults: Sequence[str]) -> Message:
-    """What is wrong with the last answer."""
+    """Return the message with the faults of the last answer."""
     return Message("user", _FAULTS.format(faults="\n".join(f"- {fault}" for fault in faults)))
 
 
@@ -164,7 +167,7 @@ def _predicates(problem: Problem) -> dict[str, Any]:
 
 
 def _not_seen(problem: Problem) -> dict[str, list[str]]:
-    """Return the objects of which no more is believed than where they may be, with these places."""
+    """Return the unseen objects, each with its possible places."""
     said = (fact for fact in problem.state if fact.predicate not in (UNSEEN.name, ALLOWED))
     seen = {name for fact in said for name in fact.arguments}
     hidden: dict[str, list[str]] = {

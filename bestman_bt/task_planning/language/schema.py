@@ -1,4 +1,4 @@
-"""Models of the answers that count, made from the abilities: only what they admit can be said."""
+"""Models of valid answers, generated from the abilities, so that nothing else can be expressed."""
 
 from __future__ import annotations
 
@@ -19,9 +19,7 @@ _MOST_FAULTS = 8
 
 
 class GoalAnswer(BaseModel):
-    """What the instruction asks for, as facts; ``refusal``: why it cannot be planned, in words. ``told``: where the
-    instruction says that things are.
-    """
+    """The goal of the instruction as facts; ``refusal``: why it cannot be planned. ``told``: given places of things."""
 
     model_config = ConfigDict(extra="forbid")
 
@@ -35,7 +33,7 @@ class GoalAnswer(BaseModel):
 
 
 class Step(BaseModel):
-    """One use of an ability; ``ability`` tells which."""
+    """One use of the ability ``ability``."""
 
     model_config = ConfigDict(extra="forbid")
 
@@ -44,18 +42,18 @@ class Step(BaseModel):
 
     @property
     def values(self) -> tuple[str, ...]:
-        """The arguments in the order of the ability's parameters."""
+        """Return the arguments in the order of the ability's parameters."""
         return tuple(str(getattr(self.arguments, name)) for name in type(self.arguments).model_fields)
 
 
 class PlanAnswer(GoalAnswer):
-    """The same, with the steps that bring it about; ``plan_answer`` makes the model for one problem."""
+    """A goal with the steps that achieve it; ``plan_answer`` makes the model for one problem."""
 
     plan: list[Step]
 
 
 def plan_answer(problem: Problem, limits: PlanLimits) -> type[PlanAnswer]:
-    """Return the model of plans for a problem: the abilities and the names that the limits allow, and no others."""
+    """Return the model of plans for a problem: only abilities and names that the limits allow."""
     steps = [step for operator in limits.operators(problem) if (step := _step(operator, problem, limits)) is not None]
     entries: Any = reduce(or_, steps) if steps else Step
     if len(steps) > 1:
@@ -67,12 +65,12 @@ def plan_answer(problem: Problem, limits: PlanLimits) -> type[PlanAnswer]:
 
 
 def json_schema(model: type[BaseModel]) -> dict[str, Any]:
-    """Return the schema in the form that endpoints take in their strict mode: every field required, ``anyOf`` alone."""
+    """Return the schema for the strict mode of endpoints: every field required, only ``anyOf``."""
     return model.model_json_schema(schema_generator=_StrictSchema)
 
 
 def faults_of(error: ValidationError) -> list[str]:
-    """What is wrong with an answer, in words that a model (or a person) can mend it by; the first few faults."""
+    """Return the first faults of an answer, in words from which a model or a person can correct it."""
     found = error.errors(include_url=False)
     faults = [_fault(dict(entry)) for entry in found[:_MOST_FAULTS]]
     return faults if len(found) <= _MOST_FAULTS else [*faults, f"and {len(found) - _MOST_FAULTS} more"]

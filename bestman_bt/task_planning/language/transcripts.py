@@ -1,4 +1,4 @@
-"""Conversations kept as JSON lines, one question with its answer each, and held again without an endpoint."""
+"""Conversations as JSON lines, one question and answer each, recorded and replayed without an endpoint."""
 
 from __future__ import annotations
 
@@ -34,14 +34,14 @@ class _Exchange(BaseModel):
 
 
 class RecordingEndpoint(ChatEndpoint):
-    """Asks another endpoint and writes each question with its answer, or why there was none, to an open file."""
+    """Forwards to another endpoint and writes each question with its answer or error to an open file."""
 
     def __init__(self, endpoint: ChatEndpoint, file: TextIO) -> None:
         self._endpoint = endpoint
         self._file = file
 
     def complete(self, request: ChatRequest) -> ChatReply:
-        """See ChatEndpoint."""
+        """Implement ``ChatEndpoint``."""
         try:
             reply = self._endpoint.complete(request)
         except (EndpointUnreachableError, EndpointReplyError) as error:
@@ -71,10 +71,9 @@ def _first_of(error: ValidationError) -> str:
 
 
 class ReplayEndpoint(ChatEndpoint):
-    """Gives the recorded answers in their order, to the recorded questions only.
+    """Returns the recorded answers in order, for the recorded questions only.
 
-    Raises TranscriptError with file and line where the file is damaged, where another question is asked, and where more
-    are asked than were recorded.
+    Raises TranscriptError with file and line if the file is damaged, or the questions differ from the recorded ones.
     """
 
     def __init__(self, path: Path) -> None:
@@ -86,7 +85,7 @@ class ReplayEndpoint(ChatEndpoint):
             raise TranscriptError(f"{path}: {error}") from error
 
     def complete(self, request: ChatRequest) -> ChatReply:
-        """See ChatEndpoint."""
+        """Implement ``ChatEndpoint``."""
         if self._line >= len(self._lines):
             raise TranscriptError(f"{self._path}: the transcript ends after {self._line} questions; one more is asked")
         self._line += 1

@@ -1,4 +1,4 @@
-"""Facts as text, in goals, declarations, leaves: ``on(mug, table) and not open(drawer_chest/drawer_3)``."""
+"""Facts as text, in goals, declarations and leaves: ``on(mug, table) and not open(drawer_chest/drawer_3)``."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _WORDS = frozenset({"and", "not", "forall"})
 
 
 class FactSyntaxError(GoalError):
-    """Text that is no formula; ``column``: where, from 1."""
+    """The text is not a formula; ``column``: position, from 1."""
 
     def __init__(self, text: str, at: int, what: str) -> None:
         super().__init__(f"column {at + 1} of {text!r}: {what}")
@@ -26,7 +26,7 @@ class FactSyntaxError(GoalError):
 
 
 def parse_conditions(text: str) -> tuple[Condition, ...]:
-    """Facts, joined by ``and`` or ``;``; also ``not`` and ``forall c - container: behind({place}, c) -> open(c)``.
+    """Parse facts joined by ``and`` or ``;``, with ``not`` and ``forall c - container: behind({place}, c) -> open(c)``.
 
     Raises FactSyntaxError.
     """
@@ -34,7 +34,7 @@ def parse_conditions(text: str) -> tuple[Condition, ...]:
 
 
 def parse_literals(text: str) -> tuple[Literal, ...]:
-    """As ``parse_conditions``, without ``forall``: what goals and states are made of."""
+    """Parse facts without ``forall``, for goals and states. Raises FactSyntaxError."""
     literals = []
     for condition in parse_conditions(text):
         if isinstance(condition, Forall):
@@ -44,9 +44,9 @@ def parse_literals(text: str) -> tuple[Literal, ...]:
 
 
 def parse_goal(text: str) -> tuple[Literal, ...]:
-    """As ``parse_literals``, one at least: an empty goal would be a success at once. Raises GoalError.
+    """Parse at least one fact: an empty goal would succeed at once. Raises GoalError.
 
-    Goals in PDDL are understood, too: ``(and (on mug table) (not (open fridge)))``.
+    PDDL goals are accepted too: ``(and (on mug table) (not (open fridge)))``.
     """
     try:
         literals = parse_literals(text)
@@ -60,10 +60,7 @@ def parse_goal(text: str) -> tuple[Literal, ...]:
 
 
 def goal_as_facts(goal: str) -> str:
-    """Return a goal as somebody gives it (facts, PDDL, the name of a ``.pddl`` problem file) as facts.
-
-    Raises GoalError.
-    """
+    """Return a goal (facts, PDDL, or the name of a ``.pddl`` problem file) as facts. Raises GoalError."""
     literals = _goal_in_pddl(Path(goal)) if goal.strip().endswith(".pddl") else parse_goal(goal)
     return " and ".join(map(str, literals))
 
@@ -76,7 +73,7 @@ def _goal_in_pddl(source: str | Path) -> tuple[Literal, ...]:
 
 
 def parse_fact(text: str) -> Fact:
-    """One fact, not negated."""
+    """Parse one fact, not negated. Raises FactSyntaxError."""
     literals = parse_literals(text)
     if len(literals) != 1 or literals[0].negated:
         raise FactSyntaxError(text, 0, "one fact is expected")

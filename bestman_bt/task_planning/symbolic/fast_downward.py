@@ -1,4 +1,4 @@
-"""Fast Downward (Helmert, 2006) and other engines, through unified-planning, each in a process of its own."""
+"""Fast Downward (Helmert, 2006) and other engines, through unified-planning, each in a separate process."""
 
 from __future__ import annotations
 
@@ -23,15 +23,14 @@ class FastDownwardPlanner(TaskPlanner):
     """Plans with an engine of unified-planning; extra ``planning``.
 
     ``engine``: of unified-planning: ``fast-downward`` finds a plan, ``fast-downward-opt`` the cheapest one.
-
-    ``timeout``: seconds after which it is given up; what is found before does not depend on it.
+    ``timeout``: seconds; a plan found earlier does not depend on it.
     """
 
     engine: str = "fast-downward"
     timeout: float = 60.0
 
     def plan(self, problem: Problem) -> TaskPlan:
-        """As ``TaskPlanner.plan``. Raises PlannerMissingError naming the extra."""
+        """Return a plan; raises as ``TaskPlanner.plan``, and PlannerMissingError naming the extra."""
         for literal in problem.goal:
             if ~literal in problem.goal:
                 raise GoalError(f"the goal contradicts itself: {literal.fact} and not {literal.fact}")
@@ -52,7 +51,7 @@ class FastDownwardPlanner(TaskPlanner):
 
 
 def is_valid(problem: Problem, plan: TaskPlan) -> bool:
-    """What unified-planning's own validator says of a plan."""
+    """Return whether unified-planning's own validator accepts a plan."""
     planning = unified_planning()
     text = PddlText(problem)
     stated = planning.io.PDDLReader().parse_problem_string(text.domain(), text.problem())
@@ -66,10 +65,7 @@ def is_valid(problem: Problem, plan: TaskPlan) -> bool:
 
 
 def unified_planning(engine: str = "") -> Any:
-    """Return the package, imported when it is used.
-
-    Raises PlannerMissingError if it, or ``engine``, is not installed.
-    """
+    """Import and return unified-planning. Raises PlannerMissingError if it, or ``engine``, is not installed."""
     try:
         import unified_planning
         import unified_planning.io

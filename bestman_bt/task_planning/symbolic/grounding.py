@@ -1,7 +1,7 @@
-"""From operators to actions: bound to things of the world, as far as these can be reached if nothing is ever undone.
+"""Grounding: from operators to actions bound to things of the world, if reachable under the delete relaxation.
 
 Parameters are bound by a join of the conditions with the facts that hold or were reached (as Helmert, "Concise
-finite-domain representations for PDDL planning tasks", 2009): each new fact is tried in each condition that it fits.
+finite-domain representations for PDDL planning tasks", 2009): each new fact is tried in each matching condition.
 """
 
 from __future__ import annotations
@@ -28,10 +28,7 @@ from bestman_bt.task_planning.symbolic.problem import (
 
 
 def instantiate(problem: Problem, operator: Operator, arguments: Sequence[str]) -> Action:
-    """Return the action of an operator for things of the problem.
-
-    Raises PlanningError if their number or a type is wrong.
-    """
+    """Return the action of an operator for given things. Raises PlanningError for a wrong number or type."""
     if len(arguments) != len(operator.parameters):
         named = ", ".join(operator.parameters)
         raise PlanningError(f"{operator.name} takes ({named}), got ({', '.join(arguments)})")
@@ -45,7 +42,7 @@ def instantiate(problem: Problem, operator: Operator, arguments: Sequence[str]) 
 
 
 def bind(problem: Problem, operator: Operator, arguments: Sequence[str]) -> Action:
-    """As ``instantiate``, for arguments that fit. Raises PlanningError if a ``forall`` depends on what changes."""
+    """Return the action for valid arguments. Raises PlanningError if a ``forall`` depends on changing facts."""
     if problem.unsound:
         raise PlanningError(problem.unsound)
     values = {f"{{{name}}}": value for name, value in zip(operator.parameters, arguments, strict=True)}
@@ -59,7 +56,7 @@ def bind(problem: Problem, operator: Operator, arguments: Sequence[str]) -> Acti
 
 
 def written_out(problem: Problem, conditions: Iterable[Condition], values: Mapping[str, str]) -> list[Literal]:
-    """Conditions with ``values`` for parameters; ``forall`` becomes a literal for each thing with ``given``."""
+    """Return the conditions with ``values`` for parameters; ``forall`` becomes a literal per thing with ``given``."""
     literals: list[Literal] = []
     for condition in conditions:
         bound = condition.bound(values)
@@ -72,11 +69,11 @@ def written_out(problem: Problem, conditions: Iterable[Condition], values: Mappi
 
 
 class GroundProblem:
-    """STRIPS on bits: bit i of a state is ``literals[i]``; that a fact does not hold is a bit of its own.
+    """STRIPS on bits: bit i of a state is ``literals[i]``; the negation of a fact has its own bit.
 
-    Bits are for what changes, and of that for what some action or the goal asks for. ``pre``, ``add``, ``delete``: bits
-    of each of the ``actions``. ``needs``, ``gives``: the numbers of the bits in ``pre`` and ``add``. ``needed_by``: the
-    numbers of the actions that need each bit.
+    Only changing facts that some action or the goal needs have bits. ``pre``, ``add``, ``delete``: bits of each of the
+    ``actions``. ``needs``, ``gives``: the bit numbers in ``pre`` and ``add``. ``needed_by``: the numbers of the actions
+    that need each bit.
     """
 
     def __init__(self, problem: Problem, actions: Sequence[Action]) -> None:
@@ -102,7 +99,7 @@ class GroundProblem:
                 self.needed_by[need].append(action)
 
     def numbers(self, bits: int) -> list[int]:
-        """Return the numbers of the literals that bits stand for."""
+        """Return the bit numbers that are set."""
         found = []
         while bits:
             lowest = bits & -bits
@@ -111,13 +108,13 @@ class GroundProblem:
         return found
 
     def after(self, state: int, action: int) -> int:
-        """Return the state that an action leads to."""
+        """Return the state after an action."""
         return state & ~self.delete[action] | self.add[action]
 
 
 def ground(problem: Problem) -> GroundProblem:
-    """Return all actions that may matter; Unsolvable where the goal is out of reach even if nothing were ever
-    undone.
+    """Return the relevant ground actions. Raises Unsolvable if the goal is unreachable even under the delete
+    relaxation.
     """
     for literal in sorted(problem.goal):
         if ~literal in problem.goal:
@@ -132,7 +129,9 @@ def ground(problem: Problem) -> GroundProblem:
 
 
 def reachable_actions(possible: Iterable[Action], state: frozenset[Fact]) -> tuple[list[Action], set[Literal]]:
-    """Those that can be done if nothing is ever undone, and what may come to hold beside ``state``."""
+    """Return the actions that are reachable under the delete relaxation, and the facts that they may add to
+    ``state``.
+    """
     actions, reach = list(possible), _Reach(state)
     for action in actions:
         reach.add(action)
@@ -140,9 +139,9 @@ def reachable_actions(possible: Iterable[Action], state: frozenset[Fact]) -> tup
 
 
 class _Reach:
-    """Actions that wait for what they need. ``reached``: what those bring about that wait no more (``done``, by id).
+    """Actions that wait for their preconditions. ``reached``: effects of the ready ones (``done``, by id).
 
-    ``news``: of that the facts that nobody has asked for yet.
+    ``news``: reached facts that have not been processed yet.
     """
 
     def __init__(self, state: frozenset[Fact]) -> None:
@@ -242,7 +241,7 @@ class _Join:
     def _bound(
         self, number: int, rest: tuple[Fact, ...], values: dict[str, str]
     ) -> Iterator[tuple[int, tuple[str, ...]]]:
-        """Bind what is left, the condition that fewest facts fit first; then what no condition names."""
+        """Bind the remaining conditions, the most selective first, then unconstrained parameters."""
         if rest:
             candidates = {fact: self._candidates(fact, values) for fact in rest}
             first = min(rest, key=lambda fact: len(candidates[fact]))

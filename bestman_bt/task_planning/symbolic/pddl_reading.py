@@ -1,7 +1,7 @@
-"""PDDL 2.1 files as problems: types, negative conditions, equality, ``forall`` and action costs.
+"""Reader of PDDL 2.1 files: types, negative conditions, equality, ``forall`` and action costs.
 
-Of ADL neither ``or``, ``exists``, ``when``, nor ``imply`` outside ``forall`` is read; nor are durations, and numbers
-other than ``total-cost``. Each is refused with its line. The reader and engines of unified-planning know them.
+Not supported are ``or``, ``exists``, ``when``, ``imply`` outside ``forall``, durations, and numbers other than
+``total-cost``. Each is refused with its line. The reader and engines of unified-planning support them.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ _DEPTH = 200
 
 
 class PddlError(PlanningError):
-    """A file that cannot be read: ``file``, ``line`` and what is wrong."""
+    """A file cannot be read; ``file``, ``line`` and the reason."""
 
     def __init__(self, file: str, line: int, what: str) -> None:
         super().__init__(f"{file}:{line}: {what}")
@@ -64,7 +64,7 @@ class _List:
 
 
 def read_pddl(domain: str | Path, problem: str | Path) -> Problem:
-    """Return the problem that a domain file and a problem file describe. Raises PddlError with file and line."""
+    """Return the problem of a domain file and a problem file. Raises PddlError with file and line."""
     operators, types, constants, predicates = _File(domain).domain()
     stated = _File(problem)
     objects, state, goal = stated.problem(predicates)
@@ -75,11 +75,10 @@ def read_pddl(domain: str | Path, problem: str | Path) -> Problem:
 
 
 def read_goal(source: str | Path) -> tuple[Literal, ...]:
-    """Return the goal of a problem file, or of PDDL text such as ``(and (on cup table) (not (open fridge)))``;
-    PddlError.
+    """Return the goal of a problem file, or of PDDL text such as ``(and (on cup table) (not (open fridge)))``.
 
-    Names are taken as they are, whatever the domain; ``__`` in them stands for ``/``, as ``bestman-bt domain --pddl``
-    writes it.
+    Names are not checked against a domain; ``__`` means ``/``, as written by ``bestman-bt domain --pddl``. Raises
+    PddlError.
     """
     if isinstance(source, Path):
         _, _, goal = _File(source).problem(None)

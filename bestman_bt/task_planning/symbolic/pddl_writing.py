@@ -1,4 +1,4 @@
-"""Problems as PDDL 2.1: typed, with negative and quantified conditions and action costs."""
+"""Writer of PDDL 2.1: typed, with negative and quantified conditions and action costs."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ RENAMED = {"object": "item"}
 class PddlText:
     """A problem as a ``domain`` and a ``problem`` file.
 
-    PDDL knows neither slashes nor upper case nor things of two types: a drawer is written as two objects, as a place
-    and as a container, and of ``Mug`` and ``mug`` the second has a number; ``action`` finds the way back.
+    PDDL has no slashes, upper case letters or things of two types: a drawer is written as two objects, as a place and
+    as a container, and equal lower-case names get numbers; ``action`` converts names back.
     """
 
     def __init__(self, problem: Problem, name: str = "bestman") -> None:
@@ -80,13 +80,13 @@ class PddlText:
         ]) + "\n"  # fmt: skip
 
     def written(self, action: Action) -> tuple[str, tuple[str, ...]]:
-        """Name and arguments of an action as the files have them."""
+        """Return name and arguments of an action in the files."""
         kinds = action.operator.parameters.values()
         names = (self._objects[key] for key in zip(kinds, action.arguments, strict=True))
         return self._names[action.name], tuple(names)
 
     def action(self, name: str, arguments: Iterable[str]) -> tuple[Operator, tuple[str, ...]]:
-        """Which operator, and which things of the problem, are meant by names of the files."""
+        """Return the operator and the things for names of the files."""
         operator = self._operators[name.lower()]
         meant = {written: own for (_, own), written in self._objects.items()}
         return operator, tuple(meant[argument.lower()] for argument in arguments)
@@ -133,7 +133,7 @@ class PddlText:
 
 
 def signatures(problem: Problem) -> dict[str, tuple[str, ...]]:
-    """Predicate → types of its arguments: declared, or as operators, state and goal use it."""
+    """Return predicate → types of its arguments: as declared, or as used by operators, state and goal."""
     known = dict(problem.predicates)
     for operator in problem.operators:
         for condition in (*operator.pre, *operator.hold, *operator.effects):

@@ -1,6 +1,6 @@
-"""What an operator asks for and does in the state at hand, read from its conditions as they are written.
+"""Preconditions and effects of an operator in a state, evaluated directly on its conditions.
 
-Whoever checks plans uses this and not grounding, so that a fault there is no proof of itself.
+Plan checks use this and not the grounding, so that they are independent of it.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from bestman_bt.task_planning.symbolic.problem import Condition, Fact, Forall, L
 def broken_in(
     problem: Problem, operator: Operator, arguments: Sequence[str], state: Collection[Fact]
 ) -> tuple[Literal, ...]:
-    """Return the pre-conditions, those that must hold all the way among them, that do not hold in a state, sorted."""
+    """Return the violated preconditions and hold-conditions in a state, sorted."""
     asked = _said((*operator.pre, *operator.hold), problem, operator, arguments, state)
     return tuple(sorted({literal for literal in asked if not literal.holds_in(state)}))
 
@@ -21,7 +21,7 @@ def broken_in(
 def state_after(
     problem: Problem, operator: Operator, arguments: Sequence[str], state: Collection[Fact]
 ) -> frozenset[Fact]:
-    """Return the state that it leads to; what it both undoes and brings about holds."""
+    """Return the state after an operator; a fact that is both deleted and added holds."""
     effects = set(_said(operator.effects, problem, operator, arguments, state))
     undone = {effect.fact for effect in effects if effect.negated}
     return frozenset(set(state) - undone | {effect.fact for effect in effects if not effect.negated})

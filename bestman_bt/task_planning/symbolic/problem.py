@@ -15,18 +15,18 @@ EQUAL = "="
 
 
 def with_article(noun: str) -> str:
-    """``an object``, ``a place``."""
+    """Return a noun with its indefinite article: ``an object``, ``a place``."""
     return f"{'an' if noun[0] in 'aeiou' else 'a'} {noun}"
 
 
 class PlanningError(AlgorithmError):
-    """No plan came about; the text says why."""
+    """There is no plan; the message says why."""
 
 
 class GoalError(PlanningError, InputError):
-    """A goal that does not make sense: a name that nothing has, a contradiction, text that is no formula.
+    """An invalid goal: an unknown name, a contradiction, or text that is not a formula.
 
-    ``faults``: each that was found.
+    ``faults``: every fault found.
     """
 
     def __init__(self, *faults: str) -> None:
@@ -36,26 +36,26 @@ class GoalError(PlanningError, InputError):
 
 @dataclass
 class GoalFaults:
-    """Gathers what is wrong with several facts."""
+    """Collects the faults of several facts."""
 
     faults: list[str] = field(default_factory=list)
 
     @contextmanager
     def step(self) -> Iterator[None]:
-        """Note the faults of a GoalError that the body raises, and go on behind it."""
+        """Collect the faults of a GoalError raised by the body, and continue after it."""
         try:
             yield
         except GoalError as error:
             self.faults += error.faults
 
     def raise_if_any(self) -> None:
-        """GoalError with all of them, each once."""
+        """Raise GoalError with all faults, each once."""
         if self.faults:
             raise GoalError(*dict.fromkeys(self.faults))
 
 
 class Unsolvable(PlanningError):
-    """No plan reaches the goal. ``missing``: the facts that nothing brings about."""
+    """No plan reaches the goal. ``missing``: facts that cannot be achieved."""
 
     def __init__(self, why: str, missing: tuple[Literal, ...] = ()) -> None:
         super().__init__(why)
@@ -63,7 +63,7 @@ class Unsolvable(PlanningError):
 
 
 class Fact(NamedTuple):
-    """``on(mug, table)``. In an operator, ``{object}`` among the arguments stands for its parameter."""
+    """A fact ``on(mug, table)``. In an operator, the argument ``{object}`` refers to its parameter."""
 
     predicate: str
     arguments: tuple[str, ...] = ()
@@ -72,12 +72,12 @@ class Fact(NamedTuple):
         return f"{self.predicate}({', '.join(self.arguments)})" if self.arguments else self.predicate
 
     def bound(self, values: Mapping[str, str]) -> Fact:
-        """Return the fact with ``values`` in the places of the parameters; ``values``: ``{"{object}": "mug"}``."""
+        """Return the fact with parameters replaced by ``values``: ``{"{object}": "mug"}``."""
         return Fact(self.predicate, tuple(values.get(argument, argument) for argument in self.arguments))
 
 
 class Literal(NamedTuple):
-    """A fact, or that it does not hold."""
+    """A fact or its negation."""
 
     fact: Fact
     negated: bool = False
@@ -89,11 +89,11 @@ class Literal(NamedTuple):
         return Literal(self.fact, not self.negated)
 
     def bound(self, values: Mapping[str, str]) -> Literal:
-        """As ``Fact.bound``."""
+        """Return the literal with parameters replaced."""
         return Literal(self.fact.bound(values), self.negated)
 
     def holds_in(self, state: Collection[Fact]) -> bool:
-        """Return whether it holds where exactly the facts of ``state`` do."""
+        """Return whether it holds if exactly the facts of ``state`` hold."""
         if self.fact.predicate == EQUAL:
             return (self.fact.arguments[0] == self.fact.arguments[1]) != self.negated
         return (self.fact in state) != self.negated
@@ -103,8 +103,8 @@ class Literal(NamedTuple):
 class Forall:
     """``forall c - container: behind({place}, c) -> open(c)``, or ``forall p - place: not near(p)``.
 
-    ``given`` must be of a predicate that no operator changes, so that grounding leaves a conjunction of literals.
-    ``variable`` is written with braces; within the condition it hides a parameter of the same name.
+    ``given``: of a predicate that no operator changes, so that grounding gives a conjunction of literals. ``variable``:
+    with braces; it shadows a parameter of the same name.
     """
 
     variable: str
@@ -117,18 +117,18 @@ class Forall:
         return f"forall {self.variable[1:-1]} - {self.type}: {text.replace(self.variable, self.variable[1:-1])}"
 
     def bound(self, values: Mapping[str, str]) -> Forall:
-        """As ``Fact.bound``."""
+        """Return the condition with parameters replaced."""
         outside = {name: value for name, value in values.items() if name != self.variable}
         given = self.given.bound(outside) if self.given is not None else None
         return Forall(self.variable, self.type, given, self.then.bound(outside))
 
     def at(self, name: str) -> tuple[Fact | None, Literal]:
-        """``given`` and ``then`` for one thing."""
+        """Return ``given`` and ``then`` for one thing."""
         values = {self.variable: name}
         return self.given.bound(values) if self.given is not None else None, self.then.bound(values)
 
     def of(self, name: str, state: Collection[Fact]) -> Literal | None:
-        """What it says of one thing in a state: nothing where ``given`` does not hold of it."""
+        """Return the literal for one thing in a state, or None if ``given`` does not hold for it."""
         given, then = self.at(name)
         return then if given is None or Literal(given).holds_in(state) else None
 
@@ -139,11 +139,11 @@ Condition = Literal | Forall
 
 @dataclass(frozen=True)
 class Operator:
-    """An ability as a planner sees it; its facts name its parameters: ``on({object}, {place})``.
+    """An ability for planners; its facts use its parameters: ``on({object}, {place})``.
 
-    ``parameters``: name → type, in order. ``pre``: must hold at the start; ``hold``: from the start to the end.
-    ``add``, ``delete``: hold, and no longer hold, afterwards; ``each``: the same for all things of a type.
-    ``cost``: not negative; of abilities more than 0. ``parts``: of the robot that it keeps busy.
+    ``parameters``: name → type, in order. ``pre``: must hold at the start; ``hold``: throughout. ``add``, ``delete``:
+    facts that hold, and no longer hold, afterwards; ``each``: the same for all things of a type. ``cost``: not
+    negative; positive for abilities. ``parts``: parts of the robot in use.
     """
 
     name: str
@@ -158,12 +158,12 @@ class Operator:
 
     @property
     def effects(self) -> tuple[Condition, ...]:
-        """What it brings about, then what it undoes."""
+        """The added facts, then the deleted ones."""
         return (*map(Literal, self.add), *(Literal(fact, negated=True) for fact in self.delete), *self.each)
 
     @property
     def assumed(self) -> Iterator[Forall]:
-        """Its conditions and effects that hold of some things only."""
+        """Yield its conditions and effects that apply to some things only."""
         conditions = (*self.pre, *self.hold, *self.each)
         return (one for one in conditions if isinstance(one, Forall) and one.given is not None)
 
@@ -176,9 +176,9 @@ class Operator:
 
 @dataclass(frozen=True)
 class Action:
-    """An operator with things of the world for its parameters; everything in it is ground.
+    """An operator bound to things of the world; everything in it is ground.
 
-    ``pre`` has the hold-conditions, too: what must hold all the way must hold at the start.
+    ``pre`` includes the hold-conditions.
     """
 
     operator: Operator = field(repr=False)
@@ -193,17 +193,17 @@ class Action:
 
     @cached_property
     def effects(self) -> frozenset[Literal]:
-        """What holds afterwards because of it: what it brings about, and that what it undoes does not hold."""
+        """The literals that hold afterwards because of the action."""
         return frozenset(map(Literal, self.add)).union(Literal(fact, negated=True) for fact in self.delete)
 
     @property
     def name(self) -> str:
-        """The operator's name: that of the node which carries it out."""
+        """The operator's name, which is that of the executing node."""
         return self.operator.name
 
     @property
     def ports(self) -> dict[str, str]:
-        """Port → value of the node which carries it out."""
+        """Port → value of the executing node."""
         return dict(zip(self.operator.parameters, self.arguments, strict=True))
 
     @property
@@ -213,25 +213,24 @@ class Action:
 
     @property
     def parts(self) -> tuple[str, ...]:
-        """The parts of the robot that it keeps busy."""
+        """The parts of the robot in use."""
         return self.operator.parts
 
     def broken_in(self, state: Collection[Fact]) -> tuple[Literal, ...]:
-        """Return the pre-conditions that do not hold, sorted; none: it can be done."""
+        """Return the violated preconditions, sorted; empty: the action is applicable."""
         return tuple(sorted(literal for literal in self.pre if not literal.holds_in(state)))
 
     def applied_to(self, state: Iterable[Fact]) -> frozenset[Fact]:
-        """Return the state afterwards; what it both undoes and brings about holds, as in PDDL."""
+        """Return the state afterwards; a fact that is both deleted and added holds, as in PDDL."""
         return (frozenset(state) - self.delete) | self.add
 
 
 @dataclass(frozen=True)
 class Problem:
-    """``objects``: name → type. ``state``: all that holds. ``goal``: all that shall hold.
+    """``objects``: name → type. ``state``: all facts that hold. ``goal``: literals to achieve.
 
-    ``supertypes``: type → the more general ones, where there are any: a drawer is a place and a container.
-    ``predicates``: name → types of its arguments, as far as they are declared. ``instruction``: the goal in the user's
-    words, if it came so.
+    ``supertypes``: type → its supertypes: a drawer is a place and a container. ``predicates``: name → declared types of
+    its arguments. ``instruction``: the goal in the user's words, if given.
     """
 
     objects: Mapping[str, str] = field(hash=False)
@@ -243,7 +242,7 @@ class Problem:
     instruction: str = ""
 
     def is_a(self, name: str, kind: str) -> bool:
-        """Return whether an object is of a type, or of one below it."""
+        """Return whether an object is of a type or one of its subtypes."""
         pending, seen = [self.objects[name]], set[str]()
         while pending:
             own = pending.pop()
@@ -256,7 +255,9 @@ class Problem:
 
     @cached_property
     def unsound(self) -> str:
-        """Which ``forall`` depends on what an operator changes; empty: none does, and grounding is right."""
+        """Which ``forall`` depends on a fact that an operator changes; empty if none does, so that grounding is
+        correct.
+        """
         for operator in self.operators:
             for condition in operator.assumed:
                 given = "" if condition.given is None else condition.given.predicate
@@ -269,7 +270,7 @@ class Problem:
         return ""
 
     def of_type(self, kind: str) -> list[str]:
-        """The names of all objects of a type, in their order."""
+        """Return the names of all objects of a type, in order."""
         if kind not in self._of_type:
             self._of_type[kind] = [name for name in self.objects if self.is_a(name, kind)]
         return self._of_type[kind]
@@ -279,13 +280,13 @@ class Problem:
         return {}
 
     def unmet_in(self, state: Collection[Fact]) -> tuple[Literal, ...]:
-        """Return the parts of the goal that do not hold."""
+        """Return the unsatisfied parts of the goal."""
         return tuple(literal for literal in self.goal if not literal.holds_in(state))
 
 
 @dataclass(frozen=True)
 class TaskPlan:
-    """Actions one after the other; ``cost``: their sum."""
+    """A sequence of actions; ``cost``: their sum."""
 
     actions: tuple[Action, ...]
 

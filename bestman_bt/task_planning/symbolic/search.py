@@ -1,4 +1,4 @@
-"""Searches over ground problems: greedy to find a plan at all, then less and less greedy to find a cheaper one."""
+"""Search over ground problems: greedy for a first plan, then weighted A* for cheaper ones."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from bestman_bt.task_planning.symbolic.problem import PlanningError, Problem, Ta
 
 @dataclass(frozen=True)
 class Estimate:
-    """``cost``: of a relaxed plan, infinite where there is none.
+    """``cost``: of a relaxed plan, infinite if there is none.
 
-    ``applicable``: the actions that can be done at once; ``helpful``: those of them that the relaxed plan has.
+    ``applicable``: the applicable actions; ``helpful``: those of them in the relaxed plan.
     """
 
     cost: float
@@ -31,7 +31,7 @@ NOTHING = 1e-6
 
 
 class RelaxedPlan:
-    """Estimates by relaxed plans: each fact is reached by the action that is cheapest with h_add."""
+    """Estimates by relaxed plans: each fact is achieved by the cheapest action according to h_add."""
 
     def __init__(self, problem: GroundProblem) -> None:
         self._problem = problem
@@ -39,7 +39,7 @@ class RelaxedPlan:
         self._counts = [len(needs) for needs in problem.needs]
 
     def estimate(self, state: int) -> Estimate:
-        """For a state of the problem, in bits, in which the goal does not hold."""
+        """Return the estimate of a state (bits) in which the goal does not hold."""
         supporter, applicable = self._explored(state)
         used = set[int]()
         pending = self._problem.numbers(self._problem.goal & ~state)
@@ -90,7 +90,7 @@ BOOST = 1000
 
 @dataclass(frozen=True)
 class Found:
-    """``actions``: their numbers, None if none was found. ``exhausted``: for there is no plan, or none so cheap."""
+    """``actions``: their numbers, None if none was found. ``exhausted``: there is no plan, or none cheap enough."""
 
     actions: tuple[int, ...] | None
     exhausted: bool = False
@@ -99,9 +99,8 @@ class Found:
 def best_first(problem: GroundProblem, weight: float, max_evaluations: int, bound: float = math.inf) -> Found:
     """Lazy best-first search with a second queue for helpful actions (Richter and Helmert, 2009).
 
-    ``weight``: of the estimate against the cost so far; infinite: greedy. ``bound``: only plans that cost less.
-    A state is estimated when it is taken, by then its parent's estimate has ordered it; reached cheaper, it is opened
-    again.
+    ``weight``: of the estimate against the cost so far; infinite: greedy. ``bound``: upper bound of the cost. A state
+    is evaluated when it is expanded, ordered by its parent's estimate; if reached at a lower cost, it is reopened.
     """
     relaxed = RelaxedPlan(problem)
     cheapest: dict[int, float] = {problem.initial: 0.0}
@@ -141,7 +140,7 @@ def best_first(problem: GroundProblem, weight: float, max_evaluations: int, boun
 
 
 def without_needless(problem: GroundProblem, actions: Sequence[int]) -> tuple[int, ...]:
-    """Return the plan without actions whose effects nothing needs (action elimination: Nakhost and Müller, 2010)."""
+    """Return the plan without unnecessary actions (action elimination: Nakhost and Müller, 2010)."""
     plan = list(actions)
     number = 0
     while number < len(plan):
@@ -170,15 +169,14 @@ def _path(came_by: dict[int, tuple[int, int]], initial: int, state: int) -> tupl
 
 @dataclass(frozen=True)
 class SymbolicPlanner(TaskPlanner):
-    """Plans for typed objects, negative conditions, ``forall`` over what never changes, and action costs.
+    """Plans for typed objects, negative conditions, ``forall`` over static facts, and action costs.
 
-    Richter and Westphal, "The LAMA planner", 2010: a greedy search finds a plan, weighted A* with ever smaller weights
-    and the best cost as bound looks for cheaper ones.
+    Richter and Westphal, "The LAMA planner", 2010: a greedy search finds a plan, then weighted A* with decreasing
+    weights and the best cost as bound searches for cheaper ones.
 
-    How long is searched, counted in states that are estimated: equal problems give equal plans.
-
-    ``max_evaluations``: for a first plan; in a furnished kitchen these are 5 to 8 s of processor time. ``improvement``:
-    for cheaper ones, with the ``weights`` of the estimate, one after the other.
+    The effort is counted in evaluated states, so that equal problems give equal plans. ``max_evaluations``: for the
+    first plan; in a furnished kitchen these take 5 to 8 s of processor time. ``improvement``: for cheaper plans, with
+    the ``weights`` of the estimate in turn.
     """
 
     max_evaluations: int = 10_000
@@ -186,7 +184,7 @@ class SymbolicPlanner(TaskPlanner):
     weights: tuple[float, ...] = (3.0, 1.0)
 
     def plan(self, problem: Problem) -> TaskPlan:
-        """As ``TaskPlanner.plan``. Raises PlanningError if the search ends before it knows."""
+        """Return a plan. Raises Unsolvable, or PlanningError if the search limit is reached without a result."""
         grounded = ground(problem)
         found = best_first(grounded, math.inf, self.max_evaluations)
         if found.exhausted:
