@@ -1,4 +1,4 @@
-"""Controllers: they run algorithms on the parts of a robot and hand out motions that are under way."""
+"""Controllers: run algorithms on the parts of a robot and return motions."""
 
 from hal.api import Motion, MotionStatus
 

@@ -12,7 +12,7 @@ from hal.api import Gripper, Motion
 
 @dataclass(frozen=True)
 class GripperOutcome:
-    """Where the fingers came to rest: ``width`` in metres; ``object_held``: whether they press on something there."""
+    """The final state of the fingers: ``width`` in metres; ``object_held``: whether they press on an object."""
 
     width: float
     object_held: bool
@@ -20,12 +20,11 @@ class GripperOutcome:
 
 @dataclass(frozen=True)
 class HeldWidth:
-    """What the width between the fingers says of the thing that a hand holds; metres.
+    """Criteria on the width between the fingers for a held object; metres.
 
-    ``tolerance``: by which a hand may be further closed or open than the thing is wide, as it is known, and still be
-    said to hold it. ``shut``: above its least width, up to which a hand has closed on nothing. ``slip``: by which the
-    width may change under a hand that pulls; ``slip_turning``: while a bar turns in it. ``let_go``: by which the
-    fingers must open beyond what they held.
+    ``tolerance``: difference from the known width of the object. ``shut``: above the least width, up to which the hand
+    is empty. ``slip``: allowed change during a pull; ``slip_turning``: while a bar rotates in the hand. ``let_go``:
+    opening beyond the held width that counts as released.
     """
 
     tolerance: float = 0.008
@@ -35,9 +34,9 @@ class HeldWidth:
     let_go: float = 0.004
 
     def problem(self, width: float, expected: float) -> str:
-        """Why a closed hand does not hold something ``expected`` metres wide; empty if it may.
+        """Return why a closed hand does not hold something ``expected`` metres wide; empty if it may.
 
-        The fingers keep closing: without the object between them they would come together.
+        The fingers keep closing: without the object they would close completely.
         """
         if abs(width - expected) <= self.tolerance:
             return ""
@@ -50,11 +49,11 @@ HELD_WIDTH = HeldWidth()
 
 @dataclass(eq=False)
 class GripperController:
-    """Commands one gripper and tells, from its encoder and motor alone, whether it presses on something.
+    """Commands one gripper and determines, from its encoder and motor alone, whether it presses on something.
 
-    ``closing_speed``, ``release_speed``: m/s of the width at most; faster fingers push what they meet first aside, and
-    drag along what they leave. ``release_clearance``: metres that a release opens beyond the present width.
-    ``confirm``: asks a person before each motion, which fails as DECLINED where they refuse.
+    ``closing_speed``, ``release_speed``: largest rates of the width, m/s; faster fingers push objects aside or drag
+    them along. ``release_clearance``: metres that a release opens. ``confirm``: asks a person before each motion, which
+    fails as DECLINED if refused.
     """
 
     gripper: Gripper
@@ -80,7 +79,7 @@ class GripperController:
         return self._move(f"open to {1e3 * target:.0f} mm", target, None, speed)
 
     def close(self, force: float | None = None, speed: float | None = None) -> Motion[GripperOutcome]:
-        """Close until something blocks or the fingers meet; both are success, and the outcome tells which it was.
+        """Close until blocked or until the fingers meet; both succeed, and the outcome distinguishes them.
 
         ``force``: newtons, the gripper's own by default; ``speed``: m/s of the width, ``closing_speed`` by default.
         """
@@ -89,15 +88,14 @@ class GripperController:
         return self._move("close", self.model.part.min_width, force, speed)
 
     def release(self) -> Motion[GripperOutcome]:
-        """Let go: open a little and slowly, so that the object stays where it stands."""
+        """Release: open a little and slowly, so that the object stays in place."""
         width = min(self.width() + self.release_clearance, self.model.max_width)
         return self.open(width, self.release_speed)
 
     def watch_slip(self, tolerance: float = HELD_WIDTH.slip) -> Callable[[], str | None]:
-        """Return a guard over what is held now: it answers with a text once the fingers press no more, or close
-        further.
+        """Return a guard of the current grasp: it returns a text once the fingers stop pressing, or close further.
 
-        ``tolerance``: metres by which the width may still shrink or grow.
+        ``tolerance``: allowed change of the width, metres.
         """
         width = self.width()
 
@@ -112,7 +110,7 @@ class GripperController:
         return lost
 
     def stop(self) -> None:
-        """Stop the fingers at once; a grasp goes on pressing."""
+        """Stop the fingers at once; an existing grasp keeps pressing."""
         self.gripper.stop()
 
     def _move(self, words: str, width: float, force: float | None, speed: float | None) -> Motion[GripperOutcome]:

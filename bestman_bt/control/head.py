@@ -17,9 +17,9 @@ from hal.api import JointGroup, Motion
 
 
 class HeadController:
-    """Points the camera in ``optical_frame`` by the joints of one group, whatever their kinematics.
+    """Points the camera of ``optical_frame`` with the joints of one group of any kinematics.
 
-    ``confirm``: asks a person before each motion, which fails as DECLINED where they refuse.
+    ``confirm``: asks a person before each motion, which fails as DECLINED if refused.
     """
 
     def __init__(
@@ -39,9 +39,9 @@ class HeadController:
         self._tolerance = tolerance
 
     def look_at(self, point: ArrayLike, speed_scale: float = 1.0) -> Motion[None]:
-        """Bring ``point`` (3,), metres in the base frame, to the middle of the image; succeeds when the head rests.
+        """Move ``point`` (3,), metres in the base frame, to the middle of the image; succeeds when the head rests.
 
-        Fails as UNREACHABLE, without moving, when the camera cannot come within the tolerance of looking at it.
+        Fails as UNREACHABLE, without moving, if the camera cannot point at it within the tolerance.
         """
         target = np.asarray(point, dtype=float)
         positions, miss = self._solve(target)

@@ -16,13 +16,13 @@ BEFORE = 0.5
 
 
 class NotRecordedError(RobotError, LookupError):
-    """A value was asked for a time that the history does not cover."""
+    """A value was requested for a time that the history does not cover."""
 
 
 class History(Generic[Value]):
-    """Values with their stamps, interpolated between the two around the time that is asked for, as tf2 does.
+    """Stamped values, interpolated at a requested time, as in tf2.
 
-    ``duration``: seconds that are kept. ``hold``: seconds after the newest value for which it still counts.
+    ``duration``: seconds to store. ``hold``: seconds after the newest value for which it is still valid.
     """
 
     def __init__(
@@ -50,7 +50,7 @@ class History(Generic[Value]):
         self._values = [*self._values[old:keep], value]
 
     def at(self, stamp: float) -> Value:
-        """Return the value at a time, seconds; NotRecordedError outside what is recorded."""
+        """Return the value at a time, seconds. Raises NotRecordedError outside of the recorded time."""
         if not self._stamps:
             raise NotRecordedError("nothing is recorded yet")
         first, last = self._stamps[0], self._stamps[-1]
@@ -68,7 +68,7 @@ class History(Generic[Value]):
 
 
 def pose_between(first: Pose2D, second: Pose2D, share: float) -> Pose2D:
-    """Return the pose (m, rad) at ``share``, 0 to 1, of the way from one to the other, turning the shorter way."""
+    """Return the pose (m, rad) interpolated by ``share``, 0 to 1, rotating the shorter way."""
     turned = wrap_angle(second.theta - first.theta)
     return Pose2D(
         first.x + share * (second.x - first.x),
@@ -78,6 +78,6 @@ def pose_between(first: Pose2D, second: Pose2D, share: float) -> Pose2D:
 
 
 def positions_between(first: Mapping[str, float], second: Mapping[str, float], share: float) -> Mapping[str, float]:
-    """Joint positions (rad or m, by name) at ``share``, 0 to 1, of the way; joints that one of them lacks are kept."""
+    """Return joint positions (rad or m, by name) interpolated by ``share``, 0 to 1; missing joints are copied."""
     between = {name: value + share * (second.get(name, value) - value) for name, value in first.items()}
     return {**second, **between}

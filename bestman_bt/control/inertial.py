@@ -11,7 +11,7 @@ from hal.api import Clock, Imu, MobileBase, Timer
 
 
 class GyroHeading:
-    """Sums up the rate about ``axis`` (3,), the vertical in the frame of the inertial unit, between begin and end."""
+    """Integrates the rate about ``axis`` (3,), the vertical in the sensor frame, between ``begin`` and ``end``."""
 
     def __init__(self, imu: Imu, clock: Clock, axis: tuple[float, float, float] = (0.0, 0.0, 1.0)) -> None:
         self._imu, self._clock = imu, clock
@@ -22,24 +22,24 @@ class GyroHeading:
 
     @property
     def heading(self) -> float:
-        """Radians since ``begin`` or ``level``, without end; counter-clockwise positive."""
+        """Return the unwrapped heading since ``begin`` or ``level``, radians, counter-clockwise positive."""
         return self._heading
 
     def begin(self) -> None:
-        """Begin to count, at rest: until ``level`` all that is felt is bias."""
+        """Start integrating, at rest: readings until ``level`` are bias."""
         self.end()
         self._bias = self._heading = self._summed = 0.0
         self._stamp = self._began = self._imu.read().stamp
         self._timer = self._clock.every(1.0 / 240.0, self._take)
 
     def level(self) -> None:
-        """What was felt since ``begin`` was bias: from now on it is taken away, and the heading is 0."""
+        """Take the readings since ``begin`` as bias; the heading is 0 from now on."""
         if self._stamp > self._began:
             self._bias = self._summed / (self._stamp - self._began)
         self._heading = 0.0
 
     def end(self) -> None:
-        """Count no further; idempotent."""
+        """Stop integrating; idempotent."""
         if self._timer is not None:
             self._timer.cancel()
             self._timer = None
@@ -56,7 +56,7 @@ class GyroHeading:
 
 
 class FusedOdometry:
-    """What any localizer predicts with, in place of the base's own odometry. ``gyro``: if the filter uses it."""
+    """Odometry for localizers, in place of the base's own. ``gyro``: if the filter uses it."""
 
     def __init__(
         self, base: MobileBase, clock: Clock, odometry_filter: OdometryFilter, gyro: GyroHeading | None = None
@@ -68,7 +68,7 @@ class FusedOdometry:
         self._felt = self._time = 0.0
 
     def begin(self) -> None:
-        """Begin to feel; the base should rest."""
+        """Start the gyroscope; the base should be at rest."""
         if self._gyro is not None:
             self._gyro.begin()
         self._felt, self._time = 0.0, self._clock.now()
@@ -82,6 +82,6 @@ class FusedOdometry:
         return self._filter.update(self._base.odometry(), turned, elapsed)
 
     def end(self) -> None:
-        """Feel no further; idempotent."""
+        """Stop the gyroscope; idempotent."""
         if self._gyro is not None:
             self._gyro.end()

@@ -41,10 +41,10 @@ RECORDING_RATE = 50.0
 
 
 class JointStateSensor:
-    """Reads the encoders of arms, other joint groups and grippers; wheels are left out, nothing depends on them.
+    """Reads the encoders of arms, other joint groups and grippers, but not of wheels.
 
-    A gripper tells its width only; the robot model knows how its joints then stand. Between ``start`` and ``close`` it
-    records them, so that it can tell where they were.
+    A gripper reports only its width; its joint positions come from the robot model. Between ``start`` and ``close`` it
+    records positions, for queries of earlier times.
     """
 
     def __init__(self, parts: Mapping[str, Part], model: RobotModel) -> None:
@@ -86,7 +86,7 @@ class JointStateSensor:
             self._history.add(self._clock.now(), self.positions())
 
     def positions(self) -> Mapping[str, float]:
-        """Joint name → measured position, radians or metres. Raises JointStateError if a part tells none."""
+        """Return joint name → measured position, radians or metres. Raises JointStateError if a part reports none."""
         positions: dict[str, float] = {}
         for name, part in self._parts.items():
             try:

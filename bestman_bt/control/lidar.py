@@ -1,4 +1,4 @@
-"""Lidars that are fixed to the base: scans together with where they were taken from."""
+"""Lidars fixed to the base: scans with the pose at which they were taken."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from hal.api import Lidar
 
 
 def deskewed(scan: LaserScan, moved: Pose2D) -> LaserScan:
-    """Return the scan that a lidar at rest would have taken at its stamp.
+    """Return the scan of a lidar at rest at the stamp.
 
-    ``moved``: the lidar's motion (m, rad) from the first beam to the end of the sweep, taken as even. Where two hits
-    fall onto one beam the nearer stays.
+    ``moved``: the lidar's motion (m, rad) during the sweep, assumed uniform. If two hits fall onto one beam, the nearer
+    one is kept.
     """
     count, hit = len(scan.ranges), np.isfinite(scan.ranges)
     share, ranges, angles = np.arange(count)[hit] / count, scan.ranges[hit], scan.angles[hit]

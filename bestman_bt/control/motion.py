@@ -13,7 +13,7 @@ Result = TypeVar("Result")
 
 
 class ControlledMotion(Motion[Result]):
-    """Ends as the part's ``motion`` does, or before where a controller fails it; ``read`` reads its result then."""
+    """Ends as the part's ``motion`` does, or earlier if a controller fails it; ``read`` then reads its result."""
 
     def __init__(self, part: str, motion: Motion[Any], read: Callable[[], Result] | None = None) -> None:
         super().__init__(part, motion.cancel)

@@ -1,4 +1,4 @@
-"""How fast an operator lets the robot move: a share of its speed, and whether it waits on its way."""
+"""The operator's speed: a scale of the robot's speed, and pausing of motions."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ SLOWEST = 0.05
 
 
 class OperatorSpeed:
-    """``share`` of the robot's speed at which its motions run; ``hold`` lets them wait where they are.
+    """``share``: scale of the speed of the robot's motions; ``hold`` pauses them.
 
-    ``set_speed``: as ``hal.api.Robot.set_speed``. A watcher of an executor: while that waits, the motions do;
-    ``stands_still``: time itself does then, in simulation, and nothing else has to. Safe from any thread.
+    ``set_speed``: as ``hal.api.Robot.set_speed``. As a watcher of an executor it pauses motions with the execution;
+    ``stands_still``: in simulation time itself stops, so that this is not needed. Thread-safe.
     """
 
     def __init__(self, set_speed: Callable[[float], None], stands_still: bool = False) -> None:
@@ -23,7 +23,7 @@ class OperatorSpeed:
         self.share = 1.0
 
     def set(self, share: float) -> None:
-        """Go on at ``share`` of the speed, ``SLOWEST`` to 1; ValueError."""
+        """Set the scale, ``SLOWEST`` to 1. Raises ValueError outside of it."""
         if not SLOWEST <= share <= 1.0:
             raise ValueError(
                 f"a speed is {SLOWEST:.0%} to 100%, not {share:.4g} of the usual one; pause holds the robot"
@@ -41,17 +41,17 @@ class OperatorSpeed:
             self._tell()
 
     def go_on(self) -> None:
-        """Motions go on along their paths."""
+        """Continue the motions along their paths."""
         with self._lock:
             if self._holds:
                 self._holds = False
                 self._tell()
 
     def after_tick(self) -> None:
-        """As a watcher of an executor."""
+        """Implement the executor's watcher."""
 
     def held(self, hold: object | None) -> None:
-        """As a watcher of an executor."""
+        """Implement the executor's watcher."""
         if hold is None:
             self.go_on()
         else:

@@ -1,4 +1,4 @@
-"""A motion before it starts, for a person who looks at it: what moves, how long, and what it passes through."""
+"""A motion before its start, for a person to check: what moves, how long, and the swept area."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class PlannedMotion:
-    """``words``: what ``part`` is to do. ``duration``: seconds at full speed, or None if nobody knows.
+    """``words``: description of the motion of ``part``. ``duration``: seconds at full speed, or None if unknown.
 
-    ``swept``: outlines (N, 2) of what it passes through, metres in the map frame. ``heights``: lowest and highest of
-    it above the floor, metres, or None if that says nothing.
+    ``swept``: outlines (N, 2) of the swept area, metres in the map frame. ``heights``: lowest and highest point above
+    the floor, metres, or None.
     """
 
     part: str
@@ -49,9 +49,7 @@ Confirm = Callable[[PlannedMotion], bool]
 
 
 def declined(confirm: Confirm | None, planned: Callable[[], PlannedMotion]) -> Motion[Any] | None:
-    """Return a motion that has failed as DECLINED, where a person is asked before motions and refuses this one; else
-    None.
-    """
+    """Return a motion that failed as DECLINED if a person refuses it; else None."""
     if confirm is None or confirm(shown := planned()):
         return None
     refused: Motion[Any] = Motion(shown.part)

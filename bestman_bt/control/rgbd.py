@@ -1,4 +1,4 @@
-"""RGB-D cameras: images that algorithms can work with, or a typed error that says why there is none."""
+"""RGB-D cameras: usable images, or a typed error with the reason."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from hal.api import Camera, Clock, PartError, RobotError
 
 
 class CameraErrorCode(StrEnum):
-    """Why there is no usable image; skills put it into ``error_code``."""
+    """Reasons for an unusable image, used as ``error_code`` by skills."""
 
     NO_IMAGE = "camera_no_image"
     BLACK = "camera_black"
@@ -81,17 +81,13 @@ class RGBDView:
 
 @dataclass(eq=False)
 class RGBDSensor:
-    """Captures views through one camera: rectified, and with the systematic error of the depth taken away.
+    """Captures views through one camera: rectified, with the systematic depth error corrected.
 
-    Camera and base stand in a view where they stood when the image was taken. ``base_at``: pose of the base in the map
-    frame at a time; without one, the base is where ``world`` says. ``clock``: tells how old an image is; without one,
-    ages are not checked.
-
-    When an image counts as none.
-
-    ``max_age``: seconds between its stamp and now; of images that are older, ``attempts`` are asked for, because a
-    computer that is busy for a moment may have held one up. ``black_level``: of 255; an image without a pixel above it
-    is black. ``min_depth_share``: share of the pixels that must have a depth.
+    Camera and base poses are those at the image's stamp. ``base_at``: pose of the base in the map frame at a time;
+    without it, the one of ``world``. ``clock``: for the age of images; without it, ages are not checked. ``max_age``:
+    largest age, seconds; for older images up to ``attempts`` are requested, because a busy computer may delay one.
+    ``black_level``: of 255; an image without a brighter pixel is black. ``min_depth_share``: least fraction of pixels
+    with a depth.
     """
 
     camera: Camera
@@ -116,7 +112,7 @@ class RGBDSensor:
         return replace(self.camera.intrinsics, distortion=())
 
     def base_from_camera(self) -> Pose:
-        """Where the camera is now."""
+        """Return the current pose of the camera."""
         return self.kinematics.pose(self.camera.optical_frame, self.joints.positions())
 
     def subscribe(self, subscriber: Callable[[RGBDView], None]) -> None:
@@ -181,10 +177,10 @@ NEAREST = 0.02
 
 
 class SelfFilter:
-    """Compares the image with the silhouettes of all links, by encoders and forward kinematics.
+    """Compares the image with the silhouettes of all links, from encoders and forward kinematics.
 
-    ``margin``: metres by which a silhouette is widened, for calibration errors and covers that the model lacks. What
-    lies further behind a link than ``slack`` metres is not the robot.
+    ``margin``: metres by which a silhouette is widened, for calibration errors and unmodelled covers. ``slack``: metres
+    behind a link beyond which a point is not the robot.
     """
 
     def __init__(
@@ -206,9 +202,9 @@ class SelfFilter:
         positions: Mapping[str, float],
         hands: Mapping[str, HeldObject] | None = None,
     ) -> NDArray[np.bool_]:
-        """(H, W), True where a pixel shows the robot or something that it holds.
+        """Return a mask (H, W), True where a pixel shows the robot or a held object.
 
-        ``positions``: of all joints, by name. ``hands``: arm → what its hand holds.
+        ``positions``: of all joints, by name. ``hands``: arm → held object.
         """
         bodies = self._bodies(base_from_camera.inverse(), positions, hands or {})
         reach = np.zeros(image.depth.shape, dtype=np.float32)

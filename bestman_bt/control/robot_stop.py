@@ -1,16 +1,16 @@
-"""The stop over all parts of a robot: who may clear it, and which one nobody may."""
+"""The emergency stop of a robot: which stops can be cleared by a tree, and which cannot."""
 
 from __future__ import annotations
 
 from hal.api import Robot, RobotError
 
-HELD = "somebody asked for this stop: it holds until the run has ended"
+HELD = "this stop was requested by a person: it holds until the run has ended"
 
 
 class RobotStop:
-    """Tells whether the robot is stopped, and clears it: a controller that waits for a person stays stopped.
+    """Reports whether the robot is stopped, and clears the stop, unless a controller waits for a person.
 
-    A stop that a person asks for (``hold``) cannot be cleared here; it ends with the session that this belongs to.
+    A stop requested by a person (``hold``) cannot be cleared here; it ends with the session.
     """
 
     def __init__(self, robot: Robot) -> None:
@@ -18,7 +18,7 @@ class RobotStop:
         self._held = False
 
     def hold(self) -> None:
-        """Stop the robot for somebody who asks for it; safe from any thread, at once in effect."""
+        """Stop the robot at a person's request; thread-safe and immediate."""
         self._held = True
         self._robot.stop()
 
@@ -28,9 +28,9 @@ class RobotStop:
         return self._robot.stopped
 
     def clear(self) -> str:
-        """Accept commands again; nothing moves by itself. Empty, or why the robot stays stopped, in words.
+        """Accept commands again; nothing moves by itself. Return why the robot stays stopped, or an empty text.
 
-        A real robot connects again what was lost, which takes seconds.
+        A real robot reconnects lost connections, which takes seconds.
         """
         if self._held:
             return HELD

@@ -1,4 +1,4 @@
-"""What touches the hand: the wrist's readings without the hand's weight and the sensor's offset."""
+"""Contact sensing of the hand: wrist readings without the hand's weight and the sensor's offset."""
 
 from __future__ import annotations
 
@@ -18,12 +18,10 @@ from hal.api import Clock, ForceTorque, RobotError, Tactile, Timer
 
 @dataclass(eq=False)
 class TactileSensor:
-    """One pad of taxels, read as sensors of the DIGIT class are: a picture, and what can be told from it.
+    """One pad of taxels, read like sensors of the DIGIT class.
 
-    ``pressed_force``: newtons in all above which a pad counts as pressed.
-
-    ``full_scale``: newtons on one taxel that are white in the picture. ``slip_speed``: m/s above which what presses
-    on the pad slips.
+    ``pressed_force``: total newtons above which a pad counts as pressed. ``full_scale``: newtons per taxel shown as
+    white. ``slip_speed``: m/s above which a contact slips.
     """
 
     pad: Tactile
@@ -48,7 +46,7 @@ class TactileSensor:
         return np.round(255 * shares).astype(np.uint8)
 
     def centre(self) -> NDArray[np.float64] | None:
-        """Where on the picture the pressure is in the mean, (row, column) in taxels, or None if nothing presses."""
+        """Return the centre of pressure on the picture, (row, column) in taxels, or None without contact."""
         pressure = np.maximum(self.pad.read().pressure, 0.0)
         if pressure.sum() <= self.pressed_force:
             return None
@@ -57,7 +55,7 @@ class TactileSensor:
         return np.asarray(moments / pressure.sum())
 
     def slipping(self) -> bool:
-        """Return whether what presses on the pad slides over it."""
+        """Return whether the contact slides over the pad."""
         reading = self.pad.read()
         pressed = reading.pressure.sum() > self.pressed_force
         return bool(pressed and np.hypot(*reading.sliding) > self.slip_speed)
@@ -68,14 +66,11 @@ GRAVITY = 9.81
 
 @dataclass(eq=False)
 class WristWrench:
-    """Gravity by forward kinematics and the URDF's masses, offset by readings at rest, both taken away.
+    """Wrist wrenches without gravity, from forward kinematics and the URDF's masses, and without the sensor's offset.
 
-    All wrenches are what the world does to the hand. Inertia is not taken away: 1 kg of hand that gathers speed with
-    5 m/s² feels 5 N.
-
-    ``tare_time``: seconds of readings that an offset is the mean of. ``tare_period``: seconds between two of them.
-
-    ``still``: newtons; readings that vary more than that around their mean make no offset.
+    All wrenches are those of the world on the hand. Inertia is not removed: a hand of 1 kg that accelerates with 5 m/s²
+    measures 5 N. ``tare_time``: seconds of readings for an offset. ``tare_period``: seconds between two of them.
+    ``still``: newtons; readings that vary more than this give no offset.
     """
 
     sensor: ForceTorque
@@ -101,29 +96,27 @@ class WristWrench:
 
     @property
     def taring(self) -> bool:
-        """Whether readings at rest are being gathered."""
+        """Whether the offset is being measured."""
         return self._timer is not None
 
     def tare(self) -> None:
-        """Begin to learn the offset: for ``tare_time`` seconds the arm is to rest and the hand to touch nothing.
+        """Start measuring the offset: for ``tare_time`` seconds the arm must rest without contact.
 
-        What the hand holds counts as offset, too. ``taring`` tells when it is over; if the hand was not still, the
-        older offset remains and ``tared`` is as before.
+        A held object counts as part of the offset. ``taring`` shows the end; if the hand was not still, the previous
+        offset and ``tared`` are unchanged.
         """
         if self._timer is None:
             self._readings = []
             self._timer = self.clock.every(self.tare_period, self._gather)
 
     def contact(self) -> Wrench:
-        """What touches the hand: the wrench about the origin of ``frame``, in its axes."""
+        """Return the contact wrench on the hand about the origin of ``frame``, in its axes."""
         reading = self.sensor.wrench()
         values = np.concatenate([reading.force, reading.torque]) - self._weight(self._base_from_sensor()) - self._offset
         return Wrench(values[:3], values[3:], reading.stamp)
 
     def contact_at(self, base_from_tool: Pose) -> Wrench:
-        """Return the same about the origin of the tool, in the axes of the base; the tool's pose comes from the
-        encoders.
-        """
+        """Return the contact wrench about the origin of the tool, in the axes of the base."""
         wrench, base_from_sensor = self.contact(), self._base_from_sensor()
         force = base_from_sensor.rotation @ wrench.force
         torque = base_from_sensor.rotation @ wrench.torque
@@ -131,9 +124,7 @@ class WristWrench:
         return Wrench(force, torque, wrench.stamp)
 
     def hand_weight(self) -> NDArray[np.float64]:
-        """Return the force of the hand's weight where it is now, (3,) newtons, in the axes of ``frame``, by the
-        model.
-        """
+        """Return the weight of the hand at its current pose, (3,) newtons, in the axes of ``frame``, from the model."""
         return self._weight(self._base_from_sensor())[:3]
 
     def _base_from_sensor(self) -> Pose:

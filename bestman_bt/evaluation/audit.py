@@ -1,4 +1,4 @@
-"""The honesty audit: what the simulator's monitor has seen, judged by what skills declared and a task allows."""
+"""The audit of a run: the simulator's records, judged by declared contacts and the contacts that the task allows."""
 
 from __future__ import annotations
 
@@ -31,9 +31,9 @@ def counter_words(cheat: str) -> str:
 
 @dataclass(frozen=True)
 class Collision:
-    """The robot, or an object in its hand, pressed on something that it was not to touch, or harder than that.
+    """A forbidden or too strong contact of the robot, or of an object in its hand.
 
-    Times in simulated seconds, ``peak_force`` in newtons. ``why``: what makes it one, where skills declare contacts.
+    Times in simulated seconds, ``peak_force`` in newtons. ``why``: the reason, if skills declare contacts.
     """
 
     first: str
@@ -48,13 +48,12 @@ class Collision:
 class Audit:
     """The counters of ``result.json``. The first five kinds are cheats; the others are faults of a run.
 
-    ``teleports``: resets of poses, joints or states, called or seen. ``grasp_constraints``: constraints made after the
-    scene was built, called or seen. ``ground_truth_reads``: reads of poses that no robot could know. ``tampering``:
-    forces from nowhere, changed masses or frictions, motors driven past the Robotics API.
-    ``object_follows_open_hand``: objects that moved with fingers that did not press on them.
-    ``collisions``: the robot's own doing. ``contacts_by_walkers``: people came into a robot that did not move towards
-    them; told apart and no fault of it. ``disturbances``: what the scene's script did, in words.
-    ``declared_contacts``: those that skills declared and made, as ``result.json`` tells them.
+    ``teleports``: resets of poses, joints or states, called or detected. ``grasp_constraints``: constraints made after
+    the scene was built. ``ground_truth_reads``: reads of poses that a robot cannot know. ``tampering``: external
+    forces, changed masses or frictions, motors driven past the Robotics API. ``object_follows_open_hand``: objects that
+    moved with fingers without pressure. ``collisions``: caused by the robot. ``contacts_by_walkers``: people who walked
+    into a robot that did not move towards them; not a fault. ``disturbances``: events of the scene's script, in words.
+    ``declared_contacts``: contacts that skills declared and made.
     """
 
     teleports: int
@@ -74,12 +73,15 @@ class Audit:
 
     @property
     def honest(self) -> bool:
-        """Whether nothing was faked."""
+        """Whether the run has no cheats."""
         return not any(getattr(self, cheat) for cheat in CHEATS)
 
     def faults(self, max_penetration: float) -> tuple[str, ...]:
-        """Why an episode fails whatever its tree says: collisions, overlaps deeper than ``max_penetration`` m, joints
-        beyond their limits and speeds by more than the monitor tolerates (``hal.simulation.motion_watcher``).
+        """Return why an episode fails regardless of its tree: collisions, and violations beyond the monitor's
+        tolerances.
+
+        These are overlaps deeper than ``max_penetration`` m, joint limits and speeds
+        (``hal.simulation.motion_watcher``).
         """
         faults = [
             f"collision of {c.first} with {c.second} ({c.peak_force:.1f} N)" + (f": {c.why}" if c.why else "")
@@ -96,7 +98,7 @@ class Audit:
         return tuple(faults)
 
     def objections(self, max_penetration: float) -> tuple[str, ...]:
-        """Why an episode fails: first what was faked, how often and how, then ``faults``."""
+        """Return why an episode fails: first the cheats with their counts, then ``faults``."""
         cheats = [f"{counter_words(cheat)} {getattr(self, cheat)}" for cheat in CHEATS if getattr(self, cheat)]
         found = self.findings[:TOLD] + (("…",) if len(self.findings) > TOLD else ())
         return ((", ".join(cheats), *found) if cheats else ()) + self.faults(max_penetration)
@@ -127,12 +129,11 @@ def audit(
     """Judge a record.
 
     ``allowed_contacts``: pairs of names, in any order: an object, a piece of furniture, a door or drawer
-    (``furniture/leaf``: that alone), ``fingers``, a link of the robot, or ``robot`` for all its links. ``declared``:
-    what skills declared; only that may be touched, and where
-    ``allowed_contacts`` are given, only what is in both. Without skills, what is in ``allowed_contacts``. ``models``:
-    object of the scene → model. ``script``: what the evaluation itself has done to the world of the run; whatever else
-    the monitor was told to forgive is tampering. ``began``: when the run did, seconds on the monitor's clock; times are
-    told from then on.
+    (``furniture/leaf``), ``fingers``, a link of the robot, or ``robot`` for all its links. ``declared``: contacts that
+    skills declared; only these are allowed, and if ``allowed_contacts`` is given, only those in both. Without skills,
+    those in ``allowed_contacts``. ``models``: object of the scene → model. ``script``: the evaluation's own changes of
+    the world; any other exemption in the record is tampering. ``began``: start of the run on the monitor's clock,
+    seconds; times in the result are relative to it.
     """
     record, script = _since(record, began), [_shifted(event, began) for event in script]
     declared = None if declared is None else [_shifted(one, began) for one in declared]

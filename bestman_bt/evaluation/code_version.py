@@ -1,4 +1,4 @@
-"""Which code and data an episode was run with, told by their contents: commits and paths do not matter."""
+"""Fingerprints of the code and data of an episode, by content: commits and paths do not matter."""
 
 from __future__ import annotations
 
@@ -26,11 +26,10 @@ _DOCUMENTS, _TREES = (".yaml", ".yml"), (".xml", ".urdf", ".xacro")
 
 
 def named_files(values: Any, folder: Path = Path()) -> list[Path]:
-    """Return every file that texts in nested ``values`` name, from ``folder`` or as an addition of the user; in turn,
-    too.
+    """Return every file that texts in nested ``values`` name, in ``folder`` or among the user's additions, recursively.
 
-    ``file.py:Class`` names its file. YAML files, trees and URDF are read for what they name, Python files for this and
-    for the modules beside them that they import. Sorted.
+    ``file.py:Class`` names its file. YAML files, trees and URDF are searched for names, Python files also for imported
+    modules beside them. Sorted.
     """
     found: set[Path] = set()
     _gather(values, folder, found)
@@ -117,9 +116,9 @@ def code_fingerprint() -> str:
 
 
 def config_fingerprint(config: RunConfig) -> str:
-    """Twelve hexadecimal digits over a run's configuration but its seed and entry, and the files of a user it names.
+    """Return twelve hexadecimal digits over a run's configuration, without seed and entry, and the user files it names.
 
-    Also over what those files name: furniture, objects, parts, meshes, included trees, policies.
+    Includes files named by those files: furniture, objects, parts, meshes, included trees, policies.
     """
     task = config.task
     plain = replace(
@@ -137,7 +136,7 @@ def config_fingerprint(config: RunConfig) -> str:
 
 
 def commit() -> str:
-    """Return the commit of the checkout, with ``+changes`` where files differ from it; "" outside a checkout."""
+    """Return the commit of the checkout, with ``+changes`` if files differ from it; empty outside a checkout."""
     root = data_root()
     if not (root / ".git").exists():
         return ""

@@ -1,4 +1,4 @@
-"""Which entries of evaluations are compared with which, and what is told of that."""
+"""Pairing of the entries of evaluations for comparison, and the output."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ MAX_NAME = 22
 
 
 def draw_comparison(path: Path, comparison: PairedComparison, first: str, second: str, title: str = "") -> None:
-    """Write a PNG or SVG file, as the ending of ``path`` says: a panel for success and one per metric."""
+    """Write a PNG or SVG file, by the suffix of ``path``: a panel for success and one per metric."""
     panels = 1 + len(comparison.metrics)
     rows = math.ceil(panels / COLUMNS)
     columns = min(panels, COLUMNS)
@@ -54,7 +54,7 @@ def draw_comparison(path: Path, comparison: PairedComparison, first: str, second
 
 
 def short_names(first: str, second: str) -> list[str]:
-    """At most ``MAX_NAME`` characters each, without the beginning that both share where they would then be the same."""
+    """Return the names with at most ``MAX_NAME`` characters, without their common beginning if they would be equal."""
     shortened = [name if len(name) <= MAX_NAME else f"{name[: MAX_NAME - 1]}…" for name in (first, second)]
     if shortened[0] != shortened[1]:
         return shortened
@@ -98,7 +98,7 @@ def _finish(axis: Any, names: list[str], title: str, p_value: float) -> None:
 
 @dataclass(frozen=True)
 class ComparedEntries:
-    """An entry and the one that it is compared with, under the names by which they are told apart."""
+    """An entry and the one that it is compared with, under distinct names."""
 
     first: FinishedEntry
     second: FinishedEntry
@@ -113,7 +113,7 @@ class ComparedEntries:
             raise ConfigurationError([Problem(" and ".join(self.names), None, "", str(error))]) from error
 
     def lines(self) -> Iterator[str]:
-        """A section of Markdown: what was compared, and a sentence about success and each metric."""
+        """Yield a section of Markdown: the compared entries, and a sentence about success and each metric."""
         yield f"### {self.names[1]} against {self.names[0]}"
         yield ""
         for name, entry in zip(self.names, (self.first, self.second), strict=True):
@@ -123,7 +123,7 @@ class ComparedEntries:
         yield from (f"- {sentence}" for sentence in sentences(self.comparison, *self.names))
 
     def document(self) -> dict[str, Any]:
-        """For JSON."""
+        """Return the comparison for JSON."""
         sides = [
             {"name": name, "entry": entry.name, "task": entry.task, "settings": dict(entry.settings)}
             for name, entry in zip(self.names, (self.first, self.second), strict=True)
@@ -138,7 +138,7 @@ class ComparedEntries:
 
 
 def within(entries: Sequence[FinishedEntry]) -> list[ComparedEntries]:
-    """Return each entry with the first one of its task; where all are of different tasks, with the first of all."""
+    """Return each entry with the first one of its task; if all tasks differ, with the first of all."""
     firsts = {entry.task: entry for entry in reversed(entries)}
     compared = [(firsts[entry.task], entry) for entry in entries if entry is not firsts[entry.task]]
     compared = compared or [(entries[0], entry) for entry in entries[1:]]

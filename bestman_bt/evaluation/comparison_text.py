@@ -16,7 +16,7 @@ MOST_PAIRS = 1000
 
 
 def sentences(comparison: PairedComparison, first: str, second: str) -> list[str]:
-    """About success, each metric in its order, and what did not count. ``first``, ``second``: names of the two."""
+    """Return sentences about success, each metric, and excluded runs. ``first``, ``second``: names of the two."""
     told = [success_sentence(comparison.success, first, second)]
     told += [metric_sentence(metric, first, second) for metric in comparison.metrics]
     if comparison.unpaired:
@@ -27,7 +27,7 @@ def sentences(comparison: PairedComparison, first: str, second: str) -> list[str
 
 
 def success_sentence(success: SuccessComparison, first: str, second: str) -> str:
-    """Who succeeds more often, or that this is not shown."""
+    """Return which of the two succeeds more often, or that this is not shown."""
     firsts, seconds = success.both + success.only_first, success.both + success.only_second
     low, high = success.interval
     figures = (
@@ -42,7 +42,7 @@ def success_sentence(success: SuccessComparison, first: str, second: str) -> str
 
 
 def metric_sentence(metric: MetricComparison, first: str, second: str) -> str:
-    """Which of the two has the larger values, or that this is not shown."""
+    """Return which of the two has the larger values, or that this is not shown."""
     if metric.first == metric.second:
         return f"{metric.name}: the same in {'each of the ' if metric.pairs > 1 else ''}{_pairs(metric.pairs)}."
     width = None if metric.interval is None else metric.interval[1] - metric.interval[0]

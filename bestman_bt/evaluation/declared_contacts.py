@@ -1,8 +1,8 @@
-"""Which contacts of a run are no collisions: what skills declared, checked against what monitor and scene know.
+"""Decides which contacts of a run are allowed: declared by skills, and checked against monitor and scene.
 
-A skill says which contact it is about to make (``behaviours.contacts``). The evaluation notes when, and decides itself
-what a declaration can cover: finger links on one object or on one door or drawer, and an object in the hand on
-furniture or floor. Whatever a skill declares, other links, other bodies and harder contacts stay collisions.
+A skill declares each intended contact (``behaviours.contacts``). The evaluation records when, and decides itself what a
+declaration can cover: finger links on one object or on one door or drawer, and an object in the hand on furniture or
+floor. Other links, other bodies and harder contacts are always collisions.
 """
 
 from __future__ import annotations
@@ -33,10 +33,10 @@ class Declared:
 
 
 class ContactLog:
-    """Notes after each tick which contacts are declared.
+    """Records the declared contacts after each tick.
 
-    ``active``: those of now. ``now``: seconds on the monitor's clock. ``hands``: one handles one object, or one door or
-    drawer, at a time; what is declared beyond that is not noted.
+    ``active``: returns the current ones. ``now``: seconds on the monitor's clock. ``hands``: each handles one object,
+    or one door or drawer, at a time; further declarations are not recorded.
     """
 
     def __init__(self, active: Callable[[], Sequence[Contact]], now: Callable[[], float], hands: int) -> None:
@@ -45,7 +45,7 @@ class ContactLog:
         self._open: dict[Contact, Declared] = {}
 
     def after_tick(self) -> None:
-        """Take in what is declared now."""
+        """Record the current declarations."""
         active = self._within_hands(self._active())
         if active == list(self._open):
             return
@@ -103,8 +103,8 @@ class _Use:
 class DeclaredContacts:
     """Judges contacts by declarations.
 
-    ``models``: object of the scene → model: the robot knows a thing by its looks. ``allowed``: whether the task allows
-    a contact that was declared.
+    ``models``: object of the scene → model, because the robot knows objects by their looks. ``allowed``: whether the
+    task allows a declared contact.
     """
 
     def __init__(
@@ -114,7 +114,7 @@ class DeclaredContacts:
         self._models, self._allowed = models, allowed
 
     def objection(self, incident: ContactIncident) -> str:
-        """Why a contact is a collision, in words; empty if it is none. To be asked in the order of their starts."""
+        """Return why a contact is a collision, or an empty text. Call it in the order of the contacts' starts."""
         use = next((use for use in self._uses if use.covers(incident, self._models)), None)
         if use is None:
             return "no skill declared it"

@@ -1,4 +1,4 @@
-"""The script of a task's disturbances: somebody disturbs when the robot believes something and it is so."""
+"""The script of a task's disturbances, each triggered by a belief of the robot that is also true."""
 
 from __future__ import annotations
 
@@ -53,9 +53,7 @@ class NewPlaces:
         self._models = {placed.name: placed.model for placed in self._world.objects}
 
     def beside(self, name: str, distance: tuple[float, float], rng: np.random.Generator) -> NewPlace | None:
-        """Return a place on the surface that an object stands on, ``distance`` metres away, or None if none was
-        drawn.
-        """
+        """Return a place on the surface of an object, ``distance`` metres away, or None if none was found."""
         below = (surface for surface in self._surfaces(inside=True) if is_over(self._evidence, name, surface))
         for surface in below:
             here = (self._map_from(surface).inverse() @ self._evidence.truth.object_pose(name)).position
@@ -68,9 +66,7 @@ class NewPlaces:
         return None
 
     def elsewhere(self, name: str, asked: str | None, rng: np.random.Generator) -> NewPlace | None:
-        """Return a place on the surface ``asked`` for, else on any that is open to the room and not of the same
-        furniture.
-        """
+        """Return a place on the surface ``asked``, else on any open surface of other furniture, or None."""
         surfaces = list(self._surfaces(inside=False))
         if asked is None:
             below = self._evidence.truth.supports(name)
@@ -156,10 +152,10 @@ class _Script:
 
 
 class Disturbances:
-    """Does each of a task's disturbances once; call ``after_tick`` after each tick of the tree.
+    """Executes each of a task's disturbances once; call ``after_tick`` after each tick of the tree.
 
-    What triggers one has to hold when it is done, too: until then, somebody waits. The run's record tells what was
-    done; what found no occasion was not.
+    The trigger must still hold at the execution; until then the disturbance waits. The run's record lists the executed
+    ones; a disturbance without an opportunity is not executed.
     """
 
     def __init__(self, session: Session, truth: GroundTruth, injector: DisturbanceInjector) -> None:
@@ -179,7 +175,7 @@ class Disturbances:
         }
 
     def after_tick(self) -> None:
-        """Do what is due."""
+        """Execute the due disturbances."""
         now, hands = self._session.robot.clock.now(), self._session.skills.world.hands
         self._was_held |= {held.name for held in hands.values()}
         for script in self._scripts:
@@ -194,7 +190,7 @@ class Disturbances:
 
     @property
     def events(self) -> tuple[DisturbanceEvent, ...]:
-        """What was done up to now: whatever else the monitor was told is none of this script's doing."""
+        """Return the executed disturbances."""
         return tuple(script.event for script in self._scripts if script.event is not None)
 
     # What has to happen

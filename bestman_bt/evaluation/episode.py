@@ -1,4 +1,4 @@
-"""One judged run: connect, tick the tree, let the world rest, judge, audit."""
+"""One judged run: connect, tick the tree, let the world come to rest, judge, audit."""
 
 from __future__ import annotations
 
@@ -173,10 +173,10 @@ def _last_tick_replayed(config: RunConfig) -> float | None:
 
 
 def prepare_episode(config: RunConfig, known_faults: Iterable[Problem] = ()) -> Setup:
-    """Check everything that a judged run needs; nothing is started.
+    """Check everything that a judged run needs, without starting anything.
 
-    ``known_faults``: as of ``prepare``. Raises as ``prepare``, and TreeLoadError where the tree reads what neither it
-    nor the task fills.
+    ``known_faults``: as for ``prepare``. Raises as ``prepare`` does, and TreeLoadError if the tree reads entries that
+    neither it nor the task fills.
     """
     known = [*known_faults, *_missing_extras(config)]
     return prepare(config, all_entries=True, known_faults=known, check=partial(find_judge, known=known))
@@ -191,7 +191,7 @@ def _missing_extras(config: RunConfig) -> Iterable[Problem]:
 
 
 class JudgedSession:
-    """An open session whose runs are judged, one after the other in the same world; the audit is of all of them."""
+    """An open session whose runs are judged, one after the other in the same world; the audit covers all of them."""
 
     def __init__(self, session: Session, observers: _Observers) -> None:
         self.session, self._observers = session, observers
@@ -206,10 +206,11 @@ class JudgedSession:
         to_the_end: ExitStack | None = None,
         keeping: Keeping | None = None,
     ) -> RunResult:
-        """Load a tree, by default that of the task, tick it to its end and judge what has come of it.
+        """Load a tree, by default that of the task, tick it to its end and judge the outcome.
 
-        ``folder``, ``watch``, ``recording``: as of ``run_episode``; ``result.json`` is not written yet. ``to_the_end``:
-        keeps Ctrl-C from interrupting what follows. Raises as ``Session.load``, before anything moves.
+        ``folder``, ``watch``, ``recording``: as for ``run_episode``; ``result.json`` is not written yet.
+        ``to_the_end``: protects the following steps from Ctrl-C. Raises as ``Session.load`` does, before anything
+        moves.
         """
         observers, wall_start, keeping = self._observers, time.perf_counter(), keeping or Keeping()
         setup = self.session.setup_for(tree)
@@ -330,7 +331,7 @@ def open_judged(
     prepare_robot: Callable[[Robot], None] | None = None,
     keeping: Keeping | None = None,
 ) -> Iterator[JudgedSession]:
-    """Connect the configured robot for runs that are judged; arguments as of ``run_episode``, which it raises as."""
+    """Connect the configured robot for judged runs; arguments and errors are those of ``run_episode``."""
     with told_to_programs():
         setup = prepare_episode(config) if isinstance(config, RunConfig) else config
     disturbed = bool(setup.config.task.disturbances)
@@ -353,13 +354,12 @@ def run_episode(
 ) -> RunResult:
     """Run a task once and judge it.
 
-    ``folder``: receives ``result.json``, ``transitions.btlog``, ``world.yaml`` (beliefs at the end) and, where the
-    configuration asks for it, ``recording.rrd`` (of a simulated run) and the readings that the driver ``replay`` plays;
-    ``pictures``: also
-    ``start.png``, ``grasp.png`` and ``end.png``. ``twin_judge``: the socket of the twins' judge; without one, nobody
-    judges a robot that is not simulated here. ``prepare_robot``: called right after connecting, the last moment to make
-    a view of the truth whose reads are not counted. ``recording``: where a simulated run is recorded, whatever the
-    configuration asks for. Raises as ``prepare_episode``, before anything is started.
+    ``folder``: receives ``result.json``, ``transitions.btlog``, ``world.yaml`` (final beliefs) and, if configured,
+    ``recording.rrd`` (of a simulated run) and the readings for the driver ``replay``; ``pictures``: also ``start.png``,
+    ``grasp.png`` and ``end.png``. ``twin_judge``: the socket of the twins' judge; without it, a robot that is not
+    simulated here is not judged. ``prepare_robot``: called right after connecting, the last moment to create a view of
+    the ground truth whose reads do not count. ``recording``: file to record a simulated run to. Raises as
+    ``prepare_episode`` does, before anything starts.
     """
     wall_start, keeping = time.perf_counter(), Keeping()
     with ExitStack() as to_the_end:

@@ -1,4 +1,4 @@
-"""How long a run drove, moved its arm, perceived and planned: simulated time of its running leaves, by family."""
+"""Durations of driving, arm motion, perception and planning: simulated time of running leaves, by family."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from hal.simulation.scene_recorder import SceneRecorder, SceneSnapshot
 
 
 class DrivenPath:
-    """Adds up the way of the true pose from tick to tick; to turn on the spot is no way."""
+    """Sums the distance of the true base pose from tick to tick, without turns in place."""
 
     def __init__(self, truth: GroundTruth) -> None:
         self._truth = truth
@@ -26,7 +26,7 @@ class DrivenPath:
         """Metres."""
 
     def after_tick(self) -> None:
-        """Look where the base is."""
+        """Add the motion since the last tick."""
         pose = self._truth.base_pose().to_pose2d()
         if self._before is not None:
             self.length += pose.distance_to(self._before)
@@ -67,7 +67,7 @@ class MotionLog:
 
 
 def robot_snapshot(seen: SceneSnapshot, tick: int, believed: Pose | None = None) -> RobotSnapshot:
-    """What the simulator has seen, as the recorders take it; ``believed``: map_from_base, as the robot believes."""
+    """Return the simulator's snapshot for the recorders; ``believed``: map_from_base, as believed by the robot."""
     return RobotSnapshot(
         stamp=seen.stamp,
         tick=tick,
@@ -105,9 +105,7 @@ _OTHER_FAMILY = {
 
 
 def duration_of(leaf: type[Node]) -> str | None:
-    """Return the duration that a leaf's time counts to, also of a class derived from a shipped one; None: to no
-    duration.
-    """
+    """Return the duration family of a leaf or of its shipped base class, or None."""
     for base in leaf.__mro__:
         folder, _, rest = base.__module__.partition(".")
         if folder == "behaviours":
@@ -118,7 +116,7 @@ def duration_of(leaf: type[Node]) -> str | None:
 
 
 class Durations:
-    """Adds up, from tick to tick, the time in which at least one leaf of a family is running, in inner trees too."""
+    """Sums, from tick to tick, the time in which at least one leaf of a family is running, also in inner trees."""
 
     def __init__(self, tree: Tree) -> None:
         self._clock = tree.clock
@@ -131,11 +129,11 @@ class Durations:
 
     @property
     def seconds(self) -> dict[str, float]:
-        """Of the families that the tree has leaves of."""
+        """Return the seconds of each family that the tree has leaves of."""
         return {name: round(self._seconds[name], 3) for name in FAMILIES if name in self._seconds}
 
     def after_tick(self) -> None:
-        """What was running since the last tick has worked for that long."""
+        """Add the time since the last tick to the families that were running."""
         now = self._clock.now()
         for name in self._running:
             self._seconds[name] += now - self._before

@@ -1,4 +1,4 @@
-"""An evaluation: all episodes of a suite, gone on with where it was interrupted, judged by the suite's targets."""
+"""An evaluation: all episodes of a suite, resumable, judged by the suite's targets."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ OnResult = Callable[[SuiteEntry, RunResult], None]
 
 
 class Evaluation:
-    """A suite and what is known of its episodes; used as a context, which holds the journal.
+    """A suite and its finished episodes; a context manager that holds the journal.
 
-    ``folder``: of the journal ``episodes.jsonl`` and, below ``runs``, of a run folder per episode; None keeps nothing.
-    ``keep_old``: finished episodes of other code count, too, where their configuration is the same.
-    ``shard``: only its part of the episodes is planned, dealt by the wall times in ``balance`` where that is given.
+    ``folder``: for the journal ``episodes.jsonl`` and, below ``runs``, a run folder per episode; None saves nothing.
+    ``keep_old``: finished episodes of other code count if their configuration is equal. ``shard``: the part of the
+    episodes to run, distributed by the wall times in ``balance``, if given.
     """
 
     def __init__(
@@ -74,7 +74,7 @@ class Evaluation:
         self._stack.close()
 
     def run(self, jobs: int = 1, on_result: OnResult | None = None) -> dict[str, Any]:
-        """Run what is not finished, and tell how all stands; Ctrl-C or a stopped episode ends it early."""
+        """Run the missing episodes and return the document; Ctrl-C or a stopped episode ends it early."""
         planned = list(self._missing())
         configs = [config for _, config in planned]
         runs = None if self._folder is None else self._folder / "runs"
@@ -94,10 +94,10 @@ class Evaluation:
         return self.document()
 
     def merge(self, folders: Iterable[Path]) -> dict[str, Any]:
-        """Take over the episodes of all journals below the folders, and tell how all stands.
+        """Import the episodes of all journals below the folders, and return the document.
 
         Raises:
-            ConfigurationError: one holds episodes of another suite, or, without ``keep_old``, of other code.
+            ConfigurationError: a journal belongs to another suite or, without ``keep_old``, to other code.
         """
         assert self._folder is not None
         assert self._journal is not None
@@ -124,7 +124,7 @@ class Evaluation:
         return self.document()
 
     def document(self) -> dict[str, Any]:
-        """How it stands: totals, and each entry's summary with its targets, met or missed."""
+        """Return the current state: totals, and each entry's summary with its targets, met or missed."""
         missing: dict[str, list[int]] = {entry.name: [] for entry in self.suite.entries}
         for entry, config in self._missing():
             missing[entry.name].append(config.seed)

@@ -16,7 +16,7 @@ from bestman_bt.registry import suggestion
 
 @dataclass(frozen=True)
 class FinishedEntry:
-    """``settings``: what it laid over its task. ``results``: in the order of their seeds."""
+    """``settings``: overrides of its task. ``results``: in the order of their seeds."""
 
     name: str
     task: str
@@ -25,7 +25,7 @@ class FinishedEntry:
 
 
 def read_entries(given: str) -> list[FinishedEntry]:
-    """Return the entries of ``FOLDER``, or the one that ``FOLDER:ENTRY`` names.
+    """Return the entries of ``FOLDER``, or the one of ``FOLDER:ENTRY``.
 
     Raises ConfigurationError if there is none.
     """
@@ -34,7 +34,7 @@ def read_entries(given: str) -> list[FinishedEntry]:
         path, colon, name = given.rpartition(":")
     folder = Path(path) if colon else Path(given)
     if not (folder / "summary.json").is_file():
-        raise _problem(str(folder), "is no folder of an evaluation: it has no summary.json")
+        raise _problem(str(folder), "is not the folder of an evaluation: it has no summary.json")
     try:
         summary = json.loads((folder / "summary.json").read_bytes())
         entries = [

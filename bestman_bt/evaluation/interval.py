@@ -1,4 +1,4 @@
-"""Confidence intervals of success rates and medians, and how many digits they allow."""
+"""Confidence intervals of success rates and medians, and the number of digits that they allow."""
 
 from __future__ import annotations
 
@@ -36,9 +36,9 @@ def median_interval(values: Sequence[float]) -> list[float] | None:
 
 
 def decimals_of(value: float, width: float | None) -> int:
-    """Decimals with which to write a value so that the width of its interval has two significant digits.
+    """Return the number of decimals of a value so that the width of its interval has two significant digits.
 
-    Without an interval (None, or one of no width) the value has two.
+    Without an interval, or with a zero width, the value has two.
     """
     size = width or abs(value)
     if not math.isfinite(size) or size == 0:

@@ -1,4 +1,4 @@
-"""The journal of an evaluation: a line of JSON per finished episode, so that an interrupted one goes on."""
+"""The journal of an evaluation: a line of JSON per finished episode, for resuming."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ WITHOUT_FLOCK = (errno.ENOLCK, errno.ENOSYS, errno.ENOTSUP)
 
 @dataclass(frozen=True)
 class EpisodeKey:
-    """What decides an episode: the configuration's and the code's fingerprints, and the seed."""
+    """The identity of an episode: fingerprints of configuration and code, and the seed."""
 
     config: str
     seed: int
@@ -34,9 +34,9 @@ class EpisodeKey:
 
 
 class Journal:
-    """The file ``episodes.jsonl``; only one evaluation at a time may write it. A torn last line does not count.
+    """The file ``episodes.jsonl``, written by only one evaluation at a time. A torn last line is ignored.
 
-    Lines that are damaged are left out, and the file as it was is kept beside it (``notes``).
+    Damaged lines are dropped, and the original file is saved beside it (``notes``).
     """
 
     def __init__(self, path: Path) -> None:
@@ -136,7 +136,7 @@ class Journal:
 
 
 def read_episodes(path: Path) -> Mapping[EpisodeKey, RunResult]:
-    """Return the finished episodes of a journal that others may be writing; raises OSError, ConfigurationError."""
+    """Return the finished episodes of a journal, which may be being written. Raises OSError or ConfigurationError."""
     results, _, damaged = _parsed(path.read_bytes().rpartition(b"\n")[0])
     if damaged:
         raise _damaged(path, damaged)
@@ -169,7 +169,7 @@ def _has_ended(holder: str) -> bool:
 
 def _damaged(path: Path, lines: Mapping[int, Exception]) -> ConfigurationError:
     number, error = next(iter(lines.items()))
-    return _problem(path, f"line {number} is no finished episode: {error!r}")
+    return _problem(path, f"line {number} is not a finished episode: {error!r}")
 
 
 def _problem(path: Path, why: str) -> ConfigurationError:

@@ -1,4 +1,4 @@
-"""How the predicates of a task judge a run."""
+"""Judging a run by the predicates of its task."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ Judge = Callable[[Session, Truth, Clock | None, float], Verdict]
 
 
 def find_judge(config: RunConfig, known: Collection[Problem] = ()) -> Judge | None:
-    """What judges a run of the task, or None if it names no predicate.
+    """Return the judge of the task, or None if it names no predicate.
 
-    ``known``: what is wrong with the task already: of goals that could not be read none is missed.
-    ConfigurationError for unknown names and for what the predicates need and the task does not give.
+    ``known``: faults of the task found so far; goals that could not be read are not reported as missing. Raises
+    ConfigurationError for unknown names and missing fields.
     """
     problems = list(_problems(config, any(one.field.partition("[")[0] in FIELDS_OF_GOALS for one in known)))
     if problems:

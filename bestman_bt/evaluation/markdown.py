@@ -10,7 +10,7 @@ from bestman_bt.evaluation.targets import ALWAYS_ASKED
 
 
 def markdown(document: dict[str, Any]) -> str:
-    """Markdown text: the verdict, a table of all tasks, one of the controls, then what was missed and what failed."""
+    """Return Markdown: the verdict, tables of tasks and controls, then what was missed and what failed."""
     return "\n".join(_lines(document)) + "\n"
 
 
@@ -88,13 +88,15 @@ def _table(entries: list[dict[str, Any]]) -> Iterator[str]:
 
 
 def accuracy_words(accuracy: dict[str, dict[str, Any]]) -> str:
-    """``place_error_mm 3.1 / 7.9``: metrics of single objects are left out, if any over all."""
+    """Return text such as ``place_error_mm 3.1 / 7.9``; metrics of single objects are omitted if there are overall
+    ones.
+    """
     shown = [name for name in accuracy if not any(name.startswith(f"{other}_") for other in accuracy if other != name)]
     return ", ".join(f"{name} {spread_words(accuracy[name])}" for name in shown)
 
 
 def target_words(entry: dict[str, Any]) -> str:
-    """``met``, or what is missed; with how many episodes are still to come."""
+    """Return ``met``, or the missed targets; with the number of pending episodes."""
     if entry["episodes"] < entry["asked_episodes"]:
         return f"{entry['episodes']} of {entry['asked_episodes']} run"
     missed = [t for t in entry["targets"] if not t["met"]]

@@ -31,8 +31,8 @@ class SuccessComparison:
     """How often both, one or neither of a pair succeeded.
 
     ``difference``: success rate of the second minus that of the first, with its ``interval`` (95 %, Tango's score
-    interval). ``p_value``: McNemar's test, exact. ``pairs_needed``: with which a difference of this size is shown
-    with 80 % probability, or None if none was seen.
+    interval). ``p_value``: McNemar's exact test. ``pairs_needed``: number of pairs that shows a difference of this size
+    with 80 % probability, or None without a difference.
     """
 
     both: int
@@ -52,11 +52,11 @@ class SuccessComparison:
 
 @dataclass(frozen=True)
 class MetricComparison:
-    """A metric over the pairs of which both runs succeeded and measured it; values in the order of ``seeds``.
+    """A metric over the pairs in which both runs succeeded and measured it; values in the order of ``seeds``.
 
-    ``shift``: second minus first, Hodges-Lehmann estimate; ``interval``: of it, 95 %, None with fewer than six pairs.
-    ``p_value``: signed-rank test; ``adjusted_p``: for the number of metrics, by Holm's method. ``pairs_needed``: as of
-    ``SuccessComparison``.
+    ``shift``: second minus first, Hodges-Lehmann estimate; ``interval``: its 95 % interval, None with fewer than six
+    pairs. ``p_value``: signed-rank test; ``adjusted_p``: Holm's correction for the number of metrics. ``pairs_needed``:
+    as for ``SuccessComparison``.
     """
 
     name: str
@@ -71,13 +71,13 @@ class MetricComparison:
 
     @property
     def pairs(self) -> int:
-        """Seeds of which both runs succeeded and measured it."""
+        """Number of seeds for which both runs succeeded and measured it."""
         return len(self.seeds)
 
 
 @dataclass(frozen=True)
 class PairedComparison:
-    """``unpaired``: seeds that only one side has run; they do not count."""
+    """``unpaired``: seeds of one side only, which do not count."""
 
     success: SuccessComparison
     metrics: tuple[MetricComparison, ...]
@@ -85,7 +85,7 @@ class PairedComparison:
 
 
 def compare_runs(first: Sequence[RunResult], second: Sequence[RunResult]) -> PairedComparison:
-    """Compare runs of the same seeds. Raises ValueError if no seed is in both. Cancelled runs do not count."""
+    """Compare runs of the same seeds; cancelled runs do not count. Raises ValueError without a common seed."""
     firsts, seconds = ({r.seed: r for r in side if r.outcome is not Outcome.CANCELLED} for side in (first, second))
     seeds = sorted(firsts.keys() & seconds.keys())
     if not seeds:
@@ -216,7 +216,7 @@ def _compare_metrics(pairs: Sequence[tuple[RunResult, RunResult]]) -> tuple[Metr
 
 
 def all_metrics(result: RunResult) -> dict[str, float]:
-    """What the judge measured, the durations by kind of work, and the simulated time of the whole run, in seconds."""
+    """Return the judge's metrics, the durations by kind of work, and the simulated time of the run, seconds."""
     measured = {**result.metrics, **result.durations, "time_s": result.sim_time_s}
     return {name: value for name, value in measured.items() if math.isfinite(value)}
 

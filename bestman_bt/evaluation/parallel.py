@@ -1,4 +1,4 @@
-"""Episodes in worker processes: each worker is a fresh interpreter, and one that dies costs only its own episode."""
+"""Episodes in worker processes: each worker is a fresh interpreter, and a crash costs only its own episode."""
 
 from __future__ import annotations
 
@@ -29,12 +29,11 @@ WALL_LIMIT = 3600.0
 def run_episodes(
     configs: Sequence[RunConfig], jobs: int = 1, folder: Path | None = None, wall_limit: float = WALL_LIMIT
 ) -> Generator[tuple[int, RunResult]]:
-    """Run each configuration; gives its index and result as soon as it is done.
+    """Run each configuration; yields its index and result as soon as it is done.
 
-    ``folder``: each run gets its folder there. One job runs in this process, more in as many workers; there an episode
-    that kills its process, or takes longer than ``wall_limit`` seconds, is one that ended in an error. RuntimeError
-    where a worker cannot even start.
-    Closing the generator kills the workers.
+    ``folder``: parent of the run folders. One job runs in this process, more in as many workers; there, an episode that
+    kills its process, or takes longer than ``wall_limit`` seconds, is recorded as an error. Closing the generator kills
+    the workers. Raises RuntimeError if a worker cannot start.
     """
     if jobs == 1:
         for index, config in enumerate(configs):
@@ -67,7 +66,7 @@ def run_episodes(
 
 
 def run_or_tell(config: RunConfig, folder: Path | None) -> RunResult:
-    """Return the result of one run; one that breaks gives a result that tells the error."""
+    """Return the result of one run; an exception gives a result with the error."""
     run_folder = make_run_folder(config, folder) if folder is not None else None
     start = time.perf_counter()
     try:

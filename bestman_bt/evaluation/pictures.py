@@ -23,7 +23,7 @@ ENOUGH = 0.003
 
 
 class Pictures:
-    """Takes pictures into a run folder; made right after connecting, before time runs."""
+    """Takes pictures into a run folder; construct it right after connecting, before time runs."""
 
     def __init__(self, robot: SimulatedRobot, truth: GroundTruth, folder: Path, keeping: Keeping) -> None:
         self._photographer = ScenePhotographer(robot)
@@ -32,7 +32,7 @@ class Pictures:
         self._walls = robot.world.walls
 
     def take(self, name: str, subject: str | None = None) -> Path:
-        """Render ``<name>.png``: the robot and the object ``subject`` from where both are seen best."""
+        """Render ``<name>.png``: the robot and the object ``subject`` from the best viewpoint."""
         base = self._truth.base_pose()
         if subject is not None and subject in self._truth.object_names:
             thing = self._truth.object_pose(subject).position

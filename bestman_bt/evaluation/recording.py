@@ -1,4 +1,4 @@
-"""Recording a simulated run with Rerun: what the recorder is told, and when."""
+"""Recording of a simulated run with Rerun."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ LONGEST_TEXT = 300
 
 
 class RecordedBeliefs:
-    """Tells ``recorder``, after each tick, what has changed of what the robot believes; reads only what is there."""
+    """Passes changes of the beliefs to ``recorder`` after each tick; it only reads existing beliefs."""
 
     def __init__(self, recorder: RerunRecorder, session: Session, tree: Tree) -> None:
         self._recorder = recorder
@@ -61,13 +61,13 @@ class RecordedBeliefs:
         self._lidar_height = float(ForwardKinematics(model).pose(frames[0], {}).position[2]) if frames else 0.0
 
     def begin(self) -> None:
-        """Tell the map, and how all stands."""
+        """Record the map and the initial state."""
         known = self._session.skills.world.map
         self._recorder.map(known.walls, {name: piece.corners() for name, piece in known.furniture.items()})
         self.after_tick()
 
     def after_tick(self) -> None:
-        """Tell what is new."""
+        """Record the changes."""
         skills, stamp = self._session.skills, self._session.robot.clock.now()
         if skills.has("base") and skills.has("lidar"):
             self._tell_driving(skills.base, stamp)
@@ -169,7 +169,7 @@ class Recording:
             self._recorder.goal(point, self._session.robot.clock.now(), name)
 
     def close(self) -> None:
-        """Take a last snapshot and close the file."""
+        """Record a last snapshot and close the file."""
         self._tree.unsubscribe(self._on_changes)
         self._snapshot()
         self._keeping.write(RECORDING_NAME, self._recorder.close)
@@ -194,9 +194,9 @@ class Recording:
 
 
 def goal_points(entries: Mapping[str, Any]) -> dict[str, NDArray[np.float64]]:
-    """Return the places among what a task tells its tree: entry → (3,) metres, map frame.
+    """Return the goal positions among a task's entries: entry → (3,) metres, map frame.
 
-    Only some goals are places: that of a plan is facts, as text.
+    Goals that are facts have no position.
     """
     points = {}
     for name, value in entries.items():

@@ -1,4 +1,4 @@
-"""The result of one run: what ``result.json`` holds."""
+"""The result of one run: the content of ``result.json``."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ NO_GOAL = "not judged: the tree names no goal"
 
 
 class Outcome(StrEnum):
-    """How a run ended."""
+    """The outcome of a run."""
 
     SUCCESS = "success"
     FAILURE = "failure"
@@ -30,17 +30,15 @@ class Outcome(StrEnum):
 
 @dataclass(frozen=True)
 class RunResult:
-    """One run, judged.
+    """One judged run.
 
-    ``success``: the tree succeeded, the audit is clean and, where the run was judged, the predicate holds.
-    ``predicate``: None if it was not; ``not_judged``: why not, in words. ``held_at_start``: whether it held before
-    the first tick, None if nobody judged. ``moved_by_others``: objects, doors and drawers of the goal that a
-    disturbance moved and the robot never touched.
-    ``interventions``: what somebody changed by hand while it ran: entries that were set, results that were forced.
-    ``pretended``: types of leaves that were simulated, since they have no code here, and where each is known from.
-    ``not_kept``: what of the run could not be written down to its end, such as ``motion.jsonl`` → why.
-    ``audit``: see ``evaluation.audit``. ``metrics``: name → value, for example ``place_error_mm``.
-    ``durations``: simulated seconds by kind of work (``evaluation.durations``); of kinds that overlap, in both.
+    ``success``: the tree succeeded, the audit is clean and, if judged, the predicate holds. ``predicate``: None if not
+    judged; ``not_judged``: why not. ``held_at_start``: whether it held before the first tick, None if not judged.
+    ``moved_by_others``: objects, doors and drawers of the goal that a disturbance moved and the robot never touched.
+    ``interventions``: manual changes during the run: entries set, results forced. ``pretended``: types of leaves that
+    were simulated because they have no code, each with the source of its description. ``not_kept``: what could not be
+    recorded completely, such as ``motion.jsonl`` → why. ``audit``: see ``evaluation.audit``. ``metrics``: name → value,
+    for example ``place_error_mm``. ``durations``: simulated seconds by kind of work; overlapping kinds count in both.
     """
 
     task: str
@@ -65,12 +63,12 @@ class RunResult:
 
     @property
     def judged(self) -> bool:
-        """Whether somebody has compared what is true with a goal."""
+        """Whether the outcome was compared with a goal."""
         return self.predicate is not None
 
     @property
     def unearned(self) -> str:
-        """Why the success was not brought about by the robot, in words; empty where it was, or where there is none."""
+        """Why the success is not due to the robot; empty if it is, or without success."""
         if not self.success:
             return ""
         if self.interventions:
@@ -86,7 +84,7 @@ class RunResult:
         return self.sim_time_s / self.wall_time_s if self.wall_time_s > 0 else 0.0
 
     def to_document(self) -> dict[str, Any]:
-        """Return the JSON document; no NaN or infinity in it."""
+        """Return the JSON document, without NaN or infinity."""
         document = {**asdict(self), "outcome": str(self.outcome)}
         document |= {"judged": self.judged, "real_time_factor": round(self.real_time_factor, 3)}
         versions = document.pop("versions")
@@ -95,9 +93,9 @@ class RunResult:
 
     @classmethod
     def from_document(cls, document: Any) -> RunResult:
-        """Return the result that ``to_document`` told; ValueError, with the field, for anything else."""
+        """Return the result of a document. Raises ValueError naming the field if it is invalid."""
         if not isinstance(document, dict):
-            raise ValueError("it is no JSON object")
+            raise ValueError("it is not a JSON object")
         fields = {key: value for key, value in document.items() if key not in DERIVED}
         if isinstance(metrics := fields.get("metrics"), dict):
             fields["metrics"] = {key: math.nan if value is None else value for key, value in metrics.items()}

@@ -13,9 +13,9 @@ RESULT_NAME = "result.json"
 
 
 def make_run_folder(config: RunConfig, parent: Path = Path("runs")) -> Path:
-    """Make the folder of a run, with its ``config.yaml``; a number is added where the name is taken.
+    """Create the folder of a run with its ``config.yaml``; an existing name gets a number.
 
-    Raises ConfigurationError if ``parent`` cannot hold it.
+    Raises ConfigurationError if ``parent`` is not usable.
     """
     stem = f"{datetime.now():%Y%m%d-%H%M%S}-{config.name}-{config.seed}"
     try:

@@ -1,4 +1,4 @@
-"""An evaluation in parts, for many machines: which episodes a shard runs, and what the journals of all shards hold."""
+"""Parts of an evaluation for several machines: the episodes of a shard, and the union of all journals."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ TIMES = ("wall_time_s", "real_time_factor")
 
 @dataclass(frozen=True)
 class Shard:
-    """One part of an evaluation: ``number`` of 1 to ``of``."""
+    """One part of an evaluation: ``number`` from 1 to ``of``."""
 
     number: int
     of: int
@@ -50,9 +50,9 @@ class Shard:
         return cls((task - first) // step + 1, (last - first) // step + 1)
 
     def part(self, episodes: Sequence[T], seconds: Sequence[float] | None = None) -> list[T]:
-        """What this shard runs, in the order of ``episodes``: every ``of``-th one.
+        """Return the episodes of this shard, in the order of ``episodes``: every ``of``-th one.
 
-        With the ``seconds`` that each takes, the longest first, each goes to the shard that has least to do.
+        With the ``seconds`` of each, the longest first, each goes to the shard with the least load.
         """
         if seconds is None:
             return list(episodes[self.number - 1 :: self.of])
@@ -83,7 +83,7 @@ class KnownDurations:
         self._all = fmean(self._episodes.values()) if self._episodes else 1.0
 
     def seconds(self, config: str, seed: int) -> float:
-        """Of this episode, else the mean of its configuration, else that of all."""
+        """Return the wall time of this episode, else the mean of its configuration, else of all."""
         return self._episodes.get((config, seed), self._configs.get(config, self._all))
 
 

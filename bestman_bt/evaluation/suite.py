@@ -1,4 +1,4 @@
-"""Suites: many tasks, how often each shall succeed and how exactly, and controls that shall fail."""
+"""Suites: tasks with target success rates and accuracies, and controls that must fail."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ Count = Annotated[int, Field(strict=True, ge=1)]
 
 @dataclass(frozen=True)
 class Successes:
-    """At least, or at most, so many ``of`` so many; of another number of runs the same share."""
+    """At least, or at most, this many ``of`` that many; scaled to the number of episodes."""
 
     of: Count
     at_least: WholeNumber | None = None
@@ -51,12 +51,11 @@ class Spread:
 class EntryConfig:
     """One task of a suite.
 
-    ``successes``: without them an entry may fail as often as it does; a control has to say them.
-    ``task``: its name or file; without it the entry's own name. ``tree``: in the place of the task's own.
-    ``settings``: ``key=value``, as ``--set``. Paths are counted from the suite's file.
-    ``causes``: of a control, the error codes that its failures may have; none: any.
-    ``episodes``: None takes the suite's. ``accuracy``: metric → limits, over the runs whose tree reported success.
-    ``real_time_factor``: at least, per process.
+    ``successes``: optional for tasks, required for controls. ``task``: its name or file; by default the entry's name.
+    ``tree``: replaces the task's tree. ``settings``: ``key=value``, as for ``--set``. Paths are relative to the suite's
+    file. ``causes``: for a control, the error codes that its failures must have; empty: any. ``episodes``: None: the
+    suite's. ``accuracy``: metric → limits, over the runs whose tree succeeded. ``real_time_factor``: least, per
+    process.
     """
 
     successes: Successes | None = None
@@ -72,7 +71,7 @@ class EntryConfig:
 
 @dataclass(frozen=True)
 class SuiteConfig:
-    """A file of ``configs/evaluations``: ``tasks`` that shall succeed, ``controls`` that shall not."""
+    """A file of ``configs/evaluations``: ``tasks`` that should succeed, ``controls`` that must fail."""
 
     tasks: Mapping[str, EntryConfig]
     controls: Mapping[str, EntryConfig] = field(default_factory=dict)
@@ -83,7 +82,7 @@ class SuiteConfig:
 
 @dataclass(frozen=True)
 class SuiteEntry:
-    """What is run and asked of one line of a suite: seeds ``config.seed`` … ``config.seed + episodes - 1``."""
+    """One entry with its runs: seeds ``config.seed`` … ``config.seed + episodes - 1``."""
 
     name: str
     config: RunConfig
@@ -93,7 +92,7 @@ class SuiteEntry:
 
     @property
     def settings(self) -> dict[str, str]:
-        """What it lays over its task, as ``--set`` names it: settings, and another tree and plug-ins; no secrets."""
+        """The overrides of its task as for ``--set``: settings, tree and plug-ins; no secrets."""
         asked = self.asked or EntryConfig()
         given = dict(setting.partition("=")[::2] for setting in asked.settings)
         if asked.tree is not None:
@@ -103,7 +102,7 @@ class SuiteEntry:
         return {key.strip(): "…" if may_tell_secret(key) else value.strip() for key, value in given.items()}
 
     def configs(self) -> list[RunConfig]:
-        """One per episode."""
+        """Return one configuration per episode."""
         entry = self.name if self.asked is not None else ""
         return [replace(self.config, seed=self.config.seed + i, entry=entry) for i in range(self.episodes)]
 
@@ -135,9 +134,9 @@ def make_suite(
     seed: int | None,
     asked: RunRequest,
 ) -> Suite:
-    """Return the suite that is named, or one made of the tasks, which asks that all episodes succeed.
+    """Return the named suite, or one of the given tasks, which must all succeed.
 
-    ``asked``: what holds for each run, without its task and seed.
+    ``asked``: common options of all runs, without task and seed. Raises ConfigurationError.
     """
     suites = [name for name in tasks if is_suite(name)]
     if suites and (len(tasks) > 1 or asked.scene or asked.robot or asked.plugins):
@@ -174,10 +173,10 @@ def load_suite(
     settings: Iterable[str] = (),
     driver: str = "pybullet",
 ) -> Suite:
-    """Read a suite and everything that its entries name; raises ConfigurationError with all problems.
+    """Read a suite and everything that its entries name. Raises ConfigurationError listing every fault.
 
-    ``episodes``, ``first_seed``: instead of the suite's own; entries with their own number keep it. ``driver``: what
-    simulates all of them.
+    ``episodes``, ``first_seed``: override those of the suite; entries with their own number keep it. ``driver``: of the
+    simulation.
     """
     path = find_data("evaluation", name)
     document = read_document(path)
@@ -212,7 +211,7 @@ def _read_entries(asked: SuiteConfig, kind: str) -> Mapping[str, EntryConfig]:
 
 @dataclass(frozen=True)
 class Entered:
-    """An entry where it is written."""
+    """An entry with its place in the file."""
 
     document: Document
     kind: str
@@ -224,9 +223,7 @@ class Entered:
         return self.document.problem((self.kind, self.key, *field), message)
 
     def placed(self, problem: Problem) -> Problem:
-        """Return a fault that a run was said to have, at the line of the suite where it was given; those of files
-        stay.
-        """
+        """Return a fault of a run at the line of the suite that caused it; faults with a file are unchanged."""
         if problem.line is not None:
             return problem
         fields: dict[str, tuple[str | int, ...]] = {"--tree": ("tree",)}

@@ -15,15 +15,14 @@ from bestman_bt.evaluation.result import Outcome, RunResult
 
 
 def summarize(task: str, first_seed: int, results: Sequence[RunResult], wall_time_s: float) -> dict[str, Any]:
-    """Return the document that ``eval --json`` prints; ``results`` in the order of their seeds.
+    """Return the document printed by ``eval --json``; ``results`` in the order of their seeds.
 
-    ``errors``: runs in which something raised. ``false_successes``: runs whose tree reported success while the
-    predicate does not hold. ``unearned``: successes that are not the robot's doing, and why; they count in
-    ``succeeded``.
-    ``audit_clean``: no cheat in any run; a run that could not be audited is not clean. ``interval``: Wilson, 95 %.
-    ``metrics``: median, its 95 % interval and 95th percentile over the runs that have the metric; ``accuracy`` and
-    ``durations``: over those of them whose tree reported success. ``causes``: error code → how many failed so, the
-    most frequent first. ``slowest``: in simulated time.
+    ``errors``: runs that raised an error. ``false_successes``: runs whose tree succeeded although the predicate does
+    not hold. ``unearned``: successes not due to the robot, with the reason; they count in ``succeeded``.
+    ``audit_clean``: no cheat in any run; a run without an audit is not clean. ``interval``: Wilson, 95 %. ``metrics``:
+    median, its 95 % interval and 95th percentile over the runs that have the metric; ``accuracy`` and ``durations``:
+    over those whose tree succeeded. ``causes``: error code → number of failures, the most frequent first. ``slowest``:
+    in simulated time.
     """
     succeeded = sum(result.success for result in results)
     sim_time = sum(result.sim_time_s for result in results)

@@ -44,10 +44,10 @@ def combinations(settings: Sequence[str], together: bool = False) -> list[tuple[
 
 
 def sweep_suite(suite: Callable[[tuple[str, ...]], Suite], settings: Sequence[tuple[str, ...]]) -> Suite:
-    """One suite whose entries are those of ``suite(combination)`` for each combination, without controls.
+    """Return one suite with the entries of ``suite(combination)`` for each combination, without controls.
 
-    An entry is named after the settings that differ, and its task where there are several. Raises ConfigurationError
-    with all that is wrong with any of them.
+    An entry is named by the differing settings, and its task if there are several. Raises ConfigurationError listing
+    every fault.
     """
     constant = set.intersection(*map(set, settings))
     faults = ProblemCollector()

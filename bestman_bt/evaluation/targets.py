@@ -14,7 +14,7 @@ ALWAYS_ASKED = ("errors", "false successes", "audit")
 
 @dataclass(frozen=True)
 class Target:
-    """One thing that is asked: ``what`` and ``asked`` and ``found`` in words."""
+    """One target in words: ``what``, the target ``asked`` and the value ``found``."""
 
     what: str
     asked: str
@@ -23,9 +23,9 @@ class Target:
 
 
 def check_targets(asked: EntryConfig, summary: dict[str, Any]) -> list[Target]:
-    """Compare what ``summarize`` gives with what an entry asks.
+    """Compare the output of ``summarize`` with the targets of an entry.
 
-    Always also asked: that nothing raised, no false success and a clean audit.
+    Implied targets: no errors, no false success and a clean audit.
     """
     return list(_targets(asked, summary))
 

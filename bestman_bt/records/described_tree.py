@@ -1,4 +1,4 @@
-"""Trees as the events tell them: of the engine, or of a log that holds them as XML."""
+"""Trees in events: of the engine, or from a log that holds them as XML."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _CATEGORIES: dict[str, Category] = {name: name for name in get_args(Category)}
 
 
 def describe_tree(tree: Tree, number: int = MAIN_TREE, under: int | None = None) -> TreeEvent:
-    """Return the event that tells a loaded tree; ``number`` and ``under`` as there."""
+    """Return the event that describes a loaded tree; ``number`` and ``under``: fields of the event."""
     try:
         xml = full_tree_xml(tree, builtin_models=False)
     except XmlError:  # a native behaviour of py_trees, or a value without a text form: shown, but not as XML
@@ -32,13 +32,13 @@ def describe_tree(tree: Tree, number: int = MAIN_TREE, under: int | None = None)
 def describe_changes(
     tree: Tree, changes: StateChanges, start: float, tick: int, number: int = MAIN_TREE
 ) -> StatesEvent:
-    """Return the event of one tick's changes, ``start`` being the run's; with what the nodes that are not idle say."""
+    """Return the event of one tick's changes, with the feedback of active nodes; ``start``: of the run, seconds."""
     said = {uid: text for uid, state in changes if state != IDLE and (text := tree.nodes[uid - 1].feedback_message)}
     return StatesEvent(changes.stamp - start, tick, list(changes), said, number)
 
 
 def category_of(node: Node) -> Category:
-    """What kind of node it is."""
+    """Return the category of a node."""
     return _CATEGORIES[node.KIND.lower()]
 
 
@@ -65,10 +65,10 @@ def _shortened(text: str) -> str:
 
 
 def describe_xml(xml: str, file: str = "the log") -> TreeEvent:
-    """Return the main tree that ``full_tree_xml`` has written: parents before children, paths as of the tree that ran.
+    """Return the main tree of XML from ``full_tree_xml``: parents before children, with the original paths.
 
     Raises:
-        LogError: it is no such text.
+        LogError: it is not such a text.
     """
     try:
         root = parse_xml(xml, file)
@@ -120,7 +120,7 @@ def _logged(element: Element, parent: int | None, scope: str, palette: dict[str,
 
 
 def xml_of(nodes: Sequence[DescribedNode], tree_id: str) -> str:
-    """Nodes without SubTrees, parents before children, as ``full_tree_xml`` writes them; what XML has not becomes ?."""
+    """Return XML like that of ``full_tree_xml``, without SubTrees; characters that XML lacks become ``?``."""
     lines = [f'<root BTCPP_format="4"><BehaviorTree ID="{_escaped(tree_id)}" _fullpath="">']
     open_nodes: list[DescribedNode] = []
     for node in nodes:

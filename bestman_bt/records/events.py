@@ -1,8 +1,8 @@
-"""What an execution tells of itself: the events of the control channel and of run folders.
+"""The events of an execution, on the control channel and in run folders.
 
-An event is one JSON object a line; ``event`` names its kind. Times are seconds of the robot's clock since the run's
-start, poses and points in the map frame, states as in ``bestman_bt.engine.core.status``, nodes by uid: 1 is the root,
-in pre-order. ``tree`` 0 is the main tree; others are trees that one of its leaves ticks.
+An event is one JSON object per line; ``event`` names its kind. Times are seconds of the robot's clock since the run's
+start, poses and points are in the map frame, states as in ``bestman_bt.engine.core.status``, nodes are given by uid: 1
+is the root, in pre-order. ``tree`` 0 is the main tree; others are trees ticked by one of its leaves.
 """
 
 from __future__ import annotations
@@ -32,15 +32,15 @@ TickRate = Annotated[float, Field(ge=0.0, le=1e6)]
 
 
 class EventError(Error, ValueError):
-    """A line is no event."""
+    """A line is not an event."""
 
 
 @dataclass(frozen=True)
 class RunEvent:
-    """What runs: the first event. ``started``: seconds since the epoch; ``tick_rate``: hertz.
+    """The first event, which describes the run. ``started``: seconds since the epoch; ``tick_rate``: hertz.
 
-    ``folder``: of the run, absolute; empty where nothing is kept. ``source``: of an executor that is not ours, such as
-    ``groot2://127.0.0.1:1667``: it is only watched, and begins anew as another run.
+    ``folder``: of the run, absolute; empty if nothing is recorded. ``source``: an external executor, such as
+    ``groot2://127.0.0.1:1667``, which can only be watched; a restart is a new run.
     """
 
     task: str
@@ -60,10 +60,10 @@ class RunEvent:
 
 @dataclass(frozen=True)
 class DescribedNode:
-    """A node. ``type``: as in XML, of a SubTree its tree's; ``parent``: the uid of the node above, None for the root.
+    """A node. ``type``: as in XML, for a SubTree its tree's ID; ``parent``: uid of the parent, None for the root.
 
-    ``path``: unique in its tree; ``ports``: port or attribute → text; ``scope``: path of its SubTree. ``where``: what
-    people call it, its name with file and line; empty where no file defines it. ``placeholder``: its code is not here.
+    ``path``: unique in its tree; ``ports``: port or attribute → text; ``scope``: path of its SubTree. ``where``: its
+    name with file and line; empty without a file. ``placeholder``: it has no code here.
     """
 
     uid: int
@@ -84,7 +84,7 @@ class DescribedNode:
 
     @property
     def named(self) -> str:
-        """What people call it, or its path where no file defines it."""
+        """The name with file and line, or the path without a file."""
         return self.where or self.path
 
 
@@ -102,9 +102,9 @@ class TreeEvent:
 
 @dataclass(frozen=True)
 class StatesEvent:
-    """Changes of one tick or halt, in order, as (uid, new state), and what nodes say of themselves, by uid.
+    """Changes of one tick or halt, in order, as (uid, new state), and feedback of nodes, by uid.
 
-    Where all nodes are named, it is how they stand. In run folders the changes of the main tree are in the ``.btlog``.
+    An event that lists all nodes is the full state. In run folders the changes of the main tree are in the ``.btlog``.
     """
 
     time: float
@@ -117,9 +117,9 @@ class StatesEvent:
 
 @dataclass(frozen=True)
 class ShownEntry:
-    """A blackboard entry: its type and value as text, and the value itself where it is plain and short.
+    """A blackboard entry: its type and value as text, and the value itself if it is plain and short.
 
-    ``type`` is empty for an entry that exists no more.
+    ``type`` is empty for a removed entry.
     """
 
     type: str
@@ -139,9 +139,9 @@ class BlackboardEvent:
 
 @dataclass(frozen=True)
 class RobotEvent:
-    """Where the robot believes to be (x, y, yaw), how sure it is (metres, radians), its joints, and what it holds.
+    """The believed base pose (x, y, yaw), its standard deviations (metres, radians), joints, and the held object.
 
-    ``diagnostics``: part → what is wrong with it. ``speed``: the share of it at which an operator lets the robot move.
+    ``diagnostics``: part → fault. ``speed``: the operator's scale of the robot's speed.
     """
 
     time: float
@@ -159,7 +159,7 @@ class RobotEvent:
 
 @dataclass(frozen=True)
 class ScanEvent:
-    """The lidar's hits, thinned, and where the base believed to be when they were measured."""
+    """The lidar's hits, thinned, and the believed base pose at the scan."""
 
     time: float
     base: tuple[float, float, float]
@@ -179,9 +179,8 @@ class MapPiece:
 class MapEvent:
     """The map: ``walls`` as segments x1, y1, x2, y2.
 
-    ``width`` × ``height`` cells of ``resolution`` metres around all of it, from the corner ``origin`` with the smallest
-    x and y on. ``png``: base64 of a grid with these cells, dark where it is occupied, its first row at the greatest y;
-    empty where there is none.
+    ``width`` × ``height`` cells of ``resolution`` metres, from the corner ``origin`` with the smallest x and y.
+    ``png``: base64 of a grid with these cells, dark where occupied, its first row at the greatest y; may be empty.
     """
 
     resolution: float
@@ -196,7 +195,7 @@ class MapEvent:
 
 @dataclass(frozen=True)
 class PathEvent:
-    """The path that the base drives from now on; none where it is empty."""
+    """The path that the base follows from now on; empty for none."""
 
     time: float
     planned: list[tuple[float, float]]
@@ -222,10 +221,9 @@ class ImageEvent:
 
 @dataclass(frozen=True)
 class LogEvent:
-    """A line of the log; one a failure, with the path of the node, its code and its words.
+    """A line of the log; for a failure with the node's path, its code and its message.
 
-    ``where``: what people call the node, its name with file and line; empty where no file defines it. ``obstacle``:
-    what a motion failed at.
+    ``where``: the node's name with file and line; empty without a file. ``obstacle``: the cause of a failed motion.
     """
 
     time: float
@@ -241,9 +239,9 @@ class LogEvent:
 
 @dataclass(frozen=True)
 class PausedEvent:
-    """The execution waits: because somebody asked, or before or after ``node`` (path), or for a motion to be confirmed.
+    """The execution waits: on request, before or after ``node`` (path), or for confirmation of a motion.
 
-    That one is told in ``words``; ``swept``: outlines of what it passes through, in the map frame.
+    That motion is described in ``words``; ``swept``: outlines of its swept area, in the map frame.
     """
 
     time: float
@@ -257,7 +255,7 @@ class PausedEvent:
 
 @dataclass(frozen=True)
 class ResumedEvent:
-    """The execution goes on."""
+    """The execution continues."""
 
     time: float
     event: Literal["resumed"] = "resumed"
@@ -284,7 +282,7 @@ class EndEvent:
 
 @dataclass(frozen=True)
 class DroppedEvent:
-    """So many events were lost because their reader was too slow; how things stand follows."""
+    """Events were lost because their reader was too slow; the full state follows."""
 
     count: int
     event: Literal["dropped"] = "dropped"
@@ -321,7 +319,7 @@ _EVENTS: TypeAdapter[Event] = TypeAdapter(Annotated[Event, Field(discriminator="
 
 
 def topic_of(event: Event) -> Topic | None:
-    """Return the topic that an event belongs to, or None for those that everybody is told."""
+    """Return the topic of an event, or None for events sent to all subscribers."""
     return _TOPIC_OF.get(event.event)
 
 
@@ -334,7 +332,7 @@ def from_line(line: bytes | str) -> Event:
     """Return the event of a line.
 
     Raises:
-        EventError: it is none, or misses something.
+        EventError: it is not an event, or lacks a field.
     """
     try:
         return _EVENTS.validate_json(line)

@@ -1,6 +1,6 @@
-"""The state changes of a run for other tools: SQLite, Chrome's trace format, JSON lines.
+"""Exports of a run's state changes: SQLite, Chrome's trace format, JSON lines.
 
-Times are seconds, or microseconds where the format has them, since the run's start. Nodes of trees that a leaf ticked
+Times are seconds, or microseconds if the format requires them, since the run's start. Nodes of trees ticked by a leaf
 have numbers after those of the main tree.
 """
 
@@ -41,9 +41,8 @@ def _changes(history: RunHistory) -> Iterator[tuple[float, int, int, int]]:
 def export_sqlite(history: RunHistory, path: Path) -> None:
     """Add a session to a database with the tables of BehaviorTree.CPP's SqliteLogger.
 
-    ``Definitions(session_id, date, xml_tree)``, ``Nodes(session_id, fullpath, node_uid)`` and
-    ``Transitions(timestamp, session_id, node_uid, duration, state, extra_data)``; ``duration`` is how long the node had
-    been in its previous state.
+    ``Definitions(session_id, date, xml_tree)``, ``Nodes(session_id, fullpath, node_uid)`` and ``Transitions(timestamp,
+    session_id, node_uid, duration, state, extra_data)``; ``duration``: time of the node in its previous state.
     """
     started = datetime.fromtimestamp(float(history.about.get("started") or 0.0))
     with closing(sqlite3.connect(path)) as database, database:

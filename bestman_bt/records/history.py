@@ -1,4 +1,4 @@
-"""All that is known of one run, now and at any time before: built from its events, asked by viewers."""
+"""The history of one run, at any time: built from its events, queried by viewers."""
 
 from __future__ import annotations
 
@@ -69,9 +69,9 @@ class Picture:
 
 
 class RunHistory:
-    """``take`` the events of a run in their order; ``version`` counts them, so that viewers can ask what is new.
+    """Call ``take`` with the events of a run in order; ``version`` counts them, so that viewers can query changes.
 
-    ``xml``: of the main tree. ``faults``: what of its folder could not be read, in words.
+    ``xml``: of the main tree. ``faults``: unreadable parts of its folder, in words.
     """
 
     def __init__(self, limits: HistoryLimits | None = None) -> None:
@@ -111,12 +111,12 @@ class RunHistory:
         return max(self._time, self.states.time)
 
     def message_at(self, uid: int, time: float) -> str:
-        """What a node last said at ``time`` or before; empty where it said nothing."""
+        """Return the last feedback of a node at ``time`` or before; may be empty."""
         found = self._messages[uid].at(time) if uid in self._messages else None
         return found[1] if found is not None else ""
 
     def messages_at(self, time: float) -> dict[str, str]:
-        """uid → text, of all nodes that have said something."""
+        """Return uid → feedback of all nodes that have any."""
         return {str(uid): text for uid in self._messages if (text := self.message_at(uid, time))}
 
     def entry_at(self, scope: str, key: str, time: float) -> dict[str, Any] | None:
@@ -150,7 +150,7 @@ class RunHistory:
     # ---- what is told
 
     def take(self, event: Event) -> None:
-        """Add an event; raises EventError for one that does not fit what was told before, and keeps all of that."""
+        """Add an event. Raises EventError if it contradicts earlier events; the history then stays unchanged."""
         self.version += 1
         self._take_time(event)
         self.tick = max(self.tick, getattr(event, "tick", 0))
@@ -217,7 +217,7 @@ class RunHistory:
         self.tree_version = self.version
 
     def shown(self, event: StatesEvent) -> Transitions:
-        """Return the changes of an event by uids of ``nodes``, and with NO where a condition has answered."""
+        """Return the changes of an event by uids of ``nodes``, with NO for false conditions."""
         offset, count = self.nodes.range_of(event.tree)
         told = [(offset + uid, state) for uid, state in event.changes if 0 < uid <= count and 0 <= state <= SKIPPED]
         uids, states = np.array(told, dtype=np.uint32).reshape(-1, 2).T
@@ -245,7 +245,7 @@ class RunHistory:
                 self.changed_nodes.touch(uid, self.version)
 
     def with_answers(self, changes: Transitions) -> Transitions:
-        """NO in the place of FAILURE where a condition has answered; in the order of time, by uids of ``nodes``."""
+        """Replace FAILURE by NO for false conditions; in the order of time, by uids of ``nodes``."""
         answers = self._are_answers(changes)
         return Transitions(changes.times, changes.uids, np.where(answers, NO, changes.statuses).astype(np.uint8))
 

@@ -1,4 +1,4 @@
-"""What a run writes down while it goes on: a disk that takes nothing more ends the writing, never the run."""
+"""Robust writing of a run's files: a full disk ends the recording, never the run."""
 
 from __future__ import annotations
 
@@ -7,16 +7,16 @@ from collections.abc import Callable
 
 
 class Keeping:
-    """Writes for one run. The first write that fails is told on standard error, in one line.
+    """The write errors of one run. The first failure is reported on standard error, in one line.
 
-    ``lost``: what is no longer kept, such as ``motion.jsonl`` → why.
+    ``lost``: incomplete files, such as ``motion.jsonl`` → why.
     """
 
     def __init__(self) -> None:
         self.lost: dict[str, str] = {}
 
     def write(self, what: str, write: Callable[[], object]) -> bool:
-        """Return whether it could be written; nothing more is tried of what has failed once."""
+        """Write and return whether it succeeded; a file that failed once is not written again."""
         if what in self.lost:
             return False
         try:
@@ -27,7 +27,7 @@ class Keeping:
         return True
 
     def lose(self, what: str, error: OSError) -> None:
-        """Nothing more is kept of ``what``."""
+        """Mark ``what`` as no longer recorded."""
         why = error.strerror or str(error)
         if not self.lost:
             sys.stderr.write(f"bestman-bt: NOT KEPT from here on: {what} ({why}); the run goes on\n")

@@ -12,7 +12,7 @@ MAX_NODES = 100_000
 
 
 class NodeList(Sequence[DescribedNode]):
-    """Uids count on from tree to tree: the node with uid N is the Nth, and those of the first tree are its own."""
+    """A list of nodes with consecutive uids over all trees; those of the first tree are its own."""
 
     def __init__(self) -> None:
         self._nodes: list[DescribedNode] = []
@@ -36,7 +36,7 @@ class NodeList(Sequence[DescribedNode]):
         return self._nodes[uid - 1]
 
     def children(self, uid: int) -> list[DescribedNode]:
-        """Return the nodes below one, left to right; below a leaf the roots of the trees that it ticked."""
+        """Return the children of a node, left to right; for a leaf, the roots of the trees that it ticks."""
         return [self._nodes[child - 1] for child in self._children[self.node(uid).uid]]
 
     def depth(self, uid: int) -> int:
@@ -47,7 +47,7 @@ class NodeList(Sequence[DescribedNode]):
         return depth
 
     def depth_first(self) -> Iterator[DescribedNode]:
-        """All nodes in the order in which a tree is read: a parent, then what is below it, left to right."""
+        """Yield all nodes depth first, left to right."""
         pending = [node for node in reversed(self._nodes) if node.parent is None]
         while pending:
             node = pending.pop()
@@ -59,18 +59,18 @@ class NodeList(Sequence[DescribedNode]):
         return [node for node in self.depth_first() if not self._children[node.uid]]
 
     def path_of(self, uid: int) -> str:
-        """Return a node's path; its number where there is no such node."""
+        """Return a node's path, or its number if it is unknown."""
         return self._nodes[uid - 1].path if 0 < uid <= len(self._nodes) else f"#{uid}"
 
     @property
     def trees(self) -> list[int]:
-        """The numbers of the trees that were told."""
+        """Return the numbers of the known trees."""
         return list(self._ranges)
 
     def range_of(self, tree: int) -> tuple[int, int]:
-        """What to add to the uids of a tree, and how many nodes it has. Raises EventError for an unknown one."""
+        """Return the uid offset and the number of nodes of a tree. Raises EventError for an unknown tree."""
         if tree not in self._ranges:
-            raise EventError(f"no tree {tree} was told")
+            raise EventError(f"unknown tree {tree}")
         return self._ranges[tree]
 
     def inside(self, uid: int) -> tuple[int, int]:
@@ -81,12 +81,12 @@ class NodeList(Sequence[DescribedNode]):
         raise EventError(f"there is no node {uid}")
 
     def add(self, event: TreeEvent) -> list[DescribedNode]:
-        """Add a tree; returns its nodes, with the uids that they have here.
+        """Add a tree; returns its nodes with their uids in this list.
 
-        A tree that was told before is not added again: whoever subscribes anew is told all of them.
+        A known tree is not added again, because new subscribers receive all trees.
 
         Raises:
-            EventError: it does not fit what was told before, or its nodes are not in order.
+            EventError: it contradicts earlier events, or its nodes are not in order.
         """
         if event.tree in self._ranges:
             if self._ranges[event.tree][1] != len(event.nodes):

@@ -1,6 +1,6 @@
-"""How states look, wherever they are shown; ``palette.json`` has the colours, the build of the live page reads it, too.
+"""The appearance of states in all viewers; the colours are in ``palette.json``, which the live page also uses.
 
-The hues follow Okabe and Ito, so that they stay apart for colour-blind eyes.
+The hues follow Okabe and Ito, so that they are distinguishable for colour-blind people.
 """
 
 from __future__ import annotations
@@ -63,6 +63,6 @@ def look_of(nodes: NodeStates, uid: int) -> Look:
 
 
 def css_variables() -> str:
-    """``--running: #0967c4; …`` for a light ground and, where the reader wants it, a dark one."""
+    """Return ``--running: #0967c4; …`` for light and dark colour schemes."""
     light, dark = (" ".join(f"--{name}: {told[g]};" for name, told in _PALETTE.items()) for g in ("light", "dark"))
     return f":root {{ {light} }}\n@media (prefers-color-scheme: dark) {{ :root {{ {dark} }} }}\n"

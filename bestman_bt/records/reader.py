@@ -1,4 +1,4 @@
-"""Reads the record of a run from its folder, whatever state it was left in, or from a log of BehaviorTree.CPP alone."""
+"""Reader of the record of a run from its folder, in any state, or from a log of BehaviorTree.CPP."""
 
 from __future__ import annotations
 
@@ -64,16 +64,16 @@ def has_record(folder: Path) -> bool:
 
 
 def read(path: Path, left_out: Collection[str] = ()) -> RunHistory:
-    """What a run folder, or a log of BehaviorTree.CPP, tells of a run; what is damaged is among its ``faults``.
+    """Return the history of a run folder or of a log of BehaviorTree.CPP; damaged parts are listed in ``faults``.
 
-    ``left_out``: kinds of events that are not wanted, such as ``robot``: they are many.
+    ``left_out``: kinds of events to skip, such as the frequent ``robot``.
 
     Raises:
-        RecordError: it is no run folder, or nothing in it can be read.
+        RecordError: it is not a run folder, or nothing can be read.
     """
     states = path if path.is_file() else path / STATES_FILE
     if not (path.is_file() or has_record(path)):
-        raise RecordError(f"{path} is no run folder: it has neither {STATES_FILE} nor {EVENTS_FILE}")
+        raise RecordError(f"{path} is not a run folder: it has neither {STATES_FILE} nor {EVENTS_FILE}")
     history, changes, log = RunHistory(), _Changes(), None
     if _is_read(states, history.faults):
         try:
@@ -201,7 +201,7 @@ def _add_fault(faults: list[str], name: str, why: object) -> None:
 
 
 def first_event(folder: Path) -> Event | None:
-    """Return the event that begins a run's events, or None if that cannot be read."""
+    """Return the first event of a run, or None if it cannot be read."""
     try:
         line, newline, _ = read_segment(first_segment(folder / EVENTS_FILE), LONGEST_FIRST_LINE).partition(b"\n")
         return from_line(line) if newline else None
@@ -224,13 +224,12 @@ def read_picture(folder: Path, name: str) -> bytes:
 
 
 def read_events(folder: Path, left_out: Collection[str] = ()) -> Iterator[Event]:
-    """The events of ``events.jsonl`` and its earlier segments, in order; a torn last line is left out.
+    """Yield the events of ``events.jsonl`` and its earlier segments, in order, without a torn last line.
 
-    ``left_out``: kinds that are not wanted. Where segments are missing, or left out because there are too many, a
-    warning says so.
+    ``left_out``: kinds to skip. Logs a warning if segments are missing or skipped.
 
     Raises:
-        EventError: the folder has no such file, or a line is no event.
+        EventError: the folder has no such file, or a line is not an event.
     """
     time, skipped = 0.0, tuple(f'"event":"{kind}"}}\n'.encode() for kind in left_out)
     for number, line in _lines(folder / EVENTS_FILE):

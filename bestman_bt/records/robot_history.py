@@ -1,4 +1,4 @@
-"""Where the robot was and how its joints stood, over time."""
+"""The base pose and the joints of the robot over time."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class Samples(Generic[T]):
         return zip(self._times, self._values, strict=True)
 
     def add(self, time: float, value: T) -> None:
-        """Add a value; times that run back are taken for the last one."""
+        """Add a value; decreasing times are replaced by the last one."""
         self._times.append(max(time, self._times[-1]) if self._times else time)
         self._values.append(value)
         if len(self._times) > self._limit:
@@ -52,7 +52,7 @@ class Samples(Generic[T]):
 
 
 class Freshness(Generic[K]):
-    """Which keys changed after a version: touching a key moves it to the end, so asking costs what it answers."""
+    """Keys in the order of their last change, so that a query of recent changes is cheap."""
 
     def __init__(self) -> None:
         self._versions: dict[K, int] = {}
@@ -131,7 +131,7 @@ class RobotHistory:
         self.scan_version = version
 
     def at(self, time: float) -> dict[str, Any] | None:
-        """Return the newest sample at ``time`` or before, as told to the page."""
+        """Return the newest sample at ``time`` or before, in the page's format."""
         found = self._samples.at(time)
         return None if found is None else {"time": found[0], **found[1].document()}
 
@@ -166,6 +166,6 @@ class RobotHistory:
         return curves
 
     def driven(self, time: float) -> list[list[float]]:
-        """Where the base was up to ``time``: [[x, y], …], at most ``SERIES_POINTS``."""
+        """Return the driven path of the base up to ``time``: [[x, y], …] metres, at most ``SERIES_POINTS``."""
         upto = [list(sample.plain["base"][:2]) for stamp, sample in self._samples if stamp <= time]
         return upto[:: -(-len(upto) // SERIES_POINTS) or 1]

@@ -21,11 +21,11 @@ STATES = 8
 
 
 class NodeStates:
-    """The states of all nodes at one moment, with what was counted so far; indexed by uid, element 0 is unused.
+    """The states of all nodes at one moment, with counters; indexed by uid, element 0 is unused.
 
-    ``results``: what a node returned since it last started, IDLE for nothing yet: a parent resets a child right after
-    the child has returned, and a quick condition would never be seen otherwise. ``starts``: how often it began;
-    ``seconds``: how long it ran, up to ``since`` where it runs now.
+    ``results``: the last result since the start, IDLE if none: a parent resets a child right after it returned, so that
+    a quick condition would otherwise be invisible. ``starts``: number of starts; ``seconds``: running time, up to
+    ``since`` for running nodes.
     """
 
     def __init__(self, count: int = 0) -> None:
@@ -48,9 +48,9 @@ class NodeStates:
         return other
 
     def apply(self, changes: Transitions) -> NDArray[np.intp]:
-        """Take over changes in the order of time; the places of those that are new, as a subscriber is told all anew.
+        """Apply changes in the order of time; returns the indices of those that change a state.
 
-        A node that returns without having been seen RUNNING has started then.
+        A node that returns without having been RUNNING counts as started then.
         """
         order = np.argsort(changes.uids, kind="stable")
         uids, states = changes.uids[order], changes.statuses[order]
@@ -81,7 +81,9 @@ class NodeStates:
         return [int(uid) for uid in np.flatnonzero(self.states == RUNNING)]
 
     def statistics(self, uids: Iterable[int], time: float) -> dict[str, list[float]]:
-        """uid → starts, successes, failures and seconds of running up to ``time``; only nodes that ever started."""
+        """Return uid → starts, successes, failures and seconds of running up to ``time``, for nodes that have
+        started.
+        """
         seconds = self.seconds + np.where(self.states == RUNNING, np.maximum(0.0, time - self.since), 0.0)
         counts = np.stack([self.starts, self.successes, self.failures], axis=1)
         return {
@@ -91,7 +93,7 @@ class NodeStates:
 
 @dataclass(frozen=True)
 class HistoryLimits:
-    """What a history may hold: beyond it, the oldest parts keep only their keyframes, then every second of those.
+    """Bounds of a history: beyond them, the oldest parts keep only their keyframes, then every second of those.
 
     ``changes``: 4 bytes each. ``keyframe_bytes``: of all keyframes together. ``chunk``: changes between two keyframes;
     more for large trees, so that a keyframe never outweighs its changes.
@@ -104,7 +106,7 @@ class HistoryLimits:
 
 @dataclass(frozen=True)
 class Moment:
-    """What was at one time: of the last tick at or before it."""
+    """The state at one time, of the last tick at or before it."""
 
     time: float
     tick: int
@@ -156,7 +158,7 @@ class StateHistory:
         return self._chunks[0].time if self._chunks else 0.0
 
     def record(self, time: float, tick: int, changes: Sequence[tuple[int, int]] = ()) -> Transitions:
-        """Add a tick, and what it changed: (uid, state); returns what is new."""
+        """Add a tick with its changes (uid, state); returns those that change a state."""
         uids, states = np.array(changes, dtype=np.uint32).reshape(-1, 2).T
         moments = np.full(len(uids), time)
         fresh = self.extend(Transitions(moments, uids, states.astype(np.uint8)), np.full(len(uids), tick))
@@ -167,7 +169,7 @@ class StateHistory:
         return fresh
 
     def extend(self, changes: Transitions, ticks: NDArray[np.int64]) -> Transitions:
-        """Add changes in the order of time, with the tick of each; returns what is new. Time never runs back."""
+        """Add changes in the order of time, each with its tick; returns those that change a state."""
         times = np.maximum(changes.times, self.time) if self._chunks else changes.times
         fresh = np.zeros(len(changes), bool)
         begin = 0
@@ -187,11 +189,11 @@ class StateHistory:
         return Transitions(times[fresh], changes.uids[fresh], changes.statuses[fresh])
 
     def changes(self) -> Transitions:
-        """Return all that are held, in the order of time."""
+        """Return all stored changes, in the order of time."""
         return Transitions.joined([chunk.changes() for chunk in self._chunks] or [Transitions.none()])
 
     def at(self, time: float) -> Moment:
-        """Return the moment at ``time``; the first one that is held where that is earlier."""
+        """Return the moment at ``time``, or the first stored one."""
         if not self._chunks:
             return Moment(self.time, self.tick, self.now.grown(0))
         index = bisect_right(self._chunks, time, key=lambda chunk: chunk.time) - 1

@@ -1,4 +1,4 @@
-"""The timeline of a run: when each leaf and subtree was in which state, and marks of what happened."""
+"""The timeline of a run: states of leaves and subtrees over time, and marks of events."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from bestman_bt.records.states import NO
 
 @dataclass(frozen=True, eq=False)
 class Activities:
-    """Activity i: node ``uids[i]`` was at work from ``begins[i]`` to ``ends[i]``, seconds; in the order of beginning.
+    """Activity i: node ``uids[i]`` was active from ``begins[i]`` to ``ends[i]``, seconds; in the order of the starts.
 
-    ``results``: SUCCESS, FAILURE, NO or SKIPPED; IDLE where it was halted; RUNNING where the record ends before.
+    ``results``: SUCCESS, FAILURE, NO or SKIPPED; IDLE if it was halted; RUNNING at the end of the record.
     """
 
     uids: NDArray[np.unsignedinteger]
@@ -32,7 +32,7 @@ class Activities:
         return len(self.uids)
 
     def by_node(self) -> Iterator[tuple[int, Activities]]:
-        """Each node with its own activities, in the order of the tree."""
+        """Yield each node with its own activities, in the order of the tree."""
         order = np.argsort(self.uids, kind="stable")
         nodes, begins = np.unique(self.uids[order], return_index=True)
         for uid, mine in zip(nodes.tolist(), np.split(order, begins[1:]), strict=False):
@@ -43,10 +43,11 @@ class Activities:
 
 
 def activities(changes: Transitions, end: float) -> Activities:
-    """What changes of state, in the order of time and without repetitions, amount to; ``end``: of the record, seconds.
+    """Return the activities of state changes, in the order of time and without repetitions; ``end``: of the record,
+    seconds.
 
-    A result that follows a result without IDLE or RUNNING between them is a new activity: a node that returns at once
-    is not seen running.
+    A result that follows a result without IDLE or RUNNING in between is a new activity: a node that returns at once is
+    never seen running.
     """
     order = np.argsort(changes.uids, kind="stable")
     uids, times, states = changes.uids[order], changes.times[order], changes.statuses[order]
@@ -76,7 +77,7 @@ class WorkOfNode:
 
 
 def work_of_nodes(done: Activities) -> dict[int, WorkOfNode]:
-    """Node → what it did; that a condition does not hold counts among the failures."""
+    """Return node → its work; a false condition counts as a failure."""
     return {
         uid: WorkOfNode(
             count=len(mine),
@@ -90,10 +91,10 @@ def work_of_nodes(done: Activities) -> dict[int, WorkOfNode]:
 
 
 def outcomes(changes: Transitions) -> Transitions:
-    """What was returned, in order: SUCCESS and FAILURE.
+    """Return the results in order: SUCCESS and FAILURE.
 
-    A node that repeats what it last returned, without having run in between, is left out: how often a condition is
-    asked while an action runs depends on the action's duration alone.
+    A repeated result without a run in between is left out: how often a condition is checked depends on the duration of
+    other actions.
     """
     states = np.where(changes.statuses == NO, FAILURE, changes.statuses).astype(np.uint8)
     told = np.flatnonzero((states == RUNNING) | (states == SUCCESS) | (states == FAILURE))

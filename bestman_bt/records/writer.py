@@ -1,7 +1,7 @@
-"""The events of a run, written to its folder while it goes on; ``bestman_bt.records.reader`` reads them.
+"""The writer of a run's events into its folder; ``bestman_bt.records.reader`` reads them.
 
-``transitions.btlog`` has the states of the main tree, ``log.jsonl`` the log in the keys of structlog, and
-``events.jsonl`` all else. All three are cut into segments, see ``bestman_bt.engine.logs.segmented_file``.
+``transitions.btlog`` has the states of the main tree, ``log.jsonl`` the log with the keys of structlog, and
+``events.jsonl`` everything else. All three are split into segments, see ``bestman_bt.engine.logs.segmented_file``.
 """
 
 from __future__ import annotations
@@ -38,9 +38,9 @@ KEPT_EVERY = {"robot": 0.19, "scan": 1.9}
 
 
 def make_folder(parent: Path, stem: str) -> Path:
-    """Make a new folder for a run, with a number where the name is taken.
+    """Create a new folder for a run, with a number if the name exists.
 
-    Raises OSError if ``parent`` cannot hold it.
+    Raises OSError if ``parent`` is not usable.
     """
     for number in count(1):
         folder = parent / (stem if number == 1 else f"{stem}-{number}")
@@ -51,7 +51,7 @@ def make_folder(parent: Path, stem: str) -> Path:
 
 
 class RunLogWriter:
-    """Writes the events of one execution into ``folder``; from one thread. ``tree``: as of ``BtLogWriter``."""
+    """Writes the events of one execution into ``folder``, from one thread. ``tree``: as for ``BtLogWriter``."""
 
     def __init__(self, folder: Path, tree: Tree | str, run: RunEvent) -> None:
         self._started = run.started
@@ -83,7 +83,7 @@ class RunLogWriter:
         self._events.write(to_line(event))
 
     def flush(self) -> None:
-        """Hand everything to the operating system: what was flushed survives the end of the process."""
+        """Flush all files to the operating system, so that they survive the end of the process."""
         for file in (self._states, self._events, self._log):
             file.flush()
 

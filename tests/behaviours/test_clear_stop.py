@@ -123,6 +123,6 @@ def test_a_stop_that_a_person_asked_for_is_not_cleared(at_table: Session, monkey
     assert tick(at_table.load(tree_of('<ClearStop attempts="2" wait="0.5"/>')), 100) == FAILURE
     ((code, words),) = failures_of(at_table)
     assert code == "still_stopped"
-    assert "somebody asked for this stop" in words
+    assert "requested by a person" in words
     assert not asked
     assert at_table.robot.stopped

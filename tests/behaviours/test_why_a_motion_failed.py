@@ -114,7 +114,7 @@ def every_posture_collides(skills: SkillContext) -> None:
 
 
 def contact_stopped_it(skills: SkillContext) -> None:
-    raise SkillFailure.of(Failure(MotionErrorCode.COLLISION, "contact where none is expected: 31 N", skills.arm.name))
+    raise SkillFailure.of(Failure(MotionErrorCode.COLLISION, "unexpected contact: 31 N", skills.arm.name))
 
 
 def gripper_blocked(skills: SkillContext) -> None:

@@ -47,7 +47,7 @@ def evaluations(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["nowhere", "mine"], "nowhere: is no folder of an evaluation"),
+        (["nowhere", "mine"], "nowhere: is not the folder of an evaluation"),
         (["mine:bot", "mine"], "no entry 'bot'; did you mean 'bit'?"),
         (["mine", "mine", "-o", "pairs.pdf"], "PNG or SVG"),
         (["mine:bit", "later:bit"], "no seed is in both"),

@@ -65,7 +65,7 @@ def test_what_is_damaged_is_told_on_standard_error_too(bestman_bt: Command, fold
     ("arguments", "words"),
     [
         (["nowhere"], "nowhere is no folder"),
-        (["."], "is no run folder and holds none"),
+        (["."], "is not a run folder and contains none"),
         ([".", "-o", "report.pdf"], "reports are HTML files"),
         ([".", "-o", "not/there.html"], "there is no folder"),
     ],

@@ -42,7 +42,7 @@ def test_a_line_that_was_cut_off_does_not_count_and_is_written_over(tmp_path: Pa
 def test_a_file_that_is_no_journal_is_refused_by_its_line_and_left_as_it_is(tmp_path: Path) -> None:
     path = tmp_path / "episodes.jsonl"
     path.write_text('{"task": "fetch_cup"}\n')
-    with pytest.raises(ConfigurationError, match=r"episodes.jsonl: line 1 is no finished episode"):
+    with pytest.raises(ConfigurationError, match=r"episodes.jsonl: line 1 is not a finished episode"):
         Journal(path).__enter__()
     assert path.read_text() == '{"task": "fetch_cup"}\n'
 
@@ -63,7 +63,7 @@ def test_a_line_damaged_in_the_middle_is_left_out_and_the_file_as_it_was_is_kept
     lines = path.read_bytes().split(b"\n")
     path.write_bytes(b"\n".join([lines[0], damage, *lines[2:]]))
     broken = path.read_bytes()
-    with pytest.raises(ConfigurationError, match=r"episodes.jsonl: line 2 is no finished episode"):
+    with pytest.raises(ConfigurationError, match=r"episodes.jsonl: line 2 is not a finished episode"):
         read_episodes(path)
     with Journal(path) as mended:
         assert list(mended.results) == [KEY, others[1]]

@@ -1,4 +1,4 @@
-"""Arms: follow trajectories under watch, feel their way, and go along with doors and drawers."""
+"""Arm controller: monitored trajectories, guarded moves, and following of doors and drawers."""
 
 from __future__ import annotations
 
@@ -37,11 +37,11 @@ from hal.api import Arm, Clock, CommandRefusedError, Motion, MotionStatus, Timer
 
 @dataclass(frozen=True)
 class ContactLimits:
-    """What counts as contact.
+    """Thresholds of contact detection.
 
-    ``force``: newtons that inertia of hand and load never reaches. ``lag``: radians behind the set-point.
-    ``samples``: in a row that must agree. ``period``: seconds between two looks. ``latency``: seconds by which encoders
-    follow set-points in undisturbed motion, at least; the arm's own may be longer.
+    ``force``: newtons, above the inertial forces of hand and load. ``lag``: radians behind the set-point. ``samples``:
+    consecutive samples that must agree. ``period``: seconds between two checks. ``latency``: least delay of the
+    encoders behind the set-points, seconds; the arm's own may be longer.
     """
 
     force: float = 30.0
@@ -52,9 +52,9 @@ class ContactLimits:
 
 
 class ContactMonitor:
-    """Watches one free motion; ``objection`` is asked every ``period`` and has a text when something was touched.
+    """Monitors one free motion for contacts; ``objection`` is called every ``period``.
 
-    The force counts from what the wrist felt at the start, so that a held object's weight is no contact.
+    The force is relative to the wrist's reading at the start, so that the weight of a held object does not count.
     """
 
     def __init__(
@@ -72,7 +72,7 @@ class ContactMonitor:
         self._in_a_row = 0
 
     def objection(self) -> str | None:
-        """What was touched, in words, or None."""
+        """Return the contact in words, or None."""
         found = self._force() or self._lag()
         self._in_a_row = self._in_a_row + 1 if found else 0
         return found if self._in_a_row >= self._limits.samples else None
@@ -83,7 +83,7 @@ class ContactMonitor:
         force = float(np.linalg.norm(self._wrist.contact().force) - self._initial)
         if force <= self._limits.force:
             return None
-        return f"contact where none is expected: {force:.0f} N at the wrist"
+        return f"unexpected contact: {force:.0f} N at the wrist"
 
     def _lag(self) -> str | None:
         if self._trajectory is None:
@@ -100,7 +100,7 @@ class ContactMonitor:
         if lag[worst] <= p.lag:
             return None
         joint = self._arm.joint_names[worst]
-        return f"contact where none is expected: {joint} is {lag[worst]:.3f} rad off its way"
+        return f"unexpected contact: {joint} is {lag[worst]:.3f} rad off its way"
 
 
 LOOKS = 12
@@ -116,7 +116,7 @@ class _Streaming(Protocol):
 
 @dataclass(frozen=True)
 class ArmMoving:
-    """How an arm is moved. ``guard_period``: seconds after which a guard is asked again."""
+    """Parameters of arm motions. ``guard_period``: seconds between two calls of a guard."""
 
     guard_period: float = 0.05
     contact: ContactLimits = field(default_factory=ContactLimits)
@@ -126,14 +126,13 @@ class ArmMoving:
 
 
 class ArmController:
-    """Runs motions of one arm. The arm's driver watches that it tracks; a guard can watch for anything else.
+    """Runs motions of one arm. The arm's driver monitors tracking; a guard can monitor anything else.
 
-    A guard is asked again and again while the arm moves; when it answers with a text, the arm is
-    brought to rest and the motion fails with that text. ``kinematics`` and ``wrist`` are needed by what feels its way:
-    ``move_until`` and ``follow_constraint``. ``ways``: shared by the controllers of a robot's arms; what would
-    cross the way of another arm starts when that has passed, or fails as OTHER_ARM_IN_THE_WAY. ``confirm``: asks a
-    person before each motion, which fails as DECLINED where they refuse; ``bodies``: from joint positions to the
-    corners (N, 3) of what moves with the arm, in the map frame, which they are shown.
+    A guard is called periodically while the arm moves; if it returns a text, the arm is brought to rest and the motion
+    fails with that text. ``kinematics`` and ``wrist``: for ``move_until`` and ``follow_constraint``. ``ways``: shared
+    by the controllers of a robot's arms; a motion that would cross another arm's path waits for it, or fails as
+    OTHER_ARM_IN_THE_WAY. ``confirm``: asks a person before each motion, which fails as DECLINED if refused; ``bodies``:
+    from joint positions to the corners (N, 3) of what moves with the arm, in the map frame, to show to the person.
     """
 
     def __init__(
@@ -159,13 +158,13 @@ class ArmController:
         return self._arm.positions()
 
     def carry(self, mass: float, centre: ArrayLike) -> None:
-        """Tell the arm's controller what the hand holds: kg (0: nothing), and its centre (3,) in the tool frame."""
+        """Set the payload in the hand: kg (0: none), and its centre (3,) in the tool frame."""
         self._arm.carry(mass, centre)
 
     def follow(self, trajectory: JointTrajectory, guard: Guard | None = None, free: bool = False) -> Motion[None]:
-        """Follow a trajectory that starts where the arm is; succeeds when the arm rests at its end.
+        """Follow a trajectory from the current positions; succeeds when the arm rests at its end.
 
-        ``free``: nothing is to be touched on the way; a contact ends it as COLLISION.
+        ``free``: no contact is expected; a contact ends it as COLLISION.
         """
         self._end_stream(MotionErrorCode.SUPERSEDED, "a newer command took over")
 
@@ -180,7 +179,7 @@ class ArmController:
         return self._in_turn(start, lambda: trajectory.positions, planned)
 
     def move_to(self, positions: ArrayLike, speed_scale: float = 0.3, guard: Guard | None = None) -> Motion[None]:
-        """Move point to point to ``positions`` (n,) within a share of the limits; no collision check."""
+        """Move point to point to ``positions`` (n,) within a fraction of the limits; no collision check."""
         self._end_stream(MotionErrorCode.SUPERSEDED, "a newer command took over")
 
         def start() -> Motion[None]:
@@ -199,11 +198,10 @@ class ArmController:
     def move_until(
         self, direction: ArrayLike, speed: float, max_distance: float, stop_force: float
     ) -> Motion[GuardedOutcome]:
-        """Move the tool straight along ``direction`` (3,), base frame, until something resists with ``stop_force`` N.
+        """Move the tool straight along ``direction`` (3,), base frame, until it is resisted with ``stop_force`` N.
 
-        Both that and ``max_distance`` metres without a touch are success; the outcome tells which it was. The hand
-        keeps its orientation. Fails as UNREACHABLE where the arm cannot go on. Raises ValueError for values that make
-        no sense.
+        Reaching ``max_distance`` metres without contact is also a success; the outcome distinguishes the two. The hand
+        keeps its orientation. Fails as UNREACHABLE if the arm cannot continue. Raises ValueError for invalid values.
         """
         axis = _unit(direction)
         check_positive(speed=speed, max_distance=max_distance, stop_force=stop_force)
@@ -221,11 +219,11 @@ class ArmController:
         grip: Guard | None = None,
         hint: JointKind | None = None,
     ) -> Motion[FollowedMotion]:
-        """Go along with a door or drawer whose handle the hand holds, or that it pushes.
+        """Follow a door or drawer whose handle the hand holds, or that it pushes.
 
-        ``direction``: (3,) base frame, in which the handle is thought to start to move. ``grip``: answers with a text
-        when the handle is lost (``GripperController.watch_slip``). ``hint``: the kind of joint, where it is known. The
-        result, also of a following that failed, is a FollowedMotion. Raises ValueError for a direction without length.
+        ``direction``: (3,) base frame, expected initial direction of the handle. ``grip``: returns a text when the
+        handle is lost (``GripperController.watch_slip``). ``hint``: the kind of joint, if known. The result, also of a
+        failed motion, is a FollowedMotion. Raises ValueError for a zero direction.
         """
         start = _unit(direction)
         kinematics, wrist = self._feeling("follow_constraint")
@@ -247,7 +245,7 @@ class ArmController:
         return self._kinematics, self._wrist
 
     def for_planning(self, joints: Mapping[str, float]) -> Mapping[str, float]:
-        """``joints``, measured positions by name, with other arms under way at the end of their ways."""
+        """Return ``joints``, measured positions by name, with other moving arms at their targets."""
         return joints if self._ways is None else self._ways.for_planning(self.name)
 
     def _run(self, action: _Streaming, motion: Motion[Result], words: str) -> Motion[Result]:

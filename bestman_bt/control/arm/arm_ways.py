@@ -1,4 +1,4 @@
-"""Several arms that move at the same time: one starts when its way does not cross what is left of another's."""
+"""Coordination of several moving arms: one starts when its path does not cross the rest of another's."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ Result = TypeVar("Result")
 
 @dataclass(frozen=True)
 class Passing:
-    """How arms give way to each other.
+    """Parameters of the right of way.
 
-    ``margin``: metres kept from the way of an arm that moves, for it is not exactly where its path has it. ``period``:
-    seconds between two looks at whether the way is free. ``patience``: seconds after which an arm that waits gives up.
-    ``same``: radians within which an arm counts as being where it was taken to be when a path was planned.
+    ``margin``: metres from the path of a moving arm, which deviates from its plan. ``period``: seconds between two
+    checks. ``patience``: seconds after which a waiting arm gives up. ``same``: radians within which an arm counts as
+    being at its planned place.
     """
 
     margin: float = 0.01
@@ -43,12 +43,12 @@ class _UnderWay:
 
 
 class ArmWays:
-    """Which motions of a robot's arms are under way, and who has to wait for whom.
+    """The motions of a robot's arms under way, and which arms have to wait.
 
-    An arm that is to start while another moves waits until what is left of the other's way is clear of its own. It
-    fails as ``other_arm_in_the_way`` after ``patience``, or at once where the other rests, or will come to rest, in
-    its way: then another path is needed. Ways that are not known before (``move_until``, ``follow_constraint``) are
-    gone one at a time. A motion that takes over from one of the same arm does not wait, it fails instead.
+    An arm that starts while another moves waits until the rest of the other's path is clear of its own. It fails as
+    ``other_arm_in_the_way`` after ``patience``, or at once if the other rests, or will come to rest, on its path: then
+    another path is needed. Motions of unknown path (``move_until``, ``follow_constraint``) run one at a time. A motion
+    that supersedes one of the same arm does not wait; it fails instead.
     """
 
     def __init__(
@@ -67,7 +67,7 @@ class ArmWays:
         self._planned_with: dict[str, Mapping[str, float]] = {}
 
     def for_planning(self, arm: str) -> Mapping[str, float]:
-        """Measured joint positions by name, but of other arms that move the end of their way."""
+        """Return measured joint positions by name, with other moving arms at their targets."""
         positions = dict(self._joints.positions())
         for other in (name for name in self._arms if name != arm):
             moving = self._moving(other)
@@ -80,9 +80,9 @@ class ArmWays:
     def start(
         self, arm: str, path: NDArray[np.float64] | None, command: Callable[[], Motion[Result]]
     ) -> Motion[Result]:
-        """Return the motion that ``command`` starts, now or as soon as the way is free.
+        """Return the motion that ``command`` starts, now or as soon as the path is free.
 
-        ``path``: (N, n) joint positions, from where the arm is, or None if the way is not known before.
+        ``path``: (N, n) joint positions, from the current ones, or None if unknown.
         """
         self.end_waiting(arm, MotionErrorCode.SUPERSEDED, "a newer command took over")
         turn = _Turn(self, arm, path, command)
@@ -99,17 +99,17 @@ class ArmWays:
             self._waiting.pop(arm).abort(code, text)
 
     def began(self, arm: str, motion: Motion[Any], way: SweptWay | None) -> None:
-        """``motion`` of ``arm`` is under way."""
+        """Record a ``motion`` of ``arm`` under way."""
         self._under_way[arm] = _UnderWay(motion, way)
         self._waiting.pop(arm, None)
 
     def swept(self, arm: str, path: NDArray[np.float64]) -> SweptWay:
-        """What the arm passes through on a path (N, n)."""
+        """Return the volume swept by the arm on a path (N, n)."""
         held, names = self._world.hands.get(arm), self._arms[arm].joint_names
         return SweptWay(self._bodies[arm], names, path, self._joints.positions(), held)
 
     def obstacle(self, arm: str, way: SweptWay | None) -> tuple[str, bool] | None:
-        """Return the arm that is in the way of ``arm``, and whether it is going to be out of it, or None if none is."""
+        """Return the arm that blocks ``arm``, and whether it will move out of the way; or None."""
         measured = self._joints.positions()
         for other in (name for name in self._arms if name != arm):
             moving = self._moving(other)

@@ -26,12 +26,11 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class FollowGuide:
-    """By the length of the way, ``ways`` (N,) metres, increasing.
+    """A planned path by arc length; ``ways`` (N,) metres, increasing.
 
-    ``turns``: (N,) radians by which the hand has turned about the joint's axis since it took hold, positive as the way
-    goes. ``postures``: (N, n) joint positions; where the way really leads elsewhere, the arm is as near to them as its
-    redundancy allows. ``held_at``: (3,) metres in the tool frame, where the hand holds the handle, or touches what it
-    pushes: what goes along the way, and what the hand turns about.
+    ``turns``: (N,) radians by which the hand has turned about the joint's axis since the grasp, positive along the
+    path. ``postures``: (N, n) joint positions, tracked as far as the redundancy allows. ``held_at``: (3,) metres in the
+    tool frame, the point of the hand that holds the handle, or touches the pushed part.
     """
 
     ways: Array
@@ -46,7 +45,7 @@ class FollowGuide:
             raise ValueError(f"a guide needs two or more increasing ways, each with a turn and a posture; got {shapes}")
 
     def turn(self, way: float) -> float:
-        """Return the hand's turn after ``way`` metres, radians."""
+        """Return the hand's rotation after ``way`` metres, radians."""
         return float(np.interp(way, self.ways, self.turns))
 
     def posture(self, way: float) -> Array:
@@ -68,7 +67,7 @@ class FollowEnd(Enum):
 
 @dataclass(frozen=True, eq=False)
 class FollowedMotion:
-    """How far the hand went, and about or along what.
+    """The path of the hand, and the axis that it followed.
 
     ``axis``: in the base frame. ``distance``: metres along the line or arc. ``angle``: radians about the hinge, 0 for a
     line. ``peak_pull``, ``peak_side``: largest forces along and across the motion, N. ``tool``: base_from_tool at the
@@ -97,12 +96,12 @@ _CODES = {
 
 @dataclass(frozen=True)
 class Following:
-    """How a hand goes along. SI units.
+    """Parameters of the compliant following. SI units.
 
     ``compliance``: m/s across the motion per newton, up to ``side_speed``. ``acceleration``: along it.
-    ``force_filter``: seconds. ``stall_time``: without ``stall_distance`` of progress counts as stuck. ``moved``: from
-    which way on a stuck joint is jammed and not locked. ``turn_speed``: rad/s of the hand. ``relax_time``: at the end,
-    giving way to what still pulls. ``time_factor``: of the time that the way would take at full speed.
+    ``force_filter``: seconds. ``stall_time``: without ``stall_distance`` of progress counts as stuck. ``moved``:
+    distance beyond which a stuck joint is jammed, not locked. ``turn_speed``: rad/s of the hand. ``relax_time``: of
+    yielding to residual forces at the end. ``time_factor``: on the time at full speed.
     """
 
     compliance: float = 2.5e-4
@@ -120,14 +119,13 @@ class Following:
 
 @dataclass(frozen=True)
 class FollowGoal:
-    """Until when and how to follow.
+    """Goal and limits of a following.
 
-    It ends well after ``distance`` metres along the way or ``angle`` radians about the hinge that it finds, whichever
-    is given and comes first. ``speed``: m/s. ``max_pull``, ``max_side``: newtons along and across the motion. ``turn``:
-    share of a door's turn by which the hand turns with it; at 0 the bar turns between the fingers. ``guide``: a planned
-    way for hand and arm, which goes before ``turn``. ``axis``: where the joint is believed to be, base frame; the
-    hand's own way tells better later, if it ``learns`` (a hand that pushes is not led). Raises ValueError for values
-    that make no sense.
+    It succeeds after ``distance`` metres along the path or ``angle`` radians about the estimated hinge, whichever is
+    given and comes first. ``speed``: m/s. ``max_pull``, ``max_side``: newtons along and across the motion. ``turn``:
+    fraction of a door's rotation by which the hand rotates; at 0 the bar rotates between the fingers. ``guide``: a
+    planned path of hand and arm, with priority over ``turn``. ``axis``: the believed joint axis, base frame, refined by
+    the hand's path if ``learns`` is set (a pushing hand is not guided). Raises ValueError for invalid values.
     """
 
     speed: float = 0.06
@@ -153,7 +151,7 @@ class FollowGoal:
 
 
 class ConstraintFollowing:
-    """One following under way; ``tick`` is called every period of the stream until it answers that it is over."""
+    """One following under way; ``tick`` is called every period of the stream until it returns False."""
 
     def __init__(
         self,
@@ -178,7 +176,7 @@ class ConstraintFollowing:
         self._ending: tuple[FollowEnd, str, float] | None = None
 
     def tick(self) -> bool:
-        """One period; False when it is over and the arm is to be stopped."""
+        """Run one period; return False when it is over and the arm should stop."""
         self._time += self._stream.step_time
         tool = self._stream.measured()
         self._feel(tool)

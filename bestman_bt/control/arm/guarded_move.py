@@ -18,10 +18,11 @@ from hal.api import Arm, Motion
 
 @dataclass(frozen=True)
 class Streaming:
-    """How poses are streamed. ``period``: seconds between two set-points. ``speed_share``: of the joints' speed limits.
+    """Parameters of streamed poses. ``period``: seconds between set-points. ``speed_share``: fraction of the joint
+    speed limits.
 
-    ``min_manipulability``: Yoshikawa's measure below which the arm goes no further towards a singularity.
-    ``posture_rate``: 1/s, how fast redundancy brings the arm to a posture that is asked for.
+    ``min_manipulability``: Yoshikawa's measure below which the arm moves no further towards a singularity.
+    ``posture_rate``: gain with which redundancy approaches a requested posture, 1/s.
     """
 
     period: float = 1.0 / 60.0
@@ -31,7 +32,7 @@ class Streaming:
 
 
 class StreamStep(Enum):
-    """What became of a pose that was asked for; only the first one moves the arm."""
+    """The result of a requested pose; only the first one moves the arm."""
 
     SENT = "sent"
     TOO_FAST = "too fast"
@@ -39,7 +40,7 @@ class StreamStep(Enum):
 
 
 class ToolStream:
-    """Begins where the arm is. ``pose``: base_from_tool that was sent last."""
+    """Streams tool poses from the current one. ``pose``: base_from_tool, last sent."""
 
     def __init__(self, arm: Arm, kinematics: InverseKinematics, streaming: Streaming = Streaming()) -> None:
         self._arm, self._kinematics = arm, kinematics
@@ -54,17 +55,17 @@ class ToolStream:
 
     @property
     def step_time(self) -> float:
-        """Seconds of motion in one period: fewer where an operator has slowed the arm down."""
+        """The seconds of motion per period, fewer if an operator has slowed the arm down."""
         return self.streaming.period * self._arm.speed_share
 
     def measured(self) -> Pose:
-        """Where the tool is, by encoders."""
+        """Return the measured tool pose."""
         return self._kinematics.tool_pose(self._arm.positions())
 
     def send(self, base_from_tool: Pose, posture: NDArray[np.float64] | None = None) -> StreamStep:
-        """Ask for the next pose. Raises CommandRefusedError if the arm takes no commands.
+        """Request the next pose. Raises CommandRefusedError if the arm accepts no commands.
 
-        ``posture``: (n,), which the arm comes nearer to without moving the tool for it (Liégeois, 1977).
+        ``posture``: (n,) radians, approached in the null space of the tool motion (Liégeois, 1977).
         """
         start = self._positions if posture is None else self._positions + self._towards(posture)
         positions = self._kinematics.track(base_from_tool, start)
@@ -96,11 +97,11 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Guarding:
-    """How guarded moves go.
+    """Parameters of guarded moves.
 
-    ``acceleration``: m/s². ``force_filter``: seconds. ``blind_way``: metres at the start without a look at
-    forces, for what the hand touches anyway while it gathers speed. ``any_direction``: share of the force to stop at
-    that stops it whatever its direction: a wrist may tell forces with the other sign, or feel what it slides along.
+    ``acceleration``: m/s². ``force_filter``: seconds. ``blind_way``: metres at the start without force checks.
+    ``any_direction``: multiple of the stop force that stops the move for any direction, in case of a wrong sign or a
+    sliding contact.
     """
 
     acceleration: float = 0.2
@@ -111,10 +112,10 @@ class Guarding:
 
 @dataclass(frozen=True, eq=False)
 class GuardedOutcome:
-    """``touched``: whether the force was met. ``distance``: metres that the tool went.
+    """``touched``: whether the force was reached. ``distance``: of the tool, metres.
 
-    ``force``: (3,) newtons, in the base frame, what the world did to the hand beyond what it did at the start.
-    ``tool``: base_from_tool at the end.
+    ``force``: (3,) newtons, in the base frame, of the world on the hand, relative to the start. ``tool``:
+    base_from_tool at the end.
     """
 
     touched: bool
@@ -124,7 +125,7 @@ class GuardedOutcome:
 
 
 class GuardedMove:
-    """One move under way; ``tick`` is called every period of the stream, and answers False when it is over."""
+    """One move under way; ``tick`` is called every period of the stream until it returns False."""
 
     def __init__(
         self,
@@ -147,7 +148,7 @@ class GuardedMove:
         self._speed = 0.0
 
     def tick(self) -> bool:
-        """One period."""
+        """Run one period; return False when the move is over."""
         period, p = self._stream.streaming.period, self._guarding
         tool = self._stream.measured()
         share = period / (period + p.force_filter)

@@ -1,7 +1,7 @@
-"""The axis of an unknown door or drawer, learned from the way of the hand that holds it.
+"""Estimation of the axis of an unknown door or drawer from the path of the hand that holds it.
 
-Line or circle, whichever explains the way: Sturm, Stachniss and Burgard, "A probabilistic framework for learning
-kinematic models of articulated objects", JAIR 2011; the circle by Taubin's algebraic fit (PAMI 1991).
+Line or circle, whichever fits: Sturm, Stachniss and Burgard, "A probabilistic framework for learning kinematic models
+of articulated objects", JAIR 2011; the circle by Taubin's algebraic fit (PAMI 1991).
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class AxisFitting:
-    """When the way of a hand tells an axis. Metres and radians.
+    """Parameters of the fit of an axis to the hand's path. Metres and radians.
 
-    ``spacing``: between two places of the way that count. ``bulge``: of the way from its chord, from which a circle is
-    believed; ``hinted_bulge``: the same where a hinge is expected. ``longest_radius``: of a hinge.
-    ``recent``: length of the way's end that gives the direction, as long as there is no circle. ``enough``: length of
-    the way from which what is learned goes before what was believed.
+    ``spacing``: between two samples of the path. ``bulge``: of the path from its chord, above which a circle is fitted;
+    ``hinted_bulge``: the same if a hinge is expected. ``longest_radius``: of a hinge. ``recent``: length of the path's
+    end that gives the direction before a circle is found. ``enough``: length of the path from which the estimate
+    replaces the belief.
     """
 
     spacing: float = 0.002
@@ -37,10 +37,10 @@ class AxisFitting:
 
 @dataclass(frozen=True, eq=False)
 class JointAxis:
-    """What the hand moves about or along, in the base frame.
+    """The axis of the hand's motion, in the base frame.
 
-    ``point``: (3,) on the axis; ``direction``: (3,) unit, the motion is right-handed about it or along it.
-    ``radius``: metres from the axis to the hand, 0 for a line. ``deviation``: RMS of the way from it, metres.
+    ``point``: (3,) on the axis; ``direction``: (3,) unit, the motion is right-handed about it or along it. ``radius``:
+    metres from the axis to the hand, 0 for a line. ``deviation``: RMS error of the path, metres.
     """
 
     kind: JointKind
@@ -50,7 +50,7 @@ class JointAxis:
     deviation: float
 
     def tangent(self, position: Array) -> Array:
-        """In which direction (3,) the hand goes on at ``position``."""
+        """Return the direction (3,) of motion at ``position``."""
         if self.kind == "prismatic":
             return self.direction
         way = np.cross(self.direction, position - self.point)
@@ -58,23 +58,23 @@ class JointAxis:
         return tangent
 
     def angle(self, start: Array, position: Array) -> float:
-        """By what angle the hand turned from ``start`` to ``position``, (-π, π]; 0 for a line."""
+        """Return the rotation from ``start`` to ``position``, (-π, π] rad; 0 for a line."""
         if self.kind == "prismatic":
             return 0.0
         a, b = start - self.point, position - self.point
         return math.atan2(float(np.cross(a, b) @ self.direction), float(a @ b - (a @ self.direction) ** 2))
 
     def travelled(self, start: Array, position: Array) -> float:
-        """Metres along the line or the arc."""
+        """Return the distance along the line or arc, metres."""
         if self.kind == "prismatic":
             return float((position - start) @ self.direction)
         return self.radius * self.angle(start, position)
 
 
 class JointAxisEstimator:
-    """Takes the places of the hand one after another; ``axis`` is the best guess up to now.
+    """Estimates the axis from successive hand positions; ``axis``: the current estimate.
 
-    ``believed``: what to go by at first; ``learns``: whether the hand's way tells better later.
+    ``believed``: initial estimate; ``learns``: whether the hand's path refines it.
     """
 
     def __init__(
@@ -93,7 +93,7 @@ class JointAxisEstimator:
         self.axis = believed or JointAxis("prismatic", self._way[0], np.array(direction, dtype=float), 0.0, 0.0)
 
     def add(self, position: Array) -> None:
-        """Take in where the hand is."""
+        """Add a hand position (3,), metres."""
         if not self._learns or float(np.linalg.norm(position - self._way[-1])) < self._fitting.spacing:
             return
         self._way.append(np.array(position, dtype=float))

@@ -44,9 +44,9 @@ RISE = 1.0
 
 
 class VelocityGate:
-    """Commands one base. ``waits``: it stands for a limit or for people.
+    """Commands one base. ``waits``: it is stopped for a limit or for people.
 
-    ``held_by``: in words, why the base is stopped or slowed down, as of the last command.
+    ``held_by``: why the last command was stopped or slowed down, in words.
     """
 
     def __init__(self, base: MobileBase, monitor: CollisionMonitor) -> None:
@@ -58,10 +58,10 @@ class VelocityGate:
         self.held_by = ""
 
     def use_footprint(self, footprint: Footprint, known: Costmap | None = None, placed: bool = True) -> None:
-        """What is driven from now on; people are as high as what stands out above it.
+        """Set the footprint to protect, arm overhang included; people count as high as the overhang.
 
-        ``known``: what the map has, with how tall it is: what is tall, and what it lacks, is kept from the arm.
-        ``placed``: whether the base is driven by where it is on the map; else all may be tall.
+        ``known``: mapped obstacles with their heights: tall and unmapped ones are kept from the arm. ``placed``:
+        whether the base is driven by its map pose; otherwise every obstacle may be tall.
         """
         self._known, self._placed = known, placed
         self.outline = FootprintMotion(footprint, 0.0)
@@ -83,10 +83,10 @@ class VelocityGate:
         tall: Sequence[MovingObstacle],
         period: float,
     ) -> MonitoredCommand:
-        """Have the base drive what of ``twist`` may be driven, for ``period`` seconds.
+        """Command the admissible part of ``twist`` for ``period`` seconds.
 
         ``most``: m/s, None for the base's own. ``velocity``: measured, in the base frame. ``pose``: in the frame of
-        ``people``, who walk and are given way, and of all who are ``tall``: they are kept from the arm, too.
+        ``people``, who have the right of way, and of ``tall`` obstacles, which are also kept from the arm.
         """
         limits = self._base.model.part
         speed = limits.max_vx if most is None else min(limits.max_vx, most)
@@ -133,11 +133,11 @@ def _words(velocity: Twist2D) -> str:
 
 @dataclass(frozen=True)
 class Driving:
-    """How a base drives. ``position_tolerance`` (metres), ``heading_tolerance`` (radians): what counts as arrived.
+    """Parameters of driving. ``position_tolerance`` (metres), ``heading_tolerance`` (radians): of the goal.
 
-    ``corrections``: turns to improve the heading. ``stall_*``: no progress of that many metres or radians in so many
-    seconds is blocked; after ``stuck_time`` seconds the base counts as stuck. ``patience``: seconds that it stands at a
-    stretch for somebody who walks before that is blocked, too.
+    ``corrections``: turns to improve the heading. ``stall_*``: progress below these metres or radians in this time is
+    blocked; after ``stuck_time`` seconds the base counts as stuck. ``patience``: seconds to wait for a walking person
+    before that counts as blocked.
     """
 
     position_tolerance: float = 0.02
@@ -184,15 +184,13 @@ class _Action:
 class BaseController:
     """Drives one base by odometry and lidar; keeps ``world.base`` up to date from ``start`` to ``close``.
 
-    A new action supersedes the one under way. Every motion's result is the believed pose at the end.
-    ``localisation``: where the base is, by odometry and lidar; it gives the clock and the world model, too.
-    ``monitor``: has the last word on each velocity; by default one without a bumper. ``layer``: what the lidar sees and
-    the map lacks.
-    ``model``: limits and footprint.
-    ``confirm``: asks a person before each action, which fails as DECLINED where they refuse.
-    ``speed_limit``: m/s, for all actions until it is set to something else; None: as fast as the base may. At 0 it
-    stands. ``surroundings``: what the map has around the robot as it is now, with its arm, for drives that bring no
-    costmap. ``last_scan``: what the localisation saw last, for whoever shows it.
+    A new action supersedes the one under way. The result of every motion is the believed final pose. ``localisation``:
+    by odometry and lidar; it also provides the clock and the world model. ``monitor``: the collision monitor of each
+    velocity; by default one without a bumper. ``layer``: obstacles that the lidar sees but the map lacks. ``model``:
+    limits and footprint. ``confirm``: asks a person before each action, which fails as DECLINED if refused.
+    ``speed_limit``: m/s for all actions until changed; None: the base's own; 0: stop. ``surroundings``: costmap of the
+    mapped obstacles with the current arm, for drives without a costmap. ``last_scan``: of the localisation, for
+    display.
     """
 
     def __init__(
@@ -230,7 +228,7 @@ class BaseController:
 
     @property
     def remaining(self) -> float:
-        """Metres that are left of ``path``; 0 without one."""
+        """Metres left of ``path``; 0 without one."""
         return 0.0 if self._driven is None else self._driven.swept.remaining
 
     @property
@@ -242,7 +240,9 @@ class BaseController:
         return action.follower is not None and action.watch.without > self._driving.stuck_time
 
     def pose_at(self, stamp: float) -> Pose2D:
-        """Where the base was, in the map frame, by what is believed now; NotRecordedError outside the last seconds."""
+        """Return the believed pose of the base at a time, in the map frame. Raises NotRecordedError outside the last
+        seconds.
+        """
         with self._lock:
             return self.localisation.pose_at(stamp)
 
@@ -251,10 +251,7 @@ class BaseController:
         return self._base.velocity()
 
     def blocked_at(self) -> tuple[float, NDArray[np.float64]] | None:
-        """Where something that the map lacks is on the path that is driven: metres until then, and the point (2,).
-
-        None if the path is free, as far as can be seen, or nothing is driven.
-        """
+        """Return the first unmapped obstacle on the current path: distance in metres, and point (2,); or None."""
         driven, pose = self._driven, self._world.base.pose
         if driven is None or not len(self.layer.points):
             return None
@@ -262,12 +259,12 @@ class BaseController:
         return driven.swept.contact(here, self.layer.points, self._gate.outline)
 
     def scan(self) -> OdometryScan:
-        """What the lidar sees now; raises as its readings do."""
+        """Return the current lidar scan; raises as its readings do."""
         with self._lock:
             return self.localisation.scan()
 
     def start(self) -> None:
-        """Begin to localise, from the believed ``world.base``; idempotent."""
+        """Start localising from the believed ``world.base``; idempotent."""
         if self._timer is None:
             self.localisation.begin()
             self.layer.use_costmap(Costmap.from_map(self._world.map, Footprint.of(self.model)))
@@ -282,14 +279,14 @@ class BaseController:
             self.localisation.end()
 
     def believe(self, pose: Pose2D, position_std: float, heading_std: float) -> None:
-        """Stop, and go on from another pose in the map frame; it is lost until a scan has fitted there."""
+        """Stop, and continue from another pose in the map frame; the base counts as lost until a scan fits."""
         with self._lock:
             self.stop()
             self.localisation.believe(BasePose(pose, position_std, heading_std, self._clock.now()))
             self.layer.clear()
 
     def localise_by(self, localizer: Localizer) -> Localizer:
-        """Go on with another localizer from the pose that is believed now; returns the one before."""
+        """Switch to another localizer at the believed pose; returns the previous one."""
         with self._lock:
             before, self.localisation.localizer = self.localisation.localizer, localizer
             believed = self._world.base
@@ -299,10 +296,10 @@ class BaseController:
     def follow(
         self, path: Path2D, costmap: Costmap | None = None, follower: PathFollower | None = None
     ) -> Motion[BasePose]:
-        """Drive along a path in the map frame to its goal pose; ``costmap``: what the map has, without ``layer``.
+        """Drive along a path in the map frame to its goal pose; ``costmap``: of the map, without ``layer``.
 
-        With one, the base gives way to people who walk, and followers that go around obstacles may leave the path.
-        ``follower``: for this path, in place of the controller's own.
+        With it, the base gives way to walking people, and obstacle-avoiding followers may leave the path. ``follower``:
+        for this path only.
         """
         with self._lock:
             self._follow_by(follower or self._own_follower)
@@ -319,9 +316,9 @@ class BaseController:
         return self._begin(self._rotation, Pose2D(pose.x, pose.y, heading), math.inf)
 
     def drive(self, distance: float, speed: float | None = None) -> Motion[BasePose]:
-        """Drive straight, ``distance`` metres ahead, or back where it is negative; nothing is checked but progress.
+        """Drive straight by ``distance`` metres, backwards if negative; only progress is checked.
 
-        ``speed``: m/s, no faster than that.
+        ``speed``: upper limit, m/s.
         """
         pose = self._world.base.pose
         goal = pose @ Pose2D(distance, 0.0, 0.0)
@@ -332,18 +329,18 @@ class BaseController:
             return self._begin(self._follower, goal, speed=speed)
 
     def turn(self, angle: float) -> Motion[BasePose]:
-        """Turn on the spot by ``angle``, within ±pi, as the odometry counts it: also where the base is lost."""
+        """Turn in place by ``angle``, within ±pi rad, by odometry; also works while the base is lost."""
         self._rotation.turn_to(wrap_angle(self.localisation.odometry.theta + angle))
         return self._begin(self._rotation, None, by_odometry=True)
 
     def park(self) -> Motion[BasePose]:
-        """Come to rest, hold the wheels and let the localisation settle."""
+        """Come to rest, hold the wheels and let the localisation converge."""
         with self._lock:
             self._base.stop()
             return self._begin(None, None)
 
     def stop(self) -> None:
-        """Bring the base to rest at once; what was under way is cancelled."""
+        """Bring the base to rest at once; the motion under way is cancelled."""
         with self._lock:
             self._base.stop()
             self._replace(None)

@@ -1,4 +1,4 @@
-"""A finished run with everything that a picture of it needs: its world, its robot, and where all was when."""
+"""A finished run with everything needed for pictures: its world, its robot, and all motion."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ from bestman_bt.world_model.world_model import WorldModel
 
 
 class FilmError(InputError):
-    """There is nothing to make pictures of, or no way to make them."""
+    """A film or still cannot be made."""
 
 
 @dataclass(frozen=True, eq=False)
 class FilmedRun:
-    """``subjects``: what the task is about: objects, doors, drawers. ``doings``: since when (s) which leaf ran."""
+    """``subjects``: objects, doors and drawers of the task. ``doings``: start time (s) and leaf."""
 
     config: RunConfig
     robot_model: RobotModel
@@ -50,7 +50,7 @@ def read_filmed_run(folder: Path) -> FilmedRun:
     Raises FilmError, ConfigurationError or SceneError.
     """
     if not (folder / "config.yaml").is_file():
-        raise FilmError(f"{folder} is no run folder: it has no config.yaml")
+        raise FilmError(f"{folder} is not a run folder: it has no config.yaml")
     if not (folder / MOTION_NAME).is_file():
         raise FilmError(f"{folder} has no {MOTION_NAME}: only simulated runs leave one, and older ones did not")
     config = read_run(folder / "config.yaml")

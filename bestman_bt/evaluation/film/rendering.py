@@ -100,12 +100,12 @@ SMALL_STILL = 200_000
 
 
 def caption(run: FilmedRun, shot: Shot, time: float) -> str:
-    """What is going on at a second of the run."""
+    """Return the caption at a second of the run."""
     return f"{run.config.name}   {time:5.1f} s   {shot.speed:.2g} x   {run.doing(time)}"
 
 
 def captioned(picture: NDArray[np.uint8], text: str) -> NDArray[np.uint8]:
-    """With a line of text at the lower edge."""
+    """Return the picture with a line of text at the lower edge."""
     image = Image.fromarray(picture)
     draw = ImageDraw.Draw(image, "RGBA")
     draw.rectangle((0, image.height - 24, image.width, image.height), fill=(20, 24, 28, 170))
@@ -114,7 +114,7 @@ def captioned(picture: NDArray[np.uint8], text: str) -> NDArray[np.uint8]:
 
 
 def write_still(picture: NDArray[np.uint8], path: Path, largest: int = SMALL_STILL) -> None:
-    """A JPEG of at most ``largest`` bytes, or as small as it gets."""
+    """Write a JPEG of at most ``largest`` bytes, or the smallest possible one."""
     image = Image.fromarray(picture)
     for quality in (92, 88, 80, 70, 60):
         image.save(path, quality=quality, optimize=True)
@@ -123,7 +123,7 @@ def write_still(picture: NDArray[np.uint8], path: Path, largest: int = SMALL_STI
 
 
 def require_film_writer() -> None:
-    """Raises FilmError if films cannot be written; to be asked before the pictures are made."""
+    """Raise FilmError if films cannot be written; call it before rendering."""
     try:
         import av  # noqa: F401 - only whether it is there
     except ImportError as error:
@@ -131,7 +131,9 @@ def require_film_writer() -> None:
 
 
 def write_film(pictures: Iterable[NDArray[np.uint8]], path: Path, largest: int = SMALL_FILM) -> None:
-    """An mp4 (H.264) of at most ``largest`` bytes, or as small as it gets; FilmError without its writer."""
+    """Write an mp4 (H.264) of at most ``largest`` bytes, or the smallest possible one. Raises FilmError without its
+    writer.
+    """
     require_film_writer()
     import av
 
@@ -154,8 +156,10 @@ LARGEST_FILM = 6_000_000
 
 @dataclass(frozen=True)
 class RenderOptions:
-    """``at``: seconds of the run that get a still; none: the moment in which most is seen. ``film``: whether an mp4 is
-    made too. ``blender``: whether Blender paints; ``samples``: its light paths per pixel. ``size``: pixels, even.
+    """Options of the pictures of a run.
+
+    ``at``: seconds of the run for stills; empty: the most informative moment. ``film``: also make an mp4. ``blender``:
+    render with Blender; ``samples``: its light paths per pixel. ``size``: pixels, even.
     """
 
     at: tuple[float, ...] = ()
@@ -166,9 +170,9 @@ class RenderOptions:
 
 
 def render(run: FilmedRun, out: Path, options: RenderOptions, tell: Callable[[str], None]) -> list[Path]:
-    """Write ``still-<seconds>.jpg`` and, where asked, ``film.mp4`` into ``out``; returns what was written.
+    """Write ``still-<seconds>.jpg`` and, if requested, ``film.mp4`` into ``out``; returns the written files.
 
-    Raises FilmError or BlenderError, before anything is drawn where something is missing.
+    Raises FilmError or BlenderError, before rendering if something is missing.
     """
     late = [time for time in options.at if not 0.0 <= time <= run.motion.duration]
     if late:
@@ -181,7 +185,7 @@ def render(run: FilmedRun, out: Path, options: RenderOptions, tell: Callable[[st
     with _written_into(out):
         out.mkdir(parents=True, exist_ok=True)
     with Stage(run) as stage:
-        tell("choosing where the camera stands")
+        tell("choosing the camera position")
         shot = plan_shot(run, stage)
         stills = options.at or (shot.times[best_frame(run, shot, stage)],)
         times = [*stills, *(shot.times if options.film else ())]

@@ -1,4 +1,4 @@
-"""Where the camera of a film stands: it follows the robot from the side on which most is seen."""
+"""The camera of a film: it follows the robot from the side with the best view."""
 
 from __future__ import annotations
 
@@ -30,8 +30,8 @@ KEY_MOMENTS = 10
 
 @dataclass(frozen=True)
 class Shot:
-    """``times``: of the frames, seconds of the run. ``targets``: (N, 3) what the camera looks at. ``speed``: times as
-    fast as it was.
+    """``times``: of the frames, seconds of the run. ``targets``: (N, 3), points to look at. ``speed``: playback speed
+    factor.
     """
 
     times: tuple[float, ...]
@@ -42,17 +42,17 @@ class Shot:
     speed: float
 
     def view(self, index: int) -> Viewpoint:
-        """Of one frame."""
+        """Return the viewpoint of one frame."""
         return viewpoint(self.targets[index], self.azimuth, self.elevation)
 
     def view_at(self, time: float) -> Viewpoint:
-        """Of any second of the run, between two frames."""
+        """Return the viewpoint at any second of the run, interpolated between frames."""
         target = np.array([np.interp(time, self.times, self.targets[:, axis]) for axis in range(3)])
         return viewpoint(target, self.azimuth, self.elevation)
 
 
 def viewpoint(target: NDArray[np.float64], azimuth: float, elevation: float) -> Viewpoint:
-    """From DISTANCE metres, ``azimuth`` and ``elevation`` radians in the map frame."""
+    """Return a viewpoint at DISTANCE metres, ``azimuth`` and ``elevation`` radians in the map frame."""
     away = np.array(
         [math.cos(elevation) * math.cos(azimuth), math.cos(elevation) * math.sin(azimuth), math.sin(elevation)]
     )
@@ -92,7 +92,7 @@ def plan_shot(run: FilmedRun, stage: Stage) -> Shot:
 
 
 def best_frame(run: FilmedRun, shot: Shot, stage: Stage) -> int:
-    """Return the frame in which most is seen of what the hand does, once that has begun to move."""
+    """Return the index of the frame that shows the hand's work best, after it starts moving."""
     begun = [i for i, now in enumerate(shot.snapshots) if _moved(shot.snapshots[0], now, run.subjects)] or [0]
     candidates = sorted({begun[round(k)] for k in np.linspace(0, len(begun) - 1, 2 * KEY_MOMENTS)})
 

@@ -1,6 +1,6 @@
-"""A stage: a second copy of a run's world, in which everything is put where it was, and photographed.
+"""A second copy of a run's world, in which recorded snapshots are set and rendered.
 
-It is no simulation: poses are set and no time runs. The judged run has ended before.
+It is not a simulation: poses are set and no time passes. The judged run has ended before.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from hal.simulation.guards import ReadPurpose
 
 
 class Stage:
-    """Used as a context, in which it holds its own connection."""
+    """A context manager that holds its own connection."""
 
     def __init__(self, run: FilmedRun) -> None:
         self._robot = PyBulletRobot(run.robot_model, run.world, seed=run.config.seed)
@@ -47,7 +47,7 @@ class Stage:
         self._robot.disconnect()
 
     def set(self, snapshot: RobotSnapshot) -> None:
-        """Put everything where it was."""
+        """Set the poses of a snapshot. Raises FilmError if the robot has changed since the run."""
         simulation = self._robot.simulation
         client, built = self._robot.client, simulation.built
         for name, pose in snapshot.body_poses.items():
@@ -71,7 +71,7 @@ class Stage:
             client.resetJointState(built.robot, built.joints[name], value)
 
     def hand(self) -> NDArray[np.float64]:
-        """(3,) metres: where the hand is, or the base of a robot without one."""
+        """Return the position of the hand, or of the base of a robot without one, (3,) metres."""
         return self._robot.simulation.link_pose(self._reader, self._hand).position
 
     def seen(
@@ -97,7 +97,7 @@ class Stage:
 
 
 def opening(furniture: PlacedFurniture, leaf: Articulation, map_from_leaf: Pose) -> float:
-    """Return how far a door or drawer is open, radians or metres, when the frame at its joint is there."""
+    """Return the opening of a door or drawer, radians or metres, for the frame at its joint."""
     closed = furniture.pose @ Pose(np.array(leaf.origin))
     moved = closed.inverse() @ map_from_leaf
     axis = np.asarray(leaf.axis)

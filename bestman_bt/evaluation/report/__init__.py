@@ -1,1 +1,1 @@
-"""Reports of runs: one HTML file that tells what happened, readable without scripts and without a network."""
+"""Reports of runs: one HTML file that is readable without scripts and network."""

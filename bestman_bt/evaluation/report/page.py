@@ -1,4 +1,4 @@
-"""The HTML page of a report: one file that needs nothing beside it; whatever runs have written is escaped."""
+"""The HTML page of a report: one self-contained file; all content of runs is escaped."""
 
 from __future__ import annotations
 
@@ -36,9 +36,9 @@ MAX_DIFFERENCES = 6
 
 @dataclass(frozen=True)
 class TaskGroup:
-    """Runs that are counted together; ``summary``: of those that came to an end, as ``summarize`` makes it.
+    """Runs that are counted together; ``summary``: of the completed ones, from ``summarize``.
 
-    ``others``: outcome → how many did not come to an end of their own, and are not in the summary.
+    ``others``: outcome → number of runs that did not complete.
     """
 
     name: str
@@ -48,7 +48,7 @@ class TaskGroup:
 
 @dataclass(frozen=True)
 class Cause:
-    """An error code: how many runs it ended, with an example: the folder's name, the node and its words."""
+    """An error code: the number of runs it ended, with an example: folder, node and message."""
 
     task: str
     code: str
@@ -75,10 +75,9 @@ class SlowNode:
 
 
 def groups_by_name(stories: Sequence[RunStory]) -> dict[str, list[RunStory]]:
-    """The runs that are counted together, in the order of their first: of one task, entry, robot and settings.
+    """Return the groups of runs of the same task, entry, robot and settings, in the order of their first run.
 
-    Named by entry or else task, robot, settings of scene and robot, and what else tells the group from others of its
-    task and robot.
+    They are named by entry or task, robot, settings of scene and robot, and what else distinguishes them.
     """
     alike: dict[tuple[Any, ...], list[RunStory]] = defaultdict(list)
     for story in stories:
@@ -113,7 +112,7 @@ def _name(story: RunStory, differing: Sequence[str]) -> str:
 
 
 def task_groups(stories: Sequence[RunStory]) -> list[TaskGroup]:
-    """As ``groups_by_name`` has them."""
+    """Return the groups of ``groups_by_name``, summarised."""
     groups = []
     for name, mine in groups_by_name(stories).items():
         results = [s.result for s in sorted(mine, key=lambda s: s.seed) if s.is_counted and s.result is not None]
@@ -184,7 +183,7 @@ _WEIGHT = np.argsort(_BY_WEIGHT)
 
 @dataclass(frozen=True)
 class Bar:
-    """``x`` and ``width`` in units of the picture; ``words``: what it shows, for pointers and screen readers."""
+    """``x`` and ``width``: units of the picture; ``words``: its text, for tooltips and screen readers."""
 
     x: float
     width: float
@@ -195,7 +194,7 @@ class Bar:
 
 @dataclass(frozen=True)
 class Row:
-    """A node and its bars; ``depth``: how many subtrees, and trees that a leaf ticked, it is in."""
+    """A node and its bars; ``depth``: nesting in subtrees, and in trees ticked by a leaf."""
 
     node: DescribedNode
     depth: int
@@ -204,7 +203,7 @@ class Row:
 
 @dataclass(frozen=True)
 class Gantt:
-    """``ticks``: x and label. ``left_out``: nodes without a row, as there are too many."""
+    """``ticks``: x and label. ``left_out``: number of nodes without a row."""
 
     rows: tuple[Row, ...]
     ticks: tuple[tuple[float, str], ...]
@@ -212,9 +211,7 @@ class Gantt:
 
 
 def gantt(nodes: NodeList, done: Activities, duration: float) -> Gantt:
-    """Return the chart of a run: subtrees and leaves; where room is short, those that took the least time have no
-    row.
-    """
+    """Return the chart of a run: subtrees and leaves; if there are too many, the shortest ones are left out."""
     duration = float(max(duration, done.ends.max(initial=0.0))) or 1.0
     by_node = dict(done.by_node())
     shown = [node for node in nodes.depth_first() if node.uid in by_node and _has_row(node)]
@@ -280,7 +277,7 @@ class _ShownRun:
 
 
 def report_page(stories: Sequence[RunStory], now: datetime) -> str:
-    """Return the page of one run, or of many: those that did not succeed are then told one by one."""
+    """Return the page of one run, or of many, in which the unsuccessful ones are described individually."""
     environment = Environment(loader=FileSystemLoader(TEMPLATES), autoescape=True, undefined=StrictUndefined)
     environment.trim_blocks = environment.lstrip_blocks = True
     environment.filters |= {

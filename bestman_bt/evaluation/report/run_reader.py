@@ -1,4 +1,4 @@
-"""Reads a run folder, whatever state it was left in, into the story of the run."""
+"""Reader of a run folder in any state, for reports."""
 
 from __future__ import annotations
 
@@ -42,11 +42,11 @@ SAME_MOMENT = 0.5
 
 
 class ReportError(InputError):
-    """A folder is no run folder, or one whose report cannot be made."""
+    """A folder is not a run folder, or its report cannot be made."""
 
 
 def run_folders(given: Path, depth: int = 4) -> list[Path]:
-    """Return the run folders that a path means: itself, or all below it, or a log.
+    """Return the run folders of a path: itself, all below it, or a log.
 
     Raises ReportError if there is none.
     """
@@ -56,7 +56,7 @@ def run_folders(given: Path, depth: int = 4) -> list[Path]:
         raise ReportError(f"{given} is no folder")
     found = list(_below(given, depth))
     if not found:
-        raise ReportError(f"{given} is no run folder and holds none: none has {' or '.join(PARTS)}")
+        raise ReportError(f"{given} is not a run folder and contains none: none has {' or '.join(PARTS)}")
     return found
 
 
@@ -70,9 +70,9 @@ def _below(folder: Path, depth: int) -> Iterator[Path]:
 
 
 def read_story(folder: Path) -> RunStory:
-    """Return the story that the files in ``folder`` tell; what is damaged is left out and noted.
+    """Return the report data of the files in ``folder``; damaged parts are left out and noted.
 
-    Raises ReportError if nothing can be read at all.
+    Raises ReportError if nothing can be read.
     """
     notes: list[str] = []
     result: RunResult | None = _part(folder, RESULT, _read_result, notes)

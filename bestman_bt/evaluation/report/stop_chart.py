@@ -1,4 +1,4 @@
-"""How a black box is drawn: what was set against what was measured, around the moment of the stop."""
+"""Charts of a black box: set-points against measurements, around the moment of the stop."""
 
 from __future__ import annotations
 
@@ -33,9 +33,9 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class StopCurve:
-    """Paths of an SVG of WIDTH × HEIGHT: what was ``set`` and ``measured``; ``held``: spans (x, width) of the gate.
+    """SVG paths of WIDTH × HEIGHT, ``set`` and ``measured``; ``held``: spans (x, width) limited by the gate.
 
-    ``low``, ``high``: of the axis. ``off``: the most by which the two differ.
+    ``low``, ``high``: of the axis. ``off``: the largest difference.
     """
 
     name: str
@@ -50,7 +50,7 @@ class StopCurve:
 
 @dataclass(frozen=True)
 class StopChart:
-    """One black box. ``stop_x``: where the moment of the stop is; ``still``: what did not move; ``gate``: its words."""
+    """One black box. ``stop_x``: position of the stop; ``still``: parts that did not move; ``gate``: its reasons."""
 
     file: str
     stopped_at: float

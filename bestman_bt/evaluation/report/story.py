@@ -1,4 +1,4 @@
-"""What is known of one run when it is over: the parts of its folder, put together."""
+"""The data of a finished run for its report, combined from the files of its folder."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ LONGEST_SETTING = 200
 
 @dataclass(frozen=True)
 class StoryPicture:
-    """``jpeg``: small enough to be put into a page; ``caption``: what it shows."""
+    """``jpeg``: small enough for a page; ``caption``: its description."""
 
     caption: str
     jpeg: bytes
@@ -28,9 +28,9 @@ class StoryPicture:
 
 @dataclass(frozen=True)
 class StoryFailure:
-    """A leaf failed: when (seconds since the start), which, why, how often at that moment, and what the robot saw.
+    """The failure of a leaf: time (seconds since the start), node, reason, repetitions, and a picture.
 
-    ``node``: what people call it, its name with file and line, or its path where no file defines it.
+    ``node``: its name with file and line, or its path without a file.
     """
 
     time: float
@@ -45,11 +45,11 @@ class StoryFailure:
 class RunStory:
     """One run.
 
-    ``outcome``: as in ``result.json``, or INTERRUPTED or STILL_RUNNING where there is none. ``started``: seconds since
-    the epoch, None if nothing tells. ``duration``: seconds of the robot's clock up to the last thing that is known.
-    ``entry``: of a suite, empty of other runs. ``settings``: what else decides the run, as ``--set`` names it → text.
-    ``result``: None if the run never came to its end. ``stops``: what its black
-    boxes tell. ``notes``: what could not be read, in words. ``source``: the process of others that was watched.
+    ``outcome``: as in ``result.json``, or INTERRUPTED or STILL_RUNNING without one. ``started``: seconds since the
+    epoch, None if unknown. ``duration``: seconds of the robot's clock up to the last known event. ``entry``: of a
+    suite, or empty. ``settings``: further settings as for ``--set`` → text. ``result``: None if the run did not finish.
+    ``stops``: black boxes. ``notes``: what could not be read, in words. ``source``: the external process that was
+    watched.
     """
 
     folder: Path
@@ -74,21 +74,21 @@ class RunStory:
 
     @property
     def title(self) -> str:
-        """The task, and which of its runs this is."""
+        """The task, with seed or source."""
         which = self.source if self.source or (self.result is None and not self.config) else f"seed {self.seed}"
         return ", ".join(part for part in (self.task, which) if part)
 
     @property
     def scene_and_robot_settings(self) -> str:
-        """The settings of scene and robot, which a run has only where somebody gave them, in words."""
+        """The explicit settings of scene and robot, in words."""
         return setting_words(self.settings, [key for key in self.settings if key.startswith(("scene.", "robot."))])
 
     @property
     def is_counted(self) -> bool:
-        """Whether it came to an end of its own, so that it counts in a rate of success."""
+        """Whether it completed, so that it counts in a success rate."""
         return self.result is not None and self.outcome != "cancelled"
 
 
 def setting_words(settings: Mapping[str, str], keys: Iterable[str]) -> str:
-    """``key=value, …`` of those of ``keys`` that are set, in their order, each shortened to what can be read."""
+    """Return ``key=value, …`` for the settings among ``keys``, each shortened."""
     return ", ".join(f"{key}={settings[key]}"[:LONGEST_SETTING] for key in keys if key in settings)

@@ -89,7 +89,7 @@ def test_contact_where_none_is_expected_stops_the_arm_and_is_told(stand_before):
     scene.wait(scene.gripper.close())
     ended = scene.wait(scene.arm.follow(swing(scene, 0, -0.5, 2.0), free=True))
     assert (ended.status, ended.failure.code) == (MotionStatus.FAILED, MotionErrorCode.COLLISION)
-    assert "contact where none is expected" in ended.failure.text
+    assert "unexpected contact" in ended.failure.text
     scene.robot.clock.sleep(0.5)
     arm = scene.robot.parts["arm"]
     rest = arm.positions()

@@ -164,7 +164,7 @@ def test_a_picture_that_leads_out_of_the_folder_is_left_out(tmp_path: Path, name
     [
         ("result.json", b"{", "result.json was not read to its end"),
         ("result.json", b"[" * 200_000, "result.json was not read to its end"),
-        ("result.json", b"[1]", "it is no JSON object"),
+        ("result.json", b"[1]", "it is not a JSON object"),
         ("result.json", json.dumps({"task": 3}).encode(), "result.json was not read to its end: task"),
         ("config.yaml", b"\xff\xfe\x00", "config.yaml was not read"),
         ("config.yaml", b"a: [", "config.yaml was not read"),
@@ -228,7 +228,7 @@ def test_a_log_with_an_entity_bomb_is_refused(tmp_path: Path) -> None:
 def test_a_folder_of_nothing_is_refused_in_words(tmp_path: Path) -> None:
     with pytest.raises(ReportError, match="is no folder"):
         run_folders(tmp_path / "not_there")
-    with pytest.raises(ReportError, match="is no run folder and holds none"):
+    with pytest.raises(ReportError, match="is not a run folder and contains none"):
         run_folders(tmp_path)
     (tmp_path / "result.json").write_text("not json")
     with pytest.raises(ReportError, match="result.json was not read to its end"):
