@@ -6,4 +6,4 @@ from bestman_bt.errors import AlgorithmError
 
 
 class ManipulationError(AlgorithmError, ValueError):
-    """A request that cannot be carried out as asked: wrong shape, NaN, unknown name, impossible limits."""
+    """A request that cannot be executed: wrong shape, NaN, unknown name, impossible limits."""

@@ -1,4 +1,4 @@
-"""Joint positions and limits as the manipulation algorithms take them: checked once, where they come in."""
+"""Checks of joint positions and limits at the entry of the manipulation algorithms."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from bestman_bt.manipulation.errors import ManipulationError
 
 
 class JointLimits(Protocol):
-    """What an algorithm needs to know about n joints; ``ArmModel`` and ``JointGroupModel`` have it.
+    """Limits of n joints, as provided by ``ArmModel`` and ``JointGroupModel``.
 
-    ``lower``, ``upper``, ``velocity``, ``acceleration``: (n,) rad, rad/s, rad/s² (metres for sliding joints).
+    ``lower``, ``upper``, ``velocity``, ``acceleration``: (n,) rad, rad/s, rad/s² (metres for prismatic joints).
     """
 
     @property

@@ -1,4 +1,4 @@
-"""Postures for a robot that has none yet: where its arm is out of the way, and where it is ready to work."""
+"""Search of postures for a new robot: one for transport, and one ready to work."""
 
 from __future__ import annotations
 
@@ -109,19 +109,17 @@ class PostureSearch:
         return self._best(tools, lambda q: self._cost(q, home, head), rng, "carry", self._holding, home)
 
     def carry_beside(self, rng: np.random.Generator, home: Array, head: dict[str, float]) -> Array:
-        """Return the hand beside the base, looking down, lower than above it: for what is large."""
+        """Return a posture with the hand beside the base, looking down, for large objects."""
         middle = self._shoulder + np.array([0.0, -0.38, 0.05]) * self._reach
         tools = self._around(middle, self.beside_box, rng)
         return self._best(tools, lambda q: self._cost(q, home, head), rng, "carry_beside", self._holding, home)
 
     def radius(self, positions: Array) -> float:
-        """Return how far arm and hand reach from the base's axis, metres."""
+        """Return the radius of arm and hand around the base's axis, metres."""
         return max(float(np.hypot(points[:, 0], points[:, 1]).max()) for points in self._points(positions, {}))
 
     def stands_out(self, positions: Array) -> float:
-        """Return how far arm and hand stand out beyond the outline of the robot's first base, metres; 0 without a
-        base.
-        """
+        """Return how far arm and hand extend beyond the outline of the robot's first base, metres; 0 without a base."""
         base = next(iter(self.robot.of(BaseModel).values()), None)
         if base is None:
             return 0.0

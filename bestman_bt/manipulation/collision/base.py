@@ -1,4 +1,4 @@
-"""Collision worlds: what an arm may touch, asked by joint positions."""
+"""Collision worlds: collision checks of an arm by joint positions."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from bestman_bt.manipulation.collision.planning_scene import PlanningScene
 
 
 class CollisionWorld(ABC):
-    """One arm among fixed obstacles; all other joints stand still.
+    """One arm among fixed obstacles; all other joints are fixed.
 
     Names are those of links, obstacles and of the attached object.
     """
@@ -20,11 +20,11 @@ class CollisionWorld(ABC):
     @property
     @abstractmethod
     def joint_names(self) -> tuple[str, ...]:
-        """Names of the n joints, in the order of every (n,) array."""
+        """The names of the n joints, in the order of every (n,) array."""
 
     @property
     def fingerprint(self) -> str:
-        """The same text for worlds that answer alike; empty where a world cannot tell."""
+        """Equal for worlds that give equal answers; empty if unknown."""
         return ""
 
     @abstractmethod
@@ -40,30 +40,30 @@ class CollisionWorld(ABC):
 
     @abstractmethod
     def distance(self, positions: ArrayLike) -> float:
-        """Smallest distance of any checked pair at ``positions`` (n,), metres; negative where bodies overlap.
+        """Return the smallest distance of any checked pair at ``positions`` (n,), metres; negative if bodies overlap.
 
         Padding is not subtracted. Infinite if nothing is checked.
         """
 
     def clearance(self, positions: ArrayLike) -> float:
-        """Return how far from touching at ``positions`` (n,), metres: the smallest distance beyond a pair's padding.
+        """Return the clearance at ``positions`` (n,), metres: the smallest distance minus the padding of the pair.
 
-        Negative where ``is_free`` is false. A world that cannot tell the padding of its pairs gives the distance.
+        Negative if ``is_free`` is false. A world without paddings returns the distance.
         """
         return self.distance(positions)
 
     def nearest_pair(self, positions: ArrayLike) -> tuple[str, str] | None:
-        """Return the two bodies, one of them none of the robot's links, that are nearest to touching at ``positions``
-        (n,).
+        """Return the nearest pair at ``positions`` (n,) in which one body is not a link of the robot, or None.
 
-        None if there are none. A world that cannot tell gives a pair that collides.
+        A world that cannot determine it returns a colliding pair.
         """
         return next(iter(self.colliding_pairs(positions)), None)
 
     def bodies(self, positions: ArrayLike) -> Sequence[tuple[str, NDArray[np.float64]]]:
-        """Name and corners (N, 3), metres in the base frame, of each convex body at ``positions`` (n,), for pictures.
+        """Return name and corners (N, 3), metres in the base frame, of each convex body at ``positions`` (n,), for
+        pictures.
 
-        None of a world that has no shapes to show.
+        Empty for a world without shapes.
         """
         return ()
 

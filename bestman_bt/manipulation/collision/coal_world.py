@@ -49,7 +49,7 @@ def octree(voxels: VoxelObstacle) -> coal.OcTree:
 def clear_of(voxels: VoxelObstacle, bodies: Sequence[Placed], margin: float) -> VoxelObstacle:
     """Return the voxels that do not touch the bounding box of any body, grown by ``margin`` metres.
 
-    Where the robot is now is no obstacle, whatever was seen there. ``bodies``: geometries and their poses in the base.
+    The robot's own current volume is thus free. ``bodies``: geometries and their poses in the base frame.
     """
     reach = margin + math.sqrt(3.0) / 2 * voxels.resolution
     indices = voxels.indices
@@ -67,9 +67,9 @@ def clear_of(voxels: VoxelObstacle, bodies: Sequence[Placed], margin: float) -> 
 
 
 def fingerprint(value: object) -> str:
-    """32 hexadecimal digits for a value made of dataclasses, mappings, sets, sequences, arrays, texts and numbers.
+    """Return 32 hexadecimal digits for a value of dataclasses, mappings, sets, sequences, arrays, texts and numbers.
 
-    Raises TypeError for anything else.
+    Raises TypeError for other types.
     """
     return hashlib.blake2b(_encoded(value), digest_size=16).hexdigest()
 
@@ -215,8 +215,8 @@ class CoalCollisionWorld(CollisionWorld):
         return min((clearance for clearance, _, _ in self._clearances(positions)), default=math.inf)
 
     def nearest_pair(self, positions: ArrayLike) -> tuple[str, str] | None:
-        """Return the link or held object, and the body that is no link, that are nearest to touching at ``positions``
-        (n,).
+        """Return the link or held object and the obstacle that are nearest to contact at ``positions`` (n,), or
+        None.
         """
         others = [near for near in self._clearances(positions) if near[2] >= self._links]
         if not others:

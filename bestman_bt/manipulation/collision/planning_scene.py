@@ -13,7 +13,7 @@ from bestman_bt.messages import PlacedShape, Pose
 
 @dataclass(frozen=True)
 class SceneObstacle:
-    """A body that stands still: ``shapes`` in the base frame; ``padding``: metres, added to the scene's."""
+    """A fixed body: ``shapes`` in the base frame; ``padding``: metres, in addition to the scene's."""
 
     name: str
     shapes: tuple[PlacedShape, ...]
@@ -48,15 +48,14 @@ class AttachedObject:
 
 @dataclass(frozen=True)
 class PlanningScene:
-    """Obstacles and the state of all joints that do not move.
+    """Obstacles, and the state of all fixed joints.
 
-    ``attached``: what the moving arm holds; ``carried``: what others hold, which stands still with them.
-    ``positions``: joint name → radians or metres; joints that are missing stand at zero. The moving arm's own entries
-    are ignored. ``allowed_pairs``: names of links, obstacles or the attached object that may touch.
-    ``padding``: metres kept between the arm (or what it holds) and obstacles; ``self_padding``: between links.
-    ``held_padding``: metres kept, on a robot of several arms, between what a hand holds and the other arms: how it lies
-    in the hand is known less well than where links are.
-    ``voxels``: seen space that nothing else explains; where the robot stands now, or what it holds, they do not count.
+    ``attached``: the object held by the moving arm; ``carried``: objects held by other arms, fixed. ``positions``:
+    joint name → radians or metres; missing joints are at zero; those of the moving arm are ignored. ``allowed_pairs``:
+    names of links, obstacles or the attached object that may touch. ``padding``: metres between the arm (or its object)
+    and obstacles; ``self_padding``: between links. ``held_padding``: metres between a held object and other arms,
+    because its pose in the hand is less certain. ``voxels``: seen space that no known body explains; the current volume
+    of the robot and its object is excluded.
     """
 
     positions: Mapping[str, float]

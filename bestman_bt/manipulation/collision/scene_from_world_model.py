@@ -1,4 +1,4 @@
-"""From what the robot believes to what its arm must keep clear of."""
+"""Conversion of the belief to the arm's planning scene."""
 
 from __future__ import annotations
 
@@ -34,12 +34,11 @@ def hollow_furniture(
     turn: float,
     reach: float,
 ) -> list[SceneObstacle]:
-    """Obstacles ``furniture`` (its boards) and ``furniture/leaf`` (with its handle where it stands open), base frame.
+    """Return the obstacles ``furniture`` (its boards) and ``furniture/leaf`` (with its handle if open), base frame.
 
-    ``offset``, ``turn``: how far any piece may be from where the map has it at most, metres and radians; boards are
-    thickened sideways by that, or by the errors of a piece that is known better; heights are exact. ``reach``: metres
-    from the base beyond which pieces are left out. A board whose surface was measured is left out: the measured one is
-    an obstacle of its own.
+    ``offset``, ``turn``: largest error of mapped furniture, metres and radians; boards are thickened sideways by it, or
+    by the smaller errors of a measured piece; heights are exact. ``reach``: metres from the base beyond which furniture
+    is left out. A board whose surface was measured is left out, because the measurement is a separate obstacle.
     """
     obstacles = []
     for name in names:
@@ -115,9 +114,10 @@ def voxel_obstacles(
     reach: float,
     unknown: bool,
 ) -> tuple[VoxelObstacle, ...]:
-    """Obstacles ``occupied`` and, where ``unknown``, ``unknown``, of the voxels within ``reach`` metres of the base.
+    """Return the obstacles ``occupied`` and, if ``unknown``, ``unknown``, of the voxels within ``reach`` metres of the
+    base.
 
-    ``explained``: shapes in the base frame; a voxel that touches one, or comes within ``slack`` metres, is left out.
+    ``explained``: shapes in the base frame; voxels within ``slack`` metres of one are left out.
     """
     base_from_grid = base_from_map @ grid.frame_from_grid
     shapes = tuple(explained)
@@ -142,15 +142,14 @@ FLOOR = "floor"
 
 @dataclass(frozen=True)
 class SceneMargins:
-    """What is kept clear of, and what counts as an obstacle.
+    """Margins of the scene, and what counts as an obstacle.
 
-    ``padding``: metres kept from everything. ``reach``: metres from the base beyond which nothing matters.
-
-    ``furniture_offset``, ``furniture_turn``: how far furniture may be from where the map has it, metres and radians;
-    a piece that is known better (``MapFurniture.position_error``) is as far off as that.
-    ``wall_height``, ``wall_thickness``: metres. ``object_deviations``: standard deviations of an object's position
-    that are kept clear, at most ``max_object_padding`` metres. ``unknown_is_obstacle``: whether space that no view has
-    shown counts as filled. ``voxel_slack``: metres from a believed body within which it explains what was seen.
+    ``padding``: metres from all bodies. ``reach``: metres from the base beyond which bodies are left out.
+    ``furniture_offset``, ``furniture_turn``: largest error of mapped furniture, metres and radians; a measured piece
+    has its own (``MapFurniture.position_error``). ``wall_height``, ``wall_thickness``: metres. ``object_deviations``:
+    standard deviations of an object's position to add as padding, at most ``max_object_padding`` metres.
+    ``unknown_is_obstacle``: whether unseen space is occupied. ``voxel_slack``: metres from a believed body within which
+    voxels belong to it.
     """
 
     padding: float = 0.002
@@ -177,18 +176,18 @@ def planning_scene_from_world_model(
 ) -> PlanningScene:
     """Return the planning scene around the believed base pose.
 
-    Obstacles are: the floor (``floor``), walls (``wall0`` …), furniture by its name as a solid box that covers its
-    possible poses, measured bodies (``world_model.obstacles``), objects by their names. An obstacle named like a piece
-    of furniture, or ``furniture/…``, is a measurement of it and replaces its box. What ``arm`` holds is attached, what
-    other arms hold is carried; the hand and fingers that hold it may touch it. ``positions``: of all joints, by name.
-    ``ignore``: names to leave out.
+    Obstacles are: the floor (``floor``), walls (``wall0`` …), furniture by name as a solid box that covers its possible
+    poses, measured bodies (``world_model.obstacles``), objects by name. An obstacle with the name of a piece of
+    furniture, or ``furniture/…``, is a measurement and replaces its box. The object held by ``arm`` is attached,
+    objects of other arms are carried; the holding hand may touch it. ``positions``: of all joints, by name. ``ignore``:
+    names to leave out.
 
-    ``hollow``: furniture that the arm works in: where the map knows its boards, these are the obstacle ``furniture``,
-    and each door and drawer, at its believed position, the obstacle ``furniture/leaf``, all as thick as the error of
-    the map asks for; what was measured is an obstacle in addition, and of a leaf's name instead of the leaf.
+    ``hollow``: furniture that the arm works in: if the map has its boards, these are the obstacle ``furniture``, and
+    each door and drawer at its believed opening is ``furniture/leaf``, thickened by the map's error; measurements are
+    additional obstacles, and replace a leaf of the same name.
 
-    Voxels of ``world_model.occupancy`` are obstacles (``occupied``, ``unknown``), but for those that any of these
-    bodies, ignored ones too, or a shape of ``explained`` (in the base frame) explains.
+    Voxels of ``world_model.occupancy`` are obstacles (``occupied``, ``unknown``), except those explained by these
+    bodies, ignored ones included, or by a shape of ``explained`` (base frame).
     """
     left_out = set(ignore)
     left_out |= {held.name for held in world_model.hands.values()}
@@ -235,7 +234,7 @@ def planning_scene_from_world_model(
 
 
 def held_object(world_model: WorldModel, robot: RobotModel, arm: str = "arm") -> AttachedObject | None:
-    """What the arm holds, as an attached object, or None if its hand is empty."""
+    """Return the object held by the arm as an attached object, or None."""
     held = world_model.hands.get(arm)
     if held is None:
         return None

@@ -1,4 +1,4 @@
-"""The space that an arm, with its hand and what that holds, passes through along a path."""
+"""The volume swept by an arm, its hand and its object along a path."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ _PER_PIECE = 5
 
 
 class SweptWay:
-    """Pieces of a path, each with the convex hulls of the arm's bodies over it, in the base frame.
+    """Pieces of a path, each with the convex hulls of the arm's bodies, in the base frame.
 
-    ``path``: (N, n) positions of ``joint_names``. ``others``: positions of all joints, by name; those of the path
-    count for its own. ``held``: what the hand holds, as the box around it.
+    ``path``: (N, n) positions of ``joint_names``. ``others``: positions of all joints, by name; the path overrides its
+    own. ``held``: the held object, as a box.
     """
 
     def __init__(
@@ -41,14 +41,16 @@ class SweptWay:
         self._hulls: dict[tuple[int, int], coal.CollisionObject] = {}
 
     def reached(self, positions: NDArray[np.float64], since: int = 0) -> int:
-        """Return the sample of the way that the arm has reached at ``positions`` (n,), not before ``since``."""
+        """Return the sample of the path that the arm has reached at ``positions`` (n,), not before ``since``."""
         away = np.abs(self.positions - positions).max(axis=1)
         while since + 1 < len(away) and away[since + 1] <= away[since]:
             since += 1
         return since
 
     def is_near(self, other: SweptWay, margin: float, since: int = 0) -> bool:
-        """Return whether the way from sample ``since`` on comes within ``margin`` metres of another arm's way."""
+        """Return whether the rest of the path, from sample ``since`` on, comes within ``margin`` metres of another
+        arm's path.
+        """
         first = min(since // _PER_PIECE, len(self._low) - 1)
         low, high = self._low[first:, :, None, None] - margin, self._high[first:, :, None, None] + margin
         close = ((low <= other._high) & (high >= other._low)).all(axis=-1)

@@ -1,1 +1,1 @@
-"""Kinematics: frames of the whole robot, inverse kinematics, paths of the tool, reachability, where to stand."""
+"""Kinematics: forward and inverse kinematics, tool paths, reachability, base placement."""

@@ -1,9 +1,9 @@
-"""Following a sequence of tool poses on one branch of inverse kinematics, where the hand may turn about what it holds.
+"""Following a sequence of tool poses on one branch of inverse kinematics, with free rotation about the held part.
 
-Dynamic programming over the sampled turn of the hand (in the manner of Descartes planners: De Maeyer, Moyaers and
-Demeester, "Cartesian path planning for arc welding robots: evaluation of the Descartes algorithm", ETFA 2017), with
-the redundancy used to keep the joints from their limits (Liégeois, "Automatic supervisory control of the
-configuration and behavior of multibody mechanisms", 1977).
+Dynamic programming over the sampled rotation of the hand (in the manner of Descartes planners: De Maeyer, Moyaers and
+Demeester, "Cartesian path planning for arc welding robots: evaluation of the Descartes algorithm", ETFA 2017);
+redundancy keeps the joints from their limits (Liégeois, "Automatic supervisory control of the configuration and
+behavior of multibody mechanisms", 1977).
 """
 
 from __future__ import annotations
@@ -31,11 +31,9 @@ IsFreeAt = Callable[[NDArray[np.float64], int], bool]
 class ArcSearch:
     """Finds joint paths that follow an arc of the tool.
 
-    ``turn``: list places by which the hand may turn from one station to the next.
-
-    ``max_step``: rad that a joint may move between stations. ``centring``: rad by which redundancy pushes a joint away
-    from its limit, per station; ``limit_margin``: rad that it does not push beyond. ``margin_weight``: cost of a joint
-    at its limit, against rad² of motion.
+    ``turn``: largest change of the option between stations. ``max_step``: rad, largest joint motion between stations.
+    ``centring``: rad per station by which redundancy moves a joint away from its limit; ``limit_margin``: rad from the
+    limit where this ends. ``margin_weight``: cost of a joint at its limit, relative to rad² of motion.
     """
 
     turn: WholeNumber = 1
@@ -74,8 +72,7 @@ class ArcSearch:
         """Return the path through all stations that passes ``positions`` (n,), a solution of one pose of station
         ``middle``.
 
-        Where it cannot be completed, ``path`` holds the stations from the first one reached onwards only if that is
-        station 0; else it is empty.
+        If it is incomplete, ``path`` holds the stations from station 0 on, or is empty.
         """
         root = _Node(positions, option, 0.0)
         last = len(stations) - 1
@@ -164,10 +161,10 @@ class ArcSearch:
 
 @dataclass(frozen=True, eq=False)
 class ArcPath:
-    """``path``: (N, n) radians, one row per station as far as it got. ``options``: which pose of each station it takes.
+    """``path``: (N, n) radians, one row per reached station. ``options``: the chosen pose of each station.
 
-    ``stations``: how many there were. ``failure``: why it ended early, in words; empty where complete. ``margin``:
-    the smallest room that a joint has on the way, as a share of half its range: 0 at a limit, 1 in the middle.
+    ``stations``: their number. ``failure``: why it ended early; empty if complete. ``margin``: smallest distance of a
+    joint from its limits, as a fraction of half its range.
     """
 
     path: NDArray[np.float64]
@@ -197,7 +194,7 @@ class _Node:
 
 
 def check_stations(stations: Stations) -> None:
-    """Raise ManipulationError if there is no station or one has no pose."""
+    """Raise ManipulationError if there is no station, or a station without poses."""
     if not stations or any(len(poses) == 0 for poses in stations):
         raise ManipulationError("stations should hold at least one station, each with at least one tool pose")
 

@@ -14,11 +14,11 @@ from bestman_bt.messages import Pose
 
 @dataclass(frozen=True, eq=False)
 class IKResult:
-    """What a search for joint positions found.
+    """The result of a search for joint positions.
 
-    ``solutions``: (n,) arrays, radians, inside the limits, nearest to the reference first; empty if none was found.
+    ``solutions``: (n,) arrays, radians, within the limits, nearest to the reference first; may be empty.
     ``position_error``, ``rotation_error``: metres and radians, of the first solution, or of the closest approach.
-    ``attempts``: how many start positions were tried. ``rejected``: how many solutions ``is_valid`` refused.
+    ``attempts``: number of start positions. ``rejected``: solutions refused by ``is_valid``.
     """
 
     solutions: tuple[NDArray[np.float64], ...]
@@ -46,17 +46,17 @@ class InverseKinematics(ABC):
     @property
     @abstractmethod
     def joint_names(self) -> tuple[str, ...]:
-        """Names of the n joints, in the order of every (n,) array."""
+        """The names of the n joints, in the order of every (n,) array."""
 
     @property
     def fingerprint(self) -> str:
-        """All that the tool's poses depend on, in words, for what is kept on disk; empty: nothing is to be kept."""
+        """A text of everything that the tool poses depend on, as a cache key; empty: no caching."""
         return ""
 
     @property
     @abstractmethod
     def reach(self) -> tuple[NDArray[np.float64], float]:
-        """The shoulder (3,) in the base frame, and the distance from it in metres beyond which no tool pose lies."""
+        """The shoulder (3,) in the base frame, and the largest distance of a tool pose from it, metres."""
 
     @abstractmethod
     def tool_pose(self, positions: ArrayLike) -> Pose:
@@ -72,10 +72,10 @@ class InverseKinematics(ABC):
         is_valid: Callable[[NDArray[np.float64]], bool] | None = None,
         attempts: int | None = None,
     ) -> IKResult:
-        """Search up to ``count`` distinct solutions.
+        """Search for up to ``count`` distinct solutions.
 
-        ``reference``: (n,), where the search starts and what "nearest" refers to. ``is_valid`` refuses solutions,
-        for example ``CollisionWorld.is_free``. ``attempts``: start positions to try, instead of the algorithm's own.
+        ``reference``: (n,), start of the search and reference for "nearest". ``is_valid``: refuses solutions, for
+        example ``CollisionWorld.is_free``. ``attempts``: number of start positions, by default the algorithm's own.
         Raises ManipulationError if ``base_from_tool`` or ``reference`` is not finite or has the wrong shape.
         """
 

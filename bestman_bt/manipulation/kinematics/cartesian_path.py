@@ -16,9 +16,9 @@ from bestman_bt.messages import Pose
 
 @dataclass(frozen=True, eq=False)
 class CartesianPath:
-    """``path``: (N, n) radians, as far as it got. ``fraction``: share of the line, 1.0 where complete.
+    """``path``: (N, n) radians, as far as possible. ``fraction``: reached fraction of the line, 1.0 if complete.
 
-    ``failure``: why it ended early, in words; empty where complete.
+    ``failure``: why it ended early; empty if complete.
     """
 
     path: NDArray[np.float64]
@@ -39,10 +39,11 @@ def cartesian_path(
     max_translation: float = 0.01,
     max_rotation: float = 0.05,
 ) -> CartesianPath:
-    """Move the tool straight from where it is at ``start`` (n,) to ``base_from_goal``, turning evenly on the way.
+    """Move the tool straight from its pose at ``start`` (n,) to ``base_from_goal``, with uniform rotation.
 
-    ``is_valid``: asked at every waypoint but the first, for example ``CollisionWorld.is_free``. ``max_translation``,
-    ``max_rotation``: metres and radians between waypoints. Raises ManipulationError as ``InverseKinematics.track``.
+    ``is_valid``: called at every waypoint but the first, for example ``CollisionWorld.is_free``. ``max_translation``,
+    ``max_rotation``: metres and radians between waypoints. Raises ManipulationError as ``InverseKinematics.track``
+    does.
     """
     q = joint_vector(start, len(kinematics.joint_names), "start of a Cartesian path")
     base_from_start = kinematics.tool_pose(q)
@@ -68,9 +69,7 @@ def rotation_angle(a: Pose, b: Pose) -> float:
 
 
 def interpolate(a: Pose, b: Pose, fraction: float) -> Pose:
-    """Return the pose at ``fraction`` of the way: straight in position, spherical linear in orientation (the short
-    way).
-    """
+    """Return the pose at ``fraction``: linear in position, spherical linear in orientation (the shorter way)."""
     position = (1.0 - fraction) * a.position + fraction * b.position
     cosine = float(a.quaternion @ b.quaternion)
     end = b.quaternion if cosine >= 0.0 else -b.quaternion

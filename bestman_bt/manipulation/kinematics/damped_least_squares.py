@@ -37,18 +37,15 @@ from bestman_bt.robot_model.model import ArmModel, RobotModel
 
 @dataclass(frozen=True, eq=False)
 class DampedLeastSquares(InverseKinematics):
-    """q ← clip(q + Jᵀ (J Jᵀ + λI)⁻¹ e) from one start position after another.
+    """Damped least squares: q ← clip(q + Jᵀ (J Jᵀ + λI)⁻¹ e) from several start positions.
 
-    ``fixed``: positions of joints outside the arm (a torso that carries it); those that are missing stand at zero.
-    ``tolerance``: m and rad, every component of the error. ``damping``: added to J Jᵀ, in proportion to the
-    error where that is below ``fade``, m and rad. ``max_step``: rad per joint.
-
-    ``max_iterations``: of one attempt.
-    ``limit_margin``: rad kept from the joint limits. ``attempts``: start positions: the reference, then
-    ``near_attempts`` within ``near_std`` rad of it, then anywhere. ``distinct``: rad by which two solutions differ in
-    at least one joint. ``track_step``: rad that a joint may move in one ``track``; a descent that is ever farther off
-    than ``track_leash`` is given up. ``patience``: iterations without a new smallest error after which an attempt
-    ends; ``track_patience``: the same where the solution is near.
+    ``fixed``: positions of joints outside the arm (such as a torso); missing ones are at zero. ``tolerance``: m and
+    rad, of every component of the error. ``damping``: added to J Jᵀ, proportional to the error below ``fade``, m and
+    rad. ``max_step``: rad per joint. ``max_iterations``: of one attempt. ``limit_margin``: rad from the joint limits.
+    ``attempts``: number of start positions: the reference, then ``near_attempts`` within ``near_std`` rad of it, then
+    random ones. ``distinct``: rad by which two solutions differ in at least one joint. ``track_step``: rad, largest
+    joint motion in one ``track``; a descent that moves further than ``track_leash`` is given up. ``patience``:
+    iterations without improvement after which an attempt ends; ``track_patience``: the same for ``track``.
     """
 
     robot: RobotModel

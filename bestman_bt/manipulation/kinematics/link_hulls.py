@@ -39,8 +39,8 @@ class ForwardKinematics:
     def pose(self, frame: str, positions: Mapping[str, float], reference: str | None = None) -> Pose:
         """Return the pose of the link ``frame`` in the link ``reference`` (default: the robot's base frame).
 
-        ``positions``: joint name → radians or metres; joints that are missing stand at zero.
-        Raises ManipulationError for an unknown link or joint, or a position that is not finite.
+        ``positions``: joint name → radians or metres; missing joints are at zero. Raises ManipulationError for an
+        unknown link or joint, or a position that is not finite.
         """
         model, data = self._model, self._data
         frame_id = frame_index(model, frame)
@@ -124,10 +124,9 @@ class ArmBodies:
         self._robot, self._arm = robot, robot.of(ArmModel)[arm]
 
     def at(self, positions: Mapping[str, float], held: HeldObject | None = None) -> list[NDArray[np.float64]]:
-        """Corners of the convex hull of each body, (N, 3) metres in the base frame.
+        """Return the corners of the convex hull of each body, (N, 3) metres in the base frame.
 
-        ``positions``: of all joints, by name; those that are missing stand at zero. ``held``: what is in the hand, as
-        the box around it.
+        ``positions``: of all joints, by name; missing ones are at zero. ``held``: the held object, as a box.
         """
         model = self._model
         data = model.createData()

@@ -1,4 +1,4 @@
-"""The pinocchio model of a robot: what forward kinematics, inverse kinematics and collision worlds share.
+"""The pinocchio model of a robot, shared by forward kinematics, inverse kinematics and collision worlds.
 
 Carpentier et al., "The Pinocchio C++ library", SII 2019.
 """
@@ -25,7 +25,7 @@ def build_model(robot: RobotModel) -> pinocchio.Model:
 
 
 def frame_index(model: pinocchio.Model, frame: str) -> int:
-    """Index of a frame (a link). Raises ManipulationError naming what there is."""
+    """Return the index of a frame (a link). Raises ManipulationError listing the known ones."""
     if not model.existFrame(frame):
         bodies = [f.name for f in model.frames if f.type == pinocchio.FrameType.BODY]
         raise ManipulationError(f"the robot has no frame {frame!r}; it has {', '.join(bodies)}")
@@ -33,7 +33,7 @@ def frame_index(model: pinocchio.Model, frame: str) -> int:
 
 
 def joint_index(model: pinocchio.Model, joint: str) -> int:
-    """Index of a movable joint. Raises ManipulationError naming what there is."""
+    """Return the index of a movable joint. Raises ManipulationError listing the known ones."""
     if not model.existJointName(joint):
         raise ManipulationError(f"the robot has no movable joint {joint!r}; it has {', '.join(list(model.names)[1:])}")
     return int(model.getJointId(joint))

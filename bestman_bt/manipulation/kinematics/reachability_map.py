@@ -49,13 +49,13 @@ class ScrewChain:
 
     @property
     def joints(self) -> int:
-        """How many joints there are."""
+        """The number of joints."""
         return len(self.screws)
 
     def reach(
         self, positions: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-        """At (N, n) joint positions: tool positions (N, 3), tool z axes (N, 3), manipulabilities (N,)."""
+        """Return tool positions (N, 3), tool z axes (N, 3), manipulabilities (N,) at (N, n) joint positions."""
         count = len(positions)
         rotation, translation = np.tile(np.eye(3), (count, 1, 1)), np.zeros((count, 3))
         jacobian = np.empty((count, 6, self.joints))
@@ -94,9 +94,8 @@ def _exponential(
 class ReachabilitySampling:
     """Fills reachability maps from random joint positions.
 
-    ``voxel``: metres. ``directions``: approach directions, evenly over the sphere. ``samples``: joint positions.
-
-    ``plenty``: samples in a cell at which it counts as fully reachable. ``seed``: of the samples.
+    ``voxel``: metres. ``directions``: number of approach directions, uniform on the sphere. ``samples``: joint
+    positions. ``plenty``: samples in a cell from which it counts as fully reachable. ``seed``: of the samples.
     """
 
     voxel: Positive = 0.08
@@ -144,7 +143,7 @@ class ReachabilityMap:
     """Cells of tool positions × approach directions (the tool's z axis), in the robot's base frame.
 
     ``origin``: (3,) metres, the lowest corner. ``directions``: (D, 3) unit vectors. ``counts``: (X, Y, Z, D) samples
-    that fell into each cell. ``manipulability``: (X, Y, Z, D), the largest of Yoshikawa's measure among them.
+    per cell. ``manipulability``: (X, Y, Z, D), the largest of Yoshikawa's measure per cell.
     """
 
     origin: NDArray[np.float64]
@@ -155,9 +154,9 @@ class ReachabilityMap:
     plenty: int
 
     def score(self, positions: ArrayLike, approaches: ArrayLike) -> NDArray[np.float64]:
-        """How well tool poses are reached, (N,), 0 (never seen) to 1, for ``positions`` and ``approaches`` (N, 3).
+        """Return the reachability, (N,), 0 to 1, of tool poses with ``positions`` and ``approaches`` (N, 3).
 
-        The two directions next to the approach are averaged, and neighbouring voxels interpolated.
+        The two nearest directions are averaged, and neighbouring voxels interpolated.
         """
         points, aims = _vectors(positions, "positions"), _vectors(approaches, "approaches")
         likeness = aims @ self.directions.T
@@ -187,7 +186,7 @@ class ReachabilityMap:
 
 
 def even_directions(count: int) -> NDArray[np.float64]:
-    """``count`` unit vectors, (count, 3), evenly over the sphere (Fibonacci's spiral)."""
+    """Return ``count`` unit vectors, (count, 3), uniform on the sphere (Fibonacci spiral)."""
     number = np.arange(count) + 0.5
     height = 1.0 - 2.0 * number / count
     turn = np.pi * (1.0 + 5.0**0.5) * number
@@ -216,10 +215,10 @@ def reachability_map(
     sampling: ReachabilitySampling | None = None,
     folder: Path | None = None,
 ) -> ReachabilityMap:
-    """Return the map of an arm from ``folder`` (default: the user's cache), else built and put there.
+    """Return the map of an arm from ``folder`` (default: the user's cache), else build and save it.
 
-    ``kinematics``: one with a ``fingerprint``. A file that cannot be read is built anew; a folder that cannot be
-    written only costs the next start its time.
+    ``kinematics``: with a ``fingerprint``. An unreadable file is rebuilt; an unwritable folder only costs time at the
+    next start.
     """
     sampling = sampling or ReachabilitySampling()
     file = (folder or cache_folder()) / f"reachability-{_key(kinematics, sampling)}.npz"

@@ -1,8 +1,8 @@
-"""Where to stand for a whole path of the tool: base poses from which it is followed on one branch, best first.
+"""Base placement for a whole tool path: base poses from which it is followed on one branch, best first.
 
-The opening of a door fails where the arm runs out of its branch half-way, so a stand counts only with the joint path
-that follows the whole arc. Candidates come in the order of a reachability map (Vahrenkamp, Asfour and Dillmann, "Robot
-placement based on reachability inversion", ICRA 2013).
+Opening a door fails if the arm leaves its branch half-way, so a placement counts only with a joint path that follows
+the whole arc. Candidates are ordered by a reachability map (Vahrenkamp, Asfour and Dillmann, "Robot placement based on
+reachability inversion", ICRA 2013).
 """
 
 from __future__ import annotations
@@ -37,12 +37,11 @@ _AT_ONCE = 32  # stands whose promise is computed in one array, which is to stay
 class ArcStands:
     """Finds base poses from which a whole arc of the tool is followed.
 
-    ``enough``: stands with a complete path after which the search ends. ``most``: stands to try at all.
-
-    ``starts``: inverse kinematics solutions per stand from which the path is searched; ``options``: turns of the hand
-    at the middle station for which they are sought, with ``ik_attempts`` start positions each. ``good_margin``: a path
-    whose joints keep this share of their half ranges is taken at once. ``min_fraction``: stands that reach less of the
-    path are left out. ``travel_cost``: score lost per metre of driving.
+    ``enough``: placements with a complete path that end the search. ``most``: largest number of candidates. ``starts``:
+    inverse kinematics solutions per placement to search from; ``options``: rotations of the hand at the middle station,
+    with ``ik_attempts`` start positions each. ``good_margin``: a path with this joint margin (fraction of half the
+    range) is taken at once. ``min_fraction``: least reached fraction of the path. ``travel_cost``: score lost per metre
+    of driving.
     """
 
     enough: Count = 4
@@ -64,10 +63,11 @@ class ArcStands:
         current: Pose2D | None = None,
         arc: ArcSearch | None = None,
     ) -> tuple[StandAlong, ...]:
-        """Stands from which the tool follows all ``stations`` (poses in the map frame), best first; perhaps none.
+        """Return placements from which the tool follows all ``stations`` (poses in the map frame), best first; may be
+        empty.
 
-        ``is_free_at``: for a stand, whether the arm is free at a station. ``current``: where the base is now. Raises
-        ManipulationError as ``ArcSearch.path``.
+        ``is_free_at``: for a placement, whether the arm is free at a station. ``current``: current base pose. Raises
+        ManipulationError as ``ArcSearch.path`` does.
         """
         check_stations(stations)
         origin = joint_vector(arm.reference, len(arm.kinematics.joint_names), "reference")
@@ -189,9 +189,10 @@ def stands_around(
     bearings: Sequence[float] = _EVERY_15_DEGREES,
     turns: Sequence[float] = (0.0, -0.5, 0.5, -1.0, 1.0),
 ) -> tuple[Pose2D, ...]:
-    """Base poses about ``target`` (x, y) in the map frame: at ``distances`` metres, in the directions ``bearings``.
+    """Return base poses around ``target`` (x, y) in the map frame, at ``distances`` metres in directions ``bearings``,
+    rad.
 
-    The base looks at the target, turned by each of ``turns`` radians.
+    The base faces the target, rotated by each of ``turns`` radians.
     """
     x, y = np.asarray(target, dtype=float)[:2].tolist()
     return tuple(

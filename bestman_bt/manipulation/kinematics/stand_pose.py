@@ -1,7 +1,7 @@
-"""Where to stand: base poses from which the arm reaches what it has to, best first.
+"""Base placement: base poses from which the arm reaches its targets, best first.
 
 In the spirit of Zacharias, Borst and Hirzinger, "Capturing robot workspace structure", IROS 2007: a reachability map
-(where one is given) or the distance to the target says which stands inverse kinematics is asked for first.
+(if given) or the distance to the target orders the candidates for inverse kinematics.
 """
 
 from __future__ import annotations
@@ -26,10 +26,10 @@ ToolPoses = Sequence[Pose]
 
 @dataclass(frozen=True, eq=False)
 class ReachingArm:
-    """The arm that has to reach something from a stand.
+    """The arm of a base placement search.
 
-    ``reference``: (n,) radians, where inverse kinematics starts. ``reachability``: its map, without which the distance
-    to the target says which stands are tried first.
+    ``reference``: (n,) radians, start of inverse kinematics. ``reachability``: its map; without it candidates are
+    ordered by distance.
     """
 
     kinematics: InverseKinematics
@@ -41,12 +41,11 @@ class ReachingArm:
 
 @dataclass(frozen=True)
 class StandSearch:
-    """Finds base poses from which the arm reaches what it has to.
+    """Finds base poses from which the arm reaches its targets.
 
     ``gaps``: metres between the base's front and the furniture. ``offsets``: metres sideways from the target.
-
-    ``preferred_reach``: share of the arm's reach at which it works best. ``enough``: good stands after which the search
-    ends. ``ik_attempts``: start positions per tool pose. ``travel_cost``: score lost per metre of driving.
+    ``preferred_reach``: fraction of the arm's reach where it works best. ``enough``: good placements that end the
+    search. ``ik_attempts``: start positions per tool pose. ``travel_cost``: score lost per metre of driving.
     ``comfort_weight``: score for joints far from their limits.
     """
 
@@ -61,7 +60,7 @@ class StandSearch:
     def beside(
         self, furniture: MapFurniture, target: ArrayLike, base_front: float, sides: Sequence[str] = ("front",)
     ) -> tuple[Pose2D, ...]:
-        """Stands beside ``furniture``, facing it, abreast of ``target`` (x, y) in the map frame, or a little sideways.
+        """Return base poses along ``furniture``, facing it, at ``target`` (x, y) in the map frame or slightly sideways.
 
         ``base_front``: metres from the base's origin to its front. ``sides``: of ``front`` (-x of the furniture),
         ``back``, ``left`` (+y) and ``right``. Raises ManipulationError for another side.
@@ -92,13 +91,12 @@ class StandSearch:
         world_at: Callable[[Pose2D], CollisionWorld] | None = None,
         current: Pose2D | None = None,
     ) -> tuple[StandPose, ...]:
-        """Stands from which at least one alternative is reachable, best first; empty if there is none.
+        """Return the placements from which at least one alternative is reachable, best first; may be empty.
 
         ``alternatives``: each a sequence of tool poses in the map frame that must all be reached (pre-grasp, grasp).
-        ``is_base_free``: whether the base may stand there. ``world_at``: the collision world of the arm for a stand;
-        without it collisions are not looked at.
-        ``current``: where the base is now. Stands that the arm's ``reachability`` (without it: their distance to the
-        target) favours are tried first, and the search ends after ``enough`` that reach something.
+        ``is_base_free``: whether the base has room there. ``world_at``: the arm's collision world for a placement;
+        without it collisions are ignored. ``current``: current base pose. Candidates are ordered by ``reachability``
+        (or distance), and the search ends after ``enough`` successes. Raises ManipulationError without alternatives.
         """
         if not alternatives or any(len(poses) == 0 for poses in alternatives):
             raise ManipulationError("alternatives should hold at least one sequence of tool poses, none of them empty")
@@ -169,7 +167,7 @@ class StandSearch:
 
 @dataclass(frozen=True, eq=False)
 class StandPose:
-    """A base pose in the map frame. ``reachable``: how many of the alternatives the arm reaches from there.
+    """A base pose in the map frame. ``reachable``: number of reachable alternatives.
 
     ``positions``: (n,) radians, for the first tool pose of the most comfortable alternative, number ``alternative``.
     """

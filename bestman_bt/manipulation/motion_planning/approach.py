@@ -16,7 +16,7 @@ from bestman_bt.messages import Pose
 
 @dataclass(frozen=True, eq=False)
 class Approach:
-    """``pre``: (n,) radians, where free motion ends. ``into`` and ``out``: (N, n), straight tool motions.
+    """``pre``: (n,) radians, end of the free motion. ``into`` and ``out``: (N, n), straight tool motions.
 
     ``into`` goes from ``pre`` to the contact pose, ``out`` from there on. ``cost``: radians, distance of ``pre`` from
     the reference.
@@ -30,7 +30,7 @@ class Approach:
 
 @dataclass(frozen=True, eq=False)
 class ApproachPoses:
-    """Tool poses in the base frame: where free motion ends, where the tool touches, and where it is out again."""
+    """Tool poses in the base frame: before the approach, at contact, and after the retreat."""
 
     pre: Pose
     contact: Pose
@@ -47,10 +47,10 @@ def approaches(
     count: int = 2,
     attempts: int | None = None,
 ) -> Iterator[Approach]:
-    """Approaches through up to ``count`` different arm configurations, nearest to ``reference`` (n,) first.
+    """Yield approaches through up to ``count`` different arm configurations, nearest to ``reference`` (n,) first.
 
     ``free``: the world for ``pre``, in which the target is an obstacle. ``contact``: the world for both straight
-    motions, in which the hand may touch the target. Nothing is yielded where none is possible.
+    motions, in which the hand may touch the target.
     """
     reference = np.asarray(reference, dtype=float)
     result = kinematics.solve(poses.pre, reference, rng, count, is_valid=free.is_free, attempts=attempts)

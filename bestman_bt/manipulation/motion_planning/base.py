@@ -1,4 +1,4 @@
-"""Motion planning: a collision-free joint path from where the arm is to one of several goals."""
+"""Motion planning: a collision-free joint path from the current positions to one of several goals."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from bestman_bt.messages import Failure, MotionObstacle
 
 
 class PlanningErrorCode(StrEnum):
-    """Why there is no plan."""
+    """Reasons of a missing plan."""
 
     START_OUT_OF_LIMITS = "start_out_of_limits"
     START_IN_COLLISION = "start_in_collision"
@@ -32,7 +32,7 @@ class PlanningErrorCode(StrEnum):
 
 
 class PlanningError(ManipulationError):
-    """There is no plan: ``code`` for programs, the message for people, ``failure`` with what was in the way."""
+    """There is no plan; ``code``: for programs, the message: for people, ``failure``: with the obstacle."""
 
     code: PlanningErrorCode
 
@@ -43,14 +43,14 @@ class PlanningError(ManipulationError):
 
 
 class PathConstraint(Protocol):
-    """What must hold along a whole path, besides being free of collisions."""
+    """A condition along a whole path, besides collisions."""
 
     @property
     def description(self) -> str:
-        """What is asked, for error messages: ``cup upright within 25 degrees``."""
+        """Return the condition in words, for error messages: ``cup upright within 25 degrees``."""
 
     def satisfied(self, positions: NDArray[np.float64]) -> bool:
-        """Return whether it holds at ``positions`` (n,): asked while planning."""
+        """Return whether it holds at ``positions`` (n,), during planning."""
 
     def tolerated(self, positions: NDArray[np.float64]) -> bool:
         """Return whether a timed motion may pass ``positions`` (n,), which may lie a little off the planned path."""

@@ -1,4 +1,4 @@
-"""Straight joint motions, each checked once: coarsely while a path is shaped, finely before it is given out."""
+"""Straight joint motions, each checked once: coarsely during planning, finely before the result is returned."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class CountedValidity:
 
 
 def dense_points(path: NDArray[np.float64], step: float) -> Iterator[NDArray[np.float64]]:
-    """Points (n,) along ``path`` (N, n), at most ``step`` rad (Euclidean) apart, all waypoints among them."""
+    """Yield points (n,) along ``path`` (N, n), at most ``step`` rad (Euclidean) apart, including all waypoints."""
     yield path[0]
     for a, b in pairwise(path):
         count = max(1, math.ceil(float(np.linalg.norm(b - a)) / step))
@@ -73,7 +73,7 @@ def halving_order(count: int) -> tuple[float, ...]:
 
 
 class Proof(IntEnum):
-    """How well an edge is known to be free. ``PART``: it lies on an edge that is coarsely known."""
+    """The level of checks of an edge. ``PART``: part of a coarsely checked edge."""
 
     NONE = 0
     PART = 1
@@ -82,7 +82,7 @@ class Proof(IntEnum):
 
 
 class CheckedEdges:
-    """Remembers for every edge what was asked of it, so that no point is asked twice at the same resolution.
+    """Caches the checks of edges, so that no point is checked twice at the same resolution.
 
     ``coarse``, ``fine``: rad (Euclidean) between the points of a coarse and a fine check, ends included.
     """
@@ -97,11 +97,11 @@ class CheckedEdges:
 
     @property
     def checks(self) -> int:
-        """Configurations asked for so far."""
+        """The number of configurations checked so far."""
         return self.is_valid.checks
 
     def is_free(self, a: NDArray[np.float64], b: NDArray[np.float64], fine: bool = False) -> bool:
-        """Return whether the straight way from ``a`` to ``b``, each (n,), is valid; blocked ways are found out
+        """Return whether the straight edge from ``a`` to ``b``, each (n,), is valid; blocked ones are detected
         coarsely.
         """
         key = _key(a, b)
@@ -122,7 +122,7 @@ class CheckedEdges:
         return all(self.is_free(a, b, fine=True) for a, b in pairwise(path))
 
     def split(self, a: NDArray[np.float64], b: NDArray[np.float64], point: NDArray[np.float64]) -> None:
-        """Note that ``point`` lies on the edge from ``a`` to ``b``: both parts are as free as the whole."""
+        """Record that ``point`` lies on the edge from ``a`` to ``b``: both parts are as free as the whole."""
         proof = self._proofs.get(_key(a, b), Proof.NONE)
         if proof is Proof.NONE:
             return

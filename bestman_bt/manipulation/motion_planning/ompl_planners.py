@@ -1,4 +1,4 @@
-"""Planners of OMPL, each with the counts that suit it.
+"""Planners of OMPL, each with suitable limits.
 
 Sucan, Moll and Kavraki, "The Open Motion Planning Library", IEEE Robotics & Automation Magazine 2012.
 """
@@ -34,11 +34,11 @@ def ompl_search(
     max_checks: int,
     max_iterations: int,
 ) -> NDArray[np.float64] | None:
-    """Return a path (N, n) from the start to one of the goals, or None if the search ended without an exact solution.
+    """Return a path (N, n) from the start to one of the goals, or None without an exact solution.
 
-    ``kind``: of planner; ``longest``: rad, of a branch, None for the planner's own choice. ``check_step``: rad between
-    checked points. The search ends at a solution (planners that improve theirs go on),
-    after ``max_checks`` collision checks or ``max_iterations`` iterations.
+    ``kind``: of planner; ``longest``: rad, of a branch, None: the planner's default. ``check_step``: rad between
+    checked points. The search ends at a solution (optimising planners continue), after ``max_checks`` collision checks
+    or ``max_iterations`` iterations.
     """
     count = len(query.start)
     with _quiet_ompl():
@@ -105,14 +105,14 @@ def _state(information: base.SpaceInformation, positions: NDArray[np.float64]) -
 
 @dataclass(frozen=True)
 class OmplPlanner(SamplingPlanner):
-    """A planner of OMPL, ``kind``, that searches once per attempt; ``longest``: as of ``ompl_search``."""
+    """A planner of OMPL, ``kind``, with one search per attempt; ``longest``: as for ``ompl_search``."""
 
     kind: ClassVar[Callable[[base.SpaceInformation], Any]]
     longest: ClassVar[float | None] = None
     max_iterations: Count = 1_000_000
 
     def search(self, query: PlanningQuery, edges: CheckedEdges, seed: int) -> NDArray[np.float64] | None:
-        """See the base class."""
+        """Implement ``SamplingPlanner.search``."""
         counts = self.check_step, self.max_checks, self.max_iterations
         return ompl_search(query, edges.is_valid, seed, type(self).kind, self.longest, *counts)
 
@@ -158,10 +158,10 @@ class KPIECE(OmplPlanner):
 
 @dataclass(frozen=True)
 class RRTStar(OmplPlanner):
-    """One tree, rewired as it grows, so that paths get shorter: slow where a goal is hard to reach.
+    """One tree, rewired as it grows, so that paths get shorter; slow for goals that are hard to reach.
 
     Karaman and Frazzoli, "Sampling-based algorithms for optimal motion planning", IJRR 2011. An attempt always uses
-    ``max_checks``, the more the shorter the path.
+    ``max_checks``; more checks give shorter paths.
     """
 
     kind = geometric.RRTstar

@@ -37,15 +37,15 @@ Member = Literal["aorrtc", "bit_star", "kpiece", "rrt_connect", "rrt_star"]
 
 @dataclass(frozen=True)
 class Portfolio(MotionPlanner):
-    """Asks its planners in turn, each with its own generator: RRT-Connect is quick, KPIECE searches in another way.
+    """Runs its planners in turn, each with its own generator: RRT-Connect is quick, KPIECE searches differently.
 
-    In turn and not at once: OMPL seeds all generators of a process from one, and a collision world answers one thread
-    at a time, so planners that race would answer differently from run to run. Evaluations use a single planner all
-    the same, so that figures say which one they are of.
+    They run in sequence, because OMPL seeds all generators of a process from one, and a collision world serves one
+    thread at a time, so that parallel planners would be non-deterministic. Evaluations use a single planner, to
+    attribute their figures.
 
-    ``planners``: names of sampling planners, as they are registered. ``take``: ``first`` found, or ``best`` (shortest)
-    of all. ``impatience``: collision checks after which the next planner is asked where the first path is taken; the
-    last one may use all of its own.
+    ``planners``: names of registered sampling planners. ``take``: ``first`` path, or ``best`` (shortest) of all.
+    ``impatience``: collision checks after which the next planner runs with ``first``; the last one may use all of its
+    own.
     """
 
     planners: Annotated[tuple[Member, ...], MinLen(1)] = ("rrt_connect", "kpiece")
@@ -54,7 +54,7 @@ class Portfolio(MotionPlanner):
 
     @cached_property
     def members(self) -> Sequence[MotionPlanner]:
-        """The planners that are asked, in turn."""
+        """The planners, in order."""
         members = [_MEMBERS[name]() for name in self.planners]
         if self.take == "best":
             return members

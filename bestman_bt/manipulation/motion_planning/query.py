@@ -39,10 +39,10 @@ def check_query(
     constraint: PathConstraint | None,
     limit_tolerance: float,
 ) -> PlanningQuery:
-    """Check start and goals; the start may be ``limit_tolerance`` rad outside its limits.
+    """Check start and goals; the start may be ``limit_tolerance`` rad outside of its limits.
 
-    Raises PlanningError if the start, or every goal, is out of limits, in collision or against the constraint;
-    ManipulationError for NaN, wrong shapes, an empty list of goals, or a world of other joints than the limits.
+    Raises PlanningError if the start, or every goal, violates limits, collision or constraint; ManipulationError for
+    NaN, wrong shapes, no goals, or different joints of world and limits.
     """
     if world.joint_names != limits.joint_names:
         raise ManipulationError(

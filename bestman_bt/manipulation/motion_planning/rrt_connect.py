@@ -69,10 +69,10 @@ class _Tree:
 class RRTConnect(SamplingPlanner):
     """Two trees that grow towards each other, the smaller one first.
 
-    Kuffner and LaValle, "RRT-Connect: an efficient approach to single-query path planning", ICRA 2000. That the trees
-    stay of one size (Thomason et al., ICRA 2024) found the way out of cages with a quarter of the checks of OMPL's.
+    Kuffner and LaValle, "RRT-Connect: an efficient approach to single-query path planning", ICRA 2000. Balanced trees
+    (Thomason et al., ICRA 2024) escape from cages with a quarter of the checks of OMPL's version.
 
-    ``longest``: rad, of a branch. ``reach``: rad; where one way was blocked, no sample further away is tried again:
+    ``longest``: rad, of a branch. ``reach``: rad; from a node that was blocked once, more distant samples are skipped:
     Yershova et al., "Dynamic-domain RRTs", ICRA 2005.
     """
 
@@ -83,7 +83,7 @@ class RRTConnect(SamplingPlanner):
     reach: Annotated[Positive, "rad"] = 4.0
 
     def search(self, query: PlanningQuery, edges: CheckedEdges, seed: int) -> NDArray[np.float64] | None:
-        """See the base class."""
+        """Implement ``SamplingPlanner.search``."""
         rng = np.random.default_rng(seed)
         trees = [_Tree([query.start]), _Tree(query.goals)]
         end = edges.checks + self.max_checks

@@ -1,4 +1,4 @@
-"""What all sampling planners share: the straight way first, searches from fresh seeds, shortcuts, a fine check."""
+"""Base of sampling planners: a straight path first, searches from new seeds, shortcuts, a fine check."""
 
 from __future__ import annotations
 
@@ -39,10 +39,10 @@ _PULLS = (0.7, 0.35, 0.15)
 def shortcut(
     path: NDArray[np.float64], edges: CheckedEdges, rng: np.random.Generator, attempts: int, patience: int
 ) -> NDArray[np.float64] | None:
-    """Return a path (M, n) with the ends of ``path`` (N, n), never longer, all of whose edges are finely checked.
+    """Return a path (M, n) with the ends of ``path`` (N, n), never longer, with finely checked edges; None if invalid.
 
-    First waypoints are skipped where the way past them is free, then ``attempts`` random pairs of points are joined;
-    ``patience``: attempts without success after which it ends. None if not even ``path`` stands the fine check.
+    Waypoints are skipped if the path past them is free, then ``attempts`` random pairs of points are connected; it ends
+    after ``patience`` attempts without success.
     """
     shortened = _last_free(path, _shorter(path, edges, rng, attempts, patience, fine=False), edges)
     if shortened is None:
@@ -154,16 +154,16 @@ WAY_SAMPLES = 50
 
 @dataclass(frozen=True)
 class SamplingPlanner(MotionPlanner):
-    """A planner that searches by random samples; subclasses only search.
+    """A planner that searches by random samples; subclasses implement ``search``.
 
-    The result depends on the arguments alone: every search is seeded from ``rng`` and ends by counts, not by time.
+    The result depends on the arguments alone: every search is seeded from ``rng`` and limited by counts, not by time.
 
-    ``check_step``, ``final_check_step``: rad between checked points while planning, and of the finished path; where a
-    path does not stand the final check, the next attempt plans with half the step.
-    ``max_checks``: collision checks after which an attempt ends; ``max_iterations``: of the search.
-    ``attempts``: searches from fresh seeds. ``shortcut_attempts``, ``shortcut_patience``: see ``shortcut``.
-    ``limit_tolerance``: rad by which the start may lie outside its limits (an arm that sags or overshoots).
-    ``wall_limit``: seconds after which planning is aborted with an error; what it answers never depends on it.
+    ``check_step``, ``final_check_step``: rad between checked points during planning, and of the final path; if the
+    final check fails, the next attempt plans with half the step. ``max_checks``: collision checks of an attempt;
+    ``max_iterations``: of the search. ``attempts``: searches from new seeds. ``shortcut_attempts``,
+    ``shortcut_patience``: see ``shortcut``. ``limit_tolerance``: rad by which the start may be outside of its limits
+    (an arm that sags or overshoots). ``wall_limit``: seconds after which planning aborts with an error; results never
+    depend on it.
     """
 
     check_step: Annotated[Positive, "rad"] = 0.03
@@ -180,7 +180,7 @@ class SamplingPlanner(MotionPlanner):
     def search(self, query: PlanningQuery, edges: CheckedEdges, seed: int) -> NDArray[np.float64] | None:
         """Return a path (N, n) from the query's start to one of its goals, or None within the limits of one attempt.
 
-        Ways that ``edges`` already knows as free are not checked again when the path is shortened.
+        Edges known to be free are not checked again during shortening.
         """
 
     def plan(
@@ -226,9 +226,7 @@ class SamplingPlanner(MotionPlanner):
     def shorten(
         self, found: NDArray[np.float64], edges: CheckedEdges, rng: np.random.Generator
     ) -> NDArray[np.float64] | None:
-        """Return a path that is never longer and finely checked, or None if ``found`` (N, n) does not stand the
-        check.
-        """
+        """Return a path that is never longer and finely checked, or None if ``found`` (N, n) is invalid."""
         return shortcut(found, edges, rng, self.shortcut_attempts, self.shortcut_patience)
 
 

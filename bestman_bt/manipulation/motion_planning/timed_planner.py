@@ -1,4 +1,4 @@
-"""From start and goals to a motion that may be executed: plan, time, check the timed motion, else plan anew."""
+"""From start and goals to an executable motion: plan, time, check the timed motion; repeat on failure."""
 
 from __future__ import annotations
 
@@ -50,10 +50,10 @@ class Escape:
     def path(
         self, start: ArrayLike, world: CollisionWorld, limits: JointLimits, rng: np.random.Generator
     ) -> NDArray[np.float64]:
-        """Waypoints (N, n), radians, from ``start`` to where the arm is free; the clearance grows with every row.
+        """Return waypoints (N, n), radians, from ``start`` to a free configuration, with increasing clearance.
 
-        One row where the start is free. Raises PlanningError (``start_in_collision``) that names the pairs where they
-        overlap too far, or no small motion leads out.
+        One row if the start is free. Raises PlanningError (``start_in_collision``) naming the pairs if they overlap too
+        far, or no small motion helps.
         """
         origin = joint_vector(start, len(limits.joint_names), "start of an escape")
         path = [origin]
@@ -134,9 +134,9 @@ class TimedPlan:
 
 
 class TimedMotionPlanner:
-    """Puts a planner and a time parametrisation together; what all arm skills use.
+    """Combines a planner and a time parametrisation for all arm skills.
 
-    ``attempts``: plans to try until a timed motion is free.
+    ``attempts``: number of plans until a timed motion is free.
     """
 
     def __init__(self, planner: MotionPlanner, timing: TimeParametrization, attempts: int = 5) -> None:
@@ -158,7 +158,7 @@ class TimedMotionPlanner:
     ) -> TimedPlan:
         """Return a timed motion from ``start`` (n,) to one of ``goals``.
 
-        Raises PlanningError if there is no path, or (``timed_path_invalid``) no timed motion that keeps clear.
+        Raises PlanningError if there is no path, or (``timed_path_invalid``) no collision-free timed motion.
         """
         fault: PlanningError | None = None
         for attempt in range(1, self.attempts + 1):
@@ -179,9 +179,9 @@ class TimedMotionPlanner:
         rng: np.random.Generator,
         scale: SpeedScale | None = None,
     ) -> JointTrajectory:
-        """Return a small timed motion out of a ``start`` (n,) in collision, on which the clearance grows.
+        """Return a small timed motion out of a ``start`` (n,) in collision, with increasing clearance.
 
-        Raises PlanningError (``start_in_collision``) where there is none, or the start is free already.
+        Raises PlanningError (``start_in_collision``) if there is none, or if the start is already free.
         """
         path = Escape().path(start, world, limits, rng)
         if len(path) == 1:
@@ -200,7 +200,7 @@ class TimedMotionPlanner:
     ) -> JointTrajectory:
         """Time a given path (N, n), for example a Cartesian one, and check it.
 
-        Raises PlanningError (``timed_path_invalid``) if the timed motion touches.
+        Raises PlanningError (``timed_path_invalid``) if the timed motion collides.
         """
         trajectory = self.timing.parametrize(path, limits, scale)
         fault = why_invalid(trajectory, world, constraint)
@@ -212,7 +212,7 @@ class TimedMotionPlanner:
 def why_invalid(
     trajectory: JointTrajectory, world: CollisionWorld, constraint: PathConstraint | None = None
 ) -> PlanningError | None:
-    """What is wrong with a timed motion: ``touches ...``, or ``breaks at ...``, or None if nothing is."""
+    """Return the fault of a timed motion: ``touches ...``, or ``breaks at ...``; or None."""
     touch = first_touch(trajectory, world)
     if touch is not None:
         obstacle = in_the_way(MotionStage.TIMED_MOTION, world, trajectory.sample(touch.time)[0])

@@ -1,4 +1,4 @@
-"""A path constraint: what the hand holds stays upright."""
+"""A path constraint: the held object stays upright."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class Upright:
 
     @property
     def description(self) -> str:
-        """What is asked, for error messages."""
+        """Return the constraint in words, for error messages."""
         return f"the held object upright within {math.degrees(self._max_tilt):.0f} degrees"
 
     def satisfied(self, positions: NDArray[np.float64]) -> bool:

@@ -1,4 +1,4 @@
-"""Policies: from what the robot senses to the next few actions of its arm (an action chunk).
+"""Policies: from an observation to the next few actions of the arm (an action chunk).
 
 Chunks as in Zhao et al., "Learning fine-grained bimanual manipulation with low-cost hardware" (ACT), RSS 2023.
 """
@@ -19,13 +19,12 @@ from bestman_bt.messages import Pose
 
 @dataclass(frozen=True, eq=False)
 class Observation:
-    """What a policy may see at one moment.
+    """The input of a policy at one moment.
 
-    ``joint_positions``: (n,) radians. ``base_from_tool``: by encoders. ``gripper_width``: metres, or None.
-    ``goal``: (g,) what is asked, as the specification says; for a reach x, y, z and the quaternion xyzw of the tool,
-    in the base frame, for a pick the object's pose as perception has it. ``images``: (H, W, 3) uint8 RGB by the
-    camera's role. ``joint_velocities``: (n,) rad/s, as the arm is asked to move now, or None. Raises
-    PolicyObservationError.
+    ``joint_positions``: (n,) radians. ``base_from_tool``: by encoders. ``gripper_width``: metres, or None. ``goal``:
+    (g,), as specified; for reaching x, y, z and the quaternion xyzw of the tool in the base frame, for picking the
+    perceived pose of the object. ``images``: camera role → (H, W, 3) uint8 RGB. ``joint_velocities``: (n,) rad/s,
+    currently commanded, or None. Raises PolicyObservationError.
     """
 
     joint_positions: NDArray[np.float64]
@@ -89,20 +88,20 @@ class ActionChunk:
 
 
 class Policy(ABC):
-    """Asked again after each chunk, or part of one, that was carried out."""
+    """A learned policy, queried again after each executed chunk, or part of one."""
 
     @property
     @abstractmethod
     def specification(self) -> PolicySpecification:
-        """What it needs and gives; readable before anything is loaded or connected, where the policy has a file."""
+        """The inputs and outputs; readable before loading or connecting, if the policy has a file."""
 
     @abstractmethod
     def reset(self) -> None:
-        """Begin a new episode; forget what was seen."""
+        """Start a new episode; discard the state."""
 
     @abstractmethod
     def act(self, observation: Observation) -> ActionChunk:
         """Return the next actions. Raises PolicyError; never gives a chunk that its specification does not describe."""
 
     def close(self) -> None:  # noqa: B027 - most policies hold nothing
-        """Let go of files and connections; idempotent."""
+        """Release files and connections; idempotent."""

@@ -1,8 +1,8 @@
-"""Chunks as one motion that goes on: each is blended into the one under way while that still moves.
+"""Chunks as one continuous motion: each is blended into the one under way.
 
-Where two chunks speak of the same time, the older one's weight falls from 1 to 0: the temporal ensembling of Zhao et
-al. (ACT, RSS 2023), with weights along the chunk as in Black et al., "Real-time execution of action chunking flow
-policies", NeurIPS 2025. Between waypoints the motion is ruckig's, so velocity, acceleration and jerk keep their limits.
+Where two chunks overlap in time, the weight of the older one falls from 1 to 0: the temporal ensembling of Zhao et al.
+(ACT, RSS 2023), with weights along the chunk as in Black et al., "Real-time execution of action chunking flow
+policies", NeurIPS 2025. Between waypoints the motion is ruckig's, within velocity, acceleration and jerk limits.
 """
 
 from __future__ import annotations
@@ -31,10 +31,10 @@ from bestman_bt.messages.shapes import Positive
 def chunk_path(
     chunk: ActionChunk, start: NDArray[np.float64], kinematics: InverseKinematics, limits: JointLimits
 ) -> NDArray[np.float64]:
-    """(H + 1, n) radians: ``start`` (n,), then where the arm shall be after each action, held inside the joint limits.
+    """Return (H + 1, n) radians: ``start`` (n,), then the target after each action, within the joint limits.
 
-    Raises PolicyActionError if the actions have another number of columns than the arm has joints, or the arm
-    cannot follow a twist.
+    Raises PolicyActionError if the number of columns differs from the number of joints, or the arm cannot follow a
+    twist.
     """
     count = len(limits.joint_names)
     start = joint_vector(start, count, "start")
@@ -83,7 +83,7 @@ _IN_TIME = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class StreamState:
-    """Where the arm is asked to be: positions, velocities and accelerations, each (n,)."""
+    """The commanded state of the arm: positions, velocities and accelerations, each (n,)."""
 
     positions: Array
     velocities: Array
@@ -92,9 +92,9 @@ class StreamState:
 
 @dataclass(frozen=True, eq=False)
 class StreamedMotion:
-    """A motion that begins at the clock's ``start`` and ends at rest; ``accelerations``: (N, n) at its samples.
+    """A motion from the clock's ``start`` to rest; ``accelerations``: (N, n) at its samples.
 
-    ``intended``: what the chunks said, from the clock's ``said`` on, without the braking for an end at rest.
+    ``intended``: the motion of the chunks, from the clock's ``said`` on, without the final braking.
     """
 
     start: float
@@ -109,7 +109,7 @@ class StreamedMotion:
         return self.start + self.trajectory.duration
 
     def state(self, time: float) -> StreamState:
-        """At ``time`` by the clock; at rest after its end."""
+        """Return the state at ``time`` by the clock; at rest after the end."""
         positions, velocities = self.trajectory.sample(time - self.start)
         times = self.trajectory.times + self.start
         accelerations = np.array([np.interp(time, times, column) for column in self.accelerations.T])
@@ -118,14 +118,13 @@ class StreamedMotion:
 
 @dataclass(eq=False)
 class ChunkStream:
-    """The motion under way and how the next chunk goes on from it.
+    """The motion under way, and its continuation by the next chunk.
 
-    ``splice`` proposes; nothing changes until ``accept``, so that the proposal can be checked first. Whatever has been
-    accepted ends at rest: an arm whose policy says nothing more comes to rest by itself.
+    ``splice`` proposes a motion; nothing changes until ``accept``, so that the proposal can be checked first. Every
+    accepted motion ends at rest: an arm whose policy stops answering comes to rest.
 
-    ``speed``: share of the arm's limits. ``jerk_time``: seconds from rest to full acceleration.
-
-    ``blend``: seconds in which the weight of the chunk under way falls to 0. ``period``: between samples, seconds.
+    ``speed``: fraction of the arm's limits. ``jerk_time``: seconds from rest to full acceleration. ``blend``: seconds
+    in which the weight of the current chunk falls to 0. ``period``: between samples, seconds.
     """
 
     limits: JointLimits
@@ -148,11 +147,11 @@ class ChunkStream:
         return self.motion is not None and time < self.motion.end - 1e-9
 
     def splice(self, path: Array, dt: float, seen: float, at: float) -> StreamedMotion:
-        """Return the motion from the clock's ``at`` on: first as the one under way, then along ``path``, then at rest.
+        """Return the motion from the clock's ``at`` on: first as the one under way, then along ``path``, then to rest.
 
-        ``path``: (H + 1, n) radians, ``dt`` seconds apart, beginning at ``seen``, when the policy looked. Where it is
-        quicker than the limits it is stretched. Raises PolicyActionError if it would take 20 times as long or leave
-        the joints' range, StaleChunkError where it is over by then.
+        ``path``: (H + 1, n) radians, ``dt`` seconds apart, from ``seen``, the time of the observation. It is stretched
+        if it exceeds the limits. Raises PolicyActionError if it would take 20 times as long or leave the joints' range,
+        StaleChunkError if it is already over.
         """
         path = joint_path(path, len(self.limits.joint_names), "path")
         times: Array = seen + dt * np.arange(len(path), dtype=np.float64)
@@ -178,9 +177,9 @@ class ChunkStream:
         return self._timed((passing - at) * slowdown, waypoints, state, at)
 
     def accept(self, spliced: StreamedMotion, now: float) -> JointTrajectory:
-        """Take the proposal; returns what is to be followed from ``now`` on: the motion under way up to it, then it.
+        """Accept the proposal; returns the trajectory from ``now`` on: the motion under way, then the proposal.
 
-        StaleChunkError where that is too late: an arm in motion cannot go back.
+        Raises StaleChunkError if it is too late.
         """
         if self.motion is None or not self.moving(min(now, spliced.start)):
             # At rest, a late start changes nothing.

@@ -1,4 +1,4 @@
-"""What learned policies raise; ``code`` is what a skill reports."""
+"""Errors of learned policies; ``code``: for skills."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ class PolicyError(ManipulationError):
 
 
 class PolicyModelError(PolicyError):
-    """No such policy, no such format, or other inputs and outputs than its specification says."""
+    """Unknown policy or format, or inputs and outputs that differ from the specification."""
 
     code = "policy_unusable"
 
@@ -24,13 +24,13 @@ class PolicyObservationError(PolicyError):
 
 
 class PolicyActionError(PolicyError):
-    """The policy answered with NaN, infinity or another shape than its specification says."""
+    """The policy returned NaN, infinity or a shape that differs from its specification."""
 
     code = "bad_action"
 
 
 class StaleChunkError(PolicyError):
-    """A chunk came so late that the arm is no longer where it goes on from; ask again."""
+    """A chunk came too late to continue the motion; query again."""
 
     code = "stale_chunk"
 

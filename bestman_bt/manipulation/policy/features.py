@@ -1,4 +1,4 @@
-"""The numbers that a network sees, by name, from an observation."""
+"""Named network inputs, computed from an observation."""
 
 from __future__ import annotations
 

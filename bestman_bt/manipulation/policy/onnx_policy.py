@@ -1,6 +1,6 @@
-"""Policies in ONNX files, run by onnxruntime on the CPU; a JSON file of the same name says what goes in and comes out.
+"""Policies in ONNX files, run by onnxruntime on the CPU; a JSON file of the same name specifies inputs and outputs.
 
-The network takes normalised features [1, f] and gives a normalised chunk [1, H · n], or [1, H · (n + 1)] with the
+The network takes normalised features [1, f] and returns a normalised chunk [1, H · n], or [1, H · (n + 1)] with the
 gripper: above 0 open, else closed.
 """
 
@@ -29,7 +29,7 @@ from bestman_bt.manipulation.policy.specification import ActionSpace, PolicySpec
 
 @dataclass(frozen=True, eq=False)
 class PolicyNormalization:
-    """Features are shifted by ``input_mean`` and divided by ``input_scale``, both (f,); outputs the other way round."""
+    """Features are shifted by ``input_mean`` and divided by ``input_scale``, both (f,); outputs inversely."""
 
     input_mean: NDArray[np.float64]
     input_scale: NDArray[np.float64]
@@ -37,7 +37,7 @@ class PolicyNormalization:
     output_scale: NDArray[np.float64]
 
     def to_dict(self) -> dict[str, list[float]]:
-        """As plain values for JSON."""
+        """Return plain values for JSON."""
         return {name: getattr(self, name).tolist() for name in self.__dataclass_fields__}
 
     @classmethod
@@ -76,7 +76,7 @@ class PolicyCard:
 
     @classmethod
     def read(cls, path: Path) -> PolicyCard:
-        """Read the file. Raises PolicyModelError if there is none or it says something else."""
+        """Read the file. Raises PolicyModelError if it is missing or invalid."""
         try:
             content = json.loads(path.read_text(encoding="utf-8"))
             return cls(
@@ -93,12 +93,11 @@ class PolicyCard:
 
 @dataclass(frozen=True)
 class OnnxPolicy(Policy):
-    """Gives the network's chunk, turned back into radians; it keeps nothing between two questions.
+    """Returns the network's chunk, converted to radians; stateless.
 
-    The specification is read at the first use of it, the network at the first ``act``. Raises MissingExtraError
-    without onnxruntime, PolicyModelError where the files do not fit, PolicyActionError where the network gives NaN.
-
-    ``model``: the .onnx file; its specification lies beside it as .json. ``threads``: that onnxruntime may use.
+    The specification is read on first use, the network at the first ``act``. Raises MissingExtraError without
+    onnxruntime, PolicyModelError for inconsistent files, PolicyActionError for NaN. ``model``: the .onnx file; its
+    specification is the .json beside it. ``threads``: of onnxruntime.
     """
 
     model: str = ""
@@ -110,7 +109,7 @@ class OnnxPolicy(Policy):
 
     @cached_property
     def card(self) -> PolicyCard:
-        """What lies beside the network."""
+        """The card of the network. Raises PolicyModelError."""
         if not self.model or not self._path.is_file():
             raise PolicyModelError(f"no ONNX file {self.model!r}; give its path as 'model' of policy/onnx")
         card = PolicyCard.read(self._path.with_suffix(".json"))
@@ -126,14 +125,14 @@ class OnnxPolicy(Policy):
 
     @property
     def specification(self) -> PolicySpecification:
-        """See Policy."""
+        """Implement ``Policy.specification``."""
         return self.card.specification
 
     def reset(self) -> None:
-        """Nothing to forget."""
+        """Do nothing: the policy is stateless."""
 
     def act(self, observation: Observation) -> ActionChunk:
-        """See Policy."""
+        """Return the network's chunk. Raises PolicyObservationError or PolicyModelError."""
         spec, norm = self.specification, self.card.normalization
         if observation.joint_positions.shape != (len(spec.joint_names),):
             raise PolicyObservationError(

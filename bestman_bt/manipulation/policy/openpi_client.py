@@ -1,4 +1,4 @@
-"""Policies on another machine, asked by openpi's protocol: π0 and what else speaks it.
+"""Client for policies on another machine with openpi's protocol, such as π0.
 
 A websocket; the server first sends its metadata, then answers each observation (a map) with a map that has ``actions``
 (H, m); both in msgpack with numpy arrays. A text frame from the server is an error's traceback. As in the repository
@@ -86,19 +86,17 @@ def _from_map(value: dict[Any, Any]) -> Any:
 
 @dataclass(eq=False)
 class OpenpiPolicy(Policy):
-    """Connects at the first question, and again where a connection was lost.
+    """Connects at the first query, and reconnects after a loss; the defaults are those of ``pi0_droid``.
 
-    Raises PolicyUnreachableError if no answer came, PolicyServerError where the server tells of an error or breaks
-    the protocol, PolicyActionError for actions of another shape or NaN, MissingExtraError without the extra.
+    Raises PolicyUnreachableError without an answer, PolicyServerError if the server reports an error or violates the
+    protocol, PolicyActionError for actions of another shape or NaN, MissingExtraError without the extra.
 
-    How to reach the server, and how its keys and columns map to ours; the defaults are those of ``pi0_droid``.
-
-    ``url``: as ``ws://host:8000``. ``api_key``: sent as openpi does. ``connect_timeout``, ``timeout``: seconds for the
-    connection with its metadata, and for an answer. ``retries``: new connections where one breaks or is late.
-    ``prompt``: what to do, in words. ``joint_key``, ``gripper_key``, ``goal_key``: empty: not sent; ``image_keys``:
-    our camera → the server's key; ``image_size``: (H, W) pixels, padded with black. ``space``, ``dt``: of the actions.
-    ``gripper_column``: counted from 0, negative from the end; None: none. 0 there is open by ``gripper_open`` metres, 1
-    is closed; observations say it alike.
+    ``url``: as ``ws://host:8000``. ``api_key``: as in openpi. ``connect_timeout``, ``timeout``: seconds for the
+    connection with its metadata, and for an answer. ``retries``: new connections after a loss or timeout. ``prompt``:
+    the instruction. ``joint_key``, ``gripper_key``, ``goal_key``: empty: not sent; ``image_keys``: camera → key of the
+    server; ``image_size``: (H, W) pixels, padded with black. ``space``, ``dt``: of the actions. ``gripper_column``:
+    from 0, negative from the end; None: none; its value 0 is open by ``gripper_open`` metres, 1 closed, also in
+    observations.
     """
 
     url: str = ""
@@ -131,7 +129,7 @@ class OpenpiPolicy(Policy):
 
     @property
     def specification(self) -> PolicySpecification:
-        """See Policy; from the fields: the protocol does not carry it."""
+        """The specification from the fields; the protocol does not transmit it."""
         return PolicySpecification(
             joint_names=self.joint_names,
             space=self.space,
@@ -145,15 +143,15 @@ class OpenpiPolicy(Policy):
         )
 
     def metadata(self) -> dict[str, Any]:
-        """What the server told of itself; connects if need be."""
+        """Return the server's metadata; connects if necessary."""
         self._connected(time.monotonic() + self.connect_timeout)
         return dict(self._metadata)
 
     def reset(self) -> None:
-        """Nothing to tell: the protocol has no word for it, its servers keep no episode."""
+        """Do nothing: servers of this protocol keep no episode."""
 
     def act(self, observation: Observation) -> ActionChunk:
-        """See Policy."""
+        """Query the server for a chunk; raises as the class does."""
         question = pack(self._question(observation))
         reason = ""
         for _ in range(self.retries + 1):

@@ -15,7 +15,7 @@ from bestman_bt.manipulation.policy.openpi_client import OpenpiPolicy
 
 
 def load_policy(path: str | Path) -> Policy:
-    """Return the policy of a file. Raises PolicyModelError if it is none. A .yaml holds the fields of OpenpiPolicy."""
+    """Return the policy of a file. A .yaml has the fields of OpenpiPolicy. Raises PolicyModelError if it is invalid."""
     path = Path(path)
     if path.suffix == ".onnx":
         return OnnxPolicy(str(path))

@@ -1,4 +1,4 @@
-"""What a policy needs and gives, readable before it is used; kept as JSON beside its weights."""
+"""Inputs and outputs of a policy, readable before use; stored as JSON beside its weights."""
 
 from __future__ import annotations
 
@@ -48,13 +48,15 @@ class Workspace:
         return cls(np.array(numbers[:3]), np.array(numbers[3:]))
 
     def contains(self, point: NDArray[np.float64], slack: float = 0.0) -> bool:
-        """Return whether ``point`` (3,) lies inside, or no more than ``slack`` metres outside."""
+        """Return whether ``point`` (3,) lies inside, or at most ``slack`` metres outside."""
         return bool((point >= self.lower - slack).all() and (point <= self.upper + slack).all())
 
     def first_outside(
         self, path: NDArray[np.float64], kinematics: InverseKinematics, max_step: float = 0.02
     ) -> NDArray[np.float64] | None:
-        """Return the first tool position (3,) outside along joint waypoints (N, n); looked at each ``max_step`` rad."""
+        """Return the first tool position (3,) outside along joint waypoints (N, n), sampled every ``max_step`` rad, or
+        None.
+        """
         for start, end in pairwise(path):
             count = max(1, int(np.ceil(np.abs(end - start).max() / max_step)))
             for k in range(1, count + 1):
@@ -71,7 +73,7 @@ class Workspace:
 
 
 class ActionSpace(StrEnum):
-    """What the columns of an action mean."""
+    """The meaning of the columns of an action."""
 
     JOINT_POSITIONS = "joint_positions"  # radians
     JOINT_DELTAS = "joint_deltas"  # radians, each added to the positions after the action before
@@ -82,14 +84,12 @@ class ActionSpace(StrEnum):
 class PolicySpecification:
     """Inputs and outputs of one policy.
 
-    ``robot``: the robot model it was trained on; empty: any that fits. ``joint_names``: the n joints, in the order of
-    positions and actions. ``space``: value of an ``ActionSpace``. ``horizon``: H; 0: it varies. ``dt``: seconds per
-    action. ``executed``: how many actions are carried out before it is asked again; 0: half of them.
-    ``goal_size``: entries of the goal vector. ``images``: camera → (H, W) pixels. ``needs_gripper``: whether it
-    looks at the gripper's width. ``moves_gripper``: whether its chunks have widths; ``open_width``: metres, that of
-    an open gripper, where it only opens and closes.
-    ``workspace``: lower and upper corner of the box, in the base frame, in which the tool may be while it acts: where
-    it was trained; None: not known.
+    ``robot``: the robot model of the training; empty: any suitable one. ``joint_names``: the n joints, in the order of
+    positions and actions. ``space``: an ``ActionSpace``. ``horizon``: H; 0: variable. ``dt``: seconds per action.
+    ``executed``: actions to execute before the next query; 0: half of them. ``goal_size``: entries of the goal vector.
+    ``images``: camera → (H, W) pixels. ``needs_gripper``: whether the gripper's width is an input. ``moves_gripper``:
+    whether chunks have widths; ``open_width``: metres of an open gripper, for binary ones. ``workspace``: lower and
+    upper corner of the tool's box, in the base frame, from the training; None: unknown.
     """
 
     joint_names: tuple[str, ...]
@@ -112,12 +112,12 @@ class PolicySpecification:
             raise PolicyModelError(f"this is no policy specification: {'; '.join(faults)}")
 
     def to_dict(self) -> dict[str, Any]:
-        """As plain values for JSON."""
+        """Return plain values for JSON."""
         return asdict(self)
 
     @classmethod
     def from_dict(cls, values: Any) -> PolicySpecification:
-        """Return the inverse of ``to_dict``. Raises PolicyModelError naming what is wrong."""
+        """Return the inverse of ``to_dict``. Raises PolicyModelError naming the faults."""
         if not isinstance(values, dict):
             raise PolicyModelError(f"this is no policy specification: it should hold fields, got {values!r}")
         names = [option.name for option in fields(cls)]
@@ -140,12 +140,12 @@ class PolicySpecification:
         return cls(**known)
 
     def to_json(self) -> str:
-        """As JSON text."""
+        """Return JSON text."""
         return json.dumps(self.to_dict())
 
     @classmethod
     def from_json(cls, text: str) -> PolicySpecification:
-        """Return the inverse of ``to_json``. Raises PolicyModelError if it is none."""
+        """Return the inverse of ``to_json``. Raises PolicyModelError if it is invalid."""
         try:
             return cls.from_dict(json.loads(text))
         except json.JSONDecodeError as error:

@@ -24,7 +24,9 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Touch:
-    """Where a motion touches: ``time`` in seconds from its start, ``pairs`` of names that are nearer than padding."""
+    """The first contact of a motion: ``time`` in seconds from its start, ``pairs`` of names nearer than their
+    padding.
+    """
 
     time: float
     pairs: tuple[tuple[str, str], ...]
@@ -80,7 +82,9 @@ class SpeedScale:
                 raise TrajectoryError(f"SpeedScale {name} should be above 0 and at most 1 but is {value}")
 
     def of(self, limits: JointLimits) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Velocities and accelerations (n,) that a motion may use. Raises TrajectoryError if that is none."""
+        """Return the usable velocities and accelerations (n,). Raises TrajectoryError if they are not positive and
+        finite.
+        """
         for name in ("velocity", "acceleration"):
             values = np.asarray(getattr(limits, name), dtype=float)
             for joint, value in zip(limits.joint_names, values, strict=True):

@@ -22,12 +22,10 @@ from bestman_bt.messages.shapes import Positive
 class RuckigStateToState:
     """The fastest motion between two states within velocity, acceleration and jerk limits.
 
-    It knows nothing of obstacles: check the result with ``first_touch``.
-
-    ``jerk_time``: seconds in which a joint may go from rest to its full acceleration; this gives the jerk limits.
-
-    ``rate``: Hz of the result, which also has a sample wherever the jerk of a joint changes: between its samples the
-    motion is then exactly cubic. ``straight``: from rest to rest, move on the straight joint-space line.
+    It does not consider obstacles: check the result with ``first_touch``. ``jerk_time``: seconds in which a joint may
+    go from rest to full acceleration, which defines the jerk limits. ``rate``: Hz of the result, which also has a
+    sample at each change of jerk, so that it is exactly cubic between samples. ``straight``: from rest to rest, move on
+    the straight joint-space line.
     """
 
     jerk_time: Positive = 0.1
@@ -35,7 +33,7 @@ class RuckigStateToState:
     straight: bool = True
 
     def jerk_limits(self, limits: JointLimits, scale: SpeedScale | None = None) -> NDArray[np.float64]:
-        """Return the jerk limits (n,) in rad/s³ that ``plan`` keeps."""
+        """Return the jerk limits (n,) in rad/s³ of ``plan``."""
         return limits.acceleration * (scale or SpeedScale()).acceleration / self.jerk_time
 
     def plan(
@@ -47,10 +45,11 @@ class RuckigStateToState:
         start_velocity: ArrayLike | None = None,
         goal_velocity: ArrayLike | None = None,
     ) -> JointTrajectory:
-        """From ``start`` to ``goal`` (n,), with velocities (n,) rad/s (default: at rest), within ``scale`` of limits.
+        """Return the motion from ``start`` to ``goal`` (n,), with velocities (n,) rad/s (default: at rest), within
+        ``scale`` of the limits.
 
-        Start and goal alike, both at rest, give a trajectory of one sample. Raises TrajectoryError if a velocity is
-        beyond its limit or the motion leaves the position limits, ManipulationError for NaN or a wrong shape.
+        Equal start and goal at rest give a trajectory of one sample. Raises TrajectoryError if a velocity exceeds its
+        limit or the motion leaves the position limits, ManipulationError for NaN or a wrong shape.
         """
         scale, count = scale or SpeedScale(), len(limits.joint_names)
         rest = np.zeros(count)

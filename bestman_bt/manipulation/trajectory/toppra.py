@@ -1,4 +1,4 @@
-"""Time-optimal parametrisation by toppra, slowed where its samples overshoot.
+"""Time-optimal parametrisation by toppra, slowed down where its samples exceed the limits.
 
 Pham and Pham, "A new approach to time-optimal path parameterization based on reachability analysis", T-RO 2018.
 """
@@ -25,11 +25,10 @@ if TYPE_CHECKING:
 class Toppra(TimeParametrization):
     """A cubic spline along the path, as fast as velocity and acceleration limits allow.
 
-    ``waypoint_spacing``: rad between points of the spline (a sparse spline leaves the path by up to 0.45 rad).
-
-    ``grid_per_waypoint``, ``min_grid``: points at which toppra holds the limits; between them accelerations overshoot
-    by a few percent, which is measured at ``check_rate`` Hz and taken away by slowing the whole motion.
-    ``rate``: Hz of the result. ``position_slack``: rad by which the first sample may lie outside its limits.
+    ``waypoint_spacing``: rad between points of the spline (a sparse spline deviates from the path by up to 0.45 rad).
+    ``grid_per_waypoint``, ``min_grid``: points at which toppra enforces the limits; accelerations exceed them by a few
+    percent in between, which is measured at ``check_rate`` Hz and removed by slowing down the whole motion. ``rate``:
+    Hz of the result. ``position_slack``: rad by which the first sample may be outside of its limits.
     """
 
     waypoint_spacing: Annotated[Positive, "rad"] = 0.05
@@ -43,7 +42,7 @@ class Toppra(TimeParametrization):
         import toppra  # noqa: F401 - now, for it takes half a second, which the first motion does not have
 
     def parametrize(self, path: ArrayLike, limits: JointLimits, scale: SpeedScale | None = None) -> JointTrajectory:
-        """Time ``path`` (N, n) within ``scale`` of ``limits``; see the base class."""
+        """Time ``path`` (N, n) within ``scale`` of ``limits``; raises as the base class does."""
         count = len(limits.joint_names)
         waypoints = _densified(joint_path(path, count, "path"), self.waypoint_spacing)
         if len(waypoints) < 2:

@@ -1,1 +1,1 @@
-"""Training of policies: who demonstrates, how demonstrations are kept, and what learns from them."""
+"""Training of policies: experts, demonstration files, learning."""

@@ -31,9 +31,9 @@ Array = NDArray[np.float32]
 class BehaviourCloning:
     """Trains a network on demonstrations.
 
-    ``hidden``: widths. ``steps`` of Adam on batches of ``batch``, ``rate`` falling to 0 by a cosine.
-
-    ``precision``: a chunk that goes a share s of the usual way weighs 1 / (s + precision): the last centimetre counts.
+    ``hidden``: widths. ``steps``: of Adam on batches of ``batch``, with ``rate`` decaying to 0 by a cosine.
+    ``precision``: a chunk that moves a fraction s of the usual distance has the weight 1 / (s + precision), to
+    emphasise the last centimetre.
     """
 
     hidden: tuple[int, ...] = (192, 192)
@@ -91,9 +91,9 @@ class BehaviourCloning:
 
 @dataclass(frozen=True, eq=False)
 class ClonedPolicy:
-    """A trained network: ``layers`` of weights (in, out) and biases (out,), and what goes with it.
+    """A trained network: ``layers`` of weights (in, out) and biases (out,), and its card.
 
-    ``loss``: the weighted mean square over the last hundred batches.
+    ``loss``: weighted mean square over the last hundred batches.
     """
 
     layers: tuple[tuple[Array, Array], ...]

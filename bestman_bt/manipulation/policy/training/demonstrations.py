@@ -27,7 +27,7 @@ from bestman_bt.manipulation.policy.errors import PolicyError, PolicyObservation
 
 @dataclass(frozen=True, eq=False)
 class Demonstration:
-    """One episode of N chunks: what was seen before each, and the H actions that followed.
+    """One episode of N chunks: the observation before each, and the H actions after it.
 
     ``chunks``: (N, H, n) joint deltas, radians; (N, H, n + 1) with the gripper: +1 open, -1 closed.
     """
@@ -40,7 +40,7 @@ class Demonstration:
 
 
 class FeatureStatistics:
-    """Of one feature of ``size`` numbers; pictures count their channels over all pixels, 0 to 1."""
+    """Statistics of one feature of ``size`` numbers; for images of the channels over all pixels, 0 to 1."""
 
     def __init__(self, size: int) -> None:
         self.low, self.high = np.full(size, np.inf), np.full(size, -np.inf)
@@ -54,11 +54,11 @@ class FeatureStatistics:
         self._include(array, len(array))
 
     def add_picture(self, picture: NDArray[np.uint8]) -> None:
-        """Add one (H, W, 3) picture; each fourth pixel both ways is looked at."""
+        """Add one (H, W, 3) image, sampled at each fourth pixel in both directions."""
         self._include(picture[::4, ::4].reshape(-1, 3) / 255.0, 1)
 
     def to_dict(self, picture: bool = False) -> dict[str, Any]:
-        """As LeRobot's ``stats.json`` has it; of pictures each number is (3, 1, 1)."""
+        """Return the entry of LeRobot's ``stats.json``; for images each value is (3, 1, 1)."""
         mean = self._sum / self._samples
         std = np.sqrt(np.maximum(self._squares / self._samples - mean**2, 0.0))
         found = {"min": self.low, "max": self.high, "mean": mean, "std": std}
@@ -87,10 +87,10 @@ class DatasetError(PolicyError):
 
 @dataclass(frozen=True)
 class DemonstrationFormat:
-    """What each frame holds.
+    """The content of each frame.
 
-    ``fps``: frames per second. ``joint_names``: n; ``gripper``: whether the gripper's width follows them in state and
-    action, metres. ``goal_size``: entries of ``observation.goal``; 0: none. ``cameras``: name → (H, W) pixels, even.
+    ``fps``: frames per second. ``joint_names``: n; ``gripper``: whether the gripper's width, metres, follows in state
+    and action. ``goal_size``: entries of ``observation.goal``; 0: none. ``cameras``: name → (H, W) pixels, even.
     """
 
     fps: int
@@ -125,10 +125,10 @@ class DemonstrationFormat:
 
 
 class DemonstrationRecorder:
-    """Writes episodes: ``add`` each frame, then ``end_episode``; ``discard`` forgets the frames since.
+    """Writes episodes: ``add`` each frame, then ``end_episode``; ``discard`` drops the frames since.
 
-    Raises DatasetError at once where the folder cannot be used and MissingExtraError without pyarrow, later
-    PolicyObservationError for a frame that does not fit.
+    Raises DatasetError if the folder is not usable, MissingExtraError without pyarrow, and later PolicyObservationError
+    for a frame that does not fit.
     """
 
     def __init__(self, folder: str | Path, frames: DemonstrationFormat) -> None:
@@ -148,7 +148,7 @@ class DemonstrationRecorder:
             raise DatasetError(f"{self.folder} cannot be a dataset's folder: {error.strerror}") from error
 
     def add(self, observation: Observation, action: ArrayLike, gripper_command: float | None = None) -> None:
-        """One frame: what was seen, and what was commanded then: joint positions (n,) and the gripper's width."""
+        """Add a frame: the observation, and the command: joint positions (n,) and the gripper's width."""
         widths = (observation.gripper_width, gripper_command) if self.format.gripper else ()
         if None in widths:
             raise PolicyObservationError("frames with a gripper need its width and its commanded width")
@@ -179,7 +179,7 @@ class DemonstrationRecorder:
         self._pictures = {name: [] for name in self._pictures}
 
     def end_episode(self, task: str) -> int:
-        """Write the episode with what was to be done, in words; returns its index."""
+        """Write the episode with its task in words; returns its index."""
         arrow, parquet = _pyarrow()
         if not self._frames:
             raise DatasetError("an episode should have at least one frame")

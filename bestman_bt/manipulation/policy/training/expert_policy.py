@@ -1,4 +1,4 @@
-"""The picking expert as a policy: it shows in physics what a learned one is to imitate."""
+"""The picking expert as a policy, to demonstrate in a physics simulation."""
 
 from __future__ import annotations
 
@@ -12,21 +12,21 @@ from bestman_bt.messages import Pose
 
 
 class ExpertPolicy(Policy):
-    """Sees what a learned policy sees, and answers by planning."""
+    """Plans its actions from the observations that a learned policy gets."""
 
     def __init__(self, expert: PickingExpert, robot: str) -> None:
         self._expert, self._specification = expert, expert.specification(robot)
 
     @property
     def specification(self) -> PolicySpecification:
-        """That of the policy which learns from it."""
+        """The specification of the policy to be trained."""
         return self._specification
 
     def reset(self) -> None:
-        """Nothing to forget."""
+        """Do nothing: the policy is stateless."""
 
     def act(self, observation: Observation) -> ActionChunk:
-        """See Policy; PolicyObservationError without velocities, the gripper's width or a pose as goal."""
+        """Return a planned chunk. Raises PolicyObservationError without velocities, gripper width or a pose as goal."""
         velocities, width, goal = observation.joint_velocities, observation.gripper_width, observation.goal
         if velocities is None or width is None or goal.shape != (7,):
             raise PolicyObservationError("the expert needs velocities, the gripper's width and a pose as goal")

@@ -1,8 +1,8 @@
-"""Demonstrations of picking: grasps of our planner, inverse kinematics and jerk-limited motions, without a simulator.
+"""Demonstrations of picking: planned grasps, inverse kinematics and jerk-limited motions, without a simulator.
 
-The expert decides anew at each step from what is seen alone: go above the object, come down the more the better the
-hand is aligned (a funnel: Burridge, Rizzi and Koditschek, "Sequential composition of dynamically dexterous robot
-behaviors", IJRR 1999), close, lift. After some steps it is pushed off its way (DART, Laskey et al., CoRL 2017).
+The expert decides at each step from the observation alone: move above the object, descend as the hand gets aligned (a
+funnel: Burridge, Rizzi and Koditschek, "Sequential composition of dynamically dexterous robot behaviors", IJRR 1999),
+close, lift. Its state is perturbed after some steps (DART, Laskey et al., CoRL 2017).
 """
 
 from __future__ import annotations
@@ -42,8 +42,11 @@ _LEVER = 0.05
 
 @dataclass(frozen=True)
 class PickedObject:
-    """What the expert picks, from above: ``rise``: metres from its middle up to the grasp; ``width`` between the
-    fingers there; ``opening``: of the gripper before."""
+    """The object of the expert, picked from above.
+
+    ``rise``: metres from its middle up to the grasp; ``width``: between the fingers there; ``opening``: of the gripper
+    before.
+    """
 
     name: str
     rise: float
@@ -110,7 +113,7 @@ class PickingExpert:
         self._limits = self.arm.velocity * self.speed.velocity, acceleration, acceleration / self.jerk_time
 
     def specification(self, robot: str) -> PolicySpecification:
-        """That of a policy which learns from these demonstrations."""
+        """Return the specification of a policy trained on these demonstrations."""
         low = np.minimum(self.lower, self.tool_lower) - self.margin
         high = np.maximum(self.upper, self.tool_upper) + self.margin
         return PolicySpecification(
@@ -141,9 +144,9 @@ class PickingExpert:
                 return start, goal
 
     def demonstrate(self, rng: np.random.Generator) -> Demonstration:
-        """One episode: from a start, from near the object, or with the object already in the hand.
+        """Return one episode: from a start, from near the object, or with the object already in the hand.
 
-        It ends where the arm comes to a limit. Raises PolicyError if it begins there.
+        It ends at a joint limit. Raises PolicyError if it begins there.
         """
         state, goal = self._begin(rng)
         observations: list[Observation] = []
@@ -164,19 +167,17 @@ class PickingExpert:
         return Demonstration(tuple(observations), np.array(chunks))
 
     def plan(self, state: PickState, goal: Pose) -> tuple[Array, Array]:
-        """Return the next H joint deltas (H, n) and what the gripper is told (H,); PolicyError at a limit of the
-        arm.
-        """
+        """Return the next H joint deltas (H, n) and gripper commands (H,). Raises PolicyError at a limit of the arm."""
         steps, gripper = self._ahead(state, goal)
         return np.diff([step.positions for step in steps], axis=0), np.array(gripper)
 
     def lifted(self, state: PickState, goal: Pose) -> bool:
-        """Return whether the object is in the hand and as high as it shall be, within a centimetre."""
+        """Return whether the object is in the hand and at its target height, within a centimetre."""
         height = float(self.kinematics.tool_pose(state.positions).position[2] - goal.position[2])
         return self._grips(state.width) and height > self.picked.rise + self.lift - 0.01
 
     def observation(self, state: PickState, goal: Pose, rng: np.random.Generator | None = None) -> Observation:
-        """What is seen; with ``rng`` the gripper's width is off by the half of a millimetre that encoders are."""
+        """Return the observation; with ``rng`` the gripper's width has encoder noise of half a millimetre."""
         noise = 0.0 if rng is None else float(rng.normal(0.0, 0.0005))
         return Observation(
             state.positions,
@@ -187,7 +188,7 @@ class PickingExpert:
         )
 
     def step(self, state: PickState, goal: Pose) -> tuple[PickState, float]:
-        """Return the state ``dt`` seconds later, and what the gripper was told: OPEN or CLOSED."""
+        """Return the state ``dt`` seconds later, and the gripper command: OPEN or CLOSED."""
         target, gripper = self._intent(state, goal)
         tool = self.kinematics.tool_pose(state.positions)
         for share in (1.0, 0.5, 0.2):

@@ -1,8 +1,8 @@
-"""Demonstrations of reaching: our own inverse kinematics and jerk-limited motions, without a simulator.
+"""Demonstrations of reaching: inverse kinematics and jerk-limited motions, without a simulator.
 
-An expert looks at where the tool should be, and shows the first H steps of the motion to the nearest solution; then it
-looks again, still moving, from where it has come, a little off its way, so that the imitator sees how to
-correct itself (Laskey et al., "DART: noise injection for robust imitation learning", CoRL 2017).
+An expert demonstrates the first H steps of the motion to the nearest solution of the tool goal; then again from there,
+still moving, slightly perturbed, so that the imitator learns corrections (Laskey et al., "DART: noise injection for
+robust imitation learning", CoRL 2017).
 """
 
 from __future__ import annotations
@@ -30,13 +30,13 @@ REACHING_FEATURES = ("joint_positions", "joint_velocities", "goal_error")
 
 @dataclass(eq=False)
 class ReachingExpert:
-    """Starts, goals and demonstrations for one arm; every choice comes from the generator that is passed in.
+    """Starts, goals and demonstrations for one arm; all randomness comes from the given generator.
 
-    ``lower``, ``upper``: corners for the tool in the base frame, metres. ``max_yaw``, ``max_tilt``: how far the tool
-    turns from ``posture``'s direction, radians. ``posture_noise``: rad on the joints at which a search begins.
-    ``horizon`` actions of ``dt`` seconds per chunk, of which ``executed`` are carried out. ``chunks``: per episode.
-    ``drift``: rad off the way after each, at most. ``near``: share of the episodes that begin next to their goal.
-    ``margin``: metres around the goals' box in which the tool may be on its way.
+    ``lower``, ``upper``: corners of the tool's box in the base frame, metres. ``max_yaw``, ``max_tilt``: largest
+    rotation of the tool from that in ``posture``, radians. ``posture_noise``: rad, on the joints at the start of a
+    search. ``horizon``: actions of ``dt`` seconds per chunk, of which ``executed`` are executed. ``chunks``: per
+    episode. ``drift``: largest perturbation after each, rad. ``near``: fraction of the episodes that begin next to
+    their goal. ``margin``: metres of the workspace around the goals' box.
     """
 
     kinematics: InverseKinematics
@@ -59,7 +59,7 @@ class ReachingExpert:
     _motion: RuckigStateToState = field(default_factory=RuckigStateToState, init=False, repr=False)
 
     def specification(self, robot: str) -> PolicySpecification:
-        """That of a policy which learns from these demonstrations."""
+        """Return the specification of a policy trained on these demonstrations."""
         low, high = np.array(self.lower) - self.margin, np.array(self.upper) + self.margin
         return PolicySpecification(
             joint_names=self.arm.joint_names,
@@ -108,7 +108,7 @@ class ReachingExpert:
             return None
 
     def demonstrate(self, rng: np.random.Generator) -> Demonstration:
-        """One episode."""
+        """Return one episode. Raises PolicyError."""
         positions, goal = self.task(rng, near=bool(rng.uniform() < self.near))
         velocities = np.zeros(len(positions))
         observations, chunks = [], []

@@ -1,4 +1,4 @@
-"""Trying a policy in kinematics alone: of each chunk what is meant to be executed is, exactly; then the next."""
+"""Kinematic rollouts of a policy: the executed part of each chunk is followed exactly."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from bestman_bt.robot_model.model import ArmModel
 
 @dataclass(frozen=True, eq=False)
 class Rollout:
-    """How it went: ``path`` (N, n) radians; ``errors`` (C, 2) metres and radians to the goal after each chunk."""
+    """``path``: (N, n) radians; ``errors``: (C, 2) metres and radians to the goal after each chunk."""
 
     path: NDArray[np.float64]
     errors: NDArray[np.float64]
@@ -36,7 +36,9 @@ def roll_out(
     judged: Pose | None = None,
     chunks: int = 16,
 ) -> Rollout:
-    """From ``start`` (n,) with the goal ``told``; errors are those to ``judged`` (default: the same)."""
+    """Run a policy from ``start`` (n,) with the goal ``told``; errors are relative to ``judged`` (default: the
+    same).
+    """
     judged = judged or told
     path, errors = [start], []
     velocities = np.zeros(len(start))
