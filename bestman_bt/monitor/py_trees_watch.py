@@ -48,7 +48,7 @@ class PyTreesWatchError(Error):
 
 
 class PyTreesWatch:
-    """See ``bestman_bt.monitor.watch``. A tree whose nodes are changed begins another run."""
+    """Implement ``bestman_bt.monitor.watch``. A tree whose nodes are changed begins another run."""
 
     def __init__(self, tree: BehaviourTree, name: str, runs: Path | None) -> None:
         self._tree, self._name, self._runs = tree, name, runs

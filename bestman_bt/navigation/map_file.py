@@ -1,4 +1,4 @@
-"""Maps as ROS keeps them: a YAML file with resolution and origin, and an image, as nav2's map_server reads them.
+"""Maps in the format of ROS: a YAML file with resolution and origin, and an image, as read by nav2's map_server.
 
 http://wiki.ros.org/map_server and nav2_map_server's map_io: modes trinary, scale and raw; PGM, PNG and other images.
 """
@@ -39,7 +39,7 @@ _EIGHT_BITS = ("1", "L", "LA", "P", "RGB", "RGBA")
 
 
 class MapFileError(InputError, ValueError):
-    """A map that cannot be read or written: names the file, the field and what would be accepted."""
+    """A map cannot be read or written; the message gives the file, the field and what is accepted."""
 
 
 def _unturned(origin: tuple[float, ...]) -> tuple[float, ...]:
@@ -64,7 +64,7 @@ class _MapFile:
 
 
 def read_map(path: str | Path) -> OccupancyGrid:
-    """Return the map of a YAML file; its image is looked for beside it. Raises MapFileError with all that is wrong."""
+    """Return the map of a YAML file with its image. Raises MapFileError listing every fault."""
     path = Path(path)
     if not path.exists():
         raise MapFileError(f"{path}: there is no such file; expected a map's YAML")
@@ -96,10 +96,10 @@ def read_map(path: str | Path) -> OccupancyGrid:
 
 
 def write_map(grid: OccupancyGrid, path: str | Path, mode: str = "trinary") -> Path:
-    """Write NAME.yaml and its image beside it; returns the path of the YAML file.
+    """Write NAME.yaml and its image; returns the path of the YAML file.
 
-    ``path``: with or without ``.yaml``. The image is NAME.pgm, in mode ``scale`` NAME.png, which can say "unknown"
-    beside all shades. Folders are made. Raises MapFileError.
+    ``path``: with or without ``.yaml``. The image is NAME.pgm, or NAME.png in mode ``scale``, which can represent
+    "unknown" beside all shades. Folders are created. Raises MapFileError.
     """
     path = Path(path)
     path = path if path.suffix == ".yaml" else path.with_name(path.name + ".yaml")
@@ -178,7 +178,7 @@ def _pixels(document: Document, image_path: Path) -> tuple[NDArray[np.uint8], ND
     except MapFileError:
         raise
     except (UnidentifiedImageError, OSError, SyntaxError, ValueError) as error:
-        raise _wrong(document, "image", f"{name} is no image that can be read, or is cut off: {error}") from error
+        raise _wrong(document, "image", f"{name} is not a readable image, or is truncated: {error}") from error
     colours = pixels.shape[-1] - 1
     grey = pixels[..., 0]
     if colours > 1:

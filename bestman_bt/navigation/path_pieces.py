@@ -1,4 +1,4 @@
-"""Pieces of planar paths: what is left of one, what lies up to so many metres before its goal, several joined."""
+"""Operations on planar paths: the remaining part, the part before the goal, concatenation."""
 
 from __future__ import annotations
 
@@ -16,14 +16,15 @@ from bestman_bt.navigation.local_planning.rotate_to_heading import densified
 
 
 def metres_along(path: Path2D) -> NDArray[np.float64]:
-    """From the beginning of a path to each of its points, (N,)."""
+    """Return the path length up to each point, (N,) metres."""
     return np.append(0.0, np.cumsum(np.linalg.norm(np.diff(path.points, axis=0), axis=1)))
 
 
 def nearest_along(path: Path2D, position: NDArray[np.float64], begin: float = 0.0, end: float = math.inf) -> float:
-    """Metres along a path with two points or more to the place on it that is nearest to ``position`` (2,).
+    """Return the metres along a path to its point nearest to ``position`` (2,).
 
-    Only places between ``begin`` and ``end`` metres along it are looked at: it may pass a place twice.
+    The path has two points or more; only ``begin`` to ``end`` metres along it are searched, because it may pass a place
+    twice.
     """
     along = metres_along(path)
     lengths = np.maximum(np.diff(along), 1e-12)
@@ -38,9 +39,9 @@ def nearest_along(path: Path2D, position: NDArray[np.float64], begin: float = 0.
 
 
 def piece(path: Path2D, begin: float, end: float) -> Path2D:
-    """What lies between ``begin`` and ``end`` metres along a path with two points or more.
+    """Return the part between ``begin`` and ``end`` metres along a path with two points or more.
 
-    It keeps the goal where it reaches to the path's end, and else ends in the direction of travel.
+    It keeps the goal if it reaches the path's end; otherwise it ends in the direction of travel.
     """
     along = metres_along(path)
     begin, end = max(0.0, begin), min(float(along[-1]), end)
@@ -57,8 +58,7 @@ def piece(path: Path2D, begin: float, end: float) -> Path2D:
 def before_goal(path: Path2D, distance: float) -> Path2D:
     """Return a path with two points or more up to the last point ``distance`` metres (Euclidean) from its end.
 
-    It ends facing the goal, as a robot stands that is to go on from there; nothing but the beginning is left where the
-    whole path is nearer.
+    It ends facing the goal; if the whole path is nearer, only its beginning remains.
     """
     along, goal = metres_along(path), path.points[-1]
     end = 0.0
@@ -80,7 +80,7 @@ def before_goal(path: Path2D, distance: float) -> Path2D:
 
 
 def joined(paths: Sequence[Path2D]) -> Path2D:
-    """Paths of which each begins where the one before it ends, as one."""
+    """Return the concatenation of paths, each of which begins where the previous one ends."""
     points = np.vstack([paths[0].points, *(path.points[1:] for path in paths[1:])])
     return Path2D(points, paths[-1].goal, np.concatenate([path.reverse for path in paths]))
 

@@ -125,7 +125,7 @@ class GlobalNearestNeighbour(Tracker):
         drift: float = 0.0,
         taken: Sequence[str] = (),
     ) -> Tracked:
-        """See Tracker."""
+        """Implement ``Tracker``."""
         stamp = view.image.stamp
         objects = {name: belief for name, belief in beliefs.items() if name not in taken}
         matches = self._matches(objects, sightings, drift)

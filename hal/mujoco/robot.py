@@ -16,7 +16,7 @@ LEGS = "is a base on legs, which MuJoCo does not simulate here; the driver pybul
 
 
 class MujocoRobot(SimulatedRobot):
-    """See ``SimulatedRobot``."""
+    """Implement ``SimulatedRobot``."""
 
     engine_name: ClassVar[str] = "MuJoCo"
     _parameters: MujocoParameters

@@ -147,7 +147,7 @@ def test_corrupt_files_are_told_and_not_guessed_at(tmp_path):
     path = map_with(tmp_path, np.full((40, 40), 254))
     whole = (tmp_path / "room.pgm").read_bytes()
     (tmp_path / "room.pgm").write_bytes(whole[: len(whole) // 2])
-    with pytest.raises(MapFileError, match=r"room\.pgm is no image that can be read, or is cut off"):
+    with pytest.raises(MapFileError, match=r"room\.pgm is not a readable image, or is truncated"):
         read_map(path)
     path.write_text("image: [room.pgm\n")
     with pytest.raises(MapFileError, match=r"room\.yaml:2: is not YAML"):

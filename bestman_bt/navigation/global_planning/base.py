@@ -12,7 +12,7 @@ from bestman_bt.navigation.global_planning.costmap import Costmap
 
 
 class PlanningFailureReason(Enum):
-    """Why there is no path."""
+    """Reasons for a missing path."""
 
     START_BLOCKED = "start_blocked"  # the robot touches an obstacle at the start or cannot leave it straight
     GOAL_BLOCKED = "goal_blocked"  # the footprint at the goal, or its straight approach, touches an obstacle
@@ -44,17 +44,17 @@ class GlobalPlanner(ABC):
 
     @abstractmethod
     def plan(self, start: Pose2D, goal: Pose2D, costmap: Costmap) -> Path2D | PlanningFailure:
-        """Return a path in the map frame from ``start`` to ``goal``, or why there is none.
+        """Return a path in the map frame from ``start`` to ``goal``, or a PlanningFailure.
 
-        The path begins at the start and ends at the goal; its ``reverse`` marks the segments to drive backwards.
-        ValueError for a pose of numbers that are not finite.
+        The path begins at the start and ends at the goal; its ``reverse`` marks the segments to drive backwards. Raises
+        ValueError for a pose that is not finite.
         """
 
 
 def told_of_overhang(
     plan: Callable[[Pose2D, Pose2D, Costmap], Path2D | PlanningFailure], start: Pose2D, goal: Pose2D, costmap: Costmap
 ) -> Path2D | PlanningFailure:
-    """What ``plan`` finds; a failure says so where it is only because of what stands out above the base."""
+    """Return the result of ``plan``; a failure that is only due to the overhang above the base says so."""
     found = plan(start.checked("the start"), goal.checked("the goal"), costmap)
     overhang = costmap.footprint.overhang
     if isinstance(found, Path2D) or overhang is None:

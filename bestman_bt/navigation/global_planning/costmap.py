@@ -1,9 +1,9 @@
-"""Costmaps: how far every place on the floor is from the next obstacle, and what it costs to drive there.
+"""Costmaps: the distance of each cell to the next obstacle, and the cost of driving there.
 
-As in nav2, places nearer than the inscribed radius are lethal and the cost decays with the distance beyond it. Unlike
-there, each cell holds an exact signed distance (from the outlines, not from other cells) and reads are interpolated,
-so that a footprint is checked to millimetres on a coarse grid. Where something stands out above the base, a second
-field holds the distance to what reaches up to it.
+As in nav2, places nearer than the inscribed radius are lethal and the cost decays with the distance beyond it. In
+contrast to nav2, each cell holds an exact signed distance (from the outlines, not from other cells) and reads are
+interpolated, so that a footprint is checked to millimetres on a coarse grid. If something extends beyond the base above
+it, a second field holds the distance to obstacles of that height.
 """
 
 from __future__ import annotations
@@ -35,15 +35,14 @@ from bestman_bt.world_model.world_model import Obstacle
 
 @dataclass(frozen=True)
 class Rasterization:
-    """How a map becomes the cells of a costmap.
+    """Parameters of the cells of a costmap.
 
-    ``resolution``: metres per cell. ``clearance``: metres kept from every outline. ``furniture_position_error``
-    (metres, each way) and ``furniture_heading_error`` (radians): how far furniture may be from where the map has it; a
-    piece that is known better (``MapFurniture.position_error``) is as far off as that. ``cost_weight``: extra cost of a
-    metre driven at the lethal distance, ``cost_decay``: metres beyond it at which that has fallen to 1/e, in place of
-    an inflation radius. ``floor_height``: metres; obstacles that end below or begin above ``robot_height`` are left
-    out. ``static``: whether walls are in it. ``furniture``: whether furniture is. ``doors``: whether doors and their
-    frames are.
+    ``resolution``: metres per cell. ``clearance``: metres from every outline. ``furniture_position_error`` (metres,
+    each way) and ``furniture_heading_error`` (radians): largest error of mapped furniture; a measured piece has its own
+    (``MapFurniture.position_error``). ``cost_weight``: extra cost of a metre driven at the lethal distance,
+    ``cost_decay``: metres beyond it at which that has fallen to 1/e, in place of an inflation radius. ``floor_height``:
+    metres; obstacles that end below or begin above ``robot_height`` are left out. ``static``: whether to include walls.
+    ``furniture``: whether to include furniture. ``doors``: whether to include doors and their frames.
     """
 
     resolution: Annotated[Positive, "m per cell"] = 0.05
@@ -63,9 +62,9 @@ class Rasterization:
 class Costmap:
     """``distance``: (rows, columns) metres from each cell's centre to the next obstacle or the border, negative inside.
 
-    Row 0 is at the smallest y. ``origin``: (2,) metres in the map frame, the outer corner of cell (0, 0).
-    Margins for what the map does not know exactly are already taken off. ``tall``: the same for obstacles that reach up
-    to the footprint's overhang, as far as is known, or None if the footprint has none.
+    Row 0 is at the smallest y. ``origin``: (2,) metres in the map frame, the outer corner of cell (0, 0). Margins for
+    map errors are already subtracted. ``tall``: the same for obstacles that reach the footprint's overhang, or None
+    without an overhang.
     """
 
     distance: NDArray[np.float64]
@@ -119,9 +118,7 @@ class Costmap:
         footprint: Footprint,
         rasterization: Rasterization = Rasterization(),
     ) -> Costmap:
-        """Return the nearest of what all ``layers`` have, at ``shape`` (rows, columns) cells from ``origin`` (2,)
-        on.
-        """
+        """Return the minimum of all ``layers``, at ``shape`` (rows, columns) cells from ``origin`` (2,), metres."""
         p = rasterization
         x, y = (origin[axis] + (np.arange(shape[1 - axis]) + 0.5) * p.resolution for axis in (0, 1))
         centres = np.stack(np.meshgrid(x, y)).reshape(2, -1)
@@ -147,10 +144,10 @@ class Costmap:
         unknown_is_obstacle: bool = True,
         rasterization: Rasterization = Rasterization(),
     ) -> Costmap:
-        """From a map of cells, for example of SLAM or of a file; the costmap takes over its resolution.
+        """Return a costmap of an occupancy grid, for example from SLAM or a file, with its resolution.
 
-        A cell is an obstacle from ``OCCUPIED`` / 2 on; unknown ones where ``unknown_is_obstacle``. An obstacle fills
-        its cell, so distances are from the cell's border.
+        A cell is an obstacle from ``OCCUPIED`` / 2 on; unknown ones if ``unknown_is_obstacle``. An obstacle fills its
+        cell, so distances are from the cell's border.
         """
         p = replace(rasterization, resolution=grid.resolution)
         layers = [CellLayer.occupied(grid)]
@@ -166,7 +163,7 @@ class Costmap:
 
     @property
     def grid(self) -> OccupancyGrid:
-        """The cells whose centre lies in an obstacle (or within half a cell of one) as an occupancy grid."""
+        """Return the cells whose centre is in, or within half a cell of, an obstacle, as an occupancy grid."""
         data = np.where(self.distance <= self.resolution / 2, OCCUPIED, FREE).astype(np.int8)
         return OccupancyGrid(data, self.resolution, self.origin)
 
@@ -208,22 +205,22 @@ class Costmap:
 
     @cached_property
     def above(self) -> Costmap | None:
-        """What is tall, for the outline of all that stands out above, or None if nothing does."""
+        """Return the costmap of tall obstacles for the outline with the overhang, or None without one."""
         if self.tall is None:
             return None
         return replace(self, distance=self.tall, tall=None, footprint=self.footprint.above)
 
     @cached_property
     def for_turning(self) -> Costmap:
-        """The costmap of one field for a disc of the circumscribed radius: what is tall is nearer, as more turns there.
+        """Return a costmap with one field for turning: of a disc of the circumscribed radius, overhang included.
 
-        The same one where nothing stands out, as the next two are.
+        Without an overhang it is this costmap, as for ``for_passing``.
         """
         return self._of_disc(self.footprint.above.circumscribed_radius - self.footprint.circumscribed_radius)
 
     @cached_property
     def for_passing(self) -> Costmap:
-        """That for a disc of the inscribed radius."""
+        """Return a costmap with one field for a disc of the inscribed radius."""
         return self._of_disc(self.footprint.above.inscribed_radius - self.footprint.inscribed_radius)
 
     @cached_property
@@ -251,9 +248,10 @@ class Costmap:
         return limited
 
     def footprint_clearance(self, poses: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Metres between the footprint and the next obstacle, (N,), for ``poses`` (N, 3) of x, y, theta.
+        """Return the clearance (N,), metres, between the footprint and the next obstacle, for ``poses`` (N, 3) of x, y,
+        theta.
 
-        Zero or negative where it touches one or leaves the costmap. What stands out above counts where it meets.
+        Zero or negative if it touches one or leaves the costmap. The overhang counts for obstacles of its height.
         """
         points = at_poses(self.footprint.outline(self.resolution / 2), poses)
         around = self.distance_at(points).min(axis=1)
@@ -262,11 +260,11 @@ class Costmap:
         return clearance if self.tall is None else np.minimum(clearance, self.overhang_clearance(poses))
 
     def overhang_clearance(self, poses: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Metres, at least, between what stands out above and the next tall obstacle; infinite where nothing does.
+        """Return a lower bound of the clearance, metres, between the overhang and the next tall obstacle; infinite
+        without one.
 
-        An arm may reach across a thin wall, to where it is free again, and around a post: discs on and within the
-        outline are looked at, and nothing is interpolated, as that hides walls between cells. Up to 2 cm of room may so
-        be overlooked.
+        The outline is covered by discs without interpolation, which would hide thin walls between cells. Up to 2 cm of
+        clearance may be missed.
         """
         if self.tall is None:
             return np.full(len(poses), np.inf)
@@ -296,5 +294,7 @@ class Costmap:
         return distance
 
     def clearance_at(self, pose: Pose2D) -> float:
-        """Metres between the footprint at ``pose`` and the next obstacle, as ``footprint_clearance``."""
+        """Return the clearance between the footprint at ``pose`` and the next obstacle, metres, as
+        ``footprint_clearance``.
+        """
         return float(self.footprint_clearance(np.array([[pose.x, pose.y, pose.theta]]))[0])

@@ -1,4 +1,4 @@
-"""The outline of a base on the floor, and of what rides above it and stands out."""
+"""The outline of a base on the floor, with its overhang above."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ _AROUND = np.array([[math.cos(turn), math.sin(turn)] for turn in np.arange(8) * 
 
 @dataclass(frozen=True, eq=False)
 class Overhang:
-    """What rides above a base and stands out beyond its outline: an arm, and what it holds.
+    """What extends beyond the outline of a base above the floor: an arm, and its load.
 
     ``corners``: (N, 2) metres in the base frame, counter-clockwise around the origin: the convex outline of the base
-    and of all above it. ``height``: metres above the floor, the lowest point that stands out: what does not reach up
-    to it passes below. ``reach``: metres that it stands out at most.
+    and everything above it. ``height``: metres above the floor, of the lowest overhanging point; lower obstacles pass
+    below it. ``reach``: metres of the overhang.
     """
 
     corners: NDArray[np.float64]
@@ -38,15 +38,14 @@ class Overhang:
         object.__setattr__(self, "corners", _outline(self.corners, "Overhang corners"))
 
     def __str__(self) -> str:
-        return f"the arm stands out {100 * self.reach:.0f} cm, {self.height:.2f} m above the floor"
+        return f"the arm extends {100 * self.reach:.0f} cm beyond the base, {self.height:.2f} m above the floor"
 
 
 @dataclass(frozen=True, eq=False)
 class Footprint:
     """A convex outline around the origin: ``corners`` (N, 2) metres in the base frame, counter-clockwise.
 
-    ``turning_drift``: metres that the origin may wander while the base turns on the spot. ``overhang``: what stands out
-    above, or None if nothing does.
+    ``turning_drift``: metres that the origin may move during a turn in place. ``overhang``: above the base, or None.
     """
 
     corners: NDArray[np.float64]
@@ -62,11 +61,9 @@ class Footprint:
         return cls(np.array(base.footprint), base.part.turning_drift)
 
     def carrying(self, bodies: Iterable[NDArray[np.float64]], margin: float) -> Footprint:
-        """Return the same base with ``bodies`` above it, each the convex hull of points (N, 3), metres in the base
-        frame.
+        """Return the base with ``bodies`` above it, each the convex hull of points (N, 3), metres in the base frame.
 
-        ``margin``: metres that they may sway, each way; what stands out by less counts as the base, whose own margins
-        hold for it.
+        ``margin``: metres that they may sway, each way; smaller overhangs count as part of the base.
         """
         reach, height, outside = 0.0, math.inf, [self.corners]
         for body in bodies:
@@ -85,15 +82,15 @@ class Footprint:
 
     @cached_property
     def above(self) -> Footprint:
-        """What must keep clear of all that reaches up to the overhang; the base itself where there is none."""
+        """The outline with the overhang; the base itself without one."""
         return self if self.overhang is None else Footprint(self.overhang.corners, self.turning_drift)
 
     @cached_property
     def discs_above(self) -> NDArray[np.float64]:
-        """Discs (N, 3) over all of ``above`` that stands out: x, y and radius, metres.
+        """Discs (N, 3) that cover the overhang: x, y and radius, metres.
 
-        Those on the outline reach half the way to the next one, those within stay a little off it. None lies next to
-        the base, so that where it may stand before something high does not depend on how well they are measured.
+        Discs on the outline reach half the way to the next one, inner ones leave a gap. None lies next to the base, so
+        that tall obstacles there do not constrain the base more than its own outline does.
         """
         outline = self.above.outline(DISCS)
         low, high = self.above.corners.min(axis=0), self.above.corners.max(axis=0)
@@ -136,7 +133,7 @@ class Footprint:
         return self.circumscribed_radius + self.turning_drift
 
     def outline(self, spacing: float) -> NDArray[np.float64]:
-        """Points (N, 2) along the outline, at most ``spacing`` metres apart, corners included."""
+        """Return points (N, 2) along the outline, metres, at most ``spacing`` metres apart, corners included."""
         pieces = []
         for start, end in zip(self.corners, np.roll(self.corners, -1, axis=0), strict=True):
             count = max(1, int(np.ceil(np.linalg.norm(end - start) / spacing)))
@@ -167,7 +164,7 @@ def _lowest_beyond(beyond: NDArray[np.float64], height: NDArray[np.float64]) -> 
 
 
 def at_poses(outline: NDArray[np.float64], poses: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Points (M, 2) of an outline at ``poses`` (N, 3), (N, M, 2)."""
+    """Transform an outline (M, 2) to each pose (N, 3); returns (N, M, 2), metres."""
     cos, sin = np.cos(poses[:, 2, None]), np.sin(poses[:, 2, None])
     return np.stack(
         [

@@ -1,8 +1,9 @@
-"""Cheapest ways over the cells of a costmap, 8-connected; a step costs its length times the mean of both cells.
+"""Search of cheapest paths over the cells of a costmap, 8-connected; a step costs its length times the mean of both
+cells.
 
-It finds what A* (Hart, Nilsson and Raphael 1968) finds, but without an estimate of what is left: SciPy has Dijkstra's
-algorithm in C, which takes a quarter of the time of A* in Python. On large grids a search over coarse cells first finds
-the corridor that the search over the cells keeps to.
+The result is that of A* (Hart, Nilsson and Raphael 1968), but without a heuristic: SciPy's Dijkstra in C takes a
+quarter of the time of A* in Python. On large grids a search over coarse cells first finds a corridor for the search
+over the cells.
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ of rows and columns; None without one."""
 def cheapest_way(
     start: NDArray[np.float64], goal: NDArray[np.float64], costmap: Costmap, lethal_distance: float, slack: float = 0.0
 ) -> NDArray[np.float64] | None:
-    """Centres (N, 2) of the cells on the cheapest way, or None.
+    """Return the centres (N, 2) of the cells on the cheapest path, metres, or None.
 
     ``slack``: metres by which cells may be nearer to an obstacle than ``lethal_distance``, at the highest cost.
     """
@@ -50,8 +51,8 @@ def search_in_corridor(
     lethal_distance: float,
     slack: float,
 ) -> NDArray[np.float64] | None:
-    """Return the way (N, 2), in metres, that ``search`` finds between two points, on large grids in a corridor if it
-    can.
+    """Return the path (N, 2), metres, that ``search`` finds between two points; on large grids in a corridor if
+    possible.
     """
     padded = _padded(costmap, lethal_distance, slack)
     source, target = _nearest_free(start, padded, costmap), _nearest_free(goal, padded, costmap)
@@ -67,7 +68,7 @@ def search_in_corridor(
 
 
 def cheapest_cells(cost: NDArray[np.float64], source: Cell, target: Cell) -> NDArray[np.intp] | None:
-    """Return a ``Search`` for the cheapest way from cell to neighbouring cell."""
+    """Return the cheapest path from cell to neighbouring cell, as a ``Search``."""
     graph, free, number = _graph(cost)
     first, last = (int(number[cell]) for cell in (source, target))
     reached, previous = dijkstra(graph, directed=False, indices=first, return_predecessors=True)
@@ -81,7 +82,7 @@ def cheapest_cells(cost: NDArray[np.float64], source: Cell, target: Cell) -> NDA
 
 
 def costs_to(goal: NDArray[np.float64], costmap: Costmap, lethal_distance: float) -> NDArray[np.float64]:
-    """What the cheapest way from each cell to ``goal`` (2,) costs, (rows, columns); infinite where there is none."""
+    """Return the cost of the cheapest path from each cell to ``goal`` (2,), (rows, columns); infinite if unreachable."""
     padded = _padded(costmap, lethal_distance, 0.0)
     costs = np.full(costmap.distance.shape, np.inf)
     target = _nearest_free(goal, padded, costmap)
@@ -124,7 +125,9 @@ def areas_of_disc(costmap: Costmap, radius: float) -> NDArray[np.intp]:
 
 
 def shortest_length(start: NDArray[np.float64], goal: NDArray[np.float64], costmap: Costmap, radius: float) -> float:
-    """Metres of the shortest 8-connected way of a disc's middle between two points (2,); infinite without one."""
+    """Return the length of the shortest 8-connected path of a disc between two points (2,), metres; infinite without
+    one.
+    """
     plain = replace(costmap, rasterization=replace(costmap.rasterization, cost_weight=0.0))
     cells = cheapest_way(start, goal, plain, radius)
     if cells is None:

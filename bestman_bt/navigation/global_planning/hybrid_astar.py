@@ -1,9 +1,9 @@
-"""Hybrid A* (Dolgov, Thrun, Montemerlo and Diebel, IJRR 2010), for bases that cannot turn where they stand.
+"""Hybrid A* (Dolgov, Thrun, Montemerlo and Diebel, IJRR 2010), for bases that cannot turn in place.
 
-States are poses; the grid only says which of them are alike. Branches are arcs of the turning radius and straight
-pieces, ahead and back, checked by footprint. Two estimates of what is left lead the search: the cheapest way over the
-cells for a base of any heading, and the Reeds-Shepp curve without obstacles; now and then such a curve is tried as the
-rest of the way.
+States are poses; the grid only decides which are equivalent. Branches are arcs of the turning radius and straight
+pieces, forwards and backwards, checked by footprint. Two heuristics guide the search: the cheapest path over the cells
+for any heading, and the Reeds-Shepp curve without obstacles, which is also tried as the rest of the path from time to
+time.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ class ReedsShepp:
         self._from, self._to, self._between = (self._space.allocState() for _ in range(3))
 
     def length(self, start: NDArray[np.float64], goal: NDArray[np.float64]) -> float:
-        """Metres of the shortest curve between two poses (3,)."""
+        """Return the length of the shortest curve between two poses (3,), metres."""
         _set(self._from, start)
         _set(self._to, goal)
         return float(self._space.distance(self._from, self._to))
@@ -82,12 +82,12 @@ class _Node:
 
 @dataclass(frozen=True)
 class HybridAStar(StraightPieces, GlobalPlanner):
-    """Curves of a turning radius, ahead and back; deterministic.
+    """Curves of a turning radius, forwards and backwards; deterministic.
 
-    ``turning_radius``: of the tightest curve, metres. ``branch``: length of one, metres. ``headings``: into how many
-    the full turn is divided to tell states apart. ``reverse_cost``: of a metre back, in metres ahead; ``switch_cost``:
-    metres of detour worth one change of direction. ``clearance``: metres kept around the footprint between the ends.
-    ``max_expansions``: states after which the search gives up.
+    ``turning_radius``: of the tightest curve, metres. ``branch``: length of one, metres. ``headings``: number of
+    discrete headings of states. ``reverse_cost``: factor on metres driven backwards; ``switch_cost``: metres of detour
+    worth one change of direction. ``clearance``: metres around the footprint between the ends. ``max_expansions``:
+    states after which the search gives up.
     """
 
     turning_radius: Annotated[Positive, "m"] = 0.4
@@ -99,7 +99,7 @@ class HybridAStar(StraightPieces, GlobalPlanner):
     max_expansions: Count = 30_000
 
     def plan(self, start: Pose2D, goal: Pose2D, costmap: Costmap) -> Path2D | PlanningFailure:
-        """See ``GlobalPlanner.plan``."""
+        """Implement ``GlobalPlanner.plan``."""
         return told_of_overhang(self._plan, start, goal, costmap)
 
     def _plan(self, start: Pose2D, goal: Pose2D, costmap: Costmap) -> Path2D | PlanningFailure:

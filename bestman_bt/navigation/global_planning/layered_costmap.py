@@ -13,17 +13,17 @@ from bestman_bt.world_model.world_model import WorldModel
 
 @dataclass(frozen=True)
 class LayeredCostmap(Rasterization):
-    """Makes costmaps: of the map and what is believed of its doors, or of a grid.
+    """Creates costmaps: of the map with the believed doors, or of a grid.
 
-    ``obstacle``: whether what the lidar sees and the map lacks is in costmaps that are planned on. ``unknown``: whether
-    cells that nobody has seen are obstacles.
+    ``obstacle``: whether planning costmaps include obstacles that the lidar sees and the map lacks. ``unknown``:
+    whether unseen cells are obstacles.
     """
 
     obstacle: bool = True
     unknown: bool = True
 
     def of_world(self, world: WorldModel, footprint: Footprint) -> Costmap:
-        """Walls, furniture, doors of rooms, and doors and drawers that are believed to stand open."""
+        """Return the costmap of walls, furniture, room doors, and open doors and drawers."""
         leaves = open_leaves(world) if self.doors else ()
         return Costmap.from_map(world.map, footprint, leaves, self)
 

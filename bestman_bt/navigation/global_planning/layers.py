@@ -1,4 +1,4 @@
-"""Layers of a costmap: each knows one kind of thing that a base must keep clear of."""
+"""Layers of a costmap, each for one kind of obstacle."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from bestman_bt.world_model.semantic_map import MapFurniture
 def squared_distance_to_segment(
     points: NDArray[np.float64], start: NDArray[np.float64], end: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """For ``points`` (2, N), a row each for x and y: faster than (N, 2)."""
+    """Return the squared distances (N,) of ``points`` (2, N), one row each for x and y, to a segment, m²."""
     (dx, dy), (along_x, along_y) = points - start[:, None], end - start
     share = np.clip((dx * along_x + dy * along_y) / max(float(along_x**2 + along_y**2), 1e-12), 0.0, 1.0)
     squared: NDArray[np.float64] = (dx - share * along_x) ** 2 + (dy - share * along_y) ** 2
@@ -41,17 +41,18 @@ def distance_to_polygon(points: NDArray[np.float64], corners: NDArray[np.float64
 
 
 class CostmapLayer(ABC):
-    """A costmap takes the nearest of what its layers have; inflation and footprint work on that."""
+    """A layer of a costmap, which takes the minimum of its layers; costs and footprint are based on that."""
 
     @abstractmethod
     def distance(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Metres (N,) from ``points`` (2, N) in the map frame to the next thing of this kind, negative inside one.
+        """Return the distance (N,), metres, from ``points`` (2, N) in the map frame to the next obstacle, negative
+        inside.
 
-        Infinite where there is none. The layer's own margins are already taken off.
+        Infinite without obstacles. The layer's own margins are already subtracted.
         """
 
     def reaching(self, height: float) -> CostmapLayer:
-        """What of it reaches up to ``height`` metres or higher: all of it, itself, where that is not known."""
+        """Return the part that reaches ``height`` metres or higher; the layer itself if heights are unknown."""
         return self
 
 
@@ -70,11 +71,11 @@ class ShapeLayer(CostmapLayer):
     robot_height: float
 
     def reaching(self, height: float) -> ShapeLayer:
-        """Without the shapes that end below."""
+        """Return the layer without the shapes that end below ``height`` metres."""
         return replace(self, floor_height=max(self.floor_height, height))
 
     def distance(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """See the base class."""
+        """Implement the base class."""
         distance = np.full(points.shape[1], np.inf)
         for placed in self.shapes:
             outline = _outline_on_floor(placed, self.floor_height, self.robot_height)
@@ -112,9 +113,9 @@ def _outline_on_floor(placed: PlacedShape, floor: float, ceiling: float) -> NDAr
 
 @dataclass(frozen=True, eq=False)
 class FurnitureLayer(CostmapLayer):
-    """Outlines of ``pieces``, turned and grown by how far these may be off.
+    """Outlines of ``pieces``, grown by their possible position and heading errors.
 
-    ``position_error``: metres, each way, and ``heading_error``: radians, unless a piece is known better.
+    ``position_error``: metres, each way, and ``heading_error``: radians, unless a piece has smaller ones.
     """
 
     pieces: Sequence[MapFurniture]
@@ -127,7 +128,7 @@ class FurnitureLayer(CostmapLayer):
         return self if len(high) == len(self.pieces) else replace(self, pieces=high)
 
     def distance(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """See the base class."""
+        """Implement the base class."""
         distance = np.full(points.shape[1], np.inf)
         for piece in self.pieces:
             position_error = min(self.position_error, piece.position_error)
@@ -160,11 +161,11 @@ class CellLayer(CostmapLayer):
 
     @classmethod
     def unknown(cls, grid: OccupancyGrid) -> CellLayer:
-        """Cells that nobody has seen."""
+        """Return the layer of unseen cells."""
         return cls(grid, grid.data == UNKNOWN)
 
     def distance(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """See the base class; that of the cells in which the points lie, and infinite beyond the grid."""
+        """Return the distance of the cells of the points; infinite beyond the grid."""
         blocked = self.blocked
         cells = np.where(blocked, -_to_squares(~blocked), _to_squares(blocked)) * self.grid.resolution
         column, row = np.floor((points - self.grid.origin[:, None]) / self.grid.resolution).astype(np.intp)
@@ -202,7 +203,7 @@ class StaticLayer(CostmapLayer):
     walls: NDArray[np.float64]
 
     def distance(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """See the base class; walls have no inside."""
+        """Return the distance to walls, which have no inside."""
         squared = np.full(points.shape[1], np.inf)
         for segment in self.walls:
             np.minimum(squared, squared_distance_to_segment(points, segment[:2], segment[2:]), out=squared)

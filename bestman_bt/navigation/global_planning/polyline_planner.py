@@ -1,9 +1,9 @@
-"""Planners of polylines, at whose corners a base turns where it stands: what they share.
+"""Base of planners of polylines, for bases that turn in place at the corners.
 
-Both ends are treated by footprint: the start is left by backing out straight (or straight ahead) to a place where the
-base can turn, and the goal is entered straight along its heading from such a place; where there is none, as in a
-narrow hallway, hybrid A* looks for a way by curves. In between, places where the base
-can turn freely are tried first, and narrower ones, which it passes straight, only when there is no other way.
+Both ends are checked by footprint: the start is left straight, backwards or forwards, to a place where the base can
+turn, and the goal is entered straight along its heading from such a place; if there is none, as in a narrow hallway,
+hybrid A* searches a curved path. In between, places where the base can turn freely are tried first, and narrower ones,
+which are passed straight, only if there is no other path.
 """
 
 from __future__ import annotations
@@ -46,12 +46,12 @@ _AHEAD = 4
 
 @dataclass(frozen=True)
 class PolylinePlanner(StraightPieces, GlobalPlanner):
-    """Ends by footprint, a way between them from the subclass, then the cheapest polyline through its points.
+    """Ends by footprint, a path between them from the subclass, then the cheapest polyline through its points.
 
-    ``turning_clearance``: metres kept beyond the turning radius where the base turns. ``slack``: metres less of
-    it, at the highest cost, where there is no more room, as in narrow doorways: cells rarely have their centres in the
-    middle of one. ``turn_cost``: metres of detour worth one corner. ``vertex_limit``: how many points of the way that
-    was found the smoothing considers.
+    ``turning_clearance``: metres beyond the turning radius where the base turns. ``slack``: reduction of it, metres, at
+    the highest cost, in narrow places such as doorways, because cell centres are rarely in the middle of a gap.
+    ``turn_cost``: metres of detour worth one corner. ``vertex_limit``: number of path points to consider in the
+    smoothing.
     """
 
     turning_clearance: Annotated[NonNegative, "m"] = 0.02
@@ -64,12 +64,10 @@ class PolylinePlanner(StraightPieces, GlobalPlanner):
 
     @abstractmethod
     def way(self, start: NDArray[np.float64], goal: NDArray[np.float64], room: FreeSpace) -> NDArray[np.float64] | None:
-        """Points (N, 2), metres, on a way in ``room`` from near ``start`` (2,) to near ``goal`` (2,), or None
-        without.
-        """
+        """Return points (N, 2), metres, on a path in ``room`` from near ``start`` (2,) to near ``goal`` (2,), or None."""
 
     def plan(self, start: Pose2D, goal: Pose2D, costmap: Costmap) -> Path2D | PlanningFailure:
-        """See ``GlobalPlanner.plan``."""
+        """Implement ``GlobalPlanner.plan``."""
         return told_of_overhang(self._plan, start, goal, costmap)
 
     def _plan(self, start: Pose2D, goal: Pose2D, costmap: Costmap) -> Path2D | PlanningFailure:
@@ -166,10 +164,10 @@ class PolylinePlanner(StraightPieces, GlobalPlanner):
 
 @dataclass(frozen=True)
 class GridAStar(PolylinePlanner):
-    """The cheapest way over the cells, 8-connected (Hart, Nilsson and Raphael 1968); deterministic."""
+    """The cheapest path over the cells, 8-connected (Hart, Nilsson and Raphael 1968); deterministic."""
 
     def way(self, start: NDArray[np.float64], goal: NDArray[np.float64], room: FreeSpace) -> NDArray[np.float64] | None:
-        """See the base class."""
+        """Implement the base class."""
         return cheapest_way(start, goal, room.field, room.lethal_distance, room.lethal_slack)
 
 

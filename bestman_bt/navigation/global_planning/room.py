@@ -1,4 +1,4 @@
-"""Room to drive in: what a base touches on straight pieces, where it can turn, and what driving there costs."""
+"""Free space: collisions on straight pieces, places to turn, and costs of driving."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ _SPARSE = 8  # one of so many
 
 @dataclass(frozen=True)
 class FreeSpace:
-    """The free part of a costmap for a base that drives straight and turns where it stands.
+    """The free part of a costmap for a base that drives straight and turns in place.
 
-    ``turning_distance``: metres from obstacles at which it can turn, less ``slack`` where there is no more, at the
-    highest cost. ``turns_everywhere``: it keeps that distance all the way; else only where it turns, and between two
-    such places its footprint, turned along the way, has to pass.
+    ``turning_distance``: metres from obstacles at which it can turn, minus ``slack`` if necessary, at the highest cost.
+    ``turns_everywhere``: it keeps that distance all along; else only where it turns, and between two such places its
+    footprint, aligned with the path, has to pass.
     """
 
     costmap: Costmap
@@ -29,26 +29,28 @@ class FreeSpace:
 
     @property
     def field(self) -> Costmap:
-        """The costmap of one field in which its middle keeps ``lethal_distance``."""
+        """The costmap with one field in which the base's middle keeps ``lethal_distance``."""
         return self.costmap.for_turning if self.turns_everywhere else self.costmap.for_passing
 
     @property
     def lethal_distance(self) -> float:
-        """Metres from obstacles that its middle keeps at least."""
+        """Least distance of the base's middle from obstacles, metres."""
         return self.turning_distance if self.turns_everywhere else self.costmap.footprint.inscribed_radius
 
     @property
     def lethal_slack(self) -> float:
-        """Metres less than ``lethal_distance`` that are taken where there is no more room."""
+        """Reduction of ``lethal_distance`` in narrow places, metres."""
         return self.slack if self.turns_everywhere else 0.0
 
     def can_turn(self, points: ArrayLike) -> NDArray[np.bool_]:
-        """At which of the points (..., 2) it can turn into any direction."""
+        """Return at which of the points (..., 2) the base can turn to any heading."""
         turns: NDArray[np.bool_] = self.costmap.for_turning.distance_at(points) >= self.turning_distance - self.slack
         return turns
 
     def segment_costs(self, starts: NDArray[np.float64], ends: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Cost (N,) of driving straight from ``starts`` (2,) or (N, 2) to ``ends`` (N, 2); infinite where blocked."""
+        """Return the cost (N,) of driving straight from ``starts`` (2,) or (N, 2) to ``ends`` (N, 2); infinite if
+        blocked.
+        """
         starts = np.broadcast_to(starts, ends.shape)
         field, spacing = self.field, self.costmap.resolution / 2
         costs = np.full(len(ends), np.inf)

@@ -1,4 +1,4 @@
-"""The ends of a path near furniture, where a base may neither turn nor take any direction: they are driven straight."""
+"""Straight ends of a path near furniture, where a base can neither turn nor choose a direction."""
 
 from __future__ import annotations
 
@@ -17,12 +17,10 @@ from bestman_bt.navigation.global_planning.costmap import Costmap
 
 @dataclass(frozen=True)
 class StraightPieces:
-    """At both ends of a path, metres.
+    """Parameters of both ends of a path, metres.
 
-    ``straight``: wanted, ``max_straight``: longest straight piece at an end that needs one, metres.
-
-    ``step``: spacing of collision checks along it, metres. ``max_overlap``: metres by which the base may stand inside a
-    margin at the start.
+    ``straight``: preferred length, ``max_straight``: longest straight piece at an end that needs one. ``step``: spacing
+    of collision checks along it. ``max_overlap``: depth by which the base may be inside a margin at the start.
     """
 
     straight: Annotated[NonNegative, "m"] = 0.4
@@ -32,7 +30,7 @@ class StraightPieces:
 
 
 class Ends(NamedTuple):
-    """``leave``: where the way goes on first, ``approach``: whence the goal is entered, both (2,) metres.
+    """``leave``: first point after the start, ``approach``: last point before the goal, both (2,) metres.
 
     ``backwards``: whether the base drives to the first one backwards.
     """
@@ -46,8 +44,8 @@ class Ends(NamedTuple):
 class StraightEnds:
     """Leaves starts straight, and enters goals straight along their heading.
 
-    ``turning_distance``: metres from obstacles where the straight piece may end, for bases that turn there, less
-    ``slack`` where there is no more; None: it may end wherever the footprint has ``clearance`` metres of room.
+    ``turning_distance``: metres from obstacles where the straight piece may end, for bases that turn there, minus
+    ``slack`` in narrow places; None: anywhere with ``clearance`` metres around the footprint.
     """
 
     costmap: Costmap
@@ -57,7 +55,7 @@ class StraightEnds:
     clearance: float = 0.0
 
     def between(self, start: Pose2D, goal: Pose2D) -> Ends | PlanningFailure:
-        """Both ends of a path, or why there is none."""
+        """Return both ends of a path, or a PlanningFailure."""
         fault = self._fault(start, goal)
         if fault is not None:
             return fault

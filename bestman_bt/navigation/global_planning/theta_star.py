@@ -1,7 +1,7 @@
 """Theta*: any-angle paths on the grid, in the lazy form of Nash, Koenig and Tovey (AAAI 2010), with cost.
 
-A cell's way goes straight from an ancestor, if that is cheaper than by its neighbour; one line of sight is looked at
-for each cell that is expanded. As in nav2's planner, lines are charged with the cost of the cells that they cross.
+A cell is connected straight to an ancestor if that is cheaper than by its neighbour; one line of sight is checked per
+expanded cell. As in nav2's planner, lines accumulate the cost of the cells that they cross.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ class ThetaStar(PolylinePlanner):
     """Lazy Theta* on the costmap; deterministic."""
 
     def way(self, start: NDArray[np.float64], goal: NDArray[np.float64], room: FreeSpace) -> NDArray[np.float64] | None:
-        """See the base class."""
+        """Implement the base class."""
         lethal = room.lethal_distance, room.lethal_slack
         vertices = search_in_corridor(theta_cells, start, goal, room.field, *lethal)
         if vertices is None or not room.turns_everywhere:
@@ -39,7 +39,7 @@ class ThetaStar(PolylinePlanner):
 
 
 def theta_cells(cost: NDArray[np.float64], source: Cell, target: Cell) -> NDArray[np.intp] | None:
-    """Return a ``grid_search.Search``: the cells at which a cheap any-angle way turns."""
+    """Return the cells at which a cheap any-angle path turns, as a ``grid_search.Search``."""
     width = cost.shape[1]
     costs: list[float] = cost.ravel().tolist()  # plain lists are faster than arrays here
     diagonal = math.sqrt(2.0)

@@ -12,10 +12,10 @@ from bestman_bt.robot_model.model import BaseModel
 
 @dataclass(frozen=True)
 class FollowerCommand:
-    """What to do until the next call.
+    """A command until the next call.
 
-    ``twist``: velocity command in the base frame. ``done``: the goal is reached and the twist is zero.
-    ``remaining``: metres of path that are left.
+    ``twist``: velocity command in the base frame. ``done``: the goal is reached and the twist is zero. ``remaining``:
+    metres of the remaining path.
     """
 
     twist: Twist2D
@@ -24,10 +24,10 @@ class FollowerCommand:
 
 
 class PathFollower(ABC):
-    """Follows one path at a time; holds the progress along it and nothing else.
+    """Follows one path at a time; its only state is the progress along it.
 
-    Those that go around obstacles are told the base that they drive (``configure``) and, as scans come, what is around
-    it (``observe``). The others leave both as they are here.
+    Obstacle-avoiding followers get the base (``configure``) and the scans (``observe``); others inherit both without
+    effect.
     """
 
     def configure(self, base: BaseModel) -> None:
@@ -35,14 +35,14 @@ class PathFollower(ABC):
         return
 
     def observe(self, scan: LaserScan, map_from_lidar: Pose2D) -> None:
-        """A new scan and where it was taken."""
+        """Process a new scan and its pose."""
         return
 
     @abstractmethod
     def reset(self, path: Path2D, costmap: Costmap | None = None) -> None:
-        """Begin ``path``.
+        """Start following ``path``.
 
-        Raises ValueError if it has no point. ``costmap``: what it was planned on, where that is known.
+        Raises ValueError if it has no points. ``costmap``: used for planning, if known.
         """
 
     @abstractmethod

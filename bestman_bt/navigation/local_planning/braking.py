@@ -1,4 +1,4 @@
-"""How fast one may go towards something: so that there is always room to stop before it."""
+"""Speed limits near obstacles that always leave room to stop."""
 
 from __future__ import annotations
 
@@ -20,12 +20,11 @@ from bestman_bt.robot_model.part_config import MobilePart
 
 @dataclass(eq=False)
 class GiveWay:
-    """Who walks is taken to go on straight at the velocity that was measured.
+    """Predicts walking people at constant velocity.
 
-    ``margin``: metres kept between the outline and who walks. ``horizon``: seconds that are looked ahead.
-
-    ``step``: seconds between two looks. ``shares``: of the velocity, largest first; the last one that is tried is rest.
-    ``nearer``: metres that count as coming nearer.
+    ``margin``: metres between the outline and people. ``horizon``: seconds to predict. ``step``: seconds between two
+    checks. ``shares``: of the velocity, largest first; the last resort is rest. ``nearer``: metres that count as an
+    approach.
     """
 
     footprint: Footprint
@@ -40,9 +39,9 @@ class GiveWay:
         self._times = np.arange(0.0, self.horizon + 1e-9, self.step)
 
     def share(self, pose: Pose2D, twist: Twist2D, moving: Sequence[MovingObstacle]) -> float:
-        """Return how much of ``twist``, 0 to 1, a base at ``pose`` may drive.
+        """Return the fraction of ``twist``, 0 to 1, that a base at ``pose`` may drive.
 
-        Where somebody comes who would walk into it even if it stood, it may drive out of the way, and else stands.
+        If a person would walk into the base even at rest, it may drive out of the way; otherwise it stops.
         """
         if not moving or (twist.vx == twist.vy == twist.wz == 0.0):
             return 1.0
@@ -71,9 +70,9 @@ class GiveWay:
 
 
 class JerkLimit:
-    """Brings one command after the other towards what is wanted; remembers velocity and acceleration of each axis.
+    """Approaches a wanted velocity with limited jerk; keeps velocity and acceleration of each axis.
 
-    The acceleration falls to zero in time before the wanted velocity is reached, so that it is not overshot.
+    The acceleration falls to zero before the wanted velocity is reached, so that there is no overshoot.
     """
 
     def __init__(self, limits: MobilePart) -> None:
@@ -91,12 +90,12 @@ class JerkLimit:
         return Twist2D(*self._velocity)
 
     def reset(self, twist: Twist2D) -> None:
-        """Go on from ``twist``, at no acceleration."""
+        """Continue from ``twist`` with zero acceleration."""
         self._velocity = [twist.vx, twist.vy, twist.wz]
         self._acceleration = [0.0, 0.0, 0.0]
 
     def brake(self, wanted: Twist2D, dt: float) -> Twist2D:
-        """Return the command for the next ``dt`` seconds where safety asks for less: jerk does not count then."""
+        """Return the command for the next ``dt`` seconds if safety requires less speed, without a jerk limit."""
         for axis, (goal, (most, _)) in enumerate(zip((wanted.vx, wanted.vy, wanted.wz), self._bounds, strict=True)):
             change = min(max(goal - self._velocity[axis], -most * dt), most * dt)
             self._velocity[axis] += change
@@ -122,16 +121,16 @@ class JerkLimit:
 
 
 def braking_time(twist: Twist2D, acceleration: float, angular_acceleration: float) -> float:
-    """Seconds from ``twist`` to rest at a constant deceleration, m/s² and rad/s²."""
+    """Return the seconds from ``twist`` to rest at a constant deceleration, m/s² and rad/s²."""
     return max(math.hypot(twist.vx, twist.vy) / acceleration, abs(twist.wz) / angular_acceleration)
 
 
 def safe_share(time_to_contact: float, reaction: float, braking: float) -> float:
-    """Return the largest share, 0 to 1, of a velocity at which the base stops before it touches anything.
+    """Return the largest fraction, 0 to 1, of a velocity at which the base stops before a contact.
 
-    ``time_to_contact``: seconds at the whole velocity (infinite: nothing is in the way). ``reaction``: seconds before
-    the brakes act, ``braking``: seconds they need at the whole velocity. At a share s the base still moves on for
-    ``s reaction + s² braking / 2`` seconds' worth of the whole velocity, which must not exceed ``time_to_contact``.
+    ``time_to_contact``: seconds at full velocity (infinite: no obstacle). ``reaction``: seconds before the brakes act,
+    ``braking``: seconds of braking from full velocity. At a fraction s the base moves on for the equivalent of ``s
+    reaction + s² braking / 2`` seconds at full velocity, which must not exceed ``time_to_contact``.
     """
     if time_to_contact >= reaction + braking / 2.0:
         return 1.0

@@ -1,8 +1,8 @@
-"""How far it still is to the goal, from everywhere around: nav2's map grid as a distance along free floor.
+"""Cost-to-go: nav2's map grid as a distance along free floor.
 
-A wave runs over a coarse grid from the farthest free place of the path in view that is not past a turn back; where
-something stands on the path, it runs around it. So whoever goes down the field also finds the way around what the path
-does not know, and drives a path that comes back near itself from one strand to the next.
+A wave on a coarse grid starts at the farthest free point of the visible path before it turns back, and runs around
+obstacles on the path. Descending the field thus also avoids obstacles unknown to the path, and follows a path that
+comes back near itself strand by strand.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ class DistanceGrid:
     """``values``: (N, N) float32, metres from each cell's centre to the next obstacle, row 0 at the smallest y.
 
     ``origin``: (x, y) metres in the map frame, the outer corner of cell (0, 0). ``resolution``: metres per cell.
-    ``tall``: the same for what reaches up to the footprint's overhang, where it has one.
+    ``tall``: the same for obstacles that reach the overhang, if any.
     """
 
     values: NDArray[np.float32]
@@ -58,8 +58,8 @@ _SQUARE = np.ones((3, 3), dtype=np.uint8)
 class CostToGo:
     """``field``: metres to the goal; ``beside``: metres from the path. Both are read as a ``DistanceGrid``.
 
-    ``carrot``: (2,) metres in the map frame, a place some way down the field from the robot.
-    ``aim``: the number of the path's point that the wave began at. ``reachable``: whether it reached the robot at all.
+    ``carrot``: (2,) metres in the map frame, a point down the field from the robot. ``aim``: index of the path's point
+    where the wave started. ``reachable``: whether it reached the robot.
     """
 
     field: DistanceGrid
@@ -77,11 +77,10 @@ def cost_to_go(
     robot: NDArray[np.float64],
     carrot_distance: float,
 ) -> CostToGo:
-    """Return the field for a robot at ``robot`` (2,) with the path (N, 2) before it, ``remaining`` (N,) metres to its
-    end.
+    """Return the field for a robot at ``robot`` (2,) with the path (N, 2) ahead, ``remaining`` (N,) metres to its end.
 
-    ``clearances``: metres that its middle keeps from obstacles; the later ones where there is no way with the first.
-    Where none leads to the path before it turns back, the whole of it in view is tried. All in the map frame.
+    ``clearances``: metres of its middle from obstacles; later ones are tried if the first gives no path. If no path
+    leads to the point before it turns back, the whole visible path is tried. All in the map frame.
     """
     straight = np.linalg.norm(path - path[0], axis=1)
     driven = remaining[0] - remaining

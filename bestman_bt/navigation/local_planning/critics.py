@@ -1,4 +1,4 @@
-"""Critics: what a simulated drive costs, as in nav2's DWB and MPPI controllers."""
+"""Critics: the cost of a simulated drive, as in nav2's DWB and MPPI controllers."""
 
 from __future__ import annotations
 
@@ -19,15 +19,14 @@ Floats = NDArray[np.float32]
 
 @dataclass(frozen=True)
 class CriticWeights:
-    """A cost of 1 is worth a metre of the way.
+    """Weights; a cost of 1 is worth a metre of path.
 
-    ``goal``: metres that are left at the end of the drive or where it touches something, ``goal_early``: in its mean.
-    ``path``: metres beside the path, in the mean. ``obstacle``: per nearness to an obstacle, which falls to 1/e within
-    ``obstacle_decay`` metres from the outline. ``heading``: radians off the way ahead after a third of the drive.
-    ``backwards``, ``sideways``: metres driven so. ``turning``: radians turned. ``contact``: for touching something at
-    once; later, less.
-    ``prediction``: seconds that moving obstacles are taken to go on as they do, ``moving_margin``: metres kept from
-    where they will be, ``moving``: weight of coming nearer than ``moving_distance``.
+    ``goal``: remaining metres at the end of the drive or at a contact, ``goal_early``: in its mean. ``path``: metres
+    from the path, in the mean. ``obstacle``: per nearness to an obstacle, which falls to 1/e within ``obstacle_decay``
+    metres from the outline. ``heading``: radians off the path's direction after a third of the drive. ``backwards``,
+    ``sideways``: per metre driven so. ``turning``: per radian. ``contact``: for an immediate contact; less for a later
+    one. ``prediction``: seconds of constant-velocity prediction of moving obstacles, ``moving_margin``: metres from
+    their predicted places, ``moving``: weight of approaching them closer than ``moving_distance``.
     """
 
     goal: Annotated[NonNegative, "1/m"] = 1.0
@@ -62,7 +61,7 @@ class Drives:
 
 @dataclass(frozen=True, eq=False)
 class Surroundings:
-    """What drives are judged by. ``margin``: metres around the outline that nothing may enter."""
+    """The environment of drives. ``margin``: metres around the outline that must stay free."""
 
     distance: DistanceGrid
     to_go: CostToGo
@@ -71,7 +70,7 @@ class Surroundings:
 
 
 class Critics:
-    """Sums up what drives cost a base with a given footprint."""
+    """Computes the cost of drives of a base with a given footprint."""
 
     def __init__(self, weights: CriticWeights, footprint: Footprint, sideways: bool) -> None:
         self._weights, self._sideways = weights, sideways
@@ -84,7 +83,7 @@ class Critics:
         self._reach = around.circumscribed_radius
 
     def judge(self, drives: Drives, around: Surroundings) -> tuple[Floats, NDArray[np.intp]]:
-        """Return the cost of each drive (B,), and the step in which it touches something, T where it does not."""
+        """Return the cost of each drive (B,), and the step of its first contact, T without one."""
         p = self._weights
         steps = drives.x.shape[1]
         touches, middle = self._check.touches(around.distance, drives.x, drives.y, drives.theta, around.margin)

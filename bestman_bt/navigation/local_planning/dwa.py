@@ -19,13 +19,12 @@ Floats = NDArray[np.float32]
 
 @dataclass(eq=False)
 class DWA(ObstacleAwareFollower):
-    """Tries the velocities that the base can reach soon, each kept up for the horizon; deterministic.
+    """Samples the reachable velocities, each held over the horizon; deterministic.
 
-    Of the window: ``forward_samples``, ``sideways_samples`` (of bases that can), ``turn_samples`` velocities.
-
+    ``forward_samples``, ``sideways_samples`` (for omnidirectional bases), ``turn_samples``: numbers of velocities.
     ``window``: seconds within which a velocity must be reachable. ``horizon``, ``step``: seconds, of the drives at
-    constant velocity. ``reverse``: m/s backwards at most. ``oscillation_distance`` (m), ``oscillation_angle`` (rad):
-    how far the base must come before a velocity may change its sign a second time, or ``oscillation_time`` (s) pass.
+    constant velocity. ``reverse``: largest speed backwards, m/s. ``oscillation_distance`` (m), ``oscillation_angle``
+    (rad): motion before a velocity may change its sign a second time, or ``oscillation_time`` (s).
     """
 
     forward_samples: Count = 11

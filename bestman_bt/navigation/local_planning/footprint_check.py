@@ -21,7 +21,7 @@ NEARER = 1e-3
 
 
 class FootprintMotion:
-    """``margin``: metres around the outline that count as the base."""
+    """A footprint with a ``margin`` in metres around the outline."""
 
     def __init__(self, footprint: Footprint, margin: float) -> None:
         edges = np.roll(footprint.corners, -1, axis=0) - footprint.corners
@@ -31,18 +31,19 @@ class FootprintMotion:
         """Metres from the base's middle within which a point can be within the outline."""
 
     def distance(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Of points (..., 2), base frame, to the outline with its margin, (...): exact along its edges, metres.
+        """Return the distances (...) of points (..., 2), base frame, to the outline with its margin, metres; exact
+        along its edges.
 
-        Negative inside; at a corner it is that of the edges' lines, which is less.
+        Negative inside; at a corner it is the smaller distance to the edges' lines.
         """
         distances: NDArray[np.float64] = (points @ self._normals.T - self._offsets).max(axis=-1)
         return distances
 
     def contact(self, points: NDArray[np.float64], twist: Twist2D, horizon: float) -> tuple[float, int]:
-        """Seconds, at most ``horizon``, until ``twist`` brings the outline to one of ``points`` (N, 2), and to which.
+        """Return the seconds, at most ``horizon``, until ``twist`` brings the outline to one of ``points`` (N, 2), and
+        its index.
 
-        Infinity and -1 where it does not. A point that is within the outline already counts only if it gets nearer:
-        moving away from it is always free.
+        Infinity and -1 without contact. A point already inside the outline counts only if the motion approaches it.
         """
         speed = math.hypot(twist.vx, twist.vy)
         reach = self.reach + speed * horizon
@@ -69,7 +70,7 @@ class FootprintMotion:
 def arc(
     twist: Twist2D, times: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """x, y, theta (T,) of the base after ``times`` (T,) seconds at ``twist``, in the frame where it began."""
+    """Return x, y, theta (T,) of the base after ``times`` (T,) seconds at ``twist``, in its initial frame."""
     turned = twist.wz * times
     if abs(twist.wz) < 1e-6:
         return twist.vx * times, twist.vy * times, turned
@@ -84,9 +85,9 @@ Floats = NDArray[np.float32]
 
 
 class FootprintCheck:
-    """Which poses of a base touch something: by its outline, where the place of its middle alone does not tell.
+    """Collision checks of base poses: by the outline if the position of its middle is not sufficient.
 
-    What stands out above the base is held against the grid's ``tall``.
+    The overhang is checked against the grid's ``tall``.
     """
 
     def __init__(self, footprint: Footprint) -> None:
@@ -98,7 +99,9 @@ class FootprintCheck:
     def touches(
         self, grid: DistanceGrid, x: Floats, y: Floats, theta: Floats, margin: float
     ) -> tuple[NDArray[np.bool_], Floats]:
-        """For poses of any one shape: whether something is within ``margin`` metres, and how far from the middle."""
+        """Return for poses of any shape whether an obstacle is within ``margin`` metres, and its distance from the
+        middle.
+        """
         middle = grid.at(x, y)
         margin32 = np.float32(margin)
         touches = middle < self.inner + margin32
@@ -111,7 +114,7 @@ class FootprintCheck:
         return touches, middle
 
     def clearance(self, grid: DistanceGrid, x: Floats, y: Floats, theta: Floats) -> Floats:
-        """Metres between outline and next obstacle for poses (N,), at least; negative where they may overlap."""
+        """Return a lower bound of the clearance for poses (N,), metres; negative if they may overlap."""
         around = self._around(grid, x, y, theta) - np.float32(SPACING / 2)
         clearance: Floats = np.minimum(around, grid.at(x, y) - self.inner)
         if self._above is not None and grid.tall is not None:

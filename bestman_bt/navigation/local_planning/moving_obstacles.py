@@ -1,4 +1,4 @@
-"""People and other things that walk about: clusters of hits, tracked with their velocity."""
+"""Moving obstacles such as people: clusters of hits, tracked with their velocity."""
 
 from __future__ import annotations
 
@@ -26,16 +26,15 @@ class MovingObstacle:
 
 @dataclass(eq=False)
 class MovingObstacles:
-    """Kalman filters of constant velocity, one per cluster; nearest neighbours, each to one (Hungarian algorithm).
+    """Constant-velocity Kalman filters, one per cluster, with nearest-neighbour assignment (Hungarian algorithm).
 
     Lengths in metres, times in seconds, speeds in m/s.
 
-    ``gap``: between two neighbouring hits that belong to two clusters. ``max_size``: of a cluster that may move.
-    ``gate``: how far from its prediction a track is looked for. ``acceleration``: m/s², standard deviation of how a
-    walker changes its velocity, ``position_std``: error of a cluster's middle. ``min_speed``, ``min_sigma``: what moves
-    is faster than the former, and than so many standard deviations of its estimate, and has come ``min_distance`` far;
-    it stands again below half of ``min_speed``. ``forget``: unseen for that long, ``forget_hidden``: too close to be
-    seen for that long. ``max_speed``: nothing here is faster.
+    ``gap``: between neighbouring hits of two clusters. ``max_size``: of a moving cluster. ``gate``: largest distance
+    from its prediction. ``acceleration``: m/s², standard deviation of a walker's acceleration, ``position_std``: error
+    of a cluster's middle. ``min_speed``, ``min_sigma``: least speed of a moving track, absolute and in standard
+    deviations, after ``min_distance``; it counts as standing below half of ``min_speed``. ``forget``: time unseen,
+    ``forget_hidden``: time too close to be seen, before a track is dropped. ``max_speed``: upper bound.
     """
 
     gap: Annotated[Positive, "m"] = 0.2
@@ -61,9 +60,9 @@ class MovingObstacles:
     def update(
         self, hits: NDArray[np.float64], lidar: NDArray[np.float64], range_min: float, stamp: float
     ) -> NDArray[np.float64]:
-        """Take in hits (N, 2) in the order of the beams, seen from ``lidar`` (2,); answer with those that stand.
+        """Process hits (N, 2) in the order of the beams, seen from ``lidar`` (2,); return the static ones.
 
-        ``range_min``: metres within which the lidar sees nothing.
+        ``range_min``: metres below which the lidar sees nothing.
         """
         clusters = _clusters(hits, self.gap)
         small = [c for c in clusters if len(c) >= 3 and _size(hits[c]) <= self.max_size]

@@ -20,16 +20,13 @@ Floats = NDArray[np.float32]
 
 @dataclass(eq=False)
 class MPPI(ObstacleAwareFollower):
-    """Bends the last best drive at random and goes on with the mean, weighted by what each costs.
+    """Perturbs the last best drive randomly, and continues with the cost-weighted mean.
 
-    Equal calls give equal commands: the samples come from a generator that each path begins anew.
-
-    ``batch`` drives of ``steps`` steps of ``step`` seconds, sampled ``iterations`` times for each command.
-
-    ``forward_std``, ``sideways_std`` (m/s), ``turn_std`` (rad/s): of what is added to the last best drive, at
-    ``knots`` times with straight lines between them, so that drives are smooth; for half of the drives only ``fine`` of
-    that, to get through narrow places. ``temperature``: of the mean over
-    drives; low: the best few decide. ``reverse``: m/s backwards at most. ``seed``: of the samples.
+    Deterministic: the generator of the samples is reset for each path. ``batch``: drives of ``steps`` steps of ``step``
+    seconds, sampled ``iterations`` times per command. ``forward_std``, ``sideways_std`` (m/s), ``turn_std`` (rad/s): of
+    the perturbation, at ``knots`` times with linear interpolation, so that drives are smooth; half of the drives get
+    only ``fine`` of it, for narrow places. ``temperature``: of the mean; low: the best few decide. ``reverse``: largest
+    speed backwards, m/s. ``seed``: of the samples.
     """
 
     batch: Several = 320

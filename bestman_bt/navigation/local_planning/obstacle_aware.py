@@ -1,8 +1,8 @@
-"""What followers that go around obstacles share: what is around, where the path leads, and how its ends are driven.
+"""Base of obstacle-avoiding followers: surroundings, path direction, and driving of the ends.
 
-Tight places at the ends of a path are left and entered as the global planner says: straight, by pure pursuit, which
-arrives to millimetres. In between a subclass chooses velocities freely. Whoever drives, the command keeps to the limits
-of acceleration and jerk, and to the speed from which the base still stops before what it sees.
+Tight places at the ends of a path are left and entered as planned: straight, by pure pursuit, to millimetres. In
+between a subclass chooses velocities freely. All commands respect the limits of acceleration and jerk, and the speed
+from which the base can stop before obstacles.
 """
 
 from __future__ import annotations
@@ -41,16 +41,14 @@ rad/s at which it must be free: where it is not, the base goes on in another way
 
 @dataclass(eq=False)
 class ObstacleAwareFollower(PathFollower):
-    """Subclasses choose the velocity where there is room: ``_begin`` and ``_choose``.
+    """Subclasses choose the velocity in free space: ``_begin`` and ``_choose``.
 
-    A path without a costmap is driven as it is. Lengths in metres, speeds in m/s, angles in radians, times in seconds.
-
-    ``max_speed``, ``max_turn_rate``: no more than the base's own. ``margin``: kept around the outline. ``clearance``:
-    added to the inscribed radius where a way around obstacles is looked for (1 cm if there is none). ``hand_over``:
-    metres before the goal where pure pursuit takes over, ``entry``: the part of them that is driven exactly as planned.
-    ``carrot``: how far ahead the base looks for where to head. ``turn_first``: farther off, a base that cannot go
-    sideways turns on the spot. ``reaction``: before the brakes act. ``field_every``: commands after which
-    the way is looked at again where no scan comes.
+    A path without a costmap is followed exactly. Lengths in metres, speeds in m/s, angles in radians, times in seconds.
+    ``max_speed``, ``max_turn_rate``: besides the base's own limits. ``margin``: around the outline. ``clearance``:
+    added to the inscribed radius for detours (1 cm in narrow places). ``hand_over``: metres before the goal where pure
+    pursuit takes over, ``entry``: the part of them that is driven exactly as planned. ``carrot``: distance of the point
+    to head for. ``turn_first``: heading error above which a non-holonomic base turns in place. ``reaction``: delay of
+    the brakes. ``field_every``: commands after which the field is updated without a scan.
     """
 
     max_speed: Annotated[Positive, "m/s"] = 0.6
@@ -91,7 +89,7 @@ class ObstacleAwareFollower(PathFollower):
         """
 
     def configure(self, base: BaseModel) -> None:
-        """See ``PathFollower.configure``."""
+        """Implement ``PathFollower.configure``."""
         limits = base.part
         self._limits = limits = replace(
             limits,
@@ -109,12 +107,12 @@ class ObstacleAwareFollower(PathFollower):
         self._begin(limits, Critics(self.critics, footprint, limits.max_vy > 0.0))
 
     def observe(self, scan: LaserScan, map_from_lidar: Pose2D) -> None:
-        """See ``PathFollower.observe``."""
+        """Implement ``PathFollower.observe``."""
         self.obstacles.update(scan, map_from_lidar)
         self._since_field = self.field_every
 
     def reset(self, path: Path2D, costmap: Costmap | None = None) -> None:
-        """See ``PathFollower.reset``."""
+        """Implement ``PathFollower.reset``."""
         if self._limits is None:
             raise RuntimeError(f"{type(self).__name__}.reset was called before configure: it must know its base")
         if len(path.points) == 0:
@@ -143,7 +141,7 @@ class ObstacleAwareFollower(PathFollower):
             self._driving_exactly = False
 
     def compute(self, pose: Pose2D, velocity: Twist2D, dt: float) -> FollowerCommand:
-        """See ``PathFollower.compute``."""
+        """Implement ``PathFollower.compute``."""
         if self._progress is None:
             raise RuntimeError(f"{type(self).__name__}.compute was called before reset")
         self.obstacles.centre_on(pose)

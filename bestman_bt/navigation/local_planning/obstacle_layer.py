@@ -1,7 +1,7 @@
-"""What the lidar sees and the map does not know: a grid that rolls along, marked by hits and cleared by rays.
+"""Obstacles that the lidar sees and the map lacks: a rolling grid, marked by hits and cleared by rays.
 
-As nav2's obstacle layer: hits mark cells, beams that pass through clear them. Hits that lie on something in the costmap
-are the costmap's, which knows it better. What moves is tracked apart, see ``MovingObstacles``.
+Like nav2's obstacle layer. Hits on obstacles of the costmap belong to the costmap, which is more accurate. Moving
+obstacles are tracked separately, see ``MovingObstacles``.
 """
 
 from __future__ import annotations
@@ -27,13 +27,12 @@ INFLUENCE = 1.0
 
 @dataclass(eq=False)
 class ObstacleLayer:
-    """Takes in scans; ``points``: what stands and the costmap lacks, (N, 2) middles of cells, map frame, metres.
+    """Processes scans; ``points``: static obstacles that the costmap lacks, (N, 2) middles of cells, map frame, metres.
 
-    ``size``: metres, the side of the square. ``resolution``: metres per cell. ``roll``: metres, its steps.
-
-    ``range``: metres from the lidar within which hits mark cells. ``known``: metres; hits that near to an obstacle of
-    the costmap are that obstacle. ``evidence``: scans that must see through a cell before what was in it is forgotten.
-    ``ray_margin``: metres before a hit that its beam does not clear.
+    ``size``: side of the square, metres. ``resolution``: metres per cell. ``roll``: metres per shift. ``range``: metres
+    from the lidar within which hits mark cells. ``known``: metres from an obstacle of the costmap within which hits
+    belong to it. ``evidence``: scans that must see through a cell to clear it. ``ray_margin``: metres before a hit that
+    its beam does not clear.
     """
 
     size: Annotated[Positive, "m"] = 16.0
@@ -59,21 +58,23 @@ class ObstacleLayer:
 
     @property
     def marked(self) -> NDArray[np.bool_]:
-        """(N, N) Which cells something stands in, row 0 at the smallest y."""
+        """Return the occupied cells, (N, N) bool, row 0 at the smallest y."""
         return self._evidence > 0
 
     def use_costmap(self, costmap: Costmap | None) -> None:
-        """What is known without the lidar from now on; marks that it explains are dropped."""
+        """Set the known obstacles; marks that they explain are removed."""
         self._costmap = costmap
         if costmap is not None:
             self._drop(self.points[costmap.distance_at(self.points) <= self.known])
 
     def clear(self, which: Callable[[NDArray[np.float64]], NDArray[np.bool_]] | None = None) -> None:
-        """Forget marks, ``which``: (N,) of points (N, 2), else all; what is still there is marked by the next scan."""
+        """Remove marks, ``which``: mask (N,) of points (N, 2), or all; existing obstacles are marked again by the next
+        scan.
+        """
         self._drop(self.points if which is None else self.points[which(self.points)])
 
     def centre_on(self, pose: Pose2D) -> None:
-        """Make sure that the square lies around ``pose``."""
+        """Shift the square so that it lies around ``pose``."""
         wanted = (round((pose.x - self.size / 2) / self.roll), round((pose.y - self.size / 2) / self.roll))
         if wanted == self._steps:
             return
@@ -85,7 +86,7 @@ class ObstacleLayer:
         self._collect()
 
     def update(self, scan: LaserScan, map_from_lidar: Pose2D) -> None:
-        """Take in a scan and where it was taken."""
+        """Process a scan and its pose."""
         self.centre_on(map_from_lidar)
         self._clear_by_rays(scan, map_from_lidar)
         hits = map_from_lidar.apply(scan.points())
@@ -99,10 +100,10 @@ class ObstacleLayer:
         self._collect()
 
     def on(self, costmap: Costmap) -> Costmap:
-        """Return the costmap with what stands around, too; the same one where there is nothing.
+        """Return the costmap with the static obstacles; the same one without any.
 
-        A lidar does not tell how high a thing is. Most of what was moved are chairs and boxes, lower than an arm: they
-        are kept from the base, and not from what stands out above it.
+        Heights are unknown to a lidar. Most such obstacles are chairs and boxes, lower than an arm: they count for the
+        base, but not for its overhang.
         """
         column, row = np.floor((self.points - costmap.origin) / costmap.resolution).astype(np.intp).T
         rows, columns = costmap.distance.shape
@@ -203,14 +204,14 @@ class LocalObstacles(ObstacleLayer):
         self.distance = DistanceGrid(self._mapped, (0.0, 0.0), self.resolution)
 
     def use_costmap(self, costmap: Costmap | None) -> None:
-        """See ``ObstacleLayer.use_costmap``."""
+        """Implement ``ObstacleLayer.use_costmap``."""
         super().use_costmap(costmap)
         if self.origin is not None:
             self._rasterise_map(self.origin)
             self._measure()
 
     def centre_on(self, pose: Pose2D) -> None:
-        """Make sure that the square lies around ``pose``."""
+        """Shift the square so that it lies around ``pose``."""
         before = self.origin
         super().centre_on(pose)
         if self.origin is not None and self.origin != before:
@@ -218,7 +219,7 @@ class LocalObstacles(ObstacleLayer):
             self._measure()
 
     def update(self, scan: LaserScan, map_from_lidar: Pose2D) -> None:
-        """Take in a scan and where it was taken."""
+        """Process a scan and its pose."""
         super().update(scan, map_from_lidar)
         self._measure()
 

@@ -1,6 +1,6 @@
-"""Regulated pure pursuit (Macenski et al. 2023, after Coulter 1992) for bases that turn on the spot.
+"""Regulated pure pursuit (Macenski et al. 2023, after Coulter 1992) for bases that turn in place.
 
-The path is driven leg by leg: at a sharp corner, or where the driving direction changes, the base stops and turns.
+The path is driven leg by leg: at a sharp corner, or a change of driving direction, the base stops and turns.
 """
 
 from __future__ import annotations
@@ -86,7 +86,7 @@ class PurePursuit(PathFollower):
         self._at = 0
 
     def reset(self, path: Path2D, costmap: Costmap | None = None) -> None:
-        """See ``PathFollower.reset``."""
+        """Implement ``PathFollower.reset``."""
         if len(path.points) == 0:
             raise ValueError("PurePursuit path should have at least one point but has none")
         self._legs = _split(path, self.corner)
@@ -97,7 +97,7 @@ class PurePursuit(PathFollower):
         self._begin_leg()
 
     def compute(self, pose: Pose2D, velocity: Twist2D, dt: float) -> FollowerCommand:
-        """See ``PathFollower.compute``."""
+        """Implement ``PathFollower.compute``."""
         if self._legs is None:
             raise RuntimeError("PurePursuit.compute was called before reset")
         if self._fresh:

@@ -28,9 +28,10 @@ strand must be before the base counts as being there."""
 
 
 def first_nearest(points: NDArray[np.float64], position: NDArray[np.float64], spacing: float) -> int:
-    """Return the first of path points (N, 2), at most ``spacing`` metres apart, that is nearest to ``position`` (2,).
+    """Return the index of the first of path points (N, 2) that is nearest to ``position`` (2,).
 
-    Later strands that come just as close do not count: a path may come back near itself, or the same way.
+    Points are at most ``spacing`` metres apart. Later strands at the same distance are ignored: a path may return near
+    itself.
     """
     distances = np.linalg.norm(points - position, axis=1)
     ahead = max(1, round(_BUMP / spacing))
@@ -42,7 +43,7 @@ def first_nearest(points: NDArray[np.float64], position: NDArray[np.float64], sp
 
 
 class PathProgress:
-    """A path of dense ``points`` (N, 2), metres, and the point of it that the base has come to."""
+    """The progress on a path of dense ``points`` (N, 2), metres."""
 
     def __init__(self, corners: NDArray[np.float64]) -> None:
         self._corners = corners
@@ -52,12 +53,12 @@ class PathProgress:
 
     @property
     def remaining(self) -> float:
-        """Metres to the end."""
+        """Return the metres to the end."""
         return float(self._left[self._at])
 
     @property
     def ahead(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """The points still to come (N, 2), and the metres from each to the end (N,)."""
+        """The remaining points (N, 2), and the metres from each to the end (N,)."""
         return self._points[self._at :], self._left[self._at :]
 
     def advance(self, position: NDArray[np.float64]) -> None:
@@ -65,11 +66,11 @@ class PathProgress:
         self._at += first_nearest(self._points[self._at : self._at + WINDOW], position, SPACING)
 
     def skip(self, count: int) -> None:
-        """The base has come to the place ``count`` points ahead."""
+        """Advance by ``count`` points."""
         self._at += count
 
     def beside(self, position: NDArray[np.float64]) -> float:
-        """Metres between ``position`` (2,) and the point that the base has come to."""
+        """Return the distance between ``position`` (2,) and the current point, metres."""
         return float(np.linalg.norm(self._points[self._at] - position))
 
     def last(self, length: float) -> NDArray[np.float64]:
@@ -80,7 +81,7 @@ class PathProgress:
 
 
 def metres_left(points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """From each point (N, 2) along the others to the last one, (N,)."""
+    """Return the path length from each point (N, 2) to the last one, (N,) metres."""
     lengths = np.linalg.norm(np.diff(points, axis=0), axis=1)
     return np.append(np.cumsum(lengths[::-1])[::-1], 0.0)
 
@@ -128,11 +129,11 @@ class RotateToHeading(PathFollower):
         return self._speed
 
     def reset(self, path: Path2D, costmap: Costmap | None = None) -> None:
-        """Begin to turn to ``path.goal.theta``."""
+        """Start turning to ``path.goal.theta``."""
         self.turn_to(path.goal.theta)
 
     def turn_to(self, heading: float, speed: float = 0.0) -> None:
-        """Begin to turn to ``heading``, radians in the map frame; ``speed``: rad/s at which the base turns already."""
+        """Start turning to ``heading``, radians in the map frame; ``speed``: current rate, rad/s."""
         self._heading = heading
         self._speed = speed
         self._place = None

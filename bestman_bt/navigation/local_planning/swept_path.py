@@ -1,4 +1,4 @@
-"""The poses that a base takes along a path, and where the first of them touches something: nav2's IsPathValid."""
+"""The poses of a base along a path, and its first contact: nav2's IsPathValid."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ NEARER = 1e-3
 
 
 class SweptPath:
-    """One path, turns on the spot at its corners and its goal included, and how far along it the base is."""
+    """A path with turns in place at its corners and goal, and the progress along it."""
 
     def __init__(self, path: Path2D) -> None:
         self._poses = _swept(path)
@@ -29,7 +29,7 @@ class SweptPath:
 
     @property
     def ahead(self) -> NDArray[np.float64]:
-        """Poses (N, 3) of x, y, theta in the map frame that are still to come."""
+        """The remaining poses (N, 3) of x, y, theta in the map frame."""
         return self._poses[self._at :]
 
     @property
@@ -45,10 +45,10 @@ class SweptPath:
     def contact(
         self, here: NDArray[np.float64], points: NDArray[np.float64], motion: FootprintMotion
     ) -> tuple[float, NDArray[np.float64]] | None:
-        """Return the first of ``points`` (N, 2) that the base touches on its way: metres until then, and the point
-        (2,).
+        """Return the first of ``points`` (N, 2) that the base touches on its path: distance in metres, and point (2,);
+        or None.
 
-        A point that it touches already where it is, ``here`` (3,), counts only where it gets nearer to it.
+        A point that it already touches at ``here`` (3,) counts only if the base approaches it.
         """
         x, y = self.ahead[:, :1] - points[:, 0], self.ahead[:, 1:2] - points[:, 1]
         near = x * x + y * y < motion.reach**2

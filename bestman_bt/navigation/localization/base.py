@@ -1,4 +1,4 @@
-"""Where the base is on the map: localizers keep track of it, global localizers find it."""
+"""Localisation of the base on the map: localizers track it, global localizers find it."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from bestman_bt.navigation.localization.pose_uncertainty import worst_position_s
 
 
 def checked_std(value: float, what: str) -> float:
-    """Return a standard deviation itself; ValueError that names ``what`` where it is negative or not finite."""
+    """Return the standard deviation itself. Raises ValueError naming ``what`` if it is negative or not finite."""
     if not 0.0 <= value < math.inf:
         raise ValueError(f"{what} is {value:g}; a finite number of 0 or more is accepted")
     return value
@@ -25,10 +25,10 @@ def checked_std(value: float, what: str) -> float:
 
 @dataclass(frozen=True)
 class ScanMatch:
-    """How well a scan fitted the map.
+    """The quality of a scan match.
 
-    ``accepted``: whether the estimate used it. ``inlier_ratio``: share of the hits that lie on something in the map,
-    0 to 1. ``residual``: their root mean square distance from it, metres. ``reason``: why it was refused, else empty.
+    ``accepted``: whether the estimate used it. ``inlier_ratio``: fraction of the hits on mapped surfaces, 0 to 1.
+    ``residual``: their root mean square distance, metres. ``reason``: why it was refused, or empty.
     """
 
     accepted: bool
@@ -63,18 +63,18 @@ class LocalizationEstimate:
 
 
 class Localizer(ABC):
-    """Keeps an estimate of the base's pose: ``reset`` once, then ``predict`` and ``correct`` as readings come."""
+    """Tracks the base's pose: call ``reset`` once, then ``predict`` and ``correct`` for each reading."""
 
     @abstractmethod
     def reset(self, pose: Pose2D, odometry: Pose2D, position_std: float, heading_std: float) -> LocalizationEstimate:
         """Start from a believed pose in the map frame; ``odometry``: the odometry pose at the same moment.
 
-        ValueError, as of all that is given here and below, where a number is not finite; the estimate stays as it is.
+        Raises ValueError for values that are not finite, as do all methods; the estimate is then unchanged.
         """
 
     @abstractmethod
     def predict(self, odometry: Pose2D) -> LocalizationEstimate:
-        """Move the estimate by what the odometry pose (``odom`` frame) has changed since the last call."""
+        """Move the estimate by the change of the odometry pose (``odom`` frame) since the last call."""
 
     @abstractmethod
     def correct(self, scan: LaserScan, base_from_lidar: Pose2D) -> LocalizationEstimate:
@@ -99,10 +99,10 @@ class OdometryScan:
 
 @dataclass(frozen=True)
 class Place:
-    """Where the base may be: ``pose`` in the map frame, ``probability`` that it is there rather than elsewhere.
+    """A possible place of the base: ``pose`` in the map frame, with its ``probability`` among all places.
 
-    ``position_std`` metres, ``heading_std`` radians: how well the pose is known if it is there. ``explained``: share of
-    what the beams hit that the map has there, 0 to 1.
+    ``position_std`` metres, ``heading_std`` radians: of the pose given this place. ``explained``: fraction of the hits
+    that the map explains there, 0 to 1.
     """
 
     pose: Pose2D
@@ -119,7 +119,7 @@ class GlobalLocalizer(ABC):
     def locate(
         self, planar_map: PlanarMap, scans: Sequence[OdometryScan], base_from_lidar: Pose2D
     ) -> tuple[Place, ...]:
-        """Where the base may be at the last of ``scans``, the most probable first; empty if the map has no such place.
+        """Return the possible places of the base at the last of ``scans``, the most probable first; may be empty.
 
-        ``scans``: one or more, with what the base has moved in between.
+        ``scans``: one or more, with the motion of the base in between.
         """

@@ -1,8 +1,8 @@
-"""Global localisation by laying a scan everywhere on the map.
+"""Global localisation by matching a scan everywhere on the map.
 
-E. Olson, "Real-time correlative scan matching", 2009: a coarse pass over every cell of the floor and every heading, in
-a field that is blurred as the pass is coarse. The best places are then matched finely, as ``ScanToMap`` does, and
-judged by a beam model, which knows that no beam goes through a wall.
+E. Olson, "Real-time correlative scan matching", 2009: a coarse pass over all cells of the floor and all headings, in a
+field blurred accordingly. The best places are then matched finely, as in ``ScanToMap``, and scored by a beam model,
+which penalises beams through walls.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from bestman_bt.navigation.localization.scan_to_map import ScanToMap
 
 @dataclass(frozen=True)
 class Agreement:
-    """``log_likelihood``: mean over the beams. ``explained``: share of the hits that are where they should be."""
+    """``log_likelihood``: mean over the beams. ``explained``: fraction of the hits at their expected places."""
 
     log_likelihood: float
     explained: float
@@ -37,11 +37,11 @@ class Agreement:
 
 @dataclass(frozen=True)
 class BeamModel:
-    """``beams``: that are looked at, evenly spread. ``hit_std``: metres, of lidar, map and pose together.
+    """``beams``: number of evenly spaced beams. ``hit_std``: metres, of lidar, map and pose together.
 
-    ``hit``, ``short``, ``random``: shares of beams that meet what the map has, something before it that the map does
-    not know (the nearer the likelier, with the decay ``short_decay``, metres), or anything. ``lost``: likelihood of a
-    beam that meets nothing where the map has something. ``explained_within``: metres.
+    ``hit``, ``short``, ``random``: fractions of beams that hit mapped surfaces, unknown obstacles before them (more
+    probable when near, with the decay ``short_decay``, metres), or anything. ``lost``: likelihood of a beam without a
+    hit where the map has a surface. ``explained_within``: metres.
     """
 
     beams: Count = 120
@@ -54,7 +54,7 @@ class BeamModel:
     explained_within: Annotated[Positive, "m"] = 0.12
 
     def agreement(self, segments: NDArray[np.float64], map_from_lidar: Pose2D, scan: LaserScan) -> Agreement:
-        """Compare a scan with what would be seen of ``segments`` (N, 4) from ``map_from_lidar``."""
+        """Compare a scan with the expected one of ``segments`` (N, 4) at ``map_from_lidar``."""
         step = max(1, len(scan.ranges) // self.beams)
         measured = scan.ranges[::step]
         expected, _ = cast_rays(segments, map_from_lidar, scan.angles[::step])

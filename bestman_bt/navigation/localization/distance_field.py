@@ -1,4 +1,4 @@
-"""How far every place is from what a lidar can meet: the field that scans are laid into, and where a base can stand."""
+"""The distance of each place to the nearest lidar surface, for scan matching, and the places where a base can be."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ from bestman_bt.navigation.localization.map_lines import PlanarMap, map_lines
 class DistanceField:
     """``distance``: (rows, columns) float32, metres from a cell's centre to the nearest line, at most ``reach``.
 
-    Row 0 is at the smallest y. ``origin``: (2,) metres in the map frame, the outer corner of cell (0, 0).
-    ``floor``: (rows, columns), where the centre of a base can be: free, and within the building where walls close it.
+    Row 0 is at the smallest y. ``origin``: (2,) metres in the map frame, the outer corner of cell (0, 0). ``floor``:
+    (rows, columns), True where the centre of a base can be: free, and inside the building if it is closed.
     """
 
     distance: NDArray[np.float32]
@@ -39,7 +39,7 @@ class DistanceField:
     def of_map(
         cls, planar_map: PlanarMap, resolution: float = 0.05, reach: float = 1.0, clearance: float = 0.2
     ) -> DistanceField:
-        """Rasterise a map; ``clearance``: metres that the centre of a base keeps from everything, at least."""
+        """Rasterise a map; ``clearance``: least distance of the base's centre from obstacles, metres."""
         segments = map_lines(planar_map, 0.0, 0.0).segments
         lower = segments.reshape(-1, 2).min(axis=0) - reach
         columns, rows = np.ceil((segments.reshape(-1, 2).max(axis=0) + reach - lower) / resolution).astype(int)
@@ -58,9 +58,9 @@ class DistanceField:
         return cls(distance.astype(np.float32), floor, lower, resolution, reach)
 
     def index(self, x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.int32]:
-        """Indices into the flattened field of the cells in which the points (x, y), arrays of one shape, lie.
+        """Return indices into the flattened field of the cells of the points (x, y), arrays of one shape.
 
-        The field ends ``reach`` beyond all lines, so that its border tells the truth of what is outside.
+        The field extends ``reach`` beyond all lines, so that its border is valid for points outside.
         """
         rows, columns = self.distance.shape
         column = ((x - self.origin[0]) * (1.0 / self.resolution)).astype(np.int32)
@@ -76,7 +76,7 @@ class DistanceField:
         return points
 
     def draw(self, count: int, rng: np.random.Generator) -> NDArray[np.float64]:
-        """Poses (count, 3) of x, y, theta, spread evenly over the floor and all headings."""
+        """Return poses (count, 3) of x, y, theta, uniform over the floor and all headings."""
         points = self.floor_points()
         chosen = points[rng.integers(len(points), size=count)]
         within = rng.uniform(-0.5, 0.5, (count, 2)) * self.resolution

@@ -1,7 +1,7 @@
-"""Odometry of wheels and gyroscope together: an extended Kalman filter that also learns the gyroscope's bias.
+"""Fusion of wheel odometry and gyroscope: an extended Kalman filter with the gyroscope's bias.
 
-As robot_localization does it (T. Moore, D. Stouch, 2014), with a state (x, y, heading, rate, bias): wheels measure the
-rate, badly where they slip, the gyroscope measures it well, but for its bias. The wheels alone tell the distance.
+As in robot_localization (T. Moore, D. Stouch, 2014), with a state (x, y, heading, rate, bias): wheels measure the rate,
+inaccurately when they slip; the gyroscope measures it well, except for its bias. Only the wheels measure the distance.
 """
 
 from __future__ import annotations
@@ -27,14 +27,14 @@ class OdometryFilter(ABC):
 
     @abstractmethod
     def reset(self, odometry: Pose2D) -> None:
-        """Begin at the pose that the wheels have counted so far (``odom`` frame)."""
+        """Start at the current wheel odometry (``odom`` frame)."""
 
     @abstractmethod
     def update(self, odometry: Pose2D, turned: float, elapsed: float) -> Pose2D:
-        """Return the filtered pose, after the wheels have counted up to ``odometry`` (``odom`` frame, as they count
-        it).
+        """Return the filtered pose for the wheel odometry ``odometry`` (``odom`` frame).
 
-        ``turned``: what the gyroscope has felt in the ``elapsed`` seconds since the last call, radians, with its bias.
+        ``turned``: rotation measured by the gyroscope in the ``elapsed`` seconds since the last call, radians, with its
+        bias.
         """
 
 
@@ -44,23 +44,22 @@ class WheelOdometry(OdometryFilter):
     uses_gyro: ClassVar[bool] = False
 
     def reset(self, odometry: Pose2D) -> None:
-        """See ``OdometryFilter.reset``."""
+        """Implement ``OdometryFilter.reset``."""
 
     def update(self, odometry: Pose2D, turned: float, elapsed: float) -> Pose2D:
-        """See ``OdometryFilter.update``."""
+        """Implement ``OdometryFilter.update``."""
         return odometry
 
 
 @dataclass(eq=False)
 class OdometryEkf(OdometryFilter):
-    """Wheels and gyroscope in one estimate, which knows how uncertain it is.
+    """Wheels and gyroscope in one estimate with its uncertainty.
 
-    ``acceleration``: rad/s², standard deviation of how the rate changes within a step, per second of it.
-
-    ``turn_slip``: relative error of a turn by the wheels, ``drive_slip``: radians that they turn unnoticed per metre,
-    ``wheel_std``: rad/s at rest. ``slip``: relative error of a distance. ``gyro_noise``: rad/sqrt(s), of the sum of
-    rates. ``bias_std``: rad/s, of the bias at the start, ``bias_walk``: rad/s per sqrt(s). ``gate``: standard
-    deviations beyond which the wheels' turn is slip and left out.
+    ``acceleration``: rad/s², standard deviation of the change of rate within a step, per second. ``turn_slip``:
+    relative error of a turn by the wheels, ``drive_slip``: undetected rotation per metre, radians, ``wheel_std``: rad/s
+    at rest. ``slip``: relative error of a distance. ``gyro_noise``: rad/sqrt(s), of the integrated rate. ``bias_std``:
+    rad/s, of the initial bias, ``bias_walk``: rad/s per sqrt(s). ``gate``: standard deviations beyond which the wheels'
+    rotation is rejected as slip.
     """
 
     acceleration: Annotated[Positive, "rad/s²"] = 8.0
@@ -79,14 +78,14 @@ class OdometryEkf(OdometryFilter):
         self.reset(Pose2D())
 
     def reset(self, odometry: Pose2D) -> None:
-        """See ``OdometryFilter.reset``; the base should rest."""
+        """Start at the current wheel odometry; the base should be at rest."""
         self._wheels = odometry.checked("OdometryEkf odometry")
         self._state = np.array([odometry.x, odometry.y, odometry.theta, 0.0, 0.0])
         self._covariance = np.diag([0.0, 0.0, 0.0, 1e-6, self.bias_std**2])
 
     @property
     def bias(self) -> float:
-        """Of the gyroscope, rad/s."""
+        """The bias of the gyroscope, rad/s."""
         return float(self._state[4])
 
     @property
@@ -95,7 +94,7 @@ class OdometryEkf(OdometryFilter):
         return self._covariance
 
     def update(self, odometry: Pose2D, turned: float, elapsed: float) -> Pose2D:
-        """See ``OdometryFilter.update``."""
+        """Implement ``OdometryFilter.update``."""
         for value, what in ((turned, "turned"), (elapsed, "elapsed")):
             if not math.isfinite(value):
                 raise ValueError(f"OdometryEkf {what} is {value:g}; it should be finite")

@@ -1,4 +1,4 @@
-"""Where the front of a piece of furniture really is: the line that a lidar sees of it, near where the map has it."""
+"""The front of a piece of furniture: the line that a lidar sees near its mapped place."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ MIN_HITS, MIN_LENGTH = 20, 0.2
 
 @dataclass(frozen=True)
 class FrontEdge:
-    """How the front is off the map: ``offset`` metres towards the room, at the middle of it, and ``turn`` radians.
+    """The error of the mapped front: ``offset`` metres towards the room, at its middle, and ``turn`` radians.
 
-    ``residual``: metres, root mean square of the hits that count.
+    ``residual``: metres, root mean square of the used hits.
     """
 
     offset: float
@@ -33,17 +33,17 @@ class FrontEdge:
     residual: float
 
     def corrected(self, piece: MapFurniture, pose: Pose2D) -> Pose2D:
-        """Return a pose that was given by where the map has ``piece``, by where its front is; along it nothing
-        changes.
+        """Return a pose relative to the mapped ``piece``, corrected by its observed front; the position along it is
+        unchanged.
         """
         front = piece.pose @ Pose2D(-piece.footprint[0] / 2, 0.0, 0.0)
         return front @ Pose2D(-self.offset, 0.0, self.turn) @ front.inverse() @ pose
 
 
 def front_edge(piece: MapFurniture, hits: NDArray[np.float64]) -> FrontEdge | None:
-    """Fit the front to ``hits`` (N, 2), metres in the map frame, or None if too little of it is seen.
+    """Fit the front to ``hits`` (N, 2), metres in the map frame; None if too little of it is visible.
 
-    A total least squares line with Tukey's biweights of its residuals, computed anew with an ever smaller scale.
+    A total least squares line with Tukey's biweights, iterated with a decreasing scale.
     """
     front = piece.pose @ Pose2D(-piece.footprint[0] / 2, 0.0, 0.0)
     own = front.inverse().apply(hits)

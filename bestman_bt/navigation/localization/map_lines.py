@@ -1,4 +1,4 @@
-"""The lines that a lidar can meet on a map, and how well each of them is known."""
+"""The lines of a map that a lidar can hit, each with its uncertainty."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ STRAIGHT = 0.8
 
 @dataclass(frozen=True, eq=False)
 class MapLines:
-    """``segments``: (N, 4) x1, y1, x2, y2 in metres. ``bodies``: (N,) the index of the body that each belongs to.
+    """``segments``: (N, 4) x1, y1, x2, y2 in metres. ``bodies``: (N,) index of the body of each.
 
-    ``body_std``: (M,) metres, how far off a body may be as a whole.
+    ``body_std``: (M,) metres, standard deviation of a body as a whole.
     """
 
     segments: NDArray[np.float64]
@@ -35,7 +35,7 @@ class MapLines:
 
 
 def map_lines(planar_map: PlanarMap, wall_std: float, furniture_std: float) -> MapLines:
-    """Walls and the outlines of solid furniture, or the borders of what is occupied in a grid.
+    """Return walls and outlines of solid furniture, or the borders of occupied cells of a grid.
 
     ``wall_std``, ``furniture_std``: metres, errors of a wall and of a piece of furniture; those of a grid follow from
     its cells.
@@ -56,9 +56,9 @@ def map_lines(planar_map: PlanarMap, wall_std: float, furniture_std: float) -> M
 
 
 def open_furniture(planar_map: PlanarMap) -> NDArray[np.float64]:
-    """Furniture of which a lidar sees legs and boards: x, y, theta and half of its extents along x and y, (N, 5).
+    """Return furniture of which a lidar sees legs and boards: x, y, theta and half extents along x and y, (N, 5).
 
-    The extents are grown by how far the piece may be off, metres.
+    The extents are grown by the piece's position error, metres.
     """
     pieces = [] if isinstance(planar_map, OccupancyGrid) else planar_map.furniture.values()
     rows = [

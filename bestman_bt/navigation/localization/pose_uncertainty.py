@@ -1,4 +1,4 @@
-"""How uncertain poses in the plane are: covariances (3, 3) of x, y, theta in m², m rad, rad²."""
+"""Uncertainty of planar poses: covariances (3, 3) of x, y, theta in m², m rad, rad²."""
 
 from __future__ import annotations
 
@@ -15,23 +15,23 @@ WEAK_PRIOR = 1e-6 * np.eye(3)
 
 
 class OdometryNoise(Protocol):
-    """Variance that odometry gains; the parameters of a localizer that holds a covariance say how much."""
+    """Variance gained by odometry, from the parameters of a localizer."""
 
     @property
     def slip(self) -> float:
-        """Of the position, per metre driven, m²/m."""
+        """Return the variance of the position per metre driven, m²/m."""
 
     @property
     def turn_slip(self) -> float:
-        """Of the heading, per radian turned, rad²/rad."""
+        """Return the variance of the heading per radian turned, rad²/rad."""
 
     @property
     def turn_shift(self) -> float:
-        """Of the position, per radian turned, m²/rad."""
+        """Return the variance of the position per radian turned, m²/rad."""
 
     @property
     def drift(self) -> float:
-        """Of the heading, per metre driven, rad²/m."""
+        """Return the variance of the heading per metre driven, rad²/m."""
 
 
 def driven_on(
@@ -48,7 +48,7 @@ def driven_on(
 
 
 def turned(covariance: NDArray[np.float64], angle: float) -> NDArray[np.float64]:
-    """Return a covariance in a frame in which the vectors of its own appear turned by ``angle``."""
+    """Return a covariance rotated by ``angle``, radians."""
     cos, sin = math.cos(angle), math.sin(angle)
     turn = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
     result: NDArray[np.float64] = turn @ covariance @ turn.T
@@ -56,7 +56,7 @@ def turned(covariance: NDArray[np.float64], angle: float) -> NDArray[np.float64]
 
 
 def inverse(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Information of a covariance, and the other way round."""
+    """Return the inverse of a (3, 3) covariance or information matrix."""
     return np.asarray(np.linalg.inv(matrix), dtype=np.float64)
 
 
@@ -66,7 +66,7 @@ def difference(pose: Pose2D, from_pose: Pose2D) -> NDArray[np.float64]:
 
 
 def deviation(off: NDArray[np.float64], covariance: NDArray[np.float64]) -> float:
-    """Return how many standard deviations a difference (3,) amounts to (Mahalanobis)."""
+    """Return the Mahalanobis distance of a difference (3,)."""
     return math.sqrt(float(off @ np.linalg.solve(covariance, off)))
 
 

@@ -1,4 +1,4 @@
-"""What a planar lidar would see in a map of segments."""
+"""Simulation of a planar lidar in a map of segments."""
 
 from __future__ import annotations
 
@@ -11,9 +11,10 @@ from bestman_bt.messages import Pose2D
 def cast_rays(
     segments: NDArray[np.float64], pose: Pose2D, angles: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
-    """Distance (N,) from ``pose`` along ``angles`` (N,), in its frame, to the first of ``segments`` (M, 4), and which.
+    """Return the distance (N,) from ``pose`` along ``angles`` (N,), in its frame, to the first of ``segments`` (M, 4),
+    and its index.
 
-    Where a ray meets nothing, the distance is infinite and the index -1.
+    Without a hit, the distance is infinite and the index -1.
     """
     if len(segments) == 0:
         return np.full(len(angles), np.inf), np.full(len(angles), -1)

@@ -1,10 +1,10 @@
-"""Tracking by matching each scan to the map: point-to-line ICP (Censi 2008) inside a Kalman filter.
+"""Tracking by scan-to-map matching: point-to-line ICP (Censi 2008) inside a Kalman filter.
 
 The match gives a pose and its covariance (from the Gauss-Newton normal matrix); the filter weighs it against the
-odometry. Walls are exact; a piece of furniture is off as a whole, so all hits on it together count as one measurement
-with that error, not as many independent ones. Beams that end before what the map has in their way have met something
-unknown, a door that was shut or people all around: they say nothing against the pose (``z_short`` of the beam model,
-Thrun, Burgard and Fox 2005, section 6.3). Those that pass through a wall of the map do.
+odometry. Walls are exact; a piece of furniture is displaced as a whole, so all hits on it together count as one
+measurement with that error. Beams that end before the mapped surface have hit an unknown obstacle, such as a closed
+door or people: they do not contradict the pose (``z_short`` of the beam model, Thrun, Burgard and Fox 2005, section
+6.3). Beams through a mapped wall do.
 """
 
 from __future__ import annotations
@@ -84,17 +84,17 @@ class ScanToMap(Localizer):
 
     @property
     def estimate(self) -> LocalizationEstimate:
-        """See ``Localizer.estimate``."""
+        """Implement ``Localizer.estimate``."""
         if self._estimate is None:
             raise RuntimeError("ScanToMap was used before reset")
         return self._estimate
 
     def expect_dragged_wheels(self) -> None:
-        """See ``Localizer.expect_dragged_wheels``."""
+        """Implement ``Localizer.expect_dragged_wheels``."""
         self.turn_slip, self.turn_shift = self.dragged_turn_slip, self.dragged_turn_shift
 
     def reset(self, pose: Pose2D, odometry: Pose2D, position_std: float, heading_std: float) -> LocalizationEstimate:
-        """See ``Localizer.reset``."""
+        """Implement ``Localizer.reset``."""
         position = checked_std(position_std, "ScanToMap position_std") ** 2
         heading = checked_std(heading_std, "ScanToMap heading_std") ** 2
         self._odometry, pose = odometry.checked("ScanToMap odometry"), pose.checked("ScanToMap pose")
@@ -102,7 +102,7 @@ class ScanToMap(Localizer):
         return self._estimate
 
     def predict(self, odometry: Pose2D) -> LocalizationEstimate:
-        """See ``Localizer.predict``."""
+        """Implement ``Localizer.predict``."""
         estimate = self.estimate
         moved = self._odometry.inverse() @ odometry.checked("ScanToMap odometry")
         self._odometry = odometry
@@ -113,7 +113,7 @@ class ScanToMap(Localizer):
         return self._estimate
 
     def correct(self, scan: LaserScan, base_from_lidar: Pose2D) -> LocalizationEstimate:
-        """See ``Localizer.correct``."""
+        """Implement ``Localizer.correct``."""
         estimate = self.estimate
         hits = base_from_lidar.checked("ScanToMap base_from_lidar").apply(scan.points())
         if len(hits) < 10:

@@ -1,1 +1,1 @@
-"""SLAM: maps made on the way."""
+"""SLAM: simultaneous localisation and mapping."""

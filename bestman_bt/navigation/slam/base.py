@@ -1,4 +1,4 @@
-"""SLAM: where the base is on a map that is made on the way."""
+"""The SLAM interface: localisation on a map that is built during the motion."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from bestman_bt.navigation.localization.base import LocalizationEstimate
 
 @dataclass(frozen=True, eq=False)
 class SlamEstimate(LocalizationEstimate):
-    """As any localizer's estimate; the covariance is against the map nearby, not the far side of the house.
+    """The estimate of a SLAM; the covariance is relative to the nearby map.
 
-    ``loop_closures``: how many have been found so far.
+    ``loop_closures``: number found so far.
     """
 
     loop_closures: int = 0
@@ -25,10 +25,10 @@ class SlamEstimate(LocalizationEstimate):
 
 @dataclass(frozen=True, eq=False)
 class SlamTrajectory:
-    """Where the base was when its keyframes were taken, as believed now.
+    """The believed base poses of the keyframes.
 
-    ``poses``: (N, 3) x, y in metres, theta in radians, map frame. ``stamps``: (N,) seconds of the scans.
-    ``loops``: (K, 2) indices of keyframes that a loop closure ties together.
+    ``poses``: (N, 3) x, y in metres, theta in radians, map frame. ``stamps``: (N,) seconds of the scans. ``loops``: (K,
+    2) indices of keyframes connected by a loop closure.
     """
 
     poses: NDArray[np.float64]
@@ -46,15 +46,15 @@ class Slam(ABC):
 
     @abstractmethod
     def reset(self, pose: Pose2D, odometry: Pose2D) -> SlamEstimate:
-        """Forget everything; the map's frame is the one in which the base is now at ``pose``."""
+        """Start a new map, in whose frame the base is at ``pose``."""
 
     @abstractmethod
     def predict(self, odometry: Pose2D) -> SlamEstimate:
-        """Move the estimate by what the odometry pose (``odom`` frame) has changed since the last call."""
+        """Move the estimate by the change of the odometry pose (``odom`` frame) since the last call."""
 
     @abstractmethod
     def add(self, odometry: Pose2D, scan: LaserScan, base_from_lidar: Pose2D) -> SlamEstimate:
-        """Take in a scan that was taken at ``odometry``."""
+        """Process a scan taken at ``odometry``."""
 
     @property
     @abstractmethod

@@ -21,10 +21,9 @@ from bestman_bt.messages.shapes import Count, Positive, Share
 
 @dataclass(frozen=True)
 class LikelihoodPyramid:
-    """``resolution``: metres per cell. ``std``: metres from a point at which a hit counts 61 %.
+    """``resolution``: metres per cell. ``std``: metres from a point at which a hit scores 61 %.
 
-    ``levels`` of the pyramid: the coarsest looks at 2**(levels - 1) cells at once. ``min_score``: mean of what the hits
-    count, below which nothing is found.
+    ``levels``: of the pyramid; the coarsest covers 2**(levels - 1) cells. ``min_score``: least mean score of the hits.
     """
 
     resolution: Annotated[Positive, "m per cell"] = 0.05
@@ -35,7 +34,7 @@ class LikelihoodPyramid:
 
 @dataclass(frozen=True)
 class SearchWindow:
-    """Around a guess, each way: ``distance`` in x and y, metres; ``angle``, radians."""
+    """A window around a guess, each way: ``distance`` in x and y, metres; ``angle``, radians."""
 
     distance: float
     angle: float
@@ -43,7 +42,7 @@ class SearchWindow:
 
 @dataclass(frozen=True)
 class CorrelativeMatch:
-    """``pose``: to a cell and an angle step. ``score``: 0 to 1, the mean of what the hits count there."""
+    """``pose``: to a cell and an angle step. ``score``: 0 to 1, mean score of the hits."""
 
     pose: Pose2D
     score: float
@@ -72,9 +71,7 @@ class CorrelativeMatcher:
             self._pyramid.append(maximum_filter1d(best, size, axis=1, origin=-(size // 2), mode="constant"))
 
     def search(self, hits: NDArray[np.float64], guess: Pose2D, window: SearchWindow) -> CorrelativeMatch | None:
-        """Return the pose within ``window`` where ``hits`` (N, 2), base frame, lie best on the reference, or None if
-        nowhere.
-        """
+        """Return the pose within ``window`` with the best match of ``hits`` (N, 2), base frame, or None."""
         p = self._levels
         reach = max(1.0, float(np.percentile(np.linalg.norm(hits, axis=1), 90)))
         turns = math.ceil(window.angle * reach / p.resolution)  # steps by which the far hits move one cell

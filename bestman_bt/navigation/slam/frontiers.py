@@ -1,9 +1,9 @@
-"""Frontier exploration (B. Yamauchi 1997): where the known free floor ends, and from where to look beyond.
+"""Frontier exploration (B. Yamauchi 1997): borders of the known free floor, and views beyond them.
 
-A place to look from is worth what would be seen of the unknown from there, discounted by the way to it
-(H. González-Baños, J.-C. Latombe, "Navigation strategies for exploring indoor environments", 2002). The places that
-together see what can be seen are visited on the shortest tour, so that no corner is left for the way back
-(M. Kulich, J. Faigl, L. Přeučil, "On distance utility in the exploration task", 2011).
+A view is worth the unknown area that it would show, discounted by the path to it (H. González-Baños, J.-C. Latombe,
+"Navigation strategies for exploring indoor environments", 2002). The views that together show everything are visited on
+the shortest tour, so that no corner is left for the way back (M. Kulich, J. Faigl, L. Přeučil, "On distance utility in
+the exploration task", 2011).
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from bestman_bt.navigation.global_planning.costmap import Costmap
 
 
 class FreeFloor:
-    """The cells of a costmap where the middle of the base can be without touching anything."""
+    """The cells of a costmap where the middle of the base is free."""
 
     def __init__(self, costmap: Costmap) -> None:
         free = costmap.distance > costmap.footprint.inscribed_radius
@@ -40,9 +40,10 @@ class FreeFloor:
     def ways(
         self, start: NDArray[np.float64], places: NDArray[np.float64], straight: float
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """(N,) metres of the shortest way from ``start`` (2,) to each of ``places`` (N, 2), and (N,) its last heading.
+        """Return the length (N,), metres, of the shortest path from ``start`` (2,) to each of ``places`` (N, 2), and
+        its last heading (N,).
 
-        Infinite where there is none. The heading, radians, is that of the last ``straight`` metres.
+        Infinite without a path. The heading, radians, is that of the last ``straight`` metres.
         """
         nowhere = np.full(len(places), np.inf), np.zeros(len(places))
         if len(places) == 0 or len(self._centres) == 0:
@@ -80,9 +81,9 @@ def _neighbours(free: NDArray[np.bool_], resolution: float) -> sparse.csr_matrix
 
 
 def shortest_tour(distances: NDArray[np.float64]) -> list[int]:
-    """Return the order 1, 2, … in which to visit the places of ``distances`` (N, N) from place 0 on; it ends anywhere.
+    """Return the order of the shortest open tour of the places of ``distances`` (N, N) from place 0.
 
-    Its cost grows with 2**N: for a dozen places at most. What cannot be got to at all comes last.
+    The effort grows with 2**N: suitable for a dozen places. Unreachable places come last.
     """
     count = len(distances)
     if count < 2:
@@ -124,9 +125,9 @@ class Frontier:
 
 @dataclass(frozen=True)
 class FrontierView:
-    """Where to look from. ``distance``: metres of way to it.
+    """A view. ``distance``: metres of the path to it.
 
-    ``gain``: m² of unknown floor in view from there, without what more useful views of the same tour see.
+    ``gain``: m² of unknown floor visible from there, without what better views of the same tour show.
     """
 
     pose: Pose2D
@@ -151,17 +152,14 @@ def find_frontiers(grid: OccupancyGrid, min_length: float) -> list[Frontier]:
 
 @dataclass(frozen=True)
 class FrontierExplorer:
-    """Says where to look from next; deterministic.
+    """Chooses the next views; deterministic.
 
-    Lengths in metres.
-
-    ``min_length`` of a frontier. Places to look from lie on a lattice of ``spacing``, within ``near`` of a frontier,
-    where the base can turn with ``clearance`` to spare. ``range``: how far is looked, by ``rays``, and ``depth``: how
-    much of the unknown each of them is sure to see, for somewhere there will be a wall. ``min_gain``: m² of unknown
-    floor that a view must promise, ``closest``: how far away it is at least, for what can be seen from here has been
-    seen. ``discount``: per metre of way, the share by which a view loses its worth. ``stops``: views of a tour.
-    ``again``: views nearer than this to one that was of no use are none. ``straight``: the end of the way that tells
-    the heading of a view.
+    Lengths in metres. ``min_length``: of a frontier. Views lie on a lattice of ``spacing``, within ``near`` of a
+    frontier, where the base can turn with ``clearance`` to spare. ``range``: of the view, with ``rays``, and ``depth``:
+    assumed depth of visible unknown space per ray. ``min_gain``: m² of unknown floor that a view must promise,
+    ``closest``: its least distance, because nearby space has been seen. ``discount``: loss of worth per metre of path.
+    ``stops``: views of a tour. ``again``: distance to a useless view within which others are skipped. ``straight``:
+    length of the path's end that defines the heading.
     """
 
     min_length: Annotated[NonNegative, "m"] = 0.30
@@ -181,9 +179,9 @@ class FrontierExplorer:
     def tour(
         self, grid: OccupancyGrid, costmap: Costmap, pose: Pose2D, useless: NDArray[np.float64] | None = None
     ) -> list[FrontierView]:
-        """Views that the base can get to from ``pose``, in the order of the tour; none if all there is to see is known.
+        """Return the reachable views from ``pose``, in the order of the tour; empty if everything is known.
 
-        ``costmap``: of the same grid, unknown cells as obstacles. ``useless``: (N, 2) places that were tried in vain.
+        ``costmap``: of the same grid, unknown cells as obstacles. ``useless``: (N, 2) places tried in vain.
         """
         frontiers = find_frontiers(grid, self.min_length)
         if not frontiers:

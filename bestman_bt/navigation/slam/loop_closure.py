@@ -1,7 +1,7 @@
-"""Loop closures: a keyframe is recognised in a submap from long ago.
+"""Loop closures: a keyframe is recognised in an old submap.
 
-Where to look is told by the pose graph's covariance; what is found there is believed if it explains the scan, is held
-in all directions, and lies no farther off than the covariance allows.
+The pose graph's covariance defines the search region; a match is accepted if it explains the scan, is constrained in
+all directions, and is consistent with the covariance.
 """
 
 from __future__ import annotations
@@ -31,16 +31,14 @@ from bestman_bt.navigation.slam.submap import Keyframe, Submap
 
 @dataclass(frozen=True)
 class LoopCloser:
-    """Looks for closures of one keyframe at a time.
+    """Searches closures of one keyframe at a time.
 
-    ``separation``: keyframes that must lie between. ``reach``: metres from a submap's way within which it is tried.
-
-    ``candidates``: submaps that are tried for one keyframe, the nearest first. ``sigmas``: of the covariance that the
-    search covers, at least ``min_distance`` (metres) and ``min_angle`` (radians), at most ``max_distance`` and
-    ``max_angle``; from ``jump`` metres on the search is correlative. A closure explains ``min_inlier_ratio`` of the
-    hits to ``max_residual`` metres, is known to ``max_std`` metres in each direction, and lies within
-    ``max_deviation`` standard deviations of what the graph expects. ``position_std``, ``heading_std``: error that it
-    has beside the noise of the hits, metres and radians.
+    ``separation``: keyframes that must lie between. ``reach``: metres from a submap's path within which it is tried.
+    ``candidates``: submaps to try per keyframe, the nearest first. ``sigmas``: of the covariance to search, at least
+    ``min_distance`` (metres) and ``min_angle`` (radians), at most ``max_distance`` and ``max_angle``; beyond ``jump``
+    metres the search is correlative. A closure explains ``min_inlier_ratio`` of the hits to ``max_residual`` metres,
+    has a standard deviation of at most ``max_std`` metres in each direction, and lies within ``max_deviation`` standard
+    deviations of the graph's prediction. ``position_std``, ``heading_std``: its additional error, metres and radians.
     """
 
     separation: WholeNumber = 12

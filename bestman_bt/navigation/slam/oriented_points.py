@@ -1,6 +1,6 @@
-"""Points on lines: the hits of a scan, each with the normal of the surface that it lies on.
+"""Oriented points: the hits of a scan, each with the normal of its surface.
 
-The normal faces the lidar, so that the two faces of a thin wall are told apart.
+The normal faces the lidar, so that the two faces of a thin wall are distinct.
 """
 
 from __future__ import annotations
@@ -29,11 +29,13 @@ class OrientedPoints:
         return len(self.points)
 
     def placed(self, pose: Pose2D) -> OrientedPoints:
-        """Return the same in the frame in which theirs is at ``pose``."""
+        """Return the points transformed by ``pose``."""
         return OrientedPoints(pose.apply(self.points), Pose2D(0.0, 0.0, pose.theta).apply(self.normals))
 
     def features(self, turning: float) -> NDArray[np.float64]:
-        """(N, 4): neighbours are near and face the same way; ``turning``: metres that opposite faces are apart, / 2."""
+        """Return features (N, 4) for nearest-neighbour search by position and normal; ``turning``: half the distance of
+        opposite faces, metres.
+        """
         return np.hstack([self.points, turning * self.normals])
 
 
@@ -45,9 +47,8 @@ def joined(parts: list[OrientedPoints]) -> OrientedPoints:
 def oriented_points(scan: LaserScan, base_from_lidar: Pose2D, window: int = 4, reach: float = 0.20) -> OrientedPoints:
     """Return the hits that lie on a line with their neighbours, in the base frame.
 
-    A line is fitted to the hits of up to ``window`` beams on each side that are no farther than ``reach`` metres, or
-    four beam spacings; a hit with fewer than four such neighbours, or that they do not lie along a line with, is left
-    out.
+    A line is fitted to the hits of up to ``window`` beams on each side within ``reach`` metres, or four beam spacings;
+    hits with fewer than four such neighbours, or off the line, are left out.
     """
     ranges, angles = scan.ranges, scan.angles
     hit = np.isfinite(ranges)
@@ -80,7 +81,7 @@ def oriented_points(scan: LaserScan, base_from_lidar: Pose2D, window: int = 4, r
 
 
 def thinned(cloud: OrientedPoints, cell: float) -> OrientedPoints:
-    """Return the means of the points that share a square of ``cell`` metres and face the same quarter."""
+    """Return the means of the points that share a square of ``cell`` metres and face the same quadrant."""
     quarter = np.floor(np.arctan2(cloud.normals[:, 1], cloud.normals[:, 0]) / (np.pi / 2) + 0.5).astype(np.int64) % 4
     keys = np.column_stack([np.floor(cloud.points / cell).astype(np.int64), quarter])
     _, group = np.unique(keys, axis=0, return_inverse=True)

@@ -1,4 +1,4 @@
-"""What a planar lidar does not see: table tops, seats, things below its plane, drawn from depth images."""
+"""Obstacles invisible to a planar lidar: table tops, seats, low objects, mapped from depth images."""
 
 from __future__ import annotations
 
@@ -16,12 +16,10 @@ from bestman_bt.messages.shapes import NonNegative, NotBelow, Positive, WholeNum
 
 @dataclass(eq=False)
 class Overhangs:
-    """Remembers cells of one ``resolution``, metres; nothing is forgotten, for what hangs over the floor is furniture.
+    """Stores cells of one ``resolution``, metres; nothing is removed, because overhangs are furniture.
 
-    Metres: points between ``low`` and ``high`` above the floor count, no farther than ``range`` from the camera.
-
-    ``min_points``: of one image in a cell. Beside cells that the lidar knows as occupied, nothing is added: there it
-    knows better.
+    Metres: points between ``low`` and ``high`` above the floor count, up to ``range`` from the camera. ``min_points``:
+    of one image in a cell. Cells beside those that the lidar knows as occupied are not added.
     """
 
     resolution: float

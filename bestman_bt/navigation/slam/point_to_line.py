@@ -1,7 +1,7 @@
 """Point-to-line ICP (A. Censi, "An ICP variant using a point-to-line metric", 2008) against points with normals.
 
-Correspondences are the nearest points that face the same way; residuals are weighted by a Cauchy kernel, and the
-odometry takes part as one more measurement, so that along a bare corridor the wheels decide.
+Correspondences are the nearest points of similar normal; residuals are weighted by a Cauchy kernel, and the odometry is
+an additional measurement, which decides along a bare corridor.
 """
 
 from __future__ import annotations
@@ -44,9 +44,9 @@ class PointToLine:
 
 @dataclass(frozen=True, eq=False)
 class ScanAlignment:
-    """``pose`` that fits best and its ``information`` (3, 3) from the hits alone: x, y, theta in the reference's frame.
+    """The best ``pose`` and its ``information`` (3, 3) from the hits alone: x, y, theta in the reference's frame.
 
-    ``inlier_ratio``: share of the hits that lie on the reference. ``residual``: their root mean square, metres.
+    ``inlier_ratio``: fraction of the hits on the reference. ``residual``: their root mean square, metres.
     """
 
     pose: Pose2D
@@ -56,7 +56,7 @@ class ScanAlignment:
 
 
 class LineReference:
-    """What scans are matched to: points whose normals and positions are those of lines through their neighbours."""
+    """The reference of a match: points whose normals and positions are those of lines through their neighbours."""
 
     def __init__(self, cloud: OrientedPoints, method: PointToLine = PointToLine()) -> None:
         """``cloud`` should hold at least as many points as ``neighbours``."""

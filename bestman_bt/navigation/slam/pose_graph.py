@@ -40,12 +40,11 @@ class Constraint:
 
 @dataclass(eq=False)
 class PoseGraph:
-    """Nodes are poses in the map frame; node 0 stays where it is.
+    """Nodes are poses in the map frame; node 0 is fixed.
 
-    ``iterations``: at most; it ends earlier once no coordinate moves more than ``smallest_step`` (metres, radians).
-
-    ``damping``: at the start, relative to the diagonal. ``scaling``: chi square of a doubtful constraint above which
-    its weight falls, and ``graduation``: by how much that is lowered at a time until it is reached.
+    ``iterations``: largest number; it ends earlier once no coordinate changes by more than ``smallest_step`` (metres,
+    radians). ``damping``: initial, relative to the diagonal. ``scaling``: chi square of a doubtful constraint above
+    which its weight falls, and ``graduation``: factor by which it is lowered in steps.
     """
 
     iterations: Count = 20
@@ -68,7 +67,7 @@ class PoseGraph:
         return other
 
     def move_to(self, poses: NDArray[np.float64]) -> None:
-        """The first nodes lie at ``poses`` (M, 3) from now on, the later ones as they lay beside the last of them."""
+        """Set the first nodes to ``poses`` (M, 3); later ones move along with the last of them."""
         last = len(poses) - 1
         moved = Pose2D(*poses[last].tolist()) @ self.pose(last).inverse()
         later = [moved @ Pose2D(*pose) for pose in self._poses[last + 1 :]]
@@ -77,7 +76,7 @@ class PoseGraph:
             self.add_pose(pose)
 
     def add_pose(self, pose: Pose2D) -> int:
-        """Add a node where ``pose`` is a first guess; returns its number."""
+        """Add a node with the initial guess ``pose``; returns its number."""
         self._poses.append((pose.x, pose.y, pose.theta))
         return len(self._poses) - 1
 
@@ -89,7 +88,7 @@ class PoseGraph:
         self.constraints.append(constraint)
 
     def pose(self, node: int) -> Pose2D:
-        """Where a node is believed to be."""
+        """Return the current pose of a node."""
         return Pose2D(*self._poses[node])
 
     @property
@@ -98,16 +97,16 @@ class PoseGraph:
         return np.array(self._poses).reshape(-1, 3)
 
     def chi_squares(self) -> NDArray[np.float64]:
-        """Of each constraint, (M,), at the present poses."""
+        """Return the chi square of each constraint, (M,), at the current poses."""
         edges = _Edges(self.constraints)
         return edges.chi_squares(edges.errors(self.poses))
 
     def optimize(self) -> float:
-        """Move the nodes to where the weighted errors are least; returns what is left of them.
+        """Minimise the weighted errors; returns the remaining error.
 
-        Doubtful constraints are believed at first, and those that keep contradicting the others less and less
-        (graduated non-convexity, H. Yang et al. 2020): else a good one would be dropped where much drift must go.
-        Needs every node to be tied to node 0 by constraints.
+        Doubtful constraints are trusted at first, and those that contradict the others are gradually down-weighted
+        (graduated non-convexity, H. Yang et al. 2020); otherwise good ones would be rejected under large drift. Every
+        node must be connected to node 0.
         """
         edges = _Edges(self.constraints)
         poses = self.poses
@@ -141,7 +140,7 @@ class PoseGraph:
         return poses, cost
 
     def relative_covariance(self, first: int, second: int) -> NDArray[np.float64]:
-        """Covariance (3, 3) of where ``second`` is as seen from ``first``: x, y, theta in the frame of ``second``."""
+        """Return the covariance (3, 3) of ``second`` relative to ``first``: x, y, theta in the frame of ``second``."""
         poses = self.poses
         hessian, _ = _Edges(self.constraints).normal_equations(poses, self.scaling)
         # Node 0 is no unknown; the relative pose depends on both nodes by the Jacobian of a constraint between them.

@@ -1,7 +1,7 @@
-"""2D lidar SLAM: scans are matched to the submap under way, submaps and keyframes make a pose graph, loops close it.
+"""2D lidar SLAM: scan-to-submap matching, a pose graph of submaps and keyframes, and loop closures.
 
-The local frame is smooth and drifts: in it scan matching and odometry are fused. The map frame is where the optimised
-graph puts the keyframes (as in W. Hess et al., "Real-time loop closure in 2D lidar SLAM", 2016).
+The local frame is smooth and drifts: scan matching and odometry are fused in it. The map frame is that of the optimised
+graph (as in W. Hess et al., "Real-time loop closure in 2D lidar SLAM", 2016).
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ from bestman_bt.navigation.slam.submap import Keyframe, Submap
 
 
 class SlamLocalizer(Localizer):
-    """Feeds ``slam``; the map's frame is the one in which the base is believed to be at ``reset``."""
+    """Feeds ``slam``; the map's frame is that of the believed pose at ``reset``."""
 
     def __init__(self, slam: Slam) -> None:
         self._slam = slam
@@ -48,11 +48,11 @@ class SlamLocalizer(Localizer):
 
     @property
     def estimate(self) -> SlamEstimate:
-        """See ``Localizer.estimate``."""
+        """Implement ``Localizer.estimate``."""
         return self._slam.estimate
 
     def reset(self, pose: Pose2D, odometry: Pose2D, position_std: float, heading_std: float) -> LocalizationEstimate:
-        """See ``Localizer.reset``; a new map begins, on which the base is exactly at ``pose``."""
+        """Start a new map, on which the base is exactly at ``pose``."""
         checked_std(position_std, "SlamLocalizer position_std")
         checked_std(heading_std, "SlamLocalizer heading_std")
         estimate = self._slam.reset(pose, odometry)
@@ -60,13 +60,13 @@ class SlamLocalizer(Localizer):
         return estimate
 
     def predict(self, odometry: Pose2D) -> LocalizationEstimate:
-        """See ``Localizer.predict``."""
+        """Implement ``Localizer.predict``."""
         estimate = self._slam.predict(odometry)
         self._odometry = odometry
         return estimate
 
     def correct(self, scan: LaserScan, base_from_lidar: Pose2D) -> LocalizationEstimate:
-        """See ``Localizer.correct``."""
+        """Implement ``Localizer.correct``."""
         return self._slam.add(self._odometry, scan, base_from_lidar)
 
 
@@ -79,14 +79,13 @@ GROWTH = 16
 
 @dataclass(eq=False)
 class LogOddsGrid:
-    """Grows as needed. Each scan counts once for a cell, as a hit where it is both hit and passed.
+    """A growing log-odds grid. Each scan counts once per cell, as a hit if it is both hit and passed.
 
     ``resolution``: metres per cell. ``hit``, ``miss``: log odds that a scan adds to a cell that it hits or passes.
-
-    ``limit``: they never exceed it, each way, so that what has changed is believed after a while. A cell is occupied
-    from ``occupied`` on (one hit), free from -``free`` on (one pass). ``keep``: metres before a hit that a beam does
-    not clear: its noise, and a grazed wall. ``border``: metres of unknown that are kept around all that was seen, for
-    there is something beyond it, to look for and not to drive into.
+    ``limit``: bound of the log odds, so that changes are accepted after a while. A cell is occupied from ``occupied``
+    on (one hit), free from -``free`` on (one pass). ``keep``: metres before a hit that a beam does not clear: its
+    noise, and a grazed wall. ``border``: metres of unknown space around all seen cells, to search but not to drive
+    into.
     """
 
     resolution: Annotated[Positive, "m per cell"] = 0.05
@@ -105,9 +104,9 @@ class LogOddsGrid:
         self._first = np.zeros(2, dtype=np.intp)  # column and row of cell (0, 0), counted from the map's origin
 
     def add(self, map_from_lidar: Pose2D, scan: LaserScan) -> None:
-        """Draw a scan taken at ``map_from_lidar``.
+        """Add a scan taken at ``map_from_lidar``.
 
-        A beam without a hit tells nothing: it may have gone astray on glass, or on the robot itself.
+        Beams without a hit are ignored: they may be due to glass or the robot itself.
         """
         hit = np.isfinite(scan.ranges)
         ranges = scan.ranges[hit]
@@ -220,7 +219,7 @@ class PoseGraphSlam(Slam):
         self._closing: _Closing | None = None
 
     def reset(self, pose: Pose2D, odometry: Pose2D) -> SlamEstimate:
-        """See ``Slam.reset``."""
+        """Implement ``Slam.reset``."""
         self._odometry, self._local = odometry.checked("PoseGraphSlam odometry"), pose.checked("PoseGraphSlam pose")
         self._graph = replace(self.graph)  # an empty one
         self._keyframes: list[Keyframe] = []
@@ -236,13 +235,13 @@ class PoseGraphSlam(Slam):
 
     @property
     def estimate(self) -> SlamEstimate:
-        """See ``Slam.estimate``."""
+        """Implement ``Slam.estimate``."""
         if self._estimate is None:
             raise RuntimeError("PoseGraphSlam was used before reset")
         return self._estimate
 
     def predict(self, odometry: Pose2D) -> SlamEstimate:
-        """See ``Slam.predict``."""
+        """Implement ``Slam.predict``."""
         estimate = self.estimate
         moved = self._odometry.inverse() @ odometry.checked("PoseGraphSlam odometry")
         self._odometry = odometry
@@ -252,7 +251,7 @@ class PoseGraphSlam(Slam):
         return self._tell(estimate.match)
 
     def add(self, odometry: Pose2D, scan: LaserScan, base_from_lidar: Pose2D) -> SlamEstimate:
-        """See ``Slam.add``."""
+        """Implement ``Slam.add``."""
         base_from_lidar.checked("PoseGraphSlam base_from_lidar")
         if self._closing is not None:
             self._closing.scans += 1
@@ -272,7 +271,7 @@ class PoseGraphSlam(Slam):
 
     @property
     def grid(self) -> OccupancyGrid:
-        """See ``Slam.grid``."""
+        """Implement ``Slam.grid``."""
         poses = self._graph.poses
         old = poses[: len(self._drawn)]
         change = np.abs(old - self._drawn)
@@ -286,7 +285,7 @@ class PoseGraphSlam(Slam):
 
     @property
     def trajectory(self) -> SlamTrajectory:
-        """See ``Slam.trajectory``."""
+        """Implement ``Slam.trajectory``."""
         self._take_closures()
         stamps = np.array([keyframe.scan.stamp for keyframe in self._keyframes])
         return SlamTrajectory(self._graph.poses, stamps, np.array(self._loops, dtype=np.intp).reshape(-1, 2))

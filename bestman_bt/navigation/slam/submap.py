@@ -19,7 +19,7 @@ from bestman_bt.navigation.slam.point_to_line import LineReference, PointToLine
 
 @dataclass(frozen=True, eq=False)
 class Keyframe:
-    """A scan that is kept. ``node``: in the pose graph. ``local``: pose of the base in the frame that drifts smoothly.
+    """A stored scan. ``node``: in the pose graph. ``local``: pose of the base in the smoothly drifting frame.
 
     ``hits``: of the scan, in the base frame.
     """
@@ -47,11 +47,11 @@ class Submap:
 
     @property
     def last_node(self) -> int:
-        """Of its newest keyframe, in the pose graph."""
+        """The node of its newest keyframe in the pose graph."""
         return self.keyframes[-1].node
 
     def insert(self, keyframe: Keyframe) -> None:
-        """Add the points of a keyframe where it lies in the local frame."""
+        """Add the points of a keyframe at its local pose."""
         self.keyframes.append(keyframe)
         for name in ("cloud", "reference", "matcher"):
             self.__dict__.pop(name, None)
@@ -67,15 +67,15 @@ class Submap:
 
     @cached_property
     def reference(self) -> LineReference:
-        """For ICP."""
+        """Return the reference for ICP."""
         return LineReference(self.cloud, self.line)
 
     @cached_property
     def matcher(self) -> CorrelativeMatcher:
-        """For large jumps."""
+        """Return the matcher for large displacements."""
         return CorrelativeMatcher(self.cloud.points, self.correlative)
 
     def distance_to(self, point: Pose2D) -> float:
-        """From a pose in the submap's frame to the nearest of its keyframes, metres."""
+        """Return the distance from a pose in the submap's frame to the nearest of its keyframes, metres."""
         places = np.array([self.pose_of(k.local).xy for k in self.keyframes])
         return float(np.linalg.norm(places - point.xy, axis=1).min())

@@ -44,7 +44,7 @@ class Detection:
 
     @property
     def confidence(self) -> float:
-        """See PoseHypothesis."""
+        """Implement ``PoseHypothesis``."""
         return self.hypothesis.confidence
 
     @property

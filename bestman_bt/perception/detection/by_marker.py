@@ -129,7 +129,7 @@ class ByMarker(MarkerDetector, Detector):
     def detect(
         self, view: View, region: Region, models: Sequence[ObjectModel], rng: np.random.Generator
     ) -> DetectedScene:
-        """See Detector."""
+        """Implement ``Detector``."""
         scene = self.segmentation.segment(view, region, rng)
         rest = list(scene.clusters)
         labelled = []

@@ -205,7 +205,7 @@ class ColorShape(Naming, Detector):
     def detect(
         self, view: View, region: Region, models: Sequence[ObjectModel], rng: np.random.Generator
     ) -> DetectedScene:
-        """See Detector."""
+        """Implement ``Detector``."""
         scene = self.segmentation.segment(view, region, rng)
         found = [(cluster, self._hypotheses(cluster, models, view)) for cluster in scene.clusters]
         return self.named_scene(scene, found)

@@ -34,7 +34,7 @@ class ModelRegistration(Naming, Detector):
     def detect(
         self, view: View, region: Region, models: Sequence[ObjectModel], rng: np.random.Generator
     ) -> DetectedScene:
-        """See Detector."""
+        """Implement ``Detector``."""
         scene = self.segmentation.segment(view, region, rng)
         found = [(cluster, self.pose_estimator.estimate(cluster, models, view)) for cluster in scene.clusters]
         return self.named_scene(scene, found)
@@ -123,7 +123,7 @@ class FromImage(Detector):
     def detect(
         self, view: View, region: Region, models: Sequence[ObjectModel], rng: np.random.Generator
     ) -> DetectedScene:
-        """See Detector."""
+        """Implement ``Detector``."""
         scene = self.segmentation.segment(view, region, rng)
         labelled, rest = self._labelled(scene, view, region, models)
         return located(scene, labelled, rest, models, self.pose_estimator, view, self.min_confidence)

@@ -154,7 +154,7 @@ class RemoteDetector(FromImage):
     with_depth: bool = False
 
     def find(self, image: RGBDImage, names: Sequence[str]) -> tuple[ImageDetection, ...]:
-        """See FromImage."""
+        """Implement ``FromImage``."""
         if not names or image.rgb.size == 0:
             return ()
         body = request_body(image, names, self.with_depth)

@@ -179,7 +179,7 @@ class ModelBased(GraspPlanner):
     )
 
     def plan(self, target: GraspTarget, gripper: GripperModel, support_height: float) -> tuple[GraspCandidate, ...]:
-        """See GraspPlanner."""
+        """Implement ``GraspPlanner``."""
         if target.model is None or target.frame_from_object is None:
             raise PerceptionError("ModelBased needs a target with a model; for an unknown object use AntipodalCloud")
         model, pose = target.model, target.frame_from_object

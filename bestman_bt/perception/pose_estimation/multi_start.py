@@ -121,7 +121,7 @@ class MultiStart(Registration, PoseEstimator):
         return SurfaceStore(self.spacing, self.tipped)
 
     def estimate(self, cluster: Cluster, models: Sequence[ObjectModel], view: View) -> tuple[PoseHypothesis, ...]:
-        """See PoseEstimator."""
+        """Implement ``PoseEstimator``."""
         seen = SeenCluster.of(cluster, view, self)
         found = [best for model in models if (best := self._fit_model(model, seen)) is not None]
         found.sort(key=lambda hypothesis: -hypothesis.confidence)

@@ -56,7 +56,7 @@ class PlaneDbscan(HorizontalPlane, Segmentation):
     merge_overlap: float = 0.15
 
     def segment(self, view: View, region: Region, rng: np.random.Generator) -> SegmentedScene:
-        """See Segmentation."""
+        """Implement ``Segmentation``."""
         surface_from_frame = region.frame_from_surface.inverse()
         local = view.seen_from(surface_from_frame).cloud(surface_from_frame.apply(region.corners()))
         local = local.selected(inside_region(local.points, region))

@@ -160,7 +160,7 @@ class RegionGrowing(HorizontalPlane, DepthFragments, FragmentMerging, Segmentati
     min_cluster_height: Annotated[float, "m"] = 0.015
 
     def segment(self, view: View, region: Region, rng: np.random.Generator) -> SegmentedScene:
-        """See Segmentation."""
+        """Implement ``Segmentation``."""
         surface_from_frame = region.frame_from_surface.inverse()
         of_surface = view.seen_from(surface_from_frame)
         points, depth, (rows, columns) = of_surface.organised(surface_from_frame.apply(region.corners()))
