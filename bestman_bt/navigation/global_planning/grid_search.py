@@ -82,7 +82,9 @@ def cheapest_cells(cost: NDArray[np.float64], source: Cell, target: Cell) -> NDA
 
 
 def costs_to(goal: NDArray[np.float64], costmap: Costmap, lethal_distance: float) -> NDArray[np.float64]:
-    """Return the cost of the cheapest path from each cell to ``goal`` (2,), (rows, columns); infinite if unreachable."""
+    """Return the cost of the cheapest path from each cell to ``goal`` (2,), (rows, columns); infinite if
+    unreachable.
+    """
     padded = _padded(costmap, lethal_distance, 0.0)
     costs = np.full(costmap.distance.shape, np.inf)
     target = _nearest_free(goal, padded, costmap)

@@ -64,7 +64,9 @@ class PolylinePlanner(StraightPieces, GlobalPlanner):
 
     @abstractmethod
     def way(self, start: NDArray[np.float64], goal: NDArray[np.float64], room: FreeSpace) -> NDArray[np.float64] | None:
-        """Return points (N, 2), metres, on a path in ``room`` from near ``start`` (2,) to near ``goal`` (2,), or None."""
+        """Return points (N, 2), metres, on a path in ``room`` from near ``start`` (2,) to near ``goal`` (2,), or
+        None.
+        """
 
     def plan(self, start: Pose2D, goal: Pose2D, costmap: Costmap) -> Path2D | PlanningFailure:
         """Implement ``GlobalPlanner.plan``."""

@@ -185,7 +185,7 @@ def test_where_only_the_arm_is_in_the_way_the_failure_says_so():
     failure = GridAStar().plan(START, GOAL, two_rooms(1.5, 0.6))
     assert isinstance(failure, PlanningFailure)
     assert failure.reason is PlanningFailureReason.ARM_IN_THE_WAY
-    assert failure.text.startswith("the arm stands out 25 cm, 0.89 m above the floor: nothing wide enough")
+    assert failure.text.startswith("the arm extends 25 cm beyond the base, 0.89 m above the floor: nothing wide enough")
 
 
 def test_where_the_base_does_not_pass_either_the_arm_is_not_blamed():
