@@ -23,6 +23,7 @@ from bestman_bt.scene.scene import World
 from hal.api import Robot
 from hal.pybullet.client import _FUNCTIONS
 from hal.pybullet.robot import PyBulletRobot
+from hal.simulation.door_watcher import DoorWatcher, _Leaf
 from hal.simulation.ground_truth import GroundTruth
 from hal.simulation.guards import ReadPurpose
 
@@ -98,6 +99,14 @@ def test_a_motor_on_the_hinge_is_seen(robot, door, hidden, force) -> None:
     assert robot.simulation.ledger.counts["tampering"] == 0
     assert verdict.tampering >= 1
     assert says(verdict, "driven")
+
+
+@pytest.mark.parametrize("sense", [1.0, -1.0])
+@pytest.mark.parametrize(("effort", "is_driven"), [(2.04, False), (2.06, True)])
+def test_a_joint_that_exerts_more_than_its_friction_is_driven_either_way(sense, effort, is_driven) -> None:
+    watcher = object.__new__(DoorWatcher)
+    leaf = _Leaf(DOOR, 0, 0, 1.5, friction=2.0, latched=2.0, travel=0.0, falling=0.0, position=0.7, velocity=0.0)
+    assert ("is driven by its joint" in watcher._fault_of_motor(leaf, 0.0, sense * effort)) == is_driven
 
 
 def test_a_motor_that_was_taken_from_the_module_early_is_counted(robot, door) -> None:

@@ -9,15 +9,18 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 
 from bestman_bt.configuration.data import find_data
 from bestman_bt.configuration.errors import ConfigurationError
 from bestman_bt.configuration.run import load_run
 from bestman_bt.engine import Tree
-from bestman_bt.evaluation import episode
+from bestman_bt.evaluation import episode, judge
 from bestman_bt.evaluation.episode import run_episode
 from bestman_bt.evaluation.result import Outcome, RunResult
+from bestman_bt.facts.evidence import Evidence, Verdict
+from bestman_bt.messages import Pose
 from bestman_bt.runtime.executor import Ending, Execution
 from bestman_bt.runtime.robot_session import Session
 from bestman_bt.runtime.setup import Setup
@@ -66,6 +69,34 @@ def cup_at(x: float, y: float) -> tuple[str, ...]:
         "scene.objects.counter_can=absent",
         "scene.objects.counter_box=absent",
     )
+
+
+def test_what_falls_during_the_rest_time_is_judged_by_where_it_was_before(monkeypatch: pytest.MonkeyPatch) -> None:
+    place, slept = Pose(np.array([0.3, 0.2, 0.9])), list[float]()
+
+    class Falls:
+        """A clock, and what is true: the cup falls while time passes."""
+
+        object_names = ("cup",)
+
+        def object_pose(self, name: str) -> Pose:
+            return Pose(place.position - np.array([0.0, 0.0, sum(slept)]))
+
+        def sleep(self, seconds: float) -> None:
+            slept.append(seconds)
+
+    task = SimpleNamespace(predicates=("placed",), tolerances=SimpleNamespace(rest_time=0.5))
+    models = SimpleNamespace(of=lambda kind: {})
+    setup = SimpleNamespace(subjects=("cup", "can"), asked=(), robot_model=models, config=SimpleNamespace(task=task))
+    seen = list[Evidence]()
+    monkeypatch.setattr(
+        "bestman_bt.evaluation.judge.judged", lambda goals, name, one: seen.append(one) or Verdict(True)
+    )
+    for clock in (Falls(), None):
+        slept.clear()
+        judge._judge(SimpleNamespace(setup=setup), Falls(), clock, 1.5)
+        np.testing.assert_array_equal(seen[-1].before["cup"], place.position)
+        assert (list(seen[-1].before), seen[-1].driven, slept) == (["cup"], 1.5, [0.5] if clock else [])
 
 
 def test_a_cup_at_its_goal_and_a_tree_that_succeeds_are_a_success(tmp_path: Path) -> None:

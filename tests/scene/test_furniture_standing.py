@@ -9,7 +9,8 @@ import pytest
 
 from bestman_bt.messages import Pose, Pose2D
 from bestman_bt.scene.load import load_scene
-from bestman_bt.scene.placing import gap_to_furniture, planar_radius, standing_furniture
+from bestman_bt.scene.placing import gap_to_furniture, gap_to_objects, planar_radius, standing_furniture
+from bestman_bt.scene.scene import PlacedObject
 from bestman_bt.scene.scene_config import SceneConfig
 
 
@@ -47,3 +48,11 @@ def test_room_beside_a_piece_on_a_counter_is_measured_to_where_that_really_stand
         gaps.append(gap_to_furniture(beside, model, counter, [counter, really]))
     np.testing.assert_allclose(gaps, np.array([0.5, 0.4]) - planar_radius(model))
     assert gap_to_furniture(Pose(), model, counter, [counter]) == np.inf
+
+
+def test_things_on_boards_above_each_other_do_not_keep_from_each_other() -> None:
+    model = load_scene("kitchen").models["cup"]
+    height = float(model.size[2])
+    for rise, gap in ((0.0, 0.5), (0.99 * height, 0.5), (1.01 * height, np.inf), (-1.01 * height, np.inf)):
+        other = PlacedObject("other", model, Pose(np.array([0.3, 0.4, rise])))
+        assert gap_to_objects(Pose(), model, [other]) == pytest.approx(gap - 2 * planar_radius(model)), rise

@@ -148,7 +148,4 @@ class CoroutineAction(StatefulAction):
                     f"its run_async() returned {result!r}; SUCCESS, FAILURE or SKIPPED are accepted"
                 ) from None
             return result
-        except BaseException:
-            self._coroutine = None
-            raise
         return RUNNING

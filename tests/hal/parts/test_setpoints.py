@@ -107,6 +107,10 @@ def test_a_trajectory_is_followed_to_its_end_and_an_offset_at_its_start_fades_ou
     short = Follow(trajectory, np.array([0.0, 0.04]), 5.0)
     path, _ = play(short, 2.0)
     assert path[-1] == pytest.approx(positions[-1])  # an offset is gone by its end, however short it is
+    in_motion = JointTrajectory(("a", "b"), times, positions, np.full((3, 2), 0.4))
+    path, velocity = play(Follow(in_motion, np.zeros(2), 0.25), 2.5)
+    assert path[-1] == pytest.approx(positions[-1])
+    assert np.all(velocity[-25:] == 0.0)  # one that ends in motion is held at its end at rest
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])

@@ -508,6 +508,23 @@ def test_a_slowed_trajectory_tells_its_own_time(make_arm: Callable[..., tuple[St
     assert arm.trajectory_time() == pytest.approx(0.95)  # the pace is that of each trajectory
 
 
+def test_a_slowed_trajectory_keeps_its_way_between_its_samples(
+    make_arm: Callable[..., tuple[StreamedArm, Joints]],
+) -> None:
+    arm, channel = make_arm(tool_speed=0.1)
+    positions, velocities = np.tile(HOME, (3, 1)), np.zeros((3, 7))
+    positions[1:, 0] += (0.2, 0.4)
+    positions[2, 3] += 0.3
+    velocities[1, [0, 3]] = 0.4, 0.3
+    trajectory = JointTrajectory(arm.joint_names, np.array([0.0, 0.5, 1.0]), positions, velocities)
+    arm.follow(trajectory)
+    run(arm, 8.0)
+    np.testing.assert_allclose(channel.at, positions[-1], atol=1e-6)
+    dense = np.array([trajectory.sample(time)[0] for time in np.linspace(0.0, 1.0, 2001)])
+    away = [np.linalg.norm(dense - place, axis=1).min() for place, _ in channel.sent[::5]]
+    assert max(away) < 2e-3
+
+
 def test_no_command_leads_the_tool_out_of_its_workspace(
     make_arm: Callable[..., tuple[StreamedArm, Joints]], robot_model: RobotModel
 ) -> None:

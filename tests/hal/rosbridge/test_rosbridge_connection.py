@@ -178,3 +178,12 @@ def test_connected_anew_stamps_are_read_by_the_clock_of_the_new_connection(ros: 
     ros.cycles(5, "/odom", "/scan")
     assert ros.connection.fault() is None
     ros.lidar.scan()
+
+
+def test_connected_anew_what_a_topic_has_told_before_does_not_count(ros: Ros) -> None:
+    ros.connection.disconnect()
+    ros.connection.options = replace(ros.connection.options, connect_timeout=0.05)
+    subscribe = ros.link.subscribe
+    ros.link.subscribe = lambda topic, *rest: None if topic == "/scan" else subscribe(topic, *rest)
+    with pytest.raises(ConnectionFailedError, match="nothing comes on /scan"):
+        ros.connection.connect()

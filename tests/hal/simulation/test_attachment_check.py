@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 
 import pytest
 
@@ -35,20 +35,26 @@ def simulation() -> Iterator[Simulation]:
         yield robot.simulation
 
 
-def findings(simulation: Simulation, touches: str, drawer_step: float) -> list[str]:
-    """What is found where the cup, which touches the named drawer, and a finger move alike for half a second."""
+def findings(
+    simulation: Simulation, touches: str, drawer_step: float, pressed: Callable[[int], float] = lambda look: 0.0
+) -> list[str]:
+    """What is found where the cup, which touches the named drawer, and a finger move alike for half a second.
+
+    ``pressed``: by look, with what share of its weight the robot presses on the cup.
+    """
     built, slide = simulation.built, Slide()
     watcher = AttachmentCheck(simulation, slide)
     cup, finger = built.objects["cup"], built.links["panda_leftfinger"]
     body, joint = built.articulations["drawer_chest/drawer_3"]
     contacts = [(cup, body, -1, joint, 0.0)] if touches == "drawer" else [(cup, body, -1, -1, 0.0)]
-    still = (0.0, 0.0, 0.0)
+    still, weight = (0.0, 0.0, 0.0), 9.81 * built.object_masses[cup]
     for look in range(120):
         place = (STEP * look, 0.0, 0.0)
         slide.position = drawer_step * look
         state = BodyState(place, (0.0, 0.0, 0.0, 1.0), still, still)
         watcher.watch(
-            SimulationState(look / 60, {cup: state}, contacts, simulation.joint_states(), {finger: place}), {}
+            SimulationState(look / 60, {cup: state}, contacts, simulation.joint_states(), {finger: place}),
+            {cup: weight * pressed(look)},
         )
     return [finding.text for finding in watcher.findings]
 
@@ -69,3 +75,19 @@ def test_a_cup_that_moves_with_a_finger_is_suspect_unless_its_drawer_moves(
     found = findings(simulation, touches, drawer_step)
     assert bool(found) == suspect
     assert all("cup moved" in text and "panda_leftfinger" in text for text in found)
+
+
+@pytest.mark.parametrize(
+    ("pressed", "suspect"),
+    [
+        (lambda look: 0.11, False),
+        (lambda look: 0.09, True),
+        (lambda look: 0.4 * (look % 5 == 4), True),
+        (lambda look: 0.6 * (look % 5 == 1), False),
+    ],
+    ids=["a tenth of its weight", "less", "now and then, at the moment of the look", "the mean counts"],
+)
+def test_what_is_pressed_with_a_tenth_of_its_weight_in_the_mean_of_half_a_second_is_carried(
+    simulation, pressed, suspect
+) -> None:
+    assert bool(findings(simulation, "body", 0.0, pressed)) == suspect

@@ -103,6 +103,9 @@ def test_between_two_chunks_the_older_ones_weight_falls_from_one_to_nothing(expe
     joined = stream.splice(slow + aside, DT, 0.0, 0.2)
     np.testing.assert_allclose(joined.state(0.2).positions, old.state(0.2).positions)
     np.testing.assert_allclose(joined.state(0.2).velocities, old.state(0.2).velocities)
+    for time, share in ((0.32, 0.352), (0.4, 0.7407), (0.48, 0.9873), (0.56, 1.0)):
+        apart = joined.intended.sample(time - joined.said)[0] - old.intended.sample(time - old.said)[0]
+        np.testing.assert_allclose(apart, share * aside, atol=1e-4, err_msg=str(time))
     gap = joined.state(0.32).positions - old.state(0.32).positions
     assert (gap > 0.0).all()
     assert (gap < 0.5 * aside).all()

@@ -37,11 +37,13 @@ def test_a_state_that_is_reached_already_gives_one_sample(arm, ready):
     assert RuckigStateToState().plan(ready, ready, arm).duration == 0.0
 
 
-def test_a_start_that_is_too_fast_is_refused_by_joint(arm, ready):
+@pytest.mark.parametrize("end", ["start", "goal"])
+def test_an_end_that_is_too_fast_is_refused_by_joint(arm, ready, end):
     speed = np.zeros(7)
-    speed[2] = 1.5
-    with pytest.raises(TrajectoryError, match=r"start velocity of panda_joint3 should be within 1\.0\d+ but is 1\.5"):
-        RuckigStateToState().plan(ready, ready + 0.2, arm, start_velocity=speed)
+    speed[2] = -1.5
+    words = rf"{end} velocity of panda_joint3 should be within 1\.0\d+ but is -1\.5"
+    with pytest.raises(TrajectoryError, match=words):
+        RuckigStateToState().plan(ready, ready + 0.2, arm, **{f"{end}_velocity": speed})
 
 
 def test_a_start_that_cannot_stop_before_its_limit_is_refused(arm, ready):

@@ -40,6 +40,17 @@ def test_a_loop_closure_takes_most_of_the_drift_away():
     assert np.mean(closed) < 0.6 * np.mean(drifted)
 
 
+def test_later_nodes_go_with_the_last_of_those_that_an_optimisation_has_moved():
+    graph = PoseGraph()
+    before = [Pose2D(), Pose2D(1.0, 0.2, 0.3), Pose2D(2.0, 0.5, 0.9), Pose2D(2.4, 1.3, 1.4), Pose2D(2.2, 2.0, 2.5)]
+    for pose in before:
+        graph.add_pose(pose)
+    moved = [Pose2D(), Pose2D(1.1, 0.0, -0.2), Pose2D(2.3, -0.4, -0.6)]
+    graph.move_to(np.array([[pose.x, pose.y, pose.theta] for pose in moved]))
+    later = [moved[2] @ before[2].inverse() @ pose for pose in before[3:]]
+    np.testing.assert_allclose(graph.poses, [[pose.x, pose.y, pose.theta] for pose in [*moved, *later]], atol=1e-12)
+
+
 def test_exact_measurements_are_met_exactly_from_a_wrong_first_guess():
     rng = np.random.default_rng(1)
     true = [Pose2D(*pose) for pose in rng.uniform(-2.0, 2.0, (12, 3))]

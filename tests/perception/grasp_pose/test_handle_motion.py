@@ -30,6 +30,15 @@ def test_a_door_turns_about_its_hinge_to_the_side_that_opens(axis: float) -> Non
     assert moved.yaw == pytest.approx(0.5)
 
 
+def test_seen_from_elsewhere_a_door_turns_about_the_same_hinge() -> None:
+    other = Pose.from_xyz_rpy((0.4, -1.3, 0.2), (0.1, -0.2, 2.3))
+    door = handle(joint="revolute", hinge=np.array([1.0, 0.0, 0.0]), hinge_direction=np.array([0.0, 0.0, 1.0]))
+    moved = handle_motion(door.seen_from(other), 0.25)
+    np.testing.assert_allclose(
+        moved.apply(other.apply(np.eye(3))), other.apply(handle_motion(door, 0.25).apply(np.eye(3))), atol=1e-12
+    )
+
+
 def test_without_a_known_hinge_it_moves_straight() -> None:
     moved = handle_motion(handle(joint="revolute"), 0.05) @ handle().pose
     np.testing.assert_allclose(moved.position, [0.95, 0.5, 0.9])

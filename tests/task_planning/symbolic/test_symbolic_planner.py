@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from bestman_bt.task_planning.symbolic.facts import parse_conditions, parse_fact, parse_literals
 from bestman_bt.task_planning.symbolic.grounding import ground, instantiate
+from bestman_bt.task_planning.symbolic.plan_check import state_after
 from bestman_bt.task_planning.symbolic.problem import (
     Fact,
     Forall,
@@ -95,7 +96,9 @@ def test_an_effect_on_all_things_of_a_type_does_not_undo_what_the_action_brings_
     problem = kitchen("near(table)", "on(cup, table); hand_empty; near(drawer)")
     action = instantiate(problem, PICK, ["cup", "table"])
     assert Fact("near", ("drawer",)) in action.delete
-    assert Fact("near", ("table",)) in action.applied_to(problem.state)
+    after = action.applied_to(problem.state)
+    assert Fact("near", ("table",)) in after
+    assert state_after(problem, PICK, ["cup", "table"], problem.state) == after
     assert planned(problem) == ["Pick(cup, table)"]
     leave = operator("Leave", {}, "not near(table)", "gone")
     for place, can_leave in (("drawer", True), ("table", False)):  # near the table it stays there
@@ -105,6 +108,15 @@ def test_an_effect_on_all_things_of_a_type_does_not_undo_what_the_action_brings_
         else:
             with pytest.raises(Unsolvable):
                 planned(near)
+
+
+def test_what_nothing_needs_is_left_out_of_a_plan(monkeypatch):
+    problem = kitchen("on(mug, table)")
+    numbers = {str(action): number for number, action in enumerate(ground(problem).actions)}
+    roundabout = ("Pick(cup, table)", "Put(cup, table)", "Open(front)", "Pick(mug, drawer)", "Put(mug, table)")
+    found = iter([Found(tuple(numbers[one] for one in roundabout)), Found(None), Found(None)])
+    monkeypatch.setattr("bestman_bt.task_planning.symbolic.search.best_first", lambda *_, **__: next(found))
+    assert planned(problem) == list(roundabout[2:])
 
 
 def test_a_cheaper_plan_is_looked_for():
