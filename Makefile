@@ -37,15 +37,14 @@ install:
 demo: install
 	$(BIN)/bestman-bt demo
 
-# Tests against real-time clocks run after the others; those that take the whole machine run one after the other.
+# Tests against real-time clocks run after the others.
 test: lint page-packages
 	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile -m "not slow and not real_time"
 	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile -m "not slow and real_time" $(REAL_TIME)
 
 test-all: install page-packages
 	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile -m "not real_time"
-	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile -m "real_time and not alone" $(REAL_TIME)
-	$(BIN)/python -m pytest -m alone $(REAL_TIME)
+	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile -m real_time $(REAL_TIME)
 
 properties: install
 	PROPERTY_EXAMPLES=60 $(BIN)/python -m pytest -n $(JOBS) --dist load --timeout 3600 tests/properties

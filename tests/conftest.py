@@ -5,6 +5,7 @@ from __future__ import annotations
 import gc
 import shutil
 import tempfile
+from collections import Counter
 from collections.abc import Generator, Iterator
 
 import pytest
@@ -12,27 +13,48 @@ from xdist.scheduler import LoadFileScheduling
 
 REAL_TIME_FOLDERS = ("tests/hal/", "tests/monitor/")
 """Where the Makefile looks for tests against real-time clocks: to collect all others costs seconds in each process."""
-UR = "tests/hal/ur/"
+UR = (
+    "tests/hal/ur/",
+    "tests/hal/bringup/test_bring_up_of_a_ur.py",
+    "tests/hal/hardware/test_faults_of_a_ur_while_a_tree_runs.py",
+    "tests/hal/hardware/test_kill_matrix.py",
+)
+"""Of a UR over its twin: set-points, controller and protocol at 500 Hz take most of a processor."""
+SLOW = 10
+"""How many quick tests take as long as one marked slow, about."""
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Refuses tests against real-time clocks that ``make test`` would not find."""
+def unit_of(nodeid: str) -> str:
+    """What runs one after the other: the tests of a file, and all tests of a UR."""
+    return UR[0] if nodeid.startswith(UR) else nodeid.split("::", 1)[0]
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> Generator[None]:
+    """Refuses tests against real-time clocks that ``make test`` would not find; in workers, longest units come first.
+
+    So no worker begins a long file when the others have nothing left to do.
+    """
     for item in items:
         if item.get_closest_marker("real_time") and not item.nodeid.startswith(REAL_TIME_FOLDERS):
             raise pytest.UsageError(f"{item.nodeid}: real_time tests belong to {' or '.join(REAL_TIME_FOLDERS)}")
+    yield
+    if hasattr(config, "workerinput"):
+        length: Counter[str] = Counter()
+        for item in items:
+            length[unit_of(item.nodeid)] += SLOW if item.get_closest_marker("slow") else 1
+        items.sort(key=lambda item: -length[unit_of(item.nodeid)])
 
 
 class _Scheduling(LoadFileScheduling):
-    """A file's tests run one after the other, and so do all tests of a UR.
-
-    Set-points, controller and protocol of one UR at 500 Hz take most of a processor with real-time priority.
-    """
+    """Units in the order in which the workers have collected them."""
 
     def _split_scope(self, nodeid: str) -> str:
-        return UR if nodeid.startswith(UR) else str(super()._split_scope(nodeid))
+        return unit_of(nodeid)
 
 
 def pytest_xdist_make_scheduler(config: pytest.Config, log: object) -> _Scheduling:
+    config.option.loadscopereorder = False
     return _Scheduling(config, log)
 
 

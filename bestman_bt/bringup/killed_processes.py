@@ -10,7 +10,7 @@ import sys
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -94,24 +94,24 @@ def _children(pid: int) -> list[int]:
     return []
 
 
-@contextmanager
-def killed(subject: BroughtUpRobot, part: str, process: str) -> Iterator[NDArray[np.float64] | None]:
-    """Where the part was when a process of a program that moved it was killed, or None if there is no such process.
+def kill(subject: BroughtUpRobot, part: str, process: str) -> tuple[NDArray[np.float64], list[str]]:
+    """Return where the part was when a process of a program that moved it was killed, and which processes there were.
 
-    The robot is connected again when this yields.
+    The robot is connected again afterwards.
     """
     with subject.left_to_others():
         mover = Mover(subject, part)
         try:
             mover.wait_until_it_moves()
-            pid = mover.pid_of(process)
-            at = mover.at if pid is not None else None
-            if pid is not None:
-                os.kill(pid, signal.SIGKILL)
-                time.sleep(ALONE)
+            pids = {name: pid for name in PROCESSES if (pid := mover.pid_of(name)) is not None}
+            at = mover.at
+            if at is None or process not in pids:
+                raise RobotError(f"the {process} of a program that moves the robot has ended by itself")
+            os.kill(pids[process], signal.SIGKILL)
+            time.sleep(ALONE)
         finally:
             mover.close()
-    yield at
+    return at, list(pids)
 
 
 def killed_processes(subject: BroughtUpRobot) -> Iterator[Finding]:
@@ -121,19 +121,17 @@ def killed_processes(subject: BroughtUpRobot) -> Iterator[Finding]:
         yield not_applicable(subject.model.name, "no joints are behind a connection")
         return
     name, part = group
-    start = part.positions()
+    start, present = part.positions(), list(PROCESSES)
     for process in PROCESSES:
-        with killed(subject, name, process) as at:
-            yield _stands(subject, name, part, process, at)
+        if process in present:
+            at, present = kill(subject, name, process)
+            yield _stands(subject, f"{name}, {process}", part, at)
+        else:
+            yield not_applicable(f"{name}, {process}", "its controllers need no such process")
     subject.finish(part.move_to(start, SPEED))
 
 
-def _stands(
-    subject: BroughtUpRobot, name: str, part: JointGroup, process: str, at: NDArray[np.float64] | None
-) -> Finding:
-    what = f"{name}, {process}"
-    if at is None:
-        return not_applicable(what, "its controllers need no such process")
+def _stands(subject: BroughtUpRobot, what: str, part: JointGroup, at: NDArray[np.float64]) -> Finding:
     here = part.positions()
     subject.robot.clock.sleep(WATCHED)
     drift = float(np.max(np.abs(part.positions() - here)))
@@ -146,11 +144,10 @@ def _stands(
 
 
 def _dead_man(subject: BroughtUpRobot, name: str, base: MobileBase) -> Finding:
-    """Return the base of a robot whose robot process is killed while it creeps: nobody tells it to stop."""
-    with killed(subject, name, PROCESSES[1]) as at:
-        here = base.odometry()
-        assert at is not None
-        way = float(np.hypot(here.x - at[0], here.y - at[1]))
+    """Judge the base of a robot whose robot process is killed while it creeps: nobody tells it to stop."""
+    at, _ = kill(subject, name, PROCESSES[1])
+    here = base.odometry()
+    way = float(np.hypot(here.x - at[0], here.y - at[1]))
     longest = DEAD_MAN * CREEP + BASE_SPARE
     text = f"commands ceased at {CREEP:g} m/s: it stood after {1e3 * way:.0f} mm (at most {1e3 * longest:.0f})"
     if way > longest:

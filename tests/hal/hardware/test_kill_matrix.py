@@ -10,7 +10,7 @@ from benchmarks.kill_matrix import PROCESSES, REST_LIMIT, ROBOTS, SIGNALS, trial
 from hal.twins.process import TwinProcess
 from tests.hal.twinned import SLACK, twin_settings
 
-pytestmark = [pytest.mark.real_time, pytest.mark.alone, pytest.mark.slow]
+pytestmark = [pytest.mark.real_time, pytest.mark.slow]
 
 SDKS = {"xarm": "xarm", "ur": "rtde_control"}
 
@@ -32,8 +32,8 @@ def test_a_process_that_is_killed_or_stopped_leaves_the_arm_at_rest_until_it_is_
     vendor: str, twin: TwinProcess
 ) -> None:
     cases = [(process, kind) for process in PROCESSES[vendor] for kind in SIGNALS]
-    done = trials(twin, ROBOTS[vendor], cases * 2, 7, twin_settings(twin))
-    assert len(done) == 2 * len(cases)
+    done = trials(twin, ROBOTS[vendor], cases, 7, twin_settings(twin))
+    assert len(done) == len(cases)
     for process, kind, result in done:
         assert result.rest < REST_LIMIT + SLACK, (process, kind, result)
         assert not result.moved_later, (process, kind, result)
