@@ -8,8 +8,11 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
+
+from hal.conformance.command_line import pytest_sessionstart
 
 CHECKOUT = Path(__file__).resolve().parents[3]
 EXAMPLE = CHECKOUT / "examples" / "driver_in_memory"
@@ -66,25 +69,37 @@ def test_a_driver_beside_the_command_passes(folder: Path) -> None:
 
 
 @pytest.mark.slow
+def test_what_is_wrong_with_the_options_ends_the_command_before_anything_runs(folder: Path) -> None:
+    code, said = run(folder, "--driver", "broken:Robot")
+    assert code == USAGE_ERROR, said
+    assert "broken cannot be imported: ZeroDivisionError" in said
+    assert "passed" not in said
+
+
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ((), "say which driver is to be tested: --driver my_package:MyRobot"),
-        (("--driver", "memory_robot"), "'memory_robot' should be MODULE:CLASS"),
-        (("--driver", "absent.package:Robot"), "absent.package cannot be imported: ModuleNotFoundError"),
-        (("--driver", "broken:Robot"), "broken cannot be imported: ZeroDivisionError"),
-        (("--driver", "memory_robot:Robbie"), "memory_robot has no 'Robbie'"),
-        (("--driver", "memory_robot:Wheels"), "cannot be made of (model, world, *, seed, gui)"),
-        (("--driver", "memory_robot:MemoryRobot", "--robot", "r2d2"), "unknown robot 'r2d2'"),
-        (("--driver", "memory_robot:MemoryRobot", "--scene", "moon"), "unknown scene 'moon'"),
+        ({}, "say which driver is to be tested: --driver my_package:MyRobot"),
+        ({"driver": "memory_robot"}, "'memory_robot' should be MODULE:CLASS"),
+        ({"driver": "absent.package:Robot"}, "absent.package cannot be imported: ModuleNotFoundError"),
+        ({"driver": "broken:Robot"}, "broken cannot be imported: ZeroDivisionError"),
+        ({"driver": "memory_robot:Robbie"}, "memory_robot has no 'Robbie'"),
+        ({"driver": "memory_robot:Wheels"}, "cannot be made of (model, world, *, seed, gui)"),
+        ({"driver": "memory_robot:MemoryRobot", "robot": "r2d2"}, "unknown robot 'r2d2'"),
+        ({"driver": "memory_robot:MemoryRobot", "scene": "moon"}, "unknown scene 'moon'"),
     ],
 )
-def test_what_is_wrong_with_the_options_is_said_before_anything_runs(
-    folder: Path, options: tuple[str, ...], words: str
+def test_what_is_wrong_with_the_options_is_said(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, options: dict[str, str], words: str
 ) -> None:
-    code, said = run(folder, *options)
-    assert code == USAGE_ERROR, said
-    assert words in said
+    monkeypatch.syspath_prepend(folder)
+    monkeypatch.setitem(sys.modules, "memory_robot", None)  # so that it is taken away again
+    del sys.modules["memory_robot"]
+    given = {"driver": None, "robot": "diff_panda", "scene": None, "seed": 0, **options}
+    config = SimpleNamespace(option=SimpleNamespace(**given), invocation_params=SimpleNamespace(dir=folder), stash={})
+    with pytest.raises(pytest.UsageError, match=re.escape(words)):
+        pytest_sessionstart(SimpleNamespace(config=config))
+    assert config.stash == {}
 
 
 @pytest.mark.slow
