@@ -28,7 +28,7 @@ def _reached(leaf: type) -> set[FunctionType]:
         if function in found or not _is_ours(function.__module__):
             continue
         found.add(function)
-        waiting += [named for name in _names(function) for named in _functions(_resolved(function, name))]
+        waiting += _named(function)
     return found
 
 
@@ -59,12 +59,19 @@ def _resolved(function: FunctionType, name: str) -> object:
     return None
 
 
-def _names(function: FunctionType) -> set[str]:
-    return {node.id for node in ast.walk(_syntax(function)) if isinstance(node, ast.Name)}
+@cache
+def _named(function: FunctionType) -> tuple[FunctionType, ...]:
+    names = {node.id for node in ast.walk(_syntax(function)) if isinstance(node, ast.Name)}
+    return tuple(named for name in names for named in _functions(_resolved(function, name)))
 
 
-def _codes(function: FunctionType) -> Iterator[str]:
+@cache
+def _codes(function: FunctionType) -> frozenset[str]:
     """Literals that are raised, told, or (of a ``check``) returned with words; also where one of two is chosen."""
+    return frozenset(_literals_told(function))
+
+
+def _literals_told(function: FunctionType) -> Iterator[str]:
     for node in ast.walk(_syntax(function)):
         if isinstance(node, ast.Call):
             called = node.func.attr if isinstance(node.func, ast.Attribute) else getattr(node.func, "id", "")

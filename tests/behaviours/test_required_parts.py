@@ -7,6 +7,7 @@ import inspect
 import sys
 import textwrap
 from collections.abc import Iterator
+from functools import cache
 from importlib import import_module
 from types import FunctionType
 from typing import Any, get_args
@@ -51,16 +52,26 @@ def touched(cls: type[Any]) -> set[str]:
         if function in seen or not _is_written(function):
             continue
         seen.add(function)
-        tree = ast.parse(textwrap.dedent(inspect.getsource(function)))
-        for node in ast.walk(tree):
-            if isinstance(node, ast.Attribute) and _name_of(node.value) in HOLDERS:
-                found |= STANDS_FOR.get(node.attr, {node.attr} & KINDS)
-            elif isinstance(node, ast.Name):
-                waiting += _called(vars(sys.modules[function.__module__]).get(node.id))
-            elif isinstance(node, ast.ImportFrom) and node.module and node.level == 0:
-                for alias in node.names:
-                    waiting += _called(getattr(import_module(node.module), alias.name, None))
+        kinds, called = _looked_at(function)
+        found |= kinds
+        waiting += called
     return found
+
+
+@cache
+def _looked_at(function: FunctionType) -> tuple[set[str], list[FunctionType]]:
+    """Kinds of parts that a function reads off a context, and what of ours it calls."""
+    found: set[str] = set()
+    called: list[FunctionType] = []
+    for node in ast.walk(ast.parse(textwrap.dedent(inspect.getsource(function)))):
+        if isinstance(node, ast.Attribute) and _name_of(node.value) in HOLDERS:
+            found |= STANDS_FOR.get(node.attr, {node.attr} & KINDS)
+        elif isinstance(node, ast.Name):
+            called += _called(vars(sys.modules[function.__module__]).get(node.id))
+        elif isinstance(node, ast.ImportFrom) and node.module and node.level == 0:
+            for alias in node.names:
+                called += _called(getattr(import_module(node.module), alias.name, None))
+    return found, called
 
 
 def _methods(cls: type[Any]) -> Iterator[FunctionType]:
