@@ -6,6 +6,7 @@ JOBS ?= 2
 PAGE := bestman_bt/monitor/page
 # Tests against real-time clocks lie here (tests/conftest.py sees to it).
 REAL_TIME := tests/hal tests/monitor
+PYTEST = $(BIN)/python -m pytest -n $(JOBS) --dist loadfile
 
 # Where it is set, each of the many processes that tests start compiles every module that it imports.
 unexport PYTHONDONTWRITEBYTECODE
@@ -39,12 +40,12 @@ demo: install
 
 # Tests against real-time clocks run after the others.
 test: lint page-packages
-	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile -m "not slow and not real_time"
-	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile -m "not slow and real_time" $(REAL_TIME)
+	$(PYTEST) -m "not slow and not real_time"
+	$(PYTEST) -m "not slow and real_time" $(REAL_TIME)
 
 test-all: install page-packages
-	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile -m "not real_time"
-	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile -m real_time $(REAL_TIME)
+	$(PYTEST) --durations 30 -m "not real_time"
+	$(PYTEST) --durations 30 -m real_time $(REAL_TIME)
 
 properties: install
 	PROPERTY_EXAMPLES=60 $(BIN)/python -m pytest -n $(JOBS) --dist load --timeout 3600 tests/properties

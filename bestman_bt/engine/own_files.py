@@ -17,7 +17,7 @@ import traceback
 import zlib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from functools import lru_cache
+from functools import cache, lru_cache
 from pathlib import Path
 from types import ModuleType
 from typing import NoReturn
@@ -207,6 +207,7 @@ def defined_at(function: Callable[..., object]) -> str:
     return f"{code.co_filename}:{code.co_firstlineno}"
 
 
+@cache
 def signature_fault(cls: type, base: type) -> str:
     """Return the method of ``cls`` that cannot be called like its interface ``base``, with file and line; empty if
     none.
