@@ -51,7 +51,18 @@ def impossible_sleeps_are_refused(robot: Robot) -> None:
 
 
 def periodic_calls_come_on_time(robot: Robot) -> None:
-    """Ten a second, none early, none after the timer is cancelled."""
+    """Ten a second, none early, none after the timer is cancelled.
+
+    Where time passes by itself, in at least one of three tries, as a busy machine calls late.
+    """
+    for _ in range(1 if waits_for_sleeps(robot.clock) else 3):
+        wrong = _wrong_with_periodic_calls(robot)
+        if not wrong:
+            return
+    raise ConformanceError(wrong)
+
+
+def _wrong_with_periodic_calls(robot: Robot) -> str:
     times: list[float] = []
     start = robot.clock.now()
     timer = robot.clock.every(0.1, lambda: times.append(robot.clock.now() - start))
@@ -59,9 +70,12 @@ def periodic_calls_come_on_time(robot: Robot) -> None:
     timer.cancel()
     timer.cancel()
     robot.clock.sleep(0.3)
-    require(len(times) == 10, f"a timer of 0.1 s should be called 10 times in 1.05 s but was called {len(times)} times")
+    if len(times) != 10:
+        return f"a timer of 0.1 s should be called 10 times in 1.05 s but was called {len(times)} times"
     late = [time - 0.1 * (k + 1) for k, time in enumerate(times)]
-    require(min(late) >= -1e-6 and max(late) < 0.05, f"periodic calls were off by {min(late):.4f} to {max(late):.4f} s")
+    if min(late) >= -1e-6 and max(late) < 0.05:
+        return ""
+    return f"periodic calls were off by {min(late):.4f} to {max(late):.4f} s"
 
 
 def _short_sleeps(robot: Robot) -> tuple[float, float]:
