@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import os
 import shutil
 import tempfile
 from collections import Counter
@@ -10,6 +11,11 @@ from collections.abc import Generator, Iterator
 
 import pytest
 from xdist.scheduler import LoadFileScheduling
+
+# As in `bestman-bt` itself, before NumPy is imported: two workers with two threads each on two processors spend most of
+# their time waiting for one another.
+for limit in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
+    os.environ.setdefault(limit, "1")
 
 REAL_TIME_FOLDERS = ("tests/hal/", "tests/monitor/")
 """Where the Makefile looks for tests against real-time clocks: to collect all others costs seconds in each process."""

@@ -207,11 +207,15 @@ def defined_at(function: Callable[..., object]) -> str:
     return f"{code.co_filename}:{code.co_firstlineno}"
 
 
-@cache
 def signature_fault(cls: type, base: type) -> str:
     """Return the method of ``cls`` that cannot be called like its interface ``base``, with file and line; empty if
     none.
     """
+    return _signature_fault(cls, base)
+
+
+@cache
+def _signature_fault(cls: type, base: type) -> str:
     for name in dir(base):
         wanted, own = inspect.getattr_static(base, name), inspect.getattr_static(cls, name)
         if name.startswith("_") or own is wanted or not (inspect.isfunction(wanted) and inspect.isfunction(own)):
